@@ -1,0 +1,1 @@
+"""Bundle <-> Blender: the only library code that imports bpy."""

@@ -1,0 +1,160 @@
+"""Pinhole cameras: intrinsics in pixels and a ``world_from_camera`` pose.
+
+Conventions (docs/conventions.md): OpenCV axes (x right, y down, z forward), metres,
+pixel centres at half-integers, depth is planar z.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera at a pose.
+
+    ``world_from_camera`` is (4, 4) float64, a rigid transform in OpenCV axes;
+    ``fx, fy, cx, cy`` are in pixels, the first pixel's centre lies at (0.5, 0.5).
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    world_from_camera: np.ndarray
+
+    def __post_init__(self) -> None:
+        pose = np.array(self.world_from_camera, dtype=np.float64)
+        if pose.shape != (4, 4) or not np.isfinite(pose).all():
+            raise ValueError("world_from_camera must be a finite 4x4 matrix")
+        object.__setattr__(self, "world_from_camera", pose)
+
+    @property
+    def camera_from_world(self) -> np.ndarray:
+        """(4, 4) float64, the inverse rigid transform."""
+        rotation = self.world_from_camera[:3, :3]
+        inverse = np.eye(4)
+        inverse[:3, :3] = rotation.T
+        inverse[:3, 3] = -rotation.T @ self.world_from_camera[:3, 3]
+        return inverse
+
+    @property
+    def centre(self) -> np.ndarray:
+        """(3,) float64, the optical centre in the world, metres."""
+        return self.world_from_camera[:3, 3]
+
+    @property
+    def forward(self) -> np.ndarray:
+        """(3,) float64, the unit viewing direction in the world."""
+        return self.world_from_camera[:3, 2]
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """(3, 3) float64, the intrinsic matrix K."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(height, width), the shape of this camera's images."""
+        return self.height, self.width
+
+    def at(self, world_from_camera: np.ndarray) -> Camera:
+        """The same lens at another pose."""
+        return replace(self, world_from_camera=world_from_camera)
+
+    def scaled(self, factor: float) -> Camera:
+        """The same view with ``round(size * factor)`` pixels a side."""
+        width = max(1, round(self.width * factor))
+        height = max(1, round(self.height * factor))
+        sx, sy = width / self.width, height / self.height
+        return replace(
+            self, width=width, height=height,
+            fx=self.fx * sx, fy=self.fy * sy, cx=self.cx * sx, cy=self.cy * sy,
+        )  # fmt: skip
+
+    def fitted(self, max_side_px: int) -> Camera:
+        """This camera, scaled down so that no side is longer than ``max_side_px``."""
+        longest = max(self.width, self.height)
+        return self if longest <= max_side_px else self.scaled(max_side_px / longest)
+
+    def transformed(self, similarity: np.ndarray) -> Camera:
+        """This camera after a (4, 4) similarity (scale, rotation, translation) of the world."""
+        scale = np.cbrt(np.linalg.det(similarity[:3, :3]))
+        pose = similarity @ self.world_from_camera
+        pose[:3, :3] /= scale
+        return self.at(pose)
+
+    def rays(self) -> np.ndarray:
+        """(H, W, 3) float64, each pixel's ray in the camera frame with z = 1."""
+        u = (np.arange(self.width) + 0.5 - self.cx) / self.fx
+        v = (np.arange(self.height) + 0.5 - self.cy) / self.fy
+        rays = np.ones((self.height, self.width, 3))
+        rays[..., 0] = u[None, :]
+        rays[..., 1] = v[:, None]
+        return rays
+
+    def unproject(self, depth: np.ndarray) -> np.ndarray:
+        """World points (H, W, 3) float64 of a planar depth map (H, W) in metres."""
+        points = self.rays() * np.asarray(depth, np.float64)[..., None]
+        return points @ self.world_from_camera[:3, :3].T + self.centre
+
+    def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pixels (..., 2) and planar depth (...,) of world points (..., 3), float64.
+
+        Points at or behind the camera plane have a depth <= 0 and meaningless pixels.
+        """
+        transform = self.camera_from_world
+        local = np.asarray(points, np.float64) @ transform[:3, :3].T + transform[:3, 3]
+        depth = local[..., 2]
+        safe = np.where(depth > 1e-9, depth, 1e-9)
+        u = local[..., 0] / safe * self.fx + self.cx
+        v = local[..., 1] / safe * self.fy + self.cy
+        return np.stack([u, v], axis=-1), depth
+
+    def sees(self, pixels: np.ndarray, depth: np.ndarray, margin_px: float = 0.0) -> np.ndarray:
+        """(...,) bool: which projections lie in front and inside the image, less a margin."""
+        u, v = pixels[..., 0], pixels[..., 1]
+        inside = (u >= margin_px) & (u < self.width - margin_px)
+        inside &= (v >= margin_px) & (v < self.height - margin_px)
+        return inside & (depth > 0.0)
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON-ready dict; ``from_json`` reads it back without loss."""
+        return {
+            "width": self.width, "height": self.height,
+            "fx": self.fx, "fy": self.fy, "cx": self.cx, "cy": self.cy,
+            "world_from_camera": self.world_from_camera.tolist(),
+        }  # fmt: skip
+
+    @staticmethod
+    def from_json(data: dict[str, Any]) -> Camera:
+        """The camera of ``to_json``; extra keys are ignored."""
+        return Camera(
+            width=int(data["width"]), height=int(data["height"]),
+            fx=float(data["fx"]), fy=float(data["fy"]),
+            cx=float(data["cx"]), cy=float(data["cy"]),
+            world_from_camera=np.array(data["world_from_camera"], np.float64),
+        )  # fmt: skip
+
+
+def look_at(centre: np.ndarray, target: np.ndarray, up: np.ndarray = (0.0, 0.0, 1.0)) -> np.ndarray:
+    """``world_from_camera`` (4, 4) of an upright camera at ``centre`` looking at ``target``."""
+    forward = np.asarray(target, np.float64) - np.asarray(centre, np.float64)
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, up)
+    right /= np.linalg.norm(right)
+    pose = np.eye(4)
+    pose[:3, 0], pose[:3, 1], pose[:3, 2] = right, np.cross(forward, right), forward
+    pose[:3, 3] = centre
+    return pose
+
+
+def rotation_angle_rad(a: np.ndarray, b: np.ndarray) -> float:
+    """The angle between two poses' or matrices' (>= 3, >= 3) rotations, radians."""
+    trace = np.trace(a[:3, :3].T @ b[:3, :3])
+    return float(np.arccos(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)))

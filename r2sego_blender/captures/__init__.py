@@ -1,0 +1,1 @@
+"""Captures: photographs with calibrated poses in the world frame."""

@@ -1,0 +1,52 @@
+"""Numba for the hot loops, with a cache that never serves a stale kernel.
+
+Numba's own cache looks at the time of the one file a kernel stands in, not at the
+kernels it calls. Here the cache folder is named by a digest of every source file that
+holds kernels, of Numba's version and of this CPU, so a changed source compiles anew.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import tempfile
+from pathlib import Path
+
+import numba
+from llvmlite import binding as llvm
+
+_LIBRARY = Path(__file__).resolve().parent
+
+
+def _cache_folder() -> Path:
+    digest = hashlib.sha256(f"{numba.__version__} {llvm.get_host_cpu_name()}".encode())
+    for source in sorted(_LIBRARY.rglob("*.py")):
+        text = source.read_bytes()
+        if b"compiled import" in text:
+            digest.update(source.relative_to(_LIBRARY).as_posix().encode() + text)
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    folder = base / "r2sego" / f"kernels-{digest.hexdigest()[:16]}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:  # a read-only home: the kernels are compiled once a run
+        folder = Path(tempfile.mkdtemp(prefix="r2sego-kernels-"))
+    return folder
+
+
+if not os.environ.get("NUMBA_CACHE_DIR"):
+    numba.config.CACHE_DIR = str(_cache_folder())
+
+# No 'nnan' and 'ninf': the kernels test for NaN, which full fastmath folds away.
+FAST = frozenset({"nsz", "arcp", "contract", "afn", "reassoc"})
+
+kernel = functools.partial(numba.njit, cache=True, fastmath=FAST)
+"""``numba.njit`` with this project's cache and floating-point rules, one thread."""
+
+parallel_kernel = functools.partial(numba.njit, cache=True, fastmath=FAST, parallel=True, nogil=True)
+"""The same over ``prange``. A kernel must give the same bits for any number of threads."""
+
+inlined = functools.partial(numba.njit, cache=True, fastmath=FAST, inline="always")
+"""A helper that is always inlined into the kernels that call it."""
+
+prange = numba.prange

@@ -1,0 +1,55 @@
+"""The one family of errors: each names what is wrong, where, and the cure."""
+
+from __future__ import annotations
+
+
+class R2SEgoError(Exception):
+    """Base of every error this library raises on purpose.
+
+    The message is one line a person can act on: what is wrong, in which file and
+    field, and what to do. A command prints it and exits with a non-zero code; an
+    operator reports it and returns ``CANCELLED``.
+    """
+
+    def __init__(self, what: str, *, where: object = None, cure: str = "") -> None:
+        self.what = what
+        self.where = None if where is None else str(where)
+        self.cure = cure
+        place = f"{self.where}: " if self.where else ""
+        super().__init__(" ".join(f"{place}{what}. {cure}".split()))
+
+
+class CaptureError(R2SEgoError):
+    """Photographs, camera files or a COLMAP model that cannot be used."""
+
+
+class SceneError(R2SEgoError):
+    """A scene bundle that is missing, locked, damaged or of another version."""
+
+
+class SettingsError(R2SEgoError):
+    """An unknown setting, or a value outside its range."""
+
+
+class GeometryError(R2SEgoError):
+    """Geometry that cannot be observed, fused or turned into a collision surface."""
+
+
+class RobotError(R2SEgoError):
+    """A robot model, behaviour scope or rollout that cannot work."""
+
+
+class GenerationError(R2SEgoError):
+    """Conditions, generated clips or their registration that cannot be made."""
+
+
+class AssetError(R2SEgoError):
+    """A splat asset or its file that cannot be used."""
+
+
+class MachineError(R2SEgoError):
+    """Something this machine lacks: a package, a system library, disk space."""
+
+
+class NativeError(R2SEgoError):
+    """Native code, run in a process of its own, that ended without a complete result."""

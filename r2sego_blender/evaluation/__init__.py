@@ -1,0 +1,1 @@
+"""Scoring on frozen views: baselines, metrics, figures and the report."""

@@ -1,0 +1,1 @@
+"""Ego-view generation: camera paths, structural conditions, generators, registration."""

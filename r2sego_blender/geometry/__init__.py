@@ -1,0 +1,1 @@
+"""The capture-anchored geometry proxy: observed, prior and completed surfaces."""

@@ -1,0 +1,51 @@
+"""The geometry proxy M_scaf: one triangle mesh that knows where each face comes from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import GeometryError
+
+
+class Provenance(IntEnum):
+    """Where a face of the proxy comes from."""
+
+    OBSERVED = 0
+    PRIOR = 1
+    COMPLETED = 2
+
+
+@dataclass(frozen=True)
+class GeometryProxy:
+    """A triangle mesh in the world frame, metres, with the evidence for each face.
+
+    ``vertices`` (V, 3) float32; ``faces`` (F, 3) int32, counter-clockwise from the free
+    side; ``provenance`` (F,) uint8 of ``Provenance``; ``support`` (F,) uint16, the number
+    of captures that saw the face; ``confidence`` (F,) float32 in [0, 1].
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    provenance: np.ndarray
+    support: np.ndarray
+    confidence: np.ndarray
+
+    def save(self, path: Path) -> None:
+        """Write the arrays as an uncompressed ``.npz``."""
+        with path.open("wb") as file:
+            np.savez(file, **{name: getattr(self, name) for name in self.__dataclass_fields__})
+
+    @staticmethod
+    def load(path: Path) -> GeometryProxy:
+        """Read what ``save`` wrote. Raises GeometryError when the file is no proxy."""
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                return GeometryProxy(**{n: data[n] for n in GeometryProxy.__dataclass_fields__})
+        except (OSError, KeyError, ValueError) as error:
+            raise GeometryError(
+                "this is not a geometry proxy", where=path, cure="Run `r2sego refine` again."
+            ) from error

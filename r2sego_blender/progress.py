@@ -1,0 +1,149 @@
+"""Progress of long work: bars on a terminal, JSON lines for Blender, or nothing.
+
+Library functions take a ``Progress`` argument and report through it:
+
+    with progress.task("Dense stereo", total=6) as task:
+        for capture in captures:
+            ...
+            task.advance()
+
+Work is cancelled by a signal to its process (SIGINT, or Ctrl-C); since every result is
+published by a rename, nothing half-written stays behind.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any, TextIO, TypeVar
+
+T = TypeVar("T")
+
+
+class Task:
+    """One long step's progress; ``advance`` after each unit of work."""
+
+    def __init__(self, title: str, total: int) -> None:
+        self.title = title
+        self.total = total
+        self.done = 0
+
+    def advance(self, units: int = 1) -> None:
+        """Say that ``units`` more of ``total`` are done."""
+        self.done += units
+
+
+class Progress:
+    """The silent progress, and the interface of the others."""
+
+    @contextmanager
+    def task(self, title: str, total: int) -> Iterator[Task]:
+        """A task of ``total`` units, shown from entry to exit."""
+        yield Task(title, total)
+
+    def track(self, items: Iterable[T], title: str, total: int | None = None) -> Iterator[T]:
+        """Iterate over ``items`` as a task with one unit each."""
+        items = list(items) if total is None else items
+        with self.task(title, len(items) if total is None else total) as task:
+            for item in items:
+                yield item
+                task.advance()
+
+    def message(self, text: str, level: str = "info") -> None:
+        """Tell the person one line; ``level`` is ``info`` or ``warning``."""
+
+
+SILENT = Progress()
+
+
+class TerminalProgress(Progress):
+    """Bars and messages on a terminal (``rich``)."""
+
+    def __init__(self) -> None:
+        from rich.console import Console
+
+        self._console = Console(stderr=True, highlight=False)
+
+    @contextmanager
+    def task(self, title: str, total: int) -> Iterator[Task]:
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            TextColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
+        from rich.progress import Progress as Bars
+
+        columns = (
+            TextColumn("{task.description:<34}"), BarColumn(bar_width=28), MofNCompleteColumn(),
+            TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
+        )  # fmt: skip
+        started_s = time.monotonic()
+        shown = self._console.is_terminal
+        with Bars(*columns, console=self._console, disable=not shown) as bars:
+            bar = bars.add_task(title, total=total)
+            task = _BarTask(title, total, lambda units: bars.advance(bar, units))
+            yield task
+        if not shown:
+            elapsed_s = time.monotonic() - started_s
+            self._console.print(f"{title}: {task.done}/{total} in {elapsed_s:.1f} s")
+
+    def message(self, text: str, level: str = "info") -> None:
+        style = "yellow" if level == "warning" else None
+        self._console.print(f"{'warning: ' if level == 'warning' else ''}{text}", style=style)
+
+
+class _BarTask(Task):
+    def __init__(self, title: str, total: int, on_advance) -> None:
+        super().__init__(title, total)
+        self._on_advance = on_advance
+
+    def advance(self, units: int = 1) -> None:
+        super().advance(units)
+        self._on_advance(units)
+
+
+class JsonProgress(Progress):
+    """One JSON object a line: what Blender's panel and other programs read.
+
+    ``{"event": "progress", "task", "done", "total", "elapsed_s", "remaining_s"}`` at most
+    five times a second, and ``{"event": "message", "level", "text"}``.
+    """
+
+    def __init__(self, stream: TextIO = sys.stdout) -> None:
+        self._stream = stream
+
+    def emit(self, **event: Any) -> None:
+        """Write one event as a line, at once."""
+        self._stream.write(json.dumps(event) + "\n")
+        self._stream.flush()
+
+    @contextmanager
+    def task(self, title: str, total: int) -> Iterator[Task]:
+        started_s = time.monotonic()
+        last_s = [0.0]
+        task = _BarTask(title, total, lambda _: tell(force=False))
+
+        def tell(force: bool) -> None:
+            now_s = time.monotonic()
+            if not force and now_s - last_s[0] < 0.2:
+                return
+            last_s[0] = now_s
+            elapsed_s = now_s - started_s
+            remaining_s = elapsed_s / task.done * (total - task.done) if task.done else None
+            self.emit(
+                event="progress", task=title, done=task.done, total=total,
+                elapsed_s=round(elapsed_s, 2),
+                remaining_s=None if remaining_s is None else round(remaining_s, 2),
+            )  # fmt: skip
+
+        tell(force=True)
+        yield task
+        tell(force=True)
+
+    def message(self, text: str, level: str = "info") -> None:
+        self.emit(event="message", level=level, text=text)

@@ -1,0 +1,1 @@
+"""The robot proxy: executable ego views of a declared behaviour."""

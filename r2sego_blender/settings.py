@@ -1,0 +1,235 @@
+"""Every setting of the method (the paper's H) and of the embedded backends.
+
+Each value and its one-line doc live here once: the command line, Blender's panels and
+the presets derive from these frozen dataclasses. ``docs/settings.md`` is made from them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from .errors import SettingsError
+
+
+def setting(default: Any, doc: str, low: float | None = None, high: float | None = None) -> Any:
+    """A dataclass field with its doc line and, for numbers, its inclusive range."""
+    return field(default=default, metadata={"doc": doc, "low": low, "high": high})
+
+
+@dataclass(frozen=True)
+class CaptureSettings:
+    """Import and registration of the photographs."""
+
+    max_side_px: int = setting(640, "Photographs are scaled down to this longest side.", 64, 8192)
+    max_features: int = setting(8000, "SIFT features a photograph.", 500, 50000)
+    min_matches: int = setting(15, "Matches two photographs need to count as overlapping.", 8, 1000)
+    floor_tolerance_m: float = setting(0.03, "Points this near belong to the floor.", 0.002, 0.5)
+
+
+@dataclass(frozen=True)
+class StereoSettings:
+    """Dense slanted-plane PatchMatch on the posed captures."""
+
+    max_side_px: int = setting(640, "Depth maps have at most this longest side.", 64, 4096)
+    sources: int = setting(4, "Other captures each capture is matched against.", 1, 16)
+    iterations: int = setting(6, "Red-black sweeps of propagation and refinement.", 1, 20)
+    patch_radius_px: int = setting(5, "Half width of the matching window.", 2, 15)
+    consistency: float = setting(0.015, "Relative depth difference two captures may agree by.", 0.001, 0.2)
+    max_cost: float = setting(0.5, "Matching cost (1 - NCC) above which a depth is dropped.", 0.05, 2.0)
+
+
+@dataclass(frozen=True)
+class ProxySettings:
+    """Completion of room planes and fusion into the geometry proxy."""
+
+    planes: int = setting(14, "Planes looked for in the observed points.", 0, 64)
+    plane_tolerance_m: float = setting(0.02, "Points this near support a plane.", 0.002, 0.2)
+    voxel_m: float = setting(0.03, "Side of a voxel of the fused distance field.", 0.005, 0.5)
+    truncation_m: float = setting(0.1, "Distance at which the fused field is cut off.", 0.01, 1.0)
+    completed_weight: float = setting(0.1, "Weight of completed depth against observed 1.0.", 0.0, 1.0)
+    asset_weight: float = setting(0.1, "Weight of the current asset's depth against observed 1.0.", 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class CollisionSettings:
+    """The collision surface made of the geometry proxy."""
+
+    cell_m: float = setting(0.4, "Largest cell of the convex decomposition.", 0.05, 2.0)
+    tolerance_m: float = setting(0.02, "How far a convex piece may leave the surface.", 0.002, 0.2)
+    min_component_m: float = setting(0.15, "Loose pieces smaller than this are dropped.", 0.0, 2.0)
+
+
+@dataclass(frozen=True)
+class RolloutSettings:
+    """The robot proxy: simulated rollouts of the declared behaviour."""
+
+    successes: int = setting(12, "Successful rollouts a round.", 1, 1000)
+    max_attempts: int = setting(60, "Rollouts tried a round before giving up.", 1, 10000)
+
+
+@dataclass(frozen=True)
+class SelectionSettings:
+    """Scoring and selection of target views (the paper's Eq. 2)."""
+
+    target_views: int = setting(12, "Target views a round, the paper's K.", 1, 500)
+    nms_window: int = setting(15, "Temporal window of non-maximum suppression, frames.", 1, 1000)
+    alpha_threshold: float = setting(0.8, "A pixel whose asset alpha is lower is missing.", 0.0, 1.0)
+    validity_threshold: float = setting(
+        0.8, "A pixel whose proxy validity is at least this is available.", 0.0, 1.0
+    )
+    scoring_scale: float = setting(0.25, "Image scale at which candidates are scored.", 0.05, 1.0)
+
+
+@dataclass(frozen=True)
+class GenerationSettings:
+    """Camera paths, structural conditions and the embedded generator."""
+
+    clip_frames: int = setting(25, "Frames a clip, N_f; the last one is kept.", 2, 200)
+    clip_scale: float = setting(1.0, "Image scale of the clip's frames before the last.", 0.1, 1.0)
+    depth_tolerance: float = setting(
+        0.03, "Relative depth difference at which a capture still sees a point.", 0.001, 0.2
+    )
+    best_captures: int = setting(3, "Captures blended at a pixel.", 1, 16)
+
+
+@dataclass(frozen=True)
+class RegistrationSettings:
+    """Estimation of a generated frame's pose from its features."""
+
+    max_features: int = setting(6000, "SIFT features a frame.", 200, 50000)
+    max_error_px: float = setting(4.0, "Reprojection error of an inlier.", 0.5, 20.0)
+    min_inliers: int = setting(30, "Inliers below which a frame is rejected.", 6, 10000)
+    max_offset_m: float = setting(
+        0.1, "Distance from the query pose beyond which a frame is rejected.", 0.001, 5.0
+    )
+    max_turn_deg: float = setting(
+        4.0, "Rotation from the query pose beyond which a frame is rejected.", 0.1, 90.0
+    )
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """3D Gaussian splatting of the visual asset."""
+
+    steps_per_round: int = setting(5000, "Optimisation steps a round.", 1, 200000)
+    max_gaussians: int = setting(150000, "Hard budget of Gaussians.", 1000, 5000000)
+    real_weight: float = setting(1.0, "Weight of a registered capture.", 0.0, 10.0)
+    synthetic_weight: float = setting(0.5, "Weight of a pseudo-observation.", 0.0, 10.0)
+    ssim_weight: float = setting(0.2, "Share of 1 - SSIM in the loss, the rest is L1.", 0.0, 1.0)
+    half_resolution_share: float = setting(
+        0.5, "Share of the steps, at the start, run at half resolution.", 0.0, 1.0
+    )
+    captures_first_share: float = setting(
+        0.25, "Share of a round's steps, at the start, on captures alone.", 0.0, 1.0
+    )
+    capture_oversampling: int = setting(
+        3, "How often a capture is drawn for each pseudo-observation.", 1, 100
+    )
+    sh_degree: int = setting(3, "Highest degree of the spherical harmonics.", 0, 3)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The fixed configuration H of a refinement; defaults are the paper's."""
+
+    seed: int = setting(0, "Seed of everything random.", 0, 2**31 - 1)
+    rounds: int = setting(3, "Refinement rounds, L.", 1, 100)
+    captures: CaptureSettings = CaptureSettings()
+    stereo: StereoSettings = StereoSettings()
+    proxy: ProxySettings = ProxySettings()
+    collision: CollisionSettings = CollisionSettings()
+    rollouts: RolloutSettings = RolloutSettings()
+    selection: SelectionSettings = SelectionSettings()
+    generation: GenerationSettings = GenerationSettings()
+    registration: RegistrationSettings = RegistrationSettings()
+    training: TrainingSettings = TrainingSettings()
+
+
+PRESETS: Mapping[str, Mapping[str, Any]] = {
+    "paper": {},
+    "preview": {
+        "rounds": 2,
+        "stereo.max_side_px": 320,
+        "generation.clip_frames": 9,
+        "training.steps_per_round": 1200,
+        "training.max_gaussians": 120000,
+    },
+}
+"""Named sets of overrides; ``paper`` is the dataclasses' own defaults."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One setting as the command line and the panels show it."""
+
+    key: str
+    default: Any
+    doc: str
+    low: float | None
+    high: float | None
+
+
+def entries(settings: Settings = Settings()) -> Iterator[Entry]:
+    """Every setting with its dotted key, in the order of this file."""
+    for item in dataclasses.fields(settings):
+        value = getattr(settings, item.name)
+        if not dataclasses.is_dataclass(value):
+            yield Entry(item.name, value, **item.metadata)
+            continue
+        for inner in dataclasses.fields(value):
+            yield Entry(f"{item.name}.{inner.name}", getattr(value, inner.name), **inner.metadata)
+
+
+def with_overrides(overrides: Mapping[str, Any], base: Settings = Settings()) -> Settings:
+    """``base`` with dotted keys replaced; values may be strings from a command line.
+
+    Raises SettingsError naming the key, the closest known key, or the allowed range.
+    """
+    known = {entry.key: entry for entry in entries(base)}
+    for key, raw in overrides.items():
+        if key not in known:
+            close = difflib.get_close_matches(key, known, n=1, cutoff=0.4)
+            hint = f"Did you mean {close[0]}?" if close else "See docs/settings.md."
+            raise SettingsError(f"there is no setting '{key}'", where="settings", cure=hint)
+        value = _parsed(known[key], raw)
+        section, _, name = key.rpartition(".")
+        if section:
+            inner = dataclasses.replace(getattr(base, section), **{name: value})
+            base = dataclasses.replace(base, **{section: inner})
+        else:
+            base = dataclasses.replace(base, **{name: value})
+    return base
+
+
+def preset(name: str) -> Settings:
+    """The settings of a named preset. Raises SettingsError for an unknown name."""
+    if name not in PRESETS:
+        raise SettingsError(
+            f"there is no preset '{name}'", where="settings", cure=f"Known: {', '.join(PRESETS)}."
+        )
+    return with_overrides(PRESETS[name])
+
+
+def _parsed(entry: Entry, raw: Any) -> Any:
+    kind = type(entry.default)
+    try:
+        if kind is int and not isinstance(raw, str) and raw != int(raw):
+            raise ValueError
+        value = kind(raw)
+    except (TypeError, ValueError) as error:
+        raise SettingsError(
+            f"'{raw}' is not {'a whole number' if kind is int else 'a number'}",
+            where=f"setting {entry.key}", cure=f"The default is {entry.default}.",
+        ) from error  # fmt: skip
+    below = entry.low is not None and not value >= entry.low
+    above = entry.high is not None and not value <= entry.high
+    if below or above:
+        raise SettingsError(
+            f"{value} is out of range", where=f"setting {entry.key}",
+            cure=f"Give a value from {entry.low} to {entry.high}.",
+        )  # fmt: skip
+    return value
