@@ -40,8 +40,11 @@ if not os.environ.get("NUMBA_CACHE_DIR"):
 # No 'nnan' and 'ninf': the kernels test for NaN, which full fastmath folds away.
 FAST = frozenset({"nsz", "arcp", "contract", "afn", "reassoc"})
 
-kernel = functools.partial(numba.njit, cache=True, fastmath=FAST)
-"""``numba.njit`` with this project's cache and floating-point rules, one thread."""
+kernel = functools.partial(numba.njit, cache=True, fastmath=FAST, nogil=True)
+"""``numba.njit`` with this project's cache and floating-point rules, one thread.
+
+Kernels release the interpreter, so that a cancelled run ends while one is at work.
+"""
 
 parallel_kernel = functools.partial(numba.njit, cache=True, fastmath=FAST, parallel=True, nogil=True)
 """The same over ``prange``. A kernel must give the same bits for any number of threads."""

@@ -13,6 +13,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,40 +23,62 @@ _PACKAGE = __package__.rpartition(".")[0]
 _PACKAGE_PARENT = Path(__file__).resolve().parents[1 + _PACKAGE.count(".") + 1]
 
 
-def call_in_child(function: str, request: dict[str, Any], *, timeout_s: float = 1800.0) -> dict[str, Any]:
+_RUNNING: set[subprocess.Popen] = set()
+
+
+def kill_children() -> None:
+    """End every native call under way; for a process that is being cancelled."""
+    for process in tuple(_RUNNING):
+        process.kill()
+
+
+def call_in_child(
+    function: Callable[[dict], dict] | str, request: dict[str, Any], *, timeout_s: float = 1800.0
+) -> dict[str, Any]:
     """Call ``function`` with ``request`` in a new process and return its result.
 
-    ``function`` is ``module.path:name``, relative to this library, of a function from one
-    JSON-ready dict to another; large data goes through files named in the request. An
+    ``function``, from one JSON-ready dict to another, stands at the top of an importable
+    module; large data goes through files named in the request. An
     R2SEgoError raised inside is raised here again; anything else, an abort or a time-out
     is a NativeError that carries the last line the process printed.
     """
+    name = (
+        f"{_PACKAGE}.{function}"
+        if isinstance(function, str)
+        else f"{function.__module__}:{function.__name__}"
+    )
     with tempfile.TemporaryDirectory(prefix="r2sego-") as folder:
         request_file, manifest = Path(folder, "request.json"), Path(folder, "manifest.json")
         request_file.write_text(json.dumps(request))
         environment = dict(os.environ)
         paths = [str(_PACKAGE_PARENT), environment.get("PYTHONPATH", "")]
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
-        command = [sys.executable, "-m", __name__, function, str(request_file), str(manifest)]
+        command = [sys.executable, "-m", __name__, name, str(request_file), str(manifest)]
+        process = subprocess.Popen(
+            command, env=environment, stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
+        )  # fmt: skip
+        _RUNNING.add(process)
         try:
-            done = subprocess.run(
-                command, env=environment, timeout=timeout_s, stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
-            )  # fmt: skip
+            printed, _ = process.communicate(timeout=timeout_s)
         except subprocess.TimeoutExpired as error:
             raise NativeError(
-                f"{function} took longer than {timeout_s:.0f} s", cure="Use fewer or smaller images."
+                f"{name} took longer than {timeout_s:.0f} s", cure="Use fewer or smaller images."
             ) from error
+        finally:
+            process.kill()
+            process.wait()
+            _RUNNING.discard(process)
         outcome = json.loads(manifest.read_text()) if manifest.is_file() else {}
         if "error" in outcome:
             raise _error_class(outcome["error"])(
                 outcome["what"], where=outcome["where"], cure=outcome["cure"]
             )
-        if done.returncode != 0 or not outcome.get("complete"):
-            lines = [line for line in done.stdout.splitlines() if line.strip()]
+        if process.returncode != 0 or not outcome.get("complete"):
+            lines = [line for line in printed.splitlines() if line.strip()]
             last = f" Its last words: {lines[-1][:300]}" if lines else ""
             raise NativeError(
-                f"{function} ended without a result (exit status {done.returncode})",
+                f"{name} ended without a result (exit status {process.returncode})",
                 cure=f"Its input is probably damaged.{last}",
             )
         return outcome["result"]
@@ -69,7 +92,7 @@ def _error_class(name: str) -> type[R2SEgoError]:
 
 def _main(function: str, request_file: str, manifest: str) -> None:
     module_name, _, name = function.partition(":")
-    module = importlib.import_module(f"{_PACKAGE}.{module_name}")
+    module = importlib.import_module(module_name)
     request = json.loads(Path(request_file).read_text())
     try:
         outcome = {"complete": True, "result": getattr(module, name)(request)}
@@ -80,9 +103,8 @@ def _main(function: str, request_file: str, manifest: str) -> None:
         }  # fmt: skip
     unfinished = Path(manifest + ".tmp")
     unfinished.write_text(json.dumps(outcome))
-    os.replace(unfinished, manifest)
+    unfinished.replace(manifest)
 
 
 if __name__ == "__main__":
-    _PACKAGE = __spec__.parent.rpartition(".")[0]
     _main(*sys.argv[1:])

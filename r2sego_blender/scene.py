@@ -1,0 +1,386 @@
+"""The scene bundle on disk: declared in ``scene.toml``, filled step by step, never half-written.
+
+A step of Algorithm 1 publishes one file or folder. It runs again only when the content of
+its inputs, its parameters or the library's version changed; ``journal.jsonl`` remembers
+the digests. Results are written beside their place, flushed and renamed, so a cut-off run
+leaves the bundle as it was. This module needs NumPy at most, so Blender's Python reads
+bundles with it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import errno
+import hashlib
+import json
+import os
+import shutil
+import time
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from . import __version__
+from .errors import SceneError
+from .settings import Settings, preset, with_overrides
+
+FORMAT = 1
+_DECLARATION = "scene.toml"
+_JOURNAL = "journal.jsonl"
+_UNFINISHED = ".unfinished-"
+
+BACKENDS: Mapping[str, str] = {
+    "initial_asset": "embedded: dense stereo to splats",
+    "shape_prior": "embedded: room planes",
+    "surface": "embedded: TSDF of completed depth",
+    "controller": "embedded: reference motion tracked in MuJoCo",
+    "conditions": "embedded: numba z-buffer",
+    "generator": "embedded: geometry-guided blending",
+    "registration": "embedded: SIFT and PnP",
+}
+"""The backend of each slot of the paper; none of the defaults is a learned model."""
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """What the person declared, the content of ``scene.toml``.
+
+    ``world_from_capture`` is the (4, 4) similarity, row by row, that took the frame of the
+    given poses to the world; ``scale_source`` and ``ground`` say how it was found.
+    """
+
+    captures_source: str
+    world_from_capture: tuple[tuple[float, ...], ...]
+    ground: str
+    scale_source: str
+    robot: str = "embedded:humanoid"
+    scope: str = "walk_and_look"
+    preset: str = "paper"
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+    backends: Mapping[str, str] = field(default_factory=lambda: dict(BACKENDS))
+
+    @property
+    def settings(self) -> Settings:
+        """The preset with the person's overrides."""
+        return with_overrides(self.overrides, preset(self.preset))
+
+
+class Scene:
+    """A bundle that exists; get one from ``Scene.create`` or ``Scene.open``."""
+
+    def __init__(self, path: Path, declaration: Declaration) -> None:
+        self.path = path
+        self.declaration = declaration
+
+    # ---- opening
+
+    @staticmethod
+    def create(path: Path, declaration: Declaration, fill: Callable[[Path], None]) -> Scene:
+        """Make a bundle: ``fill`` writes its captures into the folder it is given.
+
+        Raises SceneError when ``path`` exists; nothing is left behind when ``fill`` fails.
+        """
+        path = Path(path)
+        if path.exists():
+            raise SceneError("it exists already", where=path, cure="Choose another name, or remove it.")
+        staging = path.with_name(f"{_UNFINISHED}{path.name}-{os.getpid()}")
+        with _disk_errors(path):
+            shutil.rmtree(staging, ignore_errors=True)
+            staging.mkdir(parents=True)
+            try:
+                fill(staging)
+                _write_declaration(staging / _DECLARATION, declaration)
+                _flush(staging)
+                staging.rename(path)
+            finally:
+                shutil.rmtree(staging, ignore_errors=True)
+        return Scene(path, declaration)
+
+    @staticmethod
+    def open(path: Path) -> Scene:
+        """Read a bundle. Raises SceneError when it is missing, damaged or of another version."""
+        path = Path(path)
+        file = path / _DECLARATION
+        try:
+            data = tomllib.loads(file.read_text(encoding="utf-8"))
+        except (FileNotFoundError, NotADirectoryError) as error:
+            raise SceneError(
+                "this is not a scene bundle", where=file, cure="Make one with `r2sego new`."
+            ) from error
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise SceneError(f"it cannot be read: {error}", where=file, cure="Mend the line.") from error
+        if data.get("format") != FORMAT:
+            raise SceneError(
+                f"the bundle has format {data.get('format')!r}, this version reads {FORMAT}",
+                where=f"{file}: format",
+                cure="Open it with the version that made it, or make it anew with `r2sego new`.",
+            )
+        return Scene(path, _declaration(data, file))
+
+    def declare(self, **changes: Any) -> Scene:
+        """This scene with parts of its declaration changed, on disk too."""
+        declaration = dataclasses.replace(self.declaration, **changes)
+        _ = declaration.settings  # refuse unknown settings before anything is written
+        if declaration != self.declaration:
+            with _disk_errors(self.path):
+                _write_declaration(self.path / _DECLARATION, declaration)
+        return Scene(self.path, declaration)
+
+    # ---- places
+
+    @property
+    def captures_folder(self) -> Path:
+        """Photographs, cameras in the world frame and the sparse model."""
+        return self.path / "captures"
+
+    @property
+    def geometry_folder(self) -> Path:
+        """Depth maps, observed points with their support record, and room planes."""
+        return self.path / "geometry"
+
+    @property
+    def collision_folder(self) -> Path:
+        """The current collision surface."""
+        return self.path / "collision"
+
+    @property
+    def report_folder(self) -> Path:
+        """The report, its figures and ``metrics.json``."""
+        return self.path / "report"
+
+    @property
+    def asset_file(self) -> Path:
+        """The refined visual asset, an Inria PLY."""
+        return self.path / "asset.ply"
+
+    def round_folder(self, round_index: int) -> Path:
+        """What one round of Algorithm 1 left."""
+        return self.path / "rounds" / str(round_index)
+
+    def rounds_done(self) -> int:
+        """How many rounds have ended with a visual asset."""
+        done = 0
+        while (self.round_folder(done) / "asset.ply").is_file():
+            done += 1
+        return done
+
+    # ---- steps
+
+    def step(
+        self,
+        target: str,
+        compute: Callable[[Path], None],
+        *,
+        inputs: Sequence[str | Path] = (),
+        parameters: Any = None,
+    ) -> Path:
+        """Make ``target`` by ``compute`` unless it is there and nothing it reads has changed.
+
+        ``target`` is a path inside the bundle, a file when it has a suffix, else a folder;
+        ``compute`` writes it at the path it is given. ``inputs`` are files and folders,
+        inside the bundle when relative; ``parameters`` are dataclasses or JSON values.
+        """
+        place = self.path / target
+        digest = self._digest_of_inputs(inputs, parameters)
+        if place.exists() and self._recorded(target) == digest:
+            return place
+        started = time.time()
+        with _disk_errors(place), self.publishing(target) as staging:
+            compute(staging)
+        self._record(
+            step=target, inputs=digest, output=content_digest(place),
+            started=round(started, 3), seconds=round(time.time() - started, 3),
+        )  # fmt: skip
+        return place
+
+    def is_current(self, target: str, *, inputs: Sequence[str | Path] = (), parameters: Any = None) -> bool:
+        """Whether ``step`` would keep ``target`` as it is."""
+        recorded = self._recorded(target)
+        return (self.path / target).exists() and recorded == self._digest_of_inputs(inputs, parameters)
+
+    @contextlib.contextmanager
+    def publishing(self, target: str) -> Iterator[Path]:
+        """A path to write at; on leaving without an error it takes ``target``'s place."""
+        place = self.path / target
+        place.parent.mkdir(parents=True, exist_ok=True)
+        staging = place.with_name(_UNFINISHED + place.name)
+        _remove(staging)
+        if not place.suffix:
+            staging.mkdir()
+        try:
+            yield staging
+            _flush(staging)
+            _swap_in(staging, place)
+        finally:
+            _remove(staging)
+
+    def journal(self) -> list[dict[str, Any]]:
+        """The records of every step run so far, oldest first; a cut-off line is passed over."""
+        records = []
+        with contextlib.suppress(FileNotFoundError):
+            for line in (self.path / _JOURNAL).read_text(encoding="utf-8").splitlines():
+                with contextlib.suppress(json.JSONDecodeError):
+                    records.append(json.loads(line))
+        return records
+
+    @contextlib.contextmanager
+    def locked(self) -> Iterator[None]:
+        """Hold the bundle for writing. Raises SceneError when another process holds it."""
+        with (self.path / ".lock").open("a+") as file:
+            if not _try_lock(file):
+                raise SceneError(
+                    "another process is working on this scene", where=self.path,
+                    cure="Wait until it has ended, or cancel it.",
+                )  # fmt: skip
+            yield
+
+    def _digest_of_inputs(self, inputs: Sequence[str | Path], parameters: Any) -> str:
+        state = {
+            "version": __version__,
+            "inputs": {str(item): content_digest(self.path / item) for item in inputs},
+            "parameters": parameters,
+        }
+        text = json.dumps(state, sort_keys=True, default=_as_json)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def _recorded(self, target: str) -> str | None:
+        for record in reversed(self.journal()):
+            if record.get("step") == target:
+                return record.get("inputs")
+        return None
+
+    def _record(self, **record: Any) -> None:
+        with _disk_errors(self.path), (self.path / _JOURNAL).open("a", encoding="utf-8") as file:
+            file.write(json.dumps(record) + "\n")
+            file.flush()
+            os.fsync(file.fileno())
+
+
+def content_digest(path: Path) -> str:
+    """A SHA-256 over a file's bytes, or over a folder's names and bytes; '' when it is missing."""
+    digest = hashlib.sha256()
+    if path.is_dir():
+        for file in sorted(p for p in path.rglob("*") if p.is_file()):
+            digest.update(file.relative_to(path).as_posix().encode())
+            digest.update(content_digest(file).encode())
+    elif path.is_file():
+        with path.open("rb") as stream:
+            digest = hashlib.file_digest(stream, "sha256")
+    else:
+        return ""
+    return digest.hexdigest()
+
+
+def _as_json(value: Any) -> Any:
+    if dataclasses.is_dataclass(value):
+        return dataclasses.asdict(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    return str(value)
+
+
+def _declaration(data: Mapping[str, Any], file: Path) -> Declaration:
+    try:
+        declaration = Declaration(
+            captures_source=data["captures"]["source"],
+            world_from_capture=tuple(
+                tuple(map(float, r)) for r in data["registration"]["world_from_capture"]
+            ),
+            ground=data["registration"]["ground"],
+            scale_source=data["registration"]["scale_source"],
+            robot=data["robot"]["model"],
+            scope=data["robot"]["scope"],
+            preset=data["settings"]["preset"],
+            overrides=data["settings"].get("overrides", {}),
+            backends=data["backends"],
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise SceneError(
+            f"the field {error} is missing or wrong",
+            where=file,
+            cure="Make the scene anew with `r2sego new`.",
+        ) from error
+    _ = declaration.settings
+    return declaration
+
+
+def _write_declaration(file: Path, declaration: Declaration) -> None:
+    import tomli_w  # the engine writes bundles; Blender's Python only reads them
+
+    data = {
+        "format": FORMAT,
+        "captures": {"source": declaration.captures_source},
+        "registration": {
+            "ground": declaration.ground,
+            "scale_source": declaration.scale_source,
+            "world_from_capture": [list(row) for row in declaration.world_from_capture],
+        },
+        "robot": {"model": declaration.robot, "scope": declaration.scope},
+        "backends": dict(declaration.backends),
+        "settings": {"preset": declaration.preset, "overrides": dict(declaration.overrides)},
+    }
+    unfinished = file.with_name(_UNFINISHED + file.name)
+    unfinished.write_text(tomli_w.dumps(data), encoding="utf-8")
+    _flush(unfinished)
+    unfinished.replace(file)
+
+
+@contextlib.contextmanager
+def _disk_errors(place: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES):
+            raise
+        reason = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "it cannot be written"
+        raise SceneError(
+            reason, where=place, cure="Make room or allow writing, then start again: finished steps are kept."
+        ) from error
+
+
+def _flush(path: Path) -> None:
+    for file in [path, *path.rglob("*")] if path.is_dir() else [path]:
+        if file.is_dir() and os.name == "nt":  # Windows cannot flush folders
+            continue
+        descriptor = os.open(file, os.O_RDONLY if os.name != "nt" else os.O_RDWR)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def _swap_in(staging: Path, place: Path) -> None:
+    if staging.is_dir() and place.exists():
+        old = place.with_name(f"{_UNFINISHED}old-{place.name}")
+        _remove(old)
+        place.rename(old)
+        staging.rename(place)
+        _remove(old)
+    else:
+        staging.replace(place)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _try_lock(file: Any) -> bool:
+    """Take an exclusive lock that the system drops when the process ends."""
+    try:
+        if os.name == "nt":
+            import msvcrt
+
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True

@@ -1,0 +1,137 @@
+"""The bundle: atomic, resumable, honest about versions and full disks."""
+
+import errno
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from r2sego_blender.errors import SceneError, SettingsError
+from r2sego_blender.scene import Declaration, Scene, content_digest
+
+IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
+DECLARATION = Declaration("photos", IDENTITY, ground="floor plane", scale_source="metric poses")
+
+
+def make_scene(folder: Path) -> Scene:
+    return Scene.create(folder / "room.r2s", DECLARATION, lambda f: (f / "captures").mkdir())
+
+
+def test_open_reads_what_create_declared(tmp_path):
+    scene = make_scene(tmp_path)
+    changed = scene.declare(preset="preview", overrides={"training.steps_per_round": 7})
+    assert Scene.open(scene.path).declaration == changed.declaration
+    assert Scene.open(scene.path).declaration.settings.training.steps_per_round == 7
+
+
+def test_create_leaves_nothing_when_filling_fails(tmp_path):
+    with pytest.raises(ZeroDivisionError):
+        Scene.create(tmp_path / "a.r2s", DECLARATION, lambda folder: 1 / 0)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_create_refuses_an_existing_place(tmp_path):
+    make_scene(tmp_path)
+    with pytest.raises(SceneError, match="exists already"):
+        make_scene(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["format = 99", "format = 1", "format = ", "\xff"])
+def test_open_names_the_file_and_the_cure(tmp_path, text):
+    scene = make_scene(tmp_path)
+    (scene.path / "scene.toml").write_text(text, encoding="latin-1")
+    with pytest.raises(SceneError, match=r"scene\.toml") as caught:
+        Scene.open(scene.path)
+    assert caught.value.cure
+
+
+def test_open_refuses_a_folder_that_is_no_bundle(tmp_path):
+    with pytest.raises(SceneError, match="r2sego new"):
+        Scene.open(tmp_path)
+
+
+def test_declare_refuses_unknown_settings_and_keeps_the_file(tmp_path):
+    scene = make_scene(tmp_path)
+    before = (scene.path / "scene.toml").read_bytes()
+    with pytest.raises(SettingsError):
+        scene.declare(overrides={"no.such": 1})
+    assert (scene.path / "scene.toml").read_bytes() == before
+
+
+def test_a_step_runs_once_and_again_when_what_it_reads_changes(tmp_path):
+    scene = make_scene(tmp_path)
+    source = scene.path / "source.txt"
+    source.write_text("one")
+    runs = []
+
+    def compute(file: Path) -> None:
+        runs.append(source.read_text())
+        file.write_text(source.read_text())
+
+    def step(parameters=None):
+        return scene.step("geometry/copy.txt", compute, inputs=["source.txt"], parameters=parameters)
+
+    step()
+    step()
+    assert runs == ["one"]
+    source.write_text("two")
+    assert step().read_text() == "two"
+    step(parameters={"a": 1})
+    assert runs == ["one", "two", "two"]
+    assert scene.is_current("geometry/copy.txt", inputs=["source.txt"], parameters={"a": 1})
+
+
+def test_a_failed_step_keeps_the_earlier_result(tmp_path):
+    scene = make_scene(tmp_path)
+
+    def write(folder: Path) -> None:
+        (folder / "a.txt").write_text("good")
+
+    def fail(folder: Path) -> None:
+        (folder / "a.txt").write_text("bad")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    scene.step("geometry/maps", write, parameters=1)
+    digest = content_digest(scene.geometry_folder)
+    with pytest.raises(SceneError, match="disk is full"):
+        scene.step("geometry/maps", fail, parameters=2)
+    assert content_digest(scene.geometry_folder) == digest
+    assert scene.step("geometry/maps", write, parameters=3).is_dir()
+
+
+def test_a_cut_off_journal_line_is_passed_over(tmp_path):
+    scene = make_scene(tmp_path)
+    scene.step("a.txt", lambda file: file.write_text("a"))
+    with (scene.path / "journal.jsonl").open("a") as journal:
+        journal.write('{"step": "b.t')
+    assert [record["step"] for record in scene.journal()] == ["a.txt"]
+
+
+def test_the_lock_excludes_another_process(tmp_path):
+    scene = make_scene(tmp_path)
+    code = (
+        "import sys, pathlib; from r2sego_blender.scene import Scene\n"
+        "with Scene.open(pathlib.Path(sys.argv[1])).locked(): print('locked')"
+    )
+    with scene.locked():
+        other = subprocess.run([sys.executable, "-c", code, str(scene.path)], capture_output=True, text=True)
+        assert "another process" in other.stderr
+    other = subprocess.run([sys.executable, "-c", code, str(scene.path)], capture_output=True, text=True)
+    assert other.stdout.strip() == "locked"
+
+
+def test_rounds_done_counts_unbroken_assets(tmp_path):
+    scene = make_scene(tmp_path)
+    for index in (0, 1, 3):
+        scene.round_folder(index).mkdir(parents=True)
+        (scene.round_folder(index) / "asset.ply").write_text("")
+    assert scene.rounds_done() == 2
+
+
+def test_the_journal_is_json_lines_with_digests(tmp_path):
+    scene = make_scene(tmp_path)
+    scene.step("a.txt", lambda file: file.write_text("a"))
+    record = json.loads((scene.path / "journal.jsonl").read_text())
+    assert record["output"] == content_digest(scene.path / "a.txt")

@@ -1,0 +1,55 @@
+"""Settings: documented, in range, overridden by dotted keys."""
+
+import dataclasses
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from r2sego_blender.errors import SettingsError
+from r2sego_blender.settings import PRESETS, Settings, entries, preset, with_overrides
+
+
+def test_the_defaults_are_the_papers():
+    h = Settings()
+    assert (h.rounds, h.rollouts.successes, h.selection.target_views) == (3, 12, 12)
+    assert (h.generation.clip_frames, h.selection.nms_window) == (25, 15)
+    assert (h.training.real_weight, h.training.synthetic_weight) == (1.0, 0.5)
+    assert (h.selection.alpha_threshold, h.selection.validity_threshold) == (0.8, 0.8)
+    assert (h.training.steps_per_round, h.captures.max_side_px) == (5000, 640)
+
+
+def test_every_entry_has_one_line_and_a_default_inside_its_range():
+    for entry in entries():
+        assert entry.doc.endswith(".") and "\n" not in entry.doc, entry.key
+        if entry.low is not None:
+            assert entry.low <= entry.default <= entry.high, entry.key
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_are_made_of_known_settings(name):
+    assert isinstance(preset(name), Settings)
+
+
+@given(st.sampled_from(list(entries())))
+def test_any_setting_can_be_given_as_text(entry):
+    changed = with_overrides({entry.key: str(entry.default)})
+    assert changed == Settings()
+
+
+def test_unknown_names_come_with_the_nearest_known_one():
+    with pytest.raises(SettingsError, match=r"training\.steps_per_round"):
+        with_overrides({"training.steps": 3})
+    with pytest.raises(SettingsError, match="preview"):
+        preset("previw")
+
+
+@pytest.mark.parametrize("value", ["", "many", "1.5", -1, 10**12, float("nan"), None])
+def test_values_outside_type_or_range_are_refused(value):
+    with pytest.raises(SettingsError, match=r"training\.steps_per_round"):
+        with_overrides({"training.steps_per_round": value})
+
+
+def test_settings_are_frozen():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Settings().rounds = 4
