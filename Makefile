@@ -1,0 +1,43 @@
+# Two commands do it all:
+#   make demo   install, refine the demo room, print the result table
+#   make test   install what is missing and run every test
+PYTHON ?= python3.11
+VENV := .venv
+BIN := $(VENV)/bin
+DEMO_SCENE := build/demo_room.r2s
+
+.PHONY: demo test install extension lint clean
+.DEFAULT_GOAL := help
+
+help:
+	@sed -n 's/^#   //p' Makefile
+
+# torch comes first and by exact pin: a CPU build on disk is taken where there is one.
+$(VENV)/.installed: pyproject.toml requirements.txt
+	@command -v $(PYTHON) >/dev/null || { echo "make: $(PYTHON) is missing: install Python 3.11, or say make PYTHON=..."; exit 1; }
+	$(PYTHON) batch/check_system.py
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check torch==2.13.0
+	$(BIN)/pip install --quiet --disable-pip-version-check -r requirements.txt
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $@
+
+install: $(VENV)/.installed
+
+demo: install
+	$(BIN)/python demo/run_demo.py $(DEMO_SCENE)
+
+test: install
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/python -m pytest
+
+lint: install
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+extension: install
+	$(BIN)/python batch/build_extension.py --out dist
+
+clean:
+	rm -rf build dist $(VENV)

@@ -1,0 +1,246 @@
+"""The one command tree: ``r2sego …`` and ``python -m r2sego_blender …``.
+
+Every door of the project (a shell, a button in Blender, a script, CI) comes in here.
+Heavy libraries are imported inside the commands, so that ``--help`` and ``status`` answer
+at once.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from . import __version__
+from .errors import R2SEgoError, SettingsError
+from .progress import JsonProgress, Progress, TerminalProgress
+from .scene import Scene
+from .settings import PRESETS
+
+FOLDER = click.Path(file_okay=False, path_type=Path)
+ANY_PATH = click.Path(path_type=Path)
+
+
+class _Commands(click.Group):
+    """A group whose commands turn this project's errors into one line and exit code 1."""
+
+    def invoke(self, context: click.Context) -> Any:
+        try:
+            return super().invoke(context)
+        except R2SEgoError as error:
+            if context.obj and context.obj.get("json"):
+                JsonProgress().emit(event="error", kind=type(error).__name__, text=str(error))
+            click.echo(f"r2sego: {error}", err=True)
+            context.exit(1)
+
+
+@click.group(
+    cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
+)
+@click.version_option(__version__, prog_name="r2sego")
+@click.pass_context
+def main(context: click.Context) -> None:
+    """A handful of photographs becomes a scene a robot can be trained in."""
+    context.obj = {}
+    _cancel_at_once()
+
+
+def _progress(context: click.Context, as_json: bool) -> Progress:
+    context.obj["json"] = as_json
+    return JsonProgress() if as_json else TerminalProgress()
+
+
+def _json_progress(command: Callable) -> Callable:
+    return click.option("--json-progress", "as_json", is_flag=True, help="Tell progress as JSON lines.")(
+        command
+    )
+
+
+@main.command()
+@click.argument("scene", type=ANY_PATH)
+@click.option("--captures", required=True, type=FOLDER, help="Folder of photographs, three at least.")
+@click.option(
+    "--poses", type=ANY_PATH, help="transforms.json, cameras.json or a COLMAP folder; else they are solved."
+)
+@click.option(
+    "--robot", default="embedded:humanoid", show_default=True, help="The robot: an MJCF or URDF file."
+)
+@click.option(
+    "--scope", default="walk_and_look", show_default=True, help="Behaviour scope: a name or a TOML file."
+)
+@click.option(
+    "--known-length",
+    metavar="PHOTO:X,Y:X,Y:METRES",
+    help="Scale: two pixels of one photograph and their distance.",
+)
+@click.option(
+    "--marker-side",
+    type=float,
+    metavar="METRES",
+    help="Scale: side of a printed ArUco 4x4_50 marker in the photographs.",
+)
+@click.option(
+    "--camera-height",
+    type=float,
+    metavar="METRES",
+    help="Scale: height of the first photograph's camera above the floor.",
+)
+@_json_progress
+@click.pass_context
+def new(context: click.Context, scene: Path, as_json: bool, **options: Any) -> None:
+    """Make the bundle SCENE from photographs."""
+    from .creation import create_scene
+
+    progress = _progress(context, as_json)
+    made = create_scene(scene, progress=progress, **options)
+    _tell(progress, scene=str(made.path), ground=made.declaration.ground, scale=made.declaration.scale_source)
+
+
+@main.command()
+@click.argument("scene", type=ANY_PATH)
+@click.option(
+    "--preset", type=click.Choice(list(PRESETS)), help="Named settings; 'paper' are the paper's own."
+)
+@click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="One setting, as in docs/settings.md; repeatable.",
+)
+@click.option("--rounds", type=int, help="Refinement rounds; short for --set rounds=L.")
+@_json_progress
+@click.pass_context
+def refine(
+    context: click.Context,
+    scene: Path,
+    preset: str | None,
+    overrides: tuple[str, ...],
+    rounds: int | None,
+    as_json: bool,
+) -> None:
+    """Run Algorithm 1 on SCENE; started again, it goes on where it stopped."""
+    progress = _progress(context, as_json)
+    opened = Scene.open(scene)
+    changes = _overrides(overrides) | ({} if rounds is None else {"rounds": rounds})
+    with opened.locked():
+        if preset is not None and preset != opened.declaration.preset:
+            opened = opened.declare(preset=preset, overrides=changes)
+        else:
+            opened = opened.declare(overrides={**opened.declaration.overrides, **changes})
+        from .evaluation.scene_report import write_scene_report
+        from .pipeline import refine as run
+
+        run(opened, progress)
+        report = write_scene_report(opened)
+    _tell(progress, asset=str(opened.asset_file), collision=str(opened.collision_folder), report=str(report))
+
+
+@main.command()
+@click.argument("scene", type=ANY_PATH)
+@click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
+def status(scene: Path, as_json: bool) -> None:
+    """Say what SCENE holds and how far it has come."""
+    from .status import describe, lines
+
+    state = describe(Scene.open(scene))
+    click.echo(json.dumps(state, indent=1) if as_json else "\n".join(lines(state)))
+
+
+@main.command()
+@click.argument("scene", type=ANY_PATH)
+@click.option(
+    "--frozen",
+    required=True,
+    type=ANY_PATH,
+    help="cameras.json with a 'frozen' list, or a folder of held-out photographs.",
+)
+@_json_progress
+@click.pass_context
+def evaluate(context: click.Context, scene: Path, frozen: Path, as_json: bool) -> None:
+    """Score SCENE on frozen views against vanilla 3DGS; writes report/metrics.json."""
+    from .evaluation.scene_evaluation import evaluate_scene, table
+
+    progress = _progress(context, as_json)
+    opened = Scene.open(scene)
+    with opened.locked():
+        metrics = evaluate_scene(opened, frozen, progress)
+    if as_json:
+        _tell(progress, metrics=metrics)
+    else:
+        click.echo(table(metrics))
+        click.echo(f"report: {opened.report_folder / 'index.html'}")
+
+
+@main.command()
+@click.argument("scene", type=ANY_PATH)
+@click.option("--to", "folder", required=True, type=FOLDER, help="Folder to write, made if missing.")
+def export(scene: Path, folder: Path) -> None:
+    """Copy SCENE's asset, collision surface and proxy to a folder other tools read."""
+    from .export import export_scene
+
+    for path in export_scene(Scene.open(scene), folder):
+        click.echo(path)
+
+
+@main.command()
+@click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
+def doctor(as_json: bool) -> None:
+    """Say what is installed, what is missing, what it is for and what it costs."""
+    from .doctor import examine, lines
+
+    findings = examine()
+    click.echo(json.dumps(findings, indent=1) if as_json else "\n".join(lines(findings)))
+    sys.exit(0 if findings["ready"] else 1)
+
+
+def _tell(progress: Progress, **result: Any) -> None:
+    if isinstance(progress, JsonProgress):
+        progress.emit(event="result", **result)
+    else:
+        for name, value in result.items():
+            progress.message(f"{name}: {value}")
+
+
+def _overrides(pairs: tuple[str, ...]) -> dict[str, str]:
+    overrides = {}
+    for pair in pairs:
+        key, equals, value = pair.partition("=")
+        if not equals:
+            raise SettingsError(f"'{pair}' has no '='", where="--set", cure="Write --set key=value.")
+        overrides[key.strip()] = value.strip()
+    return overrides
+
+
+def _cancel_at_once() -> None:
+    """Let SIGINT and SIGTERM end the process within moments, native calls under way included.
+
+    Python's own handlers wait for the main thread to leave a compiled kernel; a thread
+    that reads the wake-up pipe does not. Nothing published is half-written at any time.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return
+    from .workers.child import kill_children
+
+    reader, writer = socket.socketpair()
+    writer.setblocking(False)
+    signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: None)
+
+    def wait() -> None:
+        number = reader.recv(1)[0]
+        kill_children()
+        print("\nr2sego: cancelled; finished steps are kept", file=sys.stderr, flush=True)
+        os._exit(128 + number)
+
+    wait.writer = writer  # keeps the socket open as long as the thread lives
+    threading.Thread(target=wait, name="cancel", daemon=True).start()

@@ -1,0 +1,53 @@
+"""Copy a scene's results to a folder of files that other tools read."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from .errors import SceneError
+from .geometry.proxy import GeometryProxy, Provenance
+from .scene import Scene
+
+PROVENANCE_COLOURS = {
+    Provenance.OBSERVED: (148, 148, 148),
+    Provenance.PRIOR: (0, 150, 136),
+    Provenance.COMPLETED: (224, 164, 58),
+}
+"""Capture grey and prior teal as in the paper's figure; completed surfaces amber."""
+
+
+def export_scene(scene: Scene, folder: Path) -> list[Path]:
+    """Write the asset, the collision surface and the coloured proxy; returns what was written.
+
+    ``asset.ply`` (3D Gaussians, Inria order), ``collision/`` (OBJ, STL, GLB, convex pieces
+    and ``scene.xml`` for MuJoCo), ``proxy.ply`` (faces coloured by provenance) and
+    ``cameras.json`` (the captures in the world frame). Raises SceneError when the scene
+    has no result yet.
+    """
+    rounds = scene.rounds_done()
+    if not scene.asset_file.is_file() or not scene.collision_folder.is_dir() or not rounds:
+        raise SceneError(
+            "there is nothing to export yet",
+            where=scene.path,
+            cure=f"Run `r2sego refine {scene.path}` first.",
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copy2(scene.asset_file, folder / "asset.ply")
+    shutil.copy2(scene.captures_folder / "cameras.json", folder / "cameras.json")
+    shutil.copytree(scene.collision_folder, folder / "collision", dirs_exist_ok=True)
+    proxy = GeometryProxy.load(scene.round_folder(rounds - 1) / "proxy" / "proxy.npz")
+    write_coloured_proxy(proxy, folder / "proxy.ply")
+    return [folder / name for name in ("asset.ply", "collision", "proxy.ply", "cameras.json")]
+
+
+def write_coloured_proxy(proxy: GeometryProxy, file: Path) -> None:
+    """The proxy as a binary PLY whose faces are coloured by their provenance."""
+    import numpy as np
+    import trimesh
+
+    palette = np.array([PROVENANCE_COLOURS[p] for p in Provenance], np.uint8)
+    mesh = trimesh.Trimesh(
+        proxy.vertices, proxy.faces, face_colors=palette[proxy.provenance], process=False
+    )  # fmt: skip
+    file.write_bytes(mesh.export(file_type="ply"))

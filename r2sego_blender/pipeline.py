@@ -1,0 +1,39 @@
+"""Algorithm 1 of the paper, line for line.
+
+Each procedure stands in ``steps.py`` as a step of the bundle: it reads named files,
+publishes named files, and is passed over while nothing it reads has changed. Starting a
+refinement again therefore goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+from .progress import SILENT, Progress
+from .scene import Scene
+from .steps import Steps
+
+
+def refine(scene: Scene, progress: Progress = SILENT) -> None:
+    """R2S-EGO dual-proxy scene refinement: the refined asset and collision surface of a scene.
+
+    The captures were registered in the world frame when the bundle was made; the rounds
+    L, the budget K and the rest of H come from the scene's declaration. The numbers are
+    the lines of Algorithm 1.
+    """
+    h = scene.declaration.settings
+    step = Steps(scene, h, progress)
+
+    captures, asset = step.register_inputs()  # 1
+    observed, priors = step.observed_and_prior_geometry(captures)  # 2
+    aligned_priors = step.align_priors(observed, priors)  # 3, fixed in all rounds
+    pseudo_observations = ()  # 4
+    for l in range(h.rounds):  # 5
+        progress.message(f"Round {l + 1} of {h.rounds}")
+        proxy = step.geometry_proxy(l, captures, observed, aligned_priors, asset)  # 6
+        collision = step.replace_collision_mesh(l, proxy)  # 7
+        candidates = step.successful_ego_poses(l, collision)  # 8
+        reference_of = step.select_references(captures, proxy)  # 9
+        targets = step.robot_proxy(l, candidates, proxy, asset)  # 10
+        generated = step.ego_video_reg(l, captures, proxy, targets, reference_of)  # 11
+        pseudo_observations += generated  # 12
+        asset = step.update_visual_asset(l, asset, captures, proxy, pseudo_observations)  # 13
+    step.publish_refined_scene(h.rounds)  # 14

@@ -1,0 +1,57 @@
+"""What a scene holds and how far its refinement has come."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from .scene import Scene
+
+
+def describe(scene: Scene) -> dict[str, Any]:
+    """The scene's state, JSON-ready: declaration, rounds done and what each left."""
+    declared = scene.declaration
+    captures = json.loads((scene.captures_folder / "cameras.json").read_text())["captures"]
+    rounds = [_describe_round(scene, index) for index in range(scene.rounds_done())]
+    metrics_file = scene.report_folder / "metrics.json"
+    return {
+        "scene": str(scene.path),
+        "captures": len(captures),
+        "captures_source": declared.captures_source,
+        "ground": declared.ground,
+        "scale_source": declared.scale_source,
+        "robot": declared.robot,
+        "scope": declared.scope,
+        "preset": declared.preset,
+        "overrides": dict(declared.overrides),
+        "backends": dict(declared.backends),
+        "rounds_declared": declared.settings.rounds,
+        "rounds": rounds,
+        "refined": scene.asset_file.is_file() and len(rounds) >= declared.settings.rounds,
+        "metrics": json.loads(metrics_file.read_text()) if metrics_file.is_file() else None,
+    }
+
+
+def lines(state: dict[str, Any]) -> list[str]:
+    """The state as lines for a person."""
+    text = [
+        f"{state['scene']}: {state['captures']} captures from {state['captures_source']}",
+        f"ground: {state['ground']}; scale: {state['scale_source']}",
+        f"robot: {state['robot']}, scope: {state['scope']}, preset: {state['preset']}",
+    ]
+    text += [f"  {key} = {value}" for key, value in state["overrides"].items()]
+    text.append(f"rounds: {len(state['rounds'])} of {state['rounds_declared']} done")
+    text += [
+        f"  round {index}: {r['rollouts_succeeded']} rollouts succeeded, {r['rollouts_failed']} failed; "
+        f"{r['candidates']} candidates, {r['targets']} targets, {r['views_kept']} views kept"
+        for index, r in enumerate(state["rounds"])
+    ]
+    if state["metrics"]:
+        for name, arm in sorted(state["metrics"]["arms"].items()):
+            text.append(f"  {name:<14} PSNR {arm['psnr']:.2f} dB, SSIM {arm['ssim']:.3f}")
+    text.append("refined" if state["refined"] else f"next: r2sego refine {state['scene']}")
+    return text
+
+
+def _describe_round(scene: Scene, index: int) -> dict[str, int]:
+    return json.loads((scene.round_folder(index) / "metrics.json").read_text())
