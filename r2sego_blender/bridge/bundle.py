@@ -1,0 +1,195 @@
+"""What Blender reads from a scene bundle: the one place that knows its files. No bpy."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from ..cameras import Camera
+from ..errors import SceneError
+from ..geometry.proxy import GeometryProxy
+from ..scene import Scene
+
+SUFFIX = ".r2s"
+
+
+@dataclass(frozen=True)
+class CapturedView:
+    """A photograph and its camera in the world frame."""
+
+    name: str
+    image_path: Path
+    camera: Camera
+
+
+@dataclass(frozen=True)
+class CandidateViews:
+    """The candidate stream of a round with its scores.
+
+    ``camera`` is the lens of all; ``poses`` (M, 4, 4) float64 ``world_from_camera``;
+    ``rollout``, ``frame`` (M,) int; ``deficit``, ``availability``, ``score`` (M,) float;
+    ``survived``, ``chosen`` (M,) bool; ``rank`` (M,) int, -1 = none.
+    """
+
+    camera: Camera
+    poses: np.ndarray
+    rollout: np.ndarray
+    frame: np.ndarray
+    deficit: np.ndarray
+    availability: np.ndarray
+    score: np.ndarray
+    survived: np.ndarray
+    rank: np.ndarray
+    chosen: np.ndarray
+
+    def targets(self) -> np.ndarray:
+        """(K,) int, the chosen candidates' indices in the order of their rank."""
+        chosen = np.flatnonzero(self.chosen)
+        return chosen[np.argsort(self.rank[chosen], kind="stable")]
+
+
+class Bundle:
+    """A scene bundle, read only."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+
+    @staticmethod
+    def open(path: str | Path) -> Bundle:
+        """Open the bundle at ``path``. Raises SceneError when there is none."""
+        return Bundle(Scene.open(Path(path).absolute()))
+
+    @property
+    def path(self) -> Path:
+        """The bundle's folder."""
+        return self.scene.path
+
+    @property
+    def name(self) -> str:
+        """The folder's name without its suffix."""
+        return self.path.name.removesuffix(SUFFIX)
+
+    # ---- captures
+
+    def captures(self) -> list[CapturedView]:
+        """Every registered photograph. Raises SceneError when ``cameras.json`` is damaged."""
+        file = self.scene.captures_folder / "cameras.json"
+        data = _json(file)
+        try:
+            return [
+                CapturedView(item["name"], self.scene.captures_folder / item["file"], Camera.from_json(item))
+                for item in data["captures"]
+            ]
+        except (KeyError, TypeError, ValueError) as error:
+            raise _damaged(file, f"the field {error} is missing or wrong") from error
+
+    @property
+    def sparse_file(self) -> Path:
+        """The triangulated points."""
+        return self.scene.captures_folder / "sparse.npz"
+
+    def sparse_points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Points (P, 3) float32 in metres and their colours (P, 3) uint8 sRGB."""
+        data = _arrays(self.sparse_file, "points", "colours")
+        return data["points"].astype(np.float32), data["colours"].astype(np.uint8)
+
+    # ---- rounds
+
+    def proxy_file(self, round_index: int) -> Path:
+        """The geometry proxy of a round."""
+        return self.scene.round_folder(round_index) / "proxy" / "proxy.npz"
+
+    def candidates_file(self, round_index: int) -> Path:
+        """The scored candidate stream of a round."""
+        return self.scene.round_folder(round_index) / "selection" / "candidates.npz"
+
+    def rounds(self) -> int:
+        """How many rounds have begun: the first without a geometry proxy ends the count."""
+        count = 0
+        while self.proxy_file(count).is_file():
+            count += 1
+        return count
+
+    def proxy(self, round_index: int) -> GeometryProxy:
+        """The geometry proxy of a round. Raises SceneError when that round has none."""
+        file = self.proxy_file(round_index)
+        _require(file, f"round {round_index} has no geometry proxy")
+        return GeometryProxy.load(file)
+
+    def candidates(self, round_index: int) -> CandidateViews:
+        """The scored candidates of a round. Raises SceneError when that round has none."""
+        file = self.candidates_file(round_index)
+        _require(file, f"round {round_index} has no candidate views")
+        names = ("poses", "rollout", "frame", "u", "g", "s", "survived", "rank", "chosen")
+        data = _arrays(file, *names)
+        lens_file = file.with_suffix(".json")
+        try:
+            lens = _json(lens_file)["camera"]
+            camera = Camera.from_json({**lens, "world_from_camera": np.eye(4)})
+        except (KeyError, TypeError, ValueError) as error:
+            raise _damaged(lens_file, f"the field {error} is missing or wrong") from error
+        return CandidateViews(
+            camera=camera, poses=data["poses"].astype(np.float64),
+            rollout=data["rollout"], frame=data["frame"],
+            deficit=data["u"], availability=data["g"], score=data["s"],
+            survived=data["survived"].astype(bool), rank=data["rank"], chosen=data["chosen"].astype(bool),
+        )  # fmt: skip
+
+    # ---- results
+
+    @property
+    def asset_file(self) -> Path:
+        """The refined visual asset."""
+        return self.scene.asset_file
+
+    @property
+    def collision_mesh(self) -> Path:
+        """The collision surface as one mesh."""
+        return self.scene.collision_folder / "mesh.obj"
+
+    @property
+    def collision_hulls(self) -> list[Path]:
+        """The convex pieces of the collision surface."""
+        return sorted((self.scene.collision_folder / "hulls").glob("*.obj"))
+
+    @property
+    def report_page(self) -> Path:
+        """The report."""
+        return self.scene.report_folder / "index.html"
+
+    def metrics(self) -> dict[str, Any]:
+        """The report's figures, empty when there are none."""
+        file = self.scene.report_folder / "metrics.json"
+        return _json(file) if file.is_file() else {}
+
+
+def _json(file: Path) -> Mapping[str, Any]:
+    try:
+        return json.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise _damaged(file, "the file cannot be read") from error
+    except ValueError as error:
+        raise _damaged(file, f"it is not JSON: {error}") from error
+
+
+def _arrays(file: Path, *names: str) -> dict[str, np.ndarray]:
+    try:
+        with np.load(file, allow_pickle=False) as data:
+            return {name: data[name] for name in names}
+    except (OSError, KeyError, ValueError, BadZipFile) as error:
+        raise _damaged(file, f"it cannot be read: {error}") from error
+
+
+def _require(file: Path, otherwise: str) -> None:
+    if not file.is_file():
+        raise SceneError(otherwise, where=file, cure="Run Refine first, or choose another round.")
+
+
+def _damaged(file: Path, what: str) -> SceneError:
+    return SceneError(what, where=file, cure="Run the step that makes it again (`r2sego refine`).")

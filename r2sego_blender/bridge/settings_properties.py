@@ -1,0 +1,63 @@
+"""Every setting of the library as a Blender property: name, default, range and doc from settings.py."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import bpy
+
+from ..settings import Entry, Settings, entries
+
+_NOT_OFFERED = frozenset({"rounds", "seed"})  # shown by the operator itself
+
+
+def property_name(key: str) -> str:
+    """The property of a dotted key: ``selection.target_views`` is ``selection__target_views``."""
+    return key.replace(".", "__")
+
+
+def sections() -> dict[str, list[str]]:
+    """The dotted keys by section, in the order of settings.py; top-level keys under ''."""
+    grouped: dict[str, list[str]] = {}
+    for entry in entries():
+        section = entry.key.rpartition(".")[0]
+        grouped.setdefault(section, []).append(entry.key)
+    return grouped
+
+
+def settings_group() -> type[bpy.types.PropertyGroup]:
+    """A new PropertyGroup class with one property a setting."""
+    annotations = {property_name(entry.key): _property(entry) for entry in entries()}
+    return type("R2SEGO_PG_settings", (bpy.types.PropertyGroup,), {"__annotations__": annotations})
+
+
+def overrides(group: bpy.types.PropertyGroup) -> dict[str, Any]:
+    """The settings the person has set, by dotted key."""
+    return {
+        entry.key: getattr(group, property_name(entry.key))
+        for entry in entries()
+        if group.is_property_set(property_name(entry.key))
+    }
+
+
+def show_settings(group: bpy.types.PropertyGroup, changed: Mapping[str, Any], settings: Settings) -> None:
+    """Set exactly the ``changed`` keys, to their values in ``settings``; unset all others."""
+    for entry in entries(settings):
+        name = property_name(entry.key)
+        group.property_unset(name)
+        if entry.key in changed:
+            setattr(group, name, entry.default)
+
+
+def _property(entry: Entry) -> Any:
+    label = entry.key.rpartition(".")[2].replace("_", " ").capitalize()
+    described = {"name": label, "description": entry.doc.rstrip("."), "default": entry.default}
+    ranged = {key: value for key, value in (("min", entry.low), ("max", entry.high)) if value is not None}
+    if isinstance(entry.default, bool):
+        return bpy.props.BoolProperty(**described)
+    if isinstance(entry.default, int):
+        return bpy.props.IntProperty(**described, **ranged)
+    if isinstance(entry.default, float):
+        return bpy.props.FloatProperty(**described, **ranged, precision=3)
+    return bpy.props.StringProperty(**described)

@@ -1,0 +1,82 @@
+"""Captures as Blender cameras that carry their photographs, and the sparse points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from .bundle import Bundle
+from .cameras import create_camera, use_frame_of
+from .materials import attribute_material
+from .meshes import add_colours, mesh_from_arrays
+from .outliner import fresh_collection
+
+_PART = "Captures"
+_COLOUR = "colour"
+
+
+def show_captures(
+    scene: bpy.types.Scene, bundle: Bundle, *, photographs: bool = True, points: bool = True,
+    point_radius_m: float = 0.006, photograph_alpha: float = 0.6, display_size_m: float = 0.25,
+) -> list[bpy.types.Object]:  # fmt: skip
+    """One camera a capture, in place of those shown before; the first becomes the scene's.
+
+    Returns the camera objects. Raises SceneError when the bundle's cameras are damaged.
+    """
+    views = bundle.captures()
+    cloud = bundle.sparse_points() if points and bundle.sparse_file.is_file() else None
+    collection = fresh_collection(scene, bundle.name, _PART)
+    cameras = []
+    for view in views:
+        created = create_camera(view.name, view.camera)
+        created.data.display_size = display_size_m
+        if photographs:
+            _add_photograph(created.data, view.image_path, photograph_alpha)
+        collection.objects.link(created)
+        cameras.append(created)
+    if cloud is not None:
+        collection.objects.link(_point_object("Sparse points", *cloud, point_radius_m))
+    if cameras:
+        use_frame_of(cameras[0], scene)
+    return cameras
+
+
+def _add_photograph(data: bpy.types.Camera, path: Path, alpha: float) -> None:
+    if not path.is_file():
+        return
+    background = data.background_images.new()
+    background.image = bpy.data.images.load(str(path), check_existing=True)
+    background.alpha = alpha
+    # The photograph and the frame have the same pixels: no letterbox, no crop.
+    background.frame_method = "STRETCH"
+    background.display_depth = "BACK"
+    data.show_background_images = True
+
+
+def _point_object(name: str, points: np.ndarray, colours: np.ndarray, radius_m: float) -> bpy.types.Object:
+    mesh = mesh_from_arrays(name, points, np.empty((0, 3), np.int32))
+    add_colours(mesh, _COLOUR, colours)
+    created = bpy.data.objects.new(name, mesh)
+    modifier = created.modifiers.new("Points", "NODES")
+    modifier.node_group = _points_group(radius_m)
+    return created
+
+
+def _points_group(radius_m: float) -> bpy.types.NodeTree:
+    """Vertices to coloured points, in every Blender from 4.3 on; no native point cloud data needed."""
+    group = bpy.data.node_groups.new("R2S-EGO points", "GeometryNodeTree")
+    group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    nodes, link = group.nodes, group.links.new
+    first, last = nodes.new("NodeGroupInput"), nodes.new("NodeGroupOutput")
+    to_points, paint = nodes.new("GeometryNodeMeshToPoints"), nodes.new("GeometryNodeSetMaterial")
+    to_points.inputs["Radius"].default_value = radius_m
+    paint.inputs["Material"].default_value = attribute_material("R2S-EGO points", _COLOUR)
+    link(first.outputs[0], to_points.inputs["Mesh"])
+    link(to_points.outputs[0], paint.inputs["Geometry"])
+    link(paint.outputs[0], last.inputs[0])
+    for place, node in enumerate((first, to_points, paint, last)):
+        node.location.x = 200.0 * place
+    return group

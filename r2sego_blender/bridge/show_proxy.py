@@ -1,0 +1,56 @@
+"""The geometry proxy as a mesh coloured by provenance."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ..geometry.proxy import GeometryProxy, Provenance
+from .bundle import Bundle
+from .materials import plain_material
+from .meshes import add_attribute, arrays_from_mesh, assign_materials, mesh_from_arrays, read_attribute
+from .outliner import fresh_collection
+
+_PART = "Geometry proxy"
+_COLOURS = {
+    Provenance.OBSERVED: (0.62, 0.62, 0.62),  # grey: seen in the captures
+    Provenance.PRIOR: (0.05, 0.55, 0.53),  # teal
+    Provenance.COMPLETED: (0.93, 0.60, 0.12),  # amber: invented by completion
+}
+
+
+def show_proxy(scene: bpy.types.Scene, bundle: Bundle, round_index: int) -> bpy.types.Object:
+    """The proxy of a round, in place of the one shown before.
+
+    Faces carry the attributes ``provenance``, ``support`` and ``confidence``, and one of
+    three materials by provenance. Raises SceneError when that round has none.
+    """
+    proxy = bundle.proxy(round_index)
+    collection = fresh_collection(scene, bundle.name, _PART)
+    mesh = mesh_from_arrays(f"Proxy, round {round_index}", proxy.vertices, proxy.faces)
+    add_attribute(mesh, "provenance", proxy.provenance)
+    add_attribute(mesh, "support", proxy.support)
+    add_attribute(mesh, "confidence", proxy.confidence)
+    materials = [provenance_material(kind) for kind in Provenance]
+    assign_materials(mesh, materials, proxy.provenance)
+    created = bpy.data.objects.new(mesh.name, mesh)
+    collection.objects.link(created)
+    return created
+
+
+def provenance_material(kind: Provenance) -> bpy.types.Material:
+    """The material of faces with this provenance; its pass index is the provenance + 1."""
+    material = plain_material(f"R2S-EGO {kind.name.lower()}", _COLOURS[kind])
+    material.pass_index = kind + 1
+    return material
+
+
+def proxy_of(mesh: bpy.types.Mesh) -> GeometryProxy:
+    """The proxy back from a mesh that ``show_proxy`` made."""
+    vertices, faces = arrays_from_mesh(mesh)
+    return GeometryProxy(
+        vertices, faces,
+        read_attribute(mesh, "provenance").astype(np.uint8),
+        read_attribute(mesh, "support").astype(np.uint16),
+        read_attribute(mesh, "confidence"),
+    )  # fmt: skip

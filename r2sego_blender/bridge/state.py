@@ -1,0 +1,168 @@
+"""What Blender remembers: the scene's bundle with its cached facts, and the running job.
+
+Panels draw only what stands here. ``refresh`` reads the bundle, on purpose: when it is
+opened, when a job has ended, or when the person asks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from ..errors import R2SEgoError, SceneError
+from ..settings import PRESETS
+from ..status import describe
+from .bundle import Bundle
+from .settings_properties import settings_group, show_settings
+
+_PRESET_DOCS = {
+    "paper": "The paper's own settings",
+    "preview": "A first look in minutes, at a lower quality",
+}
+
+
+class R2SEGO_PG_fact(bpy.types.PropertyGroup):  # noqa: N801
+    """One line a panel shows."""
+
+    section: StringProperty()
+    label: StringProperty()
+    value: StringProperty()
+
+
+class R2SEGO_PG_job(bpy.types.PropertyGroup):  # noqa: N801
+    """The running command of the engine."""
+
+    running: BoolProperty()
+    cancel_requested: BoolProperty()
+    title: StringProperty()
+    task: StringProperty()
+    fraction: FloatProperty(min=0.0, max=1.0, subtype="FACTOR")
+    remaining_s: FloatProperty(default=-1.0, subtype="TIME_ABSOLUTE", unit="TIME_ABSOLUTE")
+    message: StringProperty()
+
+
+SettingsGroup = settings_group()
+
+
+class R2SEGO_PG_scene(bpy.types.PropertyGroup):  # noqa: N801
+    """The bundle this Blender scene shows."""
+
+    bundle: StringProperty(
+        name="Bundle", description="The scene bundle (.r2s folder) shown here", subtype="DIR_PATH"
+    )
+    preset: EnumProperty(
+        name="Preset", description="Named settings of the refinement",
+        items=[(name, name.capitalize(), _PRESET_DOCS.get(name, name)) for name in PRESETS],
+    )  # fmt: skip
+    round_index: IntProperty(
+        name="Round", description="The refinement round whose proxy and views are shown, from 0",
+        min=0, default=0,
+    )  # fmt: skip
+    settings: PointerProperty(type=SettingsGroup)
+    facts: CollectionProperty(type=R2SEGO_PG_fact)
+    problem: StringProperty()
+    rounds_begun: IntProperty()
+    rounds_done: IntProperty()
+    rounds_declared: IntProperty()
+    has_sparse: BoolProperty()
+    has_collision: BoolProperty()
+    has_report: BoolProperty()
+
+
+_CLASSES = (R2SEGO_PG_fact, R2SEGO_PG_job, SettingsGroup, R2SEGO_PG_scene)
+
+
+def opened_bundle(context: bpy.types.Context) -> Bundle:
+    """The bundle of the current Blender scene. Raises SceneError when none is open."""
+    path = context.scene.r2sego.bundle
+    if not path:
+        raise SceneError("no scene bundle is open", cure="Open one with Open Scene, or make one.")
+    return Bundle.open(bpy.path.abspath(path))
+
+
+def show_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
+    """Make ``bundle`` the one this Blender scene shows, at its last round."""
+    state = scene.r2sego
+    state.bundle = str(bundle.path)
+    declared = bundle.scene.declaration
+    state.preset = declared.preset
+    show_settings(state.settings, declared.overrides, declared.settings)
+    refresh(scene)
+    state.round_index = max(0, state.rounds_begun - 1)
+
+
+def refresh(scene: bpy.types.Scene) -> None:
+    """Read the bundle again into the cached facts; a damaged bundle becomes ``problem``."""
+    state = scene.r2sego
+    state.facts.clear()
+    state.problem = ""
+    try:
+        bundle = Bundle.open(bpy.path.abspath(state.bundle))
+        state.rounds_begun, state.rounds_done = bundle.rounds(), bundle.scene.rounds_done()
+        state.rounds_declared = bundle.scene.declaration.settings.rounds
+        state.has_sparse = bundle.sparse_file.is_file()
+        state.has_collision = bundle.collision_mesh.is_file()
+        state.has_report = bundle.report_page.is_file()
+        for section, label, value in _facts(bundle):
+            fact = state.facts.add()
+            fact.section, fact.label, fact.value = section, label, value
+    except R2SEgoError as error:
+        state.problem = str(error)
+    except (OSError, ValueError, KeyError) as error:
+        state.problem = f"The bundle is damaged: {error!r}. Run Refine again."
+
+
+def _facts(bundle: Bundle) -> Iterator[tuple[str, str, str]]:
+    told = describe(bundle.scene)
+    yield "scene", "Preset", told["preset"]
+    yield "scene", "Rounds", f"{len(told['rounds'])} of {told['rounds_declared']} done"
+    yield "captures", "Photographs", str(told["captures"])
+    yield "captures", "Poses", told["captures_source"]
+    yield "captures", "Ground", told["ground"]
+    yield "captures", "Scale", told["scale_source"]
+    yield "proxy", "Surface", told["backends"].get("surface", "unknown")
+    yield "proxy", "Prior", told["backends"].get("shape_prior", "unknown")
+    yield "robot", "Robot", told["robot"]
+    yield "robot", "Scope", told["scope"]
+    yield "robot", "Controller", told["backends"].get("controller", "unknown")
+    yield "views", "Generator", told["backends"].get("generator", "unknown")
+    for index, done in enumerate(told["rounds"]):
+        succeeded, failed = done["rollouts_succeeded"], done["rollouts_failed"]
+        yield "robot", f"Round {index}", f"{succeeded} rollouts succeeded, {failed} failed"
+        yield (
+            "views", f"Round {index}",
+            f"{done['views_kept']} of {done['targets']} targets kept, {done['candidates']} candidates",
+        )  # fmt: skip
+    if bundle.asset_file.is_file():
+        yield "asset", "asset.ply", f"{bundle.asset_file.stat().st_size / 1e6:.1f} MB"
+    hulls = len(bundle.collision_hulls)
+    if hulls:
+        yield "collision", "Convex pieces", str(hulls)
+    for name, arm in sorted(((told["metrics"] or {}).get("arms") or {}).items()):
+        yield "report", name, f"PSNR {arm['psnr']:.2f} dB, SSIM {arm['ssim']:.3f}"
+
+
+def register() -> None:
+    """Add the scene's and the window manager's properties."""
+    for cls in _CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Scene.r2sego = PointerProperty(type=R2SEGO_PG_scene)
+    bpy.types.WindowManager.r2sego_job = PointerProperty(type=R2SEGO_PG_job)
+
+
+def unregister() -> None:
+    """Take them away again."""
+    del bpy.types.WindowManager.r2sego_job
+    del bpy.types.Scene.r2sego
+    for cls in reversed(_CLASSES):
+        bpy.utils.unregister_class(cls)
