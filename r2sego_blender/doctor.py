@@ -83,7 +83,8 @@ def lines(findings: dict[str, Any]) -> list[str]:
     wanted = [p["name"] for p in findings["packages"] if p["version"] is None and p["required"]]
     if wanted:
         text.append(
-            f"missing, about {findings['missing_mb']} MB: run `make install`, or pip install {' '.join(wanted)}"
+            f"missing, about {findings['missing_mb']} MB: "
+            f"run `make install`, or pip install {' '.join(wanted)}"
         )
     elif findings["ready"]:
         text.append("everything required is here")

@@ -1,0 +1,36 @@
+"""Write docs/settings.md from the settings' own docs: ``python docs/make_settings.py``."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+from r2sego_blender.settings import PRESETS, Settings, entries
+
+
+def settings_page() -> str:
+    """The page's Markdown."""
+    lines = [
+        "# Settings",
+        "",
+        "Made by `python docs/make_settings.py` from `r2sego_blender/settings.py`; do not edit.",
+        "Give any of them as `r2sego refine SCENE --set key=value`. The defaults are the paper's (its H)",
+        "or, where the paper is silent, what measured best. The last column is the `preview` preset.",
+    ]
+    docs = {f.name: type(getattr(Settings(), f.name)).__doc__ for f in dataclasses.fields(Settings)}
+    section = None
+    for entry in entries():
+        name = entry.key.rpartition(".")[0]
+        if name != section:
+            section = name
+            title, doc = (section.capitalize(), docs[section]) if section else ("Whole run", Settings.__doc__)
+            lines += ["", f"## {title}", "", doc.strip().splitlines()[0], ""]
+            lines += ["| key | default | range | meaning | preview |", "| --- | --- | --- | --- | --- |"]
+        allowed = "" if entry.low is None else f"{entry.low:g} to {entry.high:g}"
+        preview = PRESETS["preview"].get(entry.key, "")
+        lines.append(f"| `{entry.key}` | {entry.default} | {allowed} | {entry.doc} | {preview} |")
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    Path(__file__).with_name("settings.md").write_text(settings_page(), encoding="utf-8")
