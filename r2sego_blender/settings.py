@@ -36,10 +36,16 @@ class StereoSettings:
 
     max_side_px: int = setting(640, "Depth maps have at most this longest side.", 64, 4096)
     sources: int = setting(4, "Other captures each capture is matched against.", 1, 16)
-    iterations: int = setting(6, "Red-black sweeps of propagation and refinement.", 1, 20)
+    levels: int = setting(2, "Image sizes estimated, each half the next, coarsest first.", 1, 5)
+    iterations: int = setting(6, "Red-black sweeps of propagation and refinement a level.", 1, 20)
+    geometric_rounds: int = setting(2, "Rounds a level that ask the captures' depths to agree.", 0, 8)
+    geometric_sweeps: int = setting(2, "Red-black sweeps of each such round.", 1, 20)
+    geometric_weight: float = setting(0.2, "Cost of a pixel of reprojection error in them.", 0.0, 2.0)
     patch_radius_px: int = setting(5, "Half width of the matching window.", 2, 15)
+    patch_stride_px: int = setting(2, "Distance of the samples of the matching window.", 1, 4)
     consistency: float = setting(0.015, "Relative depth difference two captures may agree by.", 0.001, 0.2)
     max_cost: float = setting(0.5, "Matching cost (1 - NCC) above which a depth is dropped.", 0.05, 2.0)
+    min_segment_px: int = setting(30, "Smaller patches of reliable depth are dropped.", 0, 100000)
 
 
 @dataclass(frozen=True)
@@ -48,6 +54,10 @@ class ProxySettings:
 
     planes: int = setting(14, "Planes looked for in the observed points.", 0, 64)
     plane_tolerance_m: float = setting(0.02, "Points this near support a plane.", 0.002, 0.2)
+    plane_share: float = setting(0.005, "Share of the observed points a plane needs.", 0.0005, 0.5)
+    envelope_share: float = setting(
+        0.985, "Share of the observed points in front of a plane that bounds the room.", 0.5, 1.0
+    )
     voxel_m: float = setting(0.03, "Side of a voxel of the fused distance field.", 0.005, 0.5)
     truncation_m: float = setting(0.1, "Distance at which the fused field is cut off.", 0.01, 1.0)
     completed_weight: float = setting(0.1, "Weight of completed depth against observed 1.0.", 0.0, 1.0)
@@ -82,6 +92,9 @@ class SelectionSettings:
         0.8, "A pixel whose proxy validity is at least this is available.", 0.0, 1.0
     )
     scoring_scale: float = setting(0.25, "Image scale at which candidates are scored.", 0.05, 1.0)
+    overlap_tolerance: float = setting(
+        0.03, "Relative depth difference at which a capture still sees a proxy point.", 0.001, 0.2
+    )
 
 
 @dataclass(frozen=True)
@@ -89,11 +102,21 @@ class GenerationSettings:
     """Camera paths, structural conditions and the embedded generator."""
 
     clip_frames: int = setting(25, "Frames a clip, N_f; the last one is kept.", 2, 200)
-    clip_scale: float = setting(1.0, "Image scale of the clip's frames before the last.", 0.1, 1.0)
+    clip_scale: float = setting(
+        0.5, "Image scale of the clip's frames before the last, for the embedded generator.", 0.1, 1.0
+    )
+    max_replacements: int = setting(
+        12, "Rejected frames a round replaced by the next-ranked candidates.", 0, 500
+    )
     depth_tolerance: float = setting(
         0.03, "Relative depth difference at which a capture still sees a point.", 0.001, 0.2
     )
     best_captures: int = setting(3, "Captures blended at a pixel.", 1, 16)
+    edge_erosion_px: int = setting(
+        2, "Background this near a capture's depth edge is not taken from that capture.", 0, 16
+    )
+    border_px: float = setting(40.0, "Width over which a capture fades out at its border.", 0.0, 500.0)
+    hole_confidence: float = setting(0.1, "Confidence of a pixel that no capture saw.", 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -101,13 +124,18 @@ class RegistrationSettings:
     """Estimation of a generated frame's pose from its features."""
 
     max_features: int = setting(6000, "SIFT features a frame.", 200, 50000)
+    match_ratio: float = setting(0.8, "Nearest to second nearest descriptor distance of a match.", 0.1, 1.0)
     max_error_px: float = setting(4.0, "Reprojection error of an inlier.", 0.5, 20.0)
     min_inliers: int = setting(30, "Inliers below which a frame is rejected.", 6, 10000)
+    min_spread: float = setting(0.25, "Share of the image's 4 x 3 cells that must hold inliers.", 0.0, 1.0)
     max_offset_m: float = setting(
         0.1, "Distance from the query pose beyond which a frame is rejected.", 0.001, 5.0
     )
     max_turn_deg: float = setting(
         4.0, "Rotation from the query pose beyond which a frame is rejected.", 0.1, 90.0
+    )
+    max_focal_error: float = setting(
+        0.06, "Relative error of the estimated focal length beyond which a frame is rejected.", 0.001, 1.0
     )
 
 

@@ -1,0 +1,258 @@
+"""Completion of the captures' depth maps with the planes of the room.
+
+Where stereo is unreliable (bare walls, a single view), each pixel chooses between the room's
+planes by three kinds of evidence: how alike the captures look when warped by the plane's
+homography, how well the plane agrees with reliable depth nearby (this capture's own and what
+the others saw), and whether it stays clear of space the others saw to be free. The costs are
+aggregated along the image's edges by a guided filter. Where no plane convinces, the envelope
+of the room is taken; where there is none, the nearest completed depth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from scipy import ndimage
+
+from ..cameras import Camera
+from ..captures.capture import Capture
+from ..images import resize
+from ..progress import SILENT, Progress
+from ..settings import Settings
+from .planes import RoomPlanes
+
+if TYPE_CHECKING:
+    from .stereo import DepthMap
+
+
+class DepthSource(IntEnum):
+    """Where a pixel of a completed depth map comes from."""
+
+    OBSERVED = 0
+    PLANE = 1
+    ENVELOPE = 2
+    FILLED = 3
+
+
+@dataclass(frozen=True)
+class CompletedDepth:
+    """A capture's depth without holes.
+
+    ``depth`` (H, W) float32 planar metres, 0 only where nothing at all is known; ``source``
+    (H, W) uint8 of ``DepthSource``; ``camera`` the camera of both.
+    """
+
+    depth: np.ndarray
+    source: np.ndarray
+    camera: Camera
+
+
+_NCC_RADIUS_PX = 3
+_GUIDE_RADIUS_PX = 9
+_GUIDE_EPSILON = 1e-3
+_PHOTO_WEIGHT = 0.5  # of the photometric cost, in [0, 1]
+_AGREEMENT_WEIGHT = 0.8  # of the disagreement with reliable depth, in [0, 1]
+_NO_EVIDENCE = 0.6  # the disagreement assumed where there is no reliable depth
+_AGREEMENT_SCALE = 0.03  # relative depth difference of full disagreement
+_CONTRADICTION = 0.5  # cost of each capture that saw through the plane
+_FREE_MARGIN = 0.04  # relative depth beyond which another capture saw through a point
+_OUT_OF_VIEW = 2.0  # cost of a plane that cannot be seen at a pixel
+_CONVINCING = 1.0  # aggregated cost below which a plane is taken
+_BEHIND_ENVELOPE_M = 0.05
+_NEAREST_M = 0.3
+
+
+def complete_depth(
+    captures: Sequence[Capture],
+    depth_maps: Sequence[DepthMap],
+    planes: RoomPlanes,
+    settings: Settings,
+    progress: Progress = SILENT,
+) -> tuple[CompletedDepth, ...]:
+    """Every capture's depth map, completed at the size of its stereo depth."""
+    views = [_View.of(capture, dm, settings) for capture, dm in zip(captures, depth_maps, strict=True)]
+    with progress.task("Completing depth", len(views)) as task:
+        completed = []
+        for index in range(len(views)):
+            completed.append(_completed(index, views, planes, settings))
+            task.advance()
+    return tuple(completed)
+
+
+@dataclass(frozen=True)
+class _View:
+    """A capture at the size of its depth map; ``known`` is its reliable depth, 0 elsewhere."""
+
+    camera: Camera
+    grey: np.ndarray
+    known: np.ndarray
+
+    @staticmethod
+    def of(capture: Capture, depth_map: DepthMap, settings: Settings) -> _View:
+        image = resize(capture.image(), depth_map.camera.width, depth_map.camera.height)
+        known = np.where(depth_map.reliable(settings.stereo), depth_map.depth, 0).astype(np.float32)
+        return _View(depth_map.camera, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), known)
+
+
+def _completed(index: int, views: Sequence[_View], planes: RoomPlanes, settings: Settings) -> CompletedDepth:
+    view = views[index]
+    others = _sources(index, views, settings.stereo.sources)
+    bound = _nearest(planes.envelope.depths(view.camera))
+    anchor = _anchor(index, views)
+    best_cost = np.full(view.camera.shape, np.inf, np.float32)
+    best_depth = np.zeros(view.camera.shape, np.float32)
+    for depth, row in zip(planes.depths(view.camera), planes.inverse_depth_rows(view.camera), strict=True):
+        hidden = (depth < _NEAREST_M) | ((bound > 0) & (depth > bound + _BEHIND_ENVELOPE_M))
+        if hidden.all():
+            continue
+        cost = _plane_cost(view, others, depth, row, anchor)
+        cost[hidden] = _OUT_OF_VIEW
+        cost = _guided(view.grey, cost) + 0.15 * cost
+        better = (cost < best_cost) & ~hidden
+        best_cost[better], best_depth[better] = cost[better], depth[better]
+    observed = view.known > 0
+    on_plane = ~observed & (best_cost < _CONVINCING) & (best_depth > 0)
+    on_envelope = ~observed & ~on_plane & (bound > 0)
+    source = np.full(view.camera.shape, DepthSource.FILLED, np.uint8)
+    depth = np.zeros(view.camera.shape, np.float32)
+    for mask, values, kind in (
+        (observed, view.known, DepthSource.OBSERVED),
+        (on_plane, best_depth, DepthSource.PLANE),
+        (on_envelope, bound, DepthSource.ENVELOPE),
+    ):
+        depth[mask], source[mask] = values[mask], kind
+    return CompletedDepth(_filled(depth, observed), source, view.camera)
+
+
+def _sources(index: int, views: Sequence[_View], count: int) -> list[_View]:
+    """The other captures that see this one's reliable points best, nearest centre first on ties."""
+    view = views[index]
+    points = view.camera.unproject(view.known)[view.known > 0][::50]
+    scores = []
+    for j, other in enumerate(views):
+        if j != index:
+            seen = other.camera.sees(*other.camera.project(points)).mean() if len(points) else 0.0
+            scores.append(
+                (-round(float(seen), 3), np.linalg.norm(other.camera.centre - view.camera.centre), j)
+            )
+    return [views[j] for _, _, j in sorted(scores)[:count]]
+
+
+def _nearest(depths: np.ndarray) -> np.ndarray:
+    """The smallest positive depth over the first axis, 0 where there is none."""
+    if not len(depths):
+        return np.zeros(depths.shape[1:], np.float32)
+    nearest = np.where(depths > 0, depths, np.inf).min(0)
+    return np.where(np.isfinite(nearest), nearest, 0).astype(np.float32)
+
+
+def _anchor(index: int, views: Sequence[_View]) -> np.ndarray:
+    """(H, W) reliable depth: the capture's own, else what the others saw, where visible here."""
+    view = views[index]
+    height, width = view.camera.shape
+    seen = np.full(height * width, np.inf, np.float32)
+    for j, other in enumerate(views):
+        if j == index:
+            continue
+        pixels, depth = view.camera.project(other.camera.unproject(other.known)[other.known > 0])
+        inside = view.camera.sees(pixels, depth)
+        u, v = pixels[inside].astype(np.int64).T
+        np.minimum.at(seen, v * width + u, depth[inside].astype(np.float32))
+    seen = seen.reshape(height, width)
+    nearest = np.minimum(seen, np.where(view.known > 0, view.known, np.inf))
+    front = ndimage.minimum_filter(nearest, size=7)
+    visible = np.isfinite(seen) & (seen < front * 1.05)  # farther points show through gaps
+    return np.where(view.known > 0, view.known, np.where(visible, seen, 0)).astype(np.float32)
+
+
+def _plane_cost(view, others, depth, row, anchor):
+    """(H, W) float32 evidence against one plane, 0 (certain) and up."""
+    width, height = view.camera.width, view.camera.height
+    photo = []
+    contradictions = np.zeros((height, width), np.float32)
+    mean, variance = _moments(view.grey)
+    for other in others:
+        homography = _homography(view.camera, other.camera, row)
+        warp = dict(dsize=(width, height), borderMode=cv2.BORDER_CONSTANT)
+        linear = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        exact = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+        grey = cv2.warpPerspective(other.grey, homography, flags=linear, borderValue=-1, **warp)
+        known = cv2.warpPerspective(other.known, homography, flags=exact, borderValue=0, **warp)
+        reached = _depth_in(view.camera, other.camera, depth)
+        there = (grey >= 0) & (reached > 0)
+        occluded = (known > 0) & (known < reached * (1 - _FREE_MARGIN))
+        contradictions += there & (known > reached * (1 + _FREE_MARGIN))
+        cost = 1 - _correlation(view.grey, mean, variance, np.maximum(grey, 0))
+        photo.append(np.where(there & ~occluded, np.clip(cost, 0, 1), np.nan))
+    photo = _mean_of_best_two(np.array(photo))
+    apart = np.abs(anchor - depth) / np.maximum(anchor, 1e-6) / _AGREEMENT_SCALE
+    agreement = np.where(anchor > 0, np.minimum(apart, 1), _NO_EVIDENCE)
+    cost = _PHOTO_WEIGHT * photo + _AGREEMENT_WEIGHT * agreement + _CONTRADICTION * contradictions
+    return cost.astype(np.float32)
+
+
+def _homography(camera: Camera, other: Camera, row: np.ndarray) -> np.ndarray:
+    """(3, 3) from pixel indices of ``camera`` to those of ``other`` through the plane whose
+    inverse depth is ``row`` . ray; OpenCV's pixel centres lie at integers."""
+    relative = other.camera_from_world @ camera.world_from_camera
+    through = relative[:3, :3] + np.outer(relative[:3, 3], row)
+    shift = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])
+    return np.linalg.inv(shift) @ other.matrix @ through @ np.linalg.inv(camera.matrix) @ shift
+
+
+def _depth_in(camera: Camera, other: Camera, depth: np.ndarray) -> np.ndarray:
+    """(H, W) depth in ``other`` of the points at ``depth`` in ``camera``."""
+    relative = other.camera_from_world @ camera.world_from_camera
+    ray_depth = camera.rays().astype(np.float32) @ relative[2, :3].astype(np.float32)
+    return depth * ray_depth + np.float32(relative[2, 3])
+
+
+def _box(image: np.ndarray, radius: int) -> np.ndarray:
+    side = 2 * radius + 1
+    return cv2.boxFilter(image, -1, (side, side), borderType=cv2.BORDER_REFLECT)
+
+
+def _moments(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    mean = _box(image, _NCC_RADIUS_PX)
+    return mean, np.maximum(_box(image * image, _NCC_RADIUS_PX) - mean * mean, 0)
+
+
+def _correlation(image, mean, variance, other):
+    other_mean, other_variance = _moments(other)
+    covariance = _box(image * other, _NCC_RADIUS_PX) - mean * other_mean
+    noise = 4e-6  # grey-level variance of quantisation: bare patches correlate with nothing
+    return covariance / np.sqrt((variance + noise) * (other_variance + noise))
+
+
+def _mean_of_best_two(costs: np.ndarray) -> np.ndarray:
+    """Mean of the two lowest costs over the first axis; one view alone counts a quarter more."""
+    if not len(costs):
+        return np.ones(costs.shape[1:], np.float32)
+    ordered = np.sort(costs, axis=0)  # NaN last
+    first = ordered[0]
+    second = ordered[1] if len(ordered) > 1 else np.full_like(first, np.nan)
+    mean = np.where(np.isnan(second), np.minimum(first + 0.25, 1), (first + second) / 2)
+    return np.where(np.isnan(first), 1, mean)
+
+
+def _guided(guide: np.ndarray, image: np.ndarray) -> np.ndarray:
+    """The guided filter (He et al., 2010) of ``image`` along the edges of ``guide``."""
+    mean_guide, mean = _box(guide, _GUIDE_RADIUS_PX), _box(image, _GUIDE_RADIUS_PX)
+    covariance = _box(guide * image, _GUIDE_RADIUS_PX) - mean_guide * mean
+    variance = _box(guide * guide, _GUIDE_RADIUS_PX) - mean_guide * mean_guide
+    slope = covariance / (variance + _GUIDE_EPSILON)
+    return _box(slope, _GUIDE_RADIUS_PX) * guide + _box(mean - slope * mean_guide, _GUIDE_RADIUS_PX)
+
+
+def _filled(depth: np.ndarray, observed: np.ndarray) -> np.ndarray:
+    """Holes closed with the nearest depth, and the completed part freed of single pixels."""
+    if not (depth > 0).any():
+        return depth
+    nearest = ndimage.distance_transform_edt(depth <= 0, return_distances=False, return_indices=True)
+    full = depth[tuple(nearest)]
+    return np.where(observed, depth, cv2.medianBlur(full, 5))
