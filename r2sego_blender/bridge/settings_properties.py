@@ -9,8 +9,6 @@ import bpy
 
 from ..settings import Entry, Settings, entries
 
-_NOT_OFFERED = frozenset({"rounds", "seed"})  # shown by the operator itself
-
 
 def property_name(key: str) -> str:
     """The property of a dotted key: ``selection.target_views`` is ``selection__target_views``."""

@@ -67,9 +67,9 @@ def _target_objects(
     camera = create_camera(name, views.camera.at(views.poses[index]))
     camera.data.display_size = frustum_m
     camera.show_name = True
-    for key, value in (("candidate", index), ("u", views.deficit[index]), ("g", views.availability[index]),
-                       ("s", views.score[index])):  # fmt: skip
-        camera[key] = value.item()
+    camera["candidate"] = int(index)
+    camera["u"], camera["g"] = float(views.deficit[index]), float(views.availability[index])
+    camera["s"] = float(views.score[index])
     vertices, triangles = frustum_triangles(views.camera, np.eye(4)[None], frustum_m)
     mesh = mesh_from_arrays(f"{name} frustum", vertices * (1.0, -1.0, -1.0), triangles)
     material = plain_material("R2S-EGO target", _TARGET_COLOUR)

@@ -15,6 +15,7 @@ from .outliner import fresh_collection
 
 _PART = "Captures"
 _COLOUR = "colour"
+_POINTS = "R2S-EGO points"
 
 
 def show_captures(
@@ -60,21 +61,27 @@ def _point_object(name: str, points: np.ndarray, colours: np.ndarray, radius_m: 
     add_colours(mesh, _COLOUR, colours)
     created = bpy.data.objects.new(name, mesh)
     modifier = created.modifiers.new("Points", "NODES")
-    modifier.node_group = _points_group(radius_m)
+    modifier.node_group = group = _points_group()
+    radius = group.interface.items_tree["Radius"]
+    modifier[radius.identifier] = radius_m
     return created
 
 
-def _points_group(radius_m: float) -> bpy.types.NodeTree:
+def _points_group() -> bpy.types.NodeTree:
     """Vertices to coloured points, in every Blender from 4.3 on; no native point cloud data needed."""
-    group = bpy.data.node_groups.new("R2S-EGO points", "GeometryNodeTree")
+    group = bpy.data.node_groups.get(_POINTS)
+    if group is not None:
+        return group
+    group = bpy.data.node_groups.new(_POINTS, "GeometryNodeTree")
     group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    group.interface.new_socket("Radius", in_out="INPUT", socket_type="NodeSocketFloat")
     group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     nodes, link = group.nodes, group.links.new
     first, last = nodes.new("NodeGroupInput"), nodes.new("NodeGroupOutput")
     to_points, paint = nodes.new("GeometryNodeMeshToPoints"), nodes.new("GeometryNodeSetMaterial")
-    to_points.inputs["Radius"].default_value = radius_m
-    paint.inputs["Material"].default_value = attribute_material("R2S-EGO points", _COLOUR)
-    link(first.outputs[0], to_points.inputs["Mesh"])
+    paint.inputs["Material"].default_value = attribute_material(_POINTS, _COLOUR)
+    link(first.outputs["Geometry"], to_points.inputs["Mesh"])
+    link(first.outputs["Radius"], to_points.inputs["Radius"])
     link(to_points.outputs[0], paint.inputs["Geometry"])
     link(paint.outputs[0], last.inputs[0])
     for place, node in enumerate((first, to_points, paint, last)):

@@ -13,10 +13,11 @@ from .outliner import fresh_collection
 
 _PART = "Geometry proxy"
 _COLOURS = {
-    Provenance.OBSERVED: (0.62, 0.62, 0.62),  # grey: seen in the captures
-    Provenance.PRIOR: (0.05, 0.55, 0.53),  # teal
-    Provenance.COMPLETED: (0.93, 0.60, 0.12),  # amber: invented by completion
+    Provenance.OBSERVED: (148, 148, 148),
+    Provenance.PRIOR: (0, 150, 136),
+    Provenance.COMPLETED: (224, 164, 58),
 }
+"""sRGB; the exported proxy has the same: capture grey, prior teal, completed amber."""
 
 
 def show_proxy(scene: bpy.types.Scene, bundle: Bundle, round_index: int) -> bpy.types.Object:
@@ -27,20 +28,27 @@ def show_proxy(scene: bpy.types.Scene, bundle: Bundle, round_index: int) -> bpy.
     """
     proxy = bundle.proxy(round_index)
     collection = fresh_collection(scene, bundle.name, _PART)
-    mesh = mesh_from_arrays(f"Proxy, round {round_index}", proxy.vertices, proxy.faces)
-    add_attribute(mesh, "provenance", proxy.provenance)
-    add_attribute(mesh, "support", proxy.support)
-    add_attribute(mesh, "confidence", proxy.confidence)
-    materials = [provenance_material(kind) for kind in Provenance]
-    assign_materials(mesh, materials, proxy.provenance)
+    mesh = proxy_mesh(proxy, f"Proxy, round {round_index}")
     created = bpy.data.objects.new(mesh.name, mesh)
     collection.objects.link(created)
     return created
 
 
+def proxy_mesh(proxy: GeometryProxy, name: str) -> bpy.types.Mesh:
+    """The proxy as a mesh with its face attributes and a material by provenance."""
+    mesh = mesh_from_arrays(name, proxy.vertices, proxy.faces)
+    add_attribute(mesh, "provenance", proxy.provenance)
+    add_attribute(mesh, "support", proxy.support)
+    add_attribute(mesh, "confidence", proxy.confidence)
+    materials = [provenance_material(kind) for kind in Provenance]
+    assign_materials(mesh, materials, proxy.provenance)
+    return mesh
+
+
 def provenance_material(kind: Provenance) -> bpy.types.Material:
     """The material of faces with this provenance; its pass index is the provenance + 1."""
-    material = plain_material(f"R2S-EGO {kind.name.lower()}", _COLOURS[kind])
+    colour = tuple(channel / 255.0 for channel in _COLOURS[kind])
+    material = plain_material(f"R2S-EGO {kind.name.lower()}", colour)
     material.pass_index = kind + 1
     return material
 

@@ -75,7 +75,7 @@ def ask(arguments: Iterable[str], interpreter: str, timeout_s: float = 60.0) -> 
     command = [interpreter, "-m", LIBRARY.name, *arguments]
     try:
         done = subprocess.run(
-            command, env=_environment(), cwd=LIBRARY.parent, stdin=subprocess.DEVNULL,
+            command, env=_environment(), stdin=subprocess.DEVNULL,
             capture_output=True, text=True, encoding="utf-8", errors="replace", timeout=timeout_s,
         )  # fmt: skip
     except (OSError, subprocess.TimeoutExpired) as error:
@@ -92,26 +92,39 @@ def ask(arguments: Iterable[str], interpreter: str, timeout_s: float = 60.0) -> 
     return done.stdout
 
 
+def run_in_terminal(arguments: Iterable[str], interpreter: str) -> int:
+    """Run a command on this process's own terminal and return its exit status.
+
+    Raises MachineError when the interpreter cannot be started.
+    """
+    try:
+        process = subprocess.Popen([interpreter, "-m", LIBRARY.name, *arguments], env=_environment())
+    except OSError as error:
+        raise _not_started(interpreter, error) from error
+    while True:
+        try:
+            return process.wait()
+        except KeyboardInterrupt:
+            pass  # the terminal interrupts both; the engine ends, and this waits for it
+
+
 class Engine:
     """One running command of the engine."""
 
     def __init__(self, arguments: Iterable[str], interpreter: str) -> None:
-        """Start ``interpreter -m r2sego_blender arguments``; paths in it must be absolute.
+        """Start ``interpreter -m r2sego_blender arguments``.
 
         Raises MachineError when the process cannot be started.
         """
         command = [interpreter, "-m", LIBRARY.name, *arguments]
         try:
             self._process = subprocess.Popen(
-                command, env=_environment(), cwd=LIBRARY.parent, stdin=subprocess.DEVNULL,
+                command, env=_environment(), stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                 text=True, encoding="utf-8", errors="replace", **_group_of_its_own(),
             )  # fmt: skip
         except OSError as error:
-            raise MachineError(
-                f"the engine could not be started: {error}", where=interpreter,
-                cure="Choose another Python in the add-on's preferences.",
-            ) from error  # fmt: skip
+            raise _not_started(interpreter, error) from error
         self._events: SimpleQueue[Event] = SimpleQueue()
         self._other_lines: deque[str] = deque(maxlen=_REMEMBERED_LINES)
         self._result: Mapping[str, Any] = {}
@@ -222,6 +235,13 @@ class Engine:
                 os.killpg(self._process.pid, number)
 
 
+def _not_started(interpreter: str, error: OSError) -> MachineError:
+    return MachineError(
+        f"the engine could not be started: {error}", where=interpreter,
+        cure="Choose another Python in the add-on's preferences.",
+    )  # fmt: skip
+
+
 def _parsed(line: str) -> Event | None:
     try:
         data = json.loads(line)
@@ -237,6 +257,7 @@ def _environment() -> dict[str, str]:
     kept = {key: value for key, value in os.environ.items() if key not in ("PYTHONHOME", "PYTHONSTARTUP")}
     paths = [str(LIBRARY.parent), kept.get("PYTHONPATH", "")]
     kept["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
+    kept["PYTHONSAFEPATH"] = "1"  # the folder the person stands in is not searched for modules
     kept["PYTHONUNBUFFERED"] = "1"
     kept["PYTHONUTF8"] = "1"
     return kept

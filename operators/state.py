@@ -4,8 +4,6 @@ Panels draw only what stands here. ``refresh`` reads the bundle, on purpose: whe
 opened, when a job has ended, or when the person asks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import bpy
@@ -19,11 +17,11 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..errors import R2SEgoError, SceneError
-from ..settings import PRESETS
-from ..status import describe
-from .bundle import Bundle
-from .settings_properties import settings_group, show_settings
+from ..r2sego_blender.errors import R2SEgoError, SceneError
+from ..r2sego_blender.settings import PRESETS
+from ..r2sego_blender.status import describe
+from ..r2sego_blender.bridge.bundle import Bundle
+from ..r2sego_blender.bridge.settings_properties import settings_group, show_settings
 
 _PRESET_DOCS = {
     "paper": "The paper's own settings",
@@ -31,7 +29,7 @@ _PRESET_DOCS = {
 }
 
 
-class R2SEGO_PG_fact(bpy.types.PropertyGroup):  # noqa: N801
+class R2SEGO_PG_fact(bpy.types.PropertyGroup):
     """One line a panel shows."""
 
     section: StringProperty()
@@ -39,7 +37,7 @@ class R2SEGO_PG_fact(bpy.types.PropertyGroup):  # noqa: N801
     value: StringProperty()
 
 
-class R2SEGO_PG_job(bpy.types.PropertyGroup):  # noqa: N801
+class R2SEGO_PG_job(bpy.types.PropertyGroup):
     """The running command of the engine."""
 
     running: BoolProperty()
@@ -54,7 +52,7 @@ class R2SEGO_PG_job(bpy.types.PropertyGroup):  # noqa: N801
 SettingsGroup = settings_group()
 
 
-class R2SEGO_PG_scene(bpy.types.PropertyGroup):  # noqa: N801
+class R2SEGO_PG_scene(bpy.types.PropertyGroup):
     """The bundle this Blender scene shows."""
 
     bundle: StringProperty(

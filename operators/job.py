@@ -1,35 +1,14 @@
-"""The one command of the engine that Blender follows at a time."""
+"""The one command of the engine that Blender follows at a time, shown in ``wm.r2sego_job``."""
 
-from __future__ import annotations
-
-import sys
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable
 
 import bpy
 
-from ..errors import SceneError
-from ..workers.engine import Engine, Event, find_interpreter
-
-ADDON_ID = "r2sego"
+from ..r2sego_blender.bridge.engine_python import interpreter
+from ..r2sego_blender.errors import SceneError
+from ..r2sego_blender.workers.engine import Engine, Event
 
 _current: Engine | None = None
-
-
-def interpreter() -> str:
-    """The engine's Python: the preference, else $R2SEGO_PYTHON, else pip bpy's own Python.
-
-    Raises MachineError when there is none: Blender's own Python is never taken.
-    """
-    preferences = addon_preferences()
-    preferred = bpy.path.abspath(preferences.engine_python) if preferences else ""
-    return find_interpreter(preferred, fallback=sys.executable if bpy.app.module else "")
-
-
-def addon_preferences() -> bpy.types.AddonPreferences | None:
-    """This add-on's preferences, None while it is not enabled (a script on a checkout)."""
-    addons = bpy.context.preferences.addons
-    return next((a.preferences for a in addons if a.module.rpartition(".")[2] == ADDON_ID), None)
 
 
 def is_running() -> bool:
@@ -57,24 +36,23 @@ def show_event(event: Event) -> None:
     """Take one event of the engine over into the job's properties."""
     job = bpy.context.window_manager.r2sego_job
     if event.kind == "progress":
-        data: Mapping[str, Any] = event.data
-        job.task = str(data.get("task", ""))
-        job.fraction = data.get("done", 0) / max(1, data.get("total", 1))
-        remaining_s = data.get("remaining_s")
+        job.task = str(event.data.get("task", ""))
+        job.fraction = event.data.get("done", 0) / max(1, event.data.get("total", 1))
+        remaining_s = event.data.get("remaining_s")
         job.remaining_s = -1.0 if remaining_s is None else remaining_s
     elif event.kind == "message":
         job.message = str(event.data.get("text", ""))
 
 
 def progress_text() -> str:
-    """The job in one line, for the status bar and the panel."""
+    """The job in one line, for the status bar."""
     job = bpy.context.window_manager.r2sego_job
     left = f", {_duration(job.remaining_s)} left" if job.remaining_s >= 0.0 else ""
     return f"{job.task} {job.fraction:.0%}{left}"
 
 
 def end() -> None:
-    """Forget the ended command; one that still runs is stopped."""
+    """Forget the command; one that still runs is stopped."""
     global _current
     if _current is not None:
         _current.stop()

@@ -1,0 +1,83 @@
+"""Build and validate the Blender extension: ``python batch/build_extension.py [--out dist]``.
+
+``addon_manifest.toml`` is the one manifest. It is written as ``blender_manifest.toml`` into
+a staged copy of the repository, which Blender's own builder then packs and checks: that of
+a ``blender`` binary (``--blender``), or the one that pip bpy brings.
+"""
+
+import argparse
+import fnmatch
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+MANIFEST = "addon_manifest.toml"
+_BUILDERS_MANIFEST = "blender_manifest.toml"
+
+
+def build(out: Path, blender: str = "") -> Path:
+    """Pack the extension into ``out`` and validate it; returns the zip.
+
+    Raises SystemExit with the builder's words when it refuses.
+    """
+    manifest = tomllib.loads((ROOT / MANIFEST).read_text(encoding="utf-8"))
+    out.mkdir(parents=True, exist_ok=True)
+    package = out.absolute() / f"{manifest['id']}-{manifest['version']}.zip"
+    builder = _builder(blender)
+    with tempfile.TemporaryDirectory(prefix="r2sego-extension-") as folder:
+        staged = Path(folder, manifest["id"])
+        shutil.copytree(ROOT, staged, ignore=_excluded(manifest["build"]["paths_exclude_pattern"]))
+        shutil.copy2(ROOT / MANIFEST, staged / _BUILDERS_MANIFEST)
+        _run([*builder, "build", "--source-dir", str(staged), "--output-filepath", str(package)], builder)
+    _run([*builder, "validate", str(package)], builder)
+    return package
+
+
+def _excluded(patterns: list[str]):
+    """What ``shutil.copytree`` leaves out: the manifest's patterns, so that nothing large is staged."""
+
+    def leave_out(folder: str, names: list[str]) -> set[str]:
+        at_root = Path(folder) == ROOT
+        wanted = [p.strip("/") for p in patterns if at_root or not p.startswith("/")]
+        return {name for name in names if any(fnmatch.fnmatchcase(name, pattern) for pattern in wanted)}
+
+    return leave_out
+
+
+def _builder(blender: str) -> list[str]:
+    if blender:
+        return [blender, "--background", "--factory-startup", "--command", "extension"]
+    import bpy
+
+    script = next(Path(bpy.utils.system_resource("SCRIPTS")).glob("addons_core/bl_pkg/cli/blender_ext.py"))
+    return [sys.executable, str(script)]
+
+
+def _run(command: list[str], builder: list[str]) -> None:
+    if builder[-1] != "extension":  # the script has no list of tags of its own
+        import bpy
+
+        scripts = Path(bpy.utils.system_resource("SCRIPTS"))
+        tags = scripts / "modules" / "_bpy_internal" / "extensions" / "tags.py"
+        at = len(builder) + 1
+        command = [*command[:at], "--valid-tags", str(tags), *command[at:]]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode != 0:
+        raise SystemExit(f"Blender's builder refuses the extension:\n{done.stdout}{done.stderr}")
+
+
+def main() -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder of the zip")
+    parser.add_argument("--blender", default="", help="a blender binary; else pip bpy's builder")
+    options = parser.parse_args()
+    print(build(options.out, options.blender))
+
+
+if __name__ == "__main__":
+    main()

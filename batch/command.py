@@ -1,0 +1,16 @@
+"""``blender --command r2sego …``: the same command tree as ``r2sego …`` in a shell."""
+
+import sys
+
+from ..r2sego_blender.bridge.engine_python import interpreter
+from ..r2sego_blender.errors import R2SEgoError
+from ..r2sego_blender.workers.engine import run_in_terminal
+
+
+def run(arguments: list[str]) -> int:
+    """Run the engine with these arguments on this terminal; returns its exit status."""
+    try:
+        return run_in_terminal(arguments, interpreter())
+    except R2SEgoError as error:
+        print(f"r2sego: {error}", file=sys.stderr)
+        return 1

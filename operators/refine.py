@@ -1,0 +1,33 @@
+"""Run the refinement."""
+
+import bpy
+
+from . import state
+from ..r2sego_blender.bridge.settings_properties import overrides
+from .base import EngineOperator, needs_bundle, needs_idle_engine
+
+
+class R2SEGO_OT_refine(EngineOperator, bpy.types.Operator):
+    """Run the refinement of the open scene; started again, it goes on where it stopped. ESC cancels"""
+
+    bl_idname = "r2sego.refine"
+    bl_label = "Refine"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context):
+        return needs_bundle(cls, context) and needs_idle_engine(cls)
+
+    def arguments(self, context):
+        scene = context.scene.r2sego
+        command = ["refine", str(state.opened_bundle(context).path), "--json-progress"]
+        command += ["--preset", scene.preset]
+        for key, value in overrides(scene.settings).items():
+            command += ["--set", f"{key}={value:.6g}" if isinstance(value, float) else f"{key}={value}"]
+        return command
+
+    def finish(self, context, result):
+        state.refresh(context.scene)
+        scene = context.scene.r2sego
+        scene.round_index = max(0, scene.rounds_begun - 1)
+        return f"Refined: {scene.rounds_done} of {scene.rounds_declared} rounds"

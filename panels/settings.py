@@ -1,0 +1,36 @@
+"""The settings, a sub-panel of Scene: what the person changes overrides the preset."""
+
+import bpy
+
+from ..r2sego_blender.bridge.settings_properties import property_name, sections
+
+
+class R2SEGO_PT_settings(bpy.types.Panel):
+    """Every setting of the refinement; a changed one overrides the preset"""
+
+    bl_idname = "R2SEGO_PT_settings"
+    bl_label = "Settings"
+    bl_parent_id = "R2SEGO_PT_scene"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        group = context.scene.r2sego.settings
+        layout.operator("r2sego.reset_settings", icon="LOOP_BACK")
+        for section, keys in sections().items():
+            header, body = layout.panel(f"R2SEGO_{section or 'general'}", default_closed=bool(section))
+            header.label(text=(section or "general").capitalize())
+            if body is None:
+                continue
+            for key in keys:
+                name = property_name(key)
+                row = body.row()
+                row.active = group.is_property_set(name)  # grey: the preset's value holds
+                row.prop(group, name)
+
+
+CLASSES = (R2SEGO_PT_settings,)

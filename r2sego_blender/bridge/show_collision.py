@@ -1,0 +1,60 @@
+"""The collision surface of a bundle as a Blender mesh."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..errors import SceneError
+from .bundle import Bundle
+from .materials import ramp_materials
+from .meshes import add_attribute, assign_materials, mesh_from_arrays
+from .outliner import fresh_collection
+
+_PART = "Collision"
+_PIECE_COLOURS = 8
+
+
+def show_collision(scene: bpy.types.Scene, bundle: Bundle, *, pieces: bool = True) -> bpy.types.Object:
+    """The convex pieces (or the one mesh) in one object, in place of the one shown before.
+
+    Faces carry the attribute ``piece``. Raises SceneError when the bundle has no collision
+    surface or a mesh file is damaged.
+    """
+    files = bundle.collision_hulls if pieces else [bundle.collision_mesh]
+    if not files or not files[0].is_file():
+        raise SceneError(
+            "there is no collision surface", where=bundle.scene.collision_folder, cure="Run Refine first."
+        )
+    parts = [read_obj(file) for file in files]
+    starts = np.cumsum([0] + [len(vertices) for vertices, _ in parts[:-1]])
+    vertices = np.concatenate([v for v, _ in parts])
+    faces = np.concatenate([f + start for (_, f), start in zip(parts, starts, strict=True)])
+    piece = np.repeat(np.arange(len(parts), dtype=np.int32), [len(f) for _, f in parts])
+    collection = fresh_collection(scene, bundle.name, _PART)
+    mesh = mesh_from_arrays("Collision", vertices, faces)
+    add_attribute(mesh, "piece", piece)
+    # Neighbouring pieces get distant colours, so that their borders show.
+    assign_materials(mesh, ramp_materials("R2S-EGO piece", _PIECE_COLOURS), piece * 3 % _PIECE_COLOURS)
+    created = bpy.data.objects.new(mesh.name, mesh)
+    collection.objects.link(created)
+    return created
+
+
+def read_obj(file: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3) float32 and triangles (F, 3) int32 of an OBJ of triangles.
+
+    Blender's own importer turns axes and makes objects; these files are in the world frame.
+    """
+    try:
+        rows = [line.split() for line in file.read_text().splitlines()]
+        vertices = np.array([row[1:4] for row in rows if row[:1] == ["v"]], np.float32)
+        corners = [[corner.partition("/")[0] for corner in row[1:]] for row in rows if row[:1] == ["f"]]
+        faces = np.array(corners, np.int32).reshape(-1, 3) - 1
+    except (OSError, ValueError) as error:
+        raise SceneError(
+            f"the mesh cannot be read: {error}", where=file, cure="Run Refine again."
+        ) from error  # fmt: skip
+    return vertices, faces
