@@ -1,0 +1,147 @@
+"""The visual asset A: a set of 3D Gaussians with view-dependent colour (Kerbl et al. 2023)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import AssetError
+from .harmonics import degree_of, rotated_coefficients
+from .quaternions import from_rotation, product
+
+SH_BAND_0 = 0.28209479177387814
+"""The constant harmonic: colour = SH_BAND_0 * sh[:, 0] + 0.5."""
+
+_WIDTHS = {"means": 3, "log_scales": 3, "quaternions": 4}
+
+
+@dataclass(frozen=True)
+class SplatAsset:
+    """N Gaussians in the world frame, float32 and contiguous.
+
+    ``means`` (N, 3) metres; ``log_scales`` (N, 3) natural logarithms of the standard
+    deviations in metres; ``quaternions`` (N, 4) wxyz, of any length (zero counts as the
+    identity); ``logit_opacities`` (N,); ``sh`` (N, (D+1)**2, 3) coefficients of the real
+    spherical harmonics of degree D from 0 to 3, in 3DGS order and sign. Raises AssetError
+    when the shapes do not fit together.
+    """
+
+    means: np.ndarray
+    log_scales: np.ndarray
+    quaternions: np.ndarray
+    logit_opacities: np.ndarray
+    sh: np.ndarray
+
+    def __post_init__(self) -> None:
+        for name in ("means", "log_scales", "quaternions", "logit_opacities", "sh"):
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), np.float32))
+        count = len(self.means)
+        shapes = {name: (count, width) for name, width in _WIDTHS.items()}
+        shapes |= {"logit_opacities": (count,), "sh": (count, *self.sh.shape[1:2], 3)}
+        for name, expected in shapes.items():
+            found = getattr(self, name).shape
+            if found != expected:
+                raise AssetError(
+                    f"{name} has the shape {found}, not {expected}",
+                    cure="Give one row for each Gaussian.",
+                )
+        if self.sh.shape[1] not in (1, 4, 9, 16):
+            raise AssetError(
+                f"sh has {self.sh.shape[1]} coefficients a channel", cure="Degrees 0 to 3 have 1, 4, 9 or 16."
+            )
+
+    def __len__(self) -> int:
+        return len(self.means)
+
+    @property
+    def degree(self) -> int:
+        """The degree D of the spherical harmonics."""
+        return degree_of(self.sh.shape[1])
+
+    @property
+    def opacities(self) -> np.ndarray:
+        """(N,) float32 in [0, 1]."""
+        return (1.0 / (1.0 + np.exp(-np.clip(self.logit_opacities, -80.0, 80.0)))).astype(np.float32)
+
+    @property
+    def base_colours(self) -> np.ndarray:
+        """(N, 3) float32, the colour averaged over all directions; not clipped."""
+        return self.sh[:, 0] * np.float32(SH_BAND_0) + np.float32(0.5)
+
+    def transformed(self, similarity: np.ndarray) -> SplatAsset:
+        """The asset moved by a (4, 4) similarity ``new_from_old``; the harmonics turn with it.
+
+        Raises AssetError when the matrix shears, mirrors or scales unevenly.
+        """
+        linear = np.asarray(similarity, np.float64)[:3, :3]
+        determinant = np.linalg.det(linear)
+        scale = np.cbrt(determinant)
+        if determinant <= 0 or not np.allclose(linear @ linear.T, scale**2 * np.eye(3), atol=1e-5 * scale**2):
+            raise AssetError(
+                "the transform is not a similarity", cure="Use a rotation, one scale and a translation."
+            )
+        rotation = linear / scale
+        return SplatAsset(
+            means=self.means.astype(np.float64) @ linear.T + np.asarray(similarity)[:3, 3],
+            log_scales=self.log_scales + np.float32(np.log(scale)),
+            quaternions=product(from_rotation(rotation), _with_identity(self.quaternions)),
+            logit_opacities=self.logit_opacities,
+            sh=rotated_coefficients(self.sh, rotation),
+        )
+
+    def concatenated(self, other: SplatAsset) -> SplatAsset:
+        """Both assets' Gaussians, at the higher of the two degrees."""
+        degree = max(self.degree, other.degree)
+        a, b = self.with_degree(degree), other.with_degree(degree)
+        return SplatAsset(
+            means=np.concatenate([a.means, b.means]),
+            log_scales=np.concatenate([a.log_scales, b.log_scales]),
+            quaternions=np.concatenate([a.quaternions, b.quaternions]),
+            logit_opacities=np.concatenate([a.logit_opacities, b.logit_opacities]),
+            sh=np.concatenate([a.sh, b.sh]),
+        )
+
+    def subset(self, chosen: np.ndarray) -> SplatAsset:
+        """The Gaussians of an index array or (N,) bool mask, in that order."""
+        return SplatAsset(
+            means=self.means[chosen],
+            log_scales=self.log_scales[chosen],
+            quaternions=self.quaternions[chosen],
+            logit_opacities=self.logit_opacities[chosen],
+            sh=self.sh[chosen],
+        )
+
+    def with_degree(self, degree: int) -> SplatAsset:
+        """The asset at another degree: harmonics cut off, or zeros appended."""
+        coefficients = (degree + 1) ** 2
+        sh = np.zeros((len(self), coefficients, 3), np.float32)
+        shared = min(coefficients, self.sh.shape[1])
+        sh[:, :shared] = self.sh[:, :shared]
+        return SplatAsset(self.means, self.log_scales, self.quaternions, self.logit_opacities, sh)
+
+    def copy(self) -> SplatAsset:
+        """An asset that shares no memory with this one."""
+        return SplatAsset(
+            self.means.copy(),
+            self.log_scales.copy(),
+            self.quaternions.copy(),
+            self.logit_opacities.copy(),
+            self.sh.copy(),
+        )
+
+    @staticmethod
+    def empty(degree: int = 0) -> SplatAsset:
+        """An asset without Gaussians."""
+        return SplatAsset(
+            means=np.zeros((0, 3)),
+            log_scales=np.zeros((0, 3)),
+            quaternions=np.zeros((0, 4)),
+            logit_opacities=np.zeros(0),
+            sh=np.zeros((0, (degree + 1) ** 2, 3)),
+        )
+
+
+def _with_identity(quaternions: np.ndarray) -> np.ndarray:
+    zero = np.linalg.norm(quaternions, axis=1) < 1e-12
+    return np.where(zero[:, None], np.array([1.0, 0.0, 0.0, 0.0]), quaternions)

@@ -1,0 +1,131 @@
+"""A plain float64 torch rasteriser: the formulas of 3DGS, pixel by Gaussian, no tiles."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+
+from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.splats.asset import SplatAsset
+
+
+def harmonics(d: torch.Tensor, degree: int) -> torch.Tensor:
+    """(N, K) basis from the textbook's associated Legendre forms, signs as in 3DGS."""
+    x, y, z = d.unbind(-1)
+    pi = math.pi
+    rows = [torch.full_like(x, 0.5 * math.sqrt(1 / pi))]
+    if degree > 0:
+        c = math.sqrt(3 / (4 * pi))
+        rows += [-c * y, c * z, -c * x]
+    if degree > 1:
+        c = 0.5 * math.sqrt(15 / pi)
+        rows += [c * x * y, -c * y * z, 0.25 * math.sqrt(5 / pi) * (3 * z * z - (x * x + y * y + z * z))]
+        rows += [-c * x * z, 0.5 * c * (x * x - y * y)]
+    if degree > 2:
+        r2 = x * x + y * y + z * z
+        rows += [
+            -0.25 * math.sqrt(35 / (2 * pi)) * y * (3 * x * x - y * y),
+            0.5 * math.sqrt(105 / pi) * x * y * z,
+            -0.25 * math.sqrt(21 / (2 * pi)) * y * (5 * z * z - r2),
+            0.25 * math.sqrt(7 / pi) * z * (5 * z * z - 3 * r2),
+            -0.25 * math.sqrt(21 / (2 * pi)) * x * (5 * z * z - r2),
+            0.25 * math.sqrt(105 / pi) * z * (x * x - y * y),
+            -0.25 * math.sqrt(35 / (2 * pi)) * x * (x * x - 3 * y * y),
+        ]
+    return torch.stack(rows, -1)
+
+
+def rotations(q: torch.Tensor) -> torch.Tensor:
+    """(N, 3, 3) of quaternions wxyz of any length."""
+    w, x, y, z = (q / q.norm(dim=-1, keepdim=True)).unbind(-1)
+    return torch.stack(
+        [
+            1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
+            2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+            2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
+        ],
+        -1,
+    ).reshape(-1, 3, 3)  # fmt: skip
+
+
+def rasterize(
+    means, log_scales, quaternions, logit_opacities, sh, camera: Camera, background=(0.0, 0.0, 0.0)
+):
+    """(colour (H, W, 3), alpha (H, W), depth sum (H, W)), differentiable, float64."""
+    transform = torch.from_numpy(camera.camera_from_world)
+    p = means @ transform[:3, :3].T + transform[:3, 3]
+    keep = p[:, 2] > 0.2
+    p, order = p[keep], torch.nonzero(keep)[:, 0]
+    nearest = torch.argsort(p[:, 2], stable=True)
+    p, order = p[nearest], order[nearest]
+    x, y, z = p.unbind(-1)
+    margin_x, margin_y = 0.15 * camera.width / camera.fx, 0.15 * camera.height / camera.fy
+    held_x = (x / z).clamp(
+        -camera.cx / camera.fx - margin_x, (camera.width - camera.cx) / camera.fx + margin_x
+    )
+    held_y = (y / z).clamp(
+        -camera.cy / camera.fy - margin_y, (camera.height - camera.cy) / camera.fy + margin_y
+    )
+    zero = torch.zeros_like(z)
+    jacobian = torch.stack(
+        [
+            torch.stack([camera.fx / z, zero, -camera.fx * held_x / z], -1),
+            torch.stack([zero, camera.fy / z, -camera.fy * held_y / z], -1),
+        ],
+        1,
+    )
+    axes = rotations(quaternions[order]) * log_scales[order].exp()[:, None, :]
+    screen_axes = jacobian @ transform[:3, :3] @ axes
+    covariance = screen_axes @ screen_axes.transpose(1, 2) + 0.3 * torch.eye(2, dtype=torch.float64)
+    conic = torch.linalg.inv(covariance)
+    centre = torch.stack([camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy], -1)
+    direction = means[order] - torch.from_numpy(camera.centre)
+    direction = direction / direction.norm(dim=-1, keepdim=True)
+    colour = torch.einsum("nk,nkc->nc", harmonics(direction, round(sh.shape[1] ** 0.5) - 1), sh[order]) + 0.5
+    colour = colour.clamp(min=0.0)
+    opacity = torch.sigmoid(logit_opacities[order])
+
+    v, u = torch.meshgrid(
+        torch.arange(camera.height, dtype=torch.float64) + 0.5,
+        torch.arange(camera.width, dtype=torch.float64) + 0.5,
+        indexing="ij",
+    )
+    transmittance = torch.ones(camera.shape, dtype=torch.float64)
+    image = torch.zeros((*camera.shape, 3), dtype=torch.float64)
+    depth = torch.zeros(camera.shape, dtype=torch.float64)
+    for i in range(len(order)):
+        dx, dy = u - centre[i, 0], v - centre[i, 1]
+        power = -0.5 * (conic[i, 0, 0] * dx * dx + conic[i, 1, 1] * dy * dy) - conic[i, 0, 1] * dx * dy
+        alpha = (opacity[i] * power.exp()).clamp(max=0.99)
+        alpha = torch.where((alpha >= 1 / 255) & (transmittance > 1e-4), alpha, torch.zeros_like(alpha))
+        weight = alpha * transmittance
+        image = image + weight[..., None] * colour[i]
+        depth = depth + weight * z[i]
+        transmittance = transmittance * (1 - alpha)
+    image = image + transmittance[..., None] * torch.tensor(background, dtype=torch.float64)
+    return image, 1 - transmittance, depth
+
+
+def random_asset(rng: np.random.Generator, count: int = 60, degree: int = 3) -> SplatAsset:
+    """Gaussians of all sizes and shapes in front of, beside and behind ``small_camera``."""
+    return SplatAsset(
+        means=rng.uniform([-2.0, -1.5, -0.5], [2.0, 1.5, 4.0], (count, 3)),
+        log_scales=rng.uniform(-4.0, -0.7, (count, 3)),
+        quaternions=rng.normal(size=(count, 4)) * rng.uniform(0.5, 3.0, (count, 1)),
+        logit_opacities=rng.uniform(-3.0, 6.0, count),
+        sh=rng.normal(scale=0.4, size=(count, (degree + 1) ** 2, 3)),
+    )
+
+
+def small_camera(width: int = 45, height: int = 35) -> Camera:
+    """A camera at the origin looking along z, turned a little; the size fits no tile."""
+    pose = look_at(np.array([0.05, -0.1, -0.3]), np.array([0.1, 0.05, 2.0]), up=(0.0, -1.0, 0.1))
+    return Camera(width, height, 0.8 * width, 0.9 * width, 0.48 * width, 0.53 * height, pose)
+
+
+def parameters(asset: SplatAsset) -> list[torch.Tensor]:
+    """The five groups as float64 leaves that want gradients."""
+    groups = (asset.means, asset.log_scales, asset.quaternions, asset.logit_opacities, asset.sh)
+    return [torch.tensor(group, dtype=torch.float64, requires_grad=True) for group in groups]
