@@ -27,6 +27,11 @@ class CaptureSettings:
     max_side_px: int = setting(640, "Photographs are scaled down to this longest side.", 64, 8192)
     max_features: int = setting(8000, "SIFT features a photograph.", 500, 50000)
     min_matches: int = setting(15, "Matches two photographs need to count as overlapping.", 8, 1000)
+    match_ratio: float = setting(0.75, "A match's distance over that of the second best.", 0.3, 0.99)
+    max_error_px: float = setting(2.0, "Pixels a match may lie off its epipolar line.", 0.2, 20.0)
+    solve_max_side_px: int = setting(
+        1600, "Longest side at which photographs without poses are solved.", 200, 8192
+    )
     floor_tolerance_m: float = setting(0.03, "Points this near belong to the floor.", 0.002, 0.5)
 
 
@@ -79,6 +84,9 @@ class RolloutSettings:
 
     successes: int = setting(12, "Successful rollouts a round.", 1, 1000)
     max_attempts: int = setting(60, "Rollouts tried a round before giving up.", 1, 10000)
+    step_s: float = setting(0.004, "Time step of the simulation.", 0.0005, 0.005)
+    max_force_n: float = setting(200.0, "Bound of the tracking force on the pelvis, each axis.", 0.0, 5000.0)
+    max_torque_nm: float = setting(80.0, "Bound of the tracking torque on the pelvis, each axis.", 0.0, 2000.0)
 
 
 @dataclass(frozen=True)

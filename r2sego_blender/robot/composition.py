@@ -1,0 +1,163 @@
+"""The robot in the scene's collision surface: one MuJoCo model with servos on every joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from ..errors import RobotError
+from ..settings import RolloutSettings
+from .humanoid import Servo
+from .model import RobotModel, robot_spec
+
+_PREFIX = "robot/"
+_REFERENCE, _TRACKED = "tracking reference", "tracked base"
+# The tracking wrench: a 35 kg body on these follows its reference to about a centimetre.
+_FORCE = Servo(3000.0, 600.0)  # N/m, N s/m
+_TORQUE = Servo(800.0, 60.0)  # N m/rad, N m s/rad
+_ROBOT_BIT, _SCENE_BIT = 1, 2
+# Contact forces settle well below a millimetre at these; the default is twice as slow.
+_SOLVER_ITERATIONS = 20
+_SOLVER_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class Composition:
+    """A simulated robot in a scene.
+
+    ``qpos`` is the robot's own, since the scene is static. The first six actuators pull
+    the base towards the mocap body ``reference`` along and about its axes, the others drive
+    a joint each; ``qpos_address`` (nu - 6,) and ``dof_address`` (nu,) int say where their
+    coordinates are, ``stiffness`` and ``damping`` (nu,) float64 how they pull.
+    ``foot_geoms``, ``scene_geoms`` are (ngeom,) bool.
+    """
+
+    model: mujoco.MjModel
+    foot_geoms: np.ndarray
+    scene_geoms: np.ndarray
+    qpos_address: np.ndarray
+    dof_address: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+
+    def geom_label(self, geom: int) -> str:
+        """The geom's name, or its body's, as a person knows it."""
+        name = self.model.geom(geom).name or self.model.body(self.model.geom_bodyid[geom]).name
+        return name.removeprefix(_PREFIX) or "scene"
+
+    def joint_label(self, joint: int) -> str:
+        """The joint's name in the robot's own file."""
+        return self.model.joint(joint).name.removeprefix(_PREFIX)
+
+
+def scene_spec(collision_mjcf: Path) -> mujoco.MjSpec:
+    """The collision scene, editable. Raises RobotError: missing, unreadable or not static."""
+    if not Path(collision_mjcf).is_file():
+        raise RobotError(
+            "there is no such collision scene", where=collision_mjcf, cure="Make the collision surface first."
+        )
+    try:
+        spec = mujoco.MjSpec.from_file(str(collision_mjcf))
+        joints = len(spec.joints)
+    except (ValueError, mujoco.FatalError) as error:
+        raise _scene_error(collision_mjcf, error) from error
+    if joints:
+        raise RobotError(
+            f"the collision scene has {joints} joints", where=collision_mjcf, cure="Give a static scene."
+        )
+    return spec
+
+
+def compile_scene(spec: mujoco.MjSpec, collision_mjcf: Path) -> mujoco.MjModel:
+    """``spec`` compiled. Raises RobotError with MuJoCo's words."""
+    try:
+        return spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        raise _scene_error(collision_mjcf, error) from error
+
+
+def compose(robot: RobotModel, collision_mjcf: Path, settings: RolloutSettings) -> Composition:
+    """Attach ``robot`` to the scene of ``collision_mjcf``, ready to track a reference.
+
+    The robot meets the scene but not itself: its reference motions keep its limbs apart, and
+    convex hulls of neighbouring links would fight each other. Raises RobotError.
+    """
+    spec = scene_spec(collision_mjcf)
+    for geom in spec.geoms:
+        if geom.contype or geom.conaffinity:
+            geom.contype, geom.conaffinity = _SCENE_BIT, _ROBOT_BIT
+    body = robot_spec(robot.source)
+    for geom in body.geoms:
+        if geom.contype or geom.conaffinity:
+            geom.contype, geom.conaffinity = _ROBOT_BIT, _SCENE_BIT
+    for element in [*body.sensors, *body.actuators, *body.keys]:
+        body.delete(element)
+    spec.attach(body, prefix=_PREFIX, frame=spec.worldbody.add_frame())
+    own = robot.model
+    base = _PREFIX + own.body(robot.base).name
+    gains = _add_tracking_wrench(spec, base, settings)
+    servos = robot.servos()
+    for name, servo in servos.items():
+        actuator = spec.add_actuator(name=name, target=_PREFIX + name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        _limit(actuator, servo, _effort_nm(own, own.joint(name).id))
+        gains.append(servo)
+    spec.option.timestep = settings.step_s
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.iterations = _SOLVER_ITERATIONS
+    spec.option.tolerance = _SOLVER_TOLERANCE
+    model = compile_scene(spec, collision_mjcf)
+    of_robot = np.array([model.body(index).name.startswith(_PREFIX) for index in range(model.nbody)])
+    feet = [model.body(_PREFIX + own.body(leg.foot).name).id for leg in robot.legs]
+    joints = [model.joint(_PREFIX + name).id for name in servos]
+    return Composition(
+        model=model,
+        foot_geoms=np.isin(model.geom_bodyid, feet),
+        scene_geoms=~of_robot[model.geom_bodyid],
+        qpos_address=model.jnt_qposadr[joints],
+        dof_address=np.concatenate([np.arange(6), model.jnt_dofadr[joints]]),
+        stiffness=np.array([servo.stiffness for servo in gains]),
+        damping=np.array([servo.damping for servo in gains]),
+    )
+
+
+def _add_tracking_wrench(spec: mujoco.MjSpec, base: str, settings: RolloutSettings) -> list[Servo]:
+    """Six bounded servos between the base and a mocap body that carries the reference."""
+    spec.worldbody.add_body(name=_REFERENCE, mocap=True).add_site(name=_REFERENCE)
+    spec.body(base).add_site(name=_TRACKED)
+    gains = []
+    for axis in range(6):
+        servo, bound = (_FORCE, settings.max_force_n) if axis < 3 else (_TORQUE, settings.max_torque_nm)
+        actuator = spec.add_actuator(
+            name=f"tracking {axis}", target=_TRACKED, refsite=_REFERENCE,
+            trntype=mujoco.mjtTrn.mjTRN_SITE, gear=np.eye(6)[axis],
+        )  # fmt: skip
+        _limit(actuator, servo, bound)
+        gains.append(servo)
+    return gains
+
+
+def _limit(actuator: mujoco.MjsActuator, servo: Servo, bound: float) -> None:
+    actuator.set_to_position(kp=servo.stiffness, kv=servo.damping)
+    if bound > 0.0:
+        actuator.forcelimited = True
+        actuator.forcerange = (-bound, bound)
+
+
+def _effort_nm(model: mujoco.MjModel, joint: int) -> float:
+    """The joint's largest torque by its own limit or its actuator's; 0 where there is none."""
+    efforts = [model.jnt_actfrcrange[joint, 1] if model.jnt_actfrclimited[joint] else 0.0]
+    for actuator in np.flatnonzero(model.actuator_trnid[:, 0] == joint):
+        if model.actuator_forcelimited[actuator]:
+            efforts.append(model.actuator_forcerange[actuator, 1])
+    return float(max(efforts))
+
+
+def _scene_error(collision_mjcf: Path, error: Exception) -> RobotError:
+    words = " ".join(str(error).split()).rstrip(".")
+    return RobotError(
+        f"the collision scene does not compile: {words}", where=collision_mjcf,
+        cure="Make the collision surface again.",
+    )  # fmt: skip
