@@ -1,0 +1,193 @@
+"""Sparse points: features of the posed captures matched and triangulated.
+
+The first, sparse part of the paper's fragmentary geometry ``M_obs = (P_obs, A_obs)``
+(Sec. "Capture-Anchored Geometry Proxy"): points, and which captures saw each.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..cameras import Camera
+from ..errors import CaptureError
+from ..progress import SILENT, Progress
+from ..settings import CaptureSettings
+from ..workers.child import call_in_child
+from .capture import Capture
+from .features import sift
+from .overlap import load_matches, match_known_poses, save_matches, write_database
+
+# With a few wide views half of all true points are seen by two rays only a little apart.
+_MIN_TRIANGULATION_ANGLE_DEG = 1.0
+# Depth ranges: robust ends of the measured depths, and room for surfaces without features.
+_RANGE_PERCENTILES = (1.0, 99.0)
+_RANGE_MARGIN = (0.7, 1.5)
+_RANGE_MIN_POINTS = 10
+_TIMEOUT_S = 1200.0
+
+
+@dataclass(frozen=True)
+class SparsePoints:
+    """Triangulated points with their support record.
+
+    ``points`` (P, 3) float64; ``colours`` (P, 3) uint8; ``visibility`` (P, N) bool, the
+    captures that measured each point (A_obs); ``error_px`` (P,) float64, mean reprojection
+    error; ``pixels`` (P, N, 2) float32, where each capture measured it, NaN elsewhere.
+    """
+
+    points: np.ndarray
+    colours: np.ndarray
+    visibility: np.ndarray
+    error_px: np.ndarray
+    pixels: np.ndarray
+
+    def transformed(self, similarity: np.ndarray) -> SparsePoints:
+        """These points after a (4, 4) similarity of the world."""
+        return replace(self, points=self.points @ similarity[:3, :3].T + similarity[:3, 3])
+
+    def save(self, path: Path) -> None:
+        """Write the arrays as an uncompressed ``.npz``."""
+        with path.open("wb") as file:
+            np.savez(file, **{name: getattr(self, name) for name in self.__dataclass_fields__})
+
+    @staticmethod
+    def load(path: Path) -> SparsePoints:
+        """Read what ``save`` wrote. Raises CaptureError when the file is none of it."""
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                return SparsePoints(**{n: data[n] for n in SparsePoints.__dataclass_fields__})
+        except (OSError, KeyError, ValueError) as error:
+            raise CaptureError(
+                "these are no sparse points", where=path, cure="Import the captures again."
+            ) from error
+
+
+def triangulate(
+    captures: Sequence[Capture], settings: CaptureSettings, progress: Progress = SILENT
+) -> SparsePoints:
+    """Triangulate what the posed captures see in common.
+
+    Points are in the frame and unit of the captures' poses, which stay as they are.
+    Raises CaptureError when no two captures overlap, or their poses contradict them.
+    """
+    features, images = [], []
+    for capture in progress.track(captures, "Finding features"):
+        image = (capture.image() * 255.0 + 0.5).astype(np.uint8)
+        images.append(image)
+        features.append(sift(image, settings.max_features))
+    cameras = [capture.camera for capture in captures]
+    names = [capture.name for capture in captures]
+    pairs = match_known_poses(features, cameras, names, settings, progress)
+    with progress.task("Triangulating", total=1) as task, tempfile.TemporaryDirectory() as folder:
+        save_matches(Path(folder, "matches.npz"), features, pairs)
+        request = {
+            "folder": folder, "names": names, "cameras": [camera.to_json() for camera in cameras],
+            "max_error_px": settings.max_error_px,
+        }  # fmt: skip
+        call_in_child("captures.sparse:triangulate_in_child", request, timeout_s=_TIMEOUT_S)
+        with np.load(Path(folder, "points.npz"), allow_pickle=False) as data:
+            points, error_px, pixels = data["points"], data["error_px"], data["pixels"]
+        task.advance()
+    if len(points) == 0:
+        raise CaptureError(
+            "the captures overlap, but no point of the room could be measured", where="captures",
+            cure="Photograph from places at least a step apart: turning on the spot measures nothing.",
+        )  # fmt: skip
+    visibility = np.isfinite(pixels[..., 0])
+    return SparsePoints(points, _colours(images, pixels, visibility), visibility, error_px, pixels)
+
+
+def triangulate_in_child(request: dict[str, Any]) -> dict[str, Any]:
+    """The part of ``triangulate`` that runs in a child process; writes ``points.npz``."""
+    import pycolmap
+
+    folder = Path(request["folder"])
+    cameras = [Camera.from_json(camera) for camera in request["cameras"]]
+    features, pairs = load_matches(folder / "matches.npz")
+    lenses = [
+        pycolmap.Camera(
+            model="PINHOLE", width=c.width, height=c.height, params=[c.fx, c.fy, c.cx, c.cy]
+        )
+        for c in cameras
+    ]  # fmt: skip
+    database = folder / "database.db"
+    names = [f"{index:06d}" for index in range(len(cameras))]
+    ids = write_database(
+        database, lenses, range(len(cameras)), names, features, pairs, verified=True
+    )  # fmt: skip
+    model = pycolmap.Reconstruction()
+    with pycolmap.Database.open(database) as opened:
+        for image_id, camera in zip(ids, cameras, strict=True):
+            image = opened.read_image(image_id)
+            model.add_camera_with_trivial_rig(opened.read_camera(image.camera_id))
+            pose = camera.camera_from_world
+            image = pycolmap.Image(name=image.name, camera_id=image.camera_id, image_id=image_id)
+            model.add_image_with_trivial_frame(
+                image, pycolmap.Rigid3d(pycolmap.Rotation3d(pose[:3, :3]), pose[:3, 3])
+            )
+    pycolmap.set_random_seed(0)
+    options = pycolmap.IncrementalPipelineOptions(
+        num_threads=1, random_seed=0, extract_colors=False, min_num_matches=1
+    )
+    options.mapper.filter_max_reproj_error = float(request["max_error_px"])
+    options.mapper.filter_min_tri_angle = _MIN_TRIANGULATION_ANGLE_DEG
+    options.triangulation.min_angle = _MIN_TRIANGULATION_ANGLE_DEG
+    # COLMAP drops tracks of two views by default: with six captures those are most points.
+    options.triangulation.ignore_two_view_tracks = False
+    (folder / "model").mkdir()
+    solved = pycolmap.triangulate_points(model, database, folder, folder / "model", True, options)
+    column = {image_id: index for index, image_id in enumerate(ids)}
+    points, error_px, pixels = _points_of(solved, features, column)
+    np.savez(folder / "points.npz", points=points, error_px=error_px, pixels=pixels)
+    return {"points": len(points)}
+
+
+def _points_of(model, features, column: dict[int, int]) -> tuple[np.ndarray, ...]:
+    """Points (P, 3), mean errors (P,) and pixels (P, N, 2) of a model, in the order of their ids."""
+    tracks = [(model.points3D[key].xyz, model.points3D[key]) for key in sorted(model.points3D.keys())]
+    points = np.array([xyz for xyz, _ in tracks], np.float64).reshape(-1, 3)
+    error_px = np.array([point.error for _, point in tracks], np.float64)
+    pixels = np.full((len(tracks), len(column), 2), np.nan, np.float32)
+    for row, (_, point) in enumerate(tracks):
+        for element in point.track.elements:
+            index = column[element.image_id]
+            pixels[row, index] = features[index].keypoints[element.point2D_idx]
+    return points, error_px, pixels
+
+
+def _colours(images, pixels: np.ndarray, visibility: np.ndarray) -> np.ndarray:
+    """(P, 3) uint8: the mean colour at a point's measurements."""
+    total = np.zeros((len(pixels), 3))
+    for index, image in enumerate(images):
+        rows = visibility[:, index]
+        column, line = np.floor(pixels[rows, index]).astype(int).T
+        height, width = image.shape[:2]
+        total[rows] += image[np.clip(line, 0, height - 1), np.clip(column, 0, width - 1)]
+    return np.rint(total / visibility.sum(axis=1, keepdims=True)).astype(np.uint8)
+
+
+def depth_ranges(captures: Sequence[Capture], sparse: SparsePoints) -> list[tuple[float, float]]:
+    """(near, far) planar depths per capture that hold its surroundings, for dense stereo.
+
+    Robust ends of the depths of the points it measured, else of those in its view, else
+    of all, widened for surfaces that have no features. Same unit as the points.
+    """
+    ranges = []
+    for index, capture in enumerate(captures):
+        pixels, depth = capture.camera.project(sparse.points)
+        choices = (sparse.visibility[:, index], capture.camera.sees(pixels, depth))
+        for chosen in choices:
+            measured = depth[chosen & (depth > 0)]
+            if len(measured) >= _RANGE_MIN_POINTS:
+                break
+        else:
+            measured = np.linalg.norm(sparse.points - capture.camera.centre, axis=1)
+        near, far = np.percentile(measured, _RANGE_PERCENTILES)
+        ranges.append((float(near * _RANGE_MARGIN[0]), float(far * _RANGE_MARGIN[1])))
+    return ranges
