@@ -23,7 +23,8 @@ from ..cameras import Camera
 from ..captures.capture import Capture
 from ..images import resize
 from ..progress import SILENT, Progress
-from ..settings import Settings
+from ..settings import Settings, StereoSettings
+from .evidence import KnownDepth, collect_votes
 from .planes import RoomPlanes
 
 if TYPE_CHECKING:
@@ -75,7 +76,8 @@ def complete_depth(
     progress: Progress = SILENT,
 ) -> tuple[CompletedDepth, ...]:
     """Every capture's depth map, completed at the size of its stereo depth."""
-    views = [_View.of(capture, dm, settings) for capture, dm in zip(captures, depth_maps, strict=True)]
+    trusted = trusted_depth(depth_maps, settings.stereo)
+    views = [_View.of(capture, known) for capture, known in zip(captures, trusted, strict=True)]
     with progress.task("Completing depth", len(views)) as task:
         completed = []
         for index in range(len(views)):
@@ -84,19 +86,39 @@ def complete_depth(
     return tuple(completed)
 
 
+def trusted_depth(depth_maps: Sequence[DepthMap], settings: StereoSettings) -> tuple[KnownDepth, ...]:
+    """The reliable depth of each map, less what other maps' reliable depth sees through.
+
+    One witness against a pixel outweighs two that agree with it: textureless walls agree
+    on wrong depth by chance, but hardly ever look through a surface that is there.
+    """
+    reliable = [
+        KnownDepth(d.camera, np.where(d.reliable(settings), d.depth, 0).astype(np.float32))
+        for d in depth_maps
+    ]
+    trusted = []
+    for i, view in enumerate(reliable):
+        seen = view.depth > 0
+        points = view.camera.unproject(view.depth)[seen]
+        votes = collect_votes(points, [v for j, v in enumerate(reliable) if j != i], _FREE_MARGIN)
+        depth = view.depth.copy()
+        depth[seen] = np.where(2 * votes.through < np.maximum(votes.agree, 1), depth[seen], 0)
+        trusted.append(KnownDepth(view.camera, depth))
+    return tuple(trusted)
+
+
 @dataclass(frozen=True)
 class _View:
-    """A capture at the size of its depth map; ``known`` is its reliable depth, 0 elsewhere."""
+    """A capture at the size of its depth map; ``known`` is its trusted depth, 0 elsewhere."""
 
     camera: Camera
     grey: np.ndarray
     known: np.ndarray
 
     @staticmethod
-    def of(capture: Capture, depth_map: DepthMap, settings: Settings) -> _View:
-        image = resize(capture.image(), depth_map.camera.width, depth_map.camera.height)
-        known = np.where(depth_map.reliable(settings.stereo), depth_map.depth, 0).astype(np.float32)
-        return _View(depth_map.camera, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), known)
+    def of(capture: Capture, known: KnownDepth) -> _View:
+        image = resize(capture.image(), known.camera.width, known.camera.height)
+        return _View(known.camera, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), known.depth)
 
 
 def _completed(index: int, views: Sequence[_View], planes: RoomPlanes, settings: Settings) -> CompletedDepth:
@@ -178,7 +200,7 @@ def _plane_cost(view, others, depth, row, anchor):
     mean, variance = _moments(view.grey)
     for other in others:
         homography = _homography(view.camera, other.camera, row)
-        warp = dict(dsize=(width, height), borderMode=cv2.BORDER_CONSTANT)
+        warp = {"dsize": (width, height), "borderMode": cv2.BORDER_CONSTANT}
         linear = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         exact = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
         grey = cv2.warpPerspective(other.grey, homography, flags=linear, borderValue=-1, **warp)
