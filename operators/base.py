@@ -2,8 +2,8 @@
 
 import bpy
 
-from . import job, state
 from ..r2sego_blender.errors import R2SEgoError
+from . import job, state
 
 _TICK_S = 0.1
 

@@ -3,8 +3,8 @@
 import bpy
 from bpy.props import StringProperty
 
-from . import state
 from ..r2sego_blender.errors import SceneError
+from . import state
 from .base import EngineOperator, needs_bundle, needs_idle_engine
 
 

@@ -3,8 +3,8 @@
 import bpy
 from bpy.props import BoolProperty, FloatProperty
 
-from . import state
 from ..r2sego_blender.bridge.show_captures import show_captures
+from . import state
 from .base import ReportingOperator, needs_bundle
 
 
@@ -24,8 +24,9 @@ class R2SEGO_OT_import_captures(ReportingOperator, bpy.types.Operator):
     )  # fmt: skip
     points: BoolProperty(name="Sparse Points", description="The triangulated points", default=True)
     point_radius: FloatProperty(
-        name="Point Radius", default=0.006, min=0.0005, max=0.5, subtype="DISTANCE", unit="LENGTH"
-    )
+        name="Point Radius", description="Radius of a sparse point as it is drawn",
+        default=0.006, min=0.0005, max=0.5, subtype="DISTANCE", unit="LENGTH",
+    )  # fmt: skip
 
     @classmethod
     def poll(cls, context):

@@ -3,9 +3,9 @@
 import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
 
-from . import state
 from ..r2sego_blender.bridge.bundle import SUFFIX, Bundle
 from ..r2sego_blender.errors import CaptureError, SceneError
+from . import state
 from .base import EngineOperator, needs_idle_engine
 
 

@@ -2,8 +2,8 @@
 
 import bpy
 
-from . import state
 from ..r2sego_blender.errors import SceneError
+from . import state
 from .base import ReportingOperator, needs_bundle
 
 

@@ -3,9 +3,9 @@
 import bpy
 from bpy.props import StringProperty
 
-from . import state
 from ..r2sego_blender.bridge.bundle import Bundle
 from ..r2sego_blender.errors import SceneError
+from . import state
 from .base import ReportingOperator
 
 

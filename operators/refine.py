@@ -2,8 +2,8 @@
 
 import bpy
 
-from . import state
 from ..r2sego_blender.bridge.settings_properties import overrides
+from . import state
 from .base import EngineOperator, needs_bundle, needs_idle_engine
 
 
@@ -19,10 +19,10 @@ class R2SEGO_OT_refine(EngineOperator, bpy.types.Operator):
         return needs_bundle(cls, context) and needs_idle_engine(cls)
 
     def arguments(self, context):
-        scene = context.scene.r2sego
-        command = ["refine", str(state.opened_bundle(context).path), "--json-progress"]
-        command += ["--preset", scene.preset]
-        for key, value in overrides(scene.settings).items():
+        scene, bundle = context.scene.r2sego, state.opened_bundle(context)
+        command = ["refine", str(bundle.path), "--json-progress", "--preset", scene.preset]
+        declared = bundle.scene.declaration.overrides
+        for key, value in overrides(scene.settings, scene.preset, declared).items():
             command += ["--set", f"{key}={value:.6g}" if isinstance(value, float) else f"{key}={value}"]
         return command
 

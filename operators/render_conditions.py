@@ -3,8 +3,8 @@
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-from . import state
 from ..r2sego_blender.bridge.conditions import render_conditions
+from . import state
 from .base import ReportingOperator, needs_round
 
 

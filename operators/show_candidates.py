@@ -3,8 +3,8 @@
 import bpy
 from bpy.props import BoolProperty, FloatProperty
 
-from . import state
 from ..r2sego_blender.bridge.show_candidates import show_candidates
+from . import state
 from .base import ReportingOperator, needs_round
 
 

@@ -3,8 +3,8 @@
 import bpy
 from bpy.props import BoolProperty
 
-from . import state
 from ..r2sego_blender.bridge.show_collision import show_collision
+from . import state
 from .base import ReportingOperator, needs_bundle
 
 

@@ -2,8 +2,8 @@
 
 import bpy
 
-from . import state
 from ..r2sego_blender.bridge.show_proxy import show_proxy
+from . import state
 from .base import ReportingOperator, needs_round
 
 

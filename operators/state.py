@@ -17,11 +17,11 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..r2sego_blender.bridge.bundle import Bundle
+from ..r2sego_blender.bridge.settings_properties import settings_group, show_settings
 from ..r2sego_blender.errors import R2SEgoError, SceneError
 from ..r2sego_blender.settings import PRESETS
 from ..r2sego_blender.status import describe
-from ..r2sego_blender.bridge.bundle import Bundle
-from ..r2sego_blender.bridge.settings_properties import settings_group, show_settings
 
 _PRESET_DOCS = {
     "paper": "The paper's own settings",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,7 @@ from ..geometry.proxy import GeometryProxy
 from ..scene import Scene
 
 SUFFIX = ".r2s"
+_BROKEN_ZIP = (BadZipFile, EOFError, zlib.error)  # what numpy lets through from a cut-off .npz
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,10 @@ class Bundle:
         """The geometry proxy of a round. Raises SceneError when that round has none."""
         file = self.proxy_file(round_index)
         _require(file, f"round {round_index} has no geometry proxy")
-        return GeometryProxy.load(file)
+        try:
+            return GeometryProxy.load(file)
+        except _BROKEN_ZIP as error:
+            raise _damaged(file, f"it cannot be read: {error}") from error
 
     def candidates(self, round_index: int) -> CandidateViews:
         """The scored candidates of a round. Raises SceneError when that round has none."""
@@ -140,6 +145,24 @@ class Bundle:
             deficit=data["u"], availability=data["g"], score=data["s"],
             survived=data["survived"].astype(bool), rank=data["rank"], chosen=data["chosen"].astype(bool),
         )  # fmt: skip
+
+    def camera_path(self, round_index: int, view: int) -> list[Camera]:
+        """The cameras of a target view's clip, reference first, all with the target's lens.
+
+        Raises SceneError when that view has no conditions.
+        """
+        folder = self.scene.round_folder(round_index) / "views" / str(view) / "conditions"
+        files = sorted(folder.glob("*.npz"))
+        if not files:
+            raise SceneError(
+                f"round {round_index} has no camera path for view {view}", where=folder,
+                cure="Choose another view or round.",
+            )  # fmt: skip
+        try:
+            path = [Camera.from_json(json.loads(str(_arrays(file, "camera")["camera"]))) for file in files]
+        except (KeyError, TypeError, ValueError) as error:
+            raise _damaged(folder, f"a camera is damaged: {error}") from error
+        return [path[-1].at(camera.world_from_camera) for camera in path]
 
     # ---- results
 
@@ -182,7 +205,7 @@ def _arrays(file: Path, *names: str) -> dict[str, np.ndarray]:
     try:
         with np.load(file, allow_pickle=False) as data:
             return {name: data[name] for name in names}
-    except (OSError, KeyError, ValueError, BadZipFile) as error:
+    except (OSError, KeyError, ValueError, *_BROKEN_ZIP) as error:
         raise _damaged(file, f"it cannot be read: {error}") from error
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -19,7 +20,7 @@ _CENTRE_FILTER = 0.01
 
 
 def render_conditions(proxy: GeometryProxy, path: Sequence[Camera], folder: Path) -> list[Path]:
-    """Render ``proxy`` from every camera of ``path``; all have the first one's lens.
+    """Render ``proxy`` from every camera of ``path``, all with one lens.
 
     Writes, for frame n from 1, ``depth_000n.exr`` (planar z, metres), ``normal_000n.exr``
     (world frame) and ``provenance_000n.exr`` (0 = nothing seen, so it is the validity
@@ -36,7 +37,10 @@ def render_conditions(proxy: GeometryProxy, path: Sequence[Camera], folder: Path
             scene, folder,
             {"depth": "Depth", "normal": "Normal", "provenance": versions.MATERIAL_INDEX_PASS},
         )  # fmt: skip
-        bpy.ops.render.render(animation=True, write_still=False, scene=scene.name)
+        # An animation always writes the combined image too; nobody wants it.
+        with tempfile.TemporaryDirectory(prefix="r2sego-") as unwanted:
+            scene.render.filepath = str(Path(unwanted, "image_"))
+            bpy.ops.render.render(animation=True, scene=scene.name)
     finally:
         versions.remove_passes(scene)
         clear(scene.collection)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import bpy
 
-from ..settings import Entry, Settings, entries
+from ..settings import Entry, Settings, entries, preset
 
 
 def property_name(key: str) -> str:
@@ -30,13 +31,20 @@ def settings_group() -> type[bpy.types.PropertyGroup]:
     return type("R2SEGO_PG_settings", (bpy.types.PropertyGroup,), {"__annotations__": annotations})
 
 
-def overrides(group: bpy.types.PropertyGroup) -> dict[str, Any]:
-    """The settings the person has set, by dotted key."""
-    return {
-        entry.key: getattr(group, property_name(entry.key))
-        for entry in entries()
-        if group.is_property_set(property_name(entry.key))
-    }
+def overrides(
+    group: bpy.types.PropertyGroup, preset_name: str, declared: Mapping[str, Any] = MappingProxyType({})
+) -> dict[str, Any]:
+    """What to override the preset with, by dotted key: the settings the person has set.
+
+    A ``declared`` override that the person has unset again gets the preset's own value.
+    """
+    changed = {}
+    for entry in entries(preset(preset_name)):
+        if group.is_property_set(property_name(entry.key)):
+            changed[entry.key] = getattr(group, property_name(entry.key))
+        elif entry.key in declared:
+            changed[entry.key] = entry.default
+    return changed
 
 
 def show_settings(group: bpy.types.PropertyGroup, changed: Mapping[str, Any], settings: Settings) -> None:

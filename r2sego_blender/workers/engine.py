@@ -58,7 +58,7 @@ def find_interpreter(preferred: str = "", fallback: str = "") -> str:
             cure=f"Set it in the add-on's preferences or in {_INTERPRETER_VARIABLE}: "
             "the python of an environment with r2sego-blender's packages.",
         )
-    found = shutil.which(os.path.expanduser(chosen))
+    found = shutil.which(Path(chosen).expanduser())
     if found is None:
         raise MachineError(
             "the engine's Python is not there or cannot be run", where=chosen,
@@ -167,11 +167,10 @@ class Engine:
     def stop(self) -> None:
         """End the process now and wait for it: at most ``GRACE_S``, then by force."""
         self.cancel()
-        try:
+        with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(GRACE_S)
-        except subprocess.TimeoutExpired:
-            self._signal(_KILL)
-            self._process.wait()
+        self._signal(_KILL)
+        self._process.wait()
 
     def wait(self, on_event: Callable[[Event], None] = lambda event: None) -> Mapping[str, Any]:
         """Follow the command to its end and return its result; an interrupt here stops it.
@@ -198,6 +197,8 @@ class Engine:
         Raises EngineError with the engine's own line when it failed, or when it was cancelled.
         """
         status = self._process.wait()
+        if self.cancelled:
+            self._signal(_KILL)  # what it started and left behind
         for reader in self._readers:
             # A grandchild may hold the pipe open; what it would still say is not ours.
             reader.join(GRACE_S)

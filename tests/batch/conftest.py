@@ -1,0 +1,22 @@
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "bridge"))
+
+
+@pytest.fixture
+def bundle_path(tmp_path):
+    from fake_bundle import write_bundle
+
+    return write_bundle(tmp_path / "room.r2s")
+
+
+@pytest.fixture(scope="session")
+def blender_environment():
+    """The environment of a Blender whose own files go to a new folder."""
+    folder = tempfile.mkdtemp(prefix="r2sego-blender-user-")
+    return {**os.environ, "BLENDER_USER_RESOURCES": folder}

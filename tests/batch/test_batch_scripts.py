@@ -1,0 +1,70 @@
+"""The scripts run as ``python batch/….py -- …`` with pip bpy."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import fake_bundle
+import pytest
+
+pytest.importorskip("bpy", reason="pip bpy is not installed")
+
+BATCH = Path(__file__).parents[2] / "batch"
+
+
+@pytest.fixture
+def run(blender_environment, tmp_path):
+    """Run a script with these arguments, from another folder."""
+
+    def run(script, *arguments, **environment):
+        return subprocess.run(
+            [sys.executable, str(BATCH / script), "--", *map(str, arguments)],
+            env={**blender_environment, **environment}, cwd=tmp_path,
+            capture_output=True, text=True, timeout=120,
+        )  # fmt: skip
+
+    return run
+
+
+def test_import_scene_makes_a_blend(run, bundle_path, tmp_path):
+    done = run("import_scene.py", "room.r2s", "room.blend", "--round", 0)
+    assert done.returncode == 0, done.stderr
+    assert "3 captures" in done.stdout
+    assert f"{len(fake_bundle.TARGETS)} target views" in done.stdout
+    blend = tmp_path / "room.blend"
+    look = f"import bpy; bpy.ops.wm.open_mainfile(filepath={str(blend)!r}); print(bpy.data.objects.keys())"
+    opened = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True)
+    for name in ("capture_0", "Sparse points", "Proxy, round 0", "Candidates, round 0", "Target 02"):
+        assert repr(name) in opened.stdout, opened.stderr
+
+
+def test_import_scene_says_what_is_wrong(run, tmp_path):
+    done = run("import_scene.py", tmp_path, "room.blend")
+    assert done.returncode == 1
+    assert done.stderr.startswith("r2sego: ")
+    assert "scene.toml" in done.stderr
+
+
+@pytest.mark.parametrize(("script", "command"), [("refine.py", "refine"), ("export_collision.py", "export")])
+def test_engine_scripts_pass_everything_on(run, tmp_path, script, command):
+    engine = tmp_path / "engine"
+    engine.write_text(f"#!{sys.executable}\nimport json, sys\nprint(json.dumps(sys.argv[1:]))\nsys.exit(7)\n")
+    engine.chmod(0o755)
+    done = run(script, "room.r2s", "--preset", "preview", R2SEGO_PYTHON=str(engine))
+    assert done.returncode == 7
+    said = json.loads(done.stdout.strip().splitlines()[-1])
+    assert said == ["-m", "r2sego_blender", command, "room.r2s", "--preset", "preview"]
+
+
+def test_the_real_engine_answers_in_one_line(run, tmp_path):
+    done = run("refine.py", "missing.r2s")
+    assert done.returncode == 1
+    assert "scene.toml" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_without_a_python_for_the_engine_it_says_so(run):
+    done = run("refine.py", "room.r2s", R2SEGO_PYTHON="/nowhere/python")
+    assert done.returncode == 1
+    assert "/nowhere/python" in done.stderr

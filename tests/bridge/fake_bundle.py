@@ -1,0 +1,127 @@
+"""A small scene bundle with every file Blender's side reads, written in a moment."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.geometry.proxy import GeometryProxy
+from r2sego_blender.images import save_image
+from r2sego_blender.scene import Declaration, Scene
+
+CANDIDATES = 40
+TARGETS = (17, 4, 31)  # in the order of their rank
+PATH_FRAMES = 4
+
+
+def cameras() -> list[Camera]:
+    """Three lenses: a centred one, an off-centre one with fx > fy, and one with fy > fx."""
+    centre = np.array([0.3, -1.9, 1.5])
+    return [
+        Camera(64, 48, 50.0, 50.0, 32.0, 24.0, look_at(centre, (0.1, 0.5, 0.7))),
+        Camera(80, 60, 71.5, 55.25, 47.75, 22.5, look_at(np.add(centre, (0.9, 0.4, 0.2)), (-0.3, 0.6, 0.4))),
+        Camera(60, 80, 52.0, 66.5, 21.25, 49.5, look_at(np.add(centre, (-0.8, 0.2, -0.1)), (0.4, 0.2, 1.1))),
+    ]
+
+
+def proxy(round_index: int = 0) -> GeometryProxy:
+    """An inward-facing box room, 3 x 4 x 2.5 m, and a raised triangle, with all provenances."""
+    corners = np.array([[x, y, z] for x in (-1.5, 1.5) for y in (-2, 2) for z in (0, 2.5)], np.float32)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = [f for a, b, c, d in quads for f in ((a, b, c), (a, c, d))]
+    vertices = np.concatenate([corners, [[-0.4, 0.4, 0.5], [0.4, 0.4, 0.5 + round_index], [0.0, 0.9, 0.9]]])
+    faces.append((8, 9, 10))
+    count = len(faces)
+    return GeometryProxy(
+        vertices.astype(np.float32), np.array(faces, np.int32),
+        (np.arange(count) % 3).astype(np.uint8), np.arange(count, dtype=np.uint16),
+        np.linspace(0.0, 1.0, count, dtype=np.float32),
+    )  # fmt: skip
+
+
+def candidate_arrays() -> dict[str, np.ndarray]:
+    """What ``candidates.npz`` holds."""
+    rng = np.random.default_rng(3)
+    poses = np.stack([
+        look_at((0.8 * np.cos(a), 0.8 * np.sin(a), 1.3), (0.0, 0.0, 0.8))
+        for a in np.linspace(0.0, 6.0, CANDIDATES)
+    ])  # fmt: skip
+    deficit, available = rng.random((2, CANDIDATES))
+    rank, chosen = np.full(CANDIDATES, -1), np.zeros(CANDIDATES, bool)
+    rank[list(TARGETS)], chosen[list(TARGETS)] = np.arange(len(TARGETS)), True
+    survived = rng.random(CANDIDATES) < 0.5
+    return {
+        "poses": poses, "rollout": np.arange(CANDIDATES) // 10, "frame": np.arange(CANDIDATES) % 10,
+        "u": deficit, "g": available, "s": deficit * available, "survived": survived | chosen,
+        "rank": rank, "chosen": chosen,
+    }  # fmt: skip
+
+
+def write_bundle(path: Path) -> Path:
+    """Write the bundle: three captures, two rounds, a collision surface and a report."""
+    declaration = Declaration(
+        captures_source="cameras.json", world_from_capture=tuple(map(tuple, np.eye(4).tolist())),
+        ground="floor plane", scale_source="metric poses", preset="preview",
+        overrides={"selection.target_views": 3},
+    )  # fmt: skip
+    Scene.create(path, declaration, _fill)
+    return path
+
+
+def _fill(folder: Path) -> None:
+    images = folder / "captures" / "images"
+    images.mkdir(parents=True)
+    captures = []
+    for index, camera in enumerate(cameras()):
+        name = f"capture_{index}"
+        gradient = np.linspace(0, 1, camera.height * camera.width * 3).reshape(camera.height, camera.width, 3)
+        save_image(images / f"{name}.png", gradient.astype(np.float32))
+        captures.append({"name": name, "file": f"images/{name}.png", **camera.to_json()})
+    (folder / "captures" / "cameras.json").write_text(json.dumps({"captures": captures}))
+    rng = np.random.default_rng(1)
+    np.savez(
+        folder / "captures" / "sparse.npz",
+        points=rng.uniform(-1, 1, (50, 3)), colours=rng.integers(0, 256, (50, 3), dtype=np.uint8),
+        visibility=np.ones((50, 3), bool), error_px=np.zeros(50),
+    )  # fmt: skip
+    for index in (0, 1):
+        _fill_round(folder / "rounds" / str(index), index)
+    hulls = folder / "collision" / "hulls"
+    hulls.mkdir(parents=True)
+    _write_obj(folder / "collision" / "mesh.obj", proxy().vertices, proxy().faces)
+    for index in range(3):
+        _write_obj(hulls / f"piece_{index:03d}.obj", proxy().vertices[:4] + index, [[0, 1, 2], [0, 2, 3]])
+    (folder / "asset.ply").write_bytes(b"ply\n")
+    report = folder / "report"
+    report.mkdir()
+    (report / "index.html").write_text("<html></html>")
+    arms = {"refined": {"psnr": 25.1, "ssim": 0.81}, "vanilla 3DGS": {"psnr": 21.4, "ssim": 0.77}}
+    (report / "metrics.json").write_text(json.dumps({"arms": arms}))
+
+
+def _fill_round(folder: Path, index: int) -> None:
+    for name in ("proxy", "selection", "views/0/conditions"):
+        (folder / name).mkdir(parents=True)
+    proxy(index).save(folder / "proxy" / "proxy.npz")
+    np.savez(folder / "selection" / "candidates.npz", **candidate_arrays())
+    lens = {"width": 64, "height": 48, "fx": 40.0, "fy": 40.0, "cx": 32.0, "cy": 24.0}
+    (folder / "selection" / "candidates.json").write_text(json.dumps({"camera": lens}))
+    target = cameras()[1].at(candidate_arrays()["poses"][TARGETS[0]])
+    for frame in range(PATH_FRAMES):
+        pose = target.world_from_camera.copy()
+        pose[2, 3] += 0.02 * (PATH_FRAMES - 1 - frame)
+        text = json.dumps(target.at(pose).to_json())
+        np.savez(folder / "views" / "0" / "conditions" / f"{frame:03d}.npz", camera=text)
+    (folder / "asset.ply").write_bytes(b"ply\n")
+    counts = {
+        "rollouts_succeeded": 12, "rollouts_failed": 3, "candidates": CANDIDATES,
+        "targets": len(TARGETS), "views_kept": 2,
+    }  # fmt: skip
+    (folder / "metrics.json").write_text(json.dumps(counts))
+
+
+def _write_obj(file: Path, vertices, faces) -> None:
+    lines = [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in vertices]
+    lines += ["f " + " ".join(str(corner + 1) for corner in face) for face in faces]
+    file.write_text("\n".join(lines) + "\n")

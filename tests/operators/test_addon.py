@@ -1,0 +1,55 @@
+"""The built extension, installed and used as a person would, in pip bpy.
+
+Set R2SEGO_TEST_BLENDER to a blender binary to run the same checks in it.
+"""
+
+import ast
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("bpy", reason="pip bpy is not installed")
+
+ROOT = Path(__file__).parents[2]
+CHECKS = Path(__file__).with_name("in_blender.py")
+NAMES = [
+    node.name
+    for node in ast.parse(CHECKS.read_text()).body
+    if isinstance(node, ast.FunctionDef) and node.name.startswith("check_")
+]
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory):
+    """What every check said inside Blender."""
+    from fake_bundle import write_bundle
+
+    folder = tmp_path_factory.mktemp("blender")
+    subprocess.run(
+        [sys.executable, str(ROOT / "batch" / "build_extension.py"), "--out", str(folder)], check=True
+    )
+    engine = folder / "engine" / "python"
+    engine.parent.mkdir()
+    engine.write_text(f"#!{sys.executable}\n" + CHECKS.with_name("fake_engine.py").read_text())
+    engine.chmod(0o755)
+    write_bundle(folder / "room.r2s")
+    (package,) = folder.glob("*.zip")
+    blender = os.environ.get("R2SEGO_TEST_BLENDER")
+    start = [blender, "--background", "--python", str(CHECKS)] if blender else [sys.executable, str(CHECKS)]
+    out = folder / "said.json"
+    done = subprocess.run(
+        [*start, "--", str(package), str(folder / "room.r2s"), str(engine), str(out)],
+        env={**os.environ, "BLENDER_USER_RESOURCES": str(folder / "user")},
+        cwd=folder, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert out.is_file(), done.stdout[-3000:] + done.stderr[-3000:]
+    return json.loads(out.read_text())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_in_blender(said, name):
+    assert said[name] == "", said[name]
