@@ -16,11 +16,13 @@ from .refine import R2SEGO_OT_refine
 from .refresh_scene import R2SEGO_OT_refresh_scene
 from .render_conditions import R2SEGO_OT_render_conditions
 from .reset_settings import R2SEGO_OT_reset_settings
+from .set_up_engine import R2SEGO_OT_set_up_engine
 from .show_candidates import R2SEGO_OT_show_candidates
 from .show_collision import R2SEGO_OT_show_collision
 from .show_proxy import R2SEGO_OT_show_proxy
 
 _CLASSES = (
+    R2SEGO_OT_set_up_engine,
     R2SEGO_OT_check_engine,
     R2SEGO_OT_new_scene,
     R2SEGO_OT_open_scene,

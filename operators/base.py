@@ -69,6 +69,10 @@ class EngineOperator:
         """The command line after ``r2sego``, with absolute paths."""
         raise NotImplementedError
 
+    def start(self, context):
+        """Start the command; returns the running engine."""
+        return job.start(self.arguments(context), self.bl_label)
+
     def finish(self, context, result) -> str:
         """Take the command's result over; return one line for the person."""
         state.refresh(context.scene)
@@ -76,7 +80,7 @@ class EngineOperator:
 
     def execute(self, context):
         try:
-            self._engine = job.start(self.arguments(context), self.bl_label)
+            self._engine = self.start(context)
         except R2SEgoError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -16,15 +16,17 @@ def is_running() -> bool:
     return _current is not None
 
 
-def start(arguments: Iterable[str], title: str) -> Engine:
-    """Start a command and show it as the running job.
+def start(arguments: Iterable[str], title: str, python: str = "", module: str = "") -> Engine:
+    """Start a command of the engine and show it as the running job.
+
+    ``python`` and ``module`` replace the engine's interpreter and its command tree.
 
     Raises SceneError when one is running, MachineError when the engine cannot start.
     """
     global _current
     if _current is not None:
         raise SceneError("the engine is busy", cure="Wait until it has ended, or cancel it.")
-    _current = Engine(arguments, interpreter())
+    _current = Engine(arguments, python or interpreter(), module)
     job = bpy.context.window_manager.r2sego_job
     job.running, job.cancel_requested = True, False
     job.title, job.task, job.message = title, "Starting", ""

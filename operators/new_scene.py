@@ -1,5 +1,7 @@
 """Make a scene bundle from photographs."""
 
+from pathlib import Path
+
 import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
 
@@ -97,8 +99,6 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
         return f"Made {self._bundle_path().name}: {result.get('scale', '')}"
 
     def _bundle_path(self):
-        from pathlib import Path
-
         if not self.filepath:
             raise SceneError("no place for the bundle is chosen", cure=f"Name a folder ending in {SUFFIX}.")
         path = Path(bpy.path.abspath(self.filepath)).absolute()

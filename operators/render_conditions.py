@@ -1,9 +1,12 @@
 """Render a target view's structural conditions with Cycles."""
 
+from pathlib import Path
+
 import bpy
 from bpy.props import IntProperty, StringProperty
 
 from ..r2sego_blender.bridge.conditions import render_conditions
+from ..r2sego_blender.errors import SceneError
 from . import state
 from .base import ReportingOperator, needs_round
 
@@ -34,10 +37,6 @@ class R2SEGO_OT_render_conditions(ReportingOperator, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def perform(self, context):
-        from pathlib import Path
-
-        from ..r2sego_blender.errors import SceneError
-
         if not self.directory:
             raise SceneError("no folder is chosen", cure="Choose where to write the images.")
         bundle, shown = state.opened_bundle(context), context.scene.r2sego.round_index

@@ -22,5 +22,7 @@ class R2SEGO_AP_preferences(bpy.types.AddonPreferences):
         layout = self.layout
         layout.prop(self, "engine_python")
         row = layout.row()
+        row.operator("r2sego.set_up_engine", icon="IMPORT")
         row.operator("r2sego.check_engine", icon="CHECKMARK")
+        row = layout.row()
         row.label(text=self.engine_found or "not checked yet")

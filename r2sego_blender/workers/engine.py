@@ -58,7 +58,7 @@ def find_interpreter(preferred: str = "", fallback: str = "") -> str:
             cure=f"Set it in the add-on's preferences or in {_INTERPRETER_VARIABLE}: "
             "the python of an environment with r2sego-blender's packages.",
         )
-    found = shutil.which(Path(chosen).expanduser())
+    found = shutil.which(str(Path(chosen).expanduser()))
     if found is None:
         raise MachineError(
             "the engine's Python is not there or cannot be run", where=chosen,
@@ -111,12 +111,13 @@ def run_in_terminal(arguments: Iterable[str], interpreter: str) -> int:
 class Engine:
     """One running command of the engine."""
 
-    def __init__(self, arguments: Iterable[str], interpreter: str) -> None:
-        """Start ``interpreter -m r2sego_blender arguments``.
+    def __init__(self, arguments: Iterable[str], interpreter: str, module: str = "") -> None:
+        """Start ``interpreter -m r2sego_blender arguments``, or another ``module`` of the library.
 
         Raises MachineError when the process cannot be started.
         """
-        command = [interpreter, "-m", LIBRARY.name, *arguments]
+        name = f"{LIBRARY.name}.{module}" if module else LIBRARY.name
+        command = [interpreter, "-m", name, *arguments]
         try:
             self._process = subprocess.Popen(
                 command, env=_environment(), stdin=subprocess.DEVNULL,

@@ -21,7 +21,7 @@ MODULE = "bl_ext.user_default.r2sego"
 OPERATORS = {
     "cancel", "check_engine", "evaluate", "export_collision", "import_captures", "look_through",
     "new_scene", "open_report", "open_scene", "refine", "refresh_scene", "render_conditions",
-    "reset_settings", "show_candidates", "show_collision", "show_proxy",
+    "reset_settings", "set_up_engine", "show_candidates", "show_collision", "show_proxy",
 }  # fmt: skip
 
 
@@ -206,6 +206,11 @@ def check_the_engines_answer_is_kept_in_the_preferences():
     preferences().engine_python = "/nowhere/python"
     assert "/nowhere/python" in refused(bpy.ops.r2sego.check_engine)
     preferences().engine_python = str(ENGINE)
+
+
+def check_setting_up_the_engine_needs_leave_to_go_online():
+    assert not bpy.app.online_access
+    assert "online access" in refused(bpy.ops.r2sego.set_up_engine)
 
 
 def check_the_report():
