@@ -40,7 +40,7 @@ class StereoSettings:
     """Dense slanted-plane PatchMatch on the posed captures."""
 
     max_side_px: int = setting(640, "Depth maps have at most this longest side.", 64, 4096)
-    sources: int = setting(4, "Other captures each capture is matched against.", 1, 16)
+    sources: int = setting(5, "Other captures each capture is matched against.", 1, 16)
     levels: int = setting(2, "Image sizes estimated, each half the next, coarsest first.", 1, 5)
     iterations: int = setting(6, "Red-black sweeps of propagation and refinement a level.", 1, 20)
     geometric_rounds: int = setting(2, "Rounds a level that ask the captures' depths to agree.", 0, 8)
@@ -65,6 +65,7 @@ class ProxySettings:
     )
     voxel_m: float = setting(0.03, "Side of a voxel of the fused distance field.", 0.005, 0.5)
     truncation_m: float = setting(0.1, "Distance at which the fused field is cut off.", 0.01, 1.0)
+    min_component_m2: float = setting(0.02, "Loose surfaces smaller than this are dropped.", 0.0, 10.0)
     completed_weight: float = setting(0.1, "Weight of completed depth against observed 1.0.", 0.0, 1.0)
     asset_weight: float = setting(0.1, "Weight of the current asset's depth against observed 1.0.", 0.0, 1.0)
 
@@ -85,8 +86,10 @@ class RolloutSettings:
     successes: int = setting(12, "Successful rollouts a round.", 1, 1000)
     max_attempts: int = setting(60, "Rollouts tried a round before giving up.", 1, 10000)
     step_s: float = setting(0.004, "Time step of the simulation.", 0.0005, 0.005)
-    max_force_n: float = setting(200.0, "Bound of the tracking force on the pelvis, each axis.", 0.0, 5000.0)
-    max_torque_nm: float = setting(80.0, "Bound of the tracking torque on the pelvis, each axis.", 0.0, 2000.0)
+    max_force_n: float = setting(120.0, "Bound of the tracking force on the pelvis, each axis.", 0.0, 5000.0)
+    max_torque_nm: float = setting(
+        60.0, "Bound of the tracking torque on the pelvis, each axis.", 0.0, 2000.0
+    )
 
 
 @dataclass(frozen=True)
@@ -166,6 +169,23 @@ class TrainingSettings:
         3, "How often a capture is drawn for each pseudo-observation.", 1, 100
     )
     sh_degree: int = setting(3, "Highest degree of the spherical harmonics.", 0, 3)
+    disc_stride_px: int = setting(3, "Pixels a side that share one Gaussian lifted from depth.", 1, 32)
+    surface_position_factor: float = setting(
+        0.2, "Learning rate of means that start on geometry, times position_rate.", 0.0, 1.0
+    )
+    position_rate: float = setting(
+        1.6e-4, "Learning rate of the means at the start, times the scene's extent.", 0.0, 1.0
+    )
+    position_decay: float = setting(
+        0.01, "Learning rate of the means at the end over that at the start.", 1e-6, 1.0
+    )
+    scale_rate: float = setting(5e-3, "Learning rate of the logarithms of the scales.", 0.0, 1.0)
+    rotation_rate: float = setting(1e-3, "Learning rate of the quaternions.", 0.0, 1.0)
+    opacity_rate: float = setting(0.05, "Learning rate of the opacities' logits.", 0.0, 1.0)
+    colour_rate: float = setting(2.5e-3, "Learning rate of the colours.", 0.0, 1.0)
+    harmonics_rate_ratio: float = setting(
+        0.05, "Learning rate of the higher harmonics over that of the colours.", 0.0, 1.0
+    )
 
 
 @dataclass(frozen=True)

@@ -44,9 +44,11 @@ class Composition:
     damping: np.ndarray
 
     def geom_label(self, geom: int) -> str:
-        """The geom's name, or its body's, as a person knows it."""
-        name = self.model.geom(geom).name or self.model.body(self.model.geom_bodyid[geom]).name
-        return name.removeprefix(_PREFIX) or "scene"
+        """The geom's name as a person knows it, or its body's."""
+        name = self.model.geom(geom).name
+        if not name and self.scene_geoms[geom]:
+            return "the scene"
+        return (name or self.model.body(self.model.geom_bodyid[geom]).name).removeprefix(_PREFIX)
 
     def joint_label(self, joint: int) -> str:
         """The joint's name in the robot's own file."""
@@ -77,6 +79,24 @@ def compile_scene(spec: mujoco.MjSpec, collision_mjcf: Path) -> mujoco.MjModel:
         return spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         raise _scene_error(collision_mjcf, error) from error
+
+
+def geom_bounds(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest corners (ngeom, 3) of all geoms at qpos0; planes are infinite.
+
+    A level plane's top is its height.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    rotation = data.geom_xmat.reshape(-1, 3, 3)
+    centre = data.geom_xpos + np.einsum("gij,gj->gi", rotation, model.geom_aabb[:, :3])
+    half = np.einsum("gij,gj->gi", np.abs(rotation), model.geom_aabb[:, 3:])
+    low, high = centre - half, centre + half
+    planes = model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)
+    low[planes], high[planes] = -np.inf, np.inf
+    level = planes & (rotation[:, 2, 2] > 1.0 - 1e-9)
+    high[level, 2] = data.geom_xpos[level, 2]
+    return low, high
 
 
 def compose(robot: RobotModel, collision_mjcf: Path, settings: RolloutSettings) -> Composition:

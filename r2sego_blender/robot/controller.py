@@ -16,16 +16,15 @@ from enum import StrEnum
 import mujoco
 import numpy as np
 
-from .composition import Composition
-from .free_floor import FreeFloor
+from .composition import Composition, geom_bounds
+from .free_floor import FLATNESS_M, FreeFloor
 from .motion import ReferenceMotion
 from .navigation import RATE_HZ
 from .scope import BehaviourScope
 
 _CHECK_S = 0.02
-# A foot's contact belongs to the floor when it is this flat and this near the floor.
+# On scene geoms that are more than floor a foot may stand where they are as flat as this.
 _FLOOR_NORMAL_Z = 0.7
-_FLOOR_BAND_M = 0.05
 
 
 class Reason(StrEnum):
@@ -62,6 +61,8 @@ class Tracker:
         self._scope = scope
         self._lowest_m = floor.floor_z_m + scope.failures.fall_height * rest_height_m
         self._data = mujoco.MjData(composition.model)
+        _, high = geom_bounds(composition.model)
+        self._floor_geoms = composition.scene_geoms & (high[:, 2] < floor.floor_z_m + FLATNESS_M)
 
     def track(self, motion: ReferenceMotion) -> Tracked:
         """Simulate ``motion`` until it ends or fails."""
@@ -141,8 +142,9 @@ class Tracker:
         geoms = contact.geom
         feet = composition.foot_geoms[geoms].any(axis=1)
         flat = np.abs(contact.frame[:, 2]) > _FLOOR_NORMAL_Z
-        low = np.abs(contact.pos[:, 2] - self._floor.floor_z_m) < _FLOOR_BAND_M
-        wrong = np.flatnonzero((contact.dist < 0.0) & ~(feet & flat & low))
+        flat &= np.abs(contact.pos[:, 2] - self._floor.floor_z_m) < FLATNESS_M
+        floor = self._floor_geoms[geoms].any(axis=1) | flat
+        wrong = np.flatnonzero((contact.dist < 0.0) & ~(feet & floor))
         if not len(wrong):
             return ""
         first, second = geoms[wrong[0]]

@@ -11,16 +11,17 @@ from scipy import ndimage
 from skimage.measure import points_in_poly
 
 from ..errors import RobotError
-from .composition import compile_scene, scene_spec
+from .composition import compile_scene, geom_bounds, scene_spec
 from .model import RobotModel
 from .scope import FREE_FLOOR, BehaviourScope
 
 CELL_M = 0.05
 # Above the floor's own roughness, below what a step clears.
 _ANKLE_M = 0.06
-# The floor is looked for downwards from here, and must be this flat to stand on.
+# The floor is looked for downwards from here.
 _PROBE_FROM_M = 0.3
-_FLATNESS_M = 0.03
+FLATNESS_M = 0.03
+"""What rises above the floor by more than this is an obstacle."""
 _MAX_CELLS = 400_000
 
 
@@ -81,7 +82,7 @@ def free_floor(robot: RobotModel, scope: BehaviourScope, collision_mjcf: Path) -
             "the collision scene has no floor", where=collision_mjcf, cure="The floor belongs at z = 0."
         )
     floor_z_m = float(np.nanmedian(floor_z))
-    free = inside & (np.abs(floor_z - floor_z_m) < _FLATNESS_M)
+    free = inside & (np.abs(floor_z - floor_z_m) < FLATNESS_M)
     for row, column in np.argwhere(free):
         data.qpos[:3] = (*centres[row, column], floor_z_m + (_ANKLE_M + robot.height_m) / 2.0)
         mujoco.mj_kinematics(model, data)
@@ -125,20 +126,15 @@ def _grid(
         corners = np.asarray(scope.region.within)
         low, high = corners.min(axis=0), corners.max(axis=0)
     else:
-        data = mujoco.MjData(model)
-        mujoco.mj_kinematics(model, data)
-        bounded = model.geom_type != int(mujoco.mjtGeom.mjGEOM_PLANE)
+        low, high = geom_bounds(model)
+        bounded = np.isfinite(low).all(axis=1) & ((model.geom_contype | model.geom_conaffinity) != 0)
         bounded[probe] = False
-        bounded &= (model.geom_contype | model.geom_conaffinity) != 0
         if not bounded.any():
             raise RobotError(
                 "the collision scene has no bounds", where=collision_mjcf,
                 cure="Give the behaviour scope a polygon as region.within.",
             )  # fmt: skip
-        rotation = data.geom_xmat[bounded].reshape(-1, 3, 3)
-        centre = data.geom_xpos[bounded] + np.einsum("gij,gj->gi", rotation, model.geom_aabb[bounded, :3])
-        half = np.einsum("gij,gj->gi", np.abs(rotation), model.geom_aabb[bounded, 3:])
-        low, high = (centre - half).min(axis=0)[:2], (centre + half).max(axis=0)[:2]
+        low, high = low[bounded].min(axis=0)[:2], high[bounded].max(axis=0)[:2]
     columns, rows = (np.floor((high - low) / CELL_M).astype(int) + 1).tolist()
     if rows * columns > _MAX_CELLS:
         raise RobotError(

@@ -94,7 +94,7 @@ class Failures:
 
 @dataclass(frozen=True)
 class BehaviourScope:
-    """A declared behaviour scope; every field has the value of ``walk_and_look`` by default."""
+    """A declared behaviour scope; what a file leaves out has the defaults above."""
 
     name: str
     region: Region = Region()
