@@ -1,0 +1,304 @@
+"""Dense stereo on the posed captures: slanted-plane PatchMatch, coarse to fine.
+
+Stands in for the learned initial reconstruction and gives the depth the observed
+geometry M_obs is made of. See ``patchmatch`` for the scheme.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..cameras import Camera
+from ..captures.capture import Capture
+from ..errors import GeometryError
+from ..images import resize
+from ..progress import SILENT, Progress, Task
+from ..settings import StereoSettings
+from . import patchmatch
+from .consistency import support
+from .neighbours import neighbours
+
+_LUMA = np.array([0.299, 0.587, 0.114], np.float32)
+# Below this longest side a half-resolution image has too few windows to be worth it.
+_MIN_LEVEL_SIDE_PX = 100
+# Neighbouring pixels whose depths differ by more than this share are not of one segment.
+_SEGMENT_STEP = 0.02
+
+
+@dataclass(frozen=True)
+class DepthMap:
+    """A capture's depth, with the evidence for it.
+
+    ``depth`` (H, W) float32 planar metres, raw: an estimate at every pixel that could be
+    matched, 0 elsewhere; ``normal`` (H, W, 3) float32 unit, world, towards the camera;
+    ``cost`` (H, W) float32, 1 - NCC averaged over the best two sources; ``support`` (H, W)
+    uint8, how many other captures see a surface there, 0 on speckles. ``camera`` is the
+    capture's at this size.
+    """
+
+    depth: np.ndarray
+    normal: np.ndarray
+    cost: np.ndarray
+    support: np.ndarray
+    camera: Camera
+
+    def reliable(self, settings: StereoSettings) -> np.ndarray:
+        """(H, W) bool: matched well and seen there by at least one other capture."""
+        return (self.depth > 0.0) & (self.support >= 1) & (self.cost <= settings.max_cost)
+
+    def save(self, path: Path) -> None:
+        """Write the maps and the camera as an uncompressed ``.npz``."""
+        camera = self.camera
+        lens = np.array([camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy])
+        with path.open("wb") as file:
+            np.savez(
+                file, depth=self.depth, normal=self.normal, cost=self.cost, support=self.support,
+                lens=lens, world_from_camera=camera.world_from_camera,
+            )  # fmt: skip
+
+    @staticmethod
+    def load(path: Path) -> DepthMap:
+        """Read what ``save`` wrote. Raises GeometryError when the file is no depth map."""
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                width, height, *lens = data["lens"].tolist()
+                camera = Camera(int(width), int(height), *lens, data["world_from_camera"])
+                return DepthMap(data["depth"], data["normal"], data["cost"], data["support"], camera)
+        except (OSError, KeyError, ValueError, TypeError) as error:
+            raise GeometryError(
+                "this is not a depth map", where=path, cure="Run the stereo step again."
+            ) from error
+
+
+def dense_stereo(
+    captures: Sequence[Capture],
+    depth_range_m: Sequence[tuple[float, float]],
+    sparse_points: np.ndarray,
+    settings: StereoSettings,
+    seed: int = 0,
+    progress: Progress = SILENT,
+    visibility: np.ndarray | None = None,
+) -> tuple[DepthMap, ...]:
+    """A depth map of every capture, matched against its best neighbours.
+
+    ``depth_range_m`` is (near, far) of each capture; ``sparse_points`` (P, 3) world, with
+    ``visibility`` (P, N) bool where known, choose the neighbours. Equal for any number of
+    threads. Raises GeometryError for fewer than two captures, a depth range that is none,
+    or a capture that overlaps with no other.
+    """
+    _check(captures, depth_range_m)
+    cameras = [capture.camera.fitted(settings.max_side_px) for capture in captures]
+    greys = [
+        resize(capture.image() @ _LUMA, camera.width, camera.height)
+        for capture, camera in zip(captures, cameras, strict=True)
+    ]
+    points = np.asarray(sparse_points, np.float64).reshape(-1, 3)
+    if len(points) == 0:
+        visibility = None
+        points = np.concatenate([_guessed_points(c, r) for c, r in zip(cameras, depth_range_m, strict=True)])
+    chosen = neighbours(cameras, points, settings.sources, visibility)
+    for capture, sources in zip(captures, chosen, strict=True):
+        if not sources:
+            raise GeometryError(
+                "the photograph sees nothing that another one sees", where=capture.name,
+                cure="Check its pose, or leave it out.",
+            )  # fmt: skip
+
+    scales = _level_scales(cameras, settings.levels)
+    rounds = len(scales) * (1 + settings.geometric_rounds)
+    planes: list[np.ndarray] = [np.zeros((*camera.shape, 3), np.float32) for camera in cameras]
+    with progress.task("Dense stereo", total=rounds * len(captures)) as task:
+        for level, scale in enumerate(scales):
+            views = [
+                _View.of(camera.scaled(scale), grey, limits)
+                for camera, grey, limits in zip(cameras, greys, depth_range_m, strict=True)
+            ]
+            planes = [_resampled(p, view.camera) for p, view in zip(planes, views, strict=True)]
+            planes = _estimate_level(views, chosen, planes, settings, level, seed, task)
+    return _depth_maps(views, chosen, planes, settings)
+
+
+@dataclass(frozen=True)
+class _View:
+    """A capture at one level of the pyramid, as the kernels take it."""
+
+    camera: Camera
+    reference: patchmatch.Reference
+    texels: np.ndarray
+
+    @staticmethod
+    def of(camera: Camera, grey: np.ndarray, depth_range_m: tuple[float, float]) -> _View:
+        grey = resize(grey, camera.width, camera.height)
+        near, far = depth_range_m
+        lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
+        reference = patchmatch.Reference(grey, lens, np.array([1.0 / far, 1.0 / near], np.float32))
+        return _View(camera, reference, patchmatch.pack_texels(grey))
+
+
+def _check(captures: Sequence[Capture], depth_range_m: Sequence[tuple[float, float]]) -> None:
+    if len(captures) < 2:
+        raise GeometryError(
+            "stereo needs at least two photographs", where="captures", cure="Add more photographs."
+        )
+    for capture, (near, far) in zip(captures, depth_range_m, strict=True):
+        if not 0.0 < near < far < np.inf:
+            raise GeometryError(
+                f"({near}, {far}) m is no depth range", where=capture.name,
+                cure="Give two depths, 0 < near < far.",
+            )  # fmt: skip
+
+
+def _guessed_points(camera: Camera, depth_range_m: tuple[float, float]) -> np.ndarray:
+    """Points half-way in inverse depth on a coarse grid of rays, for want of sparse ones."""
+    depth = np.full(camera.shape, 2.0 / (1.0 / depth_range_m[0] + 1.0 / depth_range_m[1]))
+    step = max(1, min(camera.shape) // 12)
+    return camera.unproject(depth)[::step, ::step].reshape(-1, 3)
+
+
+def _level_scales(cameras: Sequence[Camera], levels: int) -> list[float]:
+    """The pyramid's scales, coarsest first, ending in 1."""
+    longest = min(max(camera.shape) for camera in cameras)
+    scales = [0.5**level for level in range(levels)]
+    return [s for s in reversed(scales) if s == 1.0 or s * longest >= _MIN_LEVEL_SIDE_PX]
+
+
+def _resampled(planes: np.ndarray, camera: Camera) -> np.ndarray:
+    """The planes of a field at another size of its image, nearest pixel's."""
+    height, width = planes.shape[:2]
+    if (height, width) == camera.shape:
+        return planes
+    nearest = cv2.resize(planes, (camera.width, camera.height), interpolation=cv2.INTER_NEAREST)
+    return nearest * np.array([width / camera.width, height / camera.height, 1.0], np.float32)
+
+
+def _homography_parts(a: Camera, b: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """The infinite homography (3, 3) and the epipole (3,) from pixels of ``a`` to ``b``."""
+    b_from_a = b.camera_from_world @ a.world_from_camera
+    infinite = b.matrix @ b_from_a[:3, :3] @ np.linalg.inv(a.matrix)
+    return infinite.astype(np.float32), (b.matrix @ b_from_a[:3, 3]).astype(np.float32)
+
+
+def _sources(
+    views: Sequence[_View],
+    reference: int,
+    chosen: Sequence[int],
+    planes: Sequence[np.ndarray] | None = None,
+    geometric_weight: float = 0.0,
+) -> patchmatch.Sources:
+    """The chosen captures as sources of one reference, with their planes or without."""
+    camera = views[reference].camera
+    sizes = np.array([[views[j].camera.width, views[j].camera.height] for j in chosen], np.int64)
+    starts = np.concatenate([[0], np.cumsum(sizes[:, 0] * sizes[:, 1])[:-1]])
+    to_source = [_homography_parts(camera, views[j].camera) for j in chosen]
+    to_reference = [_homography_parts(views[j].camera, camera) for j in chosen]
+    if planes is None:
+        own = np.zeros((1, 3), np.float32)
+    else:
+        own = np.concatenate([planes[j].reshape(-1, 3) for j in chosen])
+    return patchmatch.Sources(
+        texels=np.concatenate([views[j].texels for j in chosen]),
+        layout=np.column_stack([starts, sizes]),
+        infinite=np.stack([part for part, _ in to_source]),
+        epipole=np.stack([part for _, part in to_source]),
+        back_infinite=np.stack([part for part, _ in to_reference]),
+        back_epipole=np.stack([part for _, part in to_reference]),
+        planes=own,
+        geometric_weight=np.float32(geometric_weight),
+    )
+
+
+def _new_field(planes: np.ndarray, sources: int) -> patchmatch.Field:
+    height, width = planes.shape[:2]
+    cost = np.zeros((height, width), np.float32)
+    return patchmatch.Field(planes.copy(), cost, np.zeros((height, width, sources), np.float32))
+
+
+def _estimate_level(
+    views: Sequence[_View],
+    chosen: Sequence[Sequence[int]],
+    planes: list[np.ndarray],
+    settings: StereoSettings,
+    level: int,
+    seed: int,
+    task: Task,
+) -> list[np.ndarray]:
+    """The planes after this level's photometric sweeps and geometric rounds."""
+    window = patchmatch.window(settings.patch_radius_px, settings.patch_stride_px)
+    regions = patchmatch.sampling_regions()
+    for stage in range(1 + settings.geometric_rounds):
+        geometric = stage > 0
+        sweeps = settings.geometric_sweeps if geometric else settings.iterations
+        coarsest = level == 0 and not geometric
+        following = []
+        for i, view in enumerate(views):
+            sources = (
+                _sources(views, i, chosen[i], planes, settings.geometric_weight)
+                if geometric
+                else _sources(views, i, chosen[i])
+            )
+            field = _new_field(planes[i], len(chosen[i]))
+            number = ((level * 8 + stage) * len(views) + i) * 64
+            patchmatch.initialise(field, view.reference, number, seed)
+            patchmatch.score(field, view.reference, sources, window)
+            for sweep in range(sweeps):
+                fineness = np.float32(0.5 ** (sweep + (0 if coarsest else 2)))
+                for colour in range(2):
+                    patchmatch.half_sweep(
+                        field, view.reference, sources, window, regions,
+                        colour, number + sweep + 1, fineness, seed,
+                    )  # fmt: skip
+            following.append(field.planes)
+            task.advance()
+        planes = following
+    return planes
+
+
+def _depth_maps(
+    views: Sequence[_View],
+    chosen: Sequence[Sequence[int]],
+    planes: Sequence[np.ndarray],
+    settings: StereoSettings,
+) -> tuple[DepthMap, ...]:
+    """Depth, normals, photometric cost and support of the final planes."""
+    window = patchmatch.window(settings.patch_radius_px, settings.patch_stride_px)
+    depths, normals, costs = [], [], []
+    for i, view in enumerate(views):
+        field = _new_field(planes[i], len(chosen[i]))
+        patchmatch.score(field, view.reference, _sources(views, i, chosen[i]), window)
+        depth, normal = _depth_and_normal(field.planes, view.camera)
+        depths.append(np.where(field.cost < patchmatch.WORST_COST, depth, np.float32(0.0)))
+        normals.append(normal)
+        costs.append(field.cost)
+    cameras = [view.camera for view in views]
+    usable = [cost <= settings.max_cost for cost in costs]
+    counts = support(cameras, depths, normals, usable, settings.consistency)
+    return tuple(
+        DepthMap(depth, normal, cost, _without_speckles(depth, count, settings), camera)
+        for depth, normal, cost, count, camera in zip(depths, normals, costs, counts, cameras, strict=True)
+    )
+
+
+def _depth_and_normal(planes: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Depth (H, W) float32 and world normals (H, W, 3) float32 towards the camera."""
+    u = np.arange(camera.width, dtype=np.float32) + 0.5
+    v = np.arange(camera.height, dtype=np.float32)[:, None] + 0.5
+    inverse_depth = planes[..., 0] * u + planes[..., 1] * v + planes[..., 2]
+    away = planes @ camera.matrix.astype(np.float32)
+    away /= np.linalg.norm(away, axis=-1, keepdims=True)
+    normal = -away @ camera.world_from_camera[:3, :3].T.astype(np.float32)
+    return np.float32(1.0) / inverse_depth, normal
+
+
+def _without_speckles(depth: np.ndarray, count: np.ndarray, settings: StereoSettings) -> np.ndarray:
+    """``count`` with 0 on connected segments of fewer than ``min_segment_px`` pixels."""
+    # cv2 compares int16 values: steps of the logarithm make it a relative difference.
+    steps_each = 16.0 / _SEGMENT_STEP
+    logarithm = np.log(np.where(count > 0, depth, np.float32(1.0)).clip(1e-2, 1e2))
+    labels = np.where(count > 0, np.rint(logarithm * steps_each), 32000).astype(np.int16)
+    cv2.filterSpeckles(labels, 32000, settings.min_segment_px, 16)
+    return np.where(labels == 32000, 0, count).astype(np.uint8)
