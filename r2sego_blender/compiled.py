@@ -38,7 +38,7 @@ if not os.environ.get("NUMBA_CACHE_DIR"):
     numba.config.CACHE_DIR = str(_cache_folder())
 
 # No 'nnan' and 'ninf': the kernels test for NaN, which full fastmath folds away.
-FAST = frozenset({"nsz", "arcp", "contract", "afn", "reassoc"})
+FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}
 
 kernel = functools.partial(numba.njit, cache=True, fastmath=FAST, nogil=True)
 """``numba.njit`` with this project's cache and floating-point rules, one thread.
