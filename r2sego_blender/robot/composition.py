@@ -63,13 +63,17 @@ def scene_spec(collision_mjcf: Path) -> mujoco.MjSpec:
         )
     try:
         spec = mujoco.MjSpec.from_file(str(collision_mjcf))
-        joints = len(spec.joints)
     except (ValueError, mujoco.FatalError) as error:
         raise _scene_error(collision_mjcf, error) from error
-    if joints:
+    if spec.joints:
         raise RobotError(
-            f"the collision scene has {joints} joints", where=collision_mjcf, cure="Give a static scene."
+            f"the collision scene has {len(spec.joints)} joints",
+            where=collision_mjcf,
+            cure="Give a static scene.",
         )
+    for geom in spec.geoms:
+        if not (geom.contype or geom.conaffinity):  # only drawn; rays would meet it
+            spec.delete(geom)
     return spec
 
 
@@ -107,8 +111,7 @@ def compose(robot: RobotModel, collision_mjcf: Path, settings: RolloutSettings) 
     """
     spec = scene_spec(collision_mjcf)
     for geom in spec.geoms:
-        if geom.contype or geom.conaffinity:
-            geom.contype, geom.conaffinity = _SCENE_BIT, _ROBOT_BIT
+        geom.contype, geom.conaffinity = _SCENE_BIT, _ROBOT_BIT
     body = robot_spec(robot.source)
     for geom in body.geoms:
         if geom.contype or geom.conaffinity:

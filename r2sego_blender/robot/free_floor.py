@@ -106,8 +106,7 @@ def free_floor(robot: RobotModel, scope: BehaviourScope, collision_mjcf: Path) -
 def _with_probe(collision_mjcf: Path, radius_m: float, height_m: float) -> tuple[mujoco.MjModel, int]:
     spec = scene_spec(collision_mjcf)
     for geom in spec.geoms:
-        if geom.contype or geom.conaffinity:
-            geom.contype, geom.conaffinity = 2, 1
+        geom.contype, geom.conaffinity = 2, 1
     body = spec.worldbody.add_body(name="free_floor_probe", pos=(0.0, 0.0, -1000.0))
     body.add_freejoint()  # MuJoCo never collides two bodies that cannot move
     body.add_geom(
@@ -127,7 +126,7 @@ def _grid(
         low, high = corners.min(axis=0), corners.max(axis=0)
     else:
         low, high = geom_bounds(model)
-        bounded = np.isfinite(low).all(axis=1) & ((model.geom_contype | model.geom_conaffinity) != 0)
+        bounded = np.isfinite(low).all(axis=1)
         bounded[probe] = False
         if not bounded.any():
             raise RobotError(

@@ -61,6 +61,15 @@ def test_low_sills_and_low_lamps_are_obstacles(humanoid, box_room, tmp_path):
         assert not floor.is_free(np.array([[x, y] for x in np.linspace(-1.5, 1.5, 9)])).any()
 
 
+def test_what_is_only_drawn_is_no_obstacle(humanoid, box_room, tmp_path):
+    plain = box_room()
+    drawn = '<geom type="box" size="2 2 1" pos="0 0 1" contype="0" conaffinity="0"/></worldbody>'
+    path = tmp_path / "scene.xml"
+    path.write_text(plain.read_text().replace("</worldbody>", drawn))
+    with_drawn, without = (free_floor(humanoid, SCOPE, scene) for scene in (path, plain))
+    np.testing.assert_array_equal(with_drawn.free, without.free)
+
+
 def test_rooms_without_free_floor_say_so(humanoid, box_room, tmp_path):
     with pytest.raises(RobotError, match=r"scene\.xml: there is no free floor of 0\.7"):
         free_floor(humanoid, SCOPE, box_room([(0.0, 0.0, 2.0, 1.8, 0.4)]))
