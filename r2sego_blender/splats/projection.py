@@ -357,6 +357,7 @@ def project_backward(
                 if some:
                     _backward_one(
                         i, screen[i], moments,
-                        means, log_scales, quaternions, logit_opacities, sh, coefficients, lens, basis, weights,
+                        means, log_scales, quaternions, logit_opacities, sh, coefficients, lens,
+                        basis, weights,
                         mean_gradients, scale_gradients, quaternion_gradients, logit_gradients, sh_gradients,
                     )  # fmt: skip
