@@ -1,0 +1,1 @@
+"""The demo living room: materials, furniture, lights and cameras, built in Blender."""
