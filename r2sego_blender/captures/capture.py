@@ -2,23 +2,50 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..cameras import Camera
 from ..images import load_image, resize
+from .lens import Lens
 
 
 @dataclass(frozen=True)
 class Capture:
-    """One photograph and the calibrated camera it was taken with, in the world frame."""
+    """One photograph and the calibrated camera it was taken with, in the world frame.
+
+    ``camera`` is a pinhole at the working size. ``lens`` is what the photograph was taken
+    through, if that is known to distort; ``straight`` says that the file at ``image_path``
+    is already free of the distortion.
+    """
 
     name: str
     image_path: Path
     camera: Camera
+    lens: Lens | None = None
+    straight: bool = False
 
     def image(self) -> np.ndarray:
-        """The photograph at its camera's size, (H, W, 3) float32 in [0, 1]."""
-        return resize(load_image(self.image_path), self.camera.width, self.camera.height)
+        """The undistorted photograph at its camera's size, (H, W, 3) float32 in [0, 1]."""
+        image = load_image(self.image_path)
+        if self.lens is not None and not self.straight:
+            image = self.lens.straightened(image)
+        return resize(image, self.camera.width, self.camera.height)
+
+    def working_pixels(self, pixels: np.ndarray, photograph_shape: tuple[int, int]) -> np.ndarray:
+        """Pixels (n, 2) of the camera's image for pixels of the file at ``image_path``.
+
+        ``photograph_shape`` is the (height, width) of the upright file.
+        """
+        pixels = np.asarray(pixels, np.float64).reshape(-1, 2)
+        height, width = photograph_shape
+        if self.lens is None or self.straight:
+            return pixels * [self.camera.width / width, self.camera.height / height]
+        rays = self.lens.scaled_to(width, height).rays(pixels)
+        return rays * [self.camera.fx, self.camera.fy] + [self.camera.cx, self.camera.cy]
+
+    def transformed(self, similarity: np.ndarray) -> Capture:
+        """This capture after a (4, 4) similarity of the world."""
+        return replace(self, camera=self.camera.transformed(similarity))

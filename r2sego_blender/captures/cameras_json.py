@@ -1,0 +1,116 @@
+"""``cameras.json``: this project's own file of captures and frozen views (docs/formats.md)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from ..errors import CaptureError
+from . import json_fields as fields
+from .capture import Capture
+from .lens import Lens
+from .photographs import Photograph, upright_size, with_unique_names
+
+_INTRINSICS = ("width", "height", "fx", "fy", "cx", "cy")
+
+
+def read_cameras_json(path: Path, folder: Path) -> tuple[list[Photograph], bool]:
+    """The photographs of the ``captures`` list, and whether the poses are metric.
+
+    The frozen views in the same file are not looked at.
+    """
+    data = fields.read_json(path)
+    metric = data.get("metric", True)
+    if not isinstance(metric, bool):
+        raise CaptureError("'metric' is neither true nor false", where=path, cure="See docs/formats.md.")
+    return _photographs(data, "captures", (data,), path, folder), metric
+
+
+def read_frozen(path: Path, folder: Path) -> list[Photograph]:
+    """The photographs of the ``frozen`` list, with ``frozen_intrinsics`` where that is given."""
+    data = fields.read_json(path)
+    if "frozen" not in data:
+        raise CaptureError(
+            "there is no 'frozen' list", where=path, cure="Give the cameras.json that lists held-out views."
+        )
+    lenses = data.get("frozen_intrinsics", {})
+    if not isinstance(lenses, dict):
+        raise CaptureError("'frozen_intrinsics' is no object", where=path, cure="See docs/formats.md.")
+    return _photographs(data, "frozen", (lenses, data), path, folder)
+
+
+def _photographs(
+    data: Mapping[str, Any], key: str, shared: tuple[Mapping[str, Any], ...], path: Path, folder: Path
+) -> list[Photograph]:
+    photographs = []
+    for index, entry in enumerate(fields.entries(data, key, path)):
+        field = f"{key}[{index}]"
+        name = fields.text("file", path, field, entry)
+        source = f"{path}, {field}"
+        image_path = fields.find_photograph(name, (path.parent, folder), source)
+        places = (entry, *shared)
+        sizes = _size(places, image_path, path, field)
+        fx = fields.number("fx", path, field, *places, positive=True)
+        lens = Lens(
+            *sizes, fx, fields.number("fy", path, field, *places, default=fx, positive=True),
+            fields.number("cx", path, field, *places, default=sizes[0] / 2),
+            fields.number("cy", path, field, *places, default=sizes[1] / 2),
+            _distortion(places, path, field), _fisheye(places),
+        )  # fmt: skip
+        pose = fields.matrix("world_from_camera", path, field, entry)
+        photographs.append(Photograph(name, image_path, lens, pose, source))
+    return with_unique_names(photographs)
+
+
+def _size(places, image_path: Path, path: Path, field: str) -> tuple[int, int]:
+    if not any("width" in place or "height" in place for place in places):
+        return upright_size(image_path)
+    width, height = (fields.number(key, path, field, *places, positive=True) for key in _INTRINSICS[:2])
+    return int(width), int(height)
+
+
+def _distortion(places, path: Path, field: str) -> tuple[float, ...]:
+    found = next((place["distortion"] for place in places if "distortion" in place), ())
+    if not isinstance(found, list | tuple) or len(found) > 8:
+        raise CaptureError(
+            "'distortion' is not a list of at most 8 numbers", where=f"{path}, {field}",
+            cure="Give k1, k2, p1, p2 as OpenCV has them.",
+        )  # fmt: skip
+    keyed = {f"distortion[{i}]": value for i, value in enumerate(found)}
+    return tuple(fields.number(key, path, field, keyed) for key in keyed)
+
+
+def _fisheye(places) -> bool:
+    return bool(next((place["fisheye"] for place in places if "fisheye" in place), False))
+
+
+def save_cameras_json(
+    path: Path, captures: Iterable[Capture], *, frozen: Iterable[Capture] = (), metric: bool = True,
+    about: str = "", folder: Path | None = None,
+) -> None:  # fmt: skip
+    """Write captures, and held-out views if any, as a ``cameras.json``.
+
+    File names are relative to ``folder`` (default: the file's own folder) where the images
+    lie inside it. The images themselves are not written.
+    """
+    base = (folder or path.parent).resolve()
+    data: dict[str, Any] = {"about": about} if about else {}
+    data |= {"metric": metric, "captures": [_entry(capture, base) for capture in captures]}
+    views = [_entry(view, base) for view in frozen]
+    if views:
+        data["frozen"] = views
+    path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+
+
+def _entry(capture: Capture, base: Path) -> dict[str, Any]:
+    image_path = capture.image_path.resolve()
+    inside = image_path.is_relative_to(base)
+    entry: dict[str, Any] = {"file": image_path.relative_to(base).as_posix() if inside else image_path.name}
+    if capture.lens is not None and not capture.straight:
+        entry |= capture.lens.to_json()
+        entry["world_from_camera"] = capture.camera.world_from_camera.tolist()
+    else:
+        entry |= capture.camera.to_json()
+    return entry

@@ -1,0 +1,216 @@
+"""COLMAP models, text or binary: their cameras and poses read, and captures written as one."""
+
+from __future__ import annotations
+
+import shutil
+import struct
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import CaptureError, NativeError
+from ..workers.child import call_in_child
+from . import json_fields as fields
+from .capture import Capture
+from .lens import Lens
+from .photographs import Photograph, with_unique_names
+from .sparse import SparsePoints
+
+_TIMEOUT_S = 60.0
+# The least bytes one record of cameras.bin and images.bin takes.
+_RECORD_BYTES = {"cameras.bin": 24 + 3 * 8, "images.bin": 4 + 7 * 8 + 4 + 1 + 8}
+# Places of OpenCV's (k1, k2, p1, p2, k3, k4, k5, k6) in COLMAP's parameters after the
+# focal lengths and the principal point, and whether the lens is a fisheye.
+_DISTORTIONS = {
+    "SIMPLE_PINHOLE": ((), False),
+    "PINHOLE": ((), False),
+    "SIMPLE_RADIAL": ((0,), False),
+    "RADIAL": ((0, 1), False),
+    "OPENCV": ((0, 1, 2, 3), False),
+    "FULL_OPENCV": ((0, 1, 2, 3, 4, 5, 6, 7), False),
+    "SIMPLE_RADIAL_FISHEYE": ((0,), True),
+    "RADIAL_FISHEYE": ((0, 1), True),
+    "OPENCV_FISHEYE": ((0, 1, 2, 3), True),
+}
+
+
+def find_model(folder: Path) -> Path | None:
+    """The folder with ``cameras`` and ``images`` files in or below ``folder``, if there is one.
+
+    Raises CaptureError when there are several models to choose from.
+    """
+    places = [
+        folder,
+        folder / "sparse",
+        *sorted(folder.glob("[0-9]*")),
+        *sorted(folder.glob("sparse/[0-9]*")),
+    ]
+    models = [place for place in places if _suffix(place) is not None]
+    if len(models) > 1 and models[0] not in (folder, folder / "sparse"):
+        raise CaptureError(
+            f"there are {len(models)} models", where=folder,
+            cure=f"Name the one to use, such as {models[0]}; each is a room of its own to COLMAP.",
+        )  # fmt: skip
+    return models[0] if models else None
+
+
+def _suffix(folder: Path) -> str | None:
+    """The suffix of the model's files, binary first as COLMAP reads them; None if incomplete."""
+    for suffix in (".bin", ".txt"):
+        if all((folder / f"{name}{suffix}").is_file() for name in ("cameras", "images")):
+            return suffix
+    return None
+
+
+def read_colmap_model(model: Path, folder: Path) -> list[Photograph]:
+    """The photographs of the COLMAP model in ``model``; the image files are in ``folder``.
+
+    Its points are not needed and not read: a damaged points3D.bin takes all memory.
+    """
+    suffix = _suffix(model)
+    if suffix is None:
+        raise CaptureError(
+            "there is no cameras and images file of a COLMAP model", where=model,
+            cure="Give the folder that holds cameras.bin and images.bin, or .txt.",
+        )  # fmt: skip
+    if suffix == ".bin":
+        for name, least in _RECORD_BYTES.items():
+            _check_count(model / name, least)
+    try:
+        found = call_in_child(
+            "captures.colmap_model:read_in_child",
+            {"model": str(model), "suffix": suffix}, timeout_s=_TIMEOUT_S,
+        )  # fmt: skip
+    except NativeError as error:
+        raise CaptureError(
+            "the COLMAP model cannot be read", where=model,
+            cure="It is damaged or of another format: export it again.",
+        ) from error  # fmt: skip
+    photographs = []
+    for image in found["images"]:
+        source = f"{model / ('images' + suffix)}, image {image['id']} ({image['name']})"
+        path = fields.find_photograph(image["name"], (folder, folder / "images"), source)
+        pose = np.linalg.inv(np.vstack([image["camera_from_world"], [0.0, 0.0, 0.0, 1.0]]))
+        lens = _lens(image["camera"], f"{model / ('cameras' + suffix)}, camera {image['camera']['id']}")
+        photographs.append(Photograph(image["name"], path, lens, pose, source))
+    return with_unique_names(photographs)
+
+
+def _check_count(path: Path, least_bytes: int) -> None:
+    size = path.stat().st_size
+    count = struct.unpack("<Q", path.open("rb").read(8))[0] if size >= 8 else -1
+    if count < 0 or count * least_bytes > size:
+        raise CaptureError(
+            f"the file is cut short: {size} bytes cannot hold {max(count, 0)} records", where=path,
+            cure="Export or copy the COLMAP model again.",
+        )  # fmt: skip
+
+
+def _lens(camera: dict[str, Any], where: str) -> Lens:
+    if camera["model"] not in _DISTORTIONS:
+        raise CaptureError(
+            f"the camera model {camera['model']} is not supported", where=where,
+            cure="Undistort with COLMAP's image_undistorter, or solve with the OPENCV model.",
+        )  # fmt: skip
+    places, fisheye = _DISTORTIONS[camera["model"]]
+    fx, fy, cx, cy = camera["focal"]
+    distortion = tuple(camera["extra"][place] for place in places)
+    numbers = np.array([fx, fy, cx, cy, *distortion])
+    if not np.isfinite(numbers).all() or min(fx, fy, camera["width"], camera["height"]) <= 0:
+        raise CaptureError(
+            "the camera's numbers make no sense", where=where,
+            cure="The model is damaged: export or copy it again.",
+        )  # fmt: skip
+    return Lens(camera["width"], camera["height"], fx, fy, cx, cy, distortion, fisheye)
+
+
+def read_in_child(request: dict[str, Any]) -> dict[str, Any]:
+    """Read cameras and poses with pycolmap; runs in a child process."""
+    import pycolmap
+
+    pycolmap.logging.minloglevel = 2
+    _limit_memory()
+    model, suffix = Path(request["model"]), request["suffix"]
+    with tempfile.TemporaryDirectory() as folder:
+        for name in ("cameras", "images"):
+            shutil.copyfile(model / f"{name}{suffix}", Path(folder, f"{name}{suffix}"))
+        Path(folder, f"points3D{suffix}").write_bytes(struct.pack("<Q", 0) if suffix == ".bin" else b"")
+        solved = pycolmap.Reconstruction(folder)
+    images = []
+    for image_id in sorted(solved.images):
+        image = solved.images[image_id]
+        images.append({
+            "id": image_id, "name": image.name, "camera": camera_to_json(image.camera),
+            "camera_from_world": image.cam_from_world().matrix().tolist(),
+        })  # fmt: skip
+    return {"images": images}
+
+
+def camera_to_json(camera) -> dict[str, Any]:
+    """A pycolmap camera as a JSON-ready dict."""
+    used = {*camera.focal_length_idxs(), *camera.principal_point_idxs()}
+    return {
+        "id": camera.camera_id, "model": camera.model.name, "width": camera.width, "height": camera.height,
+        "focal": [camera.focal_length_x, camera.focal_length_y,
+                  camera.principal_point_x, camera.principal_point_y],
+        "extra": [float(value) for i, value in enumerate(camera.params) if i not in used],
+    }  # fmt: skip
+
+
+def lens_from_json(camera: dict[str, Any], where: str) -> Lens:
+    """The lens of ``camera_to_json``. Raises CaptureError for models that are not supported."""
+    return _lens(camera, where)
+
+
+def _limit_memory() -> None:
+    """A garbled count must not take the machine's memory with it."""
+    try:
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (8 << 30, 8 << 30))
+    except (ImportError, ValueError, OSError):  # Windows has no such limit, some systems forbid it
+        return
+
+
+def save_colmap_model(folder: Path, captures: Sequence[Capture], sparse: SparsePoints | None) -> None:
+    """Write captures and sparse points as a COLMAP text model, readable by its tools.
+
+    Image names are the names of the captures' image files; points are in the world frame.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    cameras, images = ["# CAMERA_ID MODEL WIDTH HEIGHT fx fy cx cy"], ["# IMAGE_ID QW QX QY QZ TX TY TZ"]
+    cameras[0] += " (PINHOLE)"
+    images[0] += " CAMERA_ID NAME, then X Y POINT3D_ID of each measurement"
+    rows = [] if sparse is None else [np.flatnonzero(sparse.visibility[:, i]) for i in range(len(captures))]
+    for index, capture in enumerate(captures):
+        c, identity = capture.camera, index + 1
+        cameras.append(f"{identity} PINHOLE {c.width} {c.height} {c.fx!r} {c.fy!r} {c.cx!r} {c.cy!r}")
+        numbers = " ".join(repr(float(v)) for v in (*_quaternion(c.camera_from_world[:3, :3]),
+                                                     *c.camera_from_world[:3, 3]))  # fmt: skip
+        images.append(f"{identity} {numbers} {identity} {capture.image_path.name}")
+        measured = rows[index] if rows else ()
+        images.append(
+            " ".join(f"{float(x)!r} {float(y)!r} {row + 1}" for row in measured
+                     for x, y in [sparse.pixels[row, index]])
+        )  # fmt: skip
+    points = ["# POINT3D_ID X Y Z R G B ERROR, then IMAGE_ID POINT2D_IDX of each measurement"]
+    if sparse is not None:
+        column = np.cumsum(sparse.visibility, axis=0) - 1
+        for row, (point, colour) in enumerate(zip(sparse.points, sparse.colours, strict=True)):
+            track = " ".join(f"{i + 1} {column[row, i]}" for i in np.flatnonzero(sparse.visibility[row]))
+            xyz = " ".join(repr(float(v)) for v in point)
+            rgb = " ".join(str(int(v)) for v in colour)
+            points.append(f"{row + 1} {xyz} {rgb} {float(sparse.error_px[row])!r} {track}")
+    for name, lines in (("cameras", cameras), ("images", images), ("points3D", points)):
+        (folder / f"{name}.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _quaternion(rotation: np.ndarray) -> np.ndarray:
+    """(4,) w, x, y, z with w >= 0 of a rotation matrix."""
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(rotation).as_quat()
+    return np.array([w, x, y, z]) * (-1.0 if w < 0 else 1.0)

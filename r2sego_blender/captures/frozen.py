@@ -1,0 +1,25 @@
+"""Frozen views: held-out photographs for scoring, which refinement never sees."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..errors import CaptureError
+from .cameras_json import read_frozen
+from .capture import Capture
+from .photographs import capture_of
+
+_ANY_SIZE_PX = 1 << 20
+
+
+def load_frozen_views(path: Path, max_side_px: int = _ANY_SIZE_PX) -> tuple[Capture, ...]:
+    """The ``frozen`` list of a ``cameras.json``, in the frame of that file.
+
+    Intrinsics are an entry's own, those under ``frozen_intrinsics``, or the file's. Only
+    evaluation may call this. Raises CaptureError when the list is missing, empty or
+    names a file that is not there.
+    """
+    photographs = read_frozen(path, path.parent)
+    if not photographs:
+        raise CaptureError("the 'frozen' list is empty", where=path, cure="List held-out photographs.")
+    return tuple(capture_of(photograph, max_side_px) for photograph in photographs)

@@ -1,0 +1,84 @@
+"""Importing photographs, with the poses somebody solved or with poses solved here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..errors import CaptureError
+from ..images import image_files
+from ..progress import SILENT, Progress
+from ..settings import CaptureSettings
+from . import json_fields as fields
+from .cameras_json import read_cameras_json
+from .capture import Capture
+from .colmap_model import find_model, read_colmap_model
+from .photographs import captures_of
+from .solving import solve_poses
+from .transforms_json import read_transforms_json
+
+_POSE_FILES = ("cameras.json", "transforms.json")
+
+
+@dataclass(frozen=True)
+class Imported:
+    """Captures in the frame of their pose file (the capture frame).
+
+    ``source`` says in words where the poses come from; ``metric`` whether they are known
+    to be in metres.
+    """
+
+    captures: tuple[Capture, ...]
+    source: str
+    metric: bool
+
+
+def import_captures(
+    folder: Path, poses: Path | None, settings: CaptureSettings, progress: Progress = SILENT
+) -> Imported:
+    """The photographs in ``folder`` as undistorted captures.
+
+    ``poses`` is a ``cameras.json``, a ``transforms.json`` or a COLMAP folder
+    (docs/formats.md), or None to solve them from the photographs alone. Photographs are
+    not copied: a capture undistorts and scales its file when it is read. Raises
+    CaptureError naming the file, the field and the cure.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise CaptureError("there is no such folder", where=folder, cure="Give a folder of photographs.")
+    if poses is None:
+        photographs, source = solve_poses(image_files(folder), settings, progress)
+        return Imported(captures_of(photographs, settings.max_side_px), source, metric=False)
+    poses = Path(poses)
+    if poses.is_dir():
+        model = find_model(poses)
+        if model is None:
+            raise CaptureError(
+                "there is no COLMAP model in this folder", where=poses,
+                cure="Give the folder that holds cameras.bin and images.bin, or .txt.",
+            )  # fmt: skip
+        photographs, metric, source = read_colmap_model(model, folder), False, "COLMAP model"
+    else:
+        data = fields.read_json(poses)
+        if "frames" in data:
+            photographs, metric = read_transforms_json(poses, folder)
+            source = "transforms.json"
+        elif "captures" in data:
+            photographs, metric = read_cameras_json(poses, folder)
+            source = "cameras.json"
+        else:
+            raise CaptureError(
+                "the file has neither 'captures' nor 'frames'", where=poses,
+                cure="Give a cameras.json, a transforms.json or a COLMAP folder.",
+            )  # fmt: skip
+    if not photographs:
+        raise CaptureError("no photograph is listed", where=poses, cure="Check the export of the poses.")
+    return Imported(captures_of(photographs, settings.max_side_px), source, metric)
+
+
+def find_poses(folder: Path) -> Path | None:
+    """The pose file or COLMAP model that lies in ``folder``, if there is one."""
+    for name in _POSE_FILES:
+        if (folder / name).is_file():
+            return folder / name
+    return find_model(folder)

@@ -1,0 +1,149 @@
+"""Photographs with poses, as the pose files name them, turned into captures."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, UnidentifiedImageError
+
+from ..errors import CaptureError
+from .capture import Capture
+from .lens import Lens
+
+MIN_CAPTURES = 3
+_EXIF_ORIENTATION = 274
+# EXIF orientation -> clockwise quarter turns that set the stored pixels upright.
+_QUARTER_TURNS = {1: 0, 3: 2, 6: 1, 8: 3}
+_ASPECT_TOLERANCE = 0.01
+_RIGID_TOLERANCE = 1e-3
+# One clockwise quarter turn of the image, seen as a turn of the camera about its axis.
+_TURNED_FROM_CAMERA = np.array(
+    [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
+
+
+@dataclass(frozen=True)
+class Photograph:
+    """A photograph, its lens and pose as a pose file states them.
+
+    ``world_from_camera`` (4, 4) float64 has OpenCV axes; ``source`` is the file and field
+    that errors point to.
+    """
+
+    name: str
+    path: Path
+    lens: Lens
+    world_from_camera: np.ndarray
+    source: str
+
+
+def photograph_size(path: Path) -> tuple[int, int, int]:
+    """(width, height) of an image file's stored pixels and the clockwise quarter turns to upright.
+
+    Raises CaptureError when the file is missing or not an image.
+    """
+    try:
+        with Image.open(path) as image:
+            orientation = int(image.getexif().get(_EXIF_ORIENTATION, 1) or 1)
+            return image.width, image.height, _QUARTER_TURNS.get(orientation, 0)
+    except FileNotFoundError as error:
+        raise CaptureError("the photograph is missing", where=path, cure="Check the path.") from error
+    except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
+        raise CaptureError(
+            "the photograph cannot be read", where=path,
+            cure="Replace the file, or take it out of the pose file.",
+        ) from error  # fmt: skip
+
+
+def upright_size(path: Path) -> tuple[int, int]:
+    """(width, height) of the photograph as ``load_image`` returns it."""
+    width, height, turns = photograph_size(path)
+    return (height, width) if turns % 2 else (width, height)
+
+
+def captures_of(photographs: Sequence[Photograph], max_side_px: int) -> tuple[Capture, ...]:
+    """Captures of posed photographs, at most ``max_side_px`` long, intrinsics scaled exactly.
+
+    Raises CaptureError for fewer than three photographs, for names used twice, files that
+    are missing, unreadable or of another shape than their lens, and poses that are no
+    rotation and translation.
+    """
+    if len(photographs) < MIN_CAPTURES:
+        raise too_few(len(photographs), photographs[0].source if photographs else "captures")
+    for name, count in Counter(photograph.name for photograph in photographs).items():
+        if count > 1:
+            raise CaptureError(
+                f"the photograph '{name}' is listed {count} times", where=photographs[0].source,
+                cure="Keep one entry for each photograph.",
+            )  # fmt: skip
+    return tuple(capture_of(photograph, max_side_px) for photograph in photographs)
+
+
+def too_few(count: int, where: object) -> CaptureError:
+    """The error for fewer photographs than geometry can be measured from."""
+    return CaptureError(
+        f"{count} photograph{'s' if count != 1 else ''} found, at least {MIN_CAPTURES} are needed",
+        where=where, cure="Add photographs of the same room from places a step apart.",
+    )  # fmt: skip
+
+
+def capture_of(photograph: Photograph, max_side_px: int) -> Capture:
+    """The capture of one posed photograph; errors as for ``captures_of``."""
+    pose = _rigid(photograph.world_from_camera, photograph.source)
+    lens, pose = _upright(photograph, pose)
+    try:
+        camera = lens.straight(pose).fitted(max_side_px)
+    except CaptureError as error:
+        raise CaptureError(error.what, where=photograph.source, cure=error.cure) from error
+    return Capture(photograph.name, photograph.path, camera, lens if lens.distorts else None)
+
+
+def _upright(photograph: Photograph, pose: np.ndarray) -> tuple[Lens, np.ndarray]:
+    """The lens and pose for the upright photograph at its true size."""
+    lens = photograph.lens
+    width, height, turns = photograph_size(photograph.path)
+    upright = (height, width) if turns % 2 else (width, height)
+    if turns % 2 and _same_shape(lens, width, height) and not _same_shape(lens, *upright):
+        # The poses were solved on the stored pixels, before EXIF turned them upright.
+        lens = lens.turned(turns)
+        for _ in range(turns):
+            pose = pose @ _TURNED_FROM_CAMERA.T
+    if not _same_shape(lens, *upright):
+        raise CaptureError(
+            f"the photograph {photograph.path.name} is {upright[0]}x{upright[1]}, its camera "
+            f"{lens.width}x{lens.height}", where=photograph.source,
+            cure="Give the photographs the poses were made for, or correct the camera's width and height.",
+        )  # fmt: skip
+    return (lens if (lens.width, lens.height) == upright else lens.scaled_to(*upright)), pose
+
+
+def _same_shape(lens: Lens, width: int, height: int) -> bool:
+    return abs(lens.width / lens.height / (width / height) - 1.0) <= _ASPECT_TOLERANCE
+
+
+def _rigid(pose: np.ndarray, source: str) -> np.ndarray:
+    """The pose with its rotation made exact. Raises CaptureError if it is far from one."""
+    rotation = pose[:3, :3]
+    ill = not np.isfinite(pose).all() or np.abs(pose[3] - [0, 0, 0, 1]).max() > 1e-6
+    ill = ill or np.abs(rotation.T @ rotation - np.eye(3)).max() > _RIGID_TOLERANCE
+    if ill or np.linalg.det(rotation) < 0:
+        raise CaptureError(
+            "the pose is not a rotation and a translation", where=source,
+            cure="Give a 4x4 rigid matrix without scale or mirroring, last row 0 0 0 1.",
+        )  # fmt: skip
+    if np.abs(rotation.T @ rotation - np.eye(3)).max() <= 1e-12:
+        return pose
+    left, _, right = np.linalg.svd(rotation)
+    exact = pose.copy()
+    exact[:3, :3] = left @ right
+    return exact
+
+
+def with_unique_names(photographs: Sequence[Photograph]) -> list[Photograph]:
+    """Photographs of several folders under names that differ: the file name, else the path."""
+    short = Counter(Path(photograph.name).name for photograph in photographs)
+    return [replace(p, name=Path(p.name).name) if short[Path(p.name).name] == 1 else p for p in photographs]

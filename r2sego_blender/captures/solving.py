@@ -1,0 +1,174 @@
+"""Poses of plain photographs: incremental structure from motion, seeded, in a child process."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import CaptureError
+from ..images import load_image, resize
+from ..progress import Progress
+from ..settings import CaptureSettings
+from ..workers.child import call_in_child
+from .colmap_model import camera_to_json, lens_from_json
+from .features import Features, sift
+from .overlap import load_matches, match_all, save_matches, write_database
+from .photographs import MIN_CAPTURES, Photograph, too_few
+
+_MIN_REGISTERED_SHARE = 0.6
+# COLMAP's defaults ask for 100 inliers and 16 degrees to begin with, which a handful of
+# photographs taken a step apart may not offer; the later tries are more modest.
+_FIRST_PAIR_TRIES = ((100, 16.0), (50, 8.0), (30, 4.0))
+# Focal length, in longest sides, of a photograph without EXIF: a phone's main camera and
+# most compact cameras lie between 0.7 and 1; refined by the bundle adjustment.
+_FOCAL_GUESS = 0.85
+_TIMEOUT_S = 3600.0
+_ADVICE = (
+    "Take more photographs between those: walk sideways a step at a time, keep half of each "
+    "picture in the next, hold still in good light so that nothing is blurred."
+)
+
+
+def solve_poses(
+    paths: Sequence[Path], settings: CaptureSettings, progress: Progress
+) -> tuple[list[Photograph], str]:
+    """Photographs with estimated lenses and poses, up to an unknown similarity.
+
+    Focal lengths start from EXIF where it has them. Also returns a line saying how many
+    registered. Raises CaptureError when fewer than three, or fewer than 60 %, do.
+    """
+    if len(paths) < MIN_CAPTURES:
+        raise too_few(len(paths), paths[0].parent if paths else "photographs")
+    features: list[Features] = []
+    sizes = []
+    for path in progress.track(paths, "Finding features"):
+        image = load_image(path)
+        height, width = image.shape[:2]
+        scale = min(1.0, settings.solve_max_side_px / max(width, height))
+        image = resize(image, max(1, round(width * scale)), max(1, round(height * scale)))
+        sizes.append((image.shape[1], image.shape[0]))
+        features.append(sift(image, settings.max_features))
+    pairs = match_all(features, settings, progress)
+    folder_of_photographs = paths[0].parent
+    if not pairs:
+        raise CaptureError(
+            f"no two of the {len(paths)} photographs share {settings.min_matches} features",
+            where=folder_of_photographs, cure=_ADVICE,
+        )  # fmt: skip
+    with progress.task("Solving camera poses", total=1) as task, tempfile.TemporaryDirectory() as folder:
+        save_matches(Path(folder, "matches.npz"), features, pairs)
+        request = {
+            "folder": folder, "paths": [str(path) for path in paths], "sizes": sizes,
+            "min_matches": settings.min_matches,
+        }  # fmt: skip
+        found = call_in_child("captures.solving:solve_in_child", request, timeout_s=_TIMEOUT_S)
+        task.advance()
+    models = sorted(found["models"], key=len, reverse=True)
+    best = models[0] if models else []
+    registered = {image["index"] for image in best}
+    fallen = [path.name for index, path in enumerate(paths) if index not in registered]
+    count = f"{len(best)} of {len(paths)} photographs"
+    if len(best) < MIN_CAPTURES or len(best) < _MIN_REGISTERED_SHARE * len(paths):
+        several = f" (in {len(models)} separate groups)" if len(models) > 1 else ""
+        raise CaptureError(
+            f"only {count} could be registered together{several}; left out: {', '.join(fallen)}",
+            where=folder_of_photographs, cure=_ADVICE,
+        )  # fmt: skip
+    if fallen:
+        progress.message(
+            f"{count} registered; left out: {', '.join(fallen)}. {_ADVICE}", level="warning"
+        )  # fmt: skip
+    photographs = []
+    for image in sorted(best, key=lambda image: image["index"]):
+        path = paths[image["index"]]
+        lens = lens_from_json(image["camera"], str(path))
+        pose = np.linalg.inv(np.vstack([image["camera_from_world"], [0.0, 0.0, 0.0, 1.0]]))
+        photographs.append(Photograph(path.name, path, lens, pose, str(path)))
+    return photographs, f"structure from motion, {count}"
+
+
+def solve_in_child(request: dict[str, Any]) -> dict[str, Any]:
+    """Incremental mapping with pycolmap; runs in a child process."""
+    import pycolmap
+
+    pycolmap.logging.minloglevel = 2
+    folder = Path(request["folder"])
+    features, pairs = load_matches(folder / "matches.npz")
+    cameras, camera_of = _cameras(request["paths"], request["sizes"])
+    names = [f"{index:06d}" for index in range(len(features))]
+    database = folder / "database.db"
+    ids = write_database(database, cameras, camera_of, names, features, pairs, verified=False)
+    verification = pycolmap.TwoViewGeometryOptions(min_num_inliers=request["min_matches"])
+    verification.ransac.random_seed = 0
+    pycolmap.set_random_seed(0)
+    pycolmap.geometric_verification(
+        database, pycolmap.GeometricVerifierOptions(num_threads=1),
+        two_view_geometry_options=verification,
+    )  # fmt: skip
+    index_of = {image_id: index for index, image_id in enumerate(ids)}
+    best: list[list[dict[str, Any]]] = []
+    for attempt, (inliers, angle_deg) in enumerate(_FIRST_PAIR_TRIES):
+        models = _map(database, folder, attempt, inliers, angle_deg, request["min_matches"])
+        found = [_images_of(model, index_of) for model in models]
+        if max(map(len, found), default=0) > max(map(len, best), default=0):
+            best = found
+        if max(map(len, best), default=0) == len(features):
+            break
+    return {"models": best}
+
+
+def _map(database, folder: Path, attempt: int, inliers: int, angle_deg: float, min_matches: int) -> list:
+    import pycolmap
+
+    options = pycolmap.IncrementalPipelineOptions(
+        num_threads=1, random_seed=0, extract_colors=False, min_num_matches=min_matches,
+        min_model_size=MIN_CAPTURES, multiple_models=True,
+    )  # fmt: skip
+    options.mapper.num_threads = 1
+    options.mapper.random_seed = 0
+    options.triangulation.random_seed = 0
+    options.mapper.init_min_num_inliers = inliers
+    options.mapper.init_min_tri_angle = angle_deg
+    options.mapper.abs_pose_min_num_inliers = max(15, min_matches)
+    pycolmap.set_random_seed(0)
+    output = folder / f"models{attempt}"
+    output.mkdir()
+    return list(pycolmap.incremental_mapping(database, folder, output, options).values())
+
+
+def _images_of(model, index_of: dict[int, int]) -> list[dict[str, Any]]:
+    images = []
+    for image_id in sorted(model.reg_image_ids()):
+        image = model.images[image_id]
+        images.append({
+            "index": index_of[image_id], "camera": camera_to_json(image.camera),
+            "camera_from_world": image.cam_from_world().matrix().tolist(),
+        })  # fmt: skip
+    return images
+
+
+def _cameras(paths: Sequence[str], sizes: Sequence[Sequence[int]]) -> tuple[list, list[int]]:
+    """One camera for photographs of the same size and EXIF focal length, and whose is whose."""
+    import pycolmap
+
+    cameras, camera_of, known = [], [], {}
+    for path, (width, height) in zip(paths, sizes, strict=True):
+        guess = pycolmap.infer_camera_from_image(path)
+        prior = bool(guess.has_prior_focal_length)
+        relative = guess.mean_focal_length() / max(guess.width, guess.height) if prior else _FOCAL_GUESS
+        key = (width, height, prior, round(relative, 4))
+        if key not in known:
+            known[key] = len(cameras)
+            focal_px = relative * max(width, height)
+            camera = pycolmap.Camera(
+                model="SIMPLE_RADIAL", width=width, height=height,
+                params=[focal_px, width / 2, height / 2, 0.0],
+            )  # fmt: skip
+            camera.has_prior_focal_length = prior
+            cameras.append(camera)
+        camera_of.append(known[key])
+    return cameras, camera_of
