@@ -24,6 +24,7 @@ from ..captures.capture import Capture
 from ..images import resize
 from ..progress import SILENT, Progress
 from ..settings import Settings, StereoSettings
+from .edges import aligned_to_edges
 from .evidence import KnownDepth, collect_votes
 from .planes import RoomPlanes
 
@@ -53,6 +54,9 @@ class CompletedDepth:
     camera: Camera
 
 
+_OUTVOTED = 1.05  # how far neighbours of like colour must outvote a depth to replace it
+_SURE_VOTES = 0.16  # share of a full window's votes that settles a depth at once
+_PROBABLE_VOTES = 0.03  # share at which it is likelier than the bare envelope
 _NCC_RADIUS_PX = 3
 _GUIDE_RADIUS_PX = 9
 _GUIDE_EPSILON = 1e-3
@@ -77,7 +81,7 @@ def complete_depth(
 ) -> tuple[CompletedDepth, ...]:
     """Every capture's depth map, completed at the size of its stereo depth."""
     trusted = trusted_depth(depth_maps, settings.stereo)
-    views = [_View.of(capture, known) for capture, known in zip(captures, trusted, strict=True)]
+    views = [_View.of(*view) for view in zip(captures, depth_maps, trusted, strict=True)]
     with progress.task("Completing depth", len(views)) as task:
         completed = []
         for index in range(len(views)):
@@ -109,16 +113,23 @@ def trusted_depth(depth_maps: Sequence[DepthMap], settings: StereoSettings) -> t
 
 @dataclass(frozen=True)
 class _View:
-    """A capture at the size of its depth map; ``known`` is its trusted depth, 0 elsewhere."""
+    """A capture at the size of its depth map: ``known`` is its trusted depth aligned to the
+    image's edges, 0 elsewhere; ``likely`` what its surfaces nearby suggest, with ``votes``."""
 
     camera: Camera
     grey: np.ndarray
     known: np.ndarray
+    likely: np.ndarray
+    votes: np.ndarray
 
     @staticmethod
-    def of(capture: Capture, known: KnownDepth) -> _View:
-        image = resize(capture.image(), known.camera.width, known.camera.height)
-        return _View(known.camera, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), known.depth)
+    def of(capture: Capture, depth_map: DepthMap, trusted: KnownDepth) -> _View:
+        camera = trusted.camera
+        image = resize(capture.image(), camera.width, camera.height)
+        mode, votes, own = aligned_to_edges(image, trusted.depth, depth_map.normal, camera)
+        fattened = (trusted.depth > 0) & (votes > _OUTVOTED * own)
+        known = np.where(fattened, mode, trusted.depth)
+        return _View(camera, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), known, mode, votes)
 
 
 def _completed(index: int, views: Sequence[_View], planes: RoomPlanes, settings: Settings) -> CompletedDepth:
@@ -138,13 +149,16 @@ def _completed(index: int, views: Sequence[_View], planes: RoomPlanes, settings:
         better = (cost < best_cost) & ~hidden
         best_cost[better], best_depth[better] = cost[better], depth[better]
     observed = view.known > 0
-    on_plane = ~observed & (best_cost < _CONVINCING) & (best_depth > 0)
-    on_envelope = ~observed & ~on_plane & (bound > 0)
+    nearby = ~observed & (view.votes > _SURE_VOTES)
+    on_plane = ~observed & ~nearby & (best_cost < _CONVINCING) & (best_depth > 0)
+    nearby |= ~observed & ~on_plane & (view.votes > _PROBABLE_VOTES)
+    on_envelope = ~observed & ~on_plane & ~nearby & (bound > 0)
     source = np.full(view.camera.shape, DepthSource.FILLED, np.uint8)
     depth = np.zeros(view.camera.shape, np.float32)
     for mask, values, kind in (
         (observed, view.known, DepthSource.OBSERVED),
         (on_plane, best_depth, DepthSource.PLANE),
+        (nearby, view.likely, DepthSource.PLANE),
         (on_envelope, bound, DepthSource.ENVELOPE),
     ):
         depth[mask], source[mask] = values[mask], kind

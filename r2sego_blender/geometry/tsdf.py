@@ -51,7 +51,7 @@ class DistanceField:
         if not (field.min() < 0 < field.max()):
             return nothing
         try:
-            vertices, faces, _, _ = marching_cubes(field, 0.0, mask=known, gradient_direction="ascent")
+            vertices, faces, _, _ = marching_cubes(field, 0.0, mask=known, gradient_direction="descent")
         except RuntimeError:  # no surface among the known voxels
             return nothing
         return vertices * self.voxel_m + self.origin, faces.astype(np.int32)

@@ -1,0 +1,236 @@
+"""Composition of the geometry proxy M_scaf (the paper's Eq. 1).
+
+Completed depth of the captures and the current asset's depth are fused in a truncated
+distance field, weighted by the evidence for them; its surface is carved by what the
+captures saw to be free, freed of loose crumbs, replaced by aligned priors in their object
+regions and closed by the room's envelope where nothing else is. The field stands in for
+NKSR: with completed depth the mesher hardly matters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull, cKDTree
+
+from ..cameras import Camera
+from ..captures.capture import Capture
+from ..errors import GeometryError
+from ..progress import SILENT, Progress
+from ..settings import ProxySettings
+from .completion import CompletedDepth, DepthSource
+from .envelope import envelope_polygons, tessellated
+from .evidence import KnownDepth, collect_votes
+from .planes import RoomPlanes
+from .proxy import GeometryProxy, Provenance
+from .rasterizer import MeshRasterizer
+from .tsdf import DistanceField
+
+if TYPE_CHECKING:
+    from .observed import ObservedGeometry
+
+_PLANE_SHARE = 3.0  # a chosen plane weighs this many times what is merely filled in
+_CARVING_TOLERANCE = 0.04  # relative depth by which a capture must see past a face
+_SUPPORT_TOLERANCE = 0.03
+_LARGEST_FIELD = 40_000_000  # voxels; 320 MB
+_OUTLIERS = 0.002  # share of the points at each end that the field need not cover
+_MARGIN_M = 0.5  # the field's reach beyond the captures' centres
+_ASSET_ALPHA = 0.5  # below this the asset's depth says nothing
+
+
+@dataclass(frozen=True)
+class AlignedPrior:
+    """A shape prior after its similarity T_m*: ``vertices`` (V, 3) in the world, ``faces`` (F, 3)."""
+
+    name: str
+    vertices: np.ndarray
+    faces: np.ndarray
+
+
+def compose_proxy(
+    captures: Sequence[Capture],
+    completed: Sequence[CompletedDepth],
+    observed: ObservedGeometry,
+    envelope: RoomPlanes,
+    asset_depths: Sequence[tuple[Camera, np.ndarray, np.ndarray]],
+    settings: ProxySettings,
+    progress: Progress = SILENT,
+    priors: Sequence[AlignedPrior] = (),
+) -> GeometryProxy:
+    """The proxy of a round; ``asset_depths`` are (camera, depth (H, W), alpha (H, W)) of A^l.
+
+    ``completed`` belongs to ``captures`` one by one. A face is OBSERVED where a capture's
+    trusted stereo lies on it, PRIOR on an aligned prior, else COMPLETED. Raises
+    GeometryError when no surface comes out.
+    """
+    if len(completed) != len(captures):
+        raise GeometryError("every capture needs one completed depth map", cure="Run stereo again.")
+    trusted = [
+        KnownDepth(c.camera, np.where(c.source == DepthSource.OBSERVED, c.depth, 0)) for c in completed
+    ]
+    with progress.task("Composing the geometry proxy", 5) as task:
+        field = _empty_field(completed, observed, envelope, settings)
+        _integrate(field, completed, asset_depths, settings)
+        task.advance()
+        vertices, faces = field.surface()
+        vertices, faces = _carved(vertices, faces, trusted, settings)
+        task.advance()
+        for prior in priors:
+            faces = _outside_prior(vertices, faces, prior, envelope, trusted, settings)
+        prior_start = len(faces)
+        for prior in priors:
+            faces = np.concatenate([faces, np.asarray(prior.faces, np.int32) + len(vertices)])
+            vertices = np.concatenate([vertices, np.asarray(prior.vertices, np.float64)])
+        prior_end = len(faces)
+        task.advance()
+        vertices, faces = _closed(vertices, faces, field, envelope, trusted, settings)
+        if not len(faces):
+            raise GeometryError(
+                "no surface was found", where="geometry proxy",
+                cure="Take more photographs that overlap, or check their poses.",
+            )  # fmt: skip
+        task.advance()
+        proxy = _with_evidence(vertices, faces, slice(prior_start, prior_end), completed, trusted)
+        task.advance()
+    return proxy
+
+
+def _empty_field(completed, observed, envelope, settings) -> DistanceField:
+    """A field that covers what was seen, less outliers, and what the envelope lets through."""
+    seen = [np.asarray(observed.points, np.float64).reshape(-1, 3)]
+    for view in completed:
+        sure = (view.source <= DepthSource.PLANE) & (view.depth > 0)
+        seen.append(view.camera.unproject(view.depth)[sure][::7])
+    points = np.concatenate(seen)
+    centres = np.array([view.camera.centre for view in completed])
+    low, high = centres.min(0) - _MARGIN_M, centres.max(0) + _MARGIN_M
+    if len(points):
+        reach = settings.truncation_m
+        low = np.minimum(low, np.quantile(points, _OUTLIERS, axis=0) - reach)
+        high = np.maximum(high, np.quantile(points, 1 - _OUTLIERS, axis=0) + reach)
+    for normal, offset in zip(envelope.normals, envelope.offsets, strict=True):
+        axis = int(np.argmax(np.abs(normal)))
+        if abs(normal[axis]) > 0.999:  # beyond an axis-parallel bound there is nothing to fuse
+            bound = offset / normal[axis]
+            if normal[axis] > 0:
+                low[axis] = max(low[axis], bound - 2 * settings.truncation_m)
+            else:
+                high[axis] = min(high[axis], bound + 2 * settings.truncation_m)
+    needed = float(np.prod((high - low) / settings.voxel_m + 1))
+    voxel_m = settings.voxel_m * max(1.0, np.cbrt(needed / _LARGEST_FIELD))
+    return DistanceField.covering(low, high, voxel_m, max(settings.truncation_m, 2 * voxel_m))
+
+
+def _integrate(field, completed, asset_depths, settings) -> None:
+    filled = settings.completed_weight
+    of_source = np.zeros(len(DepthSource), np.float32)
+    of_source[DepthSource.OBSERVED] = 1.0
+    of_source[DepthSource.PLANE] = min(1.0, _PLANE_SHARE * filled)
+    of_source[DepthSource.ENVELOPE] = of_source[DepthSource.FILLED] = filled
+    for view in completed:
+        field.integrate(view.camera, view.depth, of_source[view.source])
+    for camera, depth, alpha in asset_depths:
+        weight = np.where(alpha > _ASSET_ALPHA, alpha * settings.asset_weight, 0)
+        field.integrate(camera, np.where(weight > 0, depth, 0), weight)
+
+
+def _carved(vertices, faces, trusted, settings):
+    """Without the faces that captures saw through, and without loose crumbs.
+
+    A face counts as seen through only where a capture's trusted depth is farther all around
+    its pixel, so that the silhouettes of things are not eaten away.
+    """
+    if len(faces):
+        free = [KnownDepth(v.camera, ndimage.minimum_filter(v.depth, size=3)) for v in trusted]
+        centroids = vertices[faces].mean(1)
+        through = collect_votes(centroids, free, _CARVING_TOLERANCE).through
+        agree = collect_votes(centroids, trusted, _CARVING_TOLERANCE).agree
+        faces = faces[through <= agree]
+    if len(faces):
+        faces = faces[_component_areas(vertices, faces) >= settings.min_component_m2]
+    return _compacted(vertices, faces)
+
+
+def _component_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(F,) square metres of the connected component each face belongs to."""
+    pairs = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
+    count = len(vertices)
+    graph = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), (count, count))
+    component = connected_components(graph, directed=False)[1][faces[:, 0]]
+    return np.bincount(component, weights=_areas(vertices, faces))[component]
+
+
+def _areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+
+
+def _compacted(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    used, faces = np.unique(faces, return_inverse=True)
+    return vertices[used], faces.reshape(-1, 3).astype(np.int32)
+
+
+def _outside_prior(vertices, faces, prior, envelope, trusted, settings):
+    """The faces left once the prior takes its object region.
+
+    The region is the prior's surface within the truncation, and its convex hull but for the
+    room's bounds and for what two captures saw there (a chair pushed under a table).
+    """
+    if not len(faces):
+        return faces
+    centroids = vertices[faces].mean(1)
+    corners = np.asarray(prior.vertices, np.float64)[np.asarray(prior.faces)]
+    samples = np.concatenate([corners.reshape(-1, 3), corners.mean(1)])
+    near = cKDTree(samples).query(centroids, distance_upper_bound=settings.truncation_m)[0]
+    hull = ConvexHull(samples).equations
+    inside = (centroids @ hull[:, :3].T + hull[:, 3] < 0).all(1)
+    bound = np.abs(envelope.signed_distance(centroids)) < settings.truncation_m / 2
+    seen = collect_votes(centroids, trusted, _SUPPORT_TOLERANCE).agree >= 2
+    return faces[~(np.isfinite(near) | (inside & ~bound & ~seen))]
+
+
+def _closed(vertices, faces, field, envelope, trusted, settings):
+    """With the envelope added where there is no surface yet and no capture saw an opening."""
+    high = field.origin + (np.array(field.distance.shape) - 1) * field.voxel_m
+    cell_m = 2 * field.voxel_m
+    cells = [np.zeros((0, 4, 3))]
+    for polygon, normal in zip(
+        envelope_polygons(envelope, field.origin, high), envelope.normals, strict=True
+    ):
+        cells.append(tessellated(polygon, normal, cell_m))
+    cells = np.concatenate(cells)
+    centres = cells.mean(1)
+    open_ = collect_votes(centres, trusted, _CARVING_TOLERANCE).through > 0
+    if len(faces):
+        open_ |= np.isfinite(cKDTree(vertices[faces].mean(1)).query(centres, distance_upper_bound=cell_m)[0])
+    cells = cells[~open_]
+    corners = len(vertices) + np.arange(4 * len(cells), dtype=np.int32).reshape(-1, 4)
+    added = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
+    return np.concatenate([vertices, cells.reshape(-1, 3)]), np.concatenate([faces, added])
+
+
+def _with_evidence(vertices, faces, prior_faces, completed, trusted) -> GeometryProxy:
+    rasterizer = MeshRasterizer(vertices, faces)
+    seen = [KnownDepth(view.camera, rasterizer.render(view.camera).depth) for view in completed]
+    chosen = [KnownDepth(v.camera, np.where(v.source == DepthSource.PLANE, v.depth, 0)) for v in completed]
+    centroids = vertices[faces].mean(1)
+    support, observed, planar = (
+        collect_votes(centroids, views, _SUPPORT_TOLERANCE).agree for views in (seen, trusted, chosen)
+    )
+    provenance = np.where(observed > 0, Provenance.OBSERVED, Provenance.COMPLETED).astype(np.uint8)
+    provenance[prior_faces] = Provenance.PRIOR
+    # Each capture whose stereo lies on a face halves the doubt, each chosen plane takes a fifth.
+    confidence = 1.0 - 0.9 * 0.5 ** observed.astype(float) * 0.8 ** planar.astype(float)
+    return GeometryProxy(
+        vertices.astype(np.float32),
+        faces.astype(np.int32),
+        provenance,
+        support,
+        confidence.astype(np.float32),
+    )
