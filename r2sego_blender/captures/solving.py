@@ -9,20 +9,26 @@ from typing import Any
 
 import numpy as np
 
+from ..cameras import Camera
 from ..errors import CaptureError
 from ..images import load_image, resize
 from ..progress import Progress
 from ..settings import CaptureSettings
 from ..workers.child import call_in_child
 from .colmap_model import camera_to_json, lens_from_json
-from .features import Features, sift
+from .features import Features, epipolar_errors, sift
 from .overlap import load_matches, match_all, save_matches, write_database
 from .photographs import MIN_CAPTURES, Photograph, too_few
 
 _MIN_REGISTERED_SHARE = 0.6
-# COLMAP's defaults ask for 100 inliers and 16 degrees to begin with, which a handful of
-# photographs taken a step apart may not offer; the later tries are more modest.
-_FIRST_PAIR_TRIES = ((100, 16.0), (50, 8.0), (30, 4.0))
+# COLMAP's defaults ask for 100 inliers and 16 degrees of the first pair and 30 inliers of
+# the next ones, which a few photographs taken a step apart may not offer; the later tries
+# are more modest.
+_TRIES = ((100, 16.0, 30), (100, 16.0, 15), (50, 8.0, 15), (30, 4.0, 15))
+# A photograph registered to a wrong place contradicts most of its matches: of a right one
+# 40 to 70 % lie on their epipolar lines (the rest are wrong matches), of a wrong one 15 %.
+_MIN_AGREEING_SHARE = 0.25
+_AGREEMENT_PX = 4.0
 # Focal length, in longest sides, of a photograph without EXIF: a phone's main camera and
 # most compact cameras lie between 0.7 and 1; refined by the bundle adjustment.
 _FOCAL_GUESS = 0.85
@@ -111,9 +117,9 @@ def solve_in_child(request: dict[str, Any]) -> dict[str, Any]:
     )  # fmt: skip
     index_of = {image_id: index for index, image_id in enumerate(ids)}
     best: list[list[dict[str, Any]]] = []
-    for attempt, (inliers, angle_deg) in enumerate(_FIRST_PAIR_TRIES):
-        models = _map(database, folder, attempt, inliers, angle_deg, request["min_matches"])
-        found = [_images_of(model, index_of) for model in models]
+    for attempt, thresholds in enumerate(_TRIES):
+        models = _map(database, folder, attempt, thresholds, request["min_matches"])
+        found = [_trustworthy(model, index_of, features, pairs) for model in models]
         if max(map(len, found), default=0) > max(map(len, best), default=0):
             best = found
         if max(map(len, best), default=0) == len(features):
@@ -121,8 +127,10 @@ def solve_in_child(request: dict[str, Any]) -> dict[str, Any]:
     return {"models": best}
 
 
-def _map(database, folder: Path, attempt: int, inliers: int, angle_deg: float, min_matches: int) -> list:
+def _map(database, folder: Path, attempt: int, thresholds: tuple, min_matches: int) -> list:
     import pycolmap
+
+    inliers, angle_deg, next_inliers = thresholds
 
     options = pycolmap.IncrementalPipelineOptions(
         num_threads=1, random_seed=0, extract_colors=False, min_num_matches=min_matches,
@@ -133,22 +141,43 @@ def _map(database, folder: Path, attempt: int, inliers: int, angle_deg: float, m
     options.triangulation.random_seed = 0
     options.mapper.init_min_num_inliers = inliers
     options.mapper.init_min_tri_angle = angle_deg
-    options.mapper.abs_pose_min_num_inliers = max(15, min_matches)
+    options.mapper.abs_pose_min_num_inliers = max(next_inliers, min_matches)
     pycolmap.set_random_seed(0)
     output = folder / f"models{attempt}"
     output.mkdir()
     return list(pycolmap.incremental_mapping(database, folder, output, options).values())
 
 
-def _images_of(model, index_of: dict[int, int]) -> list[dict[str, Any]]:
-    images = []
-    for image_id in sorted(model.reg_image_ids()):
-        image = model.images[image_id]
-        images.append({
-            "index": index_of[image_id], "camera": camera_to_json(image.camera),
+def _trustworthy(model, index_of: dict[int, int], features, pairs) -> list[dict[str, Any]]:
+    """The images of a model whose matches agree with its poses, as JSON-ready dicts."""
+    images = {index_of[image_id]: model.images[image_id] for image_id in model.reg_image_ids()}
+    views = {index: _pinhole_view(image, features[index]) for index, image in images.items()}
+    agreeing, total = dict.fromkeys(images, 0), dict.fromkeys(images, 0)
+    for (i, j), matches in pairs.items():
+        if i in views and j in views:
+            (camera_i, pixels_i), (camera_j, pixels_j) = views[i], views[j]
+            errors = epipolar_errors(pixels_i[matches[:, 0]], pixels_j[matches[:, 1]], camera_i, camera_j)
+            for index in (i, j):
+                agreeing[index] += int((errors <= _AGREEMENT_PX).sum())
+                total[index] += len(matches)
+    return [
+        {
+            "index": index, "camera": camera_to_json(image.camera),
             "camera_from_world": image.cam_from_world().matrix().tolist(),
-        })  # fmt: skip
-    return images
+        }
+        for index, image in sorted(images.items())
+        if agreeing[index] >= _MIN_AGREEING_SHARE * max(total[index], 1)
+    ]  # fmt: skip
+
+
+def _pinhole_view(image, features: Features) -> tuple[Camera, np.ndarray]:
+    """An image's pose as a pinhole camera, and its keypoints (n, 2) freed of distortion."""
+    lens = image.camera
+    focal, cx, cy = lens.mean_focal_length(), lens.principal_point_x, lens.principal_point_y
+    rays = np.asarray(lens.cam_from_img(features.keypoints.astype(np.float64)))
+    pose = np.linalg.inv(np.vstack([image.cam_from_world().matrix(), [0.0, 0.0, 0.0, 1.0]]))
+    camera = Camera(lens.width, lens.height, focal, focal, cx, cy, pose)
+    return camera, rays[:, :2] * focal + [cx, cy]
 
 
 def _cameras(paths: Sequence[str], sizes: Sequence[Sequence[int]]) -> tuple[list, list[int]]:

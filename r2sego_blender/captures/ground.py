@@ -1,0 +1,189 @@
+"""The floor of a room in its sparse points, and with it the direction of gravity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..cameras import Camera
+
+_MAX_TILT_DEG = 25.0
+_TILT_SIGMA_DEG = 10.0
+_PARALLEL_DEG = 4.0
+_SAMPLES = 12_000
+_CHUNK = 500
+_NEIGHBOURS = 24
+_REFINED = 60
+_MIN_SUPPORT = 15
+_MIN_SUPPORT_SHARE = 0.012
+# Triangulation errors put some points below a floor; more than this means it is a table.
+_MAX_BELOW_SHARE = 0.06
+_MAX_BELOW_OF_SUPPORT = 0.6
+_MIN_SHARE_OF_STRONGEST = 0.08
+# Without a floor the lowest points tell its height, but not the very lowest: some are wrong.
+_LOWEST_PERCENTILE = 2.0
+_SLAB = 3.0
+
+
+@dataclass(frozen=True)
+class Ground:
+    """The plane ``normal . x = offset``, normal (3,) upwards; ``found`` False for a fallback.
+
+    ``support`` points lie on it; ``description`` says in words how it was decided.
+    """
+
+    normal: np.ndarray
+    offset: float
+    support: int
+    found: bool
+    description: str
+
+    def height(self, points: np.ndarray) -> np.ndarray:
+        """(...,) signed distances of points (..., 3) above the ground."""
+        return np.asarray(points) @ self.normal - self.offset
+
+
+def up_guess(cameras: Sequence[Camera]) -> np.ndarray:
+    """(3,) float64: the likely direction up of cameras that are held level.
+
+    The mean of the cameras' up directions, corrected towards being perpendicular to their
+    x-axes, for cameras that all look down lean together but are seldom rolled.
+    """
+    x = np.array([camera.world_from_camera[:3, 0] for camera in cameras])
+    mean = -np.mean([camera.world_from_camera[:3, 1] for camera in cameras], axis=0)
+    mean /= max(np.linalg.norm(mean), 1e-12)
+    # Least squares of x . up = 0, held at the mean where the headings do not vary.
+    normal = x.T @ x / len(x) + 0.02 * np.eye(3)
+    guess = np.linalg.solve(normal, 0.02 * mean)
+    return guess / np.linalg.norm(guess)
+
+
+def find_ground(points: np.ndarray, cameras: Sequence[Camera], tolerance: float) -> Ground:
+    """The lowest well-supported plane, nearly level, below all cameras, with little under it.
+
+    ``points`` (P, 3) and ``tolerance`` (how far floor points may lie off) share a unit.
+    The densest level plane is often a table; a floor is told by having next to nothing
+    below. Where no floor is seen, gravity comes from the largest level surface or the
+    cameras, the height from the lowest points, and ``found`` is False. Deterministic.
+    """
+    points = np.asarray(points, np.float64)
+    points = points[np.isfinite(points).all(axis=1)]
+    up = up_guess(cameras)
+    centres = np.array([camera.centre for camera in cameras])
+    solid, level = [], up
+    if len(points) >= _MIN_SUPPORT:
+        needed = max(_MIN_SUPPORT, _MIN_SUPPORT_SHARE * len(points))
+        normals, offsets = _sampled_planes(points, up)
+        planes = _best_planes(points, centres, normals, offsets, tolerance, up, _MAX_TILT_DEG)
+        planes = [plane for plane in planes if plane[2] >= needed]
+        if planes:
+            # The level surfaces of a room are parallel: the strongest one tells gravity, then
+            # the floor is looked for among planes along it.
+            level = max(planes, key=lambda plane: plane[2] * _plausibility(plane[0], up))[0]
+            normals = np.repeat(level[None], len(points), axis=0)
+            planes += _best_planes(
+                points, centres, normals, points @ level, tolerance, level, _PARALLEL_DEG
+            )  # fmt: skip
+            cos_parallel = np.cos(np.radians(_PARALLEL_DEG))
+            planes = [plane for plane in planes if plane[0] @ level >= cos_parallel]
+            strongest = max(plane[2] for plane in planes)
+            needed = max(needed, _MIN_SHARE_OF_STRONGEST * strongest)
+            solid = [plane for plane in planes if plane[2] >= needed]
+    for normal, offset, _ in sorted(solid, key=lambda plane: -(centres @ plane[0] - plane[1]).mean()):
+        heights = points @ normal - offset
+        support = int((np.abs(heights) <= tolerance).sum())
+        below = int((heights < -_SLAB * tolerance).sum())
+        if below <= min(_MAX_BELOW_SHARE * len(points), _MAX_BELOW_OF_SUPPORT * support):
+            return Ground(normal, offset, support, True, f"floor plane through {support} points")
+    if solid:
+        normal, how = level, "no floor seen: level with the largest surface"
+    else:
+        normal, how = up, "no floor seen: upright as the cameras were held"
+    heights = points @ normal if len(points) else centres @ normal
+    offset = float(np.percentile(heights, _LOWEST_PERCENTILE))
+    return Ground(normal, offset, 0, False, f"{how}, height from the lowest points")
+
+
+def _best_planes(
+    points, centres, normals, offsets, tolerance, up, max_tilt_deg
+) -> list[tuple[np.ndarray, float, float]]:
+    """Refined planes (normal, offset, contrast) below the cameras, the best of every height."""
+    below = (normals @ centres.T - offsets[:, None]).min(axis=1) > 4.0 * tolerance
+    normals, offsets = normals[below], offsets[below]
+    if len(normals) == 0:
+        return []
+    contrast = np.concatenate(
+        [_contrast(points, normals[i : i + _CHUNK], offsets[i : i + _CHUNK], tolerance)
+         for i in range(0, len(normals), _CHUNK)]
+    )  # fmt: skip
+    likely = contrast * _plausibility(normals, up)
+    level = np.floor((normals @ centres.T - offsets[:, None]).mean(axis=1) / (2.0 * tolerance))
+    order = np.lexsort((-likely, level))
+    best = order[np.concatenate([[True], np.diff(level[order]) != 0])]
+    best = best[np.argsort(-likely[best], kind="stable")][:_REFINED]
+    refined = (_refined(points, normals[i], offsets[i], up, tolerance, max_tilt_deg) for i in best)
+    return [plane for plane in refined if plane is not None]
+
+
+def _plausibility(normals: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """How well normals (..., 3) fit the guess of up, from 0 to 1."""
+    tilt_deg = np.degrees(np.arccos(np.clip(normals @ up, -1.0, 1.0)))
+    return np.exp(-0.5 * (tilt_deg / _TILT_SIGMA_DEG) ** 2)
+
+
+def _sampled_planes(points: np.ndarray, up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Normals (K, 3) and offsets (K,) through triples of points, half of them neighbours."""
+    rng = np.random.default_rng(0)
+    count = len(points)
+    far = rng.integers(0, count, (_SAMPLES // 2, 3))
+    near = rng.integers(0, count, (_SAMPLES // 2, 3))
+    _, neighbours = cKDTree(points).query(points, k=min(_NEIGHBOURS, count))
+    pick = rng.integers(0, neighbours.shape[1], (len(near), 2))
+    near[:, 1:] = neighbours[near[:, :1], pick]
+    a, b, c = points[np.concatenate([far, near])].transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+    length = np.linalg.norm(normals, axis=1)
+    ok = length > 1e-12
+    normals, a = normals[ok] / length[ok, None], a[ok]
+    normals *= np.where(normals @ up < 0, -1.0, 1.0)[:, None]
+    level = normals @ up >= np.cos(np.radians(_MAX_TILT_DEG))
+    # Planes of exactly the guessed direction: a floor of few points may miss its triples.
+    through = points[rng.integers(0, count, _SAMPLES // 10)]
+    normals = np.concatenate([normals[level], np.repeat(up[None], len(through), axis=0)])
+    through = np.concatenate([a[level], through])
+    return normals, np.einsum("ij,ij->i", normals, through)
+
+
+def _contrast(points, normals, offsets, tolerance) -> np.ndarray:
+    """(K,): points on each plane, less what the slabs just above and below would predict.
+
+    A slice through a wall or clutter has as many points above and below as within.
+    """
+    heights = np.abs(normals @ points.T - offsets[:, None]), normals @ points.T - offsets[:, None]
+    on = (heights[0] <= tolerance).sum(axis=1)
+    above = ((heights[1] > tolerance) & (heights[1] <= _SLAB * tolerance)).sum(axis=1)
+    under = ((heights[1] < -tolerance) & (heights[1] >= -_SLAB * tolerance)).sum(axis=1)
+    return on - 0.5 * (above + under)
+
+
+def _refined(points, normal, offset, up, tolerance, max_tilt_deg) -> tuple[np.ndarray, float, float] | None:
+    """The plane fitted to its own points, or None when they hold none up."""
+    for share in (1.5, 1.2, 1.0, 1.0, 1.0):
+        on = np.abs(points @ normal - offset) <= share * tolerance
+        if on.sum() < _MIN_SUPPORT:
+            return None
+        centre = points[on].mean(axis=0)
+        _, spread, axes = np.linalg.svd(points[on] - centre, full_matrices=False)
+        normal = axes[2] * (1.0 if axes[2] @ up >= 0 else -1.0)
+        offset = float(normal @ centre)
+    if normal @ up < np.cos(np.radians(max_tilt_deg)):
+        return None
+    # A line of points, such as the foot of one wall, does not tell a tilt.
+    width = spread[1] / np.sqrt(on.sum())
+    if width < 4.0 * tolerance:
+        return None
+    contrast = _contrast(points, normal[None], np.array([offset]), tolerance)[0]
+    return normal, offset, float(contrast)

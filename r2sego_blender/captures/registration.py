@@ -1,0 +1,140 @@
+"""Registration of the captures to the world frame W: gravity, floor, origin, heading, scale.
+
+The paper's fixed registration that maps captures and initial asset into the simulator's
+world (Sec. "Problem Setting and Output"). It is solved once and applied to everything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import CaptureError
+from ..progress import SILENT, Progress
+from ..settings import CaptureSettings
+from .capture import Capture
+from .ground import Ground, find_ground
+from .importing import Imported
+from .scale import Scale, length_scale, marker_scale
+from .sparse import SparsePoints
+
+ASSUMED_CAMERA_HEIGHT_M = 1.5
+"""How high a photographer is taken to hold the camera when nothing tells the scale."""
+
+# Distance from a camera to what it sees indoors, for tolerances before the scale is known.
+_USUAL_DEPTH_M = 2.5
+
+
+@dataclass(frozen=True)
+class Registration:
+    """The similarity from the capture frame to the world, and where it comes from.
+
+    ``world_from_capture`` (4, 4) float64 has one uniform scale; the world is Z up, metres,
+    z = 0 on the floor. ``ground`` and ``scale_source`` say in words how they were found.
+    """
+
+    world_from_capture: np.ndarray
+    ground: str
+    scale_source: str
+
+    def captures(self, captures: Sequence[Capture]) -> tuple[Capture, ...]:
+        """Captures of the capture frame in the world frame."""
+        return tuple(capture.transformed(self.world_from_capture) for capture in captures)
+
+    def sparse(self, sparse: SparsePoints) -> SparsePoints:
+        """Sparse points of the capture frame in the world frame."""
+        return sparse.transformed(self.world_from_capture)
+
+
+def register(
+    imported: Imported, sparse: SparsePoints, scale: Scale, settings: CaptureSettings,
+    progress: Progress = SILENT,
+) -> Registration:  # fmt: skip
+    """Register the captures to the world frame.
+
+    z = 0 is the floor; the origin is the first capture's centre put down on it; the x-axis
+    is the first capture's heading on it. An assumed scale and a floor that was not seen
+    are reported as warnings. Raises CaptureError when what should tell the scale does not.
+    """
+    captures = imported.captures
+    known, source = _scale_before_ground(imported, sparse, scale)
+    unit_m = known if known is not None else _USUAL_DEPTH_M / _usual_depth(captures, sparse)
+    cameras = [capture.camera for capture in captures]
+    ground = find_ground(sparse.points, cameras, settings.floor_tolerance_m / unit_m)
+    if not ground.found:
+        progress.message(
+            f"{ground.description}: check that the room stands level on z = 0, or add a photograph "
+            "that shows the floor", level="warning",
+        )  # fmt: skip
+    if known is None:
+        known, source = _scale_from_height(captures, ground, scale)
+        if scale.kind != "camera_height":
+            progress.message(
+                f"the scale is {source}: distances may be off by a fifth; give a known length, a "
+                "marker or the camera's height", level="warning",
+            )  # fmt: skip
+    return Registration(_world_from_capture(captures[0], ground, known), ground.description, source)
+
+
+def _scale_before_ground(
+    imported: Imported, sparse: SparsePoints, scale: Scale
+) -> tuple[float | None, str]:  # fmt: skip
+    """Metres per unit where that does not depend on the floor."""
+    if scale.kind == "known_length":
+        return length_scale(imported.captures, sparse, scale)
+    if scale.kind == "marker":
+        return marker_scale(imported.captures, scale)
+    if scale.kind == "metric":
+        return 1.0, "poses declared to be metric"
+    if scale.kind == "automatic" and imported.metric:
+        return 1.0, f"metric poses ({imported.source})"
+    return None, ""
+
+
+def _scale_from_height(
+    captures: Sequence[Capture], ground: Ground, scale: Scale
+) -> tuple[float, str]:  # fmt: skip
+    heights = ground.height(np.array([capture.camera.centre for capture in captures]))
+    given = scale.kind == "camera_height"
+    height = float(heights[0] if given else np.median(heights))
+    if not height > 0:
+        raise CaptureError(
+            "the cameras are not above the floor", where="scale, camera height",
+            cure="Give a known length or a marker instead.",
+        )  # fmt: skip
+    if given:
+        return scale.metres / height, f"camera height of {scale.metres:g} m"
+    return (
+        ASSUMED_CAMERA_HEIGHT_M / height,
+        f"assumed: the cameras were held {ASSUMED_CAMERA_HEIGHT_M:g} m above the floor",
+    )
+
+
+def _usual_depth(captures: Sequence[Capture], sparse: SparsePoints) -> float:
+    """The median distance, in units of the poses, from captures to what they measured."""
+    distances = [
+        np.linalg.norm(sparse.points[sparse.visibility[:, index]] - capture.camera.centre, axis=1)
+        for index, capture in enumerate(captures)
+    ]
+    together = np.concatenate(distances)
+    return float(np.median(together)) if len(together) else 1.0
+
+
+def _world_from_capture(first: Capture, ground: Ground, scale: float) -> np.ndarray:
+    """The similarity of the conventions: up, origin and heading from the floor and a camera."""
+    up = ground.normal
+    heading = first.camera.forward - up * (first.camera.forward @ up)
+    if np.linalg.norm(heading) < 1e-3:
+        # Looking straight down: the top of its image points ahead.
+        top = -first.camera.world_from_camera[:3, 1]
+        heading = top - up * (top @ up)
+    heading /= np.linalg.norm(heading)
+    rotation = np.stack([heading, np.cross(up, heading), up])
+    centre = first.camera.centre
+    origin = centre - up * float(ground.height(centre))
+    similarity = np.eye(4)
+    similarity[:3, :3] = scale * rotation
+    similarity[:3, 3] = -scale * rotation @ origin
+    return similarity

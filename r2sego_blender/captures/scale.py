@@ -1,0 +1,196 @@
+"""The scale of a room: metres for each unit of the capture frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from ..errors import CaptureError
+from ..images import load_image_uint8
+from .capture import Capture
+from .photographs import upright_size
+from .sparse import SparsePoints
+
+_NEAREST_POINTS = 12
+_LIFT_RADIUS = 0.12  # of the image's longest side
+_MARKER_DISAGREEMENT = 0.1
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What tells the size of the room; make one with the functions below.
+
+    ``automatic`` takes metric poses as they are and assumes a camera height otherwise.
+    """
+
+    kind: Literal["automatic", "metric", "known_length", "marker", "camera_height"] = "automatic"
+    photo: str = ""
+    pixel_a: tuple[float, float] = (0.0, 0.0)
+    pixel_b: tuple[float, float] = (0.0, 0.0)
+    metres: float = 0.0
+    marker_id: int | None = None
+
+    def __post_init__(self) -> None:
+        needs_metres = self.kind not in ("automatic", "metric")
+        if needs_metres and not (np.isfinite(self.metres) and self.metres > 0):
+            raise CaptureError(
+                f"{self.metres} is no length in metres", where=f"scale, {self.kind}",
+                cure="Give a positive number of metres.",
+            )  # fmt: skip
+
+    @staticmethod
+    def automatic() -> Scale:
+        """Metric poses as they are; else the cameras were held at a usual height."""
+        return Scale()
+
+    @staticmethod
+    def metric() -> Scale:
+        """The poses are in metres, whatever their file says."""
+        return Scale("metric")
+
+    @staticmethod
+    def known_length(
+        photo: str, pixel_a: tuple[float, float], pixel_b: tuple[float, float], metres: float
+    ) -> Scale:
+        """Two points seen in one photograph are this far apart.
+
+        Pixels are those of the upright photograph's file, at its full size.
+        """
+        return Scale("known_length", photo, tuple(pixel_a), tuple(pixel_b), metres)
+
+    @staticmethod
+    def marker(side_m: float, marker_id: int | None = None) -> Scale:
+        """A printed ArUco marker (DICT_4X4_50) with this side lies in the room."""
+        return Scale("marker", metres=side_m, marker_id=marker_id)
+
+    @staticmethod
+    def camera_height(metres: float) -> Scale:
+        """The first photograph was taken this high above the floor."""
+        return Scale("camera_height", metres=metres)
+
+
+def length_scale(captures: Sequence[Capture], sparse: SparsePoints, scale: Scale) -> tuple[float, str]:
+    """Metres per unit from a known length, and its source in words."""
+    index = next((i for i, capture in enumerate(captures) if capture.name == scale.photo), None)
+    if index is None:
+        raise CaptureError(
+            f"there is no capture '{scale.photo}'", where="scale, known_length",
+            cure=f"Name one of {', '.join(capture.name for capture in captures)}.",
+        )  # fmt: skip
+    capture = captures[index]
+    width, height = upright_size(capture.image_path)
+    given = np.array([scale.pixel_a, scale.pixel_b], np.float64)
+    if not np.isfinite(given).all() or (given < 0).any() or (given > [width, height]).any():
+        raise CaptureError(
+            f"a pixel lies outside the {width}x{height} photograph", where=f"scale, {scale.photo}",
+            cure="Give both pixels in the upright photograph at its full size.",
+        )  # fmt: skip
+    pixels = capture.working_pixels(given, (height, width))
+    ends = np.array([_lifted(capture, sparse, index, pixel) for pixel in pixels])
+    length = float(np.linalg.norm(ends[0] - ends[1]))
+    if length < 1e-9:
+        raise CaptureError(
+            "the two pixels are the same point", where="scale, known_length",
+            cure="Choose two points far apart.",
+        )  # fmt: skip
+    return scale.metres / length, f"known length of {scale.metres:g} m in {scale.photo}"
+
+
+def _lifted(capture: Capture, sparse: SparsePoints, index: int, pixel: np.ndarray) -> np.ndarray:
+    """The point (3,) seen at a pixel, from the surface that the nearest sparse points span."""
+    camera = capture.camera
+    places, depth = camera.project(sparse.points)
+    usable = sparse.visibility[:, index] & (depth > 0)
+    distance = np.where(usable, np.linalg.norm(places - pixel, axis=1), np.inf)
+    near = np.argsort(distance, kind="stable")[:_NEAREST_POINTS]
+    near = near[distance[near] <= _LIFT_RADIUS * max(camera.width, camera.height)]
+    if len(near) < 3:
+        raise CaptureError(
+            f"nothing was measured near pixel {tuple(round(float(v)) for v in pixel)}",
+            where=f"scale, {capture.name}",
+            cure="Choose points on textured surfaces that other photographs see too.",
+        )  # fmt: skip
+    # On a plane the inverse depth is linear in the pixels.
+    offset = (places[near] - pixel) / max(camera.width, camera.height)
+    design = np.column_stack([offset, np.ones(len(near))])
+    inverse, weights = 1.0 / depth[near], np.ones(len(near))
+    for _ in range(10):
+        # The slope is held back a little, for points that lie in a row do not tell it.
+        system = design.T @ (weights[:, None] * design) + np.diag([1e-3, 1e-3, 0.0])
+        fit = np.linalg.solve(system, design.T @ (weights * inverse))
+        residual = np.abs(inverse - design @ fit)
+        weights = 1.0 / np.maximum(residual, 0.002 * np.median(inverse))
+        weights /= weights.mean()
+    lowest, highest = inverse.min() / 1.5, inverse.max() * 1.5
+    z = 1.0 / float(np.clip(fit[2], lowest, highest))
+    local = np.array([(pixel[0] - camera.cx) / camera.fx * z, (pixel[1] - camera.cy) / camera.fy * z, z])
+    return camera.world_from_camera[:3, :3] @ local + camera.centre
+
+
+def marker_scale(captures: Sequence[Capture], scale: Scale) -> tuple[float, str]:
+    """Metres per unit from an ArUco marker seen in at least two captures."""
+    seen: dict[int, list[tuple[Capture, np.ndarray]]] = {}
+    for capture in captures:
+        for identity, corners in _markers(capture):
+            seen.setdefault(identity, []).append((capture, corners))
+    if scale.marker_id is not None:
+        seen = {scale.marker_id: seen.get(scale.marker_id, [])}
+    views = max(seen.values(), key=len, default=[])
+    if len(views) < 2:
+        raise CaptureError(
+            f"the marker was found in {len(views)} capture{'s' if len(views) != 1 else ''}, two are needed",
+            where="scale, marker",
+            cure="Use a flat marker of ArUco's DICT_4X4_50 with a white rim, large in two photographs.",
+        )  # fmt: skip
+    identity = next(key for key, value in seen.items() if value is views)
+    corners = np.array([_intersection(views, corner) for corner in range(4)])
+    sides = np.linalg.norm(corners - np.roll(corners, -1, axis=0), axis=1)
+    if not sides.min() > 0 or np.ptp(sides) > _MARKER_DISAGREEMENT * sides.mean():
+        raise CaptureError(
+            f"the sides of marker {identity} differ by more than "
+            f"{_MARKER_DISAGREEMENT:.0%}", where="scale, marker",
+            cure="Photograph it larger, from places further apart, lying flat.",
+        )  # fmt: skip
+    source = f"marker {identity} with a side of {scale.metres:g} m in {len(views)} captures"
+    return scale.metres / float(sides.mean()), source
+
+
+def _markers(capture: Capture) -> list[tuple[int, np.ndarray]]:
+    """(id, corners (4, 2) in the capture's working pixels) of the markers in a photograph."""
+    image = load_image_uint8(capture.image_path)
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    detector = cv2.aruco.ArucoDetector(dictionary, parameters)
+    corners, identities, _ = detector.detectMarkers(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
+    if identities is None:
+        return []
+    # OpenCV counts pixel centres from zero.
+    return [
+        (int(identity), capture.working_pixels(quad.reshape(4, 2) + 0.5, image.shape[:2]))
+        for identity, quad in zip(identities.ravel(), corners, strict=True)
+    ]
+
+
+def _intersection(views: list[tuple[Capture, np.ndarray]], corner: int) -> np.ndarray:
+    """The point (3,) nearest to the rays through one corner."""
+    system, target = np.zeros((3, 3)), np.zeros(3)
+    for capture, corners in views:
+        camera, (u, v) = capture.camera, corners[corner]
+        ray = camera.world_from_camera[:3, :3] @ [
+            (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0,
+        ]  # fmt: skip
+        ray /= np.linalg.norm(ray)
+        across = np.eye(3) - np.outer(ray, ray)
+        system += across
+        target += across @ camera.centre
+    if np.linalg.cond(system) > 1e8:
+        raise CaptureError(
+            "the marker was seen from one place only", where="scale, marker",
+            cure="Photograph it from places a step apart.",
+        )  # fmt: skip
+    return np.linalg.solve(system, target)

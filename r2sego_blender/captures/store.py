@@ -1,0 +1,83 @@
+"""Captures in a scene bundle: images at working size, cameras.json and a COLMAP model."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from ..cameras import Camera
+from ..errors import CaptureError
+from ..images import save_image
+from .capture import Capture
+from .colmap_model import save_colmap_model
+from .json_fields import entries, read_json
+from .lens import Lens
+from .sparse import SparsePoints
+
+
+def save_captures(
+    folder: Path, captures: Sequence[Capture], sparse: SparsePoints | None = None
+) -> tuple[Capture, ...]:  # fmt: skip
+    """Write world-frame captures, and their sparse points, under ``folder``.
+
+    ``images/*.png`` (undistorted, working size), ``cameras.json`` (docs/formats.md),
+    ``sparse.npz`` and ``sparse/`` (COLMAP text model in the world frame). Returns the
+    captures as ``load_captures`` would. The same captures give the same bytes.
+    """
+    (folder / "images").mkdir(parents=True, exist_ok=True)
+    stored, taken, listed = [], set(), []
+    for capture in captures:
+        path = folder / "images" / _file_name(capture.name, taken)
+        save_image(path, capture.image())
+        kept = replace(capture, image_path=path, straight=capture.lens is not None)
+        stored.append(kept)
+        entry = {"file": f"images/{path.name}", "name": kept.name} | kept.camera.to_json()
+        if kept.lens is not None:
+            entry["photograph_lens"] = kept.lens.to_json()
+        listed.append(entry)
+    data = {"about": "Captures in the world frame: metres, z up, floor at z = 0.", "metric": True}
+    text = json.dumps(data | {"captures": listed}, indent=1) + "\n"
+    (folder / "cameras.json").write_text(text, encoding="utf-8")
+    save_colmap_model(folder / "sparse", stored, sparse)
+    if sparse is not None:
+        sparse.save(folder / "sparse.npz")
+    return tuple(stored)
+
+
+def load_captures(folder: Path) -> tuple[Capture, ...]:
+    """The captures that ``save_captures`` wrote.
+
+    Raises CaptureError when the folder is damaged or an image is missing.
+    """
+    path = folder / "cameras.json"
+    captures = []
+    for index, entry in enumerate(entries(read_json(path), "captures", path)):
+        try:
+            image_path = folder / "images" / Path(entry["file"]).name
+            lens = Lens.from_json(entry["photograph_lens"]) if "photograph_lens" in entry else None
+            camera = Camera.from_json(entry)
+            captures.append(Capture(str(entry["name"]), image_path, camera, lens, lens is not None))
+        except (KeyError, TypeError, ValueError) as error:
+            raise CaptureError(
+                f"the entry is damaged ({error!r})", where=f"{path}, captures[{index}]",
+                cure="Import the captures again.",
+            ) from error  # fmt: skip
+        if not image_path.is_file():
+            raise CaptureError(
+                "the capture's image is missing", where=image_path, cure="Import the captures again."
+            )
+    return tuple(captures)
+
+
+def _file_name(name: str, taken: set[str]) -> str:
+    """A plain ``.png`` name that no other capture has, on any file system."""
+    stem = re.sub(r"[^A-Za-z0-9._-]", "_", Path(name).stem).strip(".") or "capture"
+    choice, count = stem, 1
+    while choice.lower() in taken:
+        count += 1
+        choice = f"{stem}_{count}"
+    taken.add(choice.lower())
+    return f"{choice}.png"
