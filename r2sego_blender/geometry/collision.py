@@ -1,0 +1,189 @@
+"""The collision surface: what a simulated robot touches, made of the geometry proxy.
+
+A mesh collides as its convex hull in MuJoCo, so the surface is exported as convex pieces
+(see ``convex``); the floor is one box with its top at z = 0, since feet need a flat one.
+"""
+
+from __future__ import annotations
+
+import shutil
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import trimesh
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from ..errors import GeometryError
+from ..settings import CollisionSettings
+from .convex import Limits, Soup, decompose
+from .proxy import GeometryProxy
+
+_FLOOR_NORMAL = 0.8  # cosine from which a face near z = 0 belongs to the floor
+_FLOOR_THICKNESS_M = 0.2
+_COARSENING = 1.4  # of the tolerance, while there are too many pieces
+_SMALLEST_FLOOR_M2 = 0.05
+
+
+@dataclass(frozen=True)
+class CollisionSurface:
+    """The surface a robot collides with, in the world frame, metres.
+
+    ``vertices`` (V, 3) float64 and ``faces`` (F, 3) int32: the simplified surface,
+    counter-clockwise from the free side, the floor included; ``pieces``: convex (vertices
+    (v, 3), faces (f, 3)) pairs covering all of it but the floor; ``floor`` (4, 3): the
+    corners of the flat floor's rectangle, counter-clockwise from above, (0, 3) for none;
+    ``floor_z_m``: its height, which is 0; ``tolerance_m``: how far pieces may stand out.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    pieces: tuple[tuple[np.ndarray, np.ndarray], ...]
+    floor: np.ndarray
+    floor_z_m: float
+    tolerance_m: float
+
+
+def collision_surface(proxy: GeometryProxy, settings: CollisionSettings) -> CollisionSurface:
+    """Clean and simplify the proxy, and decompose it into at most ``max_pieces`` pieces.
+
+    The tolerance grows until the pieces are few enough. Raises GeometryError for a proxy
+    without faces.
+    """
+    vertices, faces = _clustered(proxy.vertices, proxy.faces, settings.simplification_m)
+    vertices[:, 2] = np.maximum(vertices[:, 2], 0.0)
+    vertices, faces = _without_crumbs(vertices, faces, settings.min_component_m)
+    if not len(faces):
+        raise GeometryError(
+            "the proxy has no surface to collide with", where="collision surface",
+            cure="Take more photographs, or lower collision.min_component_m.",
+        )  # fmt: skip
+    on_floor = _floor_faces(vertices, faces, settings.floor_tolerance_m)
+    vertices[np.unique(faces[on_floor]), 2] = 0.0
+    floor = _floor_rectangle(vertices, faces[on_floor])
+    soup = Soup.of(vertices, faces[~on_floor])
+    limits = Limits(settings.cell_m, settings.min_cell_m, settings.tolerance_m, settings.thickness_m)
+    pieces = decompose(soup, limits)
+    while len(pieces) > settings.max_pieces:
+        limits = replace(
+            limits,
+            smallest_m=limits.smallest_m * _COARSENING,
+            tolerance_m=limits.tolerance_m * _COARSENING,
+        )
+        pieces = decompose(soup, limits)
+    return CollisionSurface(vertices, faces, tuple(pieces), floor, 0.0, limits.tolerance_m)
+
+
+def write_collision(surface: CollisionSurface, folder: Path) -> None:
+    """Write ``mesh.obj``, ``mesh.stl``, ``mesh.glb``, ``hulls/*.obj`` and ``scene.xml`` (MJCF).
+
+    The glTF file is Y up, as that format demands; the others are in the world frame.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
+    (folder / "mesh.obj").write_text(_obj(surface.vertices, surface.faces))
+    (folder / "mesh.stl").write_bytes(mesh.export(file_type="stl"))
+    y_up = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
+    (folder / "mesh.glb").write_bytes(mesh.copy().apply_transform(y_up).export(file_type="glb"))
+    hulls = folder / "hulls"
+    if hulls.exists():
+        shutil.rmtree(hulls)
+    hulls.mkdir()
+    for index, (vertices, faces) in enumerate(surface.pieces):
+        (hulls / f"{index:04d}.obj").write_text(_obj(vertices, faces))
+    (folder / "scene.xml").write_text(_mjcf(surface))
+
+
+def _clustered(vertices: np.ndarray, faces: np.ndarray, cell_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices in one grid cell become their mean; faces that collapse go, doubles too."""
+    vertices = np.asarray(vertices, np.float64)
+    cells = np.floor(vertices / cell_m + 0.5).astype(np.int64)
+    _, cluster = np.unique(cells, axis=0, return_inverse=True)
+    cluster = cluster.ravel()
+    count = np.bincount(cluster)
+    means = np.stack([np.bincount(cluster, weights=vertices[:, k]) / count for k in range(3)], 1)
+    return means, _proper_faces(cluster[faces])
+
+
+def _proper_faces(faces: np.ndarray) -> np.ndarray:
+    a, b, c = faces.T
+    faces = faces[(a != b) & (b != c) & (c != a)]
+    first = faces.argmin(1)
+    turned = np.take_along_axis(faces, (first[:, None] + np.arange(3)) % 3, axis=1)
+    return np.unique(turned, axis=0).astype(np.int32)
+
+
+def _without_crumbs(vertices, faces, smallest_m):
+    """Without connected components whose bounding box is smaller than this across."""
+    if not len(faces):
+        return vertices, faces
+    pairs = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
+    shape = (len(vertices), len(vertices))
+    graph = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape)
+    count, component = connected_components(graph, directed=False)
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    np.minimum.at(low, component, vertices)
+    np.maximum.at(high, component, vertices)
+    large = np.linalg.norm(high - low, axis=1) >= smallest_m
+    faces = faces[large[component[faces[:, 0]]]]
+    used, faces = np.unique(faces, return_inverse=True)
+    return vertices[used], faces.reshape(-1, 3).astype(np.int32)
+
+
+def _floor_faces(vertices, faces, tolerance_m):
+    """(F,) bool: level faces near z = 0, and those that lie in z = 0 altogether."""
+    corners = vertices[faces]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    upright = cross[:, 2] > _FLOOR_NORMAL * np.linalg.norm(cross, axis=1)
+    top = corners[:, :, 2].max(1)
+    return (upright & (top < tolerance_m)) | (top <= 1e-9)
+
+
+def _floor_rectangle(vertices, faces):
+    """(4, 3) corners of the smallest rectangle around the floor, in z = 0."""
+    points = vertices[np.unique(faces)][:, :2] if len(faces) else np.zeros((0, 2))
+    if len(points) < 3:
+        return np.zeros((0, 3))
+    (x, y), (width, depth), angle = cv2.minAreaRect(points.astype(np.float32))
+    if width * depth < _SMALLEST_FLOOR_M2:
+        return np.zeros((0, 3))
+    turn = np.radians(angle)
+    axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (width / 2, depth / 2)
+    return np.column_stack([corners @ axes + (x, y), np.zeros(4)])
+
+
+def _obj(vertices: np.ndarray, faces: np.ndarray) -> str:
+    lines = [f"v {x:.7g} {y:.7g} {z:.7g}" for x, y, z in vertices.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
+    return "\n".join(lines) + "\n"
+
+
+def _mjcf(surface: CollisionSurface) -> str:
+    """A static MuJoCo scene: the floor's box and one mesh geom for each piece."""
+    root = ElementTree.Element("mujoco", model="room")
+    ElementTree.SubElement(root, "compiler", angle="radian", meshdir="hulls")
+    assets = ElementTree.SubElement(root, "asset")
+    world = ElementTree.SubElement(root, "worldbody")
+    if len(surface.floor):
+        right, ahead = surface.floor[1] - surface.floor[0], surface.floor[3] - surface.floor[0]
+        size = (np.linalg.norm(right) / 2, np.linalg.norm(ahead) / 2, _FLOOR_THICKNESS_M / 2)
+        centre = surface.floor.mean(0) - (0, 0, _FLOOR_THICKNESS_M / 2)
+        ElementTree.SubElement(
+            world, "geom", name="floor", type="box", size=_numbers(size), pos=_numbers(centre),
+            euler=_numbers((0, 0, np.arctan2(right[1], right[0]))), rgba="0.6 0.6 0.6 1",
+        )  # fmt: skip
+    for index in range(len(surface.pieces)):
+        name = f"piece_{index:04d}"
+        # Static pieces need no inertia; "convex" never fails on a thin one.
+        ElementTree.SubElement(assets, "mesh", name=name, file=f"{index:04d}.obj", inertia="convex")
+        ElementTree.SubElement(world, "geom", name=name, type="mesh", mesh=name, rgba="0.7 0.75 0.8 1")
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _numbers(values) -> str:
+    return " ".join(f"{value:.9g}" for value in values)
