@@ -122,9 +122,8 @@ def refresh(scene: bpy.types.Scene) -> None:
 
 def _facts(bundle: Bundle) -> Iterator[tuple[str, str, str]]:
     told = describe(bundle.scene)
-    yield "scene", "Preset", told["preset"]
     yield "scene", "Rounds", f"{len(told['rounds'])} of {told['rounds_declared']} done"
-    yield "captures", "Photographs", str(told["captures"])
+    yield "captures", "Photos", str(told["captures"])
     yield "captures", "Poses", told["captures_source"]
     yield "captures", "Ground", told["ground"]
     yield "captures", "Scale", told["scale_source"]
@@ -136,10 +135,10 @@ def _facts(bundle: Bundle) -> Iterator[tuple[str, str, str]]:
     yield "views", "Generator", told["backends"].get("generator", "unknown")
     for index, done in enumerate(told["rounds"]):
         succeeded, failed = done["rollouts_succeeded"], done["rollouts_failed"]
-        yield "robot", f"Round {index}", f"{succeeded} rollouts succeeded, {failed} failed"
+        yield "robot", f"Round {index}", f"{succeeded} succeeded, {failed} failed"
         yield (
             "views", f"Round {index}",
-            f"{done['views_kept']} of {done['targets']} targets kept, {done['candidates']} candidates",
+            f"{done['views_kept']} of {done['targets']} kept, {done['candidates']} candidates",
         )  # fmt: skip
     if bundle.asset_file.is_file():
         yield "asset", "asset.ply", f"{bundle.asset_file.stat().st_size / 1e6:.1f} MB"

@@ -1,6 +1,12 @@
 """The side bar's tab, its sub-panels in the order of the work. They draw cached facts only."""
 
+import textwrap
+from itertools import zip_longest
+
 import bpy
+
+_LABEL_SHARE = 0.29
+_CHARACTER_PX = 8.2  # of Blender's interface font at scale 1, margins included
 
 
 class _Sidebar:
@@ -19,13 +25,23 @@ class _Step(_Sidebar):
         facts = [fact for fact in context.scene.r2sego.facts if fact.section == self.section]
         if not facts:
             return
+        fitting = _fitting_characters(context, 1.0 - _LABEL_SHARE)
         column = self.layout.column(align=True)
         for fact in facts:
-            row = column.split(factor=0.32)
-            label = row.row()
-            label.active = False
-            label.label(text=fact.label)
-            row.label(text=fact.value)
+            label = fact.label
+            for line in textwrap.wrap(fact.value, fitting):
+                row = column.split(factor=_LABEL_SHARE)
+                name = row.row()
+                name.active = False
+                name.label(text=label)
+                row.label(text=line)
+                label = ""  # further lines stand under the first
+
+
+def _fitting_characters(context, share):
+    """How many characters fit in this share of the side bar, roughly."""
+    scale = context.preferences.system.ui_scale
+    return max(12, int(share * context.region.width / (_CHARACTER_PX * scale)))
 
 
 class R2SEGO_PT_main(_Sidebar, bpy.types.Panel):
@@ -47,7 +63,9 @@ class R2SEGO_PT_main(_Sidebar, bpy.types.Panel):
         if context.scene.r2sego.problem:
             box = layout.box()
             box.alert = True
-            box.label(text=context.scene.r2sego.problem, icon="ERROR")
+            lines = textwrap.wrap(context.scene.r2sego.problem, _fitting_characters(context, 0.85))
+            for line, icon in zip_longest(lines, ["ERROR"], fillvalue="BLANK1"):
+                box.label(text=line, icon=icon)
 
 
 class R2SEGO_PT_scene(_Step, bpy.types.Panel):

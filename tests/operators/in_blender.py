@@ -79,7 +79,7 @@ def check_opening_reads_what_the_bundle_holds():
     assert state().preset == "preview"
     assert state().problem == ""
     facts = {(fact.section, fact.label): fact.value for fact in state().facts}
-    assert facts["captures", "Photographs"] == "3"
+    assert facts["captures", "Photos"] == "3"
     assert facts["collision", "Convex pieces"] == "3"
     assert facts["report", "refined"] == "PSNR 25.10 dB, SSIM 0.810"
     assert {section for section, _ in facts} == {
