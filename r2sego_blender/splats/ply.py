@@ -26,7 +26,7 @@ def save_ply(path: Path, asset: SplatAsset, comments: Sequence[str] = ()) -> Non
     ``comments`` are header lines without the word ``comment``, such as
     ``SplatRenderMode: default``.
     """
-    rest = asset.sh[:, 1:].transpose(0, 2, 1).reshape(len(asset), -1)
+    rest = asset.sh[:, 1:].transpose(0, 2, 1).reshape(len(asset), 3 * (asset.sh.shape[1] - 1))
     columns = np.concatenate(
         [
             asset.means,
@@ -94,7 +94,12 @@ def load_ply(path: Path) -> SplatAsset:
         sh=sh,
     )
     finite = np.isfinite(asset.logit_opacities)
-    for values in (asset.means, asset.log_scales, asset.quaternions, asset.sh.reshape(len(asset), -1)):
+    for values in (
+        asset.means,
+        asset.log_scales,
+        asset.quaternions,
+        asset.sh.reshape(len(asset), 3 * coefficients),
+    ):
         finite &= np.isfinite(values).all(axis=1)
     return asset if finite.all() else asset.subset(finite)
 

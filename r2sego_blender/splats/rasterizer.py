@@ -25,7 +25,8 @@ from .projection import MOMENT_COLUMNS, SCREEN_COLUMNS, lens_of, project, projec
 _SPARE = 1.25
 """Arrays that must grow get this much more than is needed now."""
 
-_SMALLEST_ALPHA = 1e-6
+SMALLEST_ALPHA = 1e-6
+"""Where alpha is not above this, nothing was seen and depth is 0."""
 
 
 @dataclass(frozen=True)
@@ -125,6 +126,12 @@ class Rasterizer:
             self.colour, self.transmittance, self.depth_sum, self._tile_stops,
         )  # fmt: skip
 
+    def rendering(self) -> Rendering:
+        """The last ``forward``'s result, in arrays of its own."""
+        alpha = 1.0 - self.transmittance
+        depth = np.where(alpha > SMALLEST_ALPHA, self.depth_sum / np.maximum(alpha, SMALLEST_ALPHA), 0.0)
+        return Rendering(self.colour.copy(), alpha, depth.astype(np.float32))
+
     def backward(
         self, g_colour: np.ndarray, g_alpha: np.ndarray, g_depth_sum: np.ndarray, gradients: Gradients
     ) -> None:
@@ -175,6 +182,4 @@ def render(asset: SplatAsset, camera: Camera, background: Sequence[float] = (0.0
         _LOCAL.rasterizer = Rasterizer()
     rasterizer = _LOCAL.rasterizer
     rasterizer.forward(asset, camera, background)
-    alpha = 1.0 - rasterizer.transmittance
-    depth = np.where(alpha > _SMALLEST_ALPHA, rasterizer.depth_sum / np.maximum(alpha, _SMALLEST_ALPHA), 0)
-    return Rendering(rasterizer.colour.copy(), alpha, depth.astype(np.float32))
+    return rasterizer.rendering()

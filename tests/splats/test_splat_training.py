@@ -1,0 +1,147 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numba
+import numpy as np
+import pytest
+import torch
+from splat_reference import random_asset, small_camera
+
+from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.errors import AssetError
+from r2sego_blender.settings import TrainingSettings
+from r2sego_blender.splats.adam import Adam
+from r2sego_blender.splats.asset import SplatAsset
+from r2sego_blender.splats.metrics import psnr
+from r2sego_blender.splats.rasterizer import Gradients, render
+from r2sego_blender.splats.training import Observation, train
+
+GROUPS = ("means", "log_scales", "quaternions", "logit_opacities", "sh")
+SETTINGS = TrainingSettings(sh_degree=1)
+
+
+def cameras(count: int, size: tuple[int, int] = (64, 48)) -> list[Camera]:
+    width, height = size
+    poses = [look_at([x, -0.2, -1.5], [0.0, 0.0, 2.0]) for x in np.linspace(-0.8, 0.8, count)]
+    return [Camera(width, height, width, width, width / 2, height / 2, pose) for pose in poses]
+
+
+def scene() -> tuple[SplatAsset, SplatAsset, list[Observation]]:
+    """A true asset, a worse one to start from, and the images of the true one."""
+    rng = np.random.default_rng(0)
+    true = random_asset(rng, 200, degree=1)
+    start = true.with_degree(0).copy()
+    start.means[:] += rng.normal(scale=0.03, size=start.means.shape)
+    start.sh[:] += rng.normal(scale=0.5, size=start.sh.shape)
+    views = [Observation(c, np.clip(render(true, c).colour, 0, 1)) for c in cameras(5)]
+    return true, start, views
+
+
+def quality(asset: SplatAsset, views: list[Observation]) -> float:
+    return float(np.mean([psnr(np.clip(render(asset, v.camera).colour, 0, 1), v.image) for v in views]))
+
+
+def test_adam_equals_torch() -> None:
+    rng = np.random.default_rng(0)
+    asset = random_asset(rng, 20)
+    leaves = [torch.tensor(getattr(asset, name), dtype=torch.float64) for name in GROUPS]
+    rates = dict(zip(GROUPS, (1e-4, 5e-3, 1e-3, 5e-2, 2.5e-3), strict=True))
+    reference = torch.optim.Adam(
+        [{"params": [leaf], "lr": rates[name]} for name, leaf in zip(GROUPS, leaves, strict=True)], eps=1e-15
+    )
+    adam, gradients = Adam(asset), Gradients.of(asset)
+    gradients.touched[:] = True
+    for _ in range(25):
+        for name, leaf in zip(GROUPS, leaves, strict=True):
+            getattr(gradients, name)[:] = rng.normal(size=leaf.shape)
+            leaf.grad = torch.tensor(getattr(gradients, name), dtype=torch.float64)
+        reference.step()
+        adam.step(gradients, rates | {"sh_rest": rates["sh"]}, degree=3)
+    for name, leaf in zip(GROUPS, leaves, strict=True):
+        np.testing.assert_allclose(getattr(asset, name), leaf, atol=2e-5)
+
+
+def test_adam_leaves_untouched_gaussians_and_higher_harmonics() -> None:
+    asset = random_asset(np.random.default_rng(0), 10)
+    before, adam, gradients = asset.copy(), Adam(asset), Gradients.of(asset)
+    gradients.touched[3] = True
+    for name in GROUPS:
+        getattr(gradients, name)[:] = 1.0
+    adam.step(gradients, dict.fromkeys((*GROUPS, "sh_rest"), 0.01), degree=1)
+    others = np.arange(10) != 3
+    for name in GROUPS:
+        np.testing.assert_array_equal(getattr(asset, name)[others], getattr(before, name)[others])
+    np.testing.assert_allclose(asset.sh[3, :4], before.sh[3, :4] - 0.01, atol=1e-5)
+    np.testing.assert_array_equal(asset.sh[3, 4:], before.sh[3, 4:])
+
+
+def test_training_reproduces_the_images() -> None:
+    _, start, views = scene()
+    trained = train(start, views, 300, SETTINGS, np.random.default_rng(0))
+    assert quality(trained, views) > quality(start, views) + 8.0
+    assert trained.degree == 1
+    assert trained.sh[:, 1:].any()
+
+
+def test_the_input_is_not_changed() -> None:
+    _, start, views = scene()
+    before = start.copy()
+    train(start, views, 5, dataclasses.replace(SETTINGS, sh_degree=0), np.random.default_rng(0))
+    for name in GROUPS:
+        np.testing.assert_array_equal(getattr(start, name), getattr(before, name))
+
+
+def test_the_same_seed_gives_the_same_bits_for_any_number_of_threads() -> None:
+    _, start, views = scene()
+    threads, results = numba.get_num_threads(), []
+    try:
+        for count in (1, threads, threads):
+            numba.set_num_threads(count)
+            results.append(train(start, views, 40, SETTINGS, np.random.default_rng(7)))
+    finally:
+        numba.set_num_threads(threads)
+    for other in results[1:]:
+        assert all(getattr(results[0], n).tobytes() == getattr(other, n).tobytes() for n in GROUPS)
+
+
+def test_pixels_without_confidence_teach_nothing() -> None:
+    _, start, views = scene()
+    spoilt = []
+    for view in views:
+        image, confidence = view.image.copy(), np.ones(view.camera.shape, np.float32)
+        # eleven rows more: a pixel's gradient sees two windows of SSIM
+        image[:20], confidence[:31] = 1.0, 0.0
+        spoilt.append(dataclasses.replace(view, image=image, confidence=confidence))
+    full = dataclasses.replace(SETTINGS, half_resolution_share=0.0)
+    clean = [dataclasses.replace(v, confidence=s.confidence) for v, s in zip(views, spoilt, strict=True)]
+    a = train(start, spoilt, 20, full, np.random.default_rng(0))
+    b = train(start, clean, 20, full, np.random.default_rng(0))
+    for name in GROUPS:
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+
+
+def test_an_observation_is_drawn_as_often_as_it_says() -> None:
+    from r2sego_blender.splats.training import _shuffled
+
+    _, _, views = scene()
+    views = [dataclasses.replace(views[0], draws=3), views[1]]
+    stream = _shuffled(views, np.random.default_rng(0))
+    drawn = np.array([next(stream) for _ in range(40)]).reshape(10, 4)
+    assert ((drawn == 0).sum(axis=1) == 3).all()
+
+
+def test_training_goes_on_at_the_degree_reached() -> None:
+    true, _, views = scene()
+    trained = train(true, views, 1, SETTINGS, np.random.default_rng(0))
+    assert quality(trained, views) > 40.0
+
+
+def test_what_cannot_be_trained_is_refused() -> None:
+    _, start, views = scene()
+    with pytest.raises(AssetError, match="no observation"):
+        train(start, [], 1, SETTINGS, np.random.default_rng(0))
+    with pytest.raises(AssetError, match="more than 100"):
+        train(start, views, 1, dataclasses.replace(SETTINGS, max_gaussians=100), np.random.default_rng(0))
+    with pytest.raises(AssetError, match="shape"):
+        Observation(small_camera(), np.zeros((3, 3, 3), np.float32))
