@@ -1,0 +1,87 @@
+"""Scores of an asset on frozen views, as the original 3DGS code computes them.
+
+Every pixel of every view counts: no mask, no crop, no exposure or colour correction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..cameras import Camera
+from ..captures.capture import Capture
+from ..errors import CaptureError
+from ..images import to_uint8
+from ..progress import SILENT, Progress
+from ..splats.metrics import psnr, ssim
+from .lpips import Lpips, find_lpips
+
+
+@dataclass(frozen=True)
+class ViewScore:
+    """One frozen view: PSNR in dB, SSIM and, where its weights are at hand, LPIPS-Alex."""
+
+    name: str
+    psnr: float
+    ssim: float
+    lpips_alex: float | None
+
+
+@dataclass(frozen=True)
+class ArmScore:
+    """The means over all frozen views of one arm, and each view's own scores.
+
+    ``lpips_alex`` is None where LPIPS could not be computed; ``lpips_reason`` then says why.
+    """
+
+    psnr: float
+    ssim: float
+    lpips_alex: float | None
+    views: tuple[ViewScore, ...]
+    lpips_reason: str = ""
+
+
+def score(
+    asset_renderer: Callable[[Camera], np.ndarray],
+    views: Sequence[Capture],
+    lpips: Lpips | None = None,
+    keep: Callable[[str, np.ndarray], None] | None = None,
+    progress: Progress = SILENT,
+    title: str = "Frozen views",
+) -> ArmScore:
+    """Render every frozen view and compare it with the photograph.
+
+    ``asset_renderer`` gives (H, W, 3) in [0, 1] at the camera's size. The rendering is
+    clipped and rounded to 8 bits first, since the original ``metrics.py`` reads the PNGs
+    that ``render.py`` wrote; so the figures can be had again from the report's pictures.
+    ``lpips`` None looks for the weights (``find_lpips``). ``keep`` is given each view's
+    name and its rounded rendering, float32. Raises CaptureError without any view, or when
+    a rendering has another size than its view.
+    """
+    if not views:
+        raise CaptureError("there are no frozen views", cure="Name a cameras.json with a 'frozen' list.")
+    reason = ""
+    if lpips is None:
+        lpips, reason = find_lpips()
+    scores = []
+    for view in progress.track(views, title):
+        truth = view.image()
+        rendering = to_uint8(asset_renderer(view.camera)).astype(np.float32) / 255.0
+        if rendering.shape != truth.shape:
+            raise CaptureError(
+                f"the rendering has shape {rendering.shape}, the frozen view {truth.shape}",
+                where=view.image_path, cure="Render at the frozen camera's size.",
+            )  # fmt: skip
+        distance = None if lpips is None else lpips.distance(rendering, truth)
+        scores.append(ViewScore(view.name, psnr(rendering, truth), ssim(rendering, truth), distance))
+        if keep is not None:
+            keep(view.name, rendering)
+    return ArmScore(
+        psnr=float(np.mean([view.psnr for view in scores])),
+        ssim=float(np.mean([view.ssim for view in scores])),
+        lpips_alex=None if lpips is None else float(np.mean([view.lpips_alex for view in scores])),
+        views=tuple(scores),
+        lpips_reason=reason,
+    )

@@ -1,0 +1,124 @@
+"""The report: one HTML page without network, and its pictures in ``figures/`` beside it."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import jinja2
+import numpy as np
+
+from .charts import candidate_chart
+from .figures import PROVENANCE_COLOURS, save_figure
+from .report_data import Picture, ReportData
+
+_TEMPLATES = Path(__file__).with_name("templates")
+
+
+def write_report(folder: Path, report: ReportData) -> Path:
+    """Write ``folder/index.html`` and ``folder/figures/*.jpg``; the page's path.
+
+    The page names its pictures by relative paths, so the folder can be moved or zipped.
+    Figures of an earlier report that this one does not show are removed.
+    """
+    figures = folder / "figures"
+    figures.mkdir(parents=True, exist_ok=True)
+    writer = _FigureWriter(figures)
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(_TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(decimals=_decimals, seconds=_duration, percent=_percent)
+    environment.globals.update(figure=writer.add, chart=candidate_chart, css_colour=_css_colour)
+    labels = {arm.key: arm.label for arm in report.arms}
+    html = environment.get_template("report.html.j2").render(
+        report=report,
+        labels=labels,
+        headline=_headline(report),
+        provenance_colours={kind.name.lower(): colour for kind, colour in PROVENANCE_COLOURS.items()},
+        total_s=sum(seconds for _, seconds in report.timings),
+    )
+    page = folder / "index.html"
+    unfinished = page.with_name("index.html.part")
+    unfinished.write_text(html, encoding="utf-8")
+    unfinished.replace(page)
+    writer.remove_others()
+    return page
+
+
+class _FigureWriter:
+    """Writes the pictures the template asks for and gives their relative paths."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._written: set[str] = set()
+
+    def add(self, picture: Picture, *words: object) -> str:
+        """The path of a picture's file, named by ``words``, or "" without a picture.
+
+        A picture whose file is missing or unreadable is left out of the page: a report must
+        not fail for one lost picture.
+        """
+        if picture is None:
+            return ""
+        stem = re.sub(r"[^a-z0-9]+", "-", " ".join(map(str, words)).lower()).strip("-") or "figure"
+        name, copies = f"{stem}.jpg", 1
+        while name in self._written:
+            copies += 1
+            name = f"{stem}-{copies}.jpg"
+        try:
+            save_figure(self._folder / name, picture)
+        except OSError:
+            return ""
+        self._written.add(name)
+        return f"figures/{name}"
+
+    def remove_others(self) -> None:
+        """Remove figures of earlier reports."""
+        for path in self._folder.glob("*.jpg"):
+            if path.name not in self._written:
+                path.unlink()
+
+
+def _headline(report: ReportData) -> dict | None:
+    """The last arm against the baseline, for the top of the page; None without scores."""
+    by_key = {arm.key: arm for arm in report.arms}
+    best, baseline = (report.arms[-1] if report.arms else None), by_key.get(report.baseline)
+    if best is None or best.psnr is None:
+        return None
+    compared = baseline is not None and baseline.psnr is not None and baseline is not best
+    return {
+        "arm": best,
+        "baseline": baseline if compared else None,
+        "gain_db": best.psnr - baseline.psnr if compared else None,
+    }
+
+
+def _decimals(value: float | None, places: int = 2) -> str:
+    if value is None:
+        return "n/a"
+    return f"{value:.{places}f}" if math.isfinite(value) else "∞"
+
+
+def _percent(value: float) -> str:
+    return f"{100 * value:.0f} %"
+
+
+def _duration(value_s: float) -> str:
+    """Seconds as a person reads them: ``8.4 s``, ``3 min 20 s``, ``2 h 05 min``."""
+    if value_s < 60:
+        return f"{value_s:.1f} s"
+    minutes, seconds = divmod(round(value_s), 60)
+    if minutes < 60:
+        return f"{minutes} min {seconds:02d} s"
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02d} min"
+
+
+def _css_colour(rgb: tuple[float, float, float]) -> str:
+    red, green, blue = np.round(np.array(rgb) * 255).astype(int)
+    return f"rgb({red} {green} {blue})"

@@ -1,0 +1,170 @@
+"""What the report says, as plain data: whoever fills it needs to know nothing of HTML.
+
+All texts are plain text; the template escapes them. A ``Picture`` is an image in memory,
+(H, W, 3) float [0, 1] or uint8, or a file; None leaves its place empty.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+Picture = np.ndarray | Path | None
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One asset that was scored on the frozen views.
+
+    ``key`` is its name in metrics.json, ``label`` what a person reads, ``note`` how it was
+    made. A score that could not be computed is None.
+    """
+
+    key: str
+    label: str
+    psnr: float | None
+    ssim: float | None
+    lpips_alex: float | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Backend:
+    """What filled one of the paper's slots; ``learned`` False is the embedded default."""
+
+    slot: str
+    backend: str
+    learned: bool
+    paper: str = ""
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """One arm's picture of a frozen view, and its score there; ``arm`` is the arm's key."""
+
+    arm: str
+    picture: Picture
+    psnr: float | None = None
+    ssim: float | None = None
+
+
+@dataclass(frozen=True)
+class FrozenView:
+    """A held-out view: the photograph, and what each arm renders there."""
+
+    name: str
+    truth: Picture
+    renderings: tuple[Rendering, ...]
+
+
+@dataclass(frozen=True)
+class RolloutSummary:
+    """One attempted rollout; ``reason`` says why it succeeded or failed."""
+
+    seed: int
+    success: bool
+    reason: str
+    duration_s: float | None = None
+
+
+@dataclass(frozen=True)
+class CandidateCurves:
+    """The scores of a round's candidate stream, in stream order.
+
+    ``deficit`` u, ``availability`` g and ``score`` s are (M,) in [0, 1]; ``rollout`` (M,)
+    names each candidate's rollout; ``chosen`` are indices of the target views.
+    """
+
+    deficit: np.ndarray
+    availability: np.ndarray
+    score: np.ndarray
+    rollout: np.ndarray
+    chosen: np.ndarray
+
+
+@dataclass(frozen=True)
+class Target:
+    """One target view and what became of it.
+
+    ``generated`` is the frame that was kept of the clip; ``offset_m`` and ``turn_deg`` are
+    between the query pose and the pose that registration found; ``verdict`` says in words
+    why the frame was kept or rejected.
+    """
+
+    name: str
+    accepted: bool
+    verdict: str
+    reference_name: str = ""
+    reference: Picture = None
+    condition: Picture = None
+    generated: Picture = None
+    score: float | None = None
+    inliers: int | None = None
+    offset_m: float | None = None
+    turn_deg: float | None = None
+
+
+@dataclass(frozen=True)
+class Round:
+    """One pass of Algorithm 1, ``number`` from 0; pictures are plans from above."""
+
+    number: int
+    rollouts: tuple[RolloutSummary, ...] = ()
+    candidates: CandidateCurves | None = None
+    targets: tuple[Target, ...] = ()
+    proxy_picture: Picture = None
+    camera_map: Picture = None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Collision:
+    """The published collision surface; ``checks`` are (what was checked, passed)."""
+
+    triangles: int
+    convex_pieces: int
+    floor_z_m: float | None = None
+    compile_s: float | None = None
+    checks: tuple[tuple[str, bool], ...] = ()
+
+
+@dataclass(frozen=True)
+class SettingUsed:
+    """A setting of the run; ``changed`` when it is not the default."""
+
+    key: str
+    value: str
+    default: str
+    doc: str = ""
+
+    @property
+    def changed(self) -> bool:
+        """Whether the value differs from the default."""
+        return self.value != self.default
+
+
+@dataclass(frozen=True)
+class ReportData:
+    """Everything the report shows, from the top of the page to its end.
+
+    ``facts`` are (label, value) pairs for the head of the page, such as the seed. ``arms``
+    in the order of the table: initial, vanilla 3DGS, refined; the last is the headline, and
+    ``baseline`` is the key of the arm it is compared with. ``provenance`` are the proxy's
+    shares, {"observed": 0.6, ...}. ``timings`` are (step, seconds) in the order they ran.
+    """
+
+    title: str
+    about: str = ""
+    facts: tuple[tuple[str, str], ...] = ()
+    arms: tuple[Arm, ...] = ()
+    baseline: str = "vanilla_3dgs"
+    lpips_reason: str = ""
+    backends: tuple[Backend, ...] = ()
+    frozen: tuple[FrozenView, ...] = ()
+    rounds: tuple[Round, ...] = ()
+    provenance: dict[str, float] = field(default_factory=dict)
+    collision: Collision | None = None
+    settings: tuple[SettingUsed, ...] = ()
+    timings: tuple[tuple[str, float], ...] = ()

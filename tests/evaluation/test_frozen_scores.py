@@ -1,0 +1,125 @@
+"""Scores on frozen views: complete images, means over the views, one file for all arms."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from r2sego_blender.cameras import Camera
+from r2sego_blender.captures.capture import Capture
+from r2sego_blender.errors import CaptureError, SceneError
+from r2sego_blender.evaluation.frozen import ArmScore, ViewScore, score
+from r2sego_blender.evaluation.lpips import WEIGHTS_VARIABLE
+from r2sego_blender.evaluation.metrics_file import read_metrics, write_metrics
+from r2sego_blender.images import save_image
+
+
+@pytest.fixture(autouse=True)
+def _no_lpips_weights(monkeypatch):
+    monkeypatch.delenv(WEIGHTS_VARIABLE, raising=False)
+
+
+@pytest.fixture
+def views(tmp_path) -> list[Capture]:
+    rng = np.random.default_rng(3)
+    made = []
+    for index in range(3):
+        pose = np.eye(4)
+        pose[2, 3] = index
+        path = tmp_path / f"view_{index}.png"
+        save_image(path, rng.random((24, 32, 3)).astype(np.float32))
+        made.append(Capture(f"view_{index}", path, Camera(32, 24, 20.0, 20.0, 16.0, 12.0, pose)))
+    return made
+
+
+def test_a_constant_error_has_the_psnr_of_its_size(views):
+    """An error of 51/255 everywhere is 20 log10(5) = 13.98 dB, and no border is cropped."""
+    truths = {float(view.camera.centre[2]): view.image() * 0.5 for view in views}
+    darker = [Capture(v.name, v.image_path.with_suffix(".half.png"), v.camera) for v in views]
+    for view, capture in zip(views, darker, strict=True):
+        save_image(capture.image_path, truths[float(view.camera.centre[2])])
+    by_place = {float(view.camera.centre[2]): view.image() for view in darker}
+    arm = score(lambda camera: by_place[float(camera.centre[2])] + 51 / 255, darker)
+    assert arm.psnr == pytest.approx(20 * np.log10(5), abs=1e-5)
+    assert [view.name for view in arm.views] == [view.name for view in darker]
+
+
+def test_an_error_in_one_corner_pixel_counts(views):
+    truth = views[0].image()
+    changed = truth.copy()
+    changed[0, 0] = 1.0 - np.round(changed[0, 0])
+    arm = score(lambda _: changed, views[:1])
+    expected = -10 * np.log10(np.mean((np.round(changed * 255) / 255 - truth) ** 2))
+    assert arm.psnr == pytest.approx(expected, abs=1e-4)
+    assert arm.ssim < 1.0
+
+
+def test_means_are_over_views_and_renderings_are_kept_as_scored(views):
+    kept = {}
+    arm = score(lambda camera: np.full((24, 32, 3), 0.3333), views, keep=kept.__setitem__)
+    assert arm.psnr == pytest.approx(np.mean([view.psnr for view in arm.views]))
+    assert arm.ssim == pytest.approx(np.mean([view.ssim for view in arm.views]))
+    assert set(kept) == {"view_0", "view_1", "view_2"}
+    assert np.allclose(kept["view_0"] * 255, 85)
+
+
+def test_without_weights_lpips_is_none_and_says_why(views):
+    arm = score(lambda camera: np.zeros((24, 32, 3)), views)
+    assert arm.lpips_alex is None
+    assert all(view.lpips_alex is None for view in arm.views)
+    assert "AlexNet weights not at hand" in arm.lpips_reason
+
+
+def test_wrong_sizes_and_no_views_are_refused(views):
+    with pytest.raises(CaptureError, match="shape"):
+        score(lambda camera: np.zeros((12, 16, 3)), views)
+    with pytest.raises(CaptureError, match="no frozen views"):
+        score(lambda camera: np.zeros((24, 32, 3)), [])
+
+
+def arm(offset: float) -> ArmScore:
+    views = tuple(ViewScore(f"frozen_{i:02d}", 20 + offset + i, 0.7123456789, None) for i in (1, 0))
+    return ArmScore(20.5 + offset, 0.7123456789, None, views, "AlexNet weights not at hand")
+
+
+def test_the_metrics_file_has_the_documented_shape(tmp_path):
+    path = tmp_path / "report" / "metrics.json"
+    write_metrics(path, {"vanilla_3dgs": arm(0.0), "initial": arm(1.0), "refined": arm(2.0)})
+    document = json.loads(path.read_text())
+    assert list(document) == ["arms"]
+    assert list(document["arms"]) == ["initial", "refined", "vanilla_3dgs"]
+    refined = document["arms"]["refined"]
+    assert refined["psnr"] == 22.5
+    assert refined["ssim"] == 0.7123
+    assert refined["lpips_alex"] is None
+    assert refined["lpips_reason"] == "AlexNet weights not at hand"
+    assert refined["views"] == [
+        {"name": "frozen_00", "psnr": 22.0, "ssim": 0.7123},
+        {"name": "frozen_01", "psnr": 23.0, "ssim": 0.7123},
+    ]
+
+
+def test_the_metrics_file_is_the_same_bytes_for_any_order(tmp_path):
+    a, b = tmp_path / "a.json", tmp_path / "b.json"
+    write_metrics(a, {"initial": arm(0.0), "refined": arm(1.0)})
+    write_metrics(b, {"refined": arm(1.0), "initial": arm(0.0)})
+    assert a.read_bytes() == b.read_bytes()
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_equal_images_are_no_invalid_json(tmp_path):
+    perfect = ArmScore(float("inf"), 1.0, 0.0, (ViewScore("v", float("inf"), 1.0, 0.0),))
+    path = tmp_path / "metrics.json"
+    write_metrics(path, {"refined": perfect})
+    assert json.loads(path.read_text())["arms"]["refined"]["psnr"] is None
+    assert read_metrics(path)["refined"] == perfect
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"arms": {"refined": {}}}', '{"arms": 3}'])
+def test_other_files_are_refused(tmp_path, text):
+    path = tmp_path / "metrics.json"
+    path.write_text(text)
+    with pytest.raises(SceneError, match="not a file of scores"):
+        read_metrics(path)
