@@ -5,7 +5,7 @@ import bpy
 from ..r2sego_blender.errors import R2SEgoError
 from . import job, state
 
-_TICK_S = 0.1
+_TICK_S = 0.2
 
 
 def needs_bundle(cls, context) -> bool:
@@ -145,4 +145,5 @@ class EngineOperator:
         for window in context.window_manager.windows:
             for area in window.screen.areas:
                 if area.type == "VIEW_3D":
-                    area.tag_redraw()
+                    # The side bar alone: a large scene is slow to draw.
+                    next(region for region in area.regions if region.type == "UI").tag_redraw()

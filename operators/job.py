@@ -59,7 +59,8 @@ def end() -> None:
     if _current is not None:
         _current.stop()
     _current = None
-    bpy.context.window_manager.r2sego_job.running = False
+    shown = bpy.context.window_manager.r2sego_job
+    shown.running = shown.cancel_requested = False
 
 
 def _duration(seconds: float) -> str:

@@ -26,7 +26,7 @@ def interpreter() -> str:
     """
     preferences = addon_preferences()
     preferred = bpy.path.abspath(preferences.engine_python) if preferences else ""
-    return find_interpreter(preferred, fallback=sys.executable if bpy.app.module else "")
+    return find_interpreter(preferred, fallback="" if bpy.app.binary_path else sys.executable)
 
 
 def examine() -> str:

@@ -130,7 +130,7 @@ class Engine:
         self._other_lines: deque[str] = deque(maxlen=_REMEMBERED_LINES)
         self._result: Mapping[str, Any] = {}
         self._error = ""
-        self._cancelled_at_s: float | None = None
+        self._cancelled = False
         self._readers = [
             threading.Thread(target=self._read_events, daemon=True),
             threading.Thread(target=self._read_errors, daemon=True),
@@ -141,7 +141,7 @@ class Engine:
     @property
     def cancelled(self) -> bool:
         """Whether ``cancel`` was called before the command had ended."""
-        return self._cancelled_at_s is not None
+        return self._cancelled
 
     def events(self) -> list[Event]:
         """The events since the last call, oldest first; never waits."""
@@ -152,25 +152,26 @@ class Engine:
         return collected
 
     def running(self) -> bool:
-        """Whether the process still runs; kills it when a cancelled one outlasts its grace."""
-        if self._process.poll() is not None:
-            return False
-        if self._cancelled_at_s is not None and time.monotonic() - self._cancelled_at_s > GRACE_S:
-            self._signal(_KILL)
-        return True
+        """Whether the process still runs."""
+        return self._process.poll() is None
 
     def cancel(self) -> None:
-        """Ask the process to end (SIGINT) without waiting for it; ``running`` enforces it."""
-        if self._process.poll() is None and self._cancelled_at_s is None:
-            self._cancelled_at_s = time.monotonic()
-            self._signal(_INTERRUPT)
+        """Ask the process to end (SIGINT) without waiting; one that has not after ``GRACE_S`` is killed."""
+        if self._cancelled or not self.running():
+            return
+        self._cancelled = True
+        self._signal(_INTERRUPT)
+        # A timer and not the caller's next look: a window may redraw for seconds.
+        killer = threading.Timer(GRACE_S, self._kill)
+        killer.daemon = True
+        killer.start()
 
     def stop(self) -> None:
         """End the process now and wait for it: at most ``GRACE_S``, then by force."""
         self.cancel()
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(GRACE_S)
-        self._signal(_KILL)
+        self._kill()
         self._process.wait()
 
     def wait(self, on_event: Callable[[Event], None] = lambda event: None) -> Mapping[str, Any]:
@@ -199,7 +200,7 @@ class Engine:
         """
         status = self._process.wait()
         if self.cancelled:
-            self._signal(_KILL)  # what it started and left behind
+            self._kill()  # what it started and left behind
         for reader in self._readers:
             # A grandchild may hold the pipe open; what it would still say is not ours.
             reader.join(GRACE_S)
@@ -228,6 +229,9 @@ class Engine:
         for line in self._process.stderr:
             if line.strip():
                 self._other_lines.append(line.strip())
+
+    def _kill(self) -> None:
+        self._signal(_KILL)
 
     def _signal(self, number: int) -> None:
         with contextlib.suppress(ProcessLookupError, PermissionError):
