@@ -1,0 +1,215 @@
+"""EgoVideoReg of Algorithm 1: the target views generated, registered and kept on disk."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from PIL import Image
+
+from ..cameras import Camera
+from ..captures.capture import Capture
+from ..errors import CaptureError, GenerationError
+from ..images import load_image, save_image, to_uint8
+from ..progress import SILENT, Progress
+from ..selection import Selection, select_reference
+from ..settings import Settings
+from .conditions import Condition, ConditionRenderer, render_conditions, save_conditions
+from .generator import Frame, Generator
+from .paths import camera_path, reference_from_frame
+from .registration import Landmarks, RegisteredFrame, register_frame
+
+_CLIP_FRAME_MS = 80
+_CLIP_LAST_MS = 1200  # the kept frame rests before the clip starts again
+_CLIP_QUALITY = 80
+
+
+@dataclass(frozen=True)
+class PseudoObservation:
+    """A generated frame with its estimated camera: one element of D_ego (Eq. 3).
+
+    ``image`` (H, W, 3) and ``confidence`` (H, W) are float32 in [0, 1]; ``camera`` is the
+    registered one, not the query; ``rank`` is the target's rank in the selection and
+    ``reference`` the index of its capture i(v).
+    """
+
+    image: np.ndarray
+    camera: Camera
+    confidence: np.ndarray
+    rank: int
+    reference: int
+
+
+def ego_video_reg(
+    selection: Selection,
+    candidates: Sequence[Camera],
+    captures: Sequence[Capture],
+    renderer: ConditionRenderer,
+    generator: Generator,
+    landmarks: Landmarks,
+    settings: Settings,
+    folder: Path,
+    progress: Progress = SILENT,
+) -> tuple[PseudoObservation, ...]:
+    """Generate and register the selection's target views; write each as ``folder/views/<rank>/``.
+
+    ``candidates`` are the M cameras the selection was made from. A frame that cannot be
+    generated or registered is rejected, with its reason in ``pose.json``, and the
+    next-ranked survivor takes its place, at most ``generation.max_replacements`` times.
+    Returns the accepted ones in rank order, as ``load_pseudo_observations`` reads them.
+    """
+    wanted = len(selection.targets)
+    ranked = selection.ranked[: wanted + settings.generation.max_replacements]
+    cameras = [capture.camera for capture in captures]
+    small_depths = [renderer.depth(c.scaled(settings.selection.scoring_scale)) for c in cameras]
+    accepted = 0
+    with progress.task("Generating ego views", wanted) as task:
+        for rank, candidate in enumerate(ranked):
+            if accepted == wanted:
+                break
+            target = candidates[candidate]
+            reference, overlaps = select_reference(
+                target, cameras, renderer.depth, small_depths, settings.selection
+            )
+            view = _View(
+                rank, int(candidate), int(selection.rollout[candidate]), int(selection.frame[candidate]),
+                reference, captures[reference].name, float(overlaps[reference]),
+            )  # fmt: skip
+            reason = _generate(
+                view, target, cameras[reference], renderer, generator, landmarks, settings,
+                folder / "views" / f"{rank:03d}",
+            )  # fmt: skip
+            if reason is None:
+                accepted += 1
+                task.advance()
+            else:
+                progress.message(f"target view of rank {rank + 1}, {reason}", level="warning")
+    if accepted < wanted:
+        progress.message(
+            f"{accepted} of {wanted} target views could be generated and registered", level="warning"
+        )
+    return load_pseudo_observations(folder)
+
+
+def load_pseudo_observations(folder: Path) -> tuple[PseudoObservation, ...]:
+    """The accepted views under ``folder/views``, in rank order.
+
+    Raises GenerationError when a view's files are damaged.
+    """
+    observations = []
+    for view in sorted((folder / "views").glob("*/pose.json")):
+        try:
+            record = json.loads(view.read_text())
+            if record["accepted"]:
+                image = load_image(view.with_name("frame.png"))
+                confidence = load_image(view.with_name("confidence.png"))[..., 0]
+                camera = Camera.from_json(record["estimate"])
+                if image.shape[:2] != camera.shape or confidence.shape != camera.shape:
+                    raise ValueError("the images are not of the camera's size")
+                observations.append(
+                    PseudoObservation(
+                        image, camera, confidence, int(record["rank"]), int(record["reference"])
+                    )
+                )
+        except (OSError, KeyError, TypeError, ValueError, CaptureError) as error:
+            raise GenerationError(
+                "this generated view is damaged", where=view.parent, cure="Run the round again."
+            ) from error
+    return tuple(observations)
+
+
+@dataclass(frozen=True)
+class _View:
+    """What a view is made from, as ``pose.json`` tells it."""
+
+    rank: int
+    candidate: int
+    rollout: int
+    frame: int
+    reference: int
+    reference_name: str
+    overlap: float
+
+
+def _generate(
+    view: _View, target: Camera, reference: Camera, renderer: ConditionRenderer, generator: Generator,
+    landmarks: Landmarks, settings: Settings, folder: Path,
+) -> str | None:  # fmt: skip
+    """Make and write one view; None when it is accepted, else the reason why not."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = camera_path(reference, target, settings.generation.clip_frames)
+    path = (*(camera.scaled(settings.generation.clip_scale) for camera in path[:-1]), path[-1])
+    _write_path(folder / "path.json", view, reference, path)
+    conditions = render_conditions(renderer, path)
+    save_conditions(folder / "conditions", conditions)
+    try:
+        clip = generator.generate(view.reference, conditions)
+        _check_clip(clip, conditions, generator.name)
+    except GenerationError as error:
+        _write_pose(folder / "pose.json", view, generator.name, target, None, f"rejected: {error}")
+        return f"rejected: {error}"
+    _write_clip(folder, clip)
+    image = load_image(folder / "frame.png")  # registered as it will be read for training
+    registered = register_frame(image, target, reference, landmarks, settings.registration, settings.seed)
+    _write_pose(folder / "pose.json", view, generator.name, target, registered, registered.reason)
+    return None if registered.camera is not None else registered.reason
+
+
+def _check_clip(clip: Sequence[Frame], conditions: Sequence[Condition], generator: str) -> None:
+    shapes = [frame.image.shape for frame in clip]
+    if shapes != [(*condition.camera.shape, 3) for condition in conditions]:
+        raise GenerationError(
+            f"{generator} returned {len(clip)} frames that do not fit the {len(conditions)} conditions",
+            cure="Check the generator.",
+        )
+    if not all(np.isfinite(frame.image).all() for frame in clip):
+        raise GenerationError(f"{generator} returned pixels that are no numbers", cure="Check the generator.")
+
+
+def _write_path(file: Path, view: _View, reference: Camera, path: Sequence[Camera]) -> None:
+    record = {
+        "reference": view.reference, "reference_name": view.reference_name,
+        "cameras": [camera.to_json() for camera in path],
+        "reference_from_frame": reference_from_frame(reference, path).tolist(),
+    }  # fmt: skip
+    file.write_text(json.dumps(record, indent=1) + "\n")
+
+
+def _write_clip(folder: Path, clip: Sequence[Frame]) -> None:
+    """``frame.png`` and ``confidence.png`` of the kept frame; ``clip/*.png`` and ``clip.webp``."""
+    (folder / "clip").mkdir(exist_ok=True)
+    for index, frame in enumerate(clip):
+        save_image(folder / "clip" / f"{index:03d}.png", frame.image)
+    save_image(folder / "frame.png", clip[-1].image)
+    save_image(folder / "confidence.png", clip[-1].confidence)
+    height, width = clip[0].image.shape[:2]
+    shown = [to_uint8(frame.image) for frame in clip]
+    shown = [
+        Image.fromarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)) for image in shown
+    ]
+    shown[0].save(
+        folder / "clip.webp", save_all=True, append_images=shown[1:], loop=0, quality=_CLIP_QUALITY, method=0,
+        duration=[_CLIP_FRAME_MS] * (len(shown) - 1) + [_CLIP_LAST_MS],
+    )  # fmt: skip
+
+
+def _write_pose(
+    file: Path, view: _View, generator: str, query: Camera, registered: RegisteredFrame | None, reason: str
+) -> None:
+    accepted = registered is not None and registered.camera is not None
+    record = {
+        "accepted": accepted, "reason": reason, "generator": generator, **vars(view),
+        "query": query.to_json(), "estimate": None,
+    }  # fmt: skip
+    if registered is not None:
+        record |= {"matches": registered.matches, "inliers": registered.inliers, "spread": registered.spread}
+    if registered is not None and registered.estimate is not None:
+        record |= {
+            "estimate": registered.estimate.to_json(), "offset_m": registered.offset_m,
+            "turn_deg": registered.turn_deg, "focal_px": registered.focal_px,
+        }  # fmt: skip
+    file.write_text(json.dumps(record, indent=1) + "\n")
