@@ -1,0 +1,276 @@
+"""Pose files of every format, written and read back, and what is wrong with them."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.captures.cameras_json import save_cameras_json
+from r2sego_blender.captures.capture import Capture
+from r2sego_blender.captures.frozen import load_frozen_views
+from r2sego_blender.captures.importing import find_poses, import_captures
+from r2sego_blender.errors import CaptureError
+from r2sego_blender.settings import CaptureSettings
+
+SETTINGS = CaptureSettings()
+GL = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def _poses(rng, count):
+    return [look_at(rng.uniform([-2, -2, 1], [2, 2, 5]), rng.uniform(-1, 1, 3)) for _ in range(count)]
+
+
+def _photographs(tmp_path, blank_photograph, count=4, width=64, height=48):
+    return [blank_photograph(tmp_path / "images" / f"p{i}.png", width, height) for i in range(count)]
+
+
+def _transforms(tmp_path, poses, top, frames=None):
+    listed = [
+        {"file_path": f"images/p{i}.png", "transform_matrix": (pose @ GL).tolist()}
+        | (frames[i] if frames else {})
+        for i, pose in enumerate(poses)
+    ]
+    path = tmp_path / "transforms.json"
+    path.write_text(json.dumps(top | {"frames": listed}))
+    return path
+
+
+def test_transforms_json_with_shared_intrinsics(tmp_path, rng, blank_photograph):
+    _photographs(tmp_path, blank_photograph)
+    poses = _poses(rng, 4)
+    path = _transforms(
+        tmp_path, poses, {"fl_x": 50.0, "fl_y": 55.0, "cx": 30.0, "cy": 25.5, "w": 64, "h": 48}
+    )
+    imported = import_captures(tmp_path, path, SETTINGS)
+    assert [c.name for c in imported.captures] == ["p0.png", "p1.png", "p2.png", "p3.png"]
+    assert not imported.metric and imported.source == "transforms.json"
+    for capture, pose in zip(imported.captures, poses, strict=True):
+        assert np.abs(capture.camera.world_from_camera - pose).max() < 1e-9
+        c = capture.camera
+        assert (c.fx, c.fy, c.cx, c.cy, c.width, c.height) == (50.0, 55.0, 30.0, 25.5, 64, 48)
+
+
+def test_transforms_json_with_intrinsics_in_each_frame_and_distortion(tmp_path, rng, blank_photograph):
+    _photographs(tmp_path, blank_photograph)
+    frames = [{"fl_x": 50.0 + i, "k1": 0.02 * i, "p2": 0.001} for i in range(4)]
+    path = _transforms(tmp_path, _poses(rng, 4), {"camera_model": "OPENCV"}, frames)
+    for i, capture in enumerate(import_captures(tmp_path, path, SETTINGS).captures):
+        assert capture.camera.fx == capture.camera.fy == 50.0 + i
+        assert capture.lens.distortion[:4] == (0.02 * i, 0.0, 0.0, 0.001)
+        assert capture.image().shape == (*capture.camera.shape, 3)
+
+
+def test_transforms_json_of_blender_scenes(tmp_path, rng, blank_photograph):
+    _photographs(tmp_path, blank_photograph)
+    frames = [{"file_path": f"./images/p{i}"} for i in range(4)]
+    path = _transforms(tmp_path, _poses(rng, 4), {"camera_angle_x": 0.9}, frames)
+    camera = import_captures(tmp_path, path, SETTINGS).captures[0].camera
+    assert camera.fx == pytest.approx(32 / np.tan(0.45))
+    assert (camera.cx, camera.cy) == (32.0, 24.0)
+
+
+def test_photographs_are_scaled_with_their_intrinsics(tmp_path, rng, blank_photograph):
+    _photographs(tmp_path, blank_photograph, 3, 640, 401)
+    path = _transforms(tmp_path, _poses(rng, 3), {"fl_x": 500.0, "cx": 300.0, "cy": 211.0})
+    camera = import_captures(tmp_path, path, CaptureSettings(max_side_px=160)).captures[0].camera
+    assert (camera.width, camera.height) == (160, 100)
+    assert camera.fx == 125.0 and camera.cx == 75.0
+    assert camera.fy == pytest.approx(500 * 100 / 401) and camera.cy == pytest.approx(211 * 100 / 401)
+
+
+def _colmap_model(folder, poses, model, params, width, height, binary):
+    import pycolmap
+
+    solved = pycolmap.Reconstruction()
+    solved.add_camera_with_trivial_rig(
+        pycolmap.Camera(model=model, width=width, height=height, params=params, camera_id=7)
+    )
+    for i, pose in enumerate(poses):
+        inverse = np.linalg.inv(pose)
+        solved.add_image_with_trivial_frame(
+            pycolmap.Image(name=f"p{i}.png", camera_id=7, image_id=3 * i + 2),
+            pycolmap.Rigid3d(pycolmap.Rotation3d(inverse[:3, :3]), inverse[:3, 3]),
+        )
+    folder.mkdir(parents=True)
+    (solved.write_binary if binary else solved.write_text)(folder)
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_colmap_models(tmp_path, rng, blank_photograph, binary):
+    _photographs(tmp_path, blank_photograph)
+    poses = _poses(rng, 4)
+    parameters = [50.0, 56.0, 31.0, 22.0, -0.05, 0.01, 0.001, -0.002]
+    _colmap_model(tmp_path / "sparse" / "0", poses, "OPENCV", parameters, 64, 48, binary)
+    for garbage in ("points3D.bin", "points3D.txt"):
+        (tmp_path / "sparse" / "0" / garbage).write_bytes(b"\xff" * 100)
+    assert find_poses(tmp_path) == tmp_path / "sparse" / "0"
+    imported = import_captures(tmp_path / "images", tmp_path, SETTINGS)
+    for capture, pose in zip(imported.captures, poses, strict=True):
+        assert np.abs(capture.camera.world_from_camera - pose).max() < 1e-9
+        assert (capture.camera.fx, capture.camera.fy) == (50.0, 56.0)
+        rays = rng.uniform(-0.3, 0.3, (30, 2))
+        world = np.concatenate([rays, np.ones((30, 1))], axis=1) @ pose[:3, :3].T + pose[:3, 3]
+        through = capture.working_pixels(capture.lens.project(rays), (48, 64))
+        assert np.abs(capture.camera.project(world)[0] - through).max() < 0.01
+
+
+def test_damaged_colmap_models(tmp_path, rng, blank_photograph):
+    _photographs(tmp_path, blank_photograph)
+    model = tmp_path / "sparse"
+    _colmap_model(model, _poses(rng, 4), "PINHOLE", [50.0, 50.0, 32.0, 24.0], 64, 48, True)
+    whole = (model / "images.bin").read_bytes()
+    for damaged in (b"", whole[:40], b"\xff" * 400):
+        (model / "images.bin").write_bytes(damaged)
+        with pytest.raises(CaptureError, match=r"images\.bin"):
+            import_captures(tmp_path / "images", model, SETTINGS)
+    (model / "images.bin").write_bytes(whole[:-30])
+    with pytest.raises(CaptureError):
+        import_captures(tmp_path / "images", model, SETTINGS)
+
+
+def test_colmap_models_of_unsupported_lenses_and_several_models(tmp_path, rng, blank_photograph):
+    _photographs(tmp_path, blank_photograph)
+    _colmap_model(tmp_path / "a" / "0", _poses(rng, 4), "FOV", [50, 50, 32, 24, 0.5], 64, 48, False)
+    with pytest.raises(CaptureError, match="FOV is not supported"):
+        import_captures(tmp_path / "images", tmp_path / "a", SETTINGS)
+    _colmap_model(tmp_path / "a" / "1", _poses(rng, 4), "PINHOLE", [50, 50, 32, 24], 64, 48, False)
+    with pytest.raises(CaptureError, match="2 models"):
+        import_captures(tmp_path / "images", tmp_path / "a", SETTINGS)
+
+
+def test_cameras_json_round_trip_and_frozen_views(tmp_path, rng, blank_photograph):
+    paths = _photographs(tmp_path, blank_photograph, 5)
+    cameras = [Camera(64, 48, 50.0, 55.0, 30.0, 25.0, pose) for pose in _poses(rng, 5)]
+    captures = [Capture(p.name, p, c) for p, c in zip(paths, cameras, strict=True)]
+    file = tmp_path / "cameras.json"
+    save_cameras_json(file, captures[:3], frozen=captures[3:], about="a test")
+    imported = import_captures(tmp_path, file, SETTINGS)
+    assert imported.metric
+    assert [c.camera.to_json() for c in imported.captures] == [c.to_json() for c in cameras[:3]]
+    frozen = load_frozen_views(file)
+    assert [c.camera.to_json() for c in frozen] == [c.to_json() for c in cameras[3:]]
+
+
+def test_importing_never_looks_at_frozen_views(tmp_path, rng, blank_photograph):
+    _photographs(tmp_path, blank_photograph, 3)
+    listed = [
+        {"file": f"images/p{i}.png", "world_from_camera": p.tolist()} for i, p in enumerate(_poses(rng, 3))
+    ]
+    data = {"fx": 50.0, "captures": listed, "frozen": [{"file": "gone.png"}]}
+    (tmp_path / "cameras.json").write_text(json.dumps(data))
+    assert len(import_captures(tmp_path, tmp_path / "cameras.json", SETTINGS).captures) == 3
+    with pytest.raises(CaptureError, match=r"frozen\[0\].*gone.png"):
+        load_frozen_views(tmp_path / "cameras.json")
+
+
+def test_frozen_views_may_have_their_own_intrinsics(tmp_path, rng, blank_photograph):
+    blank_photograph(tmp_path / "f.png", 32, 24)
+    pose = _poses(rng, 1)[0].tolist()
+    lens = {"width": 32, "height": 24, "fx": 20.0, "fy": 20.0, "cx": 16.0, "cy": 12.0}
+    data = {"width": 64, "height": 48, "fx": 50.0, "frozen_intrinsics": lens}
+    data["frozen"] = [{"file": "f.png", "world_from_camera": pose}]
+    (tmp_path / "cameras.json").write_text(json.dumps(data))
+    assert load_frozen_views(tmp_path / "cameras.json")[0].camera.fx == 20.0
+
+
+@pytest.mark.parametrize("orientation", [6, 8])
+def test_poses_of_stored_pixels_are_turned_with_exif_orientation(tmp_path, rng, orientation):
+    """COLMAP solves on the stored pixels; the photograph is used upright."""
+    stored = Camera(64, 48, 50.0, 55.0, 30.0, 25.0, _poses(rng, 1)[0])
+    spot = stored.unproject(np.full((48, 64), 2.0))[10, 50]
+    pixels = np.zeros((48, 64, 3), np.uint8)
+    pixels[10, 50] = 255
+    exif = Image.Exif()
+    exif[274] = orientation
+    listed = []
+    for i in range(3):
+        Image.fromarray(pixels).save(tmp_path / f"p{i}.png", exif=exif)
+        listed.append({"file": f"p{i}.png"} | stored.to_json())
+    (tmp_path / "cameras.json").write_text(json.dumps({"captures": listed}))
+    capture = import_captures(tmp_path, tmp_path / "cameras.json", SETTINGS).captures[0]
+    assert (capture.camera.width, capture.camera.height) == (48, 64)
+    place, depth = capture.camera.project(spot)
+    row, column = np.argwhere(capture.image()[..., 0] > 0.5)[0]
+    assert np.abs(place - [column + 0.5, row + 0.5]).max() < 1e-9
+    assert depth == pytest.approx(2.0)
+
+
+def _valid(tmp_path, rng, blank_photograph):
+    _photographs(tmp_path, blank_photograph, 4)
+    listed = [
+        {"file": f"images/p{i}.png", "world_from_camera": p.tolist()} for i, p in enumerate(_poses(rng, 4))
+    ]
+    return {"width": 64, "height": 48, "fx": 50.0, "captures": listed}
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda d: d["captures"].clear(), "no photograph"),
+        (lambda d: d["captures"].__delitem__(slice(1, None)), "1 photograph found, at least 3"),
+        (lambda d: d["captures"].__delitem__(slice(2, None)), "2 photographs found"),
+        (lambda d: d["captures"].append(d["captures"][0]), r"'p0.png'|'images/p0.png' is listed 2 times"),
+        (lambda d: d["captures"][2].update(file="images/no.png"), r"captures\[2\].*no.png.*missing"),
+        (lambda d: d["captures"][2].update(file="../../../etc/passwd"), r"captures\[2\].*missing"),
+        (lambda d: d["captures"][2].update(file=7), r"captures\[2\].*names no file"),
+        (lambda d: d["captures"][1].pop("world_from_camera"), r"captures\[1\].*4x4"),
+        (lambda d: d["captures"][1].update(world_from_camera=[[1, 2], [3]]), r"captures\[1\].*4x4"),
+        (lambda d: d["captures"][1].update(world_from_camera=np.diag([2.0, 2, 2, 1]).tolist()), "rotation"),
+        (lambda d: d["captures"][1].update(world_from_camera=np.diag([1.0, 1, -1, 1]).tolist()), "rotation"),
+        (lambda d: d["captures"][1].update(world_from_camera=[[float("nan")] * 4] * 4), "4x4"),
+        (lambda d: d.update(fx=-3), "'fx' is -3"),
+        (lambda d: d.update(fx="wide"), "'fx' is 'wide'"),
+        (lambda d: d.pop("fx"), "'fx' is missing"),
+        (lambda d: d.update(width=48, height=64), "64x48, its camera 48x64"),
+        (lambda d: d.update(distortion=[-30.0]), "cannot be undone"),
+        (lambda d: d.update(distortion="k1"), "at most 8 numbers"),
+        (lambda d: d.update(captures={}), "not a list"),
+        (lambda d: d.update(metric="yes"), "neither true nor false"),
+        (lambda d: d.pop("captures"), "neither 'captures' nor 'frames'"),
+    ],
+)
+def test_what_is_wrong_with_a_cameras_json_is_said(tmp_path, rng, blank_photograph, spoil, message):
+    data = _valid(tmp_path, rng, blank_photograph)
+    spoil(data)
+    file = tmp_path / "cameras.json"
+    file.write_text(json.dumps(data))
+    with pytest.raises(CaptureError, match=message) as caught:
+        import_captures(tmp_path, file, SETTINGS)
+    assert str(file) in str(caught.value)
+    assert caught.value.cure
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff\xfe", b"[" * 100000])
+def test_files_that_are_no_json_objects(tmp_path, content):
+    (tmp_path / "cameras.json").write_bytes(content)
+    with pytest.raises(CaptureError, match=r"cameras\.json"):
+        import_captures(tmp_path, tmp_path / "cameras.json", SETTINGS)
+
+
+@pytest.mark.parametrize("content", [b"", b"not an image", b"\x89PNG\r\n\x1a\n\x00\x00"])
+def test_photographs_that_cannot_be_read(tmp_path, rng, blank_photograph, content):
+    data = _valid(tmp_path, rng, blank_photograph)
+    (tmp_path / "images" / "p2.png").write_bytes(content)
+    (tmp_path / "cameras.json").write_text(json.dumps(data))
+    with pytest.raises(CaptureError, match=r"p2\.png.*cannot be read"):
+        import_captures(tmp_path, tmp_path / "cameras.json", SETTINGS)
+
+
+def test_folders_and_pose_files_that_are_not_there(tmp_path):
+    with pytest.raises(CaptureError, match="no such folder"):
+        import_captures(tmp_path / "no", None, SETTINGS)
+    with pytest.raises(CaptureError, match="missing"):
+        import_captures(tmp_path, tmp_path / "cameras.json", SETTINGS)
+    with pytest.raises(CaptureError, match="no COLMAP model"):
+        import_captures(tmp_path, tmp_path, SETTINGS)
+
+
+def test_the_room_imports_and_its_frozen_views_load(shared):
+    folder = shared("scenes/room_a")
+    imported = import_captures(folder, folder / "cameras.json", SETTINGS)
+    assert len(imported.captures) == 6 and imported.metric
+    assert len(load_frozen_views(folder / "cameras.json")) == 16
