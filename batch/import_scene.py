@@ -33,7 +33,7 @@ def main(arguments: list[str]) -> int:
     if bundle.rounds():
         shown = bundle.rounds() - 1 if options.round is None else options.round
         print(f"{len(show_proxy(scene, bundle, shown).data.polygons)} faces of the proxy of round {shown}")
-        if bundle.candidates_file(shown).is_file():
+        if bundle.selection_folder(shown).is_dir():
             print(f"{len(show_candidates(scene, bundle, shown)[1])} target views")
     bpy.ops.wm.save_as_mainfile(filepath=str(options.blend.absolute()))
     return 0

@@ -18,6 +18,7 @@ from ..geometry.proxy import GeometryProxy
 from ..scene import Scene
 
 SUFFIX = ".r2s"
+_SCORES = ("rollout", "frame", "deficit", "availability", "score", "survived", "rank", "chosen")
 _BROKEN_ZIP = (BadZipFile, EOFError, zlib.error)  # what numpy lets through from a cut-off .npz
 
 
@@ -107,9 +108,9 @@ class Bundle:
         """The geometry proxy of a round."""
         return self.scene.round_folder(round_index) / "proxy" / "proxy.npz"
 
-    def candidates_file(self, round_index: int) -> Path:
-        """The scored candidate stream of a round."""
-        return self.scene.round_folder(round_index) / "selection" / "candidates.npz"
+    def selection_folder(self, round_index: int) -> Path:
+        """The scored candidate stream of a round and its target views."""
+        return self.scene.round_folder(round_index) / "selection"
 
     def rounds(self) -> int:
         """How many rounds have begun: the first without a geometry proxy ends the count."""
@@ -129,40 +130,37 @@ class Bundle:
 
     def candidates(self, round_index: int) -> CandidateViews:
         """The scored candidates of a round. Raises SceneError when that round has none."""
-        file = self.candidates_file(round_index)
-        _require(file, f"round {round_index} has no candidate views")
-        names = ("poses", "rollout", "frame", "u", "g", "s", "survived", "rank", "chosen")
-        data = _arrays(file, *names)
-        lens_file = file.with_suffix(".json")
+        folder = self.selection_folder(round_index)
+        _require(folder / "selection.npz", f"round {round_index} has no candidate views")
+        scores = _arrays(folder / "selection.npz", *_SCORES)
+        poses = _arrays(folder / "candidates.npz", "poses")["poses"].astype(np.float64)
+        lens_file = folder / "candidates.json"
         try:
             lens = _json(lens_file)["camera"]
             camera = Camera.from_json({**lens, "world_from_camera": np.eye(4)})
         except (KeyError, TypeError, ValueError) as error:
             raise _damaged(lens_file, f"the field {error} is missing or wrong") from error
-        return CandidateViews(
-            camera=camera, poses=data["poses"].astype(np.float64),
-            rollout=data["rollout"], frame=data["frame"],
-            deficit=data["u"], availability=data["g"], score=data["s"],
-            survived=data["survived"].astype(bool), rank=data["rank"], chosen=data["chosen"].astype(bool),
-        )  # fmt: skip
+        if {array.shape for array in scores.values()} != {(len(poses),)}:
+            raise _damaged(folder, "selection.npz and candidates.npz do not belong together")
+        return CandidateViews(camera=camera, poses=poses, **scores)
 
     def camera_path(self, round_index: int, view: int) -> list[Camera]:
         """The cameras of a target view's clip, reference first, all with the target's lens.
 
-        Raises SceneError when that view has no conditions.
+        ``view`` is its rank. Raises SceneError when that view has no clip.
         """
-        folder = self.scene.round_folder(round_index) / "views" / str(view) / "conditions"
-        files = sorted(folder.glob("*.npz"))
-        if not files:
+        folder = self.scene.round_folder(round_index) / "views"
+        file = next(iter(sorted(folder.glob(f"**/{view:03d}/path.json"))), None)
+        if file is None:
             raise SceneError(
                 f"round {round_index} has no camera path for view {view}", where=folder,
                 cure="Choose another view or round.",
             )  # fmt: skip
         try:
-            path = [Camera.from_json(json.loads(str(_arrays(file, "camera")["camera"]))) for file in files]
-        except (KeyError, TypeError, ValueError) as error:
-            raise _damaged(folder, f"a camera is damaged: {error}") from error
-        return [path[-1].at(camera.world_from_camera) for camera in path]
+            path = [Camera.from_json(camera) for camera in _json(file)["cameras"]]
+            return [path[-1].at(camera.world_from_camera) for camera in path]
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            raise _damaged(file, f"the field {error} is missing or wrong") from error
 
     # ---- results
 

@@ -9,6 +9,7 @@ from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.geometry.proxy import GeometryProxy
 from r2sego_blender.images import save_image
 from r2sego_blender.scene import Declaration, Scene
+from r2sego_blender.selection import Selection, save_candidates
 
 CANDIDATES = 40
 TARGETS = (17, 4, 31)  # in the order of their rank
@@ -40,22 +41,29 @@ def proxy(round_index: int = 0) -> GeometryProxy:
     )  # fmt: skip
 
 
-def candidate_arrays() -> dict[str, np.ndarray]:
-    """What ``candidates.npz`` holds."""
+def ego_camera() -> Camera:
+    """The robot's lens."""
+    return Camera(64, 48, 40.0, 40.0, 32.0, 24.0, np.eye(4))
+
+
+def candidate_poses() -> np.ndarray:
+    """(CANDIDATES, 4, 4) ``world_from_camera`` on a circle."""
+    turns = np.linspace(0.0, 6.0, CANDIDATES)
+    return np.stack([look_at((0.8 * np.cos(a), 0.8 * np.sin(a), 1.3), (0.0, 0.0, 0.8)) for a in turns])
+
+
+def selection() -> Selection:
+    """Scores and fates of the candidates."""
     rng = np.random.default_rng(3)
-    poses = np.stack([
-        look_at((0.8 * np.cos(a), 0.8 * np.sin(a), 1.3), (0.0, 0.0, 0.8))
-        for a in np.linspace(0.0, 6.0, CANDIDATES)
-    ])  # fmt: skip
     deficit, available = rng.random((2, CANDIDATES))
     rank, chosen = np.full(CANDIDATES, -1), np.zeros(CANDIDATES, bool)
     rank[list(TARGETS)], chosen[list(TARGETS)] = np.arange(len(TARGETS)), True
-    survived = rng.random(CANDIDATES) < 0.5
-    return {
-        "poses": poses, "rollout": np.arange(CANDIDATES) // 10, "frame": np.arange(CANDIDATES) % 10,
-        "u": deficit, "g": available, "s": deficit * available, "survived": survived | chosen,
-        "rank": rank, "chosen": chosen,
-    }  # fmt: skip
+    return Selection(
+        rollout=np.arange(CANDIDATES) // 10, frame=np.arange(CANDIDATES) % 10,
+        deficit=deficit, availability=available, score=deficit * available,
+        survived=(rng.random(CANDIDATES) < 0.5) | chosen, rank=rank, chosen=chosen,
+        reason=("because",) * CANDIDATES, budget=3, note="",
+    )  # fmt: skip
 
 
 def write_bundle(path: Path) -> Path:
@@ -101,24 +109,28 @@ def _fill(folder: Path) -> None:
 
 
 def _fill_round(folder: Path, index: int) -> None:
-    for name in ("proxy", "selection", "views/0/conditions"):
-        (folder / name).mkdir(parents=True)
+    (folder / "proxy").mkdir(parents=True)
     proxy(index).save(folder / "proxy" / "proxy.npz")
-    np.savez(folder / "selection" / "candidates.npz", **candidate_arrays())
-    lens = {"width": 64, "height": 48, "fx": 40.0, "fy": 40.0, "cx": 32.0, "cy": 24.0}
-    (folder / "selection" / "candidates.json").write_text(json.dumps({"camera": lens}))
-    target = cameras()[1].at(candidate_arrays()["poses"][TARGETS[0]])
-    for frame in range(PATH_FRAMES):
-        pose = target.world_from_camera.copy()
-        pose[2, 3] += 0.02 * (PATH_FRAMES - 1 - frame)
-        text = json.dumps(target.at(pose).to_json())
-        np.savez(folder / "views" / "0" / "conditions" / f"{frame:03d}.npz", camera=text)
+    selection().save(folder / "selection")
+    save_candidates(folder / "selection", [ego_camera().at(pose) for pose in candidate_poses()])
+    _write_path(folder / "views" / "views" / "000", cameras()[1].at(candidate_poses()[TARGETS[0]]))
     (folder / "asset.ply").write_bytes(b"ply\n")
     counts = {
         "rollouts_succeeded": 12, "rollouts_failed": 3, "candidates": CANDIDATES,
         "targets": len(TARGETS), "views_kept": 2,
     }  # fmt: skip
     (folder / "metrics.json").write_text(json.dumps(counts))
+
+
+def _write_path(folder: Path, target: Camera) -> None:
+    """A path whose frames before the last are smaller, as with ``generation.clip_scale``."""
+    folder.mkdir(parents=True)
+    path = []
+    for frame in range(PATH_FRAMES):
+        pose = target.world_from_camera.copy()
+        pose[2, 3] += 0.02 * (PATH_FRAMES - 1 - frame)
+        path.append(target.at(pose) if frame == PATH_FRAMES - 1 else target.at(pose).scaled(0.5))
+    (folder / "path.json").write_text(json.dumps({"cameras": [camera.to_json() for camera in path]}))
 
 
 def _write_obj(file: Path, vertices, faces) -> None:

@@ -21,6 +21,14 @@ def test_it_reads_what_the_engine_wrote(bundle):
     np.testing.assert_array_equal(bundle.proxy(1).vertices, fake_bundle.proxy(1).vertices)
 
 
+def test_scores_are_those_of_the_selection(bundle):
+    views, expected = bundle.candidates(1), fake_bundle.selection()
+    np.testing.assert_array_equal(views.poses, fake_bundle.candidate_poses())
+    for name in ("rollout", "frame", "deficit", "availability", "score", "survived", "rank", "chosen"):
+        np.testing.assert_array_equal(getattr(views, name), getattr(expected, name))
+    np.testing.assert_array_equal(views.targets(), expected.targets)
+
+
 def test_targets_come_in_the_order_of_their_rank(bundle):
     assert tuple(bundle.candidates(0).targets()) == fake_bundle.TARGETS
 
@@ -58,7 +66,12 @@ def test_damaged_cameras_are_an_error_that_names_the_file(tmp_path, content):
 @pytest.mark.parametrize("damage", [b"", b"not a zip", None])
 @pytest.mark.parametrize(
     "file",
-    ["captures/sparse.npz", "rounds/0/proxy/proxy.npz", "rounds/0/selection/candidates.npz"],
+    [
+        "captures/sparse.npz",
+        "rounds/0/proxy/proxy.npz",
+        "rounds/0/selection/candidates.npz",
+        "rounds/0/selection/selection.npz",
+    ],
 )
 def test_damaged_arrays_are_an_error_that_names_the_file(tmp_path, file, damage):
     path = fake_bundle.write_bundle(tmp_path / "damaged.r2s")
