@@ -55,7 +55,7 @@ def parse_options() -> argparse.Namespace:
         arguments = sys.argv[1:] if bpy.app.module else []
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path(__file__).resolve().parent / "room")
-    parser.add_argument("--samples", type=int, default=16, help="Cycles samples a pixel")
+    parser.add_argument("--samples", type=int, default=10, help="Cycles samples a pixel")
     parser.add_argument("--only", nargs="*", help="names of the views to render, such as capture_02")
     parser.add_argument("--blend", type=Path, help="also save the room as this .blend file")
     return parser.parse_args(arguments)

@@ -83,15 +83,18 @@ class Shader:
         lookup.projection_blend = 0.25
         return lookup.outputs["Color"]
 
-    def ramp(self, factor: bpy.types.NodeSocket, stops: Sequence[tuple[float, str]]) -> bpy.types.NodeSocket:
-        """Colours blended along ``factor``; ``stops`` are (position, colour code)."""
+    def ramp(
+        self, factor: bpy.types.NodeSocket, stops: Sequence[tuple[float, str]], stepped: bool = False
+    ) -> bpy.types.NodeSocket:
+        """Colours along ``factor``, blended or stepped; ``stops`` are (position, colour code), ascending."""
         node = self.node("ValToRGB", Fac=factor)
+        node.color_ramp.interpolation = "CONSTANT" if stepped else "LINEAR"
         elements = node.color_ramp.elements
-        while len(elements) < len(stops):
-            elements.new(0.5)
-        for element, (position, code) in zip(elements, stops, strict=True):
-            element.position = position
-            element.color = colour(code)
+        elements.remove(elements[1])
+        elements[0].position = stops[0][0]
+        elements[0].color = colour(stops[0][1])
+        for position, code in stops[1:]:
+            elements.new(position).color = colour(code)
         return node.outputs["Color"]
 
     def mix(self, factor, first, second, blend: str = "MIX") -> bpy.types.NodeSocket:
@@ -139,7 +142,7 @@ def planks(name: str) -> bpy.types.Material:
     boards.offset = 0.37
     grain = shader.texture("strokes", shader.place((1.0, 9.0, 1.0)), 0.55)
     stained = shader.texture("clouds", shader.place((1.0, 3.0, 1.0)), 0.4)
-    fibres = shader.ramp(grain, [(0.28, "#86715a"), (0.6, "#ffffff")])
+    fibres = shader.ramp(grain, [(0.28, "#a3907a"), (0.6, "#ffffff")])
     stains = shader.ramp(stained, [(0.3, "#bba890"), (0.62, "#ffffff")])
     wood = shader.mix(0.75, boards.outputs["Color"], fibres, "MULTIPLY")
     return shader.finish(shader.mix(0.8, wood, stains, "MULTIPLY"))
@@ -199,20 +202,17 @@ def book_covers(name: str) -> bpy.types.Material:
     """Cloth-bound books: each object takes its own colour, with a title band on the spine."""
     shader = Shader(name, roughness=0.75)
     palette = ["#8c3b2b", "#d9c7a3", "#27465a", "#c98a2c", "#54663f", "#efe6d2", "#6b2f3c", "#3b3a3a"]
-    covers = shader.ramp(
-        shader.node("ObjectInfo").outputs["Random"],
-        [(i / len(palette), code) for i, code in enumerate(palette)],
-    )
-    covers.node.color_ramp.interpolation = "CONSTANT"
+    own = shader.node("ObjectInfo").outputs["Random"]
+    covers = shader.ramp(own, [(i / len(palette), code) for i, code in enumerate(palette)], stepped=True)
     height = shader.node("SeparateXYZ", Vector=shader.node("TexCoord").outputs["Generated"]).outputs["Z"]
-    bands = shader.node("ValToRGB", Fac=height).color_ramp
-    bands.interpolation = "CONSTANT"
-    for position, white in ((0.12, 1.0), (0.15, 0.0), (0.66, 1.0), (0.8, 0.0), (0.86, 1.0), (0.88, 0.0)):
-        bands.elements.new(position).color = (white, white, white, 1.0)
-    bands.elements[-1].color = (0.0, 0.0, 0.0, 1.0)
-    bands_node = next(node for node in shader.tree.nodes if node.type == "VALTORGB" and node != covers.node)
+    off, on = "#000000", "#ffffff"
+    bands = shader.ramp(
+        height,
+        [(0.0, off), (0.12, on), (0.15, off), (0.66, on), (0.8, off), (0.86, on), (0.88, off)],
+        stepped=True,
+    )
     worn = shader.ramp(shader.texture("clouds", shader.place(), 5.0), [(0.35, "#b9b2a8"), (0.6, "#ffffff")])
-    titled = shader.mix(bands_node.outputs["Color"], covers, colour("#d8b871"))
+    titled = shader.mix(bands, covers, colour("#d8b871"))
     return shader.finish(shader.mix(0.7, titled, worn, "MULTIPLY"))
 
 
