@@ -116,7 +116,7 @@ def refresh(scene: bpy.types.Scene) -> None:
             fact.section, fact.label, fact.value = section, label, value
     except R2SEgoError as error:
         state.problem = str(error)
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, TypeError) as error:
         state.problem = f"The bundle is damaged: {error!r}. Run Refine again."
 
 

@@ -40,11 +40,14 @@ def said(tmp_path_factory):
     (package,) = folder.glob("*.zip")
     blender = os.environ.get("R2SEGO_TEST_BLENDER")
     start = [blender, "--background", "--python", str(CHECKS)] if blender else [sys.executable, str(CHECKS)]
+    environment = {**os.environ, "BLENDER_USER_RESOURCES": str(folder / "user")}
+    if blender:  # 4.3 loads an add-on in a new user folder only from the next start on
+        install = ["--command", "extension", "install-file", "-r", "user_default", "-e", str(package)]
+        subprocess.run([blender, *install], env=environment, check=True)
     out = folder / "said.json"
     done = subprocess.run(
         [*start, "--", str(package), str(folder / "room.r2s"), str(engine), str(out)],
-        env={**os.environ, "BLENDER_USER_RESOURCES": str(folder / "user")},
-        cwd=folder, capture_output=True, text=True, timeout=300,
+        env=environment, cwd=folder, capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert out.is_file(), done.stdout[-3000:] + done.stderr[-3000:]
     return json.loads(out.read_text())
