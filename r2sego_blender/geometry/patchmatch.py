@@ -23,20 +23,29 @@ from .. import compiled
 from ..compiled import prange
 
 # Divisions without Python's check for zero, which would keep the sums out of vectors.
-kernel = functools.partial(compiled.kernel, error_model="numpy")
+# Helpers are inlined by LLVM and take arrays, never tuples of them: Numba counts a
+# reference for each array of a tuple it passes on, which costs more than a matching cost.
+kernel = functools.partial(compiled.kernel, error_model="numpy", forceinline=True)
 parallel_kernel = functools.partial(compiled.parallel_kernel, error_model="numpy")
 
 WORST_COST = np.float32(2.0)
 """The cost of a hypothesis that cannot be matched; 1 - NCC is never above it."""
 
+_ZERO = np.float32(0.0)
+# The least ratio of a point's depths in two cameras for it to lie in front of both.
+_NEAREST = np.float32(1e-3)
 # Added to the variance of a patch, (grey level 0..1)^2: a noise of half an 8-bit step.
 _VARIANCE_NOISE = np.float32(4e-6)
 # The least cosine between a plane's normal and the viewing ray: 81 degrees.
 _MIN_COSINE = np.float32(0.16)
+# The grey difference (0..1) at which a sample's weight has fallen to 1/e.
+_TONAL_SPREAD = 0.1
 # How sharply a source's weight falls with its cost (ACMH's beta).
 _WEIGHT_SPREAD = np.float32(0.3)
 # A second source counts only with at least this share of the best one's weight.
 _MIN_WEIGHT_SHARE = np.float32(0.2)
+# A pixel whose cost is higher does not pass its plane on.
+_MAX_PROPAGATED_COST = np.float32(1.2)
 # Pixels beyond which a reprojection error says no more, and its weight (ACMM: 3, 0.2).
 _MAX_REPROJECTION_PX = np.float32(3.0)
 
@@ -49,49 +58,44 @@ _REFINEMENTS = 5
 class Window(NamedTuple):
     """The samples of a matching window and how they are weighted.
 
-    ``du, dv`` (n,) int64 offsets in pixels, a multiple of 16 of them so that the sums
-    run in whole vectors; ``spatial`` (n,) float32 the weight of each by distance, 0 for
-    the samples that only pad; ``tonal`` (256,) float32 the weight by grey difference in
-    8-bit steps; ``radius`` float32 the half width in pixels.
+    ``offsets`` (2, n) float32 whole du and dv in pixels, the uppermost sample's first; n is
+    a multiple of 16 so that the sums run in whole vectors; ``spatial`` (n,) float32 the
+    weight of each by distance, 0 for the samples that only pad; ``tonal`` (256,) float32
+    the weight by grey difference in 8-bit steps.
     """
 
-    du: np.ndarray
-    dv: np.ndarray
+    offsets: np.ndarray
     spatial: np.ndarray
     tonal: np.ndarray
-    radius: float
 
 
 class Reference(NamedTuple):
     """The capture whose planes are estimated.
 
-    ``grey`` (H, W) float32 in [0, 1]; ``lens`` (4,) float32 fx, fy, cx, cy;
-    ``inverse_depths`` (2,) float32 least and greatest, 1/m.
+    ``grey`` (H, W) float32 in [0, 1]; ``lens`` (6,) float32 fx, fy, cx, cy and the least
+    and greatest inverse depth, 1/m.
     """
 
     grey: np.ndarray
     lens: np.ndarray
-    inverse_depths: np.ndarray
 
 
 class Sources(NamedTuple):
     """The S captures a reference is matched against, flattened one after the other.
 
-    ``texels`` (T,) uint32, see ``pack_texels``; ``layout`` (S, 3) int64 start, width and
-    height of each; ``infinite`` (S, 3, 3) and ``epipole`` (S, 3) float32: reference pixel
-    (u, v, 1) at inverse depth w lies at ``infinite @ (u, v, 1) + epipole * w`` in
-    homogeneous source pixels, whose third component is the ratio of the depths;
-    ``back_infinite``, ``back_epipole`` the same from source to reference; ``planes``
-    (T, 3) float32 the sources' own planes for the geometric term, which enters with
-    ``geometric_weight`` (0: photometric only) per pixel of reprojection error.
+    ``texels`` (T,) uint32, see ``pack_texels``; ``layout`` (S, 3) int32 start, width and
+    height of each; ``to_source`` (S, 3, 4) float32, the infinite homography and the
+    epipole: reference pixel (u, v) at inverse depth w lies at ``to_source @ (u, v, 1, w)``
+    in homogeneous source pixels, whose third component is the ratio of the depths;
+    ``to_reference`` the same the other way; ``planes`` (T, 3) float32 the sources' own
+    planes for the geometric term, which enters with ``geometric_weight`` (0: photometric
+    only) a pixel of reprojection error.
     """
 
     texels: np.ndarray
     layout: np.ndarray
-    infinite: np.ndarray
-    epipole: np.ndarray
-    back_infinite: np.ndarray
-    back_epipole: np.ndarray
+    to_source: np.ndarray
+    to_reference: np.ndarray
     planes: np.ndarray
     geometric_weight: float
 
@@ -109,16 +113,17 @@ class Field(NamedTuple):
 
 
 def window(radius_px: int, stride_px: int = 2) -> Window:
-    """The square window of the given half width, sampled every ``stride_px`` pixels."""
+    """The rounded window of the given half width, sampled every ``stride_px`` pixels."""
     steps = np.arange(-radius_px, radius_px + 1, stride_px)
     dv, du = (grid.ravel() for grid in np.meshgrid(steps, steps, indexing="ij"))
-    spatial = np.exp(-(du**2 + dv**2) / (2.0 * radius_px**2)).astype(np.float32)
-    padding = -len(du) % 16
-    tonal = np.exp(-np.arange(256) / 255.0 / 0.1).astype(np.float32)
-    return Window(
-        np.pad(du, (0, padding)), np.pad(dv, (0, padding)), np.pad(spatial, (0, padding)),
-        tonal, np.float32(radius_px),
-    )  # fmt: skip
+    # A quarter over the half width: what is left of 6 x 6 samples is 32, no padding.
+    rounded = np.hypot(du, dv) <= 1.25 * radius_px
+    offsets = np.stack([du, dv])[:, rounded].astype(np.float32)
+    padding = -offsets.shape[1] % 16
+    spatial = np.exp(-(offsets**2).sum(axis=0) / (2.0 * radius_px**2)).astype(np.float32)
+    tonal = np.exp(-np.arange(256) / 255.0 / _TONAL_SPREAD).astype(np.float32)
+    offsets = np.ascontiguousarray(np.pad(offsets, ((0, 0), (0, padding))))
+    return Window(offsets, np.pad(spatial, (0, padding)), tonal)
 
 
 def sampling_regions() -> np.ndarray:
@@ -159,44 +164,43 @@ def _uniform(pixel, sweep, draw, seed):
 
 
 @kernel()
-def patch_weights(reference, window, x, y, weights, products):
-    """Fill ``weights`` (n,), which sum to 1, and ``products`` (n,), the weights times the
-    grey less its weighted mean; give the weighted variance of the reference's patch."""
-    height, width = reference.grey.shape
-    centre = reference.grey[y, x]
-    total = np.float32(0.0)
-    mean = np.float32(0.0)
-    for k in range(weights.shape[0]):
-        u, v = x + window.du[k], y + window.dv[k]
-        inside = (u >= 0) & (v >= 0) & (u < width) & (v < height)
-        grey = reference.grey[v, u] if inside else centre
-        tone = np.int64(abs(grey - centre) * np.float32(255.0))
-        weight = window.spatial[k] * window.tonal[min(tone, 255)] if inside else np.float32(0.0)
-        weights[k] = weight
-        products[k] = grey
+def weigh_patch(grey, offsets, spatial, tonal, x, y, patch):
+    """Fill ``patch`` (2, n): the samples' weights, which sum to 1, and the weights times
+    the grey less its weighted mean; give the weighted variance of the grey."""
+    height, width = grey.shape
+    centre = grey[y, x]
+    total = mean = variance = _ZERO
+    for k in range(offsets.shape[1]):
+        u, v = x + np.int32(offsets[0, k]), y + np.int32(offsets[1, k])
+        row, column = min(max(v, 0), height - 1), min(max(u, 0), width - 1)
+        value = grey[np.uint64(row), np.uint64(column)]
+        tone = np.uint64(min(np.int32(abs(value - centre) * np.float32(255.0)), 255))
+        weight = spatial[k] * tonal[tone] * np.float32((row == v) & (column == u))
+        patch[0, k] = weight
+        patch[1, k] = value
         total += weight
-        mean += weight * grey
+        mean += weight * value
     mean /= total
-    variance = np.float32(0.0)
-    for k in range(weights.shape[0]):
-        weight = weights[k] / total
-        difference = products[k] - mean
-        weights[k] = weight
-        products[k] = weight * difference
+    for k in range(offsets.shape[1]):
+        weight = patch[0, k] / total
+        difference = patch[1, k] - mean
+        patch[0, k] = weight
+        patch[1, k] = weight * difference
         variance += weight * difference * difference
     return variance
 
 
 @kernel()
-def photometric_cost(window, sources, s, x, y, a, b, c, weights, products, variance):
+def photometric_cost(texels, layout, to_source, offsets, s, x, y, a, b, c, patch, variance):
     """1 - NCC in [0, 2] between the patch at pixel (x, y) and source ``s`` through the
     homography of the plane ``(a, b, c)``; WORST_COST when the patch leaves the source."""
-    first, source_width, source_height = sources.layout[s]
-    e0, e1, e2 = sources.epipole[s, 0], sources.epipole[s, 1], sources.epipole[s, 2]
-    m = sources.infinite
-    h00, h01, h02 = m[s, 0, 0] + e0 * a, m[s, 0, 1] + e0 * b, m[s, 0, 2] + e0 * c
-    h10, h11, h12 = m[s, 1, 0] + e1 * a, m[s, 1, 1] + e1 * b, m[s, 1, 2] + e1 * c
-    h20, h21, h22 = m[s, 2, 0] + e2 * a, m[s, 2, 1] + e2 * b, m[s, 2, 2] + e2 * c
+    first, source_width = layout[s, 0], layout[s, 1]
+    right = np.float32(source_width) - np.float32(1.001)
+    below = np.float32(layout[s, 2]) - np.float32(1.001)
+    m = to_source
+    h00, h01, h02 = m[s, 0, 0] + m[s, 0, 3] * a, m[s, 0, 1] + m[s, 0, 3] * b, m[s, 0, 2] + m[s, 0, 3] * c
+    h10, h11, h12 = m[s, 1, 0] + m[s, 1, 3] * a, m[s, 1, 1] + m[s, 1, 3] * b, m[s, 1, 2] + m[s, 1, 3] * c
+    h20, h21, h22 = m[s, 2, 0] + m[s, 2, 3] * a, m[s, 2, 1] + m[s, 2, 3] * b, m[s, 2, 2] + m[s, 2, 3] * c
     half = np.float32(0.5)
     u, v = np.float32(x) + half, np.float32(y) + half
     z0 = h20 * u + h21 * v + h22
@@ -207,79 +211,67 @@ def photometric_cost(window, sources, s, x, y, a, b, c, weights, products, varia
     yu, yv = h10 - half * h20, h11 - half * h21
 
     # A homography keeps the window convex, so its corners say whether all of it is inside.
-    r = window.radius
-    right = np.float32(source_width) - np.float32(1.001)
-    below = np.float32(source_height) - np.float32(1.001)
+    inside = True
+    radius = -offsets[1, 0]
     for corner in range(4):
-        du = r if corner & 1 else -r
-        dv = r if corner & 2 else -r
+        du = radius if corner & 1 else -radius
+        dv = radius if corner & 2 else -radius
         z = z0 + h20 * du + h21 * dv
         px = x0 + xu * du + xv * dv
         py = y0 + yu * du + yv * dv
-        if z < np.float32(1e-3) or px < 0.0 or py < 0.0 or px > right * z or py > below * z:
-            return WORST_COST
+        inside &= (z > _NEAREST) & (min(px, py) >= _ZERO) & (px <= right * z) & (py <= below * z)
 
-    total = np.float32(0.0)
-    squares = np.float32(0.0)
-    covariance = np.float32(0.0)
-    texels = sources.texels
-    for k in range(weights.shape[0]):
-        du, dv = np.float32(window.du[k]), np.float32(window.dv[k])
-        scale = np.float32(1.0) / (z0 + h20 * du + h21 * dv)
-        px = (x0 + xu * du + xv * dv) * scale
-        py = (y0 + yu * du + yv * dv) * scale
-        ix, iy = np.int32(px), np.int32(py)
-        fx, fy = px - np.float32(ix), py - np.float32(iy)
-        texel = texels[np.uint64(first + iy * source_width + ix)]
-        q00 = np.float32(np.int32(texel & np.uint32(255)))
-        q01 = np.float32(np.int32((texel >> np.uint32(8)) & np.uint32(255)))
-        q10 = np.float32(np.int32((texel >> np.uint32(16)) & np.uint32(255)))
-        q11 = np.float32(np.int32(texel >> np.uint32(24)))
-        top = q00 + fx * (q01 - q00)
-        bottom = q10 + fx * (q11 - q10)
-        grey = top + fy * (bottom - top)
-        total += weights[k] * grey
-        squares += weights[k] * grey * grey
-        covariance += products[k] * grey
-    step = np.float32(1.0 / 255.0)
-    mean = total * step
-    source_variance = max(squares * step * step - mean * mean, np.float32(0.0))
-    product = (variance + _VARIANCE_NOISE) * (source_variance + _VARIANCE_NOISE)
-    return np.float32(1.0) - covariance * step / np.sqrt(product)
+    cost = WORST_COST
+    if inside:
+        total = squares = covariance = _ZERO
+        for k in range(offsets.shape[1]):
+            du, dv = offsets[0, k], offsets[1, k]
+            scale = np.float32(1.0) / (z0 + h20 * du + h21 * dv)
+            px = (x0 + xu * du + xv * dv) * scale
+            py = (y0 + yu * du + yv * dv) * scale
+            ix, iy = np.int32(px), np.int32(py)
+            fx, fy = px - np.float32(ix), py - np.float32(iy)
+            # 32 bits and no sign: the form of an index that LLVM gathers in whole vectors.
+            index = np.uint32(np.int32(first + iy * source_width + ix)) & np.uint32(0x7FFFFFFF)
+            texel = texels[np.uint64(index)]
+            q00 = np.float32(np.int32(texel & np.uint32(255)))
+            q01 = np.float32(np.int32((texel >> np.uint32(8)) & np.uint32(255)))
+            q10 = np.float32(np.int32((texel >> np.uint32(16)) & np.uint32(255)))
+            q11 = np.float32(np.int32(texel >> np.uint32(24)))
+            top = q00 + fx * (q01 - q00)
+            bottom = q10 + fx * (q11 - q10)
+            grey = top + fy * (bottom - top)
+            total += patch[0, k] * grey
+            squares += patch[0, k] * grey * grey
+            covariance += patch[1, k] * grey
+        step = np.float32(1.0 / 255.0)
+        mean = total * step
+        source_variance = max(squares * step * step - mean * mean, _ZERO)
+        product = (variance + _VARIANCE_NOISE) * (source_variance + _VARIANCE_NOISE)
+        cost = np.float32(1.0) - covariance * step / np.sqrt(product)
+    return cost
 
 
 @kernel()
-def reprojection_error(sources, s, u, v, w):
+def reprojection_error(layout, to_source, to_reference, source_planes, s, u, v, w):
     """Pixels between (u, v) at inverse depth ``w`` and where it comes back to through
     the plane source ``s`` has at its projection; the greatest when that leaves it."""
-    first, width, height = sources.layout[s]
-    m, e = sources.infinite, sources.epipole
-    z = m[s, 2, 0] * u + m[s, 2, 1] * v + m[s, 2, 2] + e[s, 2] * w
-    if z < np.float32(1e-3):
-        return _MAX_REPROJECTION_PX
-    px = (m[s, 0, 0] * u + m[s, 0, 1] * v + m[s, 0, 2] + e[s, 0] * w) / z
-    py = (m[s, 1, 0] * u + m[s, 1, 1] * v + m[s, 1, 2] + e[s, 1] * w) / z
-    if not (px >= 0.0 and py >= 0.0 and px < width and py < height):
-        return _MAX_REPROJECTION_PX
-    plane = sources.planes[first + np.int64(py) * width + np.int64(px)]
-    back_w = plane[0] * px + plane[1] * py + plane[2]
-    m, e = sources.back_infinite, sources.back_epipole
-    z = m[s, 2, 0] * px + m[s, 2, 1] * py + m[s, 2, 2] + e[s, 2] * back_w
-    if z < np.float32(1e-3):
-        return _MAX_REPROJECTION_PX
-    du = (m[s, 0, 0] * px + m[s, 0, 1] * py + m[s, 0, 2] + e[s, 0] * back_w) / z - u
-    dv = (m[s, 1, 0] * px + m[s, 1, 1] * py + m[s, 1, 2] + e[s, 1] * back_w) / z - v
-    return min(np.sqrt(du * du + dv * dv), _MAX_REPROJECTION_PX)
-
-
-@kernel()
-def _source_cost(window, sources, s, x, y, a, b, c, weights, products, variance):
-    cost = photometric_cost(window, sources, s, x, y, a, b, c, weights, products, variance)
-    if sources.geometric_weight > 0.0:
-        u, v = np.float32(x) + np.float32(0.5), np.float32(y) + np.float32(0.5)
-        error = reprojection_error(sources, s, u, v, a * u + b * v + c)
-        cost += np.float32(sources.geometric_weight) * error
-    return cost
+    error = _MAX_REPROJECTION_PX
+    m = to_source
+    z = m[s, 2, 0] * u + m[s, 2, 1] * v + m[s, 2, 2] + m[s, 2, 3] * w
+    px = (m[s, 0, 0] * u + m[s, 0, 1] * v + m[s, 0, 2] + m[s, 0, 3] * w) / z
+    py = (m[s, 1, 0] * u + m[s, 1, 1] * v + m[s, 1, 2] + m[s, 1, 3] * w) / z
+    first, width, height = layout[s, 0], layout[s, 1], layout[s, 2]
+    if z > _NEAREST and min(px, py) >= _ZERO and px < width and py < height:
+        k = first + np.int32(py) * width + np.int32(px)
+        w = source_planes[k, 0] * px + source_planes[k, 1] * py + source_planes[k, 2]
+        m = to_reference
+        z = m[s, 2, 0] * px + m[s, 2, 1] * py + m[s, 2, 2] + m[s, 2, 3] * w
+        if z > _NEAREST:
+            du = (m[s, 0, 0] * px + m[s, 0, 1] * py + m[s, 0, 2] + m[s, 0, 3] * w) / z - u
+            dv = (m[s, 1, 0] * px + m[s, 1, 1] * py + m[s, 1, 2] + m[s, 1, 3] * w) / z - v
+            error = min(np.sqrt(du * du + dv * dv), _MAX_REPROJECTION_PX)
+    return error
 
 
 @kernel()
@@ -301,25 +293,25 @@ def _normal_of(lens, a, b, c):
 
 
 @kernel()
-def _admissible(reference, u, v, a, b, c):
+def _admissible(lens, u, v, a, b, c):
     """Whether a plane lies in the depth range at (u, v) and is not seen edge-on."""
     w = a * u + b * v + c
-    if not (w >= reference.inverse_depths[0] and w <= reference.inverse_depths[1]):
+    if not (w >= lens[4] and w <= lens[5]):
         return False
-    nx, ny, nz = _normal_of(reference.lens, a, b, c)
-    rx, ry = (u - reference.lens[2]) / reference.lens[0], (v - reference.lens[3]) / reference.lens[1]
+    nx, ny, nz = _normal_of(lens, a, b, c)
+    rx, ry = (u - lens[2]) / lens[0], (v - lens[3]) / lens[1]
     cosine = (nx * rx + ny * ry + nz) / np.sqrt(rx * rx + ry * ry + np.float32(1.0))
     return cosine >= _MIN_COSINE
 
 
 @kernel()
-def _random_plane(reference, u, v, pixel, sweep, draw, seed):
+def _random_plane(lens, u, v, pixel, sweep, draw, seed):
     """Inverse depth uniform in the range, normal uniform on a cap around the ray."""
-    low, high = reference.inverse_depths
+    low, high = lens[4], lens[5]
     w = low + (high - low) * _uniform(pixel, sweep, draw, seed)
     cosine = np.float32(0.3) + np.float32(0.7) * _uniform(pixel, sweep, draw + 1, seed)
     angle = np.float32(2.0 * np.pi) * _uniform(pixel, sweep, draw + 2, seed)
-    rx, ry = (u - reference.lens[2]) / reference.lens[0], (v - reference.lens[3]) / reference.lens[1]
+    rx, ry = (u - lens[2]) / lens[0], (v - lens[3]) / lens[1]
     length = np.sqrt(rx * rx + ry * ry + np.float32(1.0))
     rx, ry, rz = rx / length, ry / length, np.float32(1.0) / length
     # Two unit vectors across the ray; rz is never 0 for a pinhole.
@@ -328,7 +320,15 @@ def _random_plane(reference, u, v, pixel, sweep, draw, seed):
     across = np.sqrt(np.float32(1.0) - cosine * cosine)
     p, q = across * np.cos(angle), across * np.sin(angle)
     nx, ny, nz = cosine * rx + p * sx + q * tx, cosine * ry + q * ty, cosine * rz + p * sz + q * tz
-    return _plane_at(reference.lens, u, v, w, nx, ny, nz)
+    return _plane_at(lens, u, v, w, nx, ny, nz)
+
+
+@kernel()
+def _affinity(cost):
+    """About exp(-cost^2 / 2 spread^2), without the exponential."""
+    root = np.float32(1.0) + cost * cost * (np.float32(0.125) / (_WEIGHT_SPREAD * _WEIGHT_SPREAD))
+    square = root * root
+    return np.float32(1.0) / (square * square)
 
 
 @kernel()
@@ -337,16 +337,14 @@ def _choose_sources(source_costs, x, y, chosen, shares):
     height, width, count = source_costs.shape
     best, second = np.float32(-1.0), np.float32(-1.0)
     chosen[0] = chosen[1] = 0
-    sharpness = np.float32(-0.5) / (_WEIGHT_SPREAD * _WEIGHT_SPREAD)
     for s in range(count):
         own = source_costs[y, x, s]
-        weight = np.float32(2.0) * np.exp(own * own * sharpness)
+        weight = np.float32(2.0) * _affinity(own)
         for k in range(4):
             u = x + (1 if k == 0 else -1 if k == 1 else 0)
             v = y + (1 if k == 2 else -1 if k == 3 else 0)
             if u >= 0 and v >= 0 and u < width and v < height:
-                near = source_costs[v, u, s]
-                weight += np.exp(near * near * sharpness)
+                weight += _affinity(source_costs[v, u, s])
         if weight > best:
             second, chosen[1] = best, chosen[0]
             best, chosen[0] = weight, s
@@ -359,17 +357,49 @@ def _choose_sources(source_costs, x, y, chosen, shares):
     shares[1] = second / (best + second)
 
 
+@kernel()
+def _best_neighbour(cost_map, regions, region, x, y):
+    """The pixel of a sampling region with the least cost, (-1, -1) when none is good."""
+    height, width = cost_map.shape
+    lowest = _MAX_PROPAGATED_COST
+    column = row = -1
+    for k in range(regions.shape[1]):
+        u, v = x + regions[region, k, 0], y + regions[region, k, 1]
+        if u >= 0 and v >= 0 and u < width and v < height and cost_map[v, u] < lowest:
+            lowest = cost_map[v, u]
+            column, row = u, v
+    return column, row
+
+
+@kernel()
+def _perturbed(lens, u, v, a, b, c, kind, fineness, pixel, sweep, draw, seed):
+    """A plane near the given one: kind 0 changes the depth, 1 the normal, 2 and 3 both."""
+    scale = fineness if kind < 2 else np.float32(0.5) * fineness
+    w = a * u + b * v + c
+    nx, ny, nz = _normal_of(lens, a, b, c)
+    half = np.float32(0.5)
+    if kind != 1:
+        step = np.float32(2.0) * _DEPTH_STEP * scale
+        w *= np.float32(1.0) + step * (_uniform(pixel, sweep, draw, seed) - half)
+    if kind != 0:
+        step = np.float32(2.0) * _NORMAL_STEP * scale
+        nx += step * (_uniform(pixel, sweep, draw + 1, seed) - half)
+        ny += step * (_uniform(pixel, sweep, draw + 2, seed) - half)
+        nz += step * (_uniform(pixel, sweep, draw + 3, seed) - half)
+    return _plane_at(lens, u, v, w, nx, ny, nz)
+
+
 @parallel_kernel()
-def initialise(field, reference, sweep, seed):
-    """Give every pixel without an admissible plane a random one."""
-    planes = field.planes
-    height, width = reference.grey.shape
+def initialise(planes, reference, sweep, seed):
+    """Give every pixel of ``planes`` (H, W, 3) without an admissible plane a random one."""
+    lens = reference.lens
+    height, width = planes.shape[:2]
     for y in prange(height):
         for x in range(width):
             u, v = np.float32(x) + np.float32(0.5), np.float32(y) + np.float32(0.5)
-            a, b, c = planes[y, x]
-            if not _admissible(reference, u, v, a, b, c):
-                a, b, c = _random_plane(reference, u, v, y * width + x, sweep, 0, seed)
+            a, b, c = planes[y, x, 0], planes[y, x, 1], planes[y, x, 2]
+            if not _admissible(lens, u, v, a, b, c):
+                a, b, c = _random_plane(lens, u, v, y * width + x, sweep, 0, seed)
                 planes[y, x, 0], planes[y, x, 1], planes[y, x, 2] = a, b, c
 
 
@@ -379,16 +409,23 @@ def score(field, reference, sources, window):
     # Arrays of a tuple are written only through names of their own: Numba drops
     # assignments to a tuple's member inside prange.
     planes, cost_map, source_costs = field
+    grey, _ = reference
+    texels, layout, to_source, to_reference, source_planes, geometric_weight = sources
+    offsets, spatial, tonal = window
     height, width, count = source_costs.shape
     for y in prange(height):
-        weights = np.empty(window.du.shape[0], np.float32)
-        products = np.empty(window.du.shape[0], np.float32)
+        patch = np.empty((2, offsets.shape[1]), np.float32)
         for x in range(width):
-            variance = patch_weights(reference, window, x, y, weights, products)
+            u, v = np.float32(x) + np.float32(0.5), np.float32(y) + np.float32(0.5)
+            variance = weigh_patch(grey, offsets, spatial, tonal, x, y, patch)
             a, b, c = planes[y, x, 0], planes[y, x, 1], planes[y, x, 2]
             best = second = WORST_COST
             for s in range(count):
-                cost = _source_cost(window, sources, s, x, y, a, b, c, weights, products, variance)
+                cost = photometric_cost(texels, layout, to_source, offsets, s, x, y, a, b, c, patch, variance)
+                if geometric_weight > _ZERO:
+                    cost += geometric_weight * reprojection_error(
+                        layout, to_source, to_reference, source_planes, s, u, v, a * u + b * v + c
+                    )
                 source_costs[y, x, s] = cost
                 if cost < best:
                     best, second = cost, best
@@ -403,72 +440,60 @@ def half_sweep(field, reference, sources, window, regions, colour, sweep, finene
 
     ``fineness`` float32 scales the perturbations of the refinement, 1 at first.
     """
-    # Arrays of a tuple are written only through names of their own: Numba drops
-    # assignments to a tuple's member inside prange.
-    planes, cost_map, source_costs = field
+    planes, cost_map, source_costs = field  # names of their own, as in ``score``
+    grey, lens = reference
+    texels, layout, to_source, to_reference, source_planes, geometric_weight = sources
+    offsets, spatial, tonal = window
     height, width, count = source_costs.shape
     for y in prange(height):
-        weights = np.empty(window.du.shape[0], np.float32)
-        products = np.empty(window.du.shape[0], np.float32)
+        patch = np.empty((2, offsets.shape[1]), np.float32)
         chosen = np.zeros(2, np.int64)
         shares = np.zeros(2, np.float32)
         for x in range((y + colour) % 2, width, 2):
             u, v = np.float32(x) + np.float32(0.5), np.float32(y) + np.float32(0.5)
             pixel = y * width + x
-            variance = patch_weights(reference, window, x, y, weights, products)
+            variance = weigh_patch(grey, offsets, spatial, tonal, x, y, patch)
             _choose_sources(source_costs, x, y, chosen, shares)
             a, b, c = planes[y, x, 0], planes[y, x, 1], planes[y, x, 2]
-            best = shares[0] * source_costs[y, x, chosen[0]]
-            best += shares[1] * source_costs[y, x, chosen[1]]
+            best = shares[0] * source_costs[y, x, chosen[0]] + shares[1] * source_costs[y, x, chosen[1]]
             changed = False
-            for k in range(8 + _REFINEMENTS):
+            # Eight propagated hypotheses, then the refinements, then once more the best
+            # one against all the sources, to keep their costs up to date.
+            for k in range(8 + _REFINEMENTS + 1):
+                last = k == 8 + _REFINEMENTS
+                ta, tb, tc = a, b, c
                 if k < 8:
-                    lowest = np.float32(1.2)
-                    pu, pv = -1, -1
-                    for j in range(regions.shape[1]):
-                        ru, rv = x + regions[k, j, 0], y + regions[k, j, 1]
-                        if ru >= 0 and rv >= 0 and ru < width and rv < height and cost_map[rv, ru] < lowest:
-                            lowest = cost_map[rv, ru]
-                            pu, pv = ru, rv
+                    pu, pv = _best_neighbour(cost_map, regions, k, x, y)
                     if pu < 0:
                         continue
                     ta, tb, tc = planes[pv, pu, 0], planes[pv, pu, 1], planes[pv, pu, 2]
                     if ta == a and tb == b and tc == c:
                         continue
-                else:
-                    draw = 8 * k
-                    if k == 8:
-                        ta, tb, tc = _random_plane(reference, u, v, pixel, sweep, draw, seed)
-                    else:
-                        scale = fineness * np.float32(0.5) ** ((k - 9) // 2)
-                        w = a * u + b * v + c
-                        nx, ny, nz = _normal_of(reference.lens, a, b, c)
-                        if k != 10:
-                            w *= np.float32(1.0) + scale * _DEPTH_STEP * (
-                                np.float32(2.0) * _uniform(pixel, sweep, draw, seed) - np.float32(1.0)
-                            )
-                        if k != 9:
-                            step = np.float32(2.0) * _NORMAL_STEP * scale
-                            nx += step * (_uniform(pixel, sweep, draw + 1, seed) - np.float32(0.5))
-                            ny += step * (_uniform(pixel, sweep, draw + 2, seed) - np.float32(0.5))
-                            nz += step * (_uniform(pixel, sweep, draw + 3, seed) - np.float32(0.5))
-                        ta, tb, tc = _plane_at(reference.lens, u, v, w, nx, ny, nz)
-                if not _admissible(reference, u, v, ta, tb, tc):
+                elif k == 8:
+                    ta, tb, tc = _random_plane(lens, u, v, pixel, sweep, 8 * k, seed)
+                elif not last:
+                    ta, tb, tc = _perturbed(lens, u, v, a, b, c, k - 9, fineness, pixel, sweep, 8 * k, seed)
+                if (last and not changed) or (not last and not _admissible(lens, u, v, ta, tb, tc)):
                     continue
-                cost = np.float32(0.0)
-                for i in range(2):
-                    if shares[i] > 0.0 and cost < best:
-                        cost += shares[i] * _source_cost(
-                            window, sources, chosen[i], x, y, ta, tb, tc, weights, products, variance
+                cost = _ZERO
+                for i in range(count if last else 2):
+                    s = i if last else chosen[i]
+                    if not last and (shares[i] == _ZERO or cost >= best):
+                        continue  # a share of nothing, or the hypothesis has lost already
+                    matching = photometric_cost(
+                        texels, layout, to_source, offsets, s, x, y, ta, tb, tc, patch, variance
+                    )
+                    if geometric_weight > _ZERO:
+                        matching += geometric_weight * reprojection_error(
+                            layout, to_source, to_reference, source_planes, s, u, v, ta * u + tb * v + tc
                         )
-                if cost < best:
+                    if last:
+                        source_costs[y, x, s] = matching
+                    else:
+                        cost += shares[i] * matching
+                if not last and cost < best:
                     best = cost
                     a, b, c = ta, tb, tc
                     changed = True
             cost_map[y, x] = best
-            if changed:
-                planes[y, x, 0], planes[y, x, 1], planes[y, x, 2] = a, b, c
-                for s in range(count):
-                    source_costs[y, x, s] = _source_cost(
-                        window, sources, s, x, y, a, b, c, weights, products, variance
-                    )
+            planes[y, x, 0], planes[y, x, 1], planes[y, x, 2] = a, b, c

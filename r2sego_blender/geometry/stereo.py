@@ -6,6 +6,7 @@ geometry M_obs is made of. See ``patchmatch`` for the scheme.
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,7 +70,7 @@ class DepthMap:
                 width, height, *lens = data["lens"].tolist()
                 camera = Camera(int(width), int(height), *lens, data["world_from_camera"])
                 return DepthMap(data["depth"], data["normal"], data["cost"], data["support"], camera)
-        except (OSError, KeyError, ValueError, TypeError) as error:
+        except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
             raise GeometryError(
                 "this is not a depth map", where=path, cure="Run the stereo step again."
             ) from error
@@ -135,8 +136,8 @@ class _View:
     def of(camera: Camera, grey: np.ndarray, depth_range_m: tuple[float, float]) -> _View:
         grey = resize(grey, camera.width, camera.height)
         near, far = depth_range_m
-        lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
-        reference = patchmatch.Reference(grey, lens, np.array([1.0 / far, 1.0 / near], np.float32))
+        lens = [camera.fx, camera.fy, camera.cx, camera.cy, 1.0 / far, 1.0 / near]
+        reference = patchmatch.Reference(grey, np.array(lens, np.float32))
         return _View(camera, reference, patchmatch.pack_texels(grey))
 
 
@@ -176,11 +177,11 @@ def _resampled(planes: np.ndarray, camera: Camera) -> np.ndarray:
     return nearest * np.array([width / camera.width, height / camera.height, 1.0], np.float32)
 
 
-def _homography_parts(a: Camera, b: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """The infinite homography (3, 3) and the epipole (3,) from pixels of ``a`` to ``b``."""
+def _transfer(a: Camera, b: Camera) -> np.ndarray:
+    """(3, 4) float32: (u, v, 1, inverse depth) of ``a`` to homogeneous pixels of ``b``."""
     b_from_a = b.camera_from_world @ a.world_from_camera
     infinite = b.matrix @ b_from_a[:3, :3] @ np.linalg.inv(a.matrix)
-    return infinite.astype(np.float32), (b.matrix @ b_from_a[:3, 3]).astype(np.float32)
+    return np.column_stack([infinite, b.matrix @ b_from_a[:3, 3]]).astype(np.float32)
 
 
 def _sources(
@@ -194,19 +195,15 @@ def _sources(
     camera = views[reference].camera
     sizes = np.array([[views[j].camera.width, views[j].camera.height] for j in chosen], np.int64)
     starts = np.concatenate([[0], np.cumsum(sizes[:, 0] * sizes[:, 1])[:-1]])
-    to_source = [_homography_parts(camera, views[j].camera) for j in chosen]
-    to_reference = [_homography_parts(views[j].camera, camera) for j in chosen]
     if planes is None:
         own = np.zeros((1, 3), np.float32)
     else:
         own = np.concatenate([planes[j].reshape(-1, 3) for j in chosen])
     return patchmatch.Sources(
         texels=np.concatenate([views[j].texels for j in chosen]),
-        layout=np.column_stack([starts, sizes]),
-        infinite=np.stack([part for part, _ in to_source]),
-        epipole=np.stack([part for _, part in to_source]),
-        back_infinite=np.stack([part for part, _ in to_reference]),
-        back_epipole=np.stack([part for _, part in to_reference]),
+        layout=np.column_stack([starts, sizes]).astype(np.int32),
+        to_source=np.stack([_transfer(camera, views[j].camera) for j in chosen]),
+        to_reference=np.stack([_transfer(views[j].camera, camera) for j in chosen]),
         planes=own,
         geometric_weight=np.float32(geometric_weight),
     )
@@ -243,7 +240,7 @@ def _estimate_level(
             )
             field = _new_field(planes[i], len(chosen[i]))
             number = ((level * 8 + stage) * len(views) + i) * 64
-            patchmatch.initialise(field, view.reference, number, seed)
+            patchmatch.initialise(field.planes, view.reference, number, seed)
             patchmatch.score(field, view.reference, sources, window)
             for sweep in range(sweeps):
                 fineness = np.float32(0.5 ** (sweep + (0 if coarsest else 2)))
