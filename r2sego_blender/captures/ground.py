@@ -13,10 +13,14 @@ from ..cameras import Camera
 _MAX_TILT_DEG = 25.0
 _TILT_SIGMA_DEG = 10.0
 _PARALLEL_DEG = 4.0
-_SAMPLES = 12_000
+# Share of the camera height within which planes may be one floor.
+_SAME_FLOOR = 0.15
+_SAMPLES = 8_000
 _CHUNK = 500
 _NEIGHBOURS = 24
 _REFINED = 60
+# Tolerances, as shares, of the successive fits: wide at first, then until nothing changes.
+_REFINEMENT = (2.0, 1.5, 1.2) + 20 * (1.0,)
 _MIN_SUPPORT = 15
 _MIN_SUPPORT_SHARE = 0.012
 # Triangulation errors put some points below a floor; more than this means it is a table.
@@ -92,12 +96,17 @@ def find_ground(points: np.ndarray, cameras: Sequence[Camera], tolerance: float)
             strongest = max(plane[2] for plane in planes)
             needed = max(needed, _MIN_SHARE_OF_STRONGEST * strongest)
             solid = [plane for plane in planes if plane[2] >= needed]
-    for normal, offset, _ in sorted(solid, key=lambda plane: -(centres @ plane[0] - plane[1]).mean()):
-        heights = points @ normal - offset
-        support = int((np.abs(heights) <= tolerance).sum())
-        below = int((heights < -_SLAB * tolerance).sum())
-        if below <= min(_MAX_BELOW_SHARE * len(points), _MAX_BELOW_OF_SUPPORT * support):
-            return Ground(normal, offset, support, True, f"floor plane through {support} points")
+    floors = [plane for plane in solid if _holds_the_room(points, plane, tolerance)]
+    if floors:
+        heights = np.array([(centres @ normal - offset).mean() for normal, offset, _ in floors])
+        # Planes tilted a little through the same floor pass lower under the cameras: of the
+        # lowest and those like it, the best supported one is the floor.
+        alike = heights >= heights.max() * (1.0 - _SAME_FLOOR)
+        normal, offset, _ = max(
+            (floors[i] for i in np.flatnonzero(alike)), key=lambda plane: plane[2]
+        )  # fmt: skip
+        support = int((np.abs(points @ normal - offset) <= tolerance).sum())
+        return Ground(normal, offset, support, True, f"floor plane through {support} points")
     if solid:
         normal, how = level, "no floor seen: level with the largest surface"
     else:
@@ -105,6 +114,14 @@ def find_ground(points: np.ndarray, cameras: Sequence[Camera], tolerance: float)
     heights = points @ normal if len(points) else centres @ normal
     offset = float(np.percentile(heights, _LOWEST_PERCENTILE))
     return Ground(normal, offset, 0, False, f"{how}, height from the lowest points")
+
+
+def _holds_the_room(points, plane, tolerance: float) -> bool:
+    """Whether next to nothing lies below the plane."""
+    heights = points @ plane[0] - plane[1]
+    support = (np.abs(heights) <= tolerance).sum()
+    below = (heights < -_SLAB * tolerance).sum()
+    return bool(below <= min(_MAX_BELOW_SHARE * len(points), _MAX_BELOW_OF_SUPPORT * support))
 
 
 def _best_planes(
@@ -162,17 +179,19 @@ def _contrast(points, normals, offsets, tolerance) -> np.ndarray:
 
     A slice through a wall or clutter has as many points above and below as within.
     """
-    heights = np.abs(normals @ points.T - offsets[:, None]), normals @ points.T - offsets[:, None]
-    on = (heights[0] <= tolerance).sum(axis=1)
-    above = ((heights[1] > tolerance) & (heights[1] <= _SLAB * tolerance)).sum(axis=1)
-    under = ((heights[1] < -tolerance) & (heights[1] >= -_SLAB * tolerance)).sum(axis=1)
-    return on - 0.5 * (above + under)
+    heights = (normals @ points.T - offsets[:, None]) / tolerance
+    on = (np.abs(heights) <= 1.0).sum(axis=1)
+    beside = (np.abs(heights) <= _SLAB).sum(axis=1) - on
+    return on - 0.5 * beside
 
 
 def _refined(points, normal, offset, up, tolerance, max_tilt_deg) -> tuple[np.ndarray, float, float] | None:
     """The plane fitted to its own points, or None when they hold none up."""
-    for share in (1.5, 1.2, 1.0, 1.0, 1.0):
-        on = np.abs(points @ normal - offset) <= share * tolerance
+    on = np.zeros(len(points), bool)
+    for share in _REFINEMENT:
+        before, on = on, np.abs(points @ normal - offset) <= share * tolerance
+        if share == _REFINEMENT[-1] and np.array_equal(before, on):
+            break
         if on.sum() < _MIN_SUPPORT:
             return None
         centre = points[on].mean(axis=0)

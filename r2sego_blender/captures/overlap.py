@@ -17,6 +17,8 @@ from .features import Features, epipolar_errors, match, match_along_epipolar_lin
 # Matches between poses that are known are searched in a narrow band, where a nearest
 # descriptor always exists: beyond this distance (of descriptors of length 512) it is chance.
 _LARGEST_DESCRIPTOR_DISTANCE = 0.5 * 512.0
+# Of the plain matches of two photographs with right poses 35 to 90 % agree with them.
+_MIN_AGREEING_SHARE = 0.2
 # This many plain matches that contradict the poses mean overlap with wrong poses.
 _CONTRADICTING_MATCHES = 60
 
@@ -41,8 +43,8 @@ def match_known_poses(
 ) -> Pairs:  # fmt: skip
     """Guided matches of every pair whose plain matches confirm the known poses.
 
-    A pair counts as overlapping when at least ``min_matches`` plain matches lie within
-    ``max_error_px`` of their epipolar lines; it is then matched again along those lines.
+    A pair counts as overlapping when at least ``min_matches``, and a fifth, of its plain
+    matches lie within ``max_error_px`` of their epipolar lines; it is then matched again along those lines.
     Raises CaptureError when no pair overlaps, and tells overlap with wrong poses apart.
     """
     pairs: Pairs = {}
@@ -53,7 +55,7 @@ def match_known_poses(
         plain = match(a.descriptors, b.descriptors, settings.match_ratio)
         places = a.keypoints[plain[:, 0]], b.keypoints[plain[:, 1]]
         agree = epipolar_errors(*places, cameras[i], cameras[j]) <= settings.max_error_px
-        if agree.sum() < settings.min_matches:
+        if agree.sum() < max(settings.min_matches, _MIN_AGREEING_SHARE * len(plain)):
             contradicting = max(contradicting, int(len(plain) - agree.sum()))
             continue
         guided = match_along_epipolar_lines(

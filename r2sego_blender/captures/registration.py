@@ -26,6 +26,9 @@ ASSUMED_CAMERA_HEIGHT_M = 1.5
 # Distance from a camera to what it sees indoors, for tolerances before the scale is known.
 _USUAL_DEPTH_M = 2.5
 
+# Sine of the angle from the vertical below which a camera's forward axis tells no heading.
+_MIN_HEADING = 0.05
+
 
 @dataclass(frozen=True)
 class Registration:
@@ -126,7 +129,7 @@ def _world_from_capture(first: Capture, ground: Ground, scale: float) -> np.ndar
     """The similarity of the conventions: up, origin and heading from the floor and a camera."""
     up = ground.normal
     heading = first.camera.forward - up * (first.camera.forward @ up)
-    if np.linalg.norm(heading) < 1e-3:
+    if np.linalg.norm(heading) < _MIN_HEADING:
         # Looking straight down: the top of its image points ahead.
         top = -first.camera.world_from_camera[:3, 1]
         heading = top - up * (top @ up)

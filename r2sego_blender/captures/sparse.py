@@ -94,10 +94,12 @@ def triangulate(
         with np.load(Path(folder, "points.npz"), allow_pickle=False) as data:
             points, error_px, pixels = data["points"], data["error_px"], data["pixels"]
         task.advance()
-    if len(points) == 0:
+    if len(points) < settings.min_matches:
         raise CaptureError(
-            "the captures overlap, but no point of the room could be measured", where="captures",
-            cure="Photograph from places at least a step apart: turning on the spot measures nothing.",
+            f"the captures overlap, but only {len(points)} points lie in front of their cameras",
+            where="camera poses",
+            cure="Check the poses' axis convention (docs/formats.md), and photograph from places at "
+            "least a step apart: turning on the spot measures nothing.",
         )  # fmt: skip
     visibility = np.isfinite(pixels[..., 0])
     return SparsePoints(points, _colours(images, pixels, visibility), visibility, error_px, pixels)

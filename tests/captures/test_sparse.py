@@ -18,7 +18,7 @@ from r2sego_blender.errors import CaptureError
 from r2sego_blender.images import save_image
 from r2sego_blender.settings import CaptureSettings
 
-SETTINGS = CaptureSettings(max_features=2500)
+SETTINGS = CaptureSettings(max_features=1500)
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def _off_surface_m(points, bounds):
 
 
 def test_points_lie_on_the_surfaces_and_project_where_they_were_measured(sparse, room_captures, room_bounds):
-    assert len(sparse.points) > 400
+    assert len(sparse.points) > 300
     off_m = _off_surface_m(sparse.points, room_bounds)
     assert np.median(off_m) < 0.01 and (off_m < 0.05).mean() > 0.9
     assert sparse.colours.dtype == np.uint8 and sparse.colours.shape == sparse.points.shape
@@ -63,13 +63,16 @@ def test_depth_ranges_hold_what_each_capture_sees(sparse, room_captures, room):
 
 
 def test_poses_that_contradict_the_photographs_are_told_from_no_overlap(room_captures, tmp_path, rng):
-    turned = [
+    opengl = [
         replace(c, camera=c.camera.at(c.camera.world_from_camera @ np.diag([1.0, -1, -1, 1])))
         for c in room_captures
     ]
-    shuffled = [replace(c, camera=d.camera) for c, d in zip(turned, turned[2:] + turned[:2], strict=True)]
-    with pytest.raises(CaptureError, match="contradict"):
-        triangulate(shuffled, SETTINGS)
+    with pytest.raises(CaptureError, match=r"contradict|axis convention"):
+        triangulate(opengl, SETTINGS)
+    swapped = [replace(room_captures[i], camera=room_captures[j].camera) for i, j in
+               ((0, 4), (2, 1), (4, 2))]  # fmt: skip
+    with pytest.raises(CaptureError, match=r"contradict|axis convention"):
+        triangulate(swapped, SETTINGS)
     strangers = []
     for index, capture in enumerate(room_captures[:3]):
         path = tmp_path / f"{index}.png"
