@@ -95,12 +95,24 @@ def _json_progress(command: Callable) -> Callable:
 )
 @_json_progress
 @click.pass_context
-def new(context: click.Context, scene: Path, as_json: bool, **options: Any) -> None:
+def new(
+    context: click.Context,
+    scene: Path,
+    captures: Path,
+    poses: Path | None,
+    robot: str,
+    scope: str,
+    known_length: str | None,
+    marker_side: float | None,
+    camera_height: float | None,
+    as_json: bool,
+) -> None:
     """Make the bundle SCENE from photographs."""
     from .creation import create_scene
 
     progress = _progress(context, as_json)
-    made = create_scene(scene, progress=progress, **options)
+    scale = _scale(known_length, marker_side, camera_height)
+    made = create_scene(scene, captures, poses, robot, scope, scale, progress=progress)
     _tell(progress, scene=str(made.path), ground=made.declaration.ground, scale=made.declaration.scale_source)
 
 
@@ -208,6 +220,30 @@ def _tell(progress: Progress, **result: Any) -> None:
     else:
         for name, value in result.items():
             progress.message(f"{name}: {value}")
+
+
+def _scale(known_length: str | None, marker_side: float | None, camera_height: float | None) -> Any:
+    from .captures.scale import Scale
+
+    given = [option for option in (known_length, marker_side, camera_height) if option is not None]
+    if len(given) > 1:
+        raise SettingsError("the scale is given twice", where="r2sego new", cure="Give one of the options.")
+    if marker_side is not None:
+        return Scale.marker(marker_side)
+    if camera_height is not None:
+        return Scale.camera_height(camera_height)
+    if known_length is None:
+        return Scale.automatic()
+    try:
+        photo, first, second, metres = known_length.rsplit(":", 3)
+        pixels = [tuple(map(float, pixel.split(","))) for pixel in (first, second)]
+        (_, _), (_, _) = pixels
+        return Scale.known_length(photo, *pixels, float(metres))
+    except ValueError as error:
+        raise SettingsError(
+            f"'{known_length}' is not PHOTO:X,Y:X,Y:METRES", where="--known-length",
+            cure="For example --known-length IMG_01:120,400:520,410:1.8",
+        ) from error  # fmt: skip
 
 
 def _overrides(pairs: tuple[str, ...]) -> dict[str, str]:

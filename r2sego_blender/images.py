@@ -67,3 +67,8 @@ def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
     shrinks = width * height < image.shape[0] * image.shape[1]
     method = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
     return cv2.resize(image, (width, height), interpolation=method)
+
+
+def resize_nearest(values: np.ndarray, height: int, width: int) -> np.ndarray:
+    """Resample a map whose values must not be mixed, such as depth or ids, to (height, width)."""
+    return cv2.resize(values, (width, height), interpolation=cv2.INTER_NEAREST)

@@ -31,9 +31,8 @@ def refine(scene: Scene, progress: Progress = SILENT) -> None:
         proxy = step.geometry_proxy(l, captures, observed, aligned_priors, asset)  # 6
         collision = step.replace_collision_mesh(l, proxy)  # 7
         candidates = step.successful_ego_poses(l, collision)  # 8
-        reference_of = step.select_references(captures, proxy)  # 9
         targets = step.robot_proxy(l, candidates, proxy, asset)  # 10
-        generated = step.ego_video_reg(l, captures, proxy, targets, reference_of)  # 11
+        generated = step.ego_video_reg(l, captures, proxy, targets)  # 9, 11
         pseudo_observations += generated  # 12
         asset = step.update_visual_asset(l, asset, captures, proxy, pseudo_observations)  # 13
-    step.publish_refined_scene(h.rounds)  # 14
+    step.publish_refined_scene(collision, asset)  # 14

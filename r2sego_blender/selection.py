@@ -8,6 +8,7 @@ candidates into one keyframe, and the Top-K keyframes become the round's target 
 from __future__ import annotations
 
 import json
+import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,7 +80,7 @@ class Selection:
             with np.load(folder / "selection.npz", allow_pickle=False) as data:
                 arrays = {name: data[name] for name in _ARRAYS}
             reason, budget, note = tuple(words["reasons"]), int(words["budget"]), str(words["note"])
-        except (OSError, KeyError, TypeError, ValueError) as error:
+        except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
             raise GenerationError(
                 "this is not a selection of target views", where=folder, cure="Run the round again."
             ) from error
@@ -96,6 +97,29 @@ class Selection:
             "deficit": float(self.deficit[index]), "availability": float(self.availability[index]),
             "score": float(self.score[index]), "reason": self.reason[index],
         }  # fmt: skip
+
+
+def save_candidates(folder: Path, cameras: Sequence[Camera]) -> None:
+    """Write a round's candidate views, which share one lens: ``candidates.npz`` (poses
+    (M, 4, 4) float64 ``world_from_camera``) and ``candidates.json`` (the lens)."""
+    if not cameras:
+        raise GenerationError("there are no candidate views", where=folder, cure="Run more rollouts.")
+    with (folder / "candidates.npz").open("wb") as file:
+        np.savez(file, poses=np.stack([camera.world_from_camera for camera in cameras]))
+    lens = {key: value for key, value in cameras[0].to_json().items() if key != "world_from_camera"}
+    (folder / "candidates.json").write_text(json.dumps({"camera": lens}, indent=1) + "\n")
+
+
+def load_candidates(folder: Path) -> list[Camera]:
+    """Read what ``save_candidates`` wrote. Raises GenerationError when the files are damaged."""
+    try:
+        lens = json.loads((folder / "candidates.json").read_text())["camera"]
+        with np.load(folder / "candidates.npz", allow_pickle=False) as data:
+            return [Camera.from_json({**lens, "world_from_camera": pose}) for pose in data["poses"]]
+    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
+        raise GenerationError(
+            "these are not candidate views", where=folder, cure="Run the round again."
+        ) from error
 
 
 _ARRAYS = (

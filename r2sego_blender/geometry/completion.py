@@ -10,9 +10,11 @@ of the room is taken; where there is none, the nearest completed depth.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import cv2
@@ -21,6 +23,7 @@ from scipy import ndimage
 
 from ..cameras import Camera
 from ..captures.capture import Capture
+from ..errors import GeometryError
 from ..images import resize
 from ..progress import SILENT, Progress
 from ..settings import Settings, StereoSettings
@@ -52,6 +55,23 @@ class CompletedDepth:
     depth: np.ndarray
     source: np.ndarray
     camera: Camera
+
+    def save(self, path: Path) -> None:
+        """Write the maps and the camera as an uncompressed ``.npz``."""
+        with path.open("wb") as file:
+            np.savez(file, depth=self.depth, source=self.source, camera=json.dumps(self.camera.to_json()))
+
+    @staticmethod
+    def load(path: Path) -> CompletedDepth:
+        """Read what ``save`` wrote. Raises GeometryError when the file is no completed depth."""
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                camera = Camera.from_json(json.loads(str(data["camera"])))
+                return CompletedDepth(data["depth"], data["source"], camera)
+        except (OSError, KeyError, ValueError, TypeError) as error:
+            raise GeometryError(
+                "this is not a completed depth map", where=path, cure="Run `r2sego refine` again."
+            ) from error
 
 
 _OUTVOTED = 1.05  # how far neighbours of like colour must outvote a depth to replace it

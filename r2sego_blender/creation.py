@@ -1,0 +1,67 @@
+"""Making a scene bundle from photographs: import, triangulate, register, declare."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from .captures.importing import import_captures
+from .captures.registration import register
+from .captures.scale import Scale
+from .captures.sparse import triangulate
+from .captures.store import save_captures
+from .errors import CaptureError, SceneError
+from .progress import SILENT, Progress
+from .robot.model import EMBEDDED_HUMANOID, RobotModel
+from .robot.scope import BehaviourScope, shipped_scopes
+from .scene import Declaration, Scene
+from .settings import CaptureSettings
+
+
+def create_scene(
+    path: Path,
+    captures: Path,
+    poses: Path | None = None,
+    robot: str = EMBEDDED_HUMANOID,
+    scope: str = "walk_and_look",
+    scale: Scale = Scale.automatic(),
+    settings: CaptureSettings = CaptureSettings(),
+    progress: Progress = SILENT,
+) -> Scene:
+    """Make the bundle ``path`` from the photographs in the folder ``captures``.
+
+    ``poses`` is a transforms.json, a cameras.json or a COLMAP folder; without it the poses
+    are solved from the photographs. Everything that can be wrong is looked at before the
+    bundle appears: raises CaptureError, RobotError or SceneError and leaves nothing behind.
+    """
+    if path.exists():
+        raise SceneError("it exists already", where=path, cure="Choose another name, or remove it.")
+    if not captures.is_dir():
+        raise CaptureError("there is no such folder", where=captures, cure="Give the folder of photographs.")
+    robot = robot if robot == EMBEDDED_HUMANOID else str(Path(robot).resolve())
+    scope = scope if scope in shipped_scopes() else str(Path(scope).resolve())
+    RobotModel.load(robot)
+    BehaviourScope.load(scope)
+
+    imported = import_captures(captures, poses, settings, progress)
+    progress.message(f"{len(imported.captures)} captures: {imported.source}")
+    sparse = triangulate(imported.captures, settings, progress)
+    registration = register(imported, sparse, scale, settings, progress)
+    world_from_capture = registration.world_from_capture
+    declaration = Declaration(
+        captures_source=imported.source,
+        world_from_capture=tuple(map(tuple, world_from_capture.tolist())),
+        ground=registration.ground,
+        scale_source=registration.scale_source,
+        robot=robot,
+        scope=scope,
+    )
+
+    def fill(folder: Path) -> None:
+        (folder / "captures").mkdir()
+        save_captures(
+            folder / "captures",
+            registration.captures(imported.captures),
+            sparse.transformed(world_from_capture),
+        )
+
+    return Scene.create(path, declaration, fill)

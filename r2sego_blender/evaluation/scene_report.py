@@ -1,0 +1,176 @@
+"""The report of a scene, filled from its bundle."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..captures.store import load_captures
+from ..generation.conditions import load_conditions
+from ..geometry.proxy import GeometryProxy, Provenance
+from ..images import load_image
+from ..robot.rollouts import load_rollouts
+from ..scene import Scene
+from ..selection import Selection, load_candidates
+from ..settings import entries
+from ..steps import of_round
+from .arms import ARMS
+from .figures import camera_map, depth_picture, top_view
+from .frozen import ArmScore
+from .report import write_report
+from .report_data import (
+    Arm,
+    Backend,
+    CandidateCurves,
+    Collision,
+    FrozenView,
+    ReportData,
+    RolloutSummary,
+    Round,
+    SettingUsed,
+    Target,
+)
+
+_PAPER_BACKENDS = {
+    "initial_asset": "DUSt3R/VGGT-family reconstructor",
+    "shape_prior": "SAM 3 and SAM 3D",
+    "surface": "NKSR",
+    "controller": "SONIC/WBC behaviour controller",
+    "conditions": "the proxy rendered along the path",
+    "generator": "ViewCrafter",
+    "registration": "VGGT",
+}
+
+
+def write_scene_report(
+    scene: Scene, scores: Mapping[str, ArmScore] | None = None, frozen: Sequence[FrozenView] = ()
+) -> Path:
+    """Write ``report/index.html`` from what the bundle holds, with scores where there are some."""
+    declared = scene.declaration
+    rounds = range(scene.rounds_done())
+    last = GeometryProxy.load(scene.path / of_round(rounds[-1], "proxy") / "proxy.npz") if rounds else None
+    reasons = [score.lpips_reason for score in (scores or {}).values()]
+    return write_report(
+        scene.report_folder,
+        ReportData(
+            title=scene.path.name.removesuffix(".r2s").replace("_", " "),
+            about=f"{len(list((scene.captures_folder / 'images').iterdir()))} photographs, "
+            f"{len(rounds)} refinement rounds",
+            facts=(
+                ("Captures", declared.captures_source),
+                ("Ground", declared.ground),
+                ("Scale", declared.scale_source),
+                ("Robot", declared.robot),
+                ("Behaviour scope", declared.scope),
+                ("Preset", declared.preset),
+                ("Seed", str(declared.settings.seed)),
+            ),
+            arms=tuple(_arm(key, score) for key, score in (scores or {}).items()),
+            lpips_reason=next(iter(reasons), ""),
+            backends=tuple(_backend(slot, name) for slot, name in declared.backends.items()),
+            frozen=tuple(frozen),
+            rounds=tuple(_round(scene, index) for index in rounds),
+            provenance={} if last is None else _provenance(last),
+            collision=_collision(scene),
+            settings=_settings(scene),
+            timings=tuple((record["step"], record["seconds"]) for record in _last_records(scene)),
+        ),
+    )
+
+
+def _arm(key: str, score: ArmScore) -> Arm:
+    return Arm(key, ARMS[key].label, score.psnr, score.ssim, score.lpips_alex, ARMS[key].note)
+
+
+def _backend(slot: str, name: str) -> Backend:
+    return Backend(
+        slot.replace("_", " "),
+        name,
+        learned=not name.startswith("embedded"),
+        paper=_PAPER_BACKENDS.get(slot, ""),
+    )
+
+
+def _provenance(proxy: GeometryProxy) -> dict[str, float]:
+    corners = proxy.vertices[proxy.faces]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    total = max(float(area.sum()), 1e-12)
+    return {p.name.lower(): float(area[proxy.provenance == p].sum()) / total for p in Provenance}
+
+
+def _round(scene: Scene, index: int) -> Round:
+    proxy = GeometryProxy.load(scene.path / of_round(index, "proxy") / "proxy.npz")
+    selection = Selection.load(scene.path / of_round(index, "selection"))
+    candidates = load_candidates(scene.path / of_round(index, "selection"))
+    poses = np.stack([camera.world_from_camera for camera in candidates])
+    captures = [capture.camera for capture in load_captures(scene.captures_folder)]
+    views = sorted((scene.path / of_round(index, "views")).glob("*/pose.json"))
+    return Round(
+        number=index,
+        rollouts=tuple(
+            RolloutSummary(
+                seed=rollout.seed[1],
+                success=rollout.success,
+                reason=" ".join(filter(None, [rollout.behaviour, rollout.reason, rollout.detail])),
+                duration_s=float(rollout.times_s[-1]) if len(rollout.times_s) else None,
+            )
+            for rollout in load_rollouts(scene.path / of_round(index, "rollouts"))
+        ),
+        candidates=CandidateCurves(
+            selection.deficit, selection.availability, selection.score, selection.rollout, selection.targets
+        ),
+        targets=tuple(_target(scene, view, selection) for view in views),
+        proxy_picture=top_view(proxy).image,
+        camera_map=camera_map(proxy, captures, poses, selection.targets),
+        note=selection.note,
+    )
+
+
+def _target(scene: Scene, pose_file: Path, selection: Selection) -> Target:
+    record: dict[str, Any] = json.loads(pose_file.read_text())
+    folder = pose_file.parent
+    conditions = load_conditions(folder / "conditions")
+    frame = folder / "frame.png"
+    return Target(
+        name=f"rank {record['rank'] + 1}, rollout {record['rollout']}, frame {record['frame']}",
+        accepted=record["accepted"],
+        verdict=record["reason"],
+        reference_name=record["reference_name"],
+        reference=load_image(scene.captures_folder / "images" / f"{record['reference_name']}.png"),
+        condition=depth_picture(conditions[-1].depth) if conditions else None,
+        generated=frame if frame.is_file() else None,
+        score=float(selection.score[record["candidate"]]),
+        inliers=record.get("inliers"),
+        offset_m=record.get("offset_m"),
+        turn_deg=record.get("turn_deg"),
+    )
+
+
+def _collision(scene: Scene) -> Collision | None:
+    import trimesh
+
+    mesh_file = scene.collision_folder / "mesh.stl"
+    if not mesh_file.is_file():
+        return None
+    mesh = trimesh.load(mesh_file, process=False)
+    pieces = len(list((scene.collision_folder / "hulls").glob("*.obj")))
+    return Collision(len(mesh.faces), pieces, floor_z_m=0.0)
+
+
+def _settings(scene: Scene) -> tuple[SettingUsed, ...]:
+    used = {entry.key: entry.default for entry in entries(scene.declaration.settings)}
+    return tuple(
+        SettingUsed(entry.key, str(used[entry.key]), str(entry.default), entry.doc) for entry in entries()
+    )
+
+
+def _last_records(scene: Scene) -> list[dict[str, Any]]:
+    """The last record of every step, in the order they ran first."""
+    last: dict[str, dict[str, Any]] = {}
+    for record in scene.journal():
+        last[record["step"]] = record
+    return list(last.values())

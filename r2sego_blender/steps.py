@@ -1,0 +1,356 @@
+"""The procedures of Algorithm 1 as steps of the scene bundle.
+
+Each method reads named files of the bundle and publishes one, whose name it returns;
+``pipeline.refine`` calls them in the paper's order. A step whose inputs and settings have
+not changed is passed over.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .cameras import Camera
+from .captures.capture import Capture
+from .captures.sparse import SparsePoints, depth_ranges
+from .captures.store import load_captures
+from .export import write_coloured_proxy
+from .generation.blending import BlendingGenerator
+from .generation.conditions import ConditionRenderer
+from .generation.ego_views import PseudoObservation, ego_video_reg, load_pseudo_observations
+from .generation.registration import Landmarks
+from .geometry.collision import collision_surface, write_collision
+from .geometry.completion import CompletedDepth, complete_depth
+from .geometry.fusion import compose_proxy
+from .geometry.observed import ObservedGeometry, observe
+from .geometry.planes import RoomPlanes, find_planes
+from .geometry.proxy import GeometryProxy
+from .geometry.stereo import DepthMap, dense_stereo
+from .images import resize_nearest
+from .progress import Progress
+from .robot.candidates import candidate_stream, ego_camera
+from .robot.model import RobotModel
+from .robot.rollouts import load_rollouts, save_rollouts, successful_rollouts
+from .robot.scope import BehaviourScope
+from .scene import Scene
+from .selection import Selection, load_candidates, save_candidates, select_targets, support_scores
+from .settings import Settings
+from .splats.asset import SplatAsset
+from .splats.initialization import DepthView, merge_views
+from .splats.ply import load_ply, save_ply
+from .splats.rasterizer import render
+from .visual_asset import PseudoView, update_visual_asset
+
+CAPTURES = "captures"
+SPARSE = "captures/sparse.npz"
+DEPTH = "geometry/depth"
+OBSERVED = "geometry/observed.npz"
+PLANES = "geometry/planes.npz"
+COMPLETED = "geometry/completed"
+INITIAL_ASSET = "geometry/initial_asset.ply"
+REFINED_ASSET = "asset.ply"
+COLLISION = "collision"
+
+
+def of_round(index: int, name: str) -> str:
+    """The bundle's name of something that round ``index`` publishes."""
+    return f"rounds/{index}/{name}"
+
+
+@dataclass(frozen=True)
+class Steps:
+    """The procedures of Algorithm 1 on one scene, under the fixed configuration H."""
+
+    scene: Scene
+    h: Settings
+    progress: Progress
+
+    # ---- lines 1 to 3: once
+
+    def register_inputs(self) -> tuple[str, str]:
+        """The captures in the world frame, and A_0: their dense stereo lifted to splats.
+
+        Where several captures see a surface, the one that sees it finest gives the splat.
+        """
+
+        def compute_depth(folder: Path) -> None:
+            sparse = SparsePoints.load(self.scene.path / SPARSE)
+            maps = dense_stereo(
+                self._captures, depth_ranges(self._captures, sparse), sparse.points, self.h.stereo,
+                self.h.seed, self.progress, visibility=sparse.visibility,
+            )  # fmt: skip
+            for capture, depth_map in zip(self._captures, maps, strict=True):
+                depth_map.save(folder / f"{capture.name}.npz")
+
+        def compute_asset(file: Path) -> None:
+            stride_px = self.h.training.disc_stride_px
+            views = [
+                DepthView(c.camera, depth, c.image(), stride_px)
+                for c, depth in zip(self._captures, self._reliable_depths(), strict=True)
+            ]
+            save_ply(file, merge_views(views))
+
+        self._step(DEPTH, compute_depth, inputs=[CAPTURES], parameters=[self.h.stereo, self.h.seed])
+        asset = self._step(
+            INITIAL_ASSET, compute_asset, inputs=[CAPTURES, DEPTH],
+            parameters=[self.h.stereo, self.h.training.disc_stride_px],
+        )  # fmt: skip
+        return CAPTURES, asset
+
+    def observed_and_prior_geometry(self, captures: str) -> tuple[str, str]:
+        """M_obs with its support record, and the embedded shape prior: the room's own planes."""
+
+        def compute_observed(file: Path) -> None:
+            sparse = SparsePoints.load(self.scene.path / SPARSE)
+            observe(self._captures, self._depth_maps(), sparse, self.h.stereo).save(file)
+
+        def compute_planes(file: Path) -> None:
+            cameras = tuple(capture.camera for capture in self._captures)
+            rng = np.random.default_rng([self.h.seed, 0])
+            find_planes(self._observed(), cameras, self.h.proxy, rng).save(file)
+
+        observed = self._step(OBSERVED, compute_observed, inputs=[captures, DEPTH], parameters=self.h.stereo)
+        planes = self._step(
+            PLANES, compute_planes, inputs=[captures, observed], parameters=[self.h.proxy, self.h.seed]
+        )
+        return observed, planes
+
+    def align_priors(self, observed: str, priors: str) -> str:
+        """Priors placed in the world and carried into the captures.
+
+        Room planes are born in the world frame, so their T_m* is the identity; what is
+        solved here, once, is which pixels of the captures each plane completes.
+        """
+
+        def compute(folder: Path) -> None:
+            planes = RoomPlanes.load(self.scene.path / priors)
+            completed = complete_depth(self._captures, self._depth_maps(), planes, self.h, self.progress)
+            for capture, one in zip(self._captures, completed, strict=True):
+                one.save(folder / f"{capture.name}.npz")
+
+        return self._step(
+            COMPLETED, compute, inputs=[CAPTURES, DEPTH, observed, priors],
+            parameters=[self.h.stereo, self.h.proxy],
+        )  # fmt: skip
+
+    # ---- lines 6 to 13: every round
+
+    def geometry_proxy(self, l: int, captures: str, observed: str, aligned_priors: str, asset: str) -> str:
+        """M_scaf^l, Eq. 1: observed, prior and completed geometry fused with the asset's own."""
+
+        def compute(folder: Path) -> None:
+            current = self._asset(asset)
+            completed = [
+                CompletedDepth.load(self.scene.path / aligned_priors / f"{c.name}.npz")
+                for c in self._captures
+            ]
+            asset_depths = []
+            for one in completed:
+                rendering = render(current, one.camera)
+                asset_depths.append((one.camera, rendering.depth, rendering.alpha))
+            proxy = compose_proxy(
+                self._captures, completed, self._observed(), RoomPlanes.load(self.scene.path / PLANES).envelope,
+                asset_depths, self.h.proxy, self.progress,
+            )  # fmt: skip
+            proxy.save(folder / "proxy.npz")
+            write_coloured_proxy(proxy, folder / "proxy.ply")
+
+        return self._step(
+            of_round(l, "proxy"), compute,
+            inputs=[captures, observed, PLANES, aligned_priors, asset], parameters=self.h.proxy,
+        )  # fmt: skip
+
+    def replace_collision_mesh(self, l: int, proxy: str) -> str:
+        """The simulator's collision surface, made of the current proxy."""
+
+        def compute(folder: Path) -> None:
+            write_collision(collision_surface(self._proxy(proxy), self.h.collision), folder)
+
+        return self._step(of_round(l, "collision"), compute, inputs=[proxy], parameters=self.h.collision)
+
+    def successful_ego_poses(self, l: int, collision: str) -> str:
+        """V_0^l: rollouts resampled until enough succeed, every attempt kept with its reason."""
+        declared = self.scene.declaration
+
+        def compute(folder: Path) -> None:
+            rollouts = successful_rollouts(
+                self._robot, BehaviourScope.load(declared.scope),
+                self.scene.path / collision / "scene.xml", self.h.rollouts, self._seed_of(l), self.progress,
+            )  # fmt: skip
+            save_rollouts(folder, rollouts)
+
+        files = [Path(name) for name in (declared.robot, declared.scope) if Path(name).is_file()]
+        return self._step(
+            of_round(l, "rollouts"), compute, inputs=[collision, *files],
+            parameters=[self.h.rollouts, self._seed_of(l), declared.robot, declared.scope],
+        )  # fmt: skip
+
+    def robot_proxy(self, l: int, candidates: str, proxy: str, asset: str) -> str:
+        """V^l, Eq. 2: deficit times availability, temporal NMS and Top-K, with every reason."""
+
+        def compute(folder: Path) -> None:
+            stream = candidate_stream(load_rollouts(self.scene.path / candidates))
+            cameras = [self._ego_camera.at(pose) for pose in stream.poses]
+            current, conditions = self._asset(asset), ConditionRenderer(self._proxy(proxy))
+            deficit, availability = support_scores(
+                cameras, lambda camera: render(current, camera).alpha, conditions.validity,
+                self.h.selection, self.progress,
+            )  # fmt: skip
+            selection = select_targets(
+                deficit, availability, stream.rollout, stream.frame, self.h.selection, self.progress
+            )
+            selection.save(folder)
+            save_candidates(folder, cameras)
+
+        return self._step(
+            of_round(l, "selection"), compute, inputs=[CAPTURES, candidates, proxy, asset],
+            parameters=[self.h.selection, self.scene.declaration.robot],
+        )  # fmt: skip
+
+    def ego_video_reg(self, l: int, captures: str, proxy: str, targets: str) -> tuple[str, ...]:
+        """D_ego^l, Eq. 3: for each target a clip along the path from its reference i(v), whose
+        last frame is kept and registered to the captures.
+
+        The reference is chosen here by the paper's rule (line 9), for the ranked targets
+        alone: it depends on nothing but the target and the proxy.
+        """
+
+        def compute(folder: Path) -> None:
+            renderer = ConditionRenderer(self._proxy(proxy))
+            depths = [renderer.depth(capture.camera) for capture in self._captures]
+            observed = self._reliable_depths()
+            generator = BlendingGenerator(self._captures, depths, self.h.generation, observed)
+            landmarks = Landmarks.build(self._captures, observed, None, self.h.registration, self.progress)
+            ego_video_reg(
+                Selection.load(self.scene.path / targets), load_candidates(self.scene.path / targets),
+                self._captures, renderer, generator, landmarks, self.h, folder, self.progress,
+            )  # fmt: skip
+
+        views = self._step(
+            of_round(l, "views"), compute, inputs=[captures, DEPTH, proxy, targets],
+            parameters=[self.h.generation, self.h.registration, self.h.selection, self.h.seed],
+        )  # fmt: skip
+        return (views,)
+
+    def update_visual_asset(
+        self, l: int, asset: str, captures: str, proxy: str, pseudo_observations: Sequence[str]
+    ) -> str:
+        """A^{l+1}: the asset refined on the captures and all pseudo-observations so far."""
+
+        def compute(file: Path) -> None:
+            renderer = ConditionRenderer(self._proxy(proxy))
+            stride_px = self.h.training.disc_stride_px
+            real = [
+                DepthView(c.camera, renderer.depth(c.camera), c.image(), stride_px) for c in self._captures
+            ]
+            observations = [
+                observation
+                for views in pseudo_observations
+                for observation in load_pseudo_observations(self.scene.path / views)
+            ]
+            synthetic = [self._pseudo_view(observation, renderer) for observation in observations]
+            rng = np.random.default_rng([self.h.seed, 2, l])
+            save_ply(
+                file,
+                update_visual_asset(self._asset(asset), real, synthetic, self.h.training, rng, self.progress),
+            )
+
+        refined = self._step(
+            of_round(l, "asset.ply"), compute, inputs=[asset, captures, proxy, *pseudo_observations],
+            parameters=[self.h.training, self.h.seed],
+        )  # fmt: skip
+        self._step(of_round(l, "metrics.json"), lambda file: self._count(l, file), inputs=[refined])
+        return refined
+
+    # ---- line 14
+
+    def publish_refined_scene(self, collision: str, asset: str) -> None:
+        """A* and the current collision surface, at the top of the bundle."""
+
+        def copy(source: str) -> Callable[[Path], None]:
+            place = self.scene.path / source
+            if place.is_dir():
+                return lambda target: shutil.copytree(place, target, dirs_exist_ok=True)
+            return lambda target: shutil.copyfile(place, target)
+
+        self._step(REFINED_ASSET, copy(asset), inputs=[asset])
+        self._step(COLLISION, copy(collision), inputs=[collision])
+
+    # ---- what the steps read
+
+    @cached_property
+    def _captures(self) -> tuple[Capture, ...]:
+        return load_captures(self.scene.captures_folder)
+
+    @cached_property
+    def _robot(self) -> RobotModel:
+        return RobotModel.load(self.scene.declaration.robot)
+
+    @cached_property
+    def _ego_camera(self) -> Camera:
+        """The head camera's lens, with images of the first capture's size."""
+        first = self._captures[0].camera
+        return ego_camera(self._robot, first.width, first.height)
+
+    def _depth_maps(self) -> list[DepthMap]:
+        return [DepthMap.load(self.scene.path / DEPTH / f"{c.name}.npz") for c in self._captures]
+
+    def _reliable_depths(self) -> list[np.ndarray]:
+        """Each capture's reliable stereo depth (H, W) at the capture's own size, 0 elsewhere."""
+        return [
+            resize_nearest(np.where(m.reliable(self.h.stereo), m.depth, 0.0), *capture.camera.shape)
+            for capture, m in zip(self._captures, self._depth_maps(), strict=True)
+        ]
+
+    def _observed(self) -> ObservedGeometry:
+        return ObservedGeometry.load(self.scene.path / OBSERVED)
+
+    def _proxy(self, name: str) -> GeometryProxy:
+        return GeometryProxy.load(self.scene.path / name / "proxy.npz")
+
+    def _asset(self, name: str) -> SplatAsset:
+        return load_ply(self.scene.path / name)
+
+    def _pseudo_view(self, observation: PseudoObservation, renderer: ConditionRenderer) -> PseudoView:
+        camera = observation.camera
+        depth = renderer.depth(camera)
+        stride_px = self.h.training.disc_stride_px
+        return PseudoView(DepthView(camera, depth, observation.image, stride_px), observation.confidence)
+
+    def _seed_of(self, l: int) -> int:
+        """A seed of its own for each round, so that initial conditions are resampled."""
+        return self.h.seed * 1000 + l
+
+    def _count(self, l: int, file: Path) -> None:
+        rollouts = load_rollouts(self.scene.path / of_round(l, "rollouts"))
+        selection = Selection.load(self.scene.path / of_round(l, "selection"))
+        views = load_pseudo_observations(self.scene.path / of_round(l, "views"))
+        counts = {
+            "rollouts_succeeded": sum(rollout.success for rollout in rollouts),
+            "rollouts_failed": sum(not rollout.success for rollout in rollouts),
+            "candidates": len(selection.score),
+            "targets": len(selection.targets),
+            "views_kept": len(views),
+            "mean_deficit": round(float(selection.deficit.mean()), 6),
+            "mean_availability": round(float(selection.availability.mean()), 6),
+            "gaussians": len(self._asset(of_round(l, "asset.ply"))),
+        }
+        file.write_text(json.dumps(counts, indent=1) + "\n")
+
+    def _step(
+        self,
+        target: str,
+        compute: Callable[[Path], None],
+        *,
+        inputs: Sequence[str | Path],
+        parameters: Any = None,
+    ) -> str:
+        self.scene.step(target, compute, inputs=inputs, parameters=parameters)
+        return target

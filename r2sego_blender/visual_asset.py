@@ -1,0 +1,122 @@
+"""The visual asset of the loop: its start, its growth, and its refinement round by round.
+
+Stands on the trainer in ``splats`` and on depth rendered from the proxy; knows no bundle.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from .progress import SILENT, Progress
+from .settings import TrainingSettings
+from .splats.asset import SplatAsset
+from .splats.initialization import DepthView, from_depth, from_points
+from .splats.rasterizer import render
+from .splats.training import Observation, train
+
+_MISSING_ALPHA = 0.8
+"""Below this alpha a pixel is missing, as in the asset deficit u."""
+
+_AGREEMENT_SCALE = 0.12
+"""Colour difference at which a generated pixel's weight has fallen to 1/e."""
+
+_AGREEMENT_WINDOW_PX = 5
+
+
+@dataclass(frozen=True)
+class PseudoView:
+    """A generated frame at its estimated pose, with the proxy's depth there.
+
+    ``confidence`` (H, W) float32 in [0, 1] is the generator's own.
+    """
+
+    view: DepthView
+    confidence: np.ndarray
+
+
+def grow(
+    asset: SplatAsset, views: Sequence[DepthView], settings: TrainingSettings, rng: np.random.Generator
+) -> SplatAsset:
+    """Add discs where a view's geometry shows a surface that the asset does not render.
+
+    Views come in order, each seeing what the ones before have added. The budget of
+    Gaussians is hard: what does not fit is left out at random.
+    """
+    for view in views:
+        missing = (render(asset, view.camera).alpha < _MISSING_ALPHA) & (view.depth > 0.0)
+        added = from_depth(view.camera, view.depth, view.image, view.stride_px, missing)
+        room = settings.max_gaussians - len(asset)
+        if len(added) > room:
+            chosen = np.zeros(len(added), bool)
+            chosen[rng.choice(len(added), max(room, 0), replace=False)] = True
+            added = added.subset(chosen)
+        asset = asset.concatenated(added)
+    return asset
+
+
+def agreement(asset: SplatAsset, pseudo: PseudoView) -> np.ndarray:
+    """(H, W) float32 in [0, 1]: how far a generated frame agrees with the asset as it is.
+
+    Where the asset, trained on the captures, renders something else than the generator
+    made, one of the two is wrong and the pixel teaches little; where it renders nothing,
+    the generator's own confidence stands.
+    """
+    view = pseudo.view
+    now = render(asset, view.camera)
+    apart = np.abs(now.colour - view.image).mean(axis=2)
+    apart = cv2.blur(apart, (_AGREEMENT_WINDOW_PX, _AGREEMENT_WINDOW_PX))
+    agreeing = np.exp(-((apart / _AGREEMENT_SCALE) ** 2))
+    return np.where(now.alpha >= _MISSING_ALPHA, agreeing * pseudo.confidence, pseudo.confidence)
+
+
+def update_visual_asset(
+    asset: SplatAsset,
+    captures: Sequence[DepthView],
+    pseudo_observations: Sequence[PseudoView],
+    settings: TrainingSettings,
+    rng: np.random.Generator,
+    progress: Progress = SILENT,
+) -> SplatAsset:
+    """UpdateVisualAsset of Algorithm 1: A^l refined on captures and all pseudo-observations.
+
+    The captures' and the proxy's geometry first fills what the asset misses. A first share
+    of the steps sees the captures alone; then pseudo-observations join, at lower weight
+    and weighted pixel by pixel with their agreement with that capture-trained asset,
+    while captures are drawn more often: they stay the anchors (Sec. III-C).
+    """
+    asset = grow(asset, [*captures, *(p.view for p in pseudo_observations)], settings, rng)
+    factor = settings.surface_position_factor
+    real = [Observation(v.camera, v.image, settings.real_weight) for v in captures]
+    first = round(settings.captures_first_share * settings.steps_per_round)
+    asset = train(
+        asset, real, first, settings, rng, progress, "Training on captures", position_rate_factor=factor
+    )
+    anchors = [dataclasses.replace(o, draws=settings.capture_oversampling) for o in real]
+    synthetic = [
+        Observation(p.view.camera, p.view.image, settings.synthetic_weight, agreement(asset, p))
+        for p in pseudo_observations
+    ]
+    rest = settings.steps_per_round - first
+    return train(
+        asset, [*anchors, *synthetic], rest, settings, rng, progress, "Training on all views",
+        position_rate_factor=factor,
+    )  # fmt: skip
+
+
+def vanilla_asset(
+    points: np.ndarray,
+    colours: np.ndarray,
+    captures: Sequence[Observation],
+    steps: int,
+    settings: TrainingSettings,
+    rng: np.random.Generator,
+    progress: Progress = SILENT,
+) -> SplatAsset:
+    """The baseline: 3DGS from the observed points (P, 3), trained on the captures alone."""
+    start = from_points(points, colours, settings, rng)
+    return train(start, captures, steps, settings, rng, progress, "Training vanilla 3DGS")
