@@ -30,6 +30,8 @@ _TOLERANCE_FLOOR_M = np.float32(0.01)
 # a tenth of a degree, keeps the weight finite.
 _SMALLEST_PENALTY = np.float32(2e-3)
 _SMALLEST_WEIGHT = np.float32(1e-6)  # when the best captures and the next are equal
+# Colours that differ by this (standard deviation, of 1) cut the confidence to 1/e.
+_DISAGREEMENT = np.float32(0.15)
 # A capture twice as coarse as the target costs as much as an angle of about six degrees.
 _COARSENESS_PENALTY = np.float32(0.1)
 
@@ -213,5 +215,6 @@ def _blend(
                 for c in range(3):
                     d = colour[k, c] - image[row, column, c]
                     spread += d * d / (3 * used)
-            confidence[row, column] = np.exp(-penalty[0]) * np.exp(-spread / np.float32(0.02))
+            trusted = np.exp(-penalty[0] - spread / (_DISAGREEMENT * _DISAGREEMENT))
+            confidence[row, column] = max(trusted, _SMALLEST_WEIGHT)  # 0 means unseen
     return image, confidence

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -120,7 +121,7 @@ def load_conditions(folder: Path) -> tuple[Condition, ...]:
             depth = cv2.imdecode(png, cv2.IMREAD_UNCHANGED)
             if depth is None or depth.shape != camera.shape or depth.dtype != np.uint16:
                 raise ValueError("the depth is not a 16-bit PNG of the camera's size")
-        except (OSError, KeyError, ValueError, cv2.error) as error:
+        except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile, cv2.error) as error:
             raise GenerationError(
                 "this structural condition is damaged", where=path, cure="Run the round again."
             ) from error

@@ -13,11 +13,11 @@ import numpy as np
 
 from ..compiled import inlined, kernel
 
-_COARSEST_PX = 4
 # A source this share of its distance off a pixel's plane counts a quarter; the floor lets
 # colour through from anywhere when the pixel's own surface is wholly unknown.
 _PLANE_DISTANCE = np.float32(0.02)
 _OFF_PLANE = np.float32(1e-4)
+_SMALLEST_WEIGHT = np.float32(1e-8)  # of a cell that knows anything: ten levels must not underflow
 
 
 def fill_holes(image: np.ndarray, known: np.ndarray, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
@@ -35,7 +35,7 @@ def fill_holes(image: np.ndarray, known: np.ndarray, points: np.ndarray, normals
     weight = known.astype(np.float32)
     levels = [(source, weight, surface)]
     hole_share = 1.0 - weight
-    while min(weight.shape) > _COARSEST_PX:
+    while weight.size > 1:
         source, weight, surface, hole_share = _push(source, weight, surface, hole_share)
         levels.append((source, weight, surface))
     filled = levels[-1][0]
@@ -97,8 +97,9 @@ def _push(source, weight, surface, hole_share):
             if total > 0.0:
                 for k in range(9):
                     out_source[row, column, k] /= total
-            # half of a cell known is enough to know the cell: fills from near rather than far
-            out_weight[row, column] = min(np.float32(1.0), np.float32(2.0) * total / (rows * columns))
+                # half of a cell known is enough to know the cell: fills from near rather than far
+                total *= np.float32(2.0) / (rows * columns)
+                out_weight[row, column] = min(max(total, _SMALLEST_WEIGHT), np.float32(1.0))
             out_share[row, column] = share / (rows * columns)
     return out_source, out_weight, out_surface, out_share
 

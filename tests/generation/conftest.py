@@ -1,0 +1,62 @@
+"""The synthetic box room beside the tests, and the furnished room with ground truth."""
+
+import json
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+ROOM_A = Path(__file__).resolve().parents[2] / "../shared/scenes/room_a"
+
+
+@pytest.fixture(scope="session")
+def box_room(tmp_path_factory):
+    """Four photographs of the box room with exact depths, and its condition renderer."""
+    import box_room
+
+    from r2sego_blender.generation.conditions import ConditionRenderer
+
+    folder = tmp_path_factory.mktemp("box_room")
+    captures, depths = box_room.write_captures(folder, box_room.arc(4))
+    return SimpleNamespace(captures=captures, depths=depths, renderer=ConditionRenderer(box_room.proxy()))
+
+
+@pytest.fixture(scope="session")
+def room_a():
+    """The furnished room: captures and frozen views with their true depths, and its mesh."""
+    from r2sego_blender.cameras import Camera
+    from r2sego_blender.captures.capture import Capture
+    from r2sego_blender.generation.conditions import ConditionRenderer
+    from r2sego_blender.geometry.proxy import GeometryProxy
+
+    if not (ROOM_A / "cameras.json").is_file():
+        pytest.skip(f"no ground truth at {ROOM_A}")
+    about = json.loads((ROOM_A / "cameras.json").read_text())
+    size = {name: about[name] for name in ("width", "height", "fx", "fy", "cx", "cy")}
+
+    def views(key, prefix):
+        entries = about[key]
+        cameras = [Camera.from_json(size | entry) for entry in entries]
+        captures = [Capture(e["file"], ROOM_A / e["file"], c) for e, c in zip(entries, cameras, strict=True)]
+        depths = [
+            np.load(ROOM_A / f"depth/{prefix}{i:02d}.npz")["z"].astype(np.float32)
+            for i in range(len(entries))
+        ]
+        return captures, depths
+
+    captures, depths = views("captures", "cap")
+    frozen, frozen_depths = views("frozen", "ego")
+    mesh = np.load(ROOM_A / "room.npz")
+    count = len(mesh["F"])
+    proxy = GeometryProxy(
+        mesh["V"].astype(np.float32), mesh["F"].astype(np.int32), np.zeros(count, np.uint8),
+        np.ones(count, np.uint16), np.ones(count, np.float32),
+    )  # fmt: skip
+    return SimpleNamespace(
+        captures=captures, depths=depths, frozen=frozen, frozen_depths=frozen_depths,
+        renderer=ConditionRenderer(proxy),
+    )  # fmt: skip
