@@ -64,8 +64,8 @@ class ProxySettings:
     envelope_share: float = setting(
         0.985, "Share of the observed points in front of a plane that bounds the room.", 0.5, 1.0
     )
-    voxel_m: float = setting(0.03, "Side of a voxel of the fused distance field.", 0.005, 0.5)
-    truncation_m: float = setting(0.1, "Distance at which the fused field is cut off.", 0.01, 1.0)
+    voxel_m: float = setting(0.025, "Side of a voxel of the fused distance field.", 0.005, 0.5)
+    truncation_m: float = setting(0.06, "Distance at which the fused field is cut off.", 0.01, 1.0)
     min_component_m2: float = setting(0.02, "Loose surfaces smaller than this are dropped.", 0.0, 10.0)
     completed_weight: float = setting(0.1, "Weight of completed depth against observed 1.0.", 0.0, 1.0)
     asset_weight: float = setting(0.1, "Weight of the current asset's depth against observed 1.0.", 0.0, 1.0)

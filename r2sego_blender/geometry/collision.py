@@ -24,7 +24,7 @@ from .proxy import GeometryProxy
 
 _FLOOR_NORMAL = 0.8  # cosine from which a face near z = 0 belongs to the floor
 _FLOOR_THICKNESS_M = 0.2
-_COARSENING = 1.4  # of the tolerance, while there are too many pieces
+_COARSENING = 1.3  # at least, of the cells and the tolerance while there are too many pieces
 _SMALLEST_FLOOR_M2 = 0.05
 
 
@@ -68,10 +68,13 @@ def collision_surface(proxy: GeometryProxy, settings: CollisionSettings) -> Coll
     limits = Limits(settings.cell_m, settings.min_cell_m, settings.tolerance_m, settings.thickness_m)
     pieces = decompose(soup, limits)
     while len(pieces) > settings.max_pieces:
+        # A surface falls into about as many pieces as cells of the tolerance's size cover it.
+        coarser = max(_COARSENING, (len(pieces) / settings.max_pieces) ** 0.5)
         limits = replace(
             limits,
-            smallest_m=limits.smallest_m * _COARSENING,
-            tolerance_m=limits.tolerance_m * _COARSENING,
+            cell_m=limits.cell_m * coarser,
+            smallest_m=limits.smallest_m * coarser,
+            tolerance_m=limits.tolerance_m * coarser,
         )
         pieces = decompose(soup, limits)
     return CollisionSurface(vertices, faces, tuple(pieces), floor, 0.0, limits.tolerance_m)
@@ -93,7 +96,7 @@ def write_collision(surface: CollisionSurface, folder: Path) -> None:
         shutil.rmtree(hulls)
     hulls.mkdir()
     for index, (vertices, faces) in enumerate(surface.pieces):
-        (hulls / f"{index:04d}.obj").write_text(_obj(vertices, faces))
+        (hulls / f"piece_{index:04d}.obj").write_text(_obj(vertices, faces))
     (folder / "scene.xml").write_text(_mjcf(surface))
 
 
@@ -179,7 +182,7 @@ def _mjcf(surface: CollisionSurface) -> str:
     for index in range(len(surface.pieces)):
         name = f"piece_{index:04d}"
         # Static pieces need no inertia; "convex" never fails on a thin one.
-        ElementTree.SubElement(assets, "mesh", name=name, file=f"{index:04d}.obj", inertia="convex")
+        ElementTree.SubElement(assets, "mesh", name=name, file=f"piece_{index:04d}.obj", inertia="convex")
         ElementTree.SubElement(world, "geom", name=name, type="mesh", mesh=name, rgba="0.7 0.75 0.8 1")
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"

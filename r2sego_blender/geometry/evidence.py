@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..cameras import Camera
-from ..compiled import parallel_kernel, prange
+from ..compiled import inlined, parallel_kernel, prange
 
 
 @dataclass(frozen=True)
@@ -34,20 +34,36 @@ class Votes:
     front: np.ndarray
 
 
-def collect_votes(points: np.ndarray, views: Sequence[KnownDepth], tolerance: float) -> Votes:
-    """Ask every view about every point (P, 3); depths within the relative ``tolerance`` agree."""
+def collect_votes(
+    points: np.ndarray,
+    views: Sequence[KnownDepth],
+    tolerance: float,
+    normals: np.ndarray | None = None,
+    least_cosine: float = 0.0,
+) -> Votes:
+    """Ask every view about every point (P, 3); depths within the relative ``tolerance`` agree.
+
+    With ``normals`` (P, 3), unit, only views that look at a point's front under at least
+    ``least_cosine`` can agree: an edge-on surface agrees with anything.
+    """
     points = np.ascontiguousarray(points, np.float64).reshape(-1, 3)
+    if normals is None:
+        normals, least_cosine = np.zeros((0, 3)), -1.0
+    normals = np.ascontiguousarray(normals, np.float64)
     votes = np.zeros((3, len(points)), np.uint16)
     for view in views:
         pose = view.camera.camera_from_world
         lens = np.array([view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy])
         depth = np.ascontiguousarray(view.depth, np.float32)
-        _vote(points, pose[:3, :3].copy(), pose[:3, 3].copy(), lens, depth, tolerance, votes)
+        _vote(
+            points, normals, least_cosine, view.camera.centre.copy(), pose[:3, :3].copy(), pose[:3, 3].copy(),
+            lens, depth, tolerance, votes,
+        )  # fmt: skip
     return Votes(*votes)
 
 
 @parallel_kernel
-def _vote(points, rotation, translation, lens, depth, tolerance, votes):
+def _vote(points, normals, least_cosine, centre, rotation, translation, lens, depth, tolerance, votes):
     height, width = depth.shape
     for i in prange(points.shape[0]):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
@@ -67,5 +83,12 @@ def _vote(points, rotation, translation, lens, depth, tolerance, votes):
             votes[1, i] += 1
         elif known < forward * (1.0 - tolerance):
             votes[2, i] += 1
-        else:
+        elif least_cosine < 0.0 or _cosine(points, normals, centre, i) >= least_cosine:
             votes[0, i] += 1
+
+
+@inlined
+def _cosine(points, normals, centre, i):
+    x, y, z = centre[0] - points[i, 0], centre[1] - points[i, 1], centre[2] - points[i, 2]
+    length = np.sqrt(x * x + y * y + z * z)
+    return (normals[i, 0] * x + normals[i, 1] * y + normals[i, 2] * z) / length

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import trimesh
 from scipy import ndimage
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
 _PLANE_SHARE = 3.0  # a chosen plane weighs this many times what is merely filled in
 _CARVING_TOLERANCE = 0.04  # relative depth by which a capture must see past a face
 _SUPPORT_TOLERANCE = 0.03
+_LEAST_COSINE = 0.1  # a capture that sees a face more edge-on than this says nothing for it
+_CELL_VOXELS = 2  # side of the cells that close the envelope
+_SAME_PLANE = 0.8  # cosine from which a face covers the envelope
 _LARGEST_FIELD = 40_000_000  # voxels; 320 MB
 _OUTLIERS = 0.002  # share of the points at each end that the field need not cover
 _MARGIN_M = 0.5  # the field's reach beyond the captures' centres
@@ -89,7 +93,7 @@ def compose_proxy(
             vertices = np.concatenate([vertices, np.asarray(prior.vertices, np.float64)])
         prior_end = len(faces)
         task.advance()
-        vertices, faces = _closed(vertices, faces, field, envelope, trusted, settings)
+        vertices, faces = _closed(vertices, faces, field, envelope, trusted)
         if not len(faces):
             raise GeometryError(
                 "no surface was found", where="geometry proxy",
@@ -148,13 +152,20 @@ def _carved(vertices, faces, trusted, settings):
     """
     if len(faces):
         free = [KnownDepth(v.camera, ndimage.minimum_filter(v.depth, size=3)) for v in trusted]
-        centroids = vertices[faces].mean(1)
+        centroids, normals = vertices[faces].mean(1), _normals(vertices, faces)
         through = collect_votes(centroids, free, _CARVING_TOLERANCE).through
-        agree = collect_votes(centroids, trusted, _CARVING_TOLERANCE).agree
+        agree = collect_votes(centroids, trusted, _CARVING_TOLERANCE, normals, _LEAST_COSINE).agree
         faces = faces[through <= agree]
     if len(faces):
         faces = faces[_component_areas(vertices, faces) >= settings.min_component_m2]
     return _compacted(vertices, faces)
+
+
+def _normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(F, 3) unit normals, zero for faces without area."""
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    cross = np.cross(b - a, c - a)
+    return cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-12)
 
 
 def _component_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -185,8 +196,7 @@ def _outside_prior(vertices, faces, prior, envelope, trusted, settings):
     if not len(faces):
         return faces
     centroids = vertices[faces].mean(1)
-    corners = np.asarray(prior.vertices, np.float64)[np.asarray(prior.faces)]
-    samples = np.concatenate([corners.reshape(-1, 3), corners.mean(1)])
+    samples, _ = trimesh.remesh.subdivide_to_size(prior.vertices, prior.faces, settings.truncation_m)
     near = cKDTree(samples).query(centroids, distance_upper_bound=settings.truncation_m)[0]
     hull = ConvexHull(samples).equations
     inside = (centroids @ hull[:, :3].T + hull[:, 3] < 0).all(1)
@@ -195,33 +205,37 @@ def _outside_prior(vertices, faces, prior, envelope, trusted, settings):
     return faces[~(np.isfinite(near) | (inside & ~bound & ~seen))]
 
 
-def _closed(vertices, faces, field, envelope, trusted, settings):
-    """With the envelope added where there is no surface yet and no capture saw an opening."""
+def _closed(vertices, faces, field, envelope, trusted):
+    """With the envelope added where it is not covered yet and no capture saw an opening."""
     high = field.origin + (np.array(field.distance.shape) - 1) * field.voxel_m
-    cell_m = 2 * field.voxel_m
-    cells = [np.zeros((0, 4, 3))]
-    for polygon, normal in zip(
-        envelope_polygons(envelope, field.origin, high), envelope.normals, strict=True
-    ):
-        cells.append(tessellated(polygon, normal, cell_m))
-    cells = np.concatenate(cells)
-    centres = cells.mean(1)
-    open_ = collect_votes(centres, trusted, _CARVING_TOLERANCE).through > 0
-    if len(faces):
-        open_ |= np.isfinite(cKDTree(vertices[faces].mean(1)).query(centres, distance_upper_bound=cell_m)[0])
-    cells = cells[~open_]
-    corners = len(vertices) + np.arange(4 * len(cells), dtype=np.int32).reshape(-1, 4)
-    added = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
-    return np.concatenate([vertices, cells.reshape(-1, 3)]), np.concatenate([faces, added])
+    centroids, normals = vertices[faces].mean(1), _normals(vertices, faces)
+    added = []
+    polygons = envelope_polygons(envelope, field.origin, high)
+    for polygon, normal, offset in zip(polygons, envelope.normals, envelope.offsets, strict=True):
+        cells = tessellated(polygon, normal, _CELL_VOXELS * field.voxel_m)
+        samples = np.concatenate([cells, cells.mean(1, keepdims=True)], axis=1)
+        votes = collect_votes(samples[:, -1], trusted, _CARVING_TOLERANCE)
+        on_plane = np.abs(centroids @ normal - offset) < field.truncation_m / 2
+        on_plane &= normals @ normal > _SAME_PLANE
+        covered = np.zeros(samples.shape[:2], bool)
+        if on_plane.any():
+            near = cKDTree(centroids[on_plane]).query(samples, distance_upper_bound=field.voxel_m)[0]
+            covered = np.isfinite(near)
+        added.append(cells[(votes.through <= votes.agree) & ~covered.all(1)])
+    added = np.concatenate([np.zeros((0, 4, 3)), *added])
+    corners = len(vertices) + np.arange(4 * len(added), dtype=np.int32).reshape(-1, 4)
+    new = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
+    return np.concatenate([vertices, added.reshape(-1, 3)]), np.concatenate([faces, new])
 
 
 def _with_evidence(vertices, faces, prior_faces, completed, trusted) -> GeometryProxy:
     rasterizer = MeshRasterizer(vertices, faces)
     seen = [KnownDepth(view.camera, rasterizer.render(view.camera).depth) for view in completed]
     chosen = [KnownDepth(v.camera, np.where(v.source == DepthSource.PLANE, v.depth, 0)) for v in completed]
-    centroids = vertices[faces].mean(1)
+    centroids, normals = vertices[faces].mean(1), _normals(vertices, faces)
     support, observed, planar = (
-        collect_votes(centroids, views, _SUPPORT_TOLERANCE).agree for views in (seen, trusted, chosen)
+        collect_votes(centroids, views, _SUPPORT_TOLERANCE, normals, _LEAST_COSINE).agree
+        for views in (seen, trusted, chosen)
     )
     provenance = np.where(observed > 0, Provenance.OBSERVED, Provenance.COMPLETED).astype(np.uint8)
     provenance[prior_faces] = Provenance.PRIOR

@@ -46,15 +46,19 @@ class DistanceField:
         """Marching cubes between known voxels: vertices (V, 3) float64 and faces (F, 3) int32,
         counter-clockwise from the free side; empty arrays where there is no surface."""
         known = self.weight > 0
+        # Where a surface meets the unknown, its sheet is cut off: the mesher's own mask looks
+        # at one corner of a cell alone and leaves ghosts a truncation behind every surface.
         field = np.where(known, self.distance / np.maximum(self.weight, 1e-12), 1.0)
-        nothing = np.zeros((0, 3)), np.zeros((0, 3), np.int32)
         if not (field.min() < 0 < field.max()):
-            return nothing
-        try:
-            vertices, faces, _, _ = marching_cubes(field, 0.0, mask=known, gradient_direction="descent")
-        except RuntimeError:  # no surface among the known voxels
-            return nothing
-        return vertices * self.voxel_m + self.origin, faces.astype(np.int32)
+            return np.zeros((0, 3)), np.zeros((0, 3), np.int32)
+        vertices, faces, _, _ = marching_cubes(field, 0.0, gradient_direction="descent")
+        cell = np.floor(vertices[faces].mean(1)).astype(int)
+        cell = np.minimum(cell, np.array(field.shape) - 2)
+        inside = np.ones(len(faces), bool)
+        for corner in np.ndindex(2, 2, 2):
+            inside &= known[tuple((cell + corner).T)]
+        used, kept = np.unique(faces[inside], return_inverse=True)
+        return vertices[used] * self.voxel_m + self.origin, kept.reshape(-1, 3).astype(np.int32)
 
 
 @parallel_kernel

@@ -1,0 +1,185 @@
+"""The collision surface in MuJoCo: it compiles where it is, and balls rest on it."""
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
+
+from r2sego_blender.errors import GeometryError
+from r2sego_blender.geometry.collision import collision_surface, write_collision
+from r2sego_blender.geometry.convex import Limits, Soup, decompose
+from r2sego_blender.geometry.proxy import GeometryProxy
+from r2sego_blender.settings import CollisionSettings
+
+SETTINGS = CollisionSettings()
+
+
+def as_proxy(mesh):
+    count = len(mesh.faces)
+    return GeometryProxy(
+        np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces, np.int32),
+        np.zeros(count, np.uint8), np.ones(count, np.uint16), np.ones(count, np.float32),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def furnished(room):
+    """The room as reconstruction gives it: many small triangles with a little noise."""
+    mesh = room.mesh.copy().subdivide_to_size(0.05)
+    noise = np.random.default_rng(0).normal(size=mesh.vertices.shape) * 0.002
+    inner = (np.abs(mesh.vertices) < (1.9, 1.4, 2.3)).all(1)
+    mesh.vertices[inner] += noise[inner]
+    return as_proxy(mesh)
+
+
+@pytest.fixture(scope="module")
+def surface(furnished):
+    return collision_surface(furnished, SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def model(surface, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("collision")
+    write_collision(surface, folder)
+    return mujoco.MjModel.from_xml_path(str(folder / "scene.xml"))
+
+
+def test_pieces_are_convex_solid_and_few(surface):
+    assert 0 < len(surface.pieces) <= 300
+    for vertices, faces in surface.pieces:
+        mesh = trimesh.Trimesh(vertices, faces, process=False)
+        assert mesh.is_watertight
+        hull = ConvexHull(vertices)
+        assert mesh.volume == pytest.approx(hull.volume, rel=1e-6)
+        assert mesh.volume > 1e-7
+
+
+def test_compiled_vertices_are_where_ours_are(surface, model):
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    for index, (vertices, _) in enumerate(surface.pieces):
+        geom = model.geom(f"piece_{index:04d}").id
+        mesh = model.geom_dataid[geom]
+        start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        compiled = model.mesh_vert[start : start + count] @ data.geom_xmat[geom].reshape(3, 3).T
+        compiled += data.geom_xpos[geom]
+        ours = vertices[np.lexsort(np.round(vertices, 4).T)]
+        theirs = compiled[np.lexsort(np.round(compiled, 4).T)]
+        distance = np.linalg.norm(ours[:, None] - theirs[None], axis=2)
+        assert distance.min(1).max() < 1e-3
+        assert distance.min(0).max() < 1e-3
+
+
+def test_balls_come_to_rest_on_the_surface(room, surface, model, tmp_path):
+    """A grid of balls dropped over the whole room: floor and furniture alike."""
+    radius = 0.03
+    x, y = np.meshgrid(np.linspace(-1.85, 1.85, 12), np.linspace(-1.35, 1.35, 9))
+    starts = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 1.1)])
+    write_collision(surface, tmp_path)
+    spec = mujoco.MjSpec.from_file(str(tmp_path / "scene.xml"))
+    for index, start in enumerate(starts):
+        body = spec.worldbody.add_body(name=f"ball {index}", pos=start)
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(0, 0, 1), damping=0.02)
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(radius, 0, 0), mass=0.05, contype=2, conaffinity=1
+        )
+    scene = spec.compile()
+    data = mujoco.MjData(scene)
+    while data.time < 1.5:
+        mujoco.mj_step(scene, data)
+    heights = np.array([data.body(f"ball {i}").xpos[2] for i in range(len(starts))]) - radius
+    on_box = (np.abs(starts[:, :2] - (0.9, 0.8)) < (0.5 - radius, 0.3 - radius)).all(1)
+    beside = (np.abs(starts[:, :2] - (0.9, 0.8)) < (0.5 + 0.05, 0.3 + 0.05)).all(1) & ~on_box
+    assert (heights > -0.01).all()
+    assert on_box.sum() >= 3
+    np.testing.assert_allclose(heights[on_box], 0.7, atol=0.02)
+    np.testing.assert_allclose(heights[~on_box & ~beside], 0.0, atol=0.002)
+
+
+def test_nothing_stands_out_into_the_room(room, surface):
+    """No piece reaches farther into free space than its tolerance, but for cut corners."""
+    rng = np.random.default_rng(1)
+    points = rng.uniform(-1, 1, (4000, 3)) * (1.9, 1.4, 1.1) + (0, 0, 1.2)
+    inside_box = (np.abs(points - (0.9, 0.8, 0.35)) < (0.5, 0.3, 0.35)).all(1)
+    points = points[(room.distance(points) > 0.06) & ~inside_box]
+    for vertices, _ in surface.pieces:
+        planes = ConvexHull(vertices).equations
+        assert not (points @ planes[:, :3].T + planes[:, 3] < 0).all(1).any()
+
+
+def test_the_floor_is_one_flat_box_under_the_room(surface, model):
+    floor = model.geom("floor")
+    assert floor.type == mujoco.mjtGeom.mjGEOM_BOX
+    assert floor.pos[2] + floor.size[2] == pytest.approx(0.0, abs=1e-9)
+    np.testing.assert_allclose(np.abs(surface.floor[:, :2]).max(0), (2.0, 1.5), atol=0.02)
+    assert surface.floor_z_m == 0.0
+
+
+def test_files_are_all_in_the_world_frame(surface, tmp_path):
+    write_collision(surface, tmp_path)
+    low, high = surface.vertices.min(0), surface.vertices.max(0)
+    for name in ("mesh.obj", "mesh.stl"):
+        loaded = trimesh.load(tmp_path / name, force="mesh")
+        np.testing.assert_allclose(loaded.bounds, [low, high], atol=1e-4)
+    scene = trimesh.load(tmp_path / "mesh.glb", force="mesh")
+    np.testing.assert_allclose(scene.bounds[1] - scene.bounds[0], (high - low)[[0, 2, 1]], atol=1e-4)
+    assert len(list((tmp_path / "hulls").glob("*.obj"))) == len(surface.pieces)
+    write_collision(surface, tmp_path)
+    assert len(list((tmp_path / "hulls").glob("*.obj"))) == len(surface.pieces)
+
+
+def test_loose_crumbs_are_dropped(room):
+    crumb = trimesh.creation.box((0.06, 0.06, 0.06))
+    crumb.apply_translation((0, 0, 1.2))
+    with_crumb = trimesh.util.concatenate([room.mesh.copy().subdivide_to_size(0.2), crumb])
+    surface = collision_surface(as_proxy(with_crumb), SETTINGS)
+    assert not (np.linalg.norm(surface.vertices - (0, 0, 1.2), axis=1) < 0.2).any()
+
+
+def test_the_number_of_pieces_is_bounded():
+    bumps = trimesh.creation.icosphere(4, 1.0)
+    rng = np.random.default_rng(0)
+    bumps.vertices *= 1 + 0.15 * rng.normal(size=(len(bumps.vertices), 1))
+    bumps.apply_translation((0, 0, 3))
+    few = CollisionSettings(max_pieces=60)
+    surface = collision_surface(as_proxy(bumps), few)
+    assert len(surface.pieces) <= 60
+    assert surface.tolerance_m > few.tolerance_m
+
+
+def test_the_same_proxy_gives_the_same_files(furnished, surface, tmp_path):
+    again = collision_surface(furnished, SETTINGS)
+    texts = []
+    for index, each in enumerate((surface, again)):
+        write_collision(each, tmp_path / str(index))
+        files = sorted(p for p in (tmp_path / str(index)).rglob("*") if p.is_file())
+        texts.append([(p.name, p.read_bytes()) for p in files])
+    assert texts[0] == texts[1]
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_pieces_cover_the_whole_surface(seed):
+    """Every point of every triangle lies in or on some piece."""
+    rng = np.random.default_rng(seed)
+    mesh = trimesh.creation.icosphere(2, 1.0)
+    mesh.vertices *= rng.uniform(0.5, 1.5, 3) * (1 + 0.1 * rng.normal(size=(len(mesh.vertices), 1)))
+    soup = Soup.of(mesh.vertices, mesh.faces)
+    pieces = decompose(soup, Limits(0.8, 0.1, 0.03, 0.05))
+    covered = np.zeros(len(soup.areas), bool)
+    for vertices, _ in pieces:
+        planes = ConvexHull(vertices).equations
+        covered |= (soup.centroids @ planes[:, :3].T + planes[:, 3] < 1e-5).all(1)
+    assert covered.mean() > 0.995
+
+
+def test_a_proxy_without_surface_is_refused():
+    nothing = GeometryProxy(
+        np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), np.zeros(0, np.uint8),
+        np.zeros(0, np.uint16), np.zeros(0, np.float32),
+    )  # fmt: skip
+    with pytest.raises(GeometryError):
+        collision_surface(nothing, SETTINGS)
