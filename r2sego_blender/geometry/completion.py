@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -24,15 +24,14 @@ from scipy import ndimage
 from ..cameras import Camera
 from ..captures.capture import Capture
 from ..errors import GeometryError
+from ..errors import GeometryError
 from ..images import resize
 from ..progress import SILENT, Progress
 from ..settings import Settings, StereoSettings
 from .edges import aligned_to_edges
 from .evidence import KnownDepth, collect_votes
 from .planes import RoomPlanes
-
-if TYPE_CHECKING:
-    from .stereo import DepthMap
+from .stereo import DepthMap
 
 
 class DepthSource(IntEnum):

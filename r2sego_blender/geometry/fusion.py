@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
@@ -28,13 +27,11 @@ from ..settings import ProxySettings
 from .completion import CompletedDepth, DepthSource
 from .envelope import envelope_polygons, tessellated
 from .evidence import KnownDepth, collect_votes
+from .observed import ObservedGeometry
 from .planes import RoomPlanes
 from .proxy import GeometryProxy, Provenance
 from .rasterizer import MeshRasterizer
 from .tsdf import DistanceField
-
-if TYPE_CHECKING:
-    from .observed import ObservedGeometry
 
 _PLANE_SHARE = 3.0  # a chosen plane weighs this many times what is merely filled in
 _CARVING_TOLERANCE = 0.04  # relative depth by which a capture must see past a face

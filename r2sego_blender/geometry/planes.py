@@ -8,18 +8,16 @@ planes, so an unseen wall or ceiling is never invented: the room stays open ther
 
 from __future__ import annotations
 
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..cameras import Camera
 from ..errors import GeometryError
 from ..settings import ProxySettings
-
-if TYPE_CHECKING:
-    from .observed import ObservedGeometry
+from .observed import ObservedGeometry
 
 _HYPOTHESES = 512  # points whose own tangent plane is tried for each plane
 _SCORED_POINTS = 20_000  # points a hypothesis is scored on; all take part in the refinement
@@ -84,7 +82,7 @@ class RoomPlanes:
         try:
             with np.load(path, allow_pickle=False) as data:
                 return RoomPlanes(**{n: data[n] for n in RoomPlanes.__dataclass_fields__})
-        except (OSError, KeyError, ValueError) as error:
+        except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
             raise GeometryError(
                 "these are not room planes", where=path, cure="Run `r2sego refine` again."
             ) from error

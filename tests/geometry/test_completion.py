@@ -9,7 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.errors import GeometryError
 from r2sego_blender.geometry.completion import (
+    CompletedDepth,
     DepthSource,
     _homography,
     complete_depth,
@@ -116,3 +118,15 @@ def test_the_same_input_gives_the_same_bits(room, planes):
     a, b = (complete_depth(room.captures, room.depth_maps, planes, SETTINGS) for _ in range(2))
     for first, second in zip(a, b, strict=True):
         np.testing.assert_array_equal(first.depth, second.depth)
+
+
+def test_save_and_load_round_trip(room, planes, tmp_path):
+    view = complete_depth(room.captures, room.depth_maps, planes, SETTINGS)[0]
+    view.save(tmp_path / "0.npz")
+    loaded = CompletedDepth.load(tmp_path / "0.npz")
+    np.testing.assert_array_equal(loaded.depth, view.depth)
+    np.testing.assert_array_equal(loaded.source, view.source)
+    assert loaded.camera.to_json() == view.camera.to_json()
+    (tmp_path / "0.npz").write_bytes(b"PK\x03\x04nothing")
+    with pytest.raises(GeometryError):
+        CompletedDepth.load(tmp_path / "0.npz")
