@@ -11,10 +11,10 @@ of the room is taken; where there is none, the nearest completed depth.
 from __future__ import annotations
 
 import json
+import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from pathlib import Path
 from pathlib import Path
 
 import cv2
@@ -23,7 +23,6 @@ from scipy import ndimage
 
 from ..cameras import Camera
 from ..captures.capture import Capture
-from ..errors import GeometryError
 from ..errors import GeometryError
 from ..images import resize
 from ..progress import SILENT, Progress
@@ -67,7 +66,7 @@ class CompletedDepth:
             with np.load(path, allow_pickle=False) as data:
                 camera = Camera.from_json(json.loads(str(data["camera"])))
                 return CompletedDepth(data["depth"], data["source"], camera)
-        except (OSError, KeyError, ValueError, TypeError) as error:
+        except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
             raise GeometryError(
                 "this is not a completed depth map", where=path, cure="Run `r2sego refine` again."
             ) from error
