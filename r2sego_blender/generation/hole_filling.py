@@ -15,8 +15,8 @@ from ..compiled import inlined, kernel
 
 # A source this share of its distance off a pixel's plane counts a quarter; the floor lets
 # colour through from anywhere when the pixel's own surface is wholly unknown.
-_PLANE_DISTANCE = np.float32(0.02)
-_OFF_PLANE = np.float32(1e-4)
+_PLANE_DISTANCE = np.float32(0.05)
+_OFF_PLANE = np.float32(1e-3)
 _SMALLEST_WEIGHT = np.float32(1e-8)  # of a cell that knows anything: ten levels must not underflow
 
 
