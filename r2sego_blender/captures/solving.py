@@ -116,13 +116,14 @@ def solve_in_child(request: dict[str, Any]) -> dict[str, Any]:
         two_view_geometry_options=verification,
     )  # fmt: skip
     index_of = {image_id: index for index, image_id in enumerate(ids)}
+    matched = {index for pair in pairs for index in pair}
     best: list[list[dict[str, Any]]] = []
     for attempt, thresholds in enumerate(_TRIES):
         models = _map(database, folder, attempt, thresholds, request["min_matches"])
         found = [_trustworthy(model, index_of, features, pairs) for model in models]
         if max(map(len, found), default=0) > max(map(len, best), default=0):
             best = found
-        if max(map(len, best), default=0) == len(features):
+        if max(map(len, best), default=0) == len(matched):
             break
     return {"models": best}
 
