@@ -6,15 +6,8 @@ import shutil
 from pathlib import Path
 
 from .errors import SceneError
-from .geometry.proxy import GeometryProxy, Provenance
+from .geometry.proxy import PROVENANCE_COLOURS, GeometryProxy, Provenance
 from .scene import Scene
-
-PROVENANCE_COLOURS = {
-    Provenance.OBSERVED: (148, 148, 148),
-    Provenance.PRIOR: (0, 150, 136),
-    Provenance.COMPLETED: (224, 164, 58),
-}
-"""Capture grey and prior teal as in the paper's figure; completed surfaces amber."""
 
 
 def export_scene(scene: Scene, folder: Path) -> list[Path]:
@@ -46,7 +39,7 @@ def write_coloured_proxy(proxy: GeometryProxy, file: Path) -> None:
     import numpy as np
     import trimesh
 
-    palette = np.array([PROVENANCE_COLOURS[p] for p in Provenance], np.uint8)
+    palette = np.rint(np.array([PROVENANCE_COLOURS[p] for p in Provenance]) * 255).astype(np.uint8)
     mesh = trimesh.Trimesh(
         proxy.vertices, proxy.faces, face_colors=palette[proxy.provenance], process=False
     )  # fmt: skip

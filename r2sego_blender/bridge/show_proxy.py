@@ -5,19 +5,13 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ..geometry.proxy import GeometryProxy, Provenance
+from ..geometry.proxy import PROVENANCE_COLOURS, GeometryProxy, Provenance
 from .bundle import Bundle
 from .materials import plain_material
 from .meshes import add_attribute, arrays_from_mesh, assign_materials, mesh_from_arrays, read_attribute
 from .outliner import fresh_collection
 
 _PART = "Geometry proxy"
-_COLOURS = {
-    Provenance.OBSERVED: (148, 148, 148),
-    Provenance.PRIOR: (0, 150, 136),
-    Provenance.COMPLETED: (224, 164, 58),
-}
-"""sRGB; the exported proxy has the same: capture grey, prior teal, completed amber."""
 
 
 def show_proxy(scene: bpy.types.Scene, bundle: Bundle, round_index: int) -> bpy.types.Object:
@@ -47,8 +41,7 @@ def proxy_mesh(proxy: GeometryProxy, name: str) -> bpy.types.Mesh:
 
 def provenance_material(kind: Provenance) -> bpy.types.Material:
     """The material of faces with this provenance; its pass index is the provenance + 1."""
-    colour = tuple(channel / 255.0 for channel in _COLOURS[kind])
-    material = plain_material(f"R2S-EGO {kind.name.lower()}", colour)
+    material = plain_material(f"R2S-EGO {kind.name.lower()}", PROVENANCE_COLOURS[kind])
     material.pass_index = kind + 1
     return material
 

@@ -10,16 +10,9 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from ..cameras import Camera
-from ..geometry.proxy import GeometryProxy, Provenance
+from ..geometry.proxy import PROVENANCE_COLOURS, GeometryProxy, Provenance
 from ..geometry.rasterizer import MeshRasterizer
 from ..images import resize, to_uint8
-
-PROVENANCE_COLOURS = {
-    Provenance.OBSERVED: (0.62, 0.63, 0.65),
-    Provenance.PRIOR: (0.13, 0.62, 0.59),
-    Provenance.COMPLETED: (0.90, 0.64, 0.20),
-}
-"""Capture grey, prior teal (as in the paper's figures) and completed amber, sRGB."""
 
 BACKGROUND = (0.965, 0.957, 0.941)
 CAPTURE_INK = (40, 62, 92)

@@ -19,6 +19,14 @@ class Provenance(IntEnum):
     COMPLETED = 2
 
 
+PROVENANCE_COLOURS = {
+    Provenance.OBSERVED: (0.62, 0.63, 0.65),
+    Provenance.PRIOR: (0.13, 0.62, 0.59),
+    Provenance.COMPLETED: (0.90, 0.64, 0.20),
+}
+"""Capture grey and prior teal as in the paper's figures, completed amber; sRGB in [0, 1]."""
+
+
 @dataclass(frozen=True)
 class GeometryProxy:
     """A triangle mesh in the world frame, metres, with the evidence for each face.

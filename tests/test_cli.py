@@ -1,0 +1,175 @@
+"""The command tree: bad input gives one clear line with file, field and cure, and changes nothing."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from r2sego_blender.images import save_image
+from r2sego_blender.scene import Declaration, Scene, content_digest
+
+ROOT = Path(__file__).parents[1]
+ROOM = ROOT / "demo" / "room"
+IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
+
+
+def r2sego(*arguments: object) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-m", "r2sego_blender", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+
+
+def refused(done: subprocess.CompletedProcess) -> str:
+    """The one line a command that failed printed last; it must be no traceback."""
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    return done.stderr.strip().splitlines()[-1]
+
+
+@pytest.fixture
+def photographs(tmp_path) -> Path:
+    folder = tmp_path / "photographs"
+    folder.mkdir()
+    return folder
+
+
+def noise(path: Path, seed: int) -> None:
+    save_image(path, np.random.default_rng(seed).random((120, 160, 3), np.float32))
+
+
+def bundle(folder: Path) -> Scene:
+    declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
+    return Scene.create(folder / "room.r2s", declaration, lambda f: (f / "captures").mkdir())
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_new_wants_three_photographs(photographs, tmp_path, count):
+    for index in range(count):
+        noise(photographs / f"{index}.png", index)
+    line = refused(r2sego("new", tmp_path / "a.r2s", "--captures", photographs))
+    assert str(photographs) in line and "at least 3" in line
+    assert not (tmp_path / "a.r2s").exists()
+
+
+def test_new_names_the_folder_that_is_missing(tmp_path):
+    line = refused(r2sego("new", tmp_path / "a.r2s", "--captures", tmp_path / "nowhere"))
+    assert "nowhere" in line
+
+
+def test_new_names_the_image_it_cannot_read(photographs, tmp_path):
+    for index in range(3):
+        noise(photographs / f"{index}.png", index)
+    (photographs / "1.png").write_bytes(b"\x89PNG garbage")
+    line = refused(r2sego("new", tmp_path / "a.r2s", "--captures", photographs))
+    assert "1.png" in line and "cannot be read" in line
+
+
+@pytest.mark.slow
+def test_new_says_what_to_photograph_when_images_share_nothing(photographs, tmp_path):
+    for index in range(4):
+        noise(photographs / f"{index}.png", index)
+    line = refused(r2sego("new", tmp_path / "a.r2s", "--captures", photographs))
+    assert "overlap" in line
+    assert list(tmp_path.iterdir()) == [photographs]
+
+
+@pytest.mark.parametrize("text", ["<mujoco><worldbody><geom/></worldbody></mujoco>", "no xml"])
+def test_new_refuses_a_robot_that_does_not_compile(photographs, tmp_path, text):
+    robot = tmp_path / "robot.xml"
+    robot.write_text(text)
+    line = refused(r2sego("new", tmp_path / "a.r2s", "--captures", photographs, "--robot", robot))
+    assert "robot.xml" in line
+
+
+def test_new_refuses_a_scale_it_cannot_read(photographs, tmp_path):
+    line = refused(r2sego("new", tmp_path / "a.r2s", "--captures", photographs, "--known-length", "a:1:2"))
+    assert "PHOTO:X,Y:X,Y:METRES" in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--set", "training.stepz=3"], "training."),
+        (["--set", "training.steps_per_round=-3"], "out of range"),
+        (["--set", "rounds"], "key=value"),
+        (["--rounds", "0"], "out of range"),
+    ],
+)
+def test_refine_refuses_unknown_settings_and_leaves_the_bundle(tmp_path, arguments, words):
+    scene = bundle(tmp_path)
+    before = content_digest(scene.path)
+    assert words in refused(r2sego("refine", scene.path, *arguments))
+    (scene.path / ".lock").unlink(missing_ok=True)
+    assert content_digest(scene.path) == before
+
+
+def test_every_command_refuses_a_bundle_of_another_version(tmp_path):
+    scene = bundle(tmp_path)
+    declared = scene.path / "scene.toml"
+    declared.write_text(declared.read_text().replace("format = 1", "format = 2"))
+    for arguments in (
+        ["refine", scene.path],
+        ["status", scene.path],
+        ["evaluate", scene.path, "--frozen", ROOM / "cameras.json"],
+        ["export", scene.path, "--to", tmp_path / "out"],
+    ):
+        assert "format 2" in refused(r2sego(*arguments))
+
+
+def test_what_is_not_there_yet_is_said(tmp_path):
+    scene = bundle(tmp_path)
+    assert "r2sego refine" in refused(r2sego("export", scene.path, "--to", tmp_path / "out"))
+    assert "r2sego refine" in refused(r2sego("evaluate", scene.path, "--frozen", ROOM / "cameras.json"))
+    assert "r2sego new" in refused(r2sego("status", tmp_path / "nothing.r2s"))
+
+
+def test_json_progress_tells_an_error_as_a_line_of_json(tmp_path):
+    done = r2sego("refine", tmp_path / "nothing.r2s", "--json-progress")
+    events = [json.loads(line) for line in done.stdout.splitlines()]
+    assert done.returncode == 1
+    assert events[-1]["event"] == "error" and "nothing.r2s" in events[-1]["text"]
+
+
+def test_doctor_names_what_is_installed():
+    findings = json.loads(r2sego("doctor", "--json").stdout)
+    versions = {package["name"]: package["version"] for package in findings["packages"]}
+    assert findings["ready"] and versions["mujoco"] == "4.0.0"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+def test_an_interrupt_ends_a_run_within_two_seconds_and_leaves_nothing(tmp_path):
+    target = tmp_path / "a.r2s"
+    arguments = ["new", target, "--captures", ROOM / "captures", "--poses", ROOM / "cameras.json"]
+    command = [sys.executable, "-m", "r2sego_blender", *map(str, arguments)]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, cwd=ROOT)
+    assert process.stderr.readline()  # it works on the captures now
+    time.sleep(0.3)
+    started_s = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=30)
+    assert time.monotonic() - started_s < 2.0
+    assert process.returncode == 128 + signal.SIGINT
+    assert not target.exists()
+
+
+@pytest.mark.skipif(shutil.which("mount") is None or os.name == "nt", reason="needs mount")
+def test_a_full_disk_is_said_and_nothing_is_left(tmp_path):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    if subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", disk], capture_output=True
+    ).returncode:
+        pytest.skip("mounting a small file system needs root")
+    try:
+        arguments = ["new", disk / "a.r2s", "--captures", ROOM / "captures"]
+        line = refused(r2sego(*arguments, "--poses", ROOM / "cameras.json"))
+        assert "disk is full" in line
+        assert list(disk.iterdir()) == []
+    finally:
+        subprocess.run(["umount", disk], check=True)

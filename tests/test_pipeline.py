@@ -1,0 +1,125 @@
+"""Algorithm 1 from end to end on the demo room, small: what every round leaves, and that it repeats."""
+
+import dataclasses
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from r2sego_blender.creation import create_scene
+from r2sego_blender.evaluation.scene_evaluation import evaluate_scene
+from r2sego_blender.export import export_scene
+from r2sego_blender.geometry.proxy import GeometryProxy
+from r2sego_blender.pipeline import refine
+from r2sego_blender.scene import Scene, content_digest
+from r2sego_blender.settings import CaptureSettings
+from r2sego_blender.splats.ply import load_ply
+from r2sego_blender.status import describe
+
+pytestmark = pytest.mark.slow
+
+ROOM = Path(__file__).parents[1] / "demo" / "room"
+SMALL = {
+    "rounds": 2,
+    "stereo.max_side_px": 160,
+    "stereo.iterations": 3,
+    "proxy.voxel_m": 0.06,
+    "collision.tolerance_m": 0.05,
+    "rollouts.successes": 2,
+    "selection.target_views": 3,
+    "selection.scoring_scale": 0.25,
+    "generation.clip_frames": 4,
+    "training.steps_per_round": 60,
+    "training.max_gaussians": 20000,
+}
+
+
+@pytest.fixture(scope="module")
+def small_room(tmp_path_factory) -> Scene:
+    """The demo room, refined for two rounds at a quarter of the images' size."""
+    scene = create_scene(
+        tmp_path_factory.mktemp("pipeline") / "room.r2s", ROOM / "captures", ROOM / "cameras.json",
+        settings=CaptureSettings(max_side_px=240),
+    )  # fmt: skip
+    scene = scene.declare(overrides=SMALL)
+    refine(scene)
+    return scene
+
+
+def test_every_round_leaves_what_it_did(small_room):
+    for index in range(2):
+        folder = small_room.round_folder(index)
+        rollouts = json.loads((folder / "rollouts" / "rollouts.json").read_text())
+        assert sum(r["success"] for r in rollouts["rollouts"]) == 2
+        assert all(r["reason"] for r in rollouts["rollouts"] if not r["success"])
+        with np.load(folder / "selection" / "selection.npz") as selection:
+            np.testing.assert_allclose(selection["score"], selection["deficit"] * selection["availability"])
+            assert 1 <= selection["chosen"].sum() <= 3
+        for view in (folder / "views").iterdir():
+            pose = json.loads((view / "pose.json").read_text())
+            assert pose["reason"] and pose["query"] != pose["estimate"]
+            assert len(list((view / "clip").iterdir())) == 4
+        assert json.loads((folder / "metrics.json").read_text())["gaussians"] <= 20000
+    assert describe(small_room)["refined"]
+
+
+def test_the_room_of_a_later_round_has_other_rollouts(small_room):
+    first, second = (
+        content_digest(small_room.round_folder(index) / "rollouts" / "rollouts.npz") for index in range(2)
+    )
+    assert first != second
+
+
+def test_the_asset_grows_under_its_budget_and_stays_finite(small_room):
+    initial = load_ply(small_room.geometry_folder / "initial_asset.ply")
+    refined = load_ply(small_room.asset_file)
+    assert len(initial) < len(refined) <= 20000
+    assert np.isfinite(refined.means).all() and np.isfinite(refined.sh).all()
+
+
+def test_refining_again_does_nothing_and_an_edit_redoes_what_depends_on_it(small_room, tmp_path):
+    scene = Scene.open(shutil.copytree(small_room.path, tmp_path / "copy.r2s"))
+    ran = len(scene.journal())
+    refine(scene)
+    assert len(scene.journal()) == ran
+    proxy_file = scene.round_folder(1) / "proxy" / "proxy.npz"
+    proxy = GeometryProxy.load(proxy_file)
+    dataclasses.replace(proxy, confidence=proxy.confidence * 0.5).save(proxy_file)
+    refine(scene)
+    redone = {record["step"] for record in scene.journal()[ran:]}
+    assert "rounds/1/collision" in redone and "rounds/1/asset.ply" in redone
+    assert not any(step.startswith(("geometry/", "rounds/0/")) for step in redone)
+
+
+def test_the_same_seed_gives_the_same_bundle(small_room, tmp_path):
+    again = create_scene(
+        tmp_path / "room.r2s", ROOM / "captures", ROOM / "cameras.json",
+        settings=CaptureSettings(max_side_px=240),
+    ).declare(overrides=SMALL)  # fmt: skip
+    refine(again)
+    for name in ("scene.toml", "captures", "geometry", "rounds", "collision", "asset.ply"):
+        assert content_digest(again.path / name) == content_digest(small_room.path / name), name
+
+
+def test_evaluation_scores_every_arm_and_writes_the_report(small_room):
+    metrics = evaluate_scene(small_room, ROOM / "cameras.json")
+    assert set(metrics["arms"]) == {"initial", "vanilla_3dgs", "refined"}
+    for arm in metrics["arms"].values():
+        assert len(arm["views"]) == 16 and 5 < arm["psnr"] < 60 and 0 < arm["ssim"] < 1
+        assert arm["lpips_alex"] is not None or arm["lpips_reason"]
+    assert metrics["arms"]["refined"]["psnr"] > metrics["arms"]["vanilla_3dgs"]["psnr"]
+    page = (small_room.report_folder / "index.html").read_text()
+    assert "vanilla 3DGS" in page and "embedded" in page
+
+
+def test_export_gives_files_other_tools_read(small_room, tmp_path):
+    import mujoco
+    import trimesh
+
+    export_scene(small_room, tmp_path / "out")
+    assert len(load_ply(tmp_path / "out" / "asset.ply")) == len(load_ply(small_room.asset_file))
+    assert len(trimesh.load(tmp_path / "out" / "proxy.ply").faces) > 1000
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "collision" / "scene.xml"))
+    assert model.ngeom > 10
