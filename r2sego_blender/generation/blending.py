@@ -75,6 +75,8 @@ class BlendingGenerator:
         if not captures:
             raise GenerationError("there are no captures to blend", cure="Import the photographs again.")
         cameras = [capture.camera for capture in captures]
+        if [np.shape(depth) for depth in capture_depths] != [camera.shape for camera in cameras]:
+            raise ValueError("each capture needs one depth map of its camera's size")
         images = [capture.image() for capture in captures]
         gains = exposure_gains(images, cameras, capture_depths, settings.depth_tolerance)
         observed = observed_depths or [None] * len(captures)

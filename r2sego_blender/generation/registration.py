@@ -53,6 +53,8 @@ class Landmarks:
         ``reliable``, when given, are (H, W) bool masks of the depths to trust. Features on
         depth edges or without depth are left out. Raises GenerationError when none is left.
         """
+        if [depth.shape for depth in capture_depths] != [one.camera.shape for one in captures]:
+            raise ValueError("each capture needs one depth map of its camera's size")
         points, descriptors, capture = [], [], []
         masks = [depth > 0.0 for depth in capture_depths] if reliable is None else reliable
         with progress.task("Lifting capture features", len(captures)) as task:
