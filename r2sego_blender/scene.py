@@ -341,8 +341,16 @@ def _disk_errors(place: Path) -> Iterator[None]:
         ) from error
 
 
+_FEW_FILES = 64
+"""Up to this many files are flushed one by one; beyond, the whole system once is quicker."""
+
+
 def _flush(path: Path) -> None:
-    for file in [path, *path.rglob("*")] if path.is_dir() else [path]:
+    files = [path, *path.rglob("*")] if path.is_dir() else [path]
+    if len(files) > _FEW_FILES and hasattr(os, "sync"):
+        os.sync()
+        return
+    for file in files:
         if file.is_dir() and os.name == "nt":  # Windows cannot flush folders
             continue
         descriptor = os.open(file, os.O_RDONLY if os.name != "nt" else os.O_RDWR)

@@ -134,7 +134,7 @@ class GenerationSettings:
     edge_erosion_px: int = setting(
         2, "Background this near a capture's depth edge is not taken from that capture.", 0, 16
     )
-    border_px: float = setting(20.0, "Width over which a capture fades out at its border.", 0.0, 500.0)
+    border_px: float = setting(40.0, "Width over which a capture fades out at its border.", 0.0, 500.0)
     hole_confidence: float = setting(0.1, "Confidence of a pixel that no capture saw.", 0.0, 1.0)
 
 

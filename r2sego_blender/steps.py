@@ -155,10 +155,16 @@ class Steps:
             for one in completed:
                 rendering = render(current, one.camera)
                 asset_depths.append((one.camera, rendering.depth, rendering.alpha))
+            envelope = RoomPlanes.load(self.scene.path / PLANES).envelope
             proxy = compose_proxy(
-                self._captures, completed, self._observed(), RoomPlanes.load(self.scene.path / PLANES).envelope,
-                asset_depths, self.h.proxy, self.progress,
-            )  # fmt: skip
+                self._captures,
+                completed,
+                self._observed(),
+                envelope,
+                asset_depths,
+                self.h.proxy,
+                self.progress,
+            )
             proxy.save(folder / "proxy.npz")
             write_coloured_proxy(proxy, folder / "proxy.ply")
 

@@ -150,8 +150,8 @@ class Bundle:
         ``view`` is its rank. Raises SceneError when that view has no clip.
         """
         folder = self.scene.round_folder(round_index) / "views"
-        file = next(iter(sorted(folder.glob(f"**/{view:03d}/path.json"))), None)
-        if file is None:
+        file = folder / f"{view:03d}" / "path.json"
+        if not file.is_file():
             raise SceneError(
                 f"round {round_index} has no camera path for view {view}", where=folder,
                 cure="Choose another view or round.",

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import CaptureError
-from ..images import image_files
 from ..progress import SILENT, Progress
 from ..settings import CaptureSettings
 from . import json_fields as fields
@@ -47,7 +46,7 @@ def import_captures(
     if not folder.is_dir():
         raise CaptureError("there is no such folder", where=folder, cure="Give a folder of photographs.")
     if poses is None:
-        photographs, source = solve_poses(image_files(folder), settings, progress)
+        photographs, source = solve_poses(folder, settings, progress)
         return Imported(captures_of(photographs, settings.max_side_px), source, metric=False)
     poses = Path(poses)
     if poses.is_dir():

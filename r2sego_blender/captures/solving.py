@@ -11,7 +11,7 @@ import numpy as np
 
 from ..cameras import Camera
 from ..errors import CaptureError
-from ..images import load_image, resize
+from ..images import image_files, load_image, resize
 from ..progress import Progress
 from ..settings import CaptureSettings
 from ..workers.child import call_in_child
@@ -39,16 +39,15 @@ _ADVICE = (
 )
 
 
-def solve_poses(
-    paths: Sequence[Path], settings: CaptureSettings, progress: Progress
-) -> tuple[list[Photograph], str]:
-    """Photographs with estimated lenses and poses, up to an unknown similarity.
+def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> tuple[list[Photograph], str]:
+    """The photographs in ``folder`` with estimated lenses and poses, up to an unknown similarity.
 
     Focal lengths start from EXIF where it has them. Also returns a line saying how many
     registered. Raises CaptureError when fewer than three, or fewer than 60 %, do.
     """
+    paths = image_files(folder)
     if len(paths) < MIN_CAPTURES:
-        raise too_few(len(paths), paths[0].parent if paths else "photographs")
+        raise too_few(len(paths), folder)
     features: list[Features] = []
     sizes = []
     for path in progress.track(paths, "Finding features"):

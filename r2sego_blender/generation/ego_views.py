@@ -55,7 +55,7 @@ def ego_video_reg(
     folder: Path,
     progress: Progress = SILENT,
 ) -> tuple[PseudoObservation, ...]:
-    """Generate and register the selection's target views; write each as ``folder/views/<rank>/``.
+    """Generate and register the selection's target views; write each as ``folder/<rank>/``.
 
     ``candidates`` are the M cameras the selection was made from. A frame that cannot be
     generated or registered is rejected, with its reason in ``pose.json``, and the
@@ -81,7 +81,7 @@ def ego_video_reg(
             )  # fmt: skip
             reason = _generate(
                 view, target, cameras[reference], renderer, generator, landmarks, settings,
-                folder / "views" / f"{rank:03d}",
+                folder / f"{rank:03d}",
             )  # fmt: skip
             if reason is None:
                 accepted += 1
@@ -96,12 +96,12 @@ def ego_video_reg(
 
 
 def load_pseudo_observations(folder: Path) -> tuple[PseudoObservation, ...]:
-    """The accepted views under ``folder/views``, in rank order.
+    """The accepted views under ``folder``, in rank order.
 
     Raises GenerationError when a view's files are damaged.
     """
     observations = []
-    for view in sorted((folder / "views").glob("*/pose.json")):
+    for view in sorted(folder.glob("*/pose.json")):
         try:
             record = json.loads(view.read_text())
             if record["accepted"]:

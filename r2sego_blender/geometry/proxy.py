@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -53,7 +54,7 @@ class GeometryProxy:
         try:
             with np.load(path, allow_pickle=False) as data:
                 return GeometryProxy(**{n: data[n] for n in GeometryProxy.__dataclass_fields__})
-        except (OSError, KeyError, ValueError) as error:
+        except (OSError, EOFError, KeyError, ValueError, BadZipFile) as error:
             raise GeometryError(
                 "this is not a geometry proxy", where=path, cure="Run `r2sego refine` again."
             ) from error

@@ -113,7 +113,7 @@ def _fill_round(folder: Path, index: int) -> None:
     proxy(index).save(folder / "proxy" / "proxy.npz")
     selection().save(folder / "selection")
     save_candidates(folder / "selection", [ego_camera().at(pose) for pose in candidate_poses()])
-    _write_path(folder / "views" / "views" / "000", cameras()[1].at(candidate_poses()[TARGETS[0]]))
+    _write_path(folder / "views" / "000", cameras()[1].at(candidate_poses()[TARGETS[0]]))
     (folder / "asset.ply").write_bytes(b"ply\n")
     counts = {
         "rollouts_succeeded": 12, "rollouts_failed": 3, "candidates": CANDIDATES,

@@ -72,7 +72,7 @@ def test_views_are_written_registered_and_read_back(tmp_path, room_a, scene):
     observations = views_of(room_a, scene, scene.generator, tmp_path)
     assert [o.rank for o in observations] == [0, 1]
     for observation in observations:
-        folder = tmp_path / "views" / f"{observation.rank:03d}"
+        folder = tmp_path / f"{observation.rank:03d}"
         record = json.loads((folder / "pose.json").read_text())
         query = scene.candidates[record["candidate"]]
         assert record["accepted"]
@@ -94,7 +94,7 @@ def test_views_are_written_registered_and_read_back(tmp_path, room_a, scene):
         np.testing.assert_allclose(path["reference_from_frame"][0], np.eye(4), atol=1e-9)
         with Image.open(folder / "clip.webp") as clip:
             assert (clip.n_frames, clip.size) == (3, (160, 120))
-    (tmp_path / "views/001/frame.png").write_bytes(b"")
+    (tmp_path / "001/frame.png").write_bytes(b"")
     with pytest.raises(GenerationError, match="damaged"):
         load_pseudo_observations(tmp_path)
 
@@ -103,7 +103,7 @@ def test_rejected_views_are_replaced_by_the_next_ranked(tmp_path, room_a, scene)
     generator = FailingAt(scene.generator, give_up=(0,), noise=(1,))
     observations = views_of(room_a, scene, generator, tmp_path)
     assert [o.rank for o in observations] == [2, 3]
-    reasons = [json.loads(p.read_text())["reason"] for p in sorted(tmp_path.glob("views/*/pose.json"))]
+    reasons = [json.loads(p.read_text())["reason"] for p in sorted(tmp_path.glob("*/pose.json"))]
     assert reasons[0] == "rejected: out of ideas."
     assert reasons[1].startswith("rejected: ")
     assert all(reason.startswith("registered") for reason in reasons[2:])
@@ -118,5 +118,5 @@ def test_replacements_are_bounded(tmp_path, room_a, scene):
 def test_a_generator_that_returns_too_little_is_rejected(tmp_path, room_a, scene):
     short = SimpleNamespace(name="short", generate=lambda reference, conditions: [])
     assert views_of(room_a, scene, short, tmp_path) == ()
-    record = json.loads((tmp_path / "views/000/pose.json").read_text())
+    record = json.loads((tmp_path / "000/pose.json").read_text())
     assert "short returned 0 frames" in record["reason"]
