@@ -24,7 +24,7 @@ from .proxy import GeometryProxy
 
 _FLOOR_NORMAL = 0.8  # cosine from which a face near z = 0 belongs to the floor
 _FLOOR_THICKNESS_M = 0.2
-_COARSENING = 1.3  # at least, of the cells and the tolerance while there are too many pieces
+_COARSENING = 1.3  # of the cells and the tolerance while there are too many pieces
 _SMALLEST_FLOOR_M2 = 0.05
 
 
@@ -66,17 +66,13 @@ def collision_surface(proxy: GeometryProxy, settings: CollisionSettings) -> Coll
     floor = _floor_rectangle(vertices, faces[on_floor])
     soup = Soup.of(vertices, faces[~on_floor])
     limits = Limits(settings.cell_m, settings.min_cell_m, settings.tolerance_m, settings.thickness_m)
-    pieces = decompose(soup, limits)
-    while len(pieces) > settings.max_pieces:
-        # A surface falls into about as many pieces as cells of the tolerance's size cover it.
-        coarser = max(_COARSENING, (len(pieces) / settings.max_pieces) ** 0.5)
+    while (pieces := decompose(soup, limits, settings.max_pieces)) is None:
         limits = replace(
             limits,
-            cell_m=limits.cell_m * coarser,
-            smallest_m=limits.smallest_m * coarser,
-            tolerance_m=limits.tolerance_m * coarser,
+            cell_m=limits.cell_m * _COARSENING,
+            smallest_m=limits.smallest_m * _COARSENING,
+            tolerance_m=limits.tolerance_m * _COARSENING,
         )
-        pieces = decompose(soup, limits)
     return CollisionSurface(vertices, faces, tuple(pieces), floor, 0.0, limits.tolerance_m)
 
 

@@ -227,14 +227,15 @@ def _anchor(index: int, views: Sequence[_View]) -> np.ndarray:
 def _plane_cost(view, others, depth, row, anchor):
     """(H, W) float32 evidence against one plane, 0 (certain) and up."""
     width, height = view.camera.width, view.camera.height
-    photo = []
+    first = np.full((height, width), np.inf, np.float32)
+    second = first.copy()
     contradictions = np.zeros((height, width), np.float32)
     mean, variance = _moments(view.grey)
+    warp = {"dsize": (width, height), "borderMode": cv2.BORDER_CONSTANT}
+    linear = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    exact = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
     for other in others:
         homography = _homography(view.camera, other.camera, row)
-        warp = {"dsize": (width, height), "borderMode": cv2.BORDER_CONSTANT}
-        linear = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        exact = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
         grey = cv2.warpPerspective(other.grey, homography, flags=linear, borderValue=-1, **warp)
         known = cv2.warpPerspective(other.known, homography, flags=exact, borderValue=0, **warp)
         reached = _depth_in(view.camera, other.camera, depth)
@@ -242,8 +243,11 @@ def _plane_cost(view, others, depth, row, anchor):
         occluded = (known > 0) & (known < reached * (1 - _FREE_MARGIN))
         contradictions += there & (known > reached * (1 + _FREE_MARGIN))
         cost = 1 - _correlation(view.grey, mean, variance, np.maximum(grey, 0))
-        photo.append(np.where(there & ~occluded, np.clip(cost, 0, 1), np.nan))
-    photo = _mean_of_best_two(np.array(photo))
+        cost = np.where(there & ~occluded, np.clip(cost, 0, 1), np.float32(np.inf))
+        second = np.minimum(second, np.maximum(first, cost))
+        first = np.minimum(first, cost)
+    # One view alone counts a quarter more than it says, none as much as the worst match.
+    photo = np.where(np.isfinite(second), (first + second) / 2, np.minimum(first + 0.25, 1))
     apart = np.abs(anchor - depth) / np.maximum(anchor, 1e-6) / _AGREEMENT_SCALE
     agreement = np.where(anchor > 0, np.minimum(apart, 1), _NO_EVIDENCE)
     cost = _PHOTO_WEIGHT * photo + _AGREEMENT_WEIGHT * agreement + _CONTRADICTION * contradictions
@@ -281,17 +285,6 @@ def _correlation(image, mean, variance, other):
     covariance = _box(image * other, _NCC_RADIUS_PX) - mean * other_mean
     noise = 4e-6  # grey-level variance of quantisation: bare patches correlate with nothing
     return covariance / np.sqrt((variance + noise) * (other_variance + noise))
-
-
-def _mean_of_best_two(costs: np.ndarray) -> np.ndarray:
-    """Mean of the two lowest costs over the first axis; one view alone counts a quarter more."""
-    if not len(costs):
-        return np.ones(costs.shape[1:], np.float32)
-    ordered = np.sort(costs, axis=0)  # NaN last
-    first = ordered[0]
-    second = ordered[1] if len(ordered) > 1 else np.full_like(first, np.nan)
-    mean = np.where(np.isnan(second), np.minimum(first + 0.25, 1), (first + second) / 2)
-    return np.where(np.isnan(first), 1, mean)
 
 
 def _guided(guide: np.ndarray, image: np.ndarray) -> np.ndarray:

@@ -10,12 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.spatial import ConvexHull, QhullError
 
 _OVERLOOKED_AREA = 0.03  # share of a piece's area whose protrusion is noise, not shape
 _FACING = 0.2  # cosine from which a hull's facet counts as lying on a triangle's free side
 _SAME_FLAT = 0.97  # cosine between the normals of pieces that may be one flat
 _SMALLEST_PIECE_M2 = 2e-4
+_ASKED_TRIANGLES = 200  # triangles a hull is compared with
+_JOINABLE = 2  # joining flats leaves at least one piece in this many
+_JOINED_TOLERANCE = 1.5  # thickness of a joined flat in tolerances: its noise goes both ways
+_JOINING_ROUNDS = 10
 
 
 @dataclass(frozen=True)
@@ -49,9 +53,24 @@ class Limits:
     thickness_m: float
 
 
-def decompose(soup: Soup, limits: Limits) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Convex pieces (vertices (v, 3) float64, faces (f, 3) int32, counter-clockwise seen from
-    outside) that cover the surface; each has a volume. Deterministic."""
+def decompose(soup: Soup, limits: Limits, most: int) -> list[tuple[np.ndarray, np.ndarray]] | None:
+    """At most ``most`` convex pieces that cover the surface, or None if these limits need more.
+
+    A piece is (vertices (v, 3) float64, faces (f, 3) int32), counter-clockwise seen from
+    outside, and has a volume. Deterministic.
+    """
+    members = _partition(soup, limits)
+    if len(members) > _JOINABLE * most:
+        return None
+    members = _joined(soup, members, limits)
+    members = [piece for piece in members if soup.areas[piece].sum() > _SMALLEST_PIECE_M2]
+    if len(members) > most:
+        return None
+    return [_thick_hull(soup, piece, limits.thickness_m) for piece in members]
+
+
+def _partition(soup: Soup, limits: Limits) -> list[np.ndarray]:
+    """The triangles' indices by piece: boxes cut until what is in them fits, or they are small."""
     if not len(soup.areas):
         return []
     cells = np.floor((soup.centroids - soup.centroids.min(0)) / limits.cell_m).astype(np.int64)
@@ -62,13 +81,11 @@ def decompose(soup: Soup, limits: Limits) -> list[tuple[np.ndarray, np.ndarray]]
     members = []
     while pending:
         piece = pending.pop()
-        if _fits(soup, piece, limits) or _extent(soup, piece).max() <= limits.smallest_m:
+        if _extent(soup, piece).max() <= limits.smallest_m or _fits(soup, piece, limits):
             members.append(piece)
         else:
             pending.extend(_halves(soup, piece))
-    members = _joined(soup, members, limits)
-    members = [piece for piece in members if soup.areas[piece].sum() > _SMALLEST_PIECE_M2]
-    return [_thick_hull(soup, piece, limits.thickness_m) for piece in members]
+    return members
 
 
 def _extent(soup: Soup, piece: np.ndarray) -> np.ndarray:
@@ -77,23 +94,28 @@ def _extent(soup: Soup, piece: np.ndarray) -> np.ndarray:
 
 def _fits(soup: Soup, piece: np.ndarray, limits: Limits) -> bool:
     """Whether the piece's hull keeps within the tolerance in front of its triangles."""
-    points = soup.corners[piece].reshape(-1, 3)
-    normals = soup.normals[piece]
-    mean = (normals * soup.areas[piece, None]).sum(0)
-    length = np.linalg.norm(mean)
-    if length > 1e-9:
-        heights = (points - points[0]) @ (mean / length)
-        if np.ptp(heights) <= limits.tolerance_m:  # flat: no hull is needed to see that
-            return True
+    if _height_range(soup, piece) <= limits.tolerance_m:  # flat: no hull is needed to see that
+        return True
     try:
-        planes = ConvexHull(points).equations
+        planes = ConvexHull(soup.corners[piece].reshape(-1, 3)).equations
     except QhullError:  # exactly flat or a line
         return True
-    depth = -(soup.centroids[piece] @ planes[:, :3].T + planes[:, 3])
-    in_front = normals @ planes[:, :3].T > _FACING
+    asked = piece[:: 1 + len(piece) // _ASKED_TRIANGLES]
+    depth = -(soup.centroids[asked] @ planes[:, :3].T + planes[:, 3])
+    in_front = soup.normals[asked] @ planes[:, :3].T > _FACING
     protrusion = np.where(in_front, depth, np.inf).min(1)
     too_far = (protrusion > limits.tolerance_m) & np.isfinite(protrusion)
-    return soup.areas[piece][too_far].sum() <= _OVERLOOKED_AREA * soup.areas[piece].sum()
+    return soup.areas[asked][too_far].sum() <= _OVERLOOKED_AREA * soup.areas[asked].sum()
+
+
+def _height_range(soup: Soup, piece: np.ndarray) -> float:
+    """How thick the piece is along its mean normal; inf where it has none."""
+    mean = soup.areas[piece] @ soup.normals[piece]
+    length = float(np.sqrt(mean @ mean))
+    if length < 1e-9:
+        return np.inf
+    heights = soup.corners[piece].reshape(-1, 3) @ (mean / length)
+    return float(heights.max() - heights.min())
 
 
 def _halves(soup: Soup, piece: np.ndarray) -> list[np.ndarray]:
@@ -122,37 +144,44 @@ def _unevenness(points: np.ndarray, weights: np.ndarray) -> float:
 
 def _joined(soup: Soup, members: list[np.ndarray], limits: Limits) -> list[np.ndarray]:
     """Pieces of one flat joined with their neighbours, larger ones first."""
-    joined = list(members)
-    for _ in range(8):
-        if len(joined) < 2:
+    pieces = dict(enumerate(members))
+    refused: set[tuple[int, int]] = set()
+    for _ in range(_JOINING_ROUNDS):
+        names = np.array(sorted(pieces))
+        if len(names) < 2:
             break
-        areas = np.array([soup.areas[p].sum() for p in joined])
-        means = np.array([(soup.normals[p] * soup.areas[p, None]).sum(0) for p in joined])
+        areas = np.array([soup.areas[pieces[n]].sum() for n in names])
+        means = np.array([soup.areas[pieces[n]] @ soup.normals[pieces[n]] for n in names])
         length = np.linalg.norm(means, axis=1)
         flat = length > 0.8 * areas
         means /= np.maximum(length, 1e-12)[:, None]
-        lows = np.array([soup.corners[p].min((0, 1)) for p in joined])
-        highs = np.array([soup.corners[p].max((0, 1)) for p in joined])
-        centres, radii = (lows + highs) / 2, np.linalg.norm(highs - lows, axis=1) / 2
-        pairs = cKDTree(centres).query_pairs(2 * radii.max(), output_type="ndarray")
-        a, b = pairs[:, 0], pairs[:, 1]
-        touching = ((lows[a] <= highs[b] + 1e-3) & (lows[b] <= highs[a] + 1e-3)).all(1)
-        alike = flat[a] & flat[b] & ((means[a] * means[b]).sum(1) > _SAME_FLAT)
-        pairs = pairs[touching & alike]
-        pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0], -areas[pairs].sum(1)))]
-        taken = np.zeros(len(joined), bool)
-        added = []
-        for i, j in pairs:
-            if taken[i] or taken[j]:
+        lows = np.array([soup.corners[pieces[n]].min((0, 1)) for n in names])
+        highs = np.array([soup.corners[pieces[n]].max((0, 1)) for n in names])
+        first, second = np.triu_indices(len(names), 1)
+        alike = flat[first] & flat[second]
+        first, second = first[alike], second[alike]
+        alike = np.einsum("ij,ij->i", means[first], means[second]) > _SAME_FLAT
+        first, second = first[alike], second[alike]
+        touching = ((lows[first] <= highs[second] + 1e-3) & (lows[second] <= highs[first] + 1e-3)).all(1)
+        first, second = first[touching], second[touching]
+        order = np.lexsort((second, first, -(areas[first] + areas[second])))
+        changed: set[int] = set()
+        for i, j in zip(first[order].tolist(), second[order].tolist(), strict=True):
+            a, b = int(names[i]), int(names[j])
+            if a in changed or b in changed or (a, b) in refused:
                 continue
-            union = np.concatenate([joined[i], joined[j]])
-            if _fits(soup, union, limits) and _gapless(soup, union, areas[i] + areas[j]):
-                taken[i] = taken[j] = True
-                added.append(union)
-        if not added:
+            union = np.concatenate([pieces[a], pieces[b]])
+            flat_enough = _height_range(soup, union) <= _JOINED_TOLERANCE * limits.tolerance_m
+            if flat_enough and _gapless(soup, union, areas[i] + areas[j]):
+                changed |= {a, b}
+                del pieces[b]
+                pieces[a] = union
+                refused = {pair for pair in refused if a not in pair and b not in pair}
+            else:
+                refused.add((a, b))
+        if not changed:
             break
-        joined = [p for p, gone in zip(joined, taken, strict=True) if not gone] + added
-    return joined
+    return [pieces[n] for n in sorted(pieces)]
 
 
 def _gapless(soup: Soup, piece: np.ndarray, area: float) -> bool:

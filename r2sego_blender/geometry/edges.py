@@ -14,6 +14,7 @@ from ..compiled import parallel_kernel, prange
 
 _RADIUS_PX = 9  # wider than the matching window that blurs the edges
 _COLOUR_SIGMA = 0.05
+_NEGLIGIBLE = -7.0  # exponent of a vote that does not count
 _LOG_BIN = 0.02  # depths within this share count as one surface
 _NEAREST_M, _FARTHEST_M = 0.1, 100.0
 _BINS = int(np.log(_FARTHEST_M / _NEAREST_M) / _LOG_BIN) + 3
@@ -64,6 +65,14 @@ def _mode(image, depth, planes, rays, radius):
                     d = depth[y, x]
                     if d <= 0.0:
                         continue
+                    difference = 0.0
+                    for channel in range(3):
+                        step = image[y, x, channel] - image[row, column, channel]
+                        difference += step * step
+                    away = (y - row) * (y - row) + (x - column) * (x - column)
+                    exponent = colour_scale * difference + space_scale * away
+                    if exponent < _NEGLIGIBLE:
+                        continue
                     inverse = (
                         planes[y, x, 0] * rays[row, column, 0]
                         + planes[y, x, 1] * rays[row, column, 1]
@@ -77,12 +86,7 @@ def _mode(image, depth, planes, rays, radius):
                     place = (log_depth - np.log(_NEAREST_M)) / _LOG_BIN
                     if not (0.0 <= place < _BINS - 2):
                         continue
-                    difference = 0.0
-                    for channel in range(3):
-                        step = image[y, x, channel] - image[row, column, channel]
-                        difference += step * step
-                    away = (y - row) * (y - row) + (x - column) * (x - column)
-                    weight = np.exp(colour_scale * difference + space_scale * away)
+                    weight = np.exp(exponent)
                     mass[int(place) + 1] += weight
                     total[int(place) + 1] += weight * log_depth
             best, at = 0.0, 0

@@ -19,8 +19,8 @@ from ..errors import GeometryError
 from ..settings import ProxySettings
 from .observed import ObservedGeometry
 
-_HYPOTHESES = 512  # points whose own tangent plane is tried for each plane
-_SCORED_POINTS = 20_000  # points a hypothesis is scored on; all take part in the refinement
+_HYPOTHESES = 256  # points whose own tangent plane is tried for each plane
+_SCORED_POINTS = 8_000  # points a hypothesis is scored on; all take part in the refinement
 _NORMAL_AGREEMENT = 0.9  # cosine between a point's normal and the plane's
 _UPRIGHT = np.cos(np.radians(3.0))  # planes this near to level or upright are made exactly so
 _PARALLEL = np.cos(np.radians(8.0))
@@ -130,14 +130,16 @@ def find_planes(
 
 
 def _best_hypothesis(points, normals, tolerance, rng):
-    scored = rng.permutation(len(points))[:_SCORED_POINTS]
+    scored = rng.integers(0, len(points), _SCORED_POINTS)
     tried = rng.integers(0, len(points), _HYPOTHESES)
-    candidates = normals[tried]
-    offsets = np.einsum("ij,ij->i", candidates, points[tried])
-    distances = points[scored] @ candidates.T - offsets
-    agree = normals[scored] @ candidates.T > _NORMAL_AGREEMENT
-    best = int(np.argmax(((np.abs(distances) < tolerance) & agree).sum(0)))
-    return candidates[best], float(offsets[best])
+    candidates = normals[tried].astype(np.float32)
+    offsets = np.einsum("ij,ij->i", normals[tried], points[tried])
+    distances = points[scored].astype(np.float32) @ candidates.T
+    distances -= offsets.astype(np.float32)
+    on = np.abs(distances, out=distances) < tolerance
+    on &= normals[scored].astype(np.float32) @ candidates.T > _NORMAL_AGREEMENT
+    best = int(np.argmax(on.sum(0)))
+    return normals[tried[best]], float(offsets[best])
 
 
 def _on_plane(points, normals, normal, offset, tolerance):
