@@ -158,10 +158,13 @@ def test_two_hundred_thousand_triangles_render_in_time():
     rasterizer = MeshRasterizer(mesh.vertices, mesh.faces)
     camera = camera_at(look_at((0.5, 0.3, 0.2), (2, 1, -0.5)), 640, 480, 381.0)
     rasterizer.render(camera)
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)  # processor time of one thread does not depend on what else runs
     times_s = []
     for _ in range(10):
-        started_s = time.perf_counter()
+        started_s = time.process_time()
         rasterizer.render(camera)
-        times_s.append(time.perf_counter() - started_s)
+        times_s.append(time.process_time() - started_s)
+    numba.set_num_threads(threads)
     assert len(mesh.faces) >= 190_000
-    assert min(times_s) < 1 / 20  # 40 a second on two free cores; a busy machine is given half
+    assert min(times_s) < 2 / 40  # on two cores, forty a second
