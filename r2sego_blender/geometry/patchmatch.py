@@ -39,7 +39,7 @@ _VARIANCE_NOISE = np.float32(4e-6)
 # The least cosine between a plane's normal and the viewing ray: 81 degrees.
 _MIN_COSINE = np.float32(0.16)
 # The grey difference (0..1) at which a sample's weight has fallen to 1/e.
-_TONAL_SPREAD = 0.1
+_TONAL_SPREAD = 0.05
 # How sharply a source's weight falls with its cost (ACMH's beta).
 _WEIGHT_SPREAD = np.float32(0.3)
 # A second source counts only with at least this share of the best one's weight.
@@ -174,7 +174,7 @@ def weigh_patch(grey, offsets, spatial, tonal, x, y, patch):
         u, v = x + np.int32(offsets[0, k]), y + np.int32(offsets[1, k])
         row, column = min(max(v, 0), height - 1), min(max(u, 0), width - 1)
         value = grey[np.uint64(row), np.uint64(column)]
-        tone = np.uint64(min(np.int32(abs(value - centre) * np.float32(255.0)), 255))
+        tone = np.uint64(min(np.int32(abs(value - centre) * np.float32(255.0) + np.float32(0.5)), 255))
         weight = spatial[k] * tonal[tone] * np.float32((row == v) & (column == u))
         patch[0, k] = weight
         patch[1, k] = value

@@ -26,7 +26,7 @@ from .neighbours import neighbours
 
 _LUMA = np.array([0.299, 0.587, 0.114], np.float32)
 # Below this longest side a half-resolution image has too few windows to be worth it.
-_MIN_LEVEL_SIDE_PX = 100
+_MIN_LEVEL_SIDE_PX = 70
 # Neighbouring pixels whose depths differ by more than this share are not of one segment.
 _SEGMENT_STEP = 0.02
 
@@ -239,7 +239,7 @@ def _estimate_level(
                 else _sources(views, i, chosen[i])
             )
             field = _new_field(planes[i], len(chosen[i]))
-            number = ((level * 8 + stage) * len(views) + i) * 64
+            number = ((level * 16 + stage) * len(views) + i) * 64
             patchmatch.initialise(field.planes, view.reference, number, seed)
             patchmatch.score(field, view.reference, sources, window)
             for sweep in range(sweeps):
