@@ -73,7 +73,7 @@ def test_pictures_have_the_lens_size_and_are_well_exposed(document):
 def test_the_room_is_small_and_holds_no_ground_truth():
     files = [path for path in ROOM.rglob("*") if path.is_file()]
     assert sum(path.stat().st_size for path in files) < LARGEST_ROOM_BYTES
-    assert {path.suffix for path in files} <= {".png", ".jpg", ".json"}
+    assert {path.suffix for path in files} <= {".png", ".webp", ".json"}
 
 
 @pytest.mark.parametrize("kind", ["captures", "frozen"])
