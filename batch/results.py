@@ -1,0 +1,73 @@
+"""Write the README's table of results from evaluated scenes.
+
+    python batch/results.py build/demo_room.r2s build/room_a.r2s ...
+
+Each scene must have been through ``r2sego refine`` and ``r2sego evaluate``; the table stands
+between the markers in README.md, with the date and this machine.
+"""
+
+from __future__ import annotations
+
+import datetime
+import json
+import os
+import platform
+import sys
+from pathlib import Path
+
+from r2sego_blender.scene import Scene
+
+README = Path(__file__).resolve().parents[1] / "README.md"
+BEGIN, END = "<!-- results: made by batch/results.py -->", "<!-- end of results -->"
+
+
+def row(scene: Scene) -> str:
+    """One scene as a line of the Markdown table."""
+    arms = json.loads((scene.report_folder / "metrics.json").read_text())["arms"]
+    captures = json.loads((scene.captures_folder / "cameras.json").read_text())["captures"]
+    scores = [
+        f"{arms[a]['psnr']:.2f} / {arms[a]['ssim']:.3f}" for a in ("initial", "vanilla_3dgs", "refined")
+    ]
+    gain = arms["refined"]["psnr"] - arms["vanilla_3dgs"]["psnr"]
+    views = len(arms["refined"]["views"])
+    name, settings = scene.path.stem, scene.declaration
+    changed = "".join(f" --set {key}={value}" for key, value in settings.overrides.items())
+    return (
+        f"| {name} | {len(captures)} | {views} | {' | '.join(scores)} | {gain:+.2f} "
+        f"| `--preset {settings.preset}{changed}` |"
+    )
+
+
+def processor() -> str:
+    """The processor's name as the system tells it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        return next(line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()
+
+
+def table(scenes: list[Scene]) -> str:
+    """The whole table with its caption."""
+    lines = [
+        "| scene | captures | held out | initial asset | vanilla 3DGS | refined | gain, dB | refined with |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+        *(row(scene) for scene in scenes),
+        "",
+        "PSNR in dB / SSIM, means over complete held-out views, no mask or correction. Vanilla 3DGS",
+        "starts from the same observed points and trains on the same captures for as many steps.",
+        f"Made on {datetime.date.today().isoformat()}, {processor()}, {os.cpu_count()} cores.",
+    ]
+    return "\n".join(lines)
+
+
+def main(paths: list[str]) -> None:
+    text = README.read_text(encoding="utf-8")
+    before, _, rest = text.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    made = table([Scene.open(Path(path)) for path in paths])
+    README.write_text(f"{before}{BEGIN}\n{made}\n{END}{after}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
