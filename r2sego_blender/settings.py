@@ -50,7 +50,9 @@ class StereoSettings:
     patch_stride_px: int = setting(2, "Distance of the samples of the matching window.", 1, 4)
     consistency: float = setting(0.015, "Relative depth difference two captures may agree by.", 0.001, 0.2)
     max_cost: float = setting(0.5, "Matching cost (1 - NCC) above which a depth is dropped.", 0.05, 2.0)
-    min_segment_px: int = setting(30, "Smaller patches of reliable depth are dropped.", 0, 100000)
+    min_segment_share: float = setting(
+        0.001, "Share of the image below which a patch of reliable depth is dropped.", 0.0, 0.1
+    )
     point_spacing_m: float = setting(0.02, "Side of a voxel that keeps one observed point.", 0.002, 0.5)
 
 

@@ -19,85 +19,32 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .. import compiled
+from ..compiled import parallel_kernel as plain_parallel_kernel
 from ..compiled import prange
+from .matching import (
+    WORST_COST,
+    ZERO,
+    inner_kernel,
+    photometric_cost,
+    reprojection_error,
+    weigh_patch,
+)
 
-# Divisions without Python's check for zero, which would keep the sums out of vectors.
-# Helpers are inlined by LLVM and take arrays, never tuples of them: Numba counts a
-# reference for each array of a tuple it passes on, which costs more than a matching cost.
-kernel = functools.partial(compiled.kernel, error_model="numpy", forceinline=True)
-parallel_kernel = functools.partial(compiled.parallel_kernel, error_model="numpy")
+parallel_kernel = functools.partial(plain_parallel_kernel, error_model="numpy")
 
-WORST_COST = np.float32(2.0)
-"""The cost of a hypothesis that cannot be matched; 1 - NCC is never above it."""
-
-_ZERO = np.float32(0.0)
-# The least ratio of a point's depths in two cameras for it to lie in front of both.
-_NEAREST = np.float32(1e-3)
-# Added to the variance of a patch, (grey level 0..1)^2: a noise of half an 8-bit step.
-_VARIANCE_NOISE = np.float32(4e-6)
 # The least cosine between a plane's normal and the viewing ray: 81 degrees.
 _MIN_COSINE = np.float32(0.16)
-# The grey difference (0..1) at which a sample's weight has fallen to 1/e.
-_TONAL_SPREAD = 0.05
 # How sharply a source's weight falls with its cost (ACMH's beta).
 _WEIGHT_SPREAD = np.float32(0.3)
 # A second source counts only with at least this share of the best one's weight.
 _MIN_WEIGHT_SHARE = np.float32(0.2)
 # A pixel whose cost is higher does not pass its plane on.
 _MAX_PROPAGATED_COST = np.float32(1.2)
-# Pixels beyond which a reprojection error says no more, and its weight (ACMM: 3, 0.2).
-_MAX_REPROJECTION_PX = np.float32(3.0)
 
 # The shares of the normal and of the inverse depth that refinement perturbs at first.
 _NORMAL_STEP = np.float32(0.6)
 _DEPTH_STEP = np.float32(0.15)
 _REFINEMENTS = 5
-
-
-class Window(NamedTuple):
-    """The samples of a matching window and how they are weighted.
-
-    ``offsets`` (2, n) float32 whole du and dv in pixels, the uppermost sample's first; n is
-    a multiple of 16 so that the sums run in whole vectors; ``spatial`` (n,) float32 the
-    weight of each by distance, 0 for the samples that only pad; ``tonal`` (256,) float32
-    the weight by grey difference in 8-bit steps.
-    """
-
-    offsets: np.ndarray
-    spatial: np.ndarray
-    tonal: np.ndarray
-
-
-class Reference(NamedTuple):
-    """The capture whose planes are estimated.
-
-    ``grey`` (H, W) float32 in [0, 1]; ``lens`` (6,) float32 fx, fy, cx, cy and the least
-    and greatest inverse depth, 1/m.
-    """
-
-    grey: np.ndarray
-    lens: np.ndarray
-
-
-class Sources(NamedTuple):
-    """The S captures a reference is matched against, flattened one after the other.
-
-    ``texels`` (T,) uint32, see ``pack_texels``; ``layout`` (S, 3) int32 start, width and
-    height of each; ``to_source`` (S, 3, 4) float32, the infinite homography and the
-    epipole: reference pixel (u, v) at inverse depth w lies at ``to_source @ (u, v, 1, w)``
-    in homogeneous source pixels, whose third component is the ratio of the depths;
-    ``to_reference`` the same the other way; ``planes`` (T, 3) float32 the sources' own
-    planes for the geometric term, which enters with ``geometric_weight`` (0: photometric
-    only) a pixel of reprojection error.
-    """
-
-    texels: np.ndarray
-    layout: np.ndarray
-    to_source: np.ndarray
-    to_reference: np.ndarray
-    planes: np.ndarray
-    geometric_weight: float
 
 
 class Field(NamedTuple):
@@ -110,20 +57,6 @@ class Field(NamedTuple):
     planes: np.ndarray
     cost: np.ndarray
     source_costs: np.ndarray
-
-
-def window(radius_px: int, stride_px: int = 2) -> Window:
-    """The rounded window of the given half width, sampled every ``stride_px`` pixels."""
-    steps = np.arange(-radius_px, radius_px + 1, stride_px)
-    dv, du = (grid.ravel() for grid in np.meshgrid(steps, steps, indexing="ij"))
-    # A quarter over the half width: what is left of 6 x 6 samples is 32, no padding.
-    rounded = np.hypot(du, dv) <= 1.25 * radius_px
-    offsets = np.stack([du, dv])[:, rounded].astype(np.float32)
-    padding = -offsets.shape[1] % 16
-    spatial = np.exp(-(offsets**2).sum(axis=0) / (2.0 * radius_px**2)).astype(np.float32)
-    tonal = np.exp(-np.arange(256) / 255.0 / _TONAL_SPREAD).astype(np.float32)
-    offsets = np.ascontiguousarray(np.pad(offsets, ((0, 0), (0, padding))))
-    return Window(offsets, np.pad(spatial, (0, padding)), tonal)
 
 
 def sampling_regions() -> np.ndarray:
@@ -139,20 +72,7 @@ def sampling_regions() -> np.ndarray:
     return np.array(regions, np.int64)
 
 
-def pack_texels(grey: np.ndarray) -> np.ndarray:
-    """(H, W) float grey in [0, 1] as (H * W,) uint32: in each entry the pixel and its
-    neighbours to the right, below and below right, 8 bits each from the lowest. So a
-    bilinear sample is one load; the last row and column hold no whole cell."""
-    eight_bit = (np.clip(grey, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint32)
-    texels = np.zeros(grey.shape, np.uint32)
-    texels[:-1, :-1] = (
-        eight_bit[:-1, :-1] | eight_bit[:-1, 1:] << 8
-        | eight_bit[1:, :-1] << 16 | eight_bit[1:, 1:] << 24
-    )  # fmt: skip
-    return texels.ravel()
-
-
-@kernel()
+@inner_kernel()
 def _uniform(pixel, sweep, draw, seed):
     """A hash of its arguments, uniform in [0, 1)."""
     h = np.uint32(pixel) * np.uint32(0x9E3779B1) ^ np.uint32(seed) * np.uint32(0x85EBCA77)
@@ -163,118 +83,7 @@ def _uniform(pixel, sweep, draw, seed):
     return np.float32(h >> np.uint32(8)) * np.float32(1.0 / 16777216.0)
 
 
-@kernel()
-def weigh_patch(grey, offsets, spatial, tonal, x, y, patch):
-    """Fill ``patch`` (2, n): the samples' weights, which sum to 1, and the weights times
-    the grey less its weighted mean; give the weighted variance of the grey."""
-    height, width = grey.shape
-    centre = grey[y, x]
-    total = mean = variance = _ZERO
-    for k in range(offsets.shape[1]):
-        u, v = x + np.int32(offsets[0, k]), y + np.int32(offsets[1, k])
-        row, column = min(max(v, 0), height - 1), min(max(u, 0), width - 1)
-        value = grey[np.uint64(row), np.uint64(column)]
-        tone = np.uint64(min(np.int32(abs(value - centre) * np.float32(255.0) + np.float32(0.5)), 255))
-        weight = spatial[k] * tonal[tone] * np.float32((row == v) & (column == u))
-        patch[0, k] = weight
-        patch[1, k] = value
-        total += weight
-        mean += weight * value
-    mean /= total
-    for k in range(offsets.shape[1]):
-        weight = patch[0, k] / total
-        difference = patch[1, k] - mean
-        patch[0, k] = weight
-        patch[1, k] = weight * difference
-        variance += weight * difference * difference
-    return variance
-
-
-@kernel()
-def photometric_cost(texels, layout, to_source, offsets, s, x, y, a, b, c, patch, variance):
-    """1 - NCC in [0, 2] between the patch at pixel (x, y) and source ``s`` through the
-    homography of the plane ``(a, b, c)``; WORST_COST when the patch leaves the source."""
-    first, source_width = layout[s, 0], layout[s, 1]
-    right = np.float32(source_width) - np.float32(1.001)
-    below = np.float32(layout[s, 2]) - np.float32(1.001)
-    m = to_source
-    h00, h01, h02 = m[s, 0, 0] + m[s, 0, 3] * a, m[s, 0, 1] + m[s, 0, 3] * b, m[s, 0, 2] + m[s, 0, 3] * c
-    h10, h11, h12 = m[s, 1, 0] + m[s, 1, 3] * a, m[s, 1, 1] + m[s, 1, 3] * b, m[s, 1, 2] + m[s, 1, 3] * c
-    h20, h21, h22 = m[s, 2, 0] + m[s, 2, 3] * a, m[s, 2, 1] + m[s, 2, 3] * b, m[s, 2, 2] + m[s, 2, 3] * c
-    half = np.float32(0.5)
-    u, v = np.float32(x) + half, np.float32(y) + half
-    z0 = h20 * u + h21 * v + h22
-    # Texel coordinates: a texel's first value lies at its pixel's centre.
-    x0 = h00 * u + h01 * v + h02 - half * z0
-    y0 = h10 * u + h11 * v + h12 - half * z0
-    xu, xv = h00 - half * h20, h01 - half * h21
-    yu, yv = h10 - half * h20, h11 - half * h21
-
-    # A homography keeps the window convex, so its corners say whether all of it is inside.
-    inside = True
-    radius = -offsets[1, 0]
-    for corner in range(4):
-        du = radius if corner & 1 else -radius
-        dv = radius if corner & 2 else -radius
-        z = z0 + h20 * du + h21 * dv
-        px = x0 + xu * du + xv * dv
-        py = y0 + yu * du + yv * dv
-        inside &= (z > _NEAREST) & (min(px, py) >= _ZERO) & (px <= right * z) & (py <= below * z)
-
-    cost = WORST_COST
-    if inside:
-        total = squares = covariance = _ZERO
-        for k in range(offsets.shape[1]):
-            du, dv = offsets[0, k], offsets[1, k]
-            scale = np.float32(1.0) / (z0 + h20 * du + h21 * dv)
-            px = (x0 + xu * du + xv * dv) * scale
-            py = (y0 + yu * du + yv * dv) * scale
-            ix, iy = np.int32(px), np.int32(py)
-            fx, fy = px - np.float32(ix), py - np.float32(iy)
-            # 32 bits and no sign: the form of an index that LLVM gathers in whole vectors.
-            index = np.uint32(np.int32(first + iy * source_width + ix)) & np.uint32(0x7FFFFFFF)
-            texel = texels[np.uint64(index)]
-            q00 = np.float32(np.int32(texel & np.uint32(255)))
-            q01 = np.float32(np.int32((texel >> np.uint32(8)) & np.uint32(255)))
-            q10 = np.float32(np.int32((texel >> np.uint32(16)) & np.uint32(255)))
-            q11 = np.float32(np.int32(texel >> np.uint32(24)))
-            top = q00 + fx * (q01 - q00)
-            bottom = q10 + fx * (q11 - q10)
-            grey = top + fy * (bottom - top)
-            total += patch[0, k] * grey
-            squares += patch[0, k] * grey * grey
-            covariance += patch[1, k] * grey
-        step = np.float32(1.0 / 255.0)
-        mean = total * step
-        source_variance = max(squares * step * step - mean * mean, _ZERO)
-        product = (variance + _VARIANCE_NOISE) * (source_variance + _VARIANCE_NOISE)
-        cost = np.float32(1.0) - covariance * step / np.sqrt(product)
-    return cost
-
-
-@kernel()
-def reprojection_error(layout, to_source, to_reference, source_planes, s, u, v, w):
-    """Pixels between (u, v) at inverse depth ``w`` and where it comes back to through
-    the plane source ``s`` has at its projection; the greatest when that leaves it."""
-    error = _MAX_REPROJECTION_PX
-    m = to_source
-    z = m[s, 2, 0] * u + m[s, 2, 1] * v + m[s, 2, 2] + m[s, 2, 3] * w
-    px = (m[s, 0, 0] * u + m[s, 0, 1] * v + m[s, 0, 2] + m[s, 0, 3] * w) / z
-    py = (m[s, 1, 0] * u + m[s, 1, 1] * v + m[s, 1, 2] + m[s, 1, 3] * w) / z
-    first, width, height = layout[s, 0], layout[s, 1], layout[s, 2]
-    if z > _NEAREST and min(px, py) >= _ZERO and px < width and py < height:
-        k = first + np.int32(py) * width + np.int32(px)
-        w = source_planes[k, 0] * px + source_planes[k, 1] * py + source_planes[k, 2]
-        m = to_reference
-        z = m[s, 2, 0] * px + m[s, 2, 1] * py + m[s, 2, 2] + m[s, 2, 3] * w
-        if z > _NEAREST:
-            du = (m[s, 0, 0] * px + m[s, 0, 1] * py + m[s, 0, 2] + m[s, 0, 3] * w) / z - u
-            dv = (m[s, 1, 0] * px + m[s, 1, 1] * py + m[s, 1, 2] + m[s, 1, 3] * w) / z - v
-            error = min(np.sqrt(du * du + dv * dv), _MAX_REPROJECTION_PX)
-    return error
-
-
-@kernel()
+@inner_kernel()
 def _plane_at(lens, u, v, w, nx, ny, nz):
     """The plane through inverse depth ``w`` at (u, v) with a normal in the camera's frame."""
     rx, ry = (u - lens[2]) / lens[0], (v - lens[3]) / lens[1]
@@ -283,7 +92,7 @@ def _plane_at(lens, u, v, w, nx, ny, nz):
     return a, b, w - a * u - b * v
 
 
-@kernel()
+@inner_kernel()
 def _normal_of(lens, a, b, c):
     """The unit normal of a plane in the camera's frame, away from the camera."""
     nx, ny = a * lens[0], b * lens[1]
@@ -292,7 +101,7 @@ def _normal_of(lens, a, b, c):
     return nx * scale, ny * scale, nz * scale
 
 
-@kernel()
+@inner_kernel()
 def _admissible(lens, u, v, a, b, c):
     """Whether a plane lies in the depth range at (u, v) and is not seen edge-on."""
     w = a * u + b * v + c
@@ -304,7 +113,7 @@ def _admissible(lens, u, v, a, b, c):
     return cosine >= _MIN_COSINE
 
 
-@kernel()
+@inner_kernel()
 def _random_plane(lens, u, v, pixel, sweep, draw, seed):
     """Inverse depth uniform in the range, normal uniform on a cap around the ray."""
     low, high = lens[4], lens[5]
@@ -323,7 +132,7 @@ def _random_plane(lens, u, v, pixel, sweep, draw, seed):
     return _plane_at(lens, u, v, w, nx, ny, nz)
 
 
-@kernel()
+@inner_kernel()
 def _affinity(cost):
     """About exp(-cost^2 / 2 spread^2), without the exponential."""
     root = np.float32(1.0) + cost * cost * (np.float32(0.125) / (_WEIGHT_SPREAD * _WEIGHT_SPREAD))
@@ -331,7 +140,7 @@ def _affinity(cost):
     return np.float32(1.0) / (square * square)
 
 
-@kernel()
+@inner_kernel()
 def _choose_sources(source_costs, x, y, chosen, shares):
     """The two sources that match best around a pixel and their shares of its cost."""
     height, width, count = source_costs.shape
@@ -357,7 +166,7 @@ def _choose_sources(source_costs, x, y, chosen, shares):
     shares[1] = second / (best + second)
 
 
-@kernel()
+@inner_kernel()
 def _best_neighbour(cost_map, regions, region, x, y):
     """The pixel of a sampling region with the least cost, (-1, -1) when none is good."""
     height, width = cost_map.shape
@@ -371,7 +180,7 @@ def _best_neighbour(cost_map, regions, region, x, y):
     return column, row
 
 
-@kernel()
+@inner_kernel()
 def _perturbed(lens, u, v, a, b, c, kind, fineness, pixel, sweep, draw, seed):
     """A plane near the given one: kind 0 changes the depth, 1 the normal, 2 and 3 both."""
     scale = fineness if kind < 2 else np.float32(0.5) * fineness
@@ -422,7 +231,7 @@ def score(field, reference, sources, window):
             best = second = WORST_COST
             for s in range(count):
                 cost = photometric_cost(texels, layout, to_source, offsets, s, x, y, a, b, c, patch, variance)
-                if geometric_weight > _ZERO:
+                if geometric_weight > ZERO:
                     cost += geometric_weight * reprojection_error(
                         layout, to_source, to_reference, source_planes, s, u, v, a * u + b * v + c
                     )
@@ -475,15 +284,15 @@ def half_sweep(field, reference, sources, window, regions, colour, sweep, finene
                     ta, tb, tc = _perturbed(lens, u, v, a, b, c, k - 9, fineness, pixel, sweep, 8 * k, seed)
                 if (last and not changed) or (not last and not _admissible(lens, u, v, ta, tb, tc)):
                     continue
-                cost = _ZERO
+                cost = ZERO
                 for i in range(count if last else 2):
                     s = i if last else chosen[i]
-                    if not last and (shares[i] == _ZERO or cost >= best):
+                    if not last and (shares[i] == ZERO or cost >= best):
                         continue  # a share of nothing, or the hypothesis has lost already
                     matching = photometric_cost(
                         texels, layout, to_source, offsets, s, x, y, ta, tb, tc, patch, variance
                     )
-                    if geometric_weight > _ZERO:
+                    if geometric_weight > ZERO:
                         matching += geometric_weight * reprojection_error(
                             layout, to_source, to_reference, source_planes, s, u, v, ta * u + tb * v + tc
                         )

@@ -20,15 +20,18 @@ from ..errors import GeometryError
 from ..images import resize
 from ..progress import SILENT, Progress, Task
 from ..settings import StereoSettings
-from . import patchmatch
+from . import matching, patchmatch
 from .consistency import support
 from .neighbours import neighbours
 
 _LUMA = np.array([0.299, 0.587, 0.114], np.float32)
 # Below this longest side a half-resolution image has too few windows to be worth it.
 _MIN_LEVEL_SIDE_PX = 70
-# Neighbouring pixels whose depths differ by more than this share are not of one segment.
-_SEGMENT_STEP = 0.02
+# Neighbouring pixels whose depths differ by more than this share are not of one segment;
+# it is counted in 16 steps, and the label of no segment lies beyond those of any depth.
+_SEGMENT_DIFFERENCE = 0.02
+_SEGMENT_STEPS = 16
+_NO_SEGMENT = 32000
 
 
 @dataclass(frozen=True)
@@ -129,7 +132,7 @@ class _View:
     """A capture at one level of the pyramid, as the kernels take it."""
 
     camera: Camera
-    reference: patchmatch.Reference
+    reference: matching.Reference
     texels: np.ndarray
 
     @staticmethod
@@ -137,8 +140,8 @@ class _View:
         grey = resize(grey, camera.width, camera.height)
         near, far = depth_range_m
         lens = [camera.fx, camera.fy, camera.cx, camera.cy, 1.0 / far, 1.0 / near]
-        reference = patchmatch.Reference(grey, np.array(lens, np.float32))
-        return _View(camera, reference, patchmatch.pack_texels(grey))
+        reference = matching.Reference(grey, np.array(lens, np.float32))
+        return _View(camera, reference, matching.pack_texels(grey))
 
 
 def _check(captures: Sequence[Capture], depth_range_m: Sequence[tuple[float, float]]) -> None:
@@ -190,7 +193,7 @@ def _sources(
     chosen: Sequence[int],
     planes: Sequence[np.ndarray] | None = None,
     geometric_weight: float = 0.0,
-) -> patchmatch.Sources:
+) -> matching.Sources:
     """The chosen captures as sources of one reference, with their planes or without."""
     camera = views[reference].camera
     sizes = np.array([[views[j].camera.width, views[j].camera.height] for j in chosen], np.int64)
@@ -199,7 +202,7 @@ def _sources(
         own = np.zeros((1, 3), np.float32)
     else:
         own = np.concatenate([planes[j].reshape(-1, 3) for j in chosen])
-    return patchmatch.Sources(
+    return matching.Sources(
         texels=np.concatenate([views[j].texels for j in chosen]),
         layout=np.column_stack([starts, sizes]).astype(np.int32),
         to_source=np.stack([_transfer(camera, views[j].camera) for j in chosen]),
@@ -225,7 +228,7 @@ def _estimate_level(
     task: Task,
 ) -> list[np.ndarray]:
     """The planes after this level's photometric sweeps and geometric rounds."""
-    window = patchmatch.window(settings.patch_radius_px, settings.patch_stride_px)
+    window = matching.window(settings.patch_radius_px, settings.patch_stride_px)
     regions = patchmatch.sampling_regions()
     for stage in range(1 + settings.geometric_rounds):
         geometric = stage > 0
@@ -262,13 +265,13 @@ def _depth_maps(
     settings: StereoSettings,
 ) -> tuple[DepthMap, ...]:
     """Depth, normals, photometric cost and support of the final planes."""
-    window = patchmatch.window(settings.patch_radius_px, settings.patch_stride_px)
+    window = matching.window(settings.patch_radius_px, settings.patch_stride_px)
     depths, normals, costs = [], [], []
     for i, view in enumerate(views):
         field = _new_field(planes[i], len(chosen[i]))
         patchmatch.score(field, view.reference, _sources(views, i, chosen[i]), window)
         depth, normal = _depth_and_normal(field.planes, view.camera)
-        depths.append(np.where(field.cost < patchmatch.WORST_COST, depth, np.float32(0.0)))
+        depths.append(np.where(field.cost < matching.WORST_COST, depth, np.float32(0.0)))
         normals.append(normal)
         costs.append(field.cost)
     cameras = [view.camera for view in views]
@@ -292,10 +295,11 @@ def _depth_and_normal(planes: np.ndarray, camera: Camera) -> tuple[np.ndarray, n
 
 
 def _without_speckles(depth: np.ndarray, count: np.ndarray, settings: StereoSettings) -> np.ndarray:
-    """``count`` with 0 on connected segments of fewer than ``min_segment_px`` pixels."""
+    """``count`` with 0 on connected segments smaller than ``min_segment_share``."""
     # cv2 compares int16 values: steps of the logarithm make it a relative difference.
-    steps_each = 16.0 / _SEGMENT_STEP
     logarithm = np.log(np.where(count > 0, depth, np.float32(1.0)).clip(1e-2, 1e2))
-    labels = np.where(count > 0, np.rint(logarithm * steps_each), 32000).astype(np.int16)
-    cv2.filterSpeckles(labels, 32000, settings.min_segment_px, 16)
-    return np.where(labels == 32000, 0, count).astype(np.uint8)
+    labels = np.rint(logarithm * (_SEGMENT_STEPS / _SEGMENT_DIFFERENCE))
+    labels = np.where(count > 0, labels, _NO_SEGMENT).astype(np.int16)
+    smallest_px = round(settings.min_segment_share * depth.size)
+    cv2.filterSpeckles(labels, _NO_SEGMENT, smallest_px, _SEGMENT_STEPS)
+    return np.where(labels == _NO_SEGMENT, 0, count).astype(np.uint8)

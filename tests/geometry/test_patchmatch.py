@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.geometry import patchmatch
+from r2sego_blender.geometry import matching, patchmatch
 
 LENS = (70.0, 72.0, 30.5, 24.0)
 
@@ -27,9 +27,9 @@ def pair():
     rng = np.random.default_rng(7)
     a, b = camera(0.0), camera(0.3, 0.1)
     greys = [rng.integers(0, 256, (48, 64)).astype(np.float32) / 255 for _ in range(2)]
-    reference = patchmatch.Reference(greys[0], np.array([*LENS, 1 / 8, 1 / 0.5], np.float32))
-    sources = patchmatch.Sources(
-        patchmatch.pack_texels(greys[1]), np.array([[0, 64, 48]], np.int32),
+    reference = matching.Reference(greys[0], np.array([*LENS, 1 / 8, 1 / 0.5], np.float32))
+    sources = matching.Sources(
+        matching.pack_texels(greys[1]), np.array([[0, 64, 48]], np.int32),
         transfer(a, b)[None].astype(np.float32), transfer(b, a)[None].astype(np.float32),
         np.tile(np.float32([0.0, 0.0, 1 / 3]), (48 * 64, 1)), np.float32(0.0),
     )  # fmt: skip
@@ -71,9 +71,9 @@ def reference_cost(greys, matrix, plane, window, x: int, y: int) -> float:
 
 def test_the_cost_is_the_weighted_ncc(pair) -> None:
     a, b, greys, reference, sources, field = pair
-    window = patchmatch.window(4)
+    window = matching.window(4)
     patchmatch.score(field, reference, sources, window)
-    matched = np.argwhere(field.source_costs[..., 0] < patchmatch.WORST_COST)
+    matched = np.argwhere(field.source_costs[..., 0] < matching.WORST_COST)
     assert len(matched) > 1000
     matrix = transfer(a, b)
     for y, x in matched[:: len(matched) // 200]:
@@ -83,29 +83,29 @@ def test_the_cost_is_the_weighted_ncc(pair) -> None:
 
 def test_a_patch_that_leaves_the_source_has_the_worst_cost(pair) -> None:
     a, b, _, reference, sources, field = pair
-    window = patchmatch.window(4)
+    window = matching.window(4)
     patchmatch.score(field, reference, sources, window)
     v, u = np.mgrid[:48, :64] + 0.5
     w = (field.planes * np.stack([u, v, np.ones_like(u)], -1)).sum(-1)
     pixels, _ = b.project(a.unproject(1.0 / w))
     outside = (pixels < 0).any(-1) | (pixels[..., 0] > 64) | (pixels[..., 1] > 48)
     assert outside.any()
-    assert (field.source_costs[outside, 0] == patchmatch.WORST_COST).all()
+    assert (field.source_costs[outside, 0] == matching.WORST_COST).all()
 
 
 def test_identical_images_at_infinity_cost_nothing(pair) -> None:
     *_, reference, sources, field = pair
     same = sources._replace(
-        texels=patchmatch.pack_texels(reference.grey), to_source=np.eye(3, 4, dtype=np.float32)[None]
+        texels=matching.pack_texels(reference.grey), to_source=np.eye(3, 4, dtype=np.float32)[None]
     )
-    patchmatch.score(field, reference, same, patchmatch.window(5))
+    patchmatch.score(field, reference, same, matching.window(5))
     # Not nothing: the noise added to the variances keeps the correlation below 1.
     assert np.abs(field.source_costs[8:-8, 8:-8, 0]).max() < 1e-2
 
 
 def test_the_geometric_term_is_the_reprojection_error(pair) -> None:
     a, b, _, reference, sources, field = pair
-    window = patchmatch.window(4)
+    window = matching.window(4)
     patchmatch.score(field, reference, sources, window)
     plain = field.source_costs.copy()
     patchmatch.score(field, reference, sources._replace(geometric_weight=np.float32(0.25)), window)
@@ -146,7 +146,7 @@ def test_regions_hold_pixels_of_the_other_colour_only() -> None:
 
 def test_a_sweep_never_raises_a_cost_with_one_source(pair) -> None:
     *_, reference, sources, field = pair
-    window, regions = patchmatch.window(4), patchmatch.sampling_regions()
+    window, regions = matching.window(4), patchmatch.sampling_regions()
     patchmatch.score(field, reference, sources, window)
     before = field.source_costs.copy()
     for colour in range(2):
