@@ -34,6 +34,9 @@ def _cache_folder() -> Path:
     return folder
 
 
+# Waiting threads give their core back: Blender, torch or another scene may want it.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
 if not os.environ.get("NUMBA_CACHE_DIR"):
     numba.config.CACHE_DIR = str(_cache_folder())
 

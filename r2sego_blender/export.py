@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 from .errors import SceneError
-from .geometry.proxy import PROVENANCE_COLOURS, GeometryProxy, Provenance
+from .geometry.proxy import GeometryProxy
 from .scene import Scene
 
 
@@ -30,17 +30,5 @@ def export_scene(scene: Scene, folder: Path) -> list[Path]:
     shutil.copy2(scene.captures_folder / "cameras.json", folder / "cameras.json")
     shutil.copytree(scene.collision_folder, folder / "collision", dirs_exist_ok=True)
     proxy = GeometryProxy.load(scene.round_folder(rounds - 1) / "proxy" / "proxy.npz")
-    write_coloured_proxy(proxy, folder / "proxy.ply")
+    proxy.save_ply(folder / "proxy.ply")
     return [folder / name for name in ("asset.ply", "collision", "proxy.ply", "cameras.json")]
-
-
-def write_coloured_proxy(proxy: GeometryProxy, file: Path) -> None:
-    """The proxy as a binary PLY whose faces are coloured by their provenance."""
-    import numpy as np
-    import trimesh
-
-    palette = np.rint(np.array([PROVENANCE_COLOURS[p] for p in Provenance]) * 255).astype(np.uint8)
-    mesh = trimesh.Trimesh(
-        proxy.vertices, proxy.faces, face_colors=palette[proxy.provenance], process=False
-    )  # fmt: skip
-    file.write_bytes(mesh.export(file_type="ply"))

@@ -21,7 +21,6 @@ from .cameras import Camera
 from .captures.capture import Capture
 from .captures.sparse import SparsePoints, depth_ranges
 from .captures.store import load_captures
-from .export import write_coloured_proxy
 from .generation.blending import BlendingGenerator
 from .generation.conditions import ConditionRenderer
 from .generation.ego_views import PseudoObservation, ego_video_reg, load_pseudo_observations
@@ -166,7 +165,7 @@ class Steps:
                 self.progress,
             )
             proxy.save(folder / "proxy.npz")
-            write_coloured_proxy(proxy, folder / "proxy.ply")
+            proxy.save_ply(folder / "proxy.ply")
 
         return self._step(
             of_round(l, "proxy"), compute,

@@ -29,7 +29,8 @@ class Condition:
     """What the proxy looks like from one camera of a path.
 
     ``depth`` (H, W) float32 planar metres, 0 where there is no surface; ``validity``
-    (H, W) float32 in [0, 1], 1 where the free side of a surface is seen; ``provenance``
+    (H, W) float32 in [0, 1], 1 where the free side of a surface that some capture saw is
+    shown (a surface none saw anchors nothing); ``provenance``
     (H, W) uint8 of ``Provenance`` or ``NO_PROVENANCE``; ``normal`` (H, W, 3) float32, the
     unit face normal in the world, zero where there is no surface.
     """
@@ -48,6 +49,7 @@ class ConditionRenderer:
         """``rasterizer``, when given, is one made of the proxy's own vertices and faces."""
         self._rasterizer = rasterizer or MeshRasterizer(proxy.vertices, proxy.faces)
         self._provenance = proxy.provenance
+        self._supported = proxy.support > 0
         corners = proxy.vertices[proxy.faces].astype(np.float64)
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         length = np.linalg.norm(normal, axis=1, keepdims=True)
@@ -58,7 +60,7 @@ class ConditionRenderer:
         return self._rasterizer.render(camera).depth
 
     def validity(self, camera: Camera) -> np.ndarray:
-        """The share (H, W) float32 of each pixel that shows the free side of a surface."""
+        """The share (H, W) float32 of each pixel that shows a supported surface's free side."""
         fine = self.condition(camera.scaled(_VALIDITY_SAMPLES)).validity
         height, width = camera.shape
         blocks = fine.reshape(height, _VALIDITY_SAMPLES, width, _VALIDITY_SAMPLES)
@@ -73,7 +75,7 @@ class ConditionRenderer:
         return Condition(
             camera=camera,
             depth=buffers.depth,
-            validity=facing.astype(np.float32),
+            validity=(facing & buffers.of_face(self._supported, False)).astype(np.float32),
             provenance=buffers.of_face(self._provenance.astype(np.uint8), NO_PROVENANCE),
             normal=normal,
         )

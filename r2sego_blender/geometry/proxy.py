@@ -48,6 +48,16 @@ class GeometryProxy:
         with path.open("wb") as file:
             np.savez(file, **{name: getattr(self, name) for name in self.__dataclass_fields__})
 
+    def save_ply(self, path: Path) -> None:
+        """Write the mesh as a binary PLY whose faces are coloured by their provenance."""
+        import trimesh  # the engine's; Blender's Python reads proxies without it
+
+        palette = np.rint(np.array([PROVENANCE_COLOURS[p] for p in Provenance]) * 255).astype(np.uint8)
+        mesh = trimesh.Trimesh(
+            self.vertices, self.faces, face_colors=palette[self.provenance], process=False
+        )  # fmt: skip
+        path.write_bytes(mesh.export(file_type="ply"))
+
     @staticmethod
     def load(path: Path) -> GeometryProxy:
         """Read what ``save`` wrote. Raises GeometryError when the file is no proxy."""
