@@ -219,10 +219,12 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
     "paper": {},
     "preview": {
         "rounds": 2,
-        "stereo.max_side_px": 320,
-        "generation.clip_frames": 9,
-        "training.steps_per_round": 1200,
+        "selection.scoring_scale": 0.125,
+        "generation.clip_frames": 7,
+        "training.steps_per_round": 900,
         "training.max_gaussians": 120000,
+        "training.half_resolution_share": 0.25,
+        "training.sh_degree": 1,
     },
 }
 """Named sets of overrides; ``paper`` is the dataclasses' own defaults."""

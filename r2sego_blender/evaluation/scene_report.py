@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ..captures.capture import Capture
 from ..captures.store import load_captures
 from ..generation.conditions import load_conditions
 from ..geometry.proxy import GeometryProxy, Provenance
-from ..images import load_image
 from ..robot.rollouts import load_rollouts
 from ..scene import Scene
 from ..selection import Selection, load_candidates
@@ -107,7 +107,7 @@ def _round(scene: Scene, index: int) -> Round:
     selection = Selection.load(scene.path / of_round(index, "selection"))
     candidates = load_candidates(scene.path / of_round(index, "selection"))
     poses = np.stack([camera.world_from_camera for camera in candidates])
-    captures = [capture.camera for capture in load_captures(scene.captures_folder)]
+    captures = load_captures(scene.captures_folder)
     views = sorted((scene.path / of_round(index, "views")).glob("*/pose.json"))
     return Round(
         number=index,
@@ -123,14 +123,14 @@ def _round(scene: Scene, index: int) -> Round:
         candidates=CandidateCurves(
             selection.deficit, selection.availability, selection.score, selection.rollout, selection.targets
         ),
-        targets=tuple(_target(scene, view, selection) for view in views),
+        targets=tuple(_target(view, selection, captures) for view in views),
         proxy_picture=top_view(proxy).image,
-        camera_map=camera_map(proxy, captures, poses, selection.targets),
+        camera_map=camera_map(proxy, [c.camera for c in captures], poses, selection.targets),
         note=selection.note,
     )
 
 
-def _target(scene: Scene, pose_file: Path, selection: Selection) -> Target:
+def _target(pose_file: Path, selection: Selection, captures: Sequence[Capture]) -> Target:
     record: dict[str, Any] = json.loads(pose_file.read_text())
     folder = pose_file.parent
     conditions = load_conditions(folder / "conditions")
@@ -140,7 +140,7 @@ def _target(scene: Scene, pose_file: Path, selection: Selection) -> Target:
         accepted=record["accepted"],
         verdict=record["reason"],
         reference_name=record["reference_name"],
-        reference=load_image(scene.captures_folder / "images" / f"{record['reference_name']}.png"),
+        reference=captures[record["reference"]].image_path,
         condition=depth_picture(conditions[-1].depth) if conditions else None,
         generated=frame if frame.is_file() else None,
         score=float(selection.score[record["candidate"]]),
