@@ -30,7 +30,7 @@ def refine(scene: Scene, progress: Progress = SILENT) -> None:
         progress.message(f"Round {l + 1} of {h.rounds}")
         proxy = step.geometry_proxy(l, captures, observed, aligned_priors, asset)  # 6
         collision = step.replace_collision_mesh(l, proxy)  # 7
-        candidates = step.successful_ego_poses(l, collision)  # 8
+        candidates = step.successful_ego_poses(l, proxy, collision)  # 8
         targets = step.robot_proxy(l, candidates, proxy, asset)  # 10
         generated = step.ego_video_reg(l, captures, proxy, targets)  # 9, 11
         pseudo_observations += generated  # 12

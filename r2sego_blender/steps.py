@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -31,13 +31,14 @@ from .geometry.fusion import compose_proxy
 from .geometry.observed import ObservedGeometry, observe
 from .geometry.planes import RoomPlanes, find_planes
 from .geometry.proxy import GeometryProxy
+from .geometry.seen_floor import seen_floor
 from .geometry.stereo import DepthMap, dense_stereo
 from .images import resize_nearest
 from .progress import Progress
 from .robot.candidates import candidate_stream, ego_camera
 from .robot.model import RobotModel
 from .robot.rollouts import load_rollouts, save_rollouts, successful_rollouts
-from .robot.scope import BehaviourScope
+from .robot.scope import FREE_FLOOR, BehaviourScope
 from .scene import Scene
 from .selection import Selection, load_candidates, save_candidates, select_targets, support_scores
 from .settings import Settings
@@ -180,21 +181,29 @@ class Steps:
 
         return self._step(of_round(l, "collision"), compute, inputs=[proxy], parameters=self.h.collision)
 
-    def successful_ego_poses(self, l: int, collision: str) -> str:
-        """V_0^l: rollouts resampled until enough succeed, every attempt kept with its reason."""
+    def successful_ego_poses(self, l: int, proxy: str, collision: str) -> str:
+        """V_0^l: rollouts resampled until enough succeed, every attempt kept with its reason.
+
+        A scope that asks for the free floor gets the part of it that captures vouch for.
+        """
         declared = self.scene.declaration
+        scope = BehaviourScope.load(declared.scope)
 
         def compute(folder: Path) -> None:
+            within = scope.region.within
+            if within == FREE_FLOOR:
+                corners = seen_floor(self._proxy(proxy), [c.camera for c in self._captures])
+                within = tuple(map(tuple, corners.tolist()))
             rollouts = successful_rollouts(
-                self._robot, BehaviourScope.load(declared.scope),
+                self._robot, replace(scope, region=replace(scope.region, within=within)),
                 self.scene.path / collision / "scene.xml", self.h.rollouts, self._seed_of(l), self.progress,
             )  # fmt: skip
             save_rollouts(folder, rollouts)
 
-        files = [Path(name) for name in (declared.robot, declared.scope) if Path(name).is_file()]
+        robot_file = [Path(declared.robot)] if Path(declared.robot).is_file() else []
         return self._step(
-            of_round(l, "rollouts"), compute, inputs=[collision, *files],
-            parameters=[self.h.rollouts, self._seed_of(l), declared.robot, declared.scope],
+            of_round(l, "rollouts"), compute, inputs=[CAPTURES, proxy, collision, *robot_file],
+            parameters=[self.h.rollouts, self._seed_of(l), declared.robot, scope],
         )  # fmt: skip
 
     def robot_proxy(self, l: int, candidates: str, proxy: str, asset: str) -> str:

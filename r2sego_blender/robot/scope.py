@@ -77,7 +77,7 @@ class Episode:
     """Length of a rollout and rate of its camera."""
 
     duration_s: float = setting(8.0, "Length of a rollout.", 0.5, 600.0)
-    camera_rate_hz: float = setting(10.0, "Camera frames a second.", 0.5, 50.0)
+    camera_rate_hz: float = setting(5.0, "Camera frames a second.", 0.5, 50.0)
 
 
 @dataclass(frozen=True)

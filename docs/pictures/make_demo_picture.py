@@ -1,0 +1,44 @@
+"""Make docs/pictures/demo.jpg from an evaluated demo scene:
+
+python docs/pictures/make_demo_picture.py build/demo_room.r2s
+
+Two frozen robot views, each as truth, vanilla 3DGS and refined, and the plan of the proxy.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from r2sego_blender.evaluation.arms import ARMS
+from r2sego_blender.evaluation.figures import save_figure, strip, top_view
+from r2sego_blender.evaluation.scene_evaluation import frozen_views
+from r2sego_blender.geometry.proxy import GeometryProxy
+from r2sego_blender.images import resize
+from r2sego_blender.scene import Scene
+from r2sego_blender.splats.ply import load_ply
+from r2sego_blender.splats.rasterizer import render
+
+HERE = Path(__file__).resolve().parent
+FROZEN = HERE.parents[1] / "demo" / "room" / "cameras.json"
+SHOWN = (3, 11)
+HEIGHT_PX = 360
+
+
+def main(scene: Scene) -> None:
+    views = frozen_views(scene, FROZEN)
+    assets = [load_ply(scene.path / ARMS[arm].asset) for arm in ("vanilla_3dgs", "refined")]
+    rows = []
+    for index in SHOWN:
+        camera = views[index].camera
+        pictures = [views[index].image(), *(np.clip(render(a, camera).colour, 0, 1) for a in assets)]
+        rows.append(strip([resize(p, 480, HEIGHT_PX) for p in pictures]))
+    save_figure(HERE / "demo.jpg", np.concatenate(rows))
+    last = scene.round_folder(scene.rounds_done() - 1)
+    save_figure(HERE / "proxy.jpg", top_view(GeometryProxy.load(last / "proxy" / "proxy.npz")).image)
+
+
+if __name__ == "__main__":
+    main(Scene.open(Path(sys.argv[1])))
