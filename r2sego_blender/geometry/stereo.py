@@ -92,8 +92,9 @@ def dense_stereo(
 
     ``depth_range_m`` is (near, far) of each capture; ``sparse_points`` (P, 3) world, with
     ``visibility`` (P, N) bool where known, choose the neighbours. Equal for any number of
-    threads. Raises GeometryError for fewer than two captures, a depth range that is none,
-    or a capture that overlaps with no other.
+    threads. A capture that shares no point with another is matched with those it should
+    meet; what no other confirms is not reliable. Raises GeometryError for fewer than two
+    captures, or a depth range that is none.
     """
     _check(captures, depth_range_m)
     cameras = [capture.camera.fitted(settings.max_side_px) for capture in captures]
@@ -102,16 +103,20 @@ def dense_stereo(
         for capture, camera in zip(captures, cameras, strict=True)
     ]
     points = np.asarray(sparse_points, np.float64).reshape(-1, 3)
+    guessed = np.concatenate([_guessed_points(c, r) for c, r in zip(cameras, depth_range_m, strict=True)])
     if len(points) == 0:
-        visibility = None
-        points = np.concatenate([_guessed_points(c, r) for c, r in zip(cameras, depth_range_m, strict=True)])
+        visibility, points = None, guessed
     chosen = neighbours(cameras, points, settings.sources, visibility)
-    for capture, sources in zip(captures, chosen, strict=True):
-        if not sources:
-            raise GeometryError(
-                "the photograph sees nothing that another one sees", where=capture.name,
-                cure="Check its pose, or leave it out.",
-            )  # fmt: skip
+    alone = [capture.name for capture, sources in zip(captures, chosen, strict=True) if not sources]
+    if alone:
+        progress.message(
+            f"{', '.join(alone)}: shares no measured point with another photograph; "
+            "its depth is matched where the views should meet", "warning",
+        )  # fmt: skip
+        in_view = neighbours(cameras, guessed, settings.sources)
+        chosen = [
+            c or g or _nearest(cameras, i) for i, (c, g) in enumerate(zip(chosen, in_view, strict=True))
+        ]
 
     scales = _level_scales(cameras, settings.levels)
     rounds = len(scales) * (1 + settings.geometric_rounds)
@@ -155,6 +160,13 @@ def _check(captures: Sequence[Capture], depth_range_m: Sequence[tuple[float, flo
                 f"({near}, {far}) m is no depth range", where=capture.name,
                 cure="Give two depths, 0 < near < far.",
             )  # fmt: skip
+
+
+def _nearest(cameras: Sequence[Camera], index: int) -> tuple[int, ...]:
+    """The camera nearest to one, as its only source."""
+    distance = [np.linalg.norm(c.centre - cameras[index].centre) for c in cameras]
+    distance[index] = np.inf
+    return (int(np.argmin(distance)),)
 
 
 def _guessed_points(camera: Camera, depth_range_m: tuple[float, float]) -> np.ndarray:

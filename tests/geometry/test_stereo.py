@@ -155,6 +155,14 @@ def test_unusable_input_is_named(scene) -> None:
         dense_stereo(captures[:1], [RANGE_M], points, SETTINGS)
     with pytest.raises(GeometryError, match="depth range"):
         dense_stereo(captures[:2], [RANGE_M, (2.0, 1.0)], points, SETTINGS)
-    away = captures[1].camera.at(look_at(np.array([0.0, 0.0, 1.0]), np.array([0.0, -5.0, 1.0])))
-    with pytest.raises(GeometryError, match="sees nothing"):
-        dense_stereo([captures[0], replace(captures[1], camera=away)], [RANGE_M] * 2, points, SETTINGS)
+
+
+def test_a_photograph_that_shares_nothing_stops_nobody_and_is_not_relied_on(scene) -> None:
+    captures, depths, _, points = scene
+    away = captures[3].camera.at(look_at(np.array([0.0, 0.0, 1.0]), np.array([0.0, -5.0, 1.0])))
+    apart = [*captures[:3], replace(captures[3], camera=away)]
+    found = dense_stereo(apart, [RANGE_M] * 4, points, SETTINGS)
+    assert not found[3].reliable(SETTINGS).any()
+    reliable = found[1].reliable(SETTINGS)
+    assert reliable.mean() > 0.2
+    assert np.median(np.abs(found[1].depth - depths[1])[reliable] / depths[1][reliable]) < 0.005
