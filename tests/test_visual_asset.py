@@ -1,0 +1,86 @@
+"""The asset of the loop: growth where it misses geometry, trust where it agrees."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.settings import TrainingSettings
+from r2sego_blender.splats.asset import SplatAsset
+from r2sego_blender.splats.initialization import DepthView
+from r2sego_blender.splats.metrics import psnr
+from r2sego_blender.splats.rasterizer import render
+from r2sego_blender.visual_asset import PseudoView, agreement, grow, update_visual_asset
+
+SETTINGS = TrainingSettings(steps_per_round=60, max_gaussians=5000, sh_degree=1)
+WALL_Y_M = 2.0
+
+
+def wall_view(x_m: float, shade: float = 0.0) -> DepthView:
+    """A camera at (x, 0, 1) that faces a striped wall, with its exact depth and image."""
+    camera = Camera(96, 72, 80, 80, 48, 36, look_at((x_m, 0.0, 1.0), (x_m, WALL_Y_M, 1.0)))
+    depth = np.full(camera.shape, WALL_Y_M, np.float32)
+    points = camera.unproject(depth)
+    stripes = 0.5 + 0.3 * np.sin(3.0 * points[..., :1]) * np.cos(2.0 * points[..., 2:])
+    image = np.clip(np.repeat(stripes, 3, axis=2) * [1.0, 0.8, 0.6] + shade, 0.0, 1.0)
+    return DepthView(camera, depth, image.astype(np.float32), stride_px=2)
+
+
+def pseudo(view: DepthView) -> PseudoView:
+    return PseudoView(view, np.ones(view.camera.shape, np.float32))
+
+
+def coverage(asset: SplatAsset, view: DepthView) -> float:
+    inside = render(asset, view.camera).alpha[6:-6, 6:-6]
+    return float((inside > 0.8).mean())
+
+
+def test_growing_covers_what_was_missing_and_adds_nothing_twice():
+    rng = np.random.default_rng(0)
+    grown = grow(SplatAsset.empty(), [wall_view(0.0)], SETTINGS, rng)
+    assert coverage(grown, wall_view(0.0)) > 0.95
+    assert coverage(grown, wall_view(1.2)) < 0.8
+    wider = grow(grown, [wall_view(1.2)], SETTINGS, rng)
+    assert coverage(wider, wall_view(1.2)) > 0.95
+    again = grow(wider, [wall_view(0.0), wall_view(1.2)], SETTINGS, rng)
+    assert len(again) - len(wider) < 0.2 * len(wider)
+
+
+def test_growing_leaves_pixels_without_geometry_alone():
+    view = wall_view(0.0)
+    unknown = dataclasses.replace(view, depth=np.zeros_like(view.depth))
+    assert len(grow(SplatAsset.empty(), [unknown], SETTINGS, np.random.default_rng(0))) == 0
+
+
+def test_the_budget_of_gaussians_is_hard():
+    few = dataclasses.replace(SETTINGS, max_gaussians=300)
+    asset = grow(SplatAsset.empty(), [wall_view(0.0), wall_view(1.2)], few, np.random.default_rng(0))
+    assert len(asset) == 300
+
+
+def test_a_generated_frame_is_trusted_where_it_agrees_with_the_asset():
+    asset = grow(SplatAsset.empty(), [wall_view(0.0)], SETTINGS, np.random.default_rng(0))
+    agreeing = agreement(asset, pseudo(wall_view(0.0)))[8:-8, 8:-8]
+    contradicting = agreement(asset, pseudo(wall_view(0.0, shade=0.4)))[8:-8, 8:-8]
+    assert agreeing.mean() > 0.9 and contradicting.mean() < 0.1
+
+
+def test_a_generated_frame_keeps_its_own_confidence_where_the_asset_is_empty():
+    view = dataclasses.replace(pseudo(wall_view(0.0)), confidence=np.full((72, 96), 0.3, np.float32))
+    np.testing.assert_allclose(agreement(SplatAsset.empty(), view), 0.3)
+
+
+@pytest.mark.parametrize("with_pseudo", [False, True])
+def test_an_update_learns_the_captures(with_pseudo):
+    views = [wall_view(-0.3), wall_view(0.3)]
+    synthetic = [pseudo(wall_view(0.6))] if with_pseudo else []
+    asset = update_visual_asset(
+        SplatAsset.empty(), views, synthetic, SETTINGS, np.random.default_rng(0)
+    )  # fmt: skip
+    started = grow(SplatAsset.empty(), views, SETTINGS, np.random.default_rng(0))
+
+    def quality(trained: SplatAsset) -> float:
+        return float(np.mean([psnr(np.clip(render(trained, v.camera).colour, 0, 1), v.image) for v in views]))
+
+    assert quality(asset) > quality(started) + 2.0
