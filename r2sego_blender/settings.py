@@ -146,6 +146,9 @@ class RegistrationSettings:
 
     max_features: int = setting(6000, "SIFT features a frame.", 200, 50000)
     match_ratio: float = setting(0.8, "Nearest to second nearest descriptor distance of a match.", 0.1, 1.0)
+    search_radius_px: float = setting(
+        40.0, "How far from where the query would see it a landmark is looked for.", 4.0, 2000.0
+    )
     max_error_px: float = setting(4.0, "Reprojection error of an inlier.", 0.5, 20.0)
     min_inliers: int = setting(15, "Inliers below which a frame is rejected.", 6, 10000)
     min_spread: float = setting(0.25, "Share of the image's 4 x 3 cells that must hold inliers.", 0.0, 1.0)

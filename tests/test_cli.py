@@ -75,7 +75,7 @@ def test_new_says_what_to_photograph_when_images_share_nothing(photographs, tmp_
     for index in range(4):
         noise(photographs / f"{index}.png", index)
     line = refused(r2sego("new", tmp_path / "a.r2s", "--captures", photographs))
-    assert "overlap" in line
+    assert "share" in line and "keep half of each picture" in line
     assert list(tmp_path.iterdir()) == [photographs]
 
 

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from ..cameras import Camera, rotation_angle_rad
 from ..captures.capture import Capture
-from ..captures.features import match, sift
+from ..captures.features import match_near, sift
 from ..captures.pnp import PoseEstimate, estimate_pose
 from ..errors import GenerationError
 from ..progress import SILENT, Progress
@@ -108,9 +108,10 @@ def register_frame(
     """Estimate the pose of a generated frame (H, W, 3) float32 made for the ``query`` camera.
 
     The pose is solved in the frame of the fixed ``reference`` capture and composed with its
-    world pose. The query's lens is used; its pose serves for the gates alone.
+    world pose. The query's lens is used; its pose says where landmarks are looked for,
+    as far off as the gates allow, and never is the frame's pose.
     """
-    pixels, points = _matches(image, landmarks, settings)
+    pixels, points = _matches(image, query, landmarks, settings)
     reference_from_world = reference.camera_from_world
     local = points @ reference_from_world[:3, :3].T + reference_from_world[:3, 3]
     found = estimate_pose(pixels, local, query, settings.max_error_px, seed)
@@ -142,17 +143,24 @@ def register_frame(
 
 
 def _matches(
-    image: np.ndarray, landmarks: Landmarks, settings: RegistrationSettings
+    image: np.ndarray, query: Camera, landmarks: Landmarks, settings: RegistrationSettings
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pixels (m, 2) and landmark points (m, 3), matched with each capture by itself.
 
     Apart, because the same point in two captures would fail the ratio test against itself.
+    Only landmarks that the query would see near a feature are compared with it: planks,
+    tiles and book spines are all alike elsewhere.
     """
     features = sift(image, settings.max_features)
+    places, depth = query.project(landmarks.points)
+    places[~query.sees(places, depth, -settings.search_radius_px)] = np.nan
     pixels, points = [np.empty((0, 2))], [np.empty((0, 3))]
     for index in np.unique(landmarks.capture):
         members = np.flatnonzero(landmarks.capture == index)
-        pairs = match(features.descriptors, landmarks.descriptors[members], settings.match_ratio)
+        pairs = match_near(
+            features, landmarks.descriptors[members], places[members],
+            settings.search_radius_px, settings.match_ratio,
+        )  # fmt: skip
         pixels.append(features.keypoints[pairs[:, 0]])
         points.append(landmarks.points[members[pairs[:, 1]]])
     return np.concatenate(pixels).astype(np.float64), np.concatenate(points)

@@ -56,13 +56,13 @@ def test_each_gate_says_why(room_a, landmarks):
         return frame.reason
 
     assert "m from its query" in reason(perturbed(view.camera, 0, 0.3, 0.0))
-    assert "turned" in reason(perturbed(view.camera, 0, 0.0, 8.0))
+    assert "turned" in reason(perturbed(view.camera, 0, 0.0, 8.0), search_radius_px=200.0)
     assert "matches agree" in reason(view.camera, min_inliers=9000)
     corner = np.full_like(image, 0.5)
     corner[:240, :320] = image[:240, :320]
     assert "of the image" in reason(view.camera, corner, min_spread=0.5, min_inliers=6)
     long = replace(view.camera, fx=view.camera.fx * 1.15, fy=view.camera.fy * 1.15)
-    assert "focal length" in reason(long, max_offset_m=5.0, max_turn_deg=90.0)
+    assert "focal length" in reason(long, max_offset_m=5.0, max_turn_deg=90.0, search_radius_px=200.0)
 
 
 def test_a_frame_without_texture_is_rejected(room_a, landmarks):
