@@ -46,7 +46,7 @@ from .splats.asset import SplatAsset
 from .splats.initialization import DepthView, merge_views
 from .splats.ply import load_ply, save_ply
 from .splats.rasterizer import render
-from .visual_asset import PseudoView, update_visual_asset
+from .visual_asset import PseudoView, disc_stride_px, update_visual_asset
 
 CAPTURES = "captures"
 SPARSE = "captures/sparse.npz"
@@ -90,9 +90,8 @@ class Steps:
                 depth_map.save(folder / f"{capture.name}.npz")
 
         def compute_asset(file: Path) -> None:
-            stride_px = self.h.training.disc_stride_px
             views = [
-                DepthView(c.camera, depth, c.image(), stride_px)
+                DepthView(c.camera, depth, c.image(), self._stride_px)
                 for c, depth in zip(self._captures, self._reliable_depths(), strict=True)
             ]
             save_ply(file, merge_views(views))
@@ -100,7 +99,7 @@ class Steps:
         self._step(DEPTH, compute_depth, inputs=[CAPTURES], parameters=[self.h.stereo, self.h.seed])
         asset = self._step(
             INITIAL_ASSET, compute_asset, inputs=[CAPTURES, DEPTH],
-            parameters=[self.h.stereo, self.h.training.disc_stride_px],
+            parameters=[self.h.stereo, self._stride_px],
         )  # fmt: skip
         return CAPTURES, asset
 
@@ -260,10 +259,7 @@ class Steps:
 
         def compute(file: Path) -> None:
             renderer = ConditionRenderer(self._proxy(proxy))
-            stride_px = self.h.training.disc_stride_px
-            real = [
-                DepthView(c.camera, renderer.depth(c.camera), c.image(), stride_px) for c in self._captures
-            ]
+            real = [self._capture_view(capture, renderer) for capture in self._captures]
             observations = [
                 observation
                 for views in pseudo_observations
@@ -277,7 +273,8 @@ class Steps:
             )
 
         refined = self._step(
-            of_round(l, "asset.ply"), compute, inputs=[asset, captures, proxy, *pseudo_observations],
+            of_round(l, "asset.ply"), compute,
+            inputs=[asset, captures, COMPLETED, proxy, *pseudo_observations],
             parameters=[self.h.training, self.h.seed],
         )  # fmt: skip
         self._step(of_round(l, "metrics.json"), lambda file: self._count(l, file), inputs=[refined])
@@ -313,6 +310,10 @@ class Steps:
         first = self._captures[0].camera
         return ego_camera(self._robot, first.width, first.height)
 
+    @cached_property
+    def _stride_px(self) -> int:
+        return disc_stride_px([capture.camera for capture in self._captures], self.h.training)
+
     def _depth_maps(self) -> list[DepthMap]:
         return [DepthMap.load(self.scene.path / DEPTH / f"{c.name}.npz") for c in self._captures]
 
@@ -332,11 +333,19 @@ class Steps:
     def _asset(self, name: str) -> SplatAsset:
         return load_ply(self.scene.path / name)
 
+    def _capture_view(self, capture: Capture, renderer: ConditionRenderer) -> DepthView:
+        """A capture with the proxy's depth and, where its rays leave the proxy, its completed
+        one: every photographed pixel is of something."""
+        depth = renderer.depth(capture.camera)
+        completed = CompletedDepth.load(self.scene.path / COMPLETED / f"{capture.name}.npz").depth
+        depth = np.where(depth > 0.0, depth, resize_nearest(completed, *capture.camera.shape))
+        return DepthView(capture.camera, depth, capture.image(), self._stride_px)
+
     def _pseudo_view(self, observation: PseudoObservation, renderer: ConditionRenderer) -> PseudoView:
         camera = observation.camera
         depth = renderer.depth(camera)
-        stride_px = self.h.training.disc_stride_px
-        return PseudoView(DepthView(camera, depth, observation.image, stride_px), observation.confidence)
+        view = DepthView(camera, depth, observation.image, self._stride_px)
+        return PseudoView(view, observation.confidence)
 
     def _seed_of(self, l: int) -> int:
         """A seed of its own for each round, so that initial conditions are resampled."""

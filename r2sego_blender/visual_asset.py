@@ -6,12 +6,14 @@ Stands on the trainer in ``splats`` and on depth rendered from the proxy; knows 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
+from .cameras import Camera
 from .progress import SILENT, Progress
 from .settings import TrainingSettings
 from .splats.asset import SplatAsset
@@ -37,6 +39,15 @@ class PseudoView:
 
     view: DepthView
     confidence: np.ndarray
+
+
+def disc_stride_px(cameras: Sequence[Camera], settings: TrainingSettings) -> int:
+    """Pixels a side that share one Gaussian, so that the captures fit into the budget.
+
+    About half of the captures' discs show what another one shows better and fall away.
+    """
+    pixels = sum(camera.width * camera.height for camera in cameras)
+    return max(settings.disc_stride_px, round(math.sqrt(pixels / (2.0 * settings.max_gaussians))))
 
 
 def grow(

@@ -11,7 +11,13 @@ from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.initialization import DepthView
 from r2sego_blender.splats.metrics import psnr
 from r2sego_blender.splats.rasterizer import render
-from r2sego_blender.visual_asset import PseudoView, agreement, grow, update_visual_asset
+from r2sego_blender.visual_asset import (
+    PseudoView,
+    agreement,
+    disc_stride_px,
+    grow,
+    update_visual_asset,
+)
 
 SETTINGS = TrainingSettings(steps_per_round=60, max_gaussians=5000, sh_degree=1)
 WALL_Y_M = 2.0
@@ -84,3 +90,10 @@ def test_an_update_learns_the_captures(with_pseudo):
         return float(np.mean([psnr(np.clip(render(trained, v.camera).colour, 0, 1), v.image) for v in views]))
 
     assert quality(asset) > quality(started) + 2.0
+
+
+@pytest.mark.parametrize(("captures", "stride_px"), [(1, 3), (6, 3), (13, 4), (60, 9)])
+def test_more_captures_share_the_budget_by_coarser_discs(captures, stride_px):
+    camera = Camera(640, 480, 500, 500, 320, 240, np.eye(4))
+    settings = TrainingSettings(max_gaussians=120000, disc_stride_px=3)
+    assert disc_stride_px([camera] * captures, settings) == stride_px
