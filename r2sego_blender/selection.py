@@ -8,13 +8,13 @@ candidates into one keyframe, and the Top-K keyframes become the round's target 
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from .arrays import opened_arrays, save_arrays
 from .cameras import Camera
 from .errors import GenerationError
 from .progress import SILENT, Progress
@@ -62,8 +62,7 @@ class Selection:
     def save(self, folder: Path) -> None:
         """Write ``selection.npz`` (all numbers) and ``selection.json`` (words and a summary)."""
         folder.mkdir(parents=True, exist_ok=True)
-        with (folder / "selection.npz").open("wb") as file:
-            np.savez(file, **{name: getattr(self, name) for name in _ARRAYS})
+        save_arrays(folder / "selection.npz", **{name: getattr(self, name) for name in _ARRAYS})
         words = {
             "budget": self.budget, "note": self.note,
             "candidates": len(self.score), "survived": int(self.survived.sum()),
@@ -75,15 +74,11 @@ class Selection:
     @staticmethod
     def load(folder: Path) -> Selection:
         """Read what ``save`` wrote. Raises GenerationError when the files are damaged."""
-        try:
+        what = "this is not a selection of target views"
+        with opened_arrays(folder / "selection.npz", GenerationError, what) as data:
+            arrays = {name: data[name] for name in _ARRAYS}
             words = json.loads((folder / "selection.json").read_text())
-            with np.load(folder / "selection.npz", allow_pickle=False) as data:
-                arrays = {name: data[name] for name in _ARRAYS}
             reason, budget, note = tuple(words["reasons"]), int(words["budget"]), str(words["note"])
-        except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
-            raise GenerationError(
-                "this is not a selection of target views", where=folder, cure="Run the round again."
-            ) from error
         if {array.shape for array in arrays.values()} != {(len(reason),)}:
             raise GenerationError(
                 "selection.npz and selection.json do not belong together",
@@ -104,22 +99,16 @@ def save_candidates(folder: Path, cameras: Sequence[Camera]) -> None:
     (M, 4, 4) float64 ``world_from_camera``) and ``candidates.json`` (the lens)."""
     if not cameras:
         raise GenerationError("there are no candidate views", where=folder, cure="Run more rollouts.")
-    with (folder / "candidates.npz").open("wb") as file:
-        np.savez(file, poses=np.stack([camera.world_from_camera for camera in cameras]))
+    save_arrays(folder / "candidates.npz", poses=np.stack([camera.world_from_camera for camera in cameras]))
     lens = {key: value for key, value in cameras[0].to_json().items() if key != "world_from_camera"}
     (folder / "candidates.json").write_text(json.dumps({"camera": lens}, indent=1) + "\n")
 
 
 def load_candidates(folder: Path) -> list[Camera]:
     """Read what ``save_candidates`` wrote. Raises GenerationError when the files are damaged."""
-    try:
+    with opened_arrays(folder / "candidates.npz", GenerationError, "these are not candidate views") as data:
         lens = json.loads((folder / "candidates.json").read_text())["camera"]
-        with np.load(folder / "candidates.npz", allow_pickle=False) as data:
-            return [Camera.from_json({**lens, "world_from_camera": pose}) for pose in data["poses"]]
-    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
-        raise GenerationError(
-            "these are not candidate views", where=folder, cure="Run the round again."
-        ) from error
+        return [Camera.from_json({**lens, "world_from_camera": pose}) for pose in data["poses"]]
 
 
 _ARRAYS = (

@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 LIBRARY = ROOT / "r2sego_blender"
 
-FOUNDATION = {"", "cameras", "compiled", "errors", "images", "progress", "scene", "settings"}
+FOUNDATION = {"", "arrays", "cameras", "compiled", "errors", "images", "progress", "scene", "settings"}
 ABOVE_CAPTURES = FOUNDATION | {"workers", "captures"}
 PARTS = ABOVE_CAPTURES | {"geometry", "robot", "selection", "generation", "splats"}
 MAY_IMPORT = {

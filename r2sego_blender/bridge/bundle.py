@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
+from ..arrays import opened_arrays
 from ..cameras import Camera
 from ..errors import SceneError
 from ..geometry.proxy import GeometryProxy
@@ -19,7 +18,7 @@ from ..scene import Scene
 
 SUFFIX = ".r2s"
 _SCORES = ("rollout", "frame", "deficit", "availability", "score", "survived", "rank", "chosen")
-_BROKEN_ZIP = (BadZipFile, EOFError, zlib.error)  # what numpy lets through from a cut-off .npz
+_CURE = "Run the step that makes it again (`r2sego refine`)."
 
 
 @dataclass(frozen=True)
@@ -123,10 +122,7 @@ class Bundle:
         """The geometry proxy of a round. Raises SceneError when that round has none."""
         file = self.proxy_file(round_index)
         _require(file, f"round {round_index} has no geometry proxy")
-        try:
-            return GeometryProxy.load(file)
-        except _BROKEN_ZIP as error:
-            raise _damaged(file, f"it cannot be read: {error}") from error
+        return GeometryProxy.load(file)
 
     def candidates(self, round_index: int) -> CandidateViews:
         """The scored candidates of a round. Raises SceneError when that round has none."""
@@ -200,11 +196,8 @@ def _json(file: Path) -> Mapping[str, Any]:
 
 
 def _arrays(file: Path, *names: str) -> dict[str, np.ndarray]:
-    try:
-        with np.load(file, allow_pickle=False) as data:
-            return {name: data[name] for name in names}
-    except (OSError, KeyError, ValueError, *_BROKEN_ZIP) as error:
-        raise _damaged(file, f"it cannot be read: {error}") from error
+    with opened_arrays(file, SceneError, "it cannot be read", _CURE) as data:
+        return {name: data[name] for name in names}
 
 
 def _require(file: Path, otherwise: str) -> None:
@@ -213,4 +206,4 @@ def _require(file: Path, otherwise: str) -> None:
 
 
 def _damaged(file: Path, what: str) -> SceneError:
-    return SceneError(what, where=file, cure="Run the step that makes it again (`r2sego refine`).")
+    return SceneError(what, where=file, cure=_CURE)

@@ -80,10 +80,7 @@ def read_colmap_model(model: Path, folder: Path) -> list[Photograph]:
         for name, least in _RECORD_BYTES.items():
             _check_count(model / name, least)
     try:
-        found = call_in_child(
-            "captures.colmap_model:read_in_child",
-            {"model": str(model), "suffix": suffix}, timeout_s=_TIMEOUT_S,
-        )  # fmt: skip
+        found = call_in_child(read_in_child, {"model": str(model), "suffix": suffix}, timeout_s=_TIMEOUT_S)
     except NativeError as error:
         raise CaptureError(
             "the COLMAP model cannot be read", where=model,

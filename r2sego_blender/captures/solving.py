@@ -70,7 +70,7 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
             "folder": folder, "paths": [str(path) for path in paths], "sizes": sizes,
             "min_matches": settings.min_matches,
         }  # fmt: skip
-        found = call_in_child("captures.solving:solve_in_child", request, timeout_s=_TIMEOUT_S)
+        found = call_in_child(solve_in_child, request, timeout_s=_TIMEOUT_S)
         task.advance()
     models = sorted(found["models"], key=len, reverse=True)
     best = models[0] if models else []

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..arrays import opened_arrays, save_arrays
 from ..cameras import Camera
 from ..errors import CaptureError
 from ..progress import SILENT, Progress
@@ -53,19 +54,14 @@ class SparsePoints:
 
     def save(self, path: Path) -> None:
         """Write the arrays as an uncompressed ``.npz``."""
-        with path.open("wb") as file:
-            np.savez(file, **{name: getattr(self, name) for name in self.__dataclass_fields__})
+        save_arrays(path, **{field.name: getattr(self, field.name) for field in fields(self)})
 
     @staticmethod
     def load(path: Path) -> SparsePoints:
         """Read what ``save`` wrote. Raises CaptureError when the file is none of it."""
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                return SparsePoints(**{n: data[n] for n in SparsePoints.__dataclass_fields__})
-        except (OSError, KeyError, ValueError) as error:
-            raise CaptureError(
-                "these are no sparse points", where=path, cure="Import the captures again."
-            ) from error
+        cure = "Import the captures again."
+        with opened_arrays(path, CaptureError, "these are no sparse points", cure) as data:
+            return SparsePoints(**{field.name: data[field.name] for field in fields(SparsePoints)})
 
 
 def triangulate(
@@ -90,7 +86,7 @@ def triangulate(
             "folder": folder, "names": names, "cameras": [camera.to_json() for camera in cameras],
             "max_error_px": settings.max_error_px,
         }  # fmt: skip
-        call_in_child("captures.sparse:triangulate_in_child", request, timeout_s=_TIMEOUT_S)
+        call_in_child(triangulate_in_child, request, timeout_s=_TIMEOUT_S)
         with np.load(Path(folder, "points.npz"), allow_pickle=False) as data:
             points, error_px, pixels = data["points"], data["error_px"], data["pixels"]
         task.advance()

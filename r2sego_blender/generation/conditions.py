@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ..arrays import opened_arrays
 from ..cameras import Camera
 from ..errors import GenerationError
 from ..geometry.proxy import GeometryProxy
@@ -114,19 +114,14 @@ def load_conditions(folder: Path) -> tuple[Condition, ...]:
     """
     conditions = []
     for path in sorted(folder.glob("[0-9][0-9][0-9].npz")):
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                camera = Camera.from_json(json.loads(str(data["camera"])))
-                validity = data["validity"].astype(np.float32) / 255.0
-                provenance, normal = data["provenance"], data["normal"].astype(np.float32)
+        with opened_arrays(path, GenerationError, "this structural condition is damaged") as data:
+            camera = Camera.from_json(json.loads(str(data["camera"])))
+            validity = data["validity"].astype(np.float32) / 255.0
+            provenance, normal = data["provenance"], data["normal"].astype(np.float32)
             png = np.frombuffer(path.with_name(f"{path.stem}_depth.png").read_bytes(), np.uint8)
-            depth = cv2.imdecode(png, cv2.IMREAD_UNCHANGED)
+            depth = cv2.imdecode(png, cv2.IMREAD_UNCHANGED) if len(png) else None
             if depth is None or depth.shape != camera.shape or depth.dtype != np.uint16:
                 raise ValueError("the depth is not a 16-bit PNG of the camera's size")
-        except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile, cv2.error) as error:
-            raise GenerationError(
-                "this structural condition is damaged", where=path, cure="Run the round again."
-            ) from error
         length = np.linalg.norm(normal, axis=-1, keepdims=True)
         normal = normal / np.maximum(length, np.float32(1.0))
         conditions.append(

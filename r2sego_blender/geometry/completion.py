@@ -11,7 +11,6 @@ of the room is taken; where there is none, the nearest completed depth.
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -21,6 +20,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
+from ..arrays import opened_arrays, save_arrays
 from ..cameras import Camera
 from ..captures.capture import Capture
 from ..errors import GeometryError
@@ -56,20 +56,14 @@ class CompletedDepth:
 
     def save(self, path: Path) -> None:
         """Write the maps and the camera as an uncompressed ``.npz``."""
-        with path.open("wb") as file:
-            np.savez(file, depth=self.depth, source=self.source, camera=json.dumps(self.camera.to_json()))
+        save_arrays(path, depth=self.depth, source=self.source, camera=json.dumps(self.camera.to_json()))
 
     @staticmethod
     def load(path: Path) -> CompletedDepth:
         """Read what ``save`` wrote. Raises GeometryError when the file is no completed depth."""
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                camera = Camera.from_json(json.loads(str(data["camera"])))
-                return CompletedDepth(data["depth"], data["source"], camera)
-        except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
-            raise GeometryError(
-                "this is not a completed depth map", where=path, cure="Run `r2sego refine` again."
-            ) from error
+        with opened_arrays(path, GeometryError, "this is not a completed depth map") as data:
+            camera = Camera.from_json(json.loads(str(data["camera"])))
+            return CompletedDepth(data["depth"], data["source"], camera)
 
 
 _OUTVOTED = 1.05  # how far neighbours of like colour must outvote a depth to replace it

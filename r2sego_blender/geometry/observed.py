@@ -6,7 +6,6 @@ captures; here the points are those of the dense stereo that two captures agree 
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -14,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ..arrays import opened_arrays, save_arrays
 from ..captures.capture import Capture
 from ..captures.sparse import SparsePoints
 from ..errors import GeometryError
@@ -53,19 +53,13 @@ class ObservedGeometry:
 
     def save(self, path: Path) -> None:
         """Write the arrays as an uncompressed ``.npz``."""
-        with path.open("wb") as file:
-            np.savez(file, **{f.name: getattr(self, f.name) for f in fields(self)})
+        save_arrays(path, **{field.name: getattr(self, field.name) for field in fields(self)})
 
     @staticmethod
     def load(path: Path) -> ObservedGeometry:
         """Read what ``save`` wrote. Raises GeometryError when the file is none of it."""
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                return ObservedGeometry(**{f.name: data[f.name] for f in fields(ObservedGeometry)})
-        except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
-            raise GeometryError(
-                "this is not observed geometry", where=path, cure="Run the stereo step again."
-            ) from error
+        with opened_arrays(path, GeometryError, "this is not observed geometry") as data:
+            return ObservedGeometry(**{field.name: data[field.name] for field in fields(ObservedGeometry)})
 
 
 def observe(

@@ -8,12 +8,12 @@ planes, so an unseen wall or ceiling is never invented: the room stays open ther
 
 from __future__ import annotations
 
-import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
 
+from ..arrays import opened_arrays, save_arrays
 from ..cameras import Camera
 from ..errors import GeometryError
 from ..settings import ProxySettings
@@ -73,19 +73,13 @@ class RoomPlanes:
 
     def save(self, path: Path) -> None:
         """Write the arrays as an uncompressed ``.npz``."""
-        with path.open("wb") as file:
-            np.savez(file, **{name: getattr(self, name) for name in self.__dataclass_fields__})
+        save_arrays(path, **{field.name: getattr(self, field.name) for field in fields(self)})
 
     @staticmethod
     def load(path: Path) -> RoomPlanes:
         """Read what ``save`` wrote. Raises GeometryError when the file holds no planes."""
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                return RoomPlanes(**{n: data[n] for n in RoomPlanes.__dataclass_fields__})
-        except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
-            raise GeometryError(
-                "these are not room planes", where=path, cure="Run `r2sego refine` again."
-            ) from error
+        with opened_arrays(path, GeometryError, "these are not room planes") as data:
+            return RoomPlanes(**{field.name: data[field.name] for field in fields(RoomPlanes)})
 
 
 def find_planes(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntEnum
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
+from ..arrays import opened_arrays, save_arrays
 from ..errors import GeometryError
 
 
@@ -45,8 +45,7 @@ class GeometryProxy:
 
     def save(self, path: Path) -> None:
         """Write the arrays as an uncompressed ``.npz``."""
-        with path.open("wb") as file:
-            np.savez(file, **{name: getattr(self, name) for name in self.__dataclass_fields__})
+        save_arrays(path, **{field.name: getattr(self, field.name) for field in fields(self)})
 
     def save_ply(self, path: Path) -> None:
         """Write the mesh as a binary PLY whose faces are coloured by their provenance."""
@@ -61,10 +60,5 @@ class GeometryProxy:
     @staticmethod
     def load(path: Path) -> GeometryProxy:
         """Read what ``save`` wrote. Raises GeometryError when the file is no proxy."""
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                return GeometryProxy(**{n: data[n] for n in GeometryProxy.__dataclass_fields__})
-        except (OSError, EOFError, KeyError, ValueError, BadZipFile) as error:
-            raise GeometryError(
-                "this is not a geometry proxy", where=path, cure="Run `r2sego refine` again."
-            ) from error
+        with opened_arrays(path, GeometryError, "this is not a geometry proxy") as data:
+            return GeometryProxy(**{field.name: data[field.name] for field in fields(GeometryProxy)})

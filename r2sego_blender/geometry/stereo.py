@@ -6,7 +6,6 @@ geometry M_obs is made of. See ``patchmatch`` for the scheme.
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ..arrays import opened_arrays, save_arrays
 from ..cameras import Camera
 from ..captures.capture import Capture
 from ..errors import GeometryError
@@ -59,24 +59,18 @@ class DepthMap:
         """Write the maps and the camera as an uncompressed ``.npz``."""
         camera = self.camera
         lens = np.array([camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy])
-        with path.open("wb") as file:
-            np.savez(
-                file, depth=self.depth, normal=self.normal, cost=self.cost, support=self.support,
-                lens=lens, world_from_camera=camera.world_from_camera,
-            )  # fmt: skip
+        save_arrays(
+            path, depth=self.depth, normal=self.normal, cost=self.cost, support=self.support,
+            lens=lens, world_from_camera=camera.world_from_camera,
+        )  # fmt: skip
 
     @staticmethod
     def load(path: Path) -> DepthMap:
         """Read what ``save`` wrote. Raises GeometryError when the file is no depth map."""
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                width, height, *lens = data["lens"].tolist()
-                camera = Camera(int(width), int(height), *lens, data["world_from_camera"])
-                return DepthMap(data["depth"], data["normal"], data["cost"], data["support"], camera)
-        except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as error:
-            raise GeometryError(
-                "this is not a depth map", where=path, cure="Run the stereo step again."
-            ) from error
+        with opened_arrays(path, GeometryError, "this is not a depth map") as data:
+            width, height, *lens = data["lens"].tolist()
+            camera = Camera(int(width), int(height), *lens, data["world_from_camera"])
+            return DepthMap(data["depth"], data["normal"], data["cost"], data["support"], camera)
 
 
 def dense_stereo(

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..arrays import opened_arrays, save_arrays
 from ..errors import RobotError
 from ..progress import SILENT, Progress
 from ..settings import RolloutSettings
@@ -116,8 +117,7 @@ def save_rollouts(folder: Path, rollouts: Sequence[Rollout]) -> None:
                 "seed": list(rollout.seed),
             }
         )
-    with (folder / _ARRAYS).open("wb") as file:
-        np.savez(file, **arrays)
+    save_arrays(folder / _ARRAYS, **arrays)
     failures = Counter(rollout.reason for rollout in rollouts if not rollout.success)
     summary = {"attempts": len(rollouts), "failures": dict(failures), "rollouts": records}
     (folder / _REASONS).write_text(json.dumps(summary, indent=1) + "\n")
@@ -125,27 +125,22 @@ def save_rollouts(folder: Path, rollouts: Sequence[Rollout]) -> None:
 
 def load_rollouts(folder: Path) -> tuple[Rollout, ...]:
     """Read what ``save_rollouts`` wrote. Raises RobotError where that is not there whole."""
-    try:
+    with opened_arrays(folder / _ARRAYS, RobotError, "these rollouts cannot be read") as arrays:
         records = json.loads((folder / _REASONS).read_text())["rollouts"]
-        with np.load(folder / _ARRAYS, allow_pickle=False) as arrays:
-            return tuple(
-                Rollout(
-                    success=record["success"],
-                    reason=record["reason"],
-                    frame=record["frame"],
-                    qpos=arrays[f"qpos_{index:04d}"],
-                    times_s=arrays[f"times_s_{index:04d}"],
-                    camera_poses=arrays[f"camera_poses_{index:04d}"],
-                    seed=tuple(record["seed"]),
-                    behaviour=record["behaviour"],
-                    detail=record["detail"],
-                )
-                for index, record in enumerate(records)
+        return tuple(
+            Rollout(
+                success=record["success"],
+                reason=record["reason"],
+                frame=record["frame"],
+                qpos=arrays[f"qpos_{index:04d}"],
+                times_s=arrays[f"times_s_{index:04d}"],
+                camera_poses=arrays[f"camera_poses_{index:04d}"],
+                seed=tuple(record["seed"]),
+                behaviour=record["behaviour"],
+                detail=record["detail"],
             )
-    except (OSError, KeyError, ValueError, TypeError) as error:
-        raise RobotError(
-            "these rollouts cannot be read", where=folder, cure="Run the robot proxy again."
-        ) from error
+            for index, record in enumerate(records)
+        )
 
 
 def _without_goal(model: RobotModel, key: tuple[int, int]) -> Rollout:

@@ -11,7 +11,7 @@ from ..compiled import FAST, inlined, prange
 from ..compiled import kernel as _kernel
 from ..compiled import parallel_kernel as _parallel_kernel
 
-_OPTIONS = {"error_model": "numpy", "fastmath": set(FAST)}
+_OPTIONS = {"error_model": "numpy", "fastmath": FAST}
 
 kernel = functools.partial(_kernel, **_OPTIONS)
 parallel_kernel = functools.partial(_parallel_kernel, **_OPTIONS)

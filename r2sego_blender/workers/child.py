@@ -33,20 +33,16 @@ def kill_children() -> None:
 
 
 def call_in_child(
-    function: Callable[[dict], dict] | str, request: dict[str, Any], *, timeout_s: float = 1800.0
+    function: Callable[[dict], dict], request: dict[str, Any], *, timeout_s: float = 1800.0
 ) -> dict[str, Any]:
     """Call ``function`` with ``request`` in a new process and return its result.
 
     ``function``, from one JSON-ready dict to another, stands at the top of an importable
-    module; large data goes through files named in the request. An
-    R2SEgoError raised inside is raised here again; anything else, an abort or a time-out
-    is a NativeError that carries the last line the process printed.
+    module; large data goes through files named in the request. An R2SEgoError raised inside
+    is raised here again; anything else, an abort or a time-out is a NativeError that carries
+    the last line the process printed.
     """
-    name = (
-        f"{_PACKAGE}.{function}"
-        if isinstance(function, str)
-        else f"{function.__module__}:{function.__name__}"
-    )
+    name = f"{function.__module__}:{function.__name__}"
     with tempfile.TemporaryDirectory(prefix="r2sego-") as folder:
         request_file, manifest = Path(folder, "request.json"), Path(folder, "manifest.json")
         request_file.write_text(json.dumps(request))
