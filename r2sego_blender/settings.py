@@ -168,10 +168,16 @@ class TrainingSettings:
     """3D Gaussian splatting of the visual asset."""
 
     steps_per_round: int = setting(5000, "Optimisation steps a round.", 1, 200000)
-    max_gaussians: int = setting(150000, "Hard budget of Gaussians.", 1000, 5000000)
+    max_gaussians: int = setting(150000, "Hard budget of Gaussians, the backdrop not counted.", 1000, 5000000)
     real_weight: float = setting(1.0, "Weight of a registered capture.", 0.0, 10.0)
     synthetic_weight: float = setting(0.5, "Weight of a pseudo-observation.", 0.0, 10.0)
     ssim_weight: float = setting(0.2, "Share of 1 - SSIM in the loss, the rest is L1.", 0.0, 1.0)
+    opaque_weight: float = setting(
+        0.01, "Weight of 1 - alpha where a surface is known, against the image loss.", 0.0, 10.0
+    )
+    backdrop_gaussians: int = setting(
+        12000, "Gaussians of the shell behind what no photograph shows; 0: none.", 0, 200000
+    )
     half_resolution_share: float = setting(
         0.5, "Share of the steps, at the start, run at half resolution.", 0.0, 1.0
     )
@@ -183,19 +189,16 @@ class TrainingSettings:
     )
     sh_degree: int = setting(3, "Highest degree of the spherical harmonics.", 0, 3)
     disc_stride_px: int = setting(3, "Pixels a side that share one Gaussian lifted from depth.", 1, 32)
-    surface_position_factor: float = setting(
-        0.2, "Learning rate of means that start on geometry, times position_rate.", 0.0, 1.0
-    )
     position_rate: float = setting(
         1.6e-4, "Learning rate of the means at the start, times the scene's extent.", 0.0, 1.0
     )
     position_decay: float = setting(
         0.01, "Learning rate of the means at the end over that at the start.", 1e-6, 1.0
     )
-    scale_rate: float = setting(5e-3, "Learning rate of the logarithms of the scales.", 0.0, 1.0)
-    rotation_rate: float = setting(1e-3, "Learning rate of the quaternions.", 0.0, 1.0)
+    scale_rate: float = setting(0.01, "Learning rate of the logarithms of the scales.", 0.0, 1.0)
+    rotation_rate: float = setting(2e-3, "Learning rate of the quaternions.", 0.0, 1.0)
     opacity_rate: float = setting(0.05, "Learning rate of the opacities' logits.", 0.0, 1.0)
-    colour_rate: float = setting(2.5e-3, "Learning rate of the colours.", 0.0, 1.0)
+    colour_rate: float = setting(5e-3, "Learning rate of the colours.", 0.0, 1.0)
     harmonics_rate_ratio: float = setting(
         0.05, "Learning rate of the higher harmonics over that of the colours.", 0.0, 1.0
     )

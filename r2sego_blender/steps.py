@@ -43,6 +43,7 @@ from .scene import Scene
 from .selection import Selection, load_candidates, save_candidates, select_targets, support_scores
 from .settings import Settings
 from .splats.asset import SplatAsset
+from .splats.backdrop import backdrop
 from .splats.initialization import DepthView, merge_views
 from .splats.ply import load_ply, save_ply
 from .splats.rasterizer import render
@@ -54,6 +55,7 @@ DEPTH = "geometry/depth"
 OBSERVED = "geometry/observed.npz"
 PLANES = "geometry/planes.npz"
 COMPLETED = "geometry/completed"
+BACKDROP = "geometry/backdrop.ply"
 INITIAL_ASSET = "geometry/initial_asset.ply"
 REFINED_ASSET = "asset.ply"
 COLLISION = "collision"
@@ -255,7 +257,12 @@ class Steps:
     def update_visual_asset(
         self, l: int, asset: str, captures: str, proxy: str, pseudo_observations: Sequence[str]
     ) -> str:
-        """A^{l+1}: the asset refined on the captures and all pseudo-observations so far."""
+        """A^{l+1}: the asset refined on the captures and all pseudo-observations so far.
+
+        The backdrop stands behind it in training and is kept apart: rounds look for what
+        the asset itself cannot render.
+        """
+        behind = self._backdrop()
 
         def compute(file: Path) -> None:
             renderer = ConditionRenderer(self._proxy(proxy))
@@ -269,12 +276,15 @@ class Steps:
             rng = np.random.default_rng([self.h.seed, 2, l])
             save_ply(
                 file,
-                update_visual_asset(self._asset(asset), real, synthetic, self.h.training, rng, self.progress),
-            )
+                update_visual_asset(
+                    self._asset(asset), self._asset(behind), real, synthetic,
+                    self.h.training, rng, self.progress,
+                ),
+            )  # fmt: skip
 
         refined = self._step(
             of_round(l, "asset.ply"), compute,
-            inputs=[asset, captures, COMPLETED, proxy, *pseudo_observations],
+            inputs=[asset, behind, captures, COMPLETED, proxy, *pseudo_observations],
             parameters=[self.h.training, self.h.seed],
         )  # fmt: skip
         self._step(of_round(l, "metrics.json"), lambda file: self._count(l, file), inputs=[refined])
@@ -283,16 +293,32 @@ class Steps:
     # ---- line 14
 
     def publish_refined_scene(self, collision: str, asset: str) -> None:
-        """A* and the current collision surface, at the top of the bundle."""
+        """A*, before its backdrop, and the current collision surface, at the top of the bundle."""
+        behind = self._backdrop()
 
-        def copy(source: str) -> Callable[[Path], None]:
-            place = self.scene.path / source
-            if place.is_dir():
-                return lambda target: shutil.copytree(place, target, dirs_exist_ok=True)
-            return lambda target: shutil.copyfile(place, target)
+        def compose(file: Path) -> None:
+            refined = self._asset(asset)
+            save_ply(file, refined.concatenated(self._asset(behind).with_degree(refined.degree)))
 
-        self._step(REFINED_ASSET, copy(asset), inputs=[asset])
-        self._step(COLLISION, copy(collision), inputs=[collision])
+        def copy(folder: Path) -> None:
+            shutil.copytree(self.scene.path / collision, folder, dirs_exist_ok=True)
+
+        self._step(REFINED_ASSET, compose, inputs=[asset, behind])
+        self._step(COLLISION, copy, inputs=[collision])
+
+    def _backdrop(self) -> str:
+        """What stands behind the asset where no photograph shows anything."""
+
+        def compute(file: Path) -> None:
+            views = [
+                DepthView(c.camera, self._completed_depth(c), c.image(), self._stride_px)
+                for c in self._captures
+            ]
+            save_ply(file, backdrop(views, self.h.training.backdrop_gaussians))
+
+        return self._step(
+            BACKDROP, compute, inputs=[CAPTURES, COMPLETED], parameters=self.h.training.backdrop_gaussians
+        )
 
     # ---- what the steps read
 
@@ -337,9 +363,13 @@ class Steps:
         """A capture with the proxy's depth and, where its rays leave the proxy, its completed
         one: every photographed pixel is of something."""
         depth = renderer.depth(capture.camera)
-        completed = CompletedDepth.load(self.scene.path / COMPLETED / f"{capture.name}.npz").depth
-        depth = np.where(depth > 0.0, depth, resize_nearest(completed, *capture.camera.shape))
+        depth = np.where(depth > 0.0, depth, self._completed_depth(capture))
         return DepthView(capture.camera, depth, capture.image(), self._stride_px)
+
+    def _completed_depth(self, capture: Capture) -> np.ndarray:
+        """(H, W) planar metres at the capture's own size."""
+        completed = CompletedDepth.load(self.scene.path / COMPLETED / f"{capture.name}.npz")
+        return resize_nearest(completed.depth, *capture.camera.shape)
 
     def _pseudo_view(self, observation: PseudoObservation, renderer: ConditionRenderer) -> PseudoView:
         camera = observation.camera

@@ -87,6 +87,7 @@ def agreement(asset: SplatAsset, pseudo: PseudoView) -> np.ndarray:
 
 def update_visual_asset(
     asset: SplatAsset,
+    backdrop: SplatAsset,
     captures: Sequence[DepthView],
     pseudo_observations: Sequence[PseudoView],
     settings: TrainingSettings,
@@ -95,27 +96,32 @@ def update_visual_asset(
 ) -> SplatAsset:
     """UpdateVisualAsset of Algorithm 1: A^l refined on captures and all pseudo-observations.
 
-    The captures' and the proxy's geometry first fills what the asset misses. A first share
+    The captures' and the proxy's geometry first fills what the asset misses. The backdrop
+    stands behind it unchanged, so that the asset need not paint what is not there. A first share
     of the steps sees the captures alone; then pseudo-observations join, at lower weight
     and weighted pixel by pixel with their agreement with that capture-trained asset,
     while captures are drawn more often: they stay the anchors (Sec. III-C).
     """
     asset = grow(asset, [*captures, *(p.view for p in pseudo_observations)], settings, rng)
-    factor = settings.surface_position_factor
-    real = [Observation(v.camera, v.image, settings.real_weight) for v in captures]
+    real = [_observation(v, backdrop, weight=settings.real_weight) for v in captures]
     first = round(settings.captures_first_share * settings.steps_per_round)
-    asset = train(
-        asset, real, first, settings, rng, progress, "Training on captures", position_rate_factor=factor
-    )
+    asset = train(asset, real, first, settings, rng, progress, "Training on captures")
     anchors = [dataclasses.replace(o, draws=settings.capture_oversampling) for o in real]
     synthetic = [
-        Observation(p.view.camera, p.view.image, settings.synthetic_weight, agreement(asset, p))
+        _observation(p.view, backdrop, weight=settings.synthetic_weight, confidence=agreement(asset, p))
         for p in pseudo_observations
     ]
     rest = settings.steps_per_round - first
-    return train(
-        asset, [*anchors, *synthetic], rest, settings, rng, progress, "Training on all views",
-        position_rate_factor=factor,
+    return train(asset, [*anchors, *synthetic], rest, settings, rng, progress, "Training on all views")
+
+
+def _observation(
+    view: DepthView, backdrop: SplatAsset, weight: float, confidence: np.ndarray | None = None
+) -> Observation:
+    """The view as training sees it: opaque where it has depth, the backdrop behind."""
+    return Observation(
+        view.camera, view.image, weight, confidence,
+        background=render(backdrop, view.camera).colour, opaque=(view.depth > 0.0).astype(np.float32),
     )  # fmt: skip
 
 

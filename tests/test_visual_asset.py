@@ -82,7 +82,7 @@ def test_an_update_learns_the_captures(with_pseudo):
     views = [wall_view(-0.3), wall_view(0.3)]
     synthetic = [pseudo(wall_view(0.6))] if with_pseudo else []
     asset = update_visual_asset(
-        SplatAsset.empty(), views, synthetic, SETTINGS, np.random.default_rng(0)
+        SplatAsset.empty(), SplatAsset.empty(), views, synthetic, SETTINGS, np.random.default_rng(0)
     )  # fmt: skip
     started = grow(SplatAsset.empty(), views, SETTINGS, np.random.default_rng(0))
 

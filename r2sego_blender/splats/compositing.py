@@ -144,9 +144,11 @@ def composite(
 ):
     """Fill ``colour`` (H, W, 3), ``transmittance`` (H, W) and ``depth`` (H, W), the sum of weight * depth.
 
-    ``tile_stops`` gets, for each tile, the entry at which it was finished.
+    ``background`` is (H, W, 3), or (1, 1, 3) for one colour; ``tile_stops`` gets, for each
+    tile, the entry at which it was finished.
     """
     height, width = transmittance.shape
+    last_row, last_column = background.shape[0] - 1, background.shape[1] - 1
     tiles = tile_starts.shape[0] - 1
     for part in prange(PARTS):
         s = np.empty(_PIXELS * _FORWARD_PLANES, np.float32)
@@ -171,8 +173,9 @@ def composite(
                     i = y * TILE_WIDTH_PX + x
                     transmittance[y0 + y, x0 + x] = s[i]
                     depth[y0 + y, x0 + x] = s[i + 6 * _PIXELS]
+                    behind = background[min(y0 + y, last_row), min(x0 + x, last_column)]
                     for k in range(3):
-                        colour[y0 + y, x0 + x, k] = s[i + (3 + k) * _PIXELS] + s[i] * background[k]
+                        colour[y0 + y, x0 + x, k] = s[i + (3 + k) * _PIXELS] + s[i] * behind[k]
 
 
 @parallel_kernel

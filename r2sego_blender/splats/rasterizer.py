@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..cameras import Camera
+from ..errors import AssetError
 from .asset import SplatAsset
 from .binning import (
     SEGMENTS,
@@ -24,6 +25,9 @@ from .projection import MOMENT_COLUMNS, SCREEN_COLUMNS, lens_of, project, projec
 
 _SPARE = 1.25
 """Arrays that must grow get this much more than is needed now."""
+
+Background = Sequence[float] | np.ndarray
+"""What is seen where the Gaussians let light through: one colour, or an image (H, W, 3)."""
 
 SMALLEST_ALPHA = 1e-6
 """Where alpha is not above this, nothing was seen and depth is 0."""
@@ -88,7 +92,7 @@ class Rasterizer:
         self,
         asset: SplatAsset,
         camera: Camera,
-        background: Sequence[float] = (0.0, 0.0, 0.0),
+        background: Background = (0.0, 0.0, 0.0),
         degree: int | None = None,
     ) -> None:
         """Render ``asset``, with harmonics up to ``degree`` (default: all it has)."""
@@ -122,7 +126,7 @@ class Rasterizer:
             self._sorted, count, self._tiles_x, camera.height, self._offsets, self._histogram, self._entries
         )
         composite(
-            self._sorted, self._entries, self._tile_starts, self._tiles_x, np.asarray(background, np.float32),
+            self._sorted, self._entries, self._tile_starts, self._tiles_x, _image_of(background, camera),
             self.colour, self.transmittance, self.depth_sum, self._tile_stops,
         )  # fmt: skip
 
@@ -176,7 +180,19 @@ class Rasterizer:
 _LOCAL = threading.local()
 
 
-def render(asset: SplatAsset, camera: Camera, background: Sequence[float] = (0.0, 0.0, 0.0)) -> Rendering:
+def _image_of(background: Background, camera: Camera) -> np.ndarray:
+    """(H, W, 3) or, of one colour, (1, 1, 3), float32."""
+    image = np.ascontiguousarray(background, np.float32)
+    image = image[None, None] if image.ndim == 1 else image
+    if image.shape not in ((1, 1, 3), (*camera.shape, 3)):
+        raise AssetError(
+            f"the background has the shape {image.shape}, the camera {camera.shape}",
+            cure="Give one colour or an image of the camera's size.",
+        )
+    return image
+
+
+def render(asset: SplatAsset, camera: Camera, background: Background = (0.0, 0.0, 0.0)) -> Rendering:
     """What ``camera`` sees of ``asset`` over ``background``; buffers are kept between calls."""
     if not hasattr(_LOCAL, "rasterizer"):
         _LOCAL.rasterizer = Rasterizer()

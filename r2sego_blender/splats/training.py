@@ -21,6 +21,8 @@ from .asset import SplatAsset
 from .loss import PhotometricLoss
 from .rasterizer import Gradients, Rasterizer
 
+_BLACK = (0.0, 0.0, 0.0)
+
 _SCENE_MARGIN = 1.1
 """3DGS: a scene's extent is this times the largest distance of a camera from their middle."""
 
@@ -32,7 +34,9 @@ class Observation:
     ``image`` (H, W, 3) float32 in [0, 1] of the camera's size; ``weight`` multiplies the
     image's loss; ``confidence`` (H, W) float32 in [0, 1], if given, multiplies each pixel's
     gradient; ``draws`` is how often the image comes in each shuffled pass over all
-    observations (oversampling of captures).
+    observations (oversampling of captures); ``background`` (H, W, 3) float32 is what stands
+    behind the Gaussians, black if not given; where ``opaque`` (H, W) float32 is 1, a surface
+    is known to be, and the Gaussians must hide what stands behind them.
     """
 
     camera: Camera
@@ -40,6 +44,8 @@ class Observation:
     weight: float = 1.0
     confidence: np.ndarray | None = None
     draws: int = 1
+    background: np.ndarray | None = None
+    opaque: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if self.image.shape != (*self.camera.shape, 3):
@@ -56,11 +62,16 @@ class Observation:
     def scaled(self, factor: float) -> Observation:
         """The observation with ``factor`` times the pixels a side."""
         camera = self.camera.scaled(factor)
-        confidence = self.confidence
-        if confidence is not None:
-            confidence = resize(np.asarray(confidence, np.float32), camera.width, camera.height)
-        image = resize(np.asarray(self.image, np.float32), camera.width, camera.height)
-        return Observation(camera, np.ascontiguousarray(image), self.weight, confidence, self.draws)
+
+        def resized(values: np.ndarray | None) -> np.ndarray | None:
+            if values is None:
+                return None
+            return np.ascontiguousarray(resize(np.asarray(values, np.float32), camera.width, camera.height))
+
+        return Observation(
+            camera, resized(self.image), self.weight, resized(self.confidence), self.draws,
+            resized(self.background), resized(self.opaque),
+        )  # fmt: skip
 
 
 def scene_extent_m(cameras: Sequence[Camera]) -> float:
@@ -78,15 +89,12 @@ def train(
     rng: np.random.Generator,
     progress: Progress = SILENT,
     title: str = "Training the asset",
-    *,
-    position_rate_factor: float = 1.0,
 ) -> SplatAsset:
     """A new asset that reproduces ``observations`` better than ``asset`` after ``steps`` steps.
 
     The first ``settings.half_resolution_share`` of the steps runs at half resolution. The
     harmonics' degree starts at the highest the asset already uses and rises by one at
-    equal intervals. ``position_rate_factor`` scales the step length of the means, such as
-    0.2 for an asset that is trained further. The same inputs and generator state give the
+    equal intervals. The same inputs and generator state give the
     same bits, for any number of threads. Raises AssetError without observations, or with
     more Gaussians than ``settings.max_gaussians``.
     """
@@ -99,7 +107,7 @@ def train(
         )
     degree = _used_degree(asset)
     asset = asset.with_degree(settings.sh_degree).copy()
-    schedule = _Schedule(settings, steps, degree, position_rate_factor * _extent_m(asset, observations))
+    schedule = _Schedule(settings, steps, degree, _extent_m(asset, observations))
     trainer = _Trainer(asset, settings)
     draws = _shuffled(observations, rng)
     half = [view.scaled(0.5) for view in observations] if schedule.half_steps else []
@@ -159,14 +167,19 @@ class _Trainer:
         if shape not in self._losses:
             self._losses[shape] = PhotometricLoss(*shape)
             self._zeros[shape] = np.zeros(shape, np.float32)
-        self._rasterizer.forward(self._asset, view.camera, degree=degree)
+        background = _BLACK if view.background is None else view.background
+        self._rasterizer.forward(self._asset, view.camera, background, degree)
         loss, gradient = self._losses[shape](self._rasterizer.colour, view.image, self._settings.ssim_weight)
         if view.confidence is not None:
             gradient *= (view.confidence * np.float32(view.weight))[..., None]
         elif view.weight != 1.0:
             gradient *= np.float32(view.weight)
         zeros = self._zeros[shape]
-        self._rasterizer.backward(gradient, zeros, zeros, self._gradients)
+        alpha_gradient = zeros
+        if view.opaque is not None:
+            share = np.float32(-self._settings.opaque_weight * view.weight / view.opaque.size)
+            alpha_gradient = share * view.opaque
+        self._rasterizer.backward(gradient, alpha_gradient, zeros, self._gradients)
         self._adam.step(self._gradients, rates, degree)
         return loss
 
