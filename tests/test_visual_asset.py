@@ -8,6 +8,7 @@ import pytest
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.settings import TrainingSettings
 from r2sego_blender.splats.asset import SplatAsset
+from r2sego_blender.splats.backdrop import backdrop
 from r2sego_blender.splats.initialization import DepthView
 from r2sego_blender.splats.metrics import psnr
 from r2sego_blender.splats.rasterizer import render
@@ -97,3 +98,25 @@ def test_more_captures_share_the_budget_by_coarser_discs(captures, stride_px):
     camera = Camera(640, 480, 500, 500, 320, 240, np.eye(4))
     settings = TrainingSettings(max_gaussians=120000, disc_stride_px=3)
     assert disc_stride_px([camera] * captures, settings) == stride_px
+
+
+def test_the_backdrop_is_left_as_it_is_and_not_painted_over():
+    """Pixels without depth, which show the backdrop, get no Gaussians from the update."""
+    views = [wall_view(-0.3), wall_view(0.3)]
+    behind = backdrop(views, 800)
+    before = behind.means.tobytes(), behind.sh.tobytes()
+    half = [
+        dataclasses.replace(
+            v, depth=np.where(np.arange(96) < 48, v.depth, 0.0).astype(np.float32),
+            image=np.where(
+                (np.arange(96) < 48)[:, None], v.image, render(behind, v.camera).colour
+            ).astype(np.float32),
+        )
+        for v in views
+    ]  # fmt: skip
+    asset = update_visual_asset(
+        SplatAsset.empty(), behind, half, [], SETTINGS, np.random.default_rng(0)
+    )  # fmt: skip
+    assert (behind.means.tobytes(), behind.sh.tobytes()) == before
+    assert render(asset, views[0].camera).alpha[:, 82:].mean() < 0.1
+    assert coverage(asset, views[0]) > 0.4

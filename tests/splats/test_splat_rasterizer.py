@@ -7,6 +7,7 @@ import torch
 from splat_reference import parameters, random_asset, rasterize, small_camera
 
 from r2sego_blender.cameras import Camera
+from r2sego_blender.errors import AssetError
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.rasterizer import Gradients, Rasterizer, render
 
@@ -114,6 +115,29 @@ def test_no_gaussian_shows_the_background() -> None:
     np.testing.assert_array_equal(image.colour, np.broadcast_to(np.float32(BACKGROUND), image.colour.shape))
     assert not image.alpha.any()
     assert not image.depth.any()
+
+
+def test_an_image_behind_the_gaussians_is_a_background() -> None:
+    asset, camera = random_asset(np.random.default_rng(3)), small_camera()
+    behind = np.random.default_rng(4).random((*camera.shape, 3)).astype(np.float32)
+    over_black, over_image = render(asset, camera), render(asset, camera, behind)
+    expected = over_black.colour + (1.0 - over_black.alpha)[..., None] * behind
+    np.testing.assert_allclose(over_image.colour, expected, atol=1e-6)
+
+    leaves, upstream = parameters(asset), image_gradients(camera, 5)
+    results = rasterize(*leaves, camera, behind)
+    sum((result * torch.from_numpy(g)).sum() for result, g in zip(results, upstream, strict=True)).backward()
+    rasterizer, ours = Rasterizer(), Gradients.of(asset)
+    rasterizer.forward(asset, camera, behind)
+    rasterizer.backward(*upstream, ours)
+    for name, leaf in zip(GROUPS, leaves, strict=True):
+        error = np.linalg.norm(getattr(ours, name) - leaf.grad.numpy()) / np.linalg.norm(leaf.grad.numpy())
+        assert error < 1e-4, name
+
+
+def test_a_background_of_another_size_is_refused() -> None:
+    with pytest.raises(AssetError, match=r"background has the shape \(2, 2, 3\)"):
+        render(SplatAsset.empty(), small_camera(), np.zeros((2, 2, 3)))
 
 
 def test_buffers_serve_images_and_assets_of_changing_size() -> None:

@@ -145,3 +145,25 @@ def test_what_cannot_be_trained_is_refused() -> None:
         train(start, views, 1, dataclasses.replace(SETTINGS, max_gaussians=100), np.random.default_rng(0))
     with pytest.raises(AssetError, match="shape"):
         Observation(small_camera(), np.zeros((3, 3, 3), np.float32))
+
+
+def test_what_stands_behind_is_not_painted() -> None:
+    """An image that is all background leaves Gaussians transparent, not coloured like it."""
+    _, start, views = scene()
+    behind = np.random.default_rng(1).random(views[0].image.shape).astype(np.float32)
+    lit = [dataclasses.replace(v, image=behind, background=behind) for v in views]
+    trained = train(start, lit, 300, SETTINGS, np.random.default_rng(0))
+    assert render(trained, views[2].camera).alpha.mean() < 0.2 * render(start, views[2].camera).alpha.mean()
+
+
+def test_a_known_surface_becomes_opaque_though_its_background_has_its_colour() -> None:
+    _, start, views = scene()
+    weak = dataclasses.replace(start, logit_opacities=np.full(len(start), -1.0))
+    same = [dataclasses.replace(v, background=v.image) for v in views]
+    opaque = [dataclasses.replace(v, opaque=np.ones(v.camera.shape, np.float32)) for v in same]
+    settings = dataclasses.replace(SETTINGS, opaque_weight=0.1)
+    alphas = [
+        render(train(weak, seen, 200, settings, np.random.default_rng(0)), views[2].camera).alpha.mean()
+        for seen in (same, opaque)
+    ]
+    assert alphas[1] > alphas[0] + 0.1
