@@ -143,7 +143,8 @@ def test_doctor_names_what_is_installed():
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")
-def test_an_interrupt_ends_a_run_within_two_seconds_and_leaves_nothing(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_run_within_two_seconds_and_leaves_nothing(tmp_path, number):
     target = tmp_path / "a.r2s"
     arguments = ["new", target, "--captures", ROOM / "captures", "--poses", ROOM / "cameras.json"]
     command = [sys.executable, "-m", "r2sego_blender", *map(str, arguments)]
@@ -151,10 +152,11 @@ def test_an_interrupt_ends_a_run_within_two_seconds_and_leaves_nothing(tmp_path)
     assert process.stderr.readline()  # it works on the captures now
     time.sleep(0.3)
     started_s = time.monotonic()
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=30)
+    process.send_signal(number)
+    _, said = process.communicate(timeout=30)
     assert time.monotonic() - started_s < 2.0
-    assert process.returncode == 128 + signal.SIGINT
+    assert process.returncode == 128 + number
+    assert said.strip() == b"r2sego: cancelled; finished steps are kept"
     assert not target.exists()
 
 

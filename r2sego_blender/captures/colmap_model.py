@@ -15,6 +15,7 @@ from ..errors import CaptureError, NativeError
 from ..workers.child import call_in_child
 from . import json_fields as fields
 from .capture import Capture
+from .colmap import load_pycolmap
 from .lens import Lens
 from .photographs import Photograph, with_unique_names
 from .sparse import SparsePoints
@@ -126,9 +127,7 @@ def _lens(camera: dict[str, Any], where: str) -> Lens:
 
 def read_in_child(request: dict[str, Any]) -> dict[str, Any]:
     """Read cameras and poses with pycolmap; runs in a child process."""
-    import pycolmap
-
-    pycolmap.logging.minloglevel = 2
+    pycolmap = load_pycolmap()
     _limit_memory()
     model, suffix = Path(request["model"]), request["suffix"]
     with tempfile.TemporaryDirectory() as folder:

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from ..cameras import Camera
+from .colmap import load_pycolmap
 
 # Indoor walls have little texture: COLMAP's default of 0.0067 keeps too few of their features.
 _PEAK_THRESHOLD = 0.003
@@ -37,15 +38,13 @@ def sift(image: np.ndarray, max_features: int = 8000) -> Features:
     ``image`` is (H, W, 3) float32 in [0, 1] or uint8. An image without texture, or one
     too small for SIFT, has none.
     """
-    import pycolmap
-
+    pycolmap = load_pycolmap()
     pixels = np.ascontiguousarray(image[..., :3])
     grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
     if grey.dtype != np.uint8:
         grey = (np.clip(np.nan_to_num(grey), 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
     if min(grey.shape) < _SMALLEST_SIDE_PX:
         return Features(np.zeros((0, 2), np.float32), np.zeros((0, 128), np.uint8))
-    pycolmap.logging.minloglevel = 2
     options = pycolmap.FeatureExtractionOptions(num_threads=1)
     options.sift.peak_threshold = _PEAK_THRESHOLD
     options.sift.max_num_features = int(max_features)

@@ -12,6 +12,7 @@ from ..cameras import Camera
 from ..errors import CaptureError
 from ..progress import Progress
 from ..settings import CaptureSettings
+from .colmap import load_pycolmap
 from .features import Features, epipolar_errors, match, match_along_epipolar_lines
 
 # Matches between poses that are known are searched in a narrow band, where a nearest
@@ -100,8 +101,7 @@ def write_database(
     ``cameras`` are pycolmap cameras and ``camera_of[i]`` the one of photograph i. Matches
     are written as such, or with ``verified`` as the inliers of a two-view geometry.
     """
-    import pycolmap
-
+    pycolmap = load_pycolmap()
     with pycolmap.Database.open(path) as database:
         camera_ids = [database.write_camera(camera) for camera in cameras]
         for index, camera_id in enumerate(camera_ids):

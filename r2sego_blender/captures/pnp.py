@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..cameras import Camera
+from .colmap import load_pycolmap
 
 _MIN_POINTS = 4
 _MAX_TRIALS = 20_000
@@ -36,8 +37,7 @@ def estimate_pose(
     Only the lens of ``camera`` is used, never its pose. The same seed gives the same pose.
     None when fewer than four finite matches are given or no pose is found.
     """
-    import pycolmap
-
+    pycolmap = load_pycolmap()
     pixels = np.asarray(points_px, np.float64).reshape(-1, 2)
     points = np.asarray(points_world, np.float64).reshape(-1, 3)
     if len(pixels) != len(points):
@@ -45,7 +45,6 @@ def estimate_pose(
     finite = np.isfinite(pixels).all(axis=1) & np.isfinite(points).all(axis=1)
     if finite.sum() < _MIN_POINTS:
         return None
-    pycolmap.logging.minloglevel = 2
     lens = pycolmap.Camera(
         model="PINHOLE", width=camera.width, height=camera.height,
         params=[camera.fx, camera.fy, camera.cx, camera.cy],

@@ -15,6 +15,7 @@ from ..images import image_files, load_image, resize
 from ..progress import Progress
 from ..settings import CaptureSettings
 from ..workers.child import call_in_child
+from .colmap import load_pycolmap
 from .colmap_model import camera_to_json, lens_from_json
 from .features import Features, epipolar_errors, sift
 from .overlap import load_matches, match_all, save_matches, write_database
@@ -98,9 +99,7 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
 
 def solve_in_child(request: dict[str, Any]) -> dict[str, Any]:
     """Incremental mapping with pycolmap; runs in a child process."""
-    import pycolmap
-
-    pycolmap.logging.minloglevel = 2
+    pycolmap = load_pycolmap()
     folder = Path(request["folder"])
     features, pairs = load_matches(folder / "matches.npz")
     cameras, camera_of = _cameras(request["paths"], request["sizes"])
@@ -128,8 +127,7 @@ def solve_in_child(request: dict[str, Any]) -> dict[str, Any]:
 
 
 def _map(database, folder: Path, attempt: int, thresholds: tuple, min_matches: int) -> list:
-    import pycolmap
-
+    pycolmap = load_pycolmap()
     inliers, angle_deg, next_inliers = thresholds
 
     options = pycolmap.IncrementalPipelineOptions(
@@ -182,8 +180,7 @@ def _pinhole_view(image, features: Features) -> tuple[Camera, np.ndarray]:
 
 def _cameras(paths: Sequence[str], sizes: Sequence[Sequence[int]]) -> tuple[list, list[int]]:
     """One camera for photographs of the same size and EXIF focal length, and whose is whose."""
-    import pycolmap
-
+    pycolmap = load_pycolmap()
     cameras, camera_of, known = [], [], {}
     for path, (width, height) in zip(paths, sizes, strict=True):
         guess = pycolmap.infer_camera_from_image(path)

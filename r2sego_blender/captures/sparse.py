@@ -21,6 +21,7 @@ from ..progress import SILENT, Progress
 from ..settings import CaptureSettings
 from ..workers.child import call_in_child
 from .capture import Capture
+from .colmap import load_pycolmap
 from .features import sift
 from .overlap import load_matches, match_known_poses, save_matches, write_database
 
@@ -103,8 +104,7 @@ def triangulate(
 
 def triangulate_in_child(request: dict[str, Any]) -> dict[str, Any]:
     """The part of ``triangulate`` that runs in a child process; writes ``points.npz``."""
-    import pycolmap
-
+    pycolmap = load_pycolmap()
     folder = Path(request["folder"])
     cameras = [Camera.from_json(camera) for camera in request["cameras"]]
     features, pairs = load_matches(folder / "matches.npz")
