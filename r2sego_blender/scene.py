@@ -196,11 +196,6 @@ class Scene:
         )  # fmt: skip
         return place
 
-    def is_current(self, target: str, *, inputs: Sequence[str | Path] = (), parameters: Any = None) -> bool:
-        """Whether ``step`` would keep ``target`` as it is."""
-        recorded = self._recorded(target)
-        return (self.path / target).exists() and recorded == self._digest_of_inputs(inputs, parameters)
-
     @contextlib.contextmanager
     def publishing(self, target: str) -> Iterator[Path]:
         """A path to write at; on leaving without an error it takes ``target``'s place."""

@@ -80,7 +80,8 @@ def test_a_step_runs_once_and_again_when_what_it_reads_changes(tmp_path):
     assert step().read_text() == "two"
     step(parameters={"a": 1})
     assert runs == ["one", "two", "two"]
-    assert scene.is_current("geometry/copy.txt", inputs=["source.txt"], parameters={"a": 1})
+    step(parameters={"a": 1})
+    assert len(runs) == 3
 
 
 def test_a_failed_step_keeps_the_earlier_result(tmp_path):

@@ -16,8 +16,6 @@ from .photographs import captures_of
 from .solving import solve_poses
 from .transforms_json import read_transforms_json
 
-_POSE_FILES = ("cameras.json", "transforms.json")
-
 
 @dataclass(frozen=True)
 class Imported:
@@ -73,11 +71,3 @@ def import_captures(
     if not photographs:
         raise CaptureError("no photograph is listed", where=poses, cure="Check the export of the poses.")
     return Imported(captures_of(photographs, settings.max_side_px), source, metric)
-
-
-def find_poses(folder: Path) -> Path | None:
-    """The pose file or COLMAP model that lies in ``folder``, if there is one."""
-    for name in _POSE_FILES:
-        if (folder / name).is_file():
-            return folder / name
-    return find_model(folder)

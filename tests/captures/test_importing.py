@@ -11,8 +11,9 @@ from PIL import Image
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.cameras_json import save_cameras_json
 from r2sego_blender.captures.capture import Capture
+from r2sego_blender.captures.colmap_model import find_model
 from r2sego_blender.captures.frozen import load_frozen_views
-from r2sego_blender.captures.importing import find_poses, import_captures
+from r2sego_blender.captures.importing import import_captures
 from r2sego_blender.errors import CaptureError
 from r2sego_blender.settings import CaptureSettings
 
@@ -107,7 +108,7 @@ def test_colmap_models(tmp_path, rng, blank_photograph, binary):
     _colmap_model(tmp_path / "sparse" / "0", poses, "OPENCV", parameters, 64, 48, binary)
     for garbage in ("points3D.bin", "points3D.txt"):
         (tmp_path / "sparse" / "0" / garbage).write_bytes(b"\xff" * 100)
-    assert find_poses(tmp_path) == tmp_path / "sparse" / "0"
+    assert find_model(tmp_path) == tmp_path / "sparse" / "0"
     imported = import_captures(tmp_path / "images", tmp_path, SETTINGS)
     for capture, pose in zip(imported.captures, poses, strict=True):
         assert np.abs(capture.camera.world_from_camera - pose).max() < 1e-9
