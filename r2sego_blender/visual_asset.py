@@ -24,6 +24,10 @@ from .splats.training import Observation, train
 _MISSING_ALPHA = 0.8
 """Below this alpha a pixel is missing, as in the asset deficit u."""
 
+_FILL_COARSENESS = 2
+"""Discs that fill holes are this much wider than those on stereo: their depth is completed,
+often from one capture, and fine discs at a guessed depth only overfit."""
+
 _AGREEMENT_SCALE = 0.12
 """Colour difference at which a generated pixel's weight has fallen to 1/e."""
 
@@ -55,12 +59,14 @@ def grow(
 ) -> SplatAsset:
     """Add discs where a view's geometry shows a surface that the asset does not render.
 
-    Views come in order, each seeing what the ones before have added. The budget of
-    Gaussians is hard: what does not fit is left out at random.
+    Views come in order, each seeing what the ones before have added; their strides are
+    coarsened by ``_FILL_COARSENESS``. The budget of Gaussians is hard: what does not fit is
+    left out at random.
     """
     for view in views:
         missing = (render(asset, view.camera).alpha < _MISSING_ALPHA) & (view.depth > 0.0)
-        added = from_depth(view.camera, view.depth, view.image, view.stride_px, missing)
+        stride_px = _FILL_COARSENESS * view.stride_px
+        added = from_depth(view.camera, view.depth, view.image, stride_px, missing)
         room = settings.max_gaussians - len(asset)
         if len(added) > room:
             chosen = np.zeros(len(added), bool)
