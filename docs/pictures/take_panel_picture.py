@@ -1,4 +1,4 @@
-"""Arrange Blender's window for docs/pictures/panel.png, then wait for the picture to be taken.
+"""Arrange Blender's window for docs/pictures/panel.jpg, then wait for the picture to be taken.
 
 The tab itself is opened with a click: Blender lets no script choose it.
 
@@ -13,6 +13,8 @@ from mathutils import Euler
 
 PACKAGE, BUNDLE, SECONDS = sys.argv[sys.argv.index("--") + 1 :]
 VIEW_ANGLES_RAD = (0.85, 0.0, 0.6)
+VIEW_CENTRE_M = (1.7, 0.3, 0.4)
+VIEW_DISTANCE_M = 11.0
 
 
 def arrange():
@@ -31,7 +33,8 @@ def arrange():
         space = area.spaces.active
         space.show_region_ui = True
         space.overlay.show_floor = False
-        bpy.ops.view3d.view_all()
+        space.region_3d.view_location = VIEW_CENTRE_M
+        space.region_3d.view_distance = VIEW_DISTANCE_M
         space.region_3d.view_rotation = Euler(VIEW_ANGLES_RAD).to_quaternion()
         bpy.ops.screen.screen_full_area()
 
@@ -44,7 +47,7 @@ def leave():
 def main():
     bpy.context.preferences.view.show_splash = False
     bpy.ops.extensions.package_install_files(
-        filepath=PACKAGE, repo="user_default", enable_on_install=True, overwrite=True
+        filepath=str(Path(PACKAGE).absolute()), repo="user_default", enable_on_install=True, overwrite=True
     )
     bpy.app.timers.register(arrange, first_interval=2.0)
     bpy.app.timers.register(leave, first_interval=float(SECONDS))
