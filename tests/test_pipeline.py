@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from r2sego_blender.captures.store import load_captures
 from r2sego_blender.creation import create_scene
 from r2sego_blender.evaluation.scene_evaluation import evaluate_scene
 from r2sego_blender.export import export_scene
@@ -16,6 +17,7 @@ from r2sego_blender.pipeline import refine
 from r2sego_blender.scene import Scene, content_digest
 from r2sego_blender.settings import CaptureSettings
 from r2sego_blender.splats.ply import load_ply
+from r2sego_blender.splats.rasterizer import render
 from r2sego_blender.status import describe
 
 pytestmark = pytest.mark.slow
@@ -74,9 +76,20 @@ def test_the_room_of_a_later_round_has_other_rollouts(small_room):
 
 def test_the_asset_grows_under_its_budget_and_stays_finite(small_room):
     initial = load_ply(small_room.geometry_folder / "initial_asset.ply")
-    refined = load_ply(small_room.asset_file)
+    refined = load_ply(small_room.round_folder(1) / "asset.ply")
     assert len(initial) < len(refined) <= 20000
     assert np.isfinite(refined.means).all() and np.isfinite(refined.sh).all()
+
+
+def test_the_published_asset_is_the_last_round_before_the_backdrop(small_room):
+    refined = load_ply(small_room.round_folder(1) / "asset.ply")
+    behind = load_ply(small_room.geometry_folder / "backdrop.ply")
+    published = load_ply(small_room.asset_file)
+    assert len(behind) > 1000
+    np.testing.assert_array_equal(published.means, np.concatenate([refined.means, behind.means]))
+    camera = load_captures(small_room.captures_folder)[0].camera
+    away = camera.at(camera.world_from_camera @ np.diag([-1.0, 1.0, -1.0, 1.0]))
+    assert render(refined, away).alpha.mean() < 0.5 < 0.9 < render(published, away).alpha.mean()
 
 
 def test_refining_again_does_nothing_and_an_edit_redoes_what_depends_on_it(small_room, tmp_path):

@@ -1,0 +1,52 @@
+"""The splits of the README's table: what is held out is never an input."""
+
+import importlib.util
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from r2sego_blender.captures.frozen import load_frozen_views
+from r2sego_blender.captures.importing import import_captures
+from r2sego_blender.images import image_files
+from r2sego_blender.settings import CaptureSettings
+
+ROOT = Path(__file__).parents[2]
+_spec = importlib.util.spec_from_file_location("measure", ROOT / "batch" / "measure.py")
+measure = sys.modules["measure"] = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(measure)
+SCENES = measure.SCENES
+DATA = ROOT.parent / "shared"
+
+
+@pytest.fixture(params=list(SCENES))
+def split(request, tmp_path):
+    place = DATA / ("scenes" if request.param == "room_a" else "captures") / request.param
+    if not place.is_dir():
+        pytest.skip(f"{place} is not here")
+    return SCENES[request.param](DATA, tmp_path)
+
+
+def test_held_out_photographs_are_no_inputs(split):
+    if split.poses is None:
+        inputs = {file.read_bytes() for file in image_files(split.captures)}
+        held_out = {file.read_bytes() for file in image_files(split.frozen)}
+        assert (len(inputs), len(held_out)) == (13, 4)
+    else:
+        cameras = json.loads(split.poses.read_text())
+        inputs = {entry["file"] for entry in cameras["captures"]}
+        held_out = {entry["file"] for entry in cameras["frozen"]}
+        imported = import_captures(split.captures, split.poses, CaptureSettings())
+        assert len(imported.captures) == len(inputs)
+        assert len(load_frozen_views(split.frozen)) == len(held_out)
+    assert inputs and held_out and not inputs & held_out
+
+
+def test_making_a_split_again_changes_nothing(split, tmp_path):
+    """A measurement that was cut off goes on: the same photographs under the same names."""
+    before = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*"))
+    for name, make in SCENES.items():
+        if any(name in str(path) for path in before):
+            make(DATA, tmp_path)
+    assert sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*")) == before
