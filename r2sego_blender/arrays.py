@@ -12,7 +12,7 @@ import numpy as np
 
 from .errors import R2SEgoError
 
-DAMAGE = (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile, zlib.error)
+_DAMAGE = (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile, zlib.error)
 """What reading a cut-off, overwritten or foreign file raises."""
 
 
@@ -33,5 +33,5 @@ def opened_arrays(
     try:
         with np.load(path, allow_pickle=False) as data:
             yield data
-    except DAMAGE as cause:
+    except _DAMAGE as cause:
         raise error(what, where=path, cure=cure) from cause

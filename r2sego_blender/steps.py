@@ -127,7 +127,8 @@ class Steps:
         """Priors placed in the world and carried into the captures.
 
         Room planes are born in the world frame, so their T_m* is the identity; what is
-        solved here, once, is which pixels of the captures each plane completes.
+        solved here, once, is which pixels of the captures each plane completes, and with
+        them the backdrop: what stands behind the asset where no photograph shows anything.
         """
 
         def compute(folder: Path) -> None:
@@ -136,10 +137,22 @@ class Steps:
             for capture, one in zip(self._captures, completed, strict=True):
                 one.save(folder / f"{capture.name}.npz")
 
-        return self._step(
+        def compute_backdrop(file: Path) -> None:
+            views = [
+                DepthView(c.camera, self._completed_depth(c), c.image(), self._stride_px)
+                for c in self._captures
+            ]
+            save_ply(file, backdrop(views, self.h.training.backdrop_gaussians))
+
+        completed = self._step(
             COMPLETED, compute, inputs=[CAPTURES, DEPTH, observed, priors],
             parameters=[self.h.stereo, self.h.proxy],
         )  # fmt: skip
+        self._step(
+            BACKDROP, compute_backdrop, inputs=[CAPTURES, completed],
+            parameters=self.h.training.backdrop_gaussians,
+        )  # fmt: skip
+        return completed
 
     # ---- lines 6 to 13: every round
 
@@ -262,7 +275,6 @@ class Steps:
         The backdrop stands behind it in training and is kept apart: rounds look for what
         the asset itself cannot render.
         """
-        behind = self._backdrop()
 
         def compute(file: Path) -> None:
             renderer = ConditionRenderer(self._proxy(proxy))
@@ -277,14 +289,14 @@ class Steps:
             save_ply(
                 file,
                 update_visual_asset(
-                    self._asset(asset), self._asset(behind), real, synthetic,
+                    self._asset(asset), self._asset(BACKDROP), real, synthetic,
                     self.h.training, rng, self.progress,
                 ),
             )  # fmt: skip
 
         refined = self._step(
             of_round(l, "asset.ply"), compute,
-            inputs=[asset, behind, captures, COMPLETED, proxy, *pseudo_observations],
+            inputs=[asset, BACKDROP, captures, COMPLETED, proxy, *pseudo_observations],
             parameters=[self.h.training, self.h.seed],
         )  # fmt: skip
         self._step(of_round(l, "metrics.json"), lambda file: self._count(l, file), inputs=[refined])
@@ -294,31 +306,16 @@ class Steps:
 
     def publish_refined_scene(self, collision: str, asset: str) -> None:
         """A*, before its backdrop, and the current collision surface, at the top of the bundle."""
-        behind = self._backdrop()
 
         def compose(file: Path) -> None:
             refined = self._asset(asset)
-            save_ply(file, refined.concatenated(self._asset(behind).with_degree(refined.degree)))
+            save_ply(file, refined.concatenated(self._asset(BACKDROP).with_degree(refined.degree)))
 
         def copy(folder: Path) -> None:
             shutil.copytree(self.scene.path / collision, folder, dirs_exist_ok=True)
 
-        self._step(REFINED_ASSET, compose, inputs=[asset, behind])
+        self._step(REFINED_ASSET, compose, inputs=[asset, BACKDROP])
         self._step(COLLISION, copy, inputs=[collision])
-
-    def _backdrop(self) -> str:
-        """What stands behind the asset where no photograph shows anything."""
-
-        def compute(file: Path) -> None:
-            views = [
-                DepthView(c.camera, self._completed_depth(c), c.image(), self._stride_px)
-                for c in self._captures
-            ]
-            save_ply(file, backdrop(views, self.h.training.backdrop_gaussians))
-
-        return self._step(
-            BACKDROP, compute, inputs=[CAPTURES, COMPLETED], parameters=self.h.training.backdrop_gaussians
-        )
 
     # ---- what the steps read
 

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
-from .asset import SH_BAND_0, SplatAsset
-from .initialization import DepthView
+from .asset import SplatAsset
+from .initialization import DepthView, gaussians
 
 _STRIDE_PX = 4  # of the pixels that are looked at
 _FAR_QUANTILE = 0.9  # of the distances seen in a direction: a few stray depths do not count
@@ -52,12 +52,12 @@ def backdrop(views: Sequence[DepthView], directions: int) -> SplatAsset:
     distance_m = _behind_what_is_seen(centre, around, _CLEARANCE * distance_m, _SIGMA * spacing, views)
     kept = np.isfinite(distance_m)
     distance_m, count = distance_m[kept], int(kept.sum())
-    return SplatAsset(
+    return gaussians(
         means=centre + around[kept] * distance_m[:, None],
-        log_scales=np.repeat(np.log(_SIGMA * spacing * distance_m)[:, None], 3, axis=1),
+        sigmas_m=np.repeat((_SIGMA * spacing * distance_m)[:, None], 3, axis=1),
         quaternions=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
-        logit_opacities=np.full(count, np.log(_OPACITY / (1.0 - _OPACITY))),
-        sh=((colour[kept] - 0.5) / SH_BAND_0)[:, None, :],
+        opacity=_OPACITY,
+        colours=colour[kept],
     )
 
 

@@ -76,7 +76,7 @@ def from_points(
         points, colours = points[chosen], colours[chosen]
     distances, _ = cKDTree(points).query(points, k=_NEIGHBOURS + 1)
     sigma_m = np.clip(distances[:, 1:].mean(axis=1), *_SCALE_BOUNDS_M)
-    return _asset(
+    return gaussians(
         means=points,
         sigmas_m=np.repeat(sigma_m[:, None], 3, axis=1),
         quaternions=rng.normal(size=(len(points), 4)),
@@ -117,9 +117,11 @@ def merge_views(views: Sequence[DepthView]) -> SplatAsset:
     return merged
 
 
-def _asset(
+def gaussians(
     means: np.ndarray, sigmas_m: np.ndarray, quaternions: np.ndarray, opacity: float, colours: np.ndarray
 ) -> SplatAsset:
+    """Gaussians of degree 0 from plain quantities: ``means`` (N, 3) and ``sigmas_m`` (N, 3) in
+    metres, ``quaternions`` (N, 4) wxyz, one ``opacity``, ``colours`` (N, 3) in [0, 1]."""
     return SplatAsset(
         means=means,
         log_scales=np.log(sigmas_m),
@@ -162,7 +164,7 @@ def _discs(view: DepthView) -> tuple[SplatAsset, np.ndarray]:
     sigmas_m[:, 0] = head_on_m * _DISC_THICKNESS
     axes[:, :, 0] *= np.sign(np.linalg.det(axes))[:, None]
     world_axes = camera.world_from_camera[:3, :3] @ axes
-    asset = _asset(
+    asset = gaussians(
         means=(ray * z[:, None]) @ camera.world_from_camera[:3, :3].T + camera.centre,
         sigmas_m=np.maximum(sigmas_m, 1e-5),
         quaternions=from_rotation(world_axes) if len(z) else np.ones((0, 4)),
