@@ -1,0 +1,48 @@
+"""Reading a file whole, and writing one that appears whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from ...errors import AssetError
+
+
+def content(path: Path, most: int = -1) -> bytes:
+    """The first ``most`` bytes of a file, or all. Raises AssetError when there is none to read."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(most)
+    except OSError as error:
+        raise AssetError("the splat file cannot be read", where=path, cure="Check the path.") from error
+    if not data:
+        raise AssetError("the file is empty", where=path, cure="Copy or export it again.")
+    return data
+
+
+@contextlib.contextmanager
+def publishing(path: Path) -> Iterator[Path]:
+    """A path beside ``path`` to write at; on leaving without an error it takes its place.
+
+    It ends in the same suffix, by which libraries choose a format. Raises AssetError when
+    the disk refuses.
+    """
+    staging = path.with_name(f".unfinished-{os.getpid()}-{path.name}")
+    try:
+        if not path.parent.is_dir():  # which some libraries would make
+            raise FileNotFoundError(errno.ENOENT, "there is no such folder")
+        yield staging
+        with staging.open("rb+") as file:
+            os.fsync(file.fileno())
+        staging.replace(path)
+    except OSError as error:
+        raise AssetError(
+            f"the file cannot be written: {error.strerror or error}", where=path,
+            cure="Check that the folder is there, can be written and has room.",
+        ) from error  # fmt: skip
+    finally:
+        with contextlib.suppress(OSError):
+            staging.unlink(missing_ok=True)

@@ -1,0 +1,328 @@
+"""Assets as glTF with ``KHR_gaussian_splatting``: ``.glb``, or ``.gltf`` with its buffer inside."""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+import urllib.parse
+from collections.abc import Iterator
+from functools import reduce
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from ... import __version__
+from ...errors import AssetError
+from ..asset import SplatAsset
+from ..quaternions import to_rotation
+from .files import content, publishing
+from .values import (
+    WORLD_FROM_Y_UP,
+    Y_UP_FROM_WORLD,
+    finite,
+    in_world,
+    linear_scales,
+    log_scales,
+    logits,
+    unit_quaternions,
+)
+
+_EXTENSION = "KHR_gaussian_splatting"
+_COLOUR_SPACE = "srgb_rec709_display"
+"""Of the photographs, and so of what was trained on them."""
+_POINTS, _ARRAY_BUFFER = 0, 34962
+_FLOAT, _UNSIGNED_SHORT = 5126, 5123
+_COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_HIGHEST_DEGREE = 3
+_INLINE_BUFFER = "data:application/octet-stream;base64,"
+
+_GLB_HEADER, _GLB_CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
+_GLB_MAGIC, _GLB_VERSION, _JSON_CHUNK, _BINARY_CHUNK = b"glTF", 2, b"JSON", b"BIN\0"
+_LARGEST_GLB = 2**32 - 1
+
+_DAMAGE = (
+    ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError, struct.error,
+)  # fmt: skip
+"""What following indices through JSON of another structure raises."""
+
+
+def save_gltf(path: Path, asset: SplatAsset) -> None:
+    """Write ``asset`` with Y up; viewers that do not know splats show coloured points.
+
+    The axes are in the data and not in a node's rotation, which many viewers do not apply to
+    the harmonics. Raises AssetError when a ``.glb`` would exceed 4 GiB.
+    """
+    asset = finite(asset)
+    attributes = _attributes(asset.transformed(Y_UP_FROM_WORLD)) if len(asset) else {}
+    size = sum(values.nbytes for values in attributes.values())
+    document = _document(attributes, size)
+    with publishing(path) as staging, staging.open("wb") as file:
+        if path.suffix.lower() == ".glb":
+            text = json.dumps(document).encode()
+            text += b" " * (-len(text) % 4)
+            whole = _GLB_HEADER.size + 2 * _GLB_CHUNK.size + len(text) + size
+            if whole > _LARGEST_GLB:
+                raise AssetError(
+                    "the asset is too large for a .glb, which ends at 4 GiB", where=path,
+                    cure="Use .ply or .usdc.",
+                )  # fmt: skip
+            file.write(_GLB_HEADER.pack(_GLB_MAGIC, _GLB_VERSION, whole))
+            file.write(_GLB_CHUNK.pack(len(text), _JSON_CHUNK) + text)
+            file.write(_GLB_CHUNK.pack(size, _BINARY_CHUNK))
+            for values in attributes.values():
+                file.write(values.tobytes())
+        else:
+            if attributes:
+                buffer = b"".join(values.tobytes() for values in attributes.values())
+                document["buffers"][0]["uri"] = _INLINE_BUFFER + base64.b64encode(buffer).decode()
+            file.write(json.dumps(document).encode())
+
+
+def load_gltf(path: Path) -> SplatAsset:
+    """Read all Gaussian splats of the file's scene, where its nodes put them.
+
+    Buffers may be inside or in files beside it. Raises AssetError when the file is damaged,
+    compressed by a further extension or holds no Gaussian splats.
+    """
+    data = content(path)
+    try:
+        document, binary = _opened(data, path)
+        scene = _Scene(document, binary, path)
+        assets = [
+            in_world(asset, WORLD_FROM_Y_UP @ scene_from_node, path)
+            for scene_from_node, asset in scene.splats()
+        ]
+        empty = "meshes" not in document and _EXTENSION in document.get("extensionsUsed", [])
+    except _DAMAGE as error:
+        raise AssetError(
+            "the structure of the glTF is damaged", where=path, cure="Copy or export it again."
+        ) from error
+    if not assets and not empty:
+        raise AssetError(
+            f"there is no mesh with {_EXTENSION} in the scene", where=path, cure="Export the splats as such."
+        )
+    return reduce(SplatAsset.concatenated, assets) if assets else SplatAsset.empty()
+
+
+def _attributes(asset: SplatAsset) -> dict[str, np.ndarray]:
+    """What the extension calls each quantity, in the order of the buffer, all multiples of 4 bytes."""
+    display = np.clip(asset.base_colours, 0.0, 1.0)
+    # COLOR_0, of points that stand in for splats, is linear light: the sRGB curve is undone.
+    linear = np.where(display <= 0.04045, display / 12.92, ((display + 0.055) / 1.055) ** 2.4)
+    colours = np.concatenate([linear, asset.opacities[:, None]], axis=1)
+    attributes = {
+        "POSITION": asset.means,
+        "COLOR_0": np.rint(colours * 65535.0).astype("<u2"),
+        f"{_EXTENSION}:ROTATION": np.roll(unit_quaternions(asset.quaternions), -1, axis=1),
+        f"{_EXTENSION}:SCALE": linear_scales(asset),
+        f"{_EXTENSION}:OPACITY": asset.opacities[:, None],
+    }
+    for k, name in enumerate(_harmonic_names(asset.degree)):
+        attributes[name] = asset.sh[:, k]
+    return {
+        name: np.ascontiguousarray(values, None if values.dtype == np.uint16 else "<f4")
+        for name, values in attributes.items()
+    }
+
+
+def _harmonic_names(degree: int) -> list[str]:
+    return [
+        f"{_EXTENSION}:SH_DEGREE_{band}_COEF_{k}" for band in range(degree + 1) for k in range(2 * band + 1)
+    ]
+
+
+def _document(attributes: dict[str, np.ndarray], size: int) -> dict[str, Any]:
+    """The JSON of one primitive whose attributes lie one after another in one buffer."""
+    document = {
+        "asset": {"version": "2.0", "generator": f"r2sego-blender {__version__}"},
+        "extensionsUsed": [_EXTENSION],
+        "scene": 0,
+    }
+    if not attributes:  # glTF knows no accessor of zero elements
+        return document | {"scenes": [{}]}
+    views, accessors, offset = [], [], 0
+    kinds = {width: kind for kind, width in _WIDTHS.items()}
+    for values in attributes.values():
+        views.append({
+            "buffer": 0, "byteOffset": offset, "byteLength": values.nbytes, "target": _ARRAY_BUFFER,
+        })  # fmt: skip
+        accessors.append({
+            "bufferView": len(accessors), "count": len(values), "type": kinds[values.shape[1]],
+            "componentType": _FLOAT,
+        })  # fmt: skip
+        if values.dtype == np.uint16:
+            accessors[-1] |= {"componentType": _UNSIGNED_SHORT, "normalized": True}
+        offset += values.nbytes
+    positions = attributes["POSITION"]
+    accessors[0] |= {"min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()}
+    primitive = {
+        "attributes": {name: k for k, name in enumerate(attributes)},
+        "mode": _POINTS,
+        "extensions": {_EXTENSION: {"kernel": "ellipse", "colorSpace": _COLOUR_SPACE}},
+    }
+    return document | {
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"name": "splats", "mesh": 0}],
+        "meshes": [{"primitives": [primitive]}],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": size}],
+    }
+
+
+def _opened(data: bytes, path: Path) -> tuple[dict[str, Any], bytes]:
+    """The JSON, and the binary chunk of a ``.glb``."""
+    if not data.startswith(_GLB_MAGIC):
+        if not data.lstrip().startswith(b"{"):
+            raise AssetError("the file is not a glTF", where=path, cure="Give a .glb or .gltf file.")
+        return json.loads(data), b""
+    _, version, length = _GLB_HEADER.unpack_from(data)
+    if version != _GLB_VERSION:
+        raise AssetError(f"glTF {version} is unknown", where=path, cure="Export it as glTF 2.0.")
+    chunks, start = {}, _GLB_HEADER.size
+    while start < min(length, len(data)):
+        size, kind = _GLB_CHUNK.unpack_from(data, start)
+        start += _GLB_CHUNK.size + size
+        chunks.setdefault(kind, data[start - size : start])
+    if length > len(data) or start > len(data):
+        raise _cut_short(path)
+    return json.loads(chunks[_JSON_CHUNK]), chunks.get(_BINARY_CHUNK, b"")
+
+
+def _cut_short(path: Path) -> AssetError:
+    return AssetError(
+        "the file is cut short: it claims more data than it holds",
+        where=path,
+        cure="Copy or export it again.",
+    )
+
+
+class _Scene:
+    """The splats under the nodes of a document. Any structure but glTF's raises a built-in error."""
+
+    def __init__(self, document: dict[str, Any], binary: bytes, path: Path) -> None:
+        self._document, self._path = document, path
+        self._buffers = [self._buffer(entry, binary) for entry in document.get("buffers", [])]
+
+    def splats(self) -> Iterator[tuple[np.ndarray, SplatAsset]]:
+        """(scene_from_node (4, 4), asset in the node's frame) of each primitive with splats."""
+        left = sum(map(len, self._buffers))  # many nodes may show one mesh: memory has an end
+        for scene_from_node, mesh in self._meshes():
+            for primitive in self._document["meshes"][mesh]["primitives"]:
+                if _EXTENSION in primitive.get("extensions", {}):
+                    asset = self._asset(primitive)
+                    left -= len(asset)
+                    if left < 0:
+                        raise AssetError(
+                            "the scene repeats its splats too often", where=self._path,
+                            cure="Export one copy of them.",
+                        )  # fmt: skip
+                    yield scene_from_node, asset
+
+    def _meshes(self) -> Iterator[tuple[np.ndarray, int]]:
+        """(scene_from_node, index of the mesh) of each node that has one."""
+        nodes = self._document.get("nodes", [])
+        if "scenes" in self._document:
+            roots = self._document["scenes"][self._document.get("scene", 0)].get("nodes", [])
+        else:
+            roots = set(range(len(nodes))) - {child for node in nodes for child in node.get("children", [])}
+        waiting = [(np.eye(4), root) for root in roots]
+        seen: set[int] = set()
+        while waiting:
+            scene_from_parent, index = waiting.pop()
+            if index in seen:
+                raise ValueError("the nodes are no tree")
+            seen.add(index)
+            node = nodes[index]
+            scene_from_node = scene_from_parent @ _parent_from_node(node)
+            if "mesh" in node:
+                yield scene_from_node, node["mesh"]
+            waiting += [(scene_from_node, child) for child in node.get("children", [])]
+
+    def _asset(self, primitive: dict[str, Any]) -> SplatAsset:
+        attributes = primitive["attributes"]
+        extension = primitive["extensions"][_EXTENSION]
+        if extension.get("colorSpace", _COLOUR_SPACE) != _COLOUR_SPACE:
+            raise AssetError(
+                f"the splats' colours are in {extension['colorSpace']}", where=self._path,
+                cure=f"Export them in {_COLOUR_SPACE}: harmonics cannot be converted.",
+            )  # fmt: skip
+        degree = 0
+        while degree < _HIGHEST_DEGREE and _harmonic_names(degree + 1)[-1] in attributes:
+            degree += 1
+        names = ["POSITION", *(f"{_EXTENSION}:{name}" for name in ("ROTATION", "SCALE", "OPACITY"))]
+        names += _harmonic_names(degree)
+        for name in names:
+            if name not in attributes:
+                raise AssetError(
+                    f"the attribute '{name}' is missing", where=self._path,
+                    cure="Export the splats whole and without compression.",
+                )  # fmt: skip
+        arrays = [self._values(attributes[name]) for name in names]
+        if len({len(values) for values in arrays}) > 1:
+            raise ValueError("the attributes differ in number")
+        means, rotations, scales, opacities, *harmonics = arrays
+        return SplatAsset(
+            means=means,
+            log_scales=log_scales(scales),
+            quaternions=unit_quaternions(np.roll(rotations, 1, axis=1)),
+            logit_opacities=logits(opacities[:, 0]),
+            sh=np.stack(harmonics, axis=1),
+        )
+
+    def _values(self, index: int) -> np.ndarray:
+        """(count, width) float32 of an accessor."""
+        accessor = self._document["accessors"][index]
+        if "bufferView" not in accessor or "sparse" in accessor:
+            raise AssetError(
+                "the splats are in a sparse or compressed accessor", where=self._path,
+                cure="Export them without compression.",
+            )  # fmt: skip
+        view = self._document["bufferViews"][accessor["bufferView"]]
+        kind = np.dtype(_COMPONENTS[accessor["componentType"]])
+        width, count = _WIDTHS[accessor["type"]], accessor["count"]
+        stride = view.get("byteStride", width * kind.itemsize)
+        offset, start = accessor.get("byteOffset", 0), view.get("byteOffset", 0)
+        if count < 0 or offset < 0 or start < 0 or stride < width * kind.itemsize:
+            raise ValueError("an accessor has impossible sizes")
+        end = offset + stride * max(count - 1, 0) + width * kind.itemsize
+        buffer = self._buffers[view["buffer"]]
+        if end > view["byteLength"] or start + view["byteLength"] > len(buffer):
+            raise _cut_short(self._path)
+        raw = np.ndarray((count, width), kind, buffer, start + offset, (stride, kind.itemsize))
+        values = raw.astype(np.float32)
+        if accessor.get("normalized", False) and kind.kind != "f":
+            values = np.maximum(values / np.iinfo(kind).max, -1.0)
+        return values
+
+    def _buffer(self, entry: dict[str, Any], binary: bytes) -> bytes:
+        uri = entry.get("uri")
+        if uri is None:
+            data = binary
+        elif uri.startswith("data:"):
+            data = base64.b64decode(uri.partition(",")[2], validate=True)
+        else:
+            name = PurePosixPath(urllib.parse.unquote(uri))
+            if name.is_absolute() or ".." in name.parts or ":" in str(name):
+                raise AssetError(
+                    f"the buffer '{uri}' is not beside the file", where=self._path,
+                    cure="Put it there, or export a .glb.",
+                )  # fmt: skip
+            data = content(self._path.parent / name)
+        if len(data) < entry["byteLength"]:
+            raise _cut_short(self._path)
+        return data
+
+
+def _parent_from_node(node: dict[str, Any]) -> np.ndarray:
+    """(4, 4) float64 of a node's matrix, or of its translation, rotation and scale."""
+    if "matrix" in node:
+        return np.array(node["matrix"], np.float64).reshape(4, 4).T
+    transform = np.eye(4)
+    xyzw = np.array(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), np.float64)
+    transform[:3, :3] = to_rotation(np.roll(xyzw, 1)[None])[0] * np.array(node.get("scale", (1.0, 1.0, 1.0)))
+    transform[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
+    return transform

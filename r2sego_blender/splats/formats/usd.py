@@ -1,0 +1,111 @@
+"""Assets as OpenUSD particle fields (``ParticleField3DGaussianSplat``, OpenUSD 26.03)."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from functools import reduce
+from pathlib import Path
+
+import numpy as np
+from pxr import Tf, Usd, UsdGeom, UsdVol, Vt
+
+from ...arrays import opened_arrays
+from ...errors import AssetError
+from ..asset import SplatAsset
+from ..quaternions import to_rotation
+from . import usd_stage
+from .files import content, publishing
+from .values import (
+    WORLD_FROM_Y_UP,
+    finite,
+    in_world,
+    linear_scales,
+    log_scales,
+    logits,
+    unit_quaternions,
+)
+
+_EXTENT_SIGMAS = 3.0
+"""As far as the schema says a Gaussian reaches."""
+_LONGEST_READING_S = 600.0
+"""A stage that composes longer is made to; gigabytes of splats take seconds."""
+
+
+def save_usd(path: Path, asset: SplatAsset) -> None:
+    """Write ``asset`` as the default prim of a stage with Z up, in metres.
+
+    ``.usdc`` and ``.usd`` are binary, ``.usda`` is text.
+    """
+    asset = finite(asset)
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdGeom.SetStageMetersPerUnit(stage, UsdGeom.LinearUnits.meters)
+    field = UsdVol.ParticleField3DGaussianSplat.Define(stage, "/Splats")
+    stage.SetDefaultPrim(field.GetPrim())
+    quaternions = unit_quaternions(asset.quaternions)
+    real_last = np.roll(quaternions, -1, axis=1).astype(np.float32)  # the order of Gf.Quatf in memory
+    field.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(asset.means))
+    field.CreateOrientationsAttr(Vt.QuatfArray.FromNumpy(np.ascontiguousarray(real_last)))
+    field.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(linear_scales(asset)))
+    field.CreateOpacitiesAttr(Vt.FloatArray.FromNumpy(asset.opacities))
+    field.CreateRadianceSphericalHarmonicsDegreeAttr(asset.degree)
+    harmonics = field.CreateRadianceSphericalHarmonicsCoefficientsAttr(
+        Vt.Vec3fArray.FromNumpy(asset.sh.reshape(-1, 3))
+    )
+    harmonics.SetMetadata("elementSize", asset.sh.shape[1])
+    if len(asset):
+        field.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(_extent(asset, quaternions)))
+    try:
+        with publishing(path) as staging:
+            stage.GetRootLayer().Export(str(staging))
+    except Tf.ErrorException as error:
+        raise AssetError(
+            "the file cannot be written", where=path, cure="Check the folder and the disk."
+        ) from error
+
+
+def load_usd(path: Path) -> SplatAsset:
+    """Read all Gaussian splats of a USD stage, where its transforms put them.
+
+    The stage's up axis and unit count; without them USD means Y up and centimetres. Of
+    animated splats the first sample is taken, of degree 4 the degrees up to 3. Raises
+    AssetError when the file is damaged or holds no Gaussian splats.
+    """
+    content(path, 1)
+    with tempfile.TemporaryDirectory(prefix="r2sego-") as folder:
+        arrays_file = Path(folder, "stage.npz")
+        command = [sys.executable, "-P", usd_stage.__file__, str(path), str(arrays_file)]
+        try:
+            subprocess.run(command, capture_output=True, check=True, timeout=_LONGEST_READING_S)
+        except subprocess.SubprocessError as error:
+            raise AssetError(
+                "the file is not a readable USD", where=path, cure="Copy or export it again."
+            ) from error
+        with opened_arrays(arrays_file, AssetError, "the stage's arrays are damaged", "Try again.") as arrays:
+            if not arrays["count"]:
+                raise AssetError(
+                    f"there is no {usd_stage.PRIM_TYPE} in the stage", where=path,
+                    cure="Export the splats as such.",
+                )  # fmt: skip
+            world_from_stage = WORLD_FROM_Y_UP.copy() if arrays["y_up"] else np.eye(4)
+            world_from_stage[:3] *= arrays["metres_per_unit"]
+            assets = []
+            for k in range(int(arrays["count"])):
+                asset = SplatAsset(
+                    means=arrays[f"{k}.positions"],
+                    log_scales=log_scales(arrays[f"{k}.scales"]),
+                    quaternions=unit_quaternions(np.roll(arrays[f"{k}.orientations_xyzw"], 1, axis=1)),
+                    logit_opacities=logits(arrays[f"{k}.opacities"]),
+                    sh=arrays[f"{k}.sh"],
+                )
+                assets.append(in_world(asset, world_from_stage @ arrays[f"{k}.stage_from_prim"], path))
+    return reduce(SplatAsset.concatenated, assets)
+
+
+def _extent(asset: SplatAsset, quaternions: np.ndarray) -> np.ndarray:
+    """(2, 3) float32, the lowest and the highest corner of a box around all Gaussians."""
+    axes = to_rotation(quaternions) * linear_scales(asset)[:, None, :]
+    reach = _EXTENT_SIGMAS * np.linalg.norm(axes, axis=2)
+    return np.stack([(asset.means - reach).min(axis=0), (asset.means + reach).max(axis=0)]).astype(np.float32)
