@@ -1,8 +1,9 @@
 """Numba for the hot loops, with a cache that never serves a stale kernel.
 
 Numba's own cache looks at the time of the one file a kernel stands in, not at the
-kernels it calls. Here the cache folder is named by a digest of every source file that
-holds kernels, of Numba's version and of this CPU, so a changed source compiles anew.
+kernels it calls, nor at the constants that are compiled in. Here the cache folder is named
+by a digest of every source file of the packages that hold kernels, of Numba's version and
+of this CPU, so a changed source compiles anew.
 """
 
 from __future__ import annotations
@@ -17,13 +18,15 @@ import numba
 from llvmlite import binding as llvm
 
 _LIBRARY = Path(__file__).resolve().parent
+_MARK = b".compiled " + b"import"  # in two parts: this file holds no kernel
 
 
 def _cache_folder() -> Path:
     digest = hashlib.sha256(f"{numba.__version__} {llvm.get_host_cpu_name()}".encode())
-    for source in sorted(_LIBRARY.rglob("*.py")):
-        text = source.read_bytes()
-        if b"compiled import" in text:
+    sources = {source: source.read_bytes() for source in sorted(_LIBRARY.rglob("*.py"))}
+    packages = {source.parent for source, text in sources.items() if _MARK in text}
+    for source, text in sources.items():
+        if source.parent in packages:
             digest.update(source.relative_to(_LIBRARY).as_posix().encode() + text)
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = base / "r2sego" / f"kernels-{digest.hexdigest()[:16]}"

@@ -178,9 +178,13 @@ class TrainingSettings:
     backdrop_gaussians: int = setting(
         12000, "Gaussians of the shell behind what no photograph shows; 0: none.", 0, 200000
     )
-    half_resolution_share: float = setting(
-        0.5, "Share of the steps, at the start, run at half resolution.", 0.0, 1.0
+    quarter_resolution_share: float = setting(
+        0.0, "Share of the steps, at the start, run at a quarter of the resolution.", 0.0, 1.0
     )
+    half_resolution_share: float = setting(
+        0.5, "Share of the steps, after those, run at half of the resolution.", 0.0, 1.0
+    )
+    image_cache_mb: int = setting(1024, "Memory for prepared images, the rest is loaded anew.", 16, 65536)
     captures_first_share: float = setting(
         0.25, "Share of a round's steps, at the start, on captures alone.", 0.0, 1.0
     )

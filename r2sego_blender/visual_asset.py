@@ -18,8 +18,9 @@ from .progress import SILENT, Progress
 from .settings import TrainingSettings
 from .splats.asset import SplatAsset
 from .splats.initialization import DepthView, from_depth, from_points
+from .splats.observations import Observation
 from .splats.rasterizer import render
-from .splats.training import Observation, train
+from .splats.training import train
 
 _MISSING_ALPHA = 0.8
 """Below this alpha a pixel is missing, as in the asset deficit u."""

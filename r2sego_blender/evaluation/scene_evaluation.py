@@ -21,9 +21,9 @@ from ..geometry.observed import ObservedGeometry
 from ..geometry.stereo import DepthMap
 from ..progress import SILENT, Progress
 from ..scene import Scene
+from ..splats.observations import Observation
 from ..splats.ply import load_ply, save_ply
 from ..splats.rasterizer import render
-from ..splats.training import Observation
 from ..steps import CAPTURES, DEPTH, OBSERVED, SPARSE
 from ..visual_asset import vanilla_asset
 from .arms import ARMS, VANILLA_ASSET

@@ -17,7 +17,8 @@ import torch
 
 from ..cameras import Camera
 from .asset import SplatAsset
-from .rasterizer import SMALLEST_ALPHA, Gradients, Rasterizer
+from .packing import PackedGaussians
+from .rasterizer import SMALLEST_ALPHA, Rasterizer
 
 
 def rasterize(
@@ -42,10 +43,9 @@ class _Rasterize(torch.autograd.Function):
         ctx: Any, means, log_scales, quaternions, logit_opacities, sh, camera: Camera
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         arrays = [t.detach().numpy() for t in (means, log_scales, quaternions, logit_opacities, sh)]
-        ctx.asset = SplatAsset(*arrays)
         ctx.save_for_backward(means, log_scales, quaternions, logit_opacities, sh)
         ctx.rasterizer = Rasterizer()
-        ctx.rasterizer.forward(ctx.asset, camera)
+        ctx.rasterizer.forward(PackedGaussians.of(SplatAsset(*arrays)), camera)
         rendering = ctx.rasterizer.rendering()
         return tuple(map(torch.from_numpy, (rendering.colour, rendering.alpha, rendering.depth)))
 
@@ -59,8 +59,7 @@ class _Rasterize(torch.autograd.Function):
         inverse = np.where(seen, 1.0 / np.maximum(alpha, SMALLEST_ALPHA), 0.0).astype(np.float32)
         g_depth_sum = g_depth.numpy() * inverse
         g_alpha = g_alpha.numpy() - g_depth_sum * ctx.rasterizer.depth_sum * inverse
-        gradients = Gradients.of(ctx.asset)
-        ctx.rasterizer.backward(np.ascontiguousarray(g_colour.numpy()), g_alpha, g_depth_sum, gradients)
+        gradients = ctx.rasterizer.backward(g_colour.numpy(), g_alpha, g_depth_sum)
         groups = (
             gradients.means,
             gradients.log_scales,

@@ -1,139 +1,178 @@
-"""Depth order of the projected Gaussians, and the lists of Gaussians of each tile.
+"""Which Gaussians touch which blocks of which tiles, in the order of their depth.
 
-A tile's list names only Gaussians whose ellipse (alpha >= 1/255) meets it, with the rows
-they meet, front to back. Each entry has a place in an array of gradient slots in which
-the entries of one Gaussian lie together, so gradients are added in a fixed order.
+A tile has 32 x 32 pixels, 64 blocks of 4 x 4: a block's pixels are the sixteen lanes of a
+vector. An *entry* is a Gaussian in a tile: its number and the blocks that its ellipse
+(alpha above 1/255) touches as 64 bits. The intersection is exact, row of blocks by row
+of blocks: sixteen rows are one vector.
 """
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
+from numba.core.types import int64
 
-from .compiled import inlined, kernel, parallel_kernel, prange
-from .projection import DEPTH, EXTENT_X, EXTENT_Y, LOG2_OPACITY, QUAD_A, QUAD_B, QUAD_C, SMALLEST_ALPHA, U, V
+from .compiled import kernel, parallel_kernel, prange
+from .packing import LANES
+from .projection import (
+    BLOCK,
+    DEPTH,
+    EIGHTH,
+    EIGHTH_SMALLEST,
+    EXTENT_X,
+    EXTENT_Y,
+    FACTOR_A,
+    FACTOR_B,
+    FACTOR_C,
+    RECORD_BYTES,
+    SKEW_Y,
+    U,
+    V,
+)
+from .vectors import Code, Value, flush_denormals, restore_denormals, vector_kernel
 
-TILE_WIDTH_PX = 8
-TILE_HEIGHT_PX = 16
+TILE_PX = 32
+BLOCK_PX = 4
+BLOCKS_A_SIDE = TILE_PX // BLOCK_PX
 
 SEGMENTS = 16
-"""The depth order is cut into this many runs, which are counted and scattered in parallel."""
+"""The Gaussians are binned in this many runs, each by one thread at a time."""
 
-_0, _4 = np.float32(0), np.float32(4)
-_HALF = np.float32(0.5)
-_SLACK_PX = np.float32(1e-3)
-_LOG2_SMALLEST_ALPHA = np.float32(math.log2(SMALLEST_ALPHA))
-_DIGITS = 256
+ENTRY_BYTES = 16
+"""An entry: its blocks (int64), its Gaussian (int32), its tile (int32)."""
+
+_SLACK_PX = 0.05
+"""Blocks this near to an ellipse count as touched, so that rounding loses no pixel."""
+
+_DIGIT_BITS = 9
+_DIGITS = 1 << _DIGIT_BITS
 
 
-@kernel
-def sort_by_depth(visible, screen, order, spare, keys, spare_keys, ranks):
-    """Fill ``order`` with the visible Gaussians, nearest first, and ``ranks`` with its inverse.
+@vector_kernel(int64(int64, int64, int64, int64, int64, int64, int64))
+def _append_entries(
+    code: Code, record: Value, gaussian: Value, entries: Value, count: Value, capacity: Value,
+    width: Value, height: Value,
+) -> Value:  # fmt: skip
+    """Append a Gaussian's entries; returns how many there are then.
 
-    A stable radix sort of the depths' bits: equal depths keep the order of their indices.
-    All arrays have N elements; returns how many are visible.
+    At most ``capacity`` are written, the last one over and over; the count goes on.
     """
-    count = 0
-    for i in range(visible.shape[0]):
-        ranks[i] = -1
-        if visible[i]:
-            order[count] = i
-            keys[count] = np.float32(screen[i, DEPTH]).view(np.uint32)
-            count += 1
-    starts = np.empty(_DIGITS, np.int64)
-    for digit in range(4):  # an even number of passes ends in ``order``
-        shift = np.uint32(digit * 8)
-        starts[:] = 0
-        for i in range(count):
-            starts[(keys[i] >> shift) & np.uint32(_DIGITS - 1)] += 1
-        total = 0
-        for bucket in range(_DIGITS):
-            size = starts[bucket]
-            starts[bucket] = total
-            total += size
-        for i in range(count):
-            bucket = (keys[i] >> shift) & np.uint32(_DIGITS - 1)
-            place = starts[bucket]
-            starts[bucket] = place + 1
-            spare_keys[place] = keys[i]
-            spare[place] = order[i]
-        keys, spare_keys = spare_keys, keys
-        order, spare = spare, order
-    for rank in range(count):
-        ranks[order[rank]] = rank
-    return count
 
+    def field(place: int) -> Value:
+        return code.load_float(record + 4 * place)
 
-@inlined
-def _columns(row, tiles_x):
-    """The first and last tile column that the ellipse's box meets."""
-    first = int(max(row[U] - row[EXTENT_X], _0)) // TILE_WIDTH_PX
-    last = int(max(min(row[U] + row[EXTENT_X], np.float32(tiles_x * TILE_WIDTH_PX)), _0)) // TILE_WIDTH_PX
-    return first, min(last, tiles_x - 1)
+    def tile_at(px: Value, last: Value) -> Value:
+        tile = code.to_long(code.maximum(px - 0.5, 0.0)) >> 5
+        return code.select(tile < last, tile, last)
 
+    u, v, b, c = field(U), field(V), field(FACTOR_B), field(FACTOR_C)
+    inverse_a, extent_x, extent_y, skew = (
+        1.0 / field(FACTOR_A),
+        field(EXTENT_X),
+        field(EXTENT_Y),
+        field(SKEW_Y),
+    )
+    level = field(EIGHTH) - EIGHTH_SMALLEST
+    last_x, last_y = (width - 1) >> 5, (height - 1) >> 5
+    columns = code.to_floats((width - 1) >> 2)
+    first_tile_x, last_tile_x = tile_at(u - extent_x, last_x), tile_at(u + extent_x, last_x)
+    first_tile_y, last_tile_y = tile_at(v - extent_y, last_y), tile_at(v + extent_y, last_y)
+    lane_top = code.vector([BLOCK_PX * k + 0.5 for k in range(LANES)])
+    number = code.variable(count)
+    tile_y = code.variable(first_tile_y)
+    with code.loop_while(lambda: tile_y.get() <= last_tile_y):
+        # The ellipse within each row of blocks: dy between top and bottom, dx between left and right.
+        first_row_px = code.to_floats(tile_y.get() << 5)
+        from_top = lane_top + first_row_px
+        top = code.maximum(from_top - (v + _SLACK_PX), -extent_y)
+        bottom = code.minimum(from_top - (v - (BLOCK_PX - 1.0) - _SLACK_PX), extent_y)
+        touched = (top <= bottom) & (from_top < code.to_floats(height))
 
-@inlined
-def _rows_in_column(row, column, height):
-    """The first and last pixel row whose centres in a tile column lie in the ellipse."""
-    quad_a, quad_b, quad_c = row[QUAD_A], row[QUAD_B], row[QUAD_C]
-    reach = row[LOG2_OPACITY] - _LOG2_SMALLEST_ALPHA
-    left = np.float32(column * TILE_WIDTH_PX) + _HALF - row[U]
-    right = left + np.float32(TILE_WIDTH_PX - 1)
-    first, last = 0, -1
-    if left <= row[EXTENT_X] + _SLACK_PX and right >= -row[EXTENT_X] - _SLACK_PX:
-        left = max(left, -row[EXTENT_X])
-        right = min(right, row[EXTENT_X])
-        inverse = _HALF / quad_c
-        bend = quad_b * quad_b - _4 * quad_a * quad_c
-        root_left = math.sqrt(max(bend * left * left + _4 * quad_c * reach, _0))
-        root_right = math.sqrt(max(bend * right * right + _4 * quad_c * reach, _0))
-        low = min((-quad_b * left - root_left) * inverse, (-quad_b * right - root_right) * inverse)
-        high = max((-quad_b * left + root_left) * inverse, (-quad_b * right + root_right) * inverse)
-        summit = -_HALF * quad_b * row[EXTENT_Y] / quad_a
-        if left <= summit and summit <= right:
-            high = row[EXTENT_Y]
-        if left <= -summit and -summit <= right:
-            low = -row[EXTENT_Y]
-        low = max(row[V] + low - _HALF - _SLACK_PX, _0)
-        high = min(row[V] + high - _HALF + _SLACK_PX, np.float32(height - 1))
-        if high >= low:
-            first, last = math.ceil(low), math.floor(high)
-    return first, last
+        def reach(dy: Value, top: Value = top, bottom: Value = bottom) -> tuple[Value, Value]:
+            """Half the width, and the middle, of the ellipse at ``dy`` held in the row."""
+            held = code.minimum(code.maximum(dy, top), bottom)
+            f = held * c
+            half = code.sqrt(code.maximum(level - f * f, 0.0)) * inverse_a
+            return half, held * (b * inverse_a)
+
+        (half_right, middle_right), (half_left, middle_left) = (
+            reach(code.vector(0.0) + skew), reach(code.vector(0.0) - skew)
+        )  # fmt: skip
+        right = (half_right - middle_right + (u - 0.5 + _SLACK_PX)) * (1.0 / BLOCK_PX)
+        left = (u - (BLOCK_PX - 0.5) - _SLACK_PX - half_left - middle_left) * (1.0 / BLOCK_PX)
+        # Rounded up and down; both are held so that rounding towards zero does it.
+        first = code.to_integers(code.minimum(code.maximum(left, -1.0), columns) + 1.0)
+        last = code.to_integers(code.maximum(code.minimum(right, columns) + 1.0, 0.0)) - 1
+
+        tile_x = code.variable(first_tile_x)
+        with code.loop_while(lambda: tile_x.get() <= last_tile_x):
+            offset = code.spread(code.to_int(tile_x.get() << 3))
+            low = first - offset
+            high = last - offset
+            low = code.select(low > 0, low, code.integers(0))
+            high = code.select(high < 7, high, code.integers(7))
+            present = touched & (low <= high)
+            # Lanes without a block would shift by a number out of range.
+            low, high = (code.select(present, x, code.integers(0)) for x in (low, high))
+            bits = (code.integers(2) << high) - (code.integers(1) << low)
+            upper, lower = code.bytes_of(code.select(present, bits, code.integers(0)))
+            tile = tile_y.get() * (last_x + 1) + tile_x.get()
+            for blocks, place in ((upper, tile), (lower, tile + last_x + 1)):
+                at = code.select(number.get() < capacity, number.get(), capacity - 1)
+                address = entries + at * ENTRY_BYTES
+                code.store_long(address, blocks)
+                code.store_long(address + 8, gaussian | (place << 32))
+                number.add(code.select(blocks.differs(0), code.long(1), code.long(0)))
+            tile_x.add(code.long(1))
+        tile_y.add(code.long(2))
+    return number.get()
 
 
 @parallel_kernel
-def count_entries(order, count, screen, tiles_x, height, sorted_screen, counts, histogram):
-    """Gather ``sorted_screen`` in depth order and count entries by Gaussian and by tile.
+def append_entries(records, visible, width, height, entries, capacity, starts, counts, totals):
+    """The entries of all visible Gaussians, in segments of ``capacity`` from the address ``entries``.
 
-    ``counts`` (count,) int32 by rank; ``histogram`` (SEGMENTS, tiles) int32.
+    ``starts`` and ``counts`` (16 chunks,) int32 get each visible Gaussian's first entry and
+    their number; ``totals`` (SEGMENTS,) int64 the entries a segment needs, which may be
+    more than it can hold.
     """
+    blocks = (visible.shape[0] + BLOCK - 1) // BLOCK
     for segment in prange(SEGMENTS):
-        histogram[segment] = 0
-        for rank in range(count * segment // SEGMENTS, count * (segment + 1) // SEGMENTS):
-            row = sorted_screen[rank]
-            row[:] = screen[order[rank]]
-            found = 0
-            first_column, last_column = _columns(row, tiles_x)
-            for column in range(first_column, last_column + 1):
-                first, last = _rows_in_column(row, column, height)
-                if last >= first:
-                    for tile_y in range(first // TILE_HEIGHT_PX, last // TILE_HEIGHT_PX + 1):
-                        histogram[segment, tile_y * tiles_x + column] += 1
-                        found += 1
-            counts[rank] = found
+        state = flush_denormals()
+        base = entries + segment * capacity * ENTRY_BYTES
+        total = 0
+        for chunk in range(
+            blocks * segment // SEGMENTS * BLOCK,
+            min(visible.shape[0], blocks * (segment + 1) // SEGMENTS * BLOCK),
+        ):
+            bits = visible[chunk]
+            lane = 0
+            while bits:
+                if bits & 1:
+                    i = chunk * LANES + lane
+                    after = _append_entries(
+                        records + i * RECORD_BYTES, i, base, total, capacity, width, height
+                    )
+                    starts[i] = segment * capacity + total
+                    counts[i] = after - total
+                    total = after
+                bits >>= 1
+                lane += 1
+        totals[segment] = total
+        restore_denormals(state)
+
+
+@parallel_kernel
+def count_tiles(entries, capacity, totals, histogram):
+    """``histogram`` (SEGMENTS, tiles) int32: the entries of each segment in each tile."""
+    for segment in prange(SEGMENTS):
+        histogram[segment, :] = 0
+        for entry in range(segment * capacity, segment * capacity + totals[segment]):
+            histogram[segment, entries[entry, 3]] += 1
 
 
 @kernel
-def place_entries(counts, count, histogram, offsets, tile_starts):
-    """Prefix sums: where each Gaussian's slots and each tile's entries start.
-
-    ``histogram`` becomes each segment's next place in each tile; returns the entries' number.
-    """
-    total = 0
-    for rank in range(count):
-        offsets[rank] = total
-        total += counts[rank]
+def place_tiles(histogram, tile_starts):
+    """``histogram`` becomes each segment's first place in each tile, ``tile_starts`` the tiles'."""
     place = 0
     for tile in range(histogram.shape[1]):
         tile_starts[tile] = place
@@ -142,27 +181,58 @@ def place_entries(counts, count, histogram, offsets, tile_starts):
             histogram[segment, tile] = place
             place += size
     tile_starts[histogram.shape[1]] = place
-    return total
 
 
 @parallel_kernel
-def scatter_entries(sorted_screen, count, tiles_x, height, offsets, histogram, entries):
-    """Fill ``entries`` (E, 4) int32, tile by tile: rank, slot, first and last row in the tile."""
+def scatter_entries(entries, capacity, totals, record_bits, histogram, order):
+    """``order`` (E,) uint64, tile by tile: the depth's bits above the entry's number."""
     for segment in prange(SEGMENTS):
-        for rank in range(count * segment // SEGMENTS, count * (segment + 1) // SEGMENTS):
-            row = sorted_screen[rank]
-            slot = offsets[rank]
-            first_column, last_column = _columns(row, tiles_x)
-            for column in range(first_column, last_column + 1):
-                first, last = _rows_in_column(row, column, height)
-                if last >= first:
-                    for tile_y in range(first // TILE_HEIGHT_PX, last // TILE_HEIGHT_PX + 1):
-                        tile = tile_y * tiles_x + column
-                        place = histogram[segment, tile]
-                        histogram[segment, tile] = place + 1
-                        top = tile_y * TILE_HEIGHT_PX
-                        entries[place, 0] = rank
-                        entries[place, 1] = slot
-                        entries[place, 2] = max(first - top, 0)
-                        entries[place, 3] = min(last - top, TILE_HEIGHT_PX - 1)
-                        slot += 1
+        for entry in range(segment * capacity, segment * capacity + totals[segment]):
+            tile = entries[entry, 3]
+            place = histogram[segment, tile]
+            histogram[segment, tile] = place + 1
+            depth = record_bits[entries[entry, 2], DEPTH]
+            order[place] = (np.uint64(depth) << np.uint64(32)) | np.uint64(entry)
+
+
+@kernel
+def _sort_tile(order, spare, digits):
+    """Sort by depth (the order of equal ones is kept): radix sort on the bits that differ."""
+    count = order.shape[0]
+    low = high = order[0] >> np.uint64(32)
+    for i in range(count):
+        depth = order[i] >> np.uint64(32)
+        low = min(low, depth)
+        high = max(high, depth)
+    shift = 0
+    source, target = order, spare
+    while (high - low) >> np.uint64(shift):
+        digits[:] = 0
+        for i in range(count):
+            depth = (source[i] >> np.uint64(32)) - low
+            digits[(depth >> np.uint64(shift)) & np.uint64(_DIGITS - 1)] += 1
+        place = 0
+        for digit in range(_DIGITS):
+            size = digits[digit]
+            digits[digit] = place
+            place += size
+        for i in range(count):
+            depth = (source[i] >> np.uint64(32)) - low
+            digit = (depth >> np.uint64(shift)) & np.uint64(_DIGITS - 1)
+            target[digits[digit]] = source[i]
+            digits[digit] += 1
+        source, target = target, source
+        shift += _DIGIT_BITS
+    if (shift // _DIGIT_BITS) % 2 == 1:
+        order[:] = source
+
+
+@parallel_kernel
+def sort_tiles(order, spare, tile_starts):
+    """Sort each tile's part of ``order`` by depth, then by the Gaussians' numbers."""
+    tiles = tile_starts.shape[0] - 1
+    for tile in prange(tiles):
+        start, stop = tile_starts[tile], tile_starts[tile + 1]
+        if stop - start > 1:
+            digits = np.empty(_DIGITS, np.int32)
+            _sort_tile(order[start:stop], spare[start:stop], digits)

@@ -1,9 +1,15 @@
 """Front-to-back compositing of a tile's Gaussians, and its gradient.
 
-A tile's pixels lie in one flat scratch array, plane after plane, and the inner loops run
-over whole rows of it without branches, so that the compiler vectorises them: indices are
-unsigned and the planes' distances constant for that reason. A pixel is finished when its
-transmittance falls below ``_FINISHED``; a tile, when all its pixels are.
+A tile's state has for each of its 64 blocks one vector of transmittances, then vectors of
+what is summed. Each entry visits the blocks it touches. A pixel is finished when its transmittance
+falls to ``_FINISHED`` or below and a block when all its pixels are; the tile ends with
+its last block. The gradient visits the entries in the same order again: with the
+transmittance T in front of it, a Gaussian's alpha has the gradient
+
+    T * shade - rest / (1 - alpha),
+
+where rest is what the Gaussians behind it and the background add to the product of image
+and gradient, so that nothing need be stored for each pixel and Gaussian.
 """
 
 from __future__ import annotations
@@ -11,215 +17,401 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import get_thread_id
+from numba.core.types import float32, int64, void
 
-from .binning import TILE_HEIGHT_PX, TILE_WIDTH_PX
+from .binning import BLOCK_PX, BLOCKS_A_SIDE, ENTRY_BYTES, TILE_PX
 from .compiled import kernel, parallel_kernel, prange
-from .projection import LARGEST_ALPHA, MOMENT_COLUMNS, PARTS, SCREEN_COLUMNS, SMALLEST_ALPHA
+from .projection import (
+    DEPTH,
+    EIGHTH,
+    EIGHTH_SMALLEST,
+    FACTOR_A,
+    FACTOR_B,
+    FACTOR_C,
+    LARGEST_ALPHA,
+    RECORD_BYTES,
+    RED,
+    U,
+    V,
+)
+from .vectors import (
+    EXP2_COEFFICIENTS_BELOW_0,
+    LANES,
+    VECTOR_BYTES,
+    Code,
+    Value,
+    aligned,
+    flush_denormals,
+    restore_denormals,
+    vector_kernel,
+)
 
-_PIXELS = TILE_WIDTH_PX * TILE_HEIGHT_PX
-# The planes: transmittance, pixel centre, colour and depth; in the gradient's scratch also
-# the gradients of colour and depth, and what is still to come of their product.
-_X, _Y, _RED, _GREEN, _BLUE, _DEPTH = (np.uint64(k * _PIXELS) for k in range(1, 7))
-_G_RED, _G_GREEN, _G_BLUE, _G_DEPTH, _REST = (np.uint64(k * _PIXELS) for k in range(3, 8))
-_FORWARD_PLANES, _BACKWARD_PLANES = 7, 8
+_BLOCKS = BLOCKS_A_SIDE**2
+_PLANES = 9
+_BLOCK_BYTES = _PLANES * VECTOR_BYTES  # block by block: planes 4096 bytes apart would alias in the cache
+STATE_BYTES = _BLOCKS * _BLOCK_BYTES
+_TRANSMITTANCE, _SUMS = 0, 1  # forward: red, green, blue and depth
+_REST, _UPSTREAM = 1, 2  # backward: the gradients of red, green, blue and depth
+_X, _Y, _SPARE = 6, 7, 8  # pixel centres, from the tile's middle
 
-_BATCH = 16
-"""Entries whose records are fetched together, so that the memory's latency overlaps; after
-each batch a finished tile is noticed."""
+BATCH = 32
+"""Entries whose records are fetched together; after each batch finished blocks are noticed."""
 
-_FINISHED = np.float32(1e-4)
-_0, _1, _HALF = np.float32(0), np.float32(1), np.float32(0.5)
-_LARGEST = np.float32(LARGEST_ALPHA)
-_LOG2_LARGEST = np.float32(math.log2(LARGEST_ALPHA))
-_LOG2_SMALLEST = np.float32(math.log2(SMALLEST_ALPHA))
-_LOWEST_EXPONENT = np.float32(-20)  # far below 1/255, and no denormal can come of it
+SLOT_BYTES = VECTOR_BYTES
+"""An entry's gradient sums: of g = alpha dL/dalpha the moments 1, e, f, e e, e f, f f;
+the gradients of red, green, blue and depth; then 1 if the entry was blended."""
+MOMENTS, BLENDED = 10, 10
 
-# Minimax fit of 2^x on [-1/2, 1/2], relative error 8e-8.
-_E0, _E1, _E2, _E3, _E4, _E5 = (
-    np.float32(c)
-    for c in (1.00000007, 0.69314697, 0.24022120, 0.05550713, 0.00967554, 0.00132765)
-)  # fmt: skip
+_FINISHED = 1e-4
+_MASK_BYTES = 8
+_EIGHTH_LARGEST = math.log2(LARGEST_ALPHA) / 8.0
+
+TRANSMITTANCE_PLANE, DEPTH_PLANE, IMAGE_PLANES = 3, 4, 5
+"""An image's planes after red, green and blue."""
+
+SCRATCH_BYTES = STATE_BYTES + BATCH * (RECORD_BYTES + _MASK_BYTES)
+"""What a thread needs: the planes, a batch of records, and their blocks."""
+
+
+_CONSTANTS = (*EXP2_COEFFICIENTS_BELOW_0, LARGEST_ALPHA, EIGHTH_SMALLEST, _EIGHTH_LARGEST, _FINISHED, 1.0)
+_LARGEST, _EIGHTH_SMALLEST_AT, _EIGHTH_LARGEST_AT, _FINISHED_AT, _ONE = range(6, 11)
+
+
+def _table() -> np.ndarray:
+    """(1 + 128, 16): the constants; the blocks' pixel centres x and y from the tile's middle.
+
+    The constants stand in memory, so that vector registers are left for the sums.
+    """
+    lane, block = np.arange(LANES), np.arange(_BLOCKS)[:, None]
+    table = aligned((1 + 2 * _BLOCKS, LANES))
+    table[0, : len(_CONSTANTS)] = _CONSTANTS
+    middle = TILE_PX / 2 - 0.5
+    table[1 : 1 + _BLOCKS] = BLOCK_PX * (block % BLOCKS_A_SIDE) + lane % BLOCK_PX - middle
+    table[1 + _BLOCKS :] = BLOCK_PX * (block // BLOCKS_A_SIDE) + lane // BLOCK_PX - middle
+    return table
+
+
+TABLE = _table()
+_COORDINATES_BYTES = _BLOCKS * VECTOR_BYTES
+
+
+@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64))
+def _fetch(
+    code: Code, order: Value, count: Value, entries: Value, records: Value, middle_x: Value, middle_y: Value,
+    batch: Value, masks: Value,
+) -> None:  # fmt: skip
+    """Copy the next entries' records and blocks; U and V become the constants of e and f."""
+    x, y = code.to_floats(middle_x), code.to_floats(middle_y)
+    with code.loop(count) as i:
+        entry = entries + (code.load_long(order + 8 * i) & 0xFFFFFFFF) * ENTRY_BYTES
+        code.store_long(masks + 8 * i, code.load_long(entry))
+        source = records + code.load_int(entry + 8) * RECORD_BYTES
+        target = batch + i * RECORD_BYTES
+        code.store(target, code.load(source))
+        from_u, from_v = (code.load_float(source + 4 * k) - m for k, m in ((U, x), (V, y)))
+        a, b, c = (code.load_float(source + 4 * k) for k in (FACTOR_A, FACTOR_B, FACTOR_C))
+        code.store_float(target + 4 * U, -(a * from_u + b * from_v))
+        code.store_float(target + 4 * V, -(c * from_v))
+
+
+class _Splat:
+    """A fetched record and its alpha at a block."""
+
+    def __init__(self, code: Code, table: Value, record: Value, depth: bool) -> None:
+        def field(place: int) -> Value:
+            return code.spread(code.load_float(record + 4 * place))
+
+        self.code, self.table = code, table
+        self.e0, self.f0 = field(U), field(V)
+        self.a, self.b, self.c, self.eighth = map(field, (FACTOR_A, FACTOR_B, FACTOR_C, EIGHTH))
+        self.colour = [field(RED + k) for k in range(3)] + ([field(DEPTH)] if depth else [])
+
+    def constant(self, place: int) -> Value:
+        return self.code.spread(self.code.load_float(self.table + 4 * place))
+
+    def at(self, place: Value, transmittance: Value) -> tuple[Value, ...]:
+        """e, f, the exponent's eighth, alpha (at most 0.99), and whether it counts."""
+        code = self.code
+        x, y = (code.load(place + plane * VECTOR_BYTES) for plane in (_X, _Y))
+        e = code.fma(self.a, x, code.fma(self.b, y, self.e0))
+        f = code.fma(self.c, y, self.f0)
+        exponent = code.fma(-e, e, code.fma(-f, f, self.eighth))
+        power = code.exp2_small(exponent, [self.constant(k) for k in range(6)])
+        alpha = code.minimum(power, self.constant(_LARGEST))
+        counts = exponent >= self.constant(_EIGHTH_SMALLEST_AT)
+        return e, f, exponent, alpha, counts & (transmittance > self.constant(_FINISHED_AT))
+
+
+def _write_blend(code: Code, depth: bool, *arguments: Value) -> None:
+    state, table, batch, masks, count, alive = arguments
+    with code.loop(count) as i:
+        splat = _Splat(code, table, batch + i * RECORD_BYTES, depth)
+        with code.loop_bits(code.load_long(masks + 8 * i) & alive) as block:
+            plane = state + block * _BLOCK_BYTES
+            transmittance = code.load(plane)
+            *_, alpha, counts = splat.at(plane, transmittance)
+            weight = code.select(counts, alpha * transmittance, 0.0)
+            code.store(plane, transmittance - weight)
+            for k, colour in enumerate(splat.colour):
+                place = plane + (_SUMS + k) * VECTOR_BYTES
+                code.store(place, code.fma(weight, colour, code.load(place)))
+
+
+def _write_blend_backward(code: Code, depth: bool, *arguments: Value) -> None:
+    state, table, batch, masks, count, alive, order, slots = arguments
+    channels = 4 if depth else 3
+    zero = code.vector(0.0)
+    with code.loop(count) as i:
+        splat = _Splat(code, table, batch + i * RECORD_BYTES, depth)
+        sums = [code.variable(zero) for _ in range(6 + channels)]
+        blocks = code.load_long(masks + 8 * i) & alive
+        with code.loop_bits(blocks) as block:
+            plane = state + block * _BLOCK_BYTES
+            transmittance = code.load(plane)
+            e, f, exponent, alpha, counts = splat.at(plane, transmittance)
+            alpha = code.select(counts, alpha, 0.0)
+            weight = alpha * transmittance
+            upstream = [code.load(plane + (_UPSTREAM + k) * VECTOR_BYTES) for k in range(channels)]
+            shade = upstream[0] * splat.colour[0]
+            for g, colour in zip(upstream[1:], splat.colour[1:], strict=True):
+                shade = code.fma(g, colour, shade)
+            rest = code.fma(-weight, shade, code.load(plane + _REST * VECTOR_BYTES))
+            code.store(plane + _REST * VECTOR_BYTES, rest)
+            code.store(plane, transmittance - weight)
+            behind = code.quotient(rest, splat.constant(_ONE) - alpha)
+            gradient = alpha * (transmittance * shade - behind)
+            gradient = code.select(exponent < splat.constant(_EIGHTH_LARGEST_AT), gradient, 0.0)
+            along_e, along_f = gradient * e, gradient * f
+            terms = [gradient, along_e, along_f, along_e * e, along_e * f, along_f * f]
+            terms += [weight * g for g in upstream]
+            for total, term in zip(sums, terms, strict=True):
+                total.add(term)
+        entry = code.load_long(order + 8 * i) & 0xFFFFFFFF
+        slot = slots + entry * SLOT_BYTES
+        code.store(slot, code.sums([total.get() for total in sums]))
+        if not depth:
+            code.store_float(slot + 4 * (MOMENTS - 1), code.float(0.0))
+        code.store_float(slot + 4 * BLENDED, code.select(blocks.differs(0), code.float(1.0), code.float(0.0)))
+
+
+_BLEND = void(int64, int64, int64, int64, int64, int64)
+_BLEND_BACKWARD = void(int64, int64, int64, int64, int64, int64, int64, int64)
+
+
+@vector_kernel(_BLEND)
+def _blend(code, state, table, batch, masks, count, alive):
+    """Put a batch of Gaussians behind what the blocks already have."""
+    _write_blend(code, False, state, table, batch, masks, count, alive)
+
+
+@vector_kernel(_BLEND)
+def _blend_with_depth(code, state, table, batch, masks, count, alive):
+    """The same, and the sum of weight * depth."""
+    _write_blend(code, True, state, table, batch, masks, count, alive)
+
+
+@vector_kernel(_BLEND_BACKWARD)
+def _blend_backward(code, state, table, batch, masks, count, alive, order, slots):
+    """Replay ``_blend`` and fill the entries' slots."""
+    _write_blend_backward(code, False, state, table, batch, masks, count, alive, order, slots)
+
+
+@vector_kernel(_BLEND_BACKWARD)
+def _blend_backward_with_depth(code, state, table, batch, masks, count, alive, order, slots):
+    """Replay ``_blend_with_depth`` and fill the entries' slots."""
+    _write_blend_backward(code, True, state, table, batch, masks, count, alive, order, slots)
+
+
+@vector_kernel(int64(int64))
+def _unfinished(code: Code, state: Value) -> Value:
+    """The blocks with a pixel that can still take a Gaussian, as bits."""
+    alive = code.variable(code.long(0))
+    with code.loop(code.long(_BLOCKS)) as block:
+        open_ = code.bits(code.load(state + block * _BLOCK_BYTES) > _FINISHED).differs(0)
+        alive.set(alive.get() | (code.select(open_, code.long(1), code.long(0)) << block))
+    return alive.get()
+
+
+def _each_block(code: Code, write) -> None:
+    """``write(block, x_px, y_px)`` for each block of a tile."""
+    with code.loop(code.long(_BLOCKS)) as block:
+        write(block, (block & (BLOCKS_A_SIDE - 1)) << 2, (block >> 3) << 2)
+
+
+def _row_address(code: Code, plane: Value, pitch: Value, x: Value, y: Value) -> list[Value]:
+    """Where a block's four rows of four pixels stand in an image plane."""
+    first = plane + (y * pitch + x) * 4
+    return [first + pitch * (4 * row) for row in range(BLOCK_PX)]
+
+
+@vector_kernel(void(int64, int64, int64))
+def _store_plane(code: Code, source: Value, image: Value, pitch: Value) -> None:
+    """A tile's plane to an image plane whose rows are ``pitch`` floats apart."""
+
+    def write(block: Value, x: Value, y: Value) -> None:
+        values = code.load(source + block * _BLOCK_BYTES)
+        for row, address in enumerate(_row_address(code, image, pitch, x, y)):
+            code.store_four(address, values, BLOCK_PX * row)
+
+    _each_block(code, write)
+
+
+@vector_kernel(void(int64, int64, int64))
+def _load_plane(code: Code, target: Value, image: Value, pitch: Value) -> None:
+    """The reverse of ``_store_plane``."""
+
+    def write(block: Value, x: Value, y: Value) -> None:
+        rows = [code.load_four(address) for address in _row_address(code, image, pitch, x, y)]
+        code.store(target + block * _BLOCK_BYTES, code.joined(rows))
+
+    _each_block(code, write)
+
+
+@vector_kernel(void(int64, int64))
+def _copy_coordinates(code: Code, state: Value, table: Value) -> None:
+    """The pixel centres into the blocks' state."""
+    with code.loop(code.long(_BLOCKS)) as block:
+        for plane, start in ((_X, 0), (_Y, _COORDINATES_BYTES)):
+            source = table + block * VECTOR_BYTES + (VECTOR_BYTES + start)
+            code.store(state + block * _BLOCK_BYTES + plane * VECTOR_BYTES, code.load(source))
+
+
+@vector_kernel(void(int64, int64, int64, float32))
+def _multiply_add(code: Code, total: Value, a: Value, b: Value, factor: Value) -> None:
+    """``total`` += ``factor`` times the product of two planes."""
+    with code.loop(code.long(_BLOCKS)) as block:
+        at = block * _BLOCK_BYTES
+        product = code.load(a + at) * code.load(b + at)
+        code.store(total + at, code.load(total + at) + product * factor)
+
+
+@vector_kernel(void(int64, float32))
+def _fill_plane(code: Code, plane: Value, value: Value) -> None:
+    with code.loop(code.long(_BLOCKS)) as block:
+        code.store(plane + block * _BLOCK_BYTES, code.spread(value))
+
+
+@vector_kernel(void(int64, int64, int64))
+def _clear_slots(code: Code, order: Value, count: Value, slots: Value) -> None:
+    """No gradient for the entries behind a finished tile."""
+    with code.loop(count) as i:
+        entry = code.load_long(order + 8 * i) & 0xFFFFFFFF
+        code.store(slots + entry * SLOT_BYTES, code.vector(0.0))
 
 
 @kernel
-def _exp2(x):
-    """2**x for -20 <= x <= 1 without a branch."""
-    whole = np.int32(x - _HALF)
-    part = x - np.float32(whole)
-    mantissa = _E0 + part * (_E1 + part * (_E2 + part * (_E3 + part * (_E4 + part * _E5))))
-    return np.int32((whole + np.int32(127)) << np.int32(23)).view(np.float32) * mantissa
-
-
-@kernel
-def _alpha(exponent, transmittance):
-    """Alpha of a pixel: 0 below 1/255 and for a finished pixel, at most 0.99."""
-    alpha = min(_exp2(max(exponent, _LOWEST_EXPONENT)), _LARGEST)
-    return alpha if (exponent >= _LOG2_SMALLEST) & (transmittance > _FINISHED) else _0
-
-
-@kernel
-def _blend(s, first, last, u, v, qa, qb, qc, log2_opacity, red, green, blue, depth):
-    """Put one Gaussian behind what the pixels first..last-1 already have."""
-    for i in range(np.uint64(first), np.uint64(last)):
-        dx = s[i + _X] - u
-        dy = s[i + _Y] - v
-        transmittance = s[i]
-        weight = transmittance * _alpha(log2_opacity - dx * (qa * dx + qb * dy) - qc * dy * dy, transmittance)
-        s[i] = transmittance - weight
-        s[i + _RED] += weight * red
-        s[i + _GREEN] += weight * green
-        s[i + _BLUE] += weight * blue
-        s[i + _DEPTH] += weight * depth
-
-
-@kernel
-def _blend_backward(s, first, last, u, v, qa, qb, qc, log2_opacity, red, green, blue, depth, moments):
-    """Replay ``_blend`` and write the Gaussian's gradient sums over these pixels."""
-    m, mx, my, mxx, mxy, myy = _0, _0, _0, _0, _0, _0
-    g_red, g_green, g_blue, g_depth = _0, _0, _0, _0
-    for i in range(np.uint64(first), np.uint64(last)):
-        dx = s[i + _X] - u
-        dy = s[i + _Y] - v
-        transmittance = s[i]
-        exponent = log2_opacity - dx * (qa * dx + qb * dy) - qc * dy * dy
-        alpha = _alpha(exponent, transmittance)
-        weight = transmittance * alpha
-        shade = (
-            red * s[i + _G_RED] + green * s[i + _G_GREEN] + blue * s[i + _G_BLUE] + depth * s[i + _G_DEPTH]
-        )
-        rest = s[i + _REST] - weight * shade
-        s[i] = transmittance - weight
-        s[i + _REST] = rest
-        gradient = alpha * (transmittance * shade - rest / (_1 - alpha))
-        gradient = gradient if exponent < _LOG2_LARGEST else _0
-        g_red += weight * s[i + _G_RED]
-        g_green += weight * s[i + _G_GREEN]
-        g_blue += weight * s[i + _G_BLUE]
-        g_depth += weight * s[i + _G_DEPTH]
-        gx = gradient * dx
-        gy = gradient * dy
-        m += gradient
-        mx += gx
-        my += gy
-        mxx += gx * dx
-        mxy += gx * dy
-        myy += gy * dy
-    moments[0], moments[1], moments[2], moments[3], moments[4], moments[5] = m, mx, my, mxx, mxy, myy
-    moments[6], moments[7], moments[8], moments[9] = g_red, g_green, g_blue, g_depth
-
-
-@kernel
-def _unfinished(s):
-    """How many pixels can still take a Gaussian."""
-    count = np.int32(0)
-    for i in range(_PIXELS):
-        count += np.int32(s[i] > _FINISHED)
-    return count
-
-
-@kernel
-def _fetch(sorted_screen, entries, start, stop, left, top, batch):
-    """Copy the entries' records into ``batch``, with centres relative to the tile."""
-    for j in range(stop - start):
-        rank = entries[start + j, 0]
-        for k in range(SCREEN_COLUMNS):
-            batch[j, k] = sorted_screen[rank, k]
-        batch[j, 0] -= left
-        batch[j, 1] -= top
-
-
-@kernel
-def _clear(s, planes):
-    """Full transmittance, pixel centres relative to the tile, zero elsewhere."""
-    s[_PIXELS * 3 : _PIXELS * planes] = _0
-    for i in range(_PIXELS):
-        s[i] = _1
-        s[_PIXELS + i] = np.float32(i % TILE_WIDTH_PX) + _HALF
-        s[2 * _PIXELS + i] = np.float32(i // TILE_WIDTH_PX) + _HALF
+def _blend_tile(state, start, stop, order, entries, records, middle_x, middle_y, table, with_depth):
+    """Blend a tile's entries; returns the place in ``order`` after the last one needed."""
+    batch = state + STATE_BYTES
+    masks = batch + BATCH * RECORD_BYTES
+    alive = -1
+    while start < stop and alive != 0:
+        count = min(BATCH, stop - start)
+        _fetch(order + 8 * start, count, entries, records, middle_x, middle_y, batch, masks)
+        if with_depth:
+            _blend_with_depth(state, table, batch, masks, count, alive)
+        else:
+            _blend(state, table, batch, masks, count, alive)
+        start += count
+        alive = _unfinished(state)
+    return start
 
 
 @parallel_kernel
 def composite(
-    sorted_screen, entries, tile_starts, tiles_x, background, colour, transmittance, depth, tile_stops
-):
-    """Fill ``colour`` (H, W, 3), ``transmittance`` (H, W) and ``depth`` (H, W), the sum of weight * depth.
+    records, entries, order, tile_starts, tile_stops, tiles_x, planes, plane_floats, background, behind,
+    scratch, table, with_depth,
+):  # fmt: skip
+    """Render all tiles into image planes of whole tiles: red, green, blue, transmittance, depth sum.
 
-    ``background`` is (H, W, 3), or (1, 1, 3) for one colour; ``tile_stops`` gets, for each
-    tile, the entry at which it was finished.
+    All but ``tile_starts``, ``tile_stops`` (tiles,) int64 and ``background`` (3,) float32 are
+    addresses or numbers. The planes are ``plane_floats`` apart and their rows whole tiles
+    wide; ``behind``, unless 0, is the address of three such planes that stand in for
+    ``background``; ``scratch`` holds SCRATCH_BYTES for each thread. ``tile_stops`` gets the
+    place in ``order`` where a tile was finished.
     """
-    height, width = transmittance.shape
-    last_row, last_column = background.shape[0] - 1, background.shape[1] - 1
     tiles = tile_starts.shape[0] - 1
-    for part in prange(PARTS):
-        s = np.empty(_PIXELS * _FORWARD_PLANES, np.float32)
-        batch = np.empty((_BATCH, SCREEN_COLUMNS), np.float32)
-        for tile in range(part, tiles, PARTS):
-            x0, y0 = tile % tiles_x * TILE_WIDTH_PX, tile // tiles_x * TILE_HEIGHT_PX
-            _clear(s, _FORWARD_PLANES)
-            start = tile_starts[tile]
-            while start < tile_starts[tile + 1] and _unfinished(s) > 0:
-                stop = min(start + _BATCH, tile_starts[tile + 1])
-                _fetch(sorted_screen, entries, start, stop, np.float32(x0), np.float32(y0), batch)
-                for j in range(stop - start):
-                    b = batch[j]
-                    _blend(
-                        s, entries[start + j, 2] * TILE_WIDTH_PX, (entries[start + j, 3] + 1) * TILE_WIDTH_PX,
-                        b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9],
-                    )  # fmt: skip
-                start = stop
-            tile_stops[tile] = start
-            for y in range(min(TILE_HEIGHT_PX, height - y0)):
-                for x in range(min(TILE_WIDTH_PX, width - x0)):
-                    i = y * TILE_WIDTH_PX + x
-                    transmittance[y0 + y, x0 + x] = s[i]
-                    depth[y0 + y, x0 + x] = s[i + 6 * _PIXELS]
-                    behind = background[min(y0 + y, last_row), min(x0 + x, last_column)]
-                    for k in range(3):
-                        colour[y0 + y, x0 + x, k] = s[i + (3 + k) * _PIXELS] + s[i] * behind[k]
+    pitch = tiles_x * TILE_PX
+    for tile in prange(tiles):
+        flags = flush_denormals()
+        state = scratch + get_thread_id() * SCRATCH_BYTES
+        x, y = tile % tiles_x * TILE_PX, tile // tiles_x * TILE_PX
+        corner = 4 * (y * pitch + x)
+        _copy_coordinates(state, table)
+        _fill_plane(state, np.float32(1))
+        for k in range(_SUMS, _SUMS + 4):
+            _fill_plane(state + k * VECTOR_BYTES, np.float32(0))
+        tile_stops[tile] = _blend_tile(
+            state, tile_starts[tile], tile_starts[tile + 1], order, entries, records,
+            x + TILE_PX // 2, y + TILE_PX // 2, table, with_depth,
+        )  # fmt: skip
+        spare = state + _SPARE * VECTOR_BYTES
+        for k in range(3):
+            colour = state + (_SUMS + k) * VECTOR_BYTES
+            if behind != 0:
+                _load_plane(spare, behind + 4 * k * plane_floats + corner, pitch)
+            else:
+                _fill_plane(spare, background[k])
+            _multiply_add(colour, state, spare, np.float32(1))
+            _store_plane(colour, planes + 4 * k * plane_floats + corner, pitch)
+        _store_plane(state, planes + 4 * TRANSMITTANCE_PLANE * plane_floats + corner, pitch)
+        if with_depth:
+            depth = state + (_SUMS + 3) * VECTOR_BYTES
+            _store_plane(depth, planes + 4 * DEPTH_PLANE * plane_floats + corner, pitch)
+        restore_denormals(flags)
+
+
+@kernel
+def _load_upstream(state, planes, gradients, plane_bytes, corner, pitch, with_alpha, with_depth):
+    """Fill the planes of gradients and of the rest, from the image and its gradient."""
+    spare, rest = state + _SPARE * VECTOR_BYTES, state + _REST * VECTOR_BYTES
+    _fill_plane(state, np.float32(1))
+    _fill_plane(rest, np.float32(0))
+    if with_alpha:
+        upstream = state + _UPSTREAM * VECTOR_BYTES
+        _load_plane(upstream, gradients + TRANSMITTANCE_PLANE * plane_bytes + corner, pitch)
+        _load_plane(spare, planes + TRANSMITTANCE_PLANE * plane_bytes + corner, pitch)
+        _multiply_add(rest, upstream, spare, np.float32(-1))
+    for k in range(4 if with_depth else 3):
+        plane = k if k < 3 else DEPTH_PLANE
+        upstream = state + (_UPSTREAM + k) * VECTOR_BYTES
+        _load_plane(upstream, gradients + plane * plane_bytes + corner, pitch)
+        _load_plane(spare, planes + plane * plane_bytes + corner, pitch)
+        _multiply_add(rest, upstream, spare, np.float32(1))
 
 
 @parallel_kernel
 def composite_backward(
-    sorted_screen, entries, tile_starts, tile_stops, tiles_x, colour, transmittance, depth,
-    g_colour, g_alpha, g_depth, slots,
+    records, entries, order, tile_starts, tile_stops, tiles_x, planes, gradients, plane_floats, slots,
+    scratch, table, with_alpha, with_depth,
 ):  # fmt: skip
-    """Fill ``slots`` (E, 10) from the gradients of colour, alpha and the depth sum.
+    """Fill the slots of all entries from ``gradients``, planes in the layout of ``planes``.
 
-    With the transmittance T in front of it, a Gaussian's alpha has the gradient
-    T * shade - rest / (1 - alpha), where rest is what the Gaussians behind it and the
-    background add to the product of image and gradient: no second, backward pass is needed.
+    The plane of transmittance holds the gradient of alpha = 1 - transmittance. It, and that
+    of depth, are read only when asked for.
     """
-    height, width = transmittance.shape
     tiles = tile_starts.shape[0] - 1
-    for part in prange(PARTS):
-        s = np.empty(_PIXELS * _BACKWARD_PLANES, np.float32)
-        batch = np.empty((_BATCH, SCREEN_COLUMNS), np.float32)
-        for tile in range(part, tiles, PARTS):
-            x0, y0 = tile % tiles_x * TILE_WIDTH_PX, tile // tiles_x * TILE_HEIGHT_PX
-            _clear(s, _BACKWARD_PLANES)
-            for y in range(min(TILE_HEIGHT_PX, height - y0)):
-                for x in range(min(TILE_WIDTH_PX, width - x0)):
-                    i = y * TILE_WIDTH_PX + x
-                    rest = g_depth[y0 + y, x0 + x] * depth[y0 + y, x0 + x]
-                    rest -= g_alpha[y0 + y, x0 + x] * transmittance[y0 + y, x0 + x]
-                    for k in range(3):
-                        gradient = g_colour[y0 + y, x0 + x, k]
-                        rest += gradient * colour[y0 + y, x0 + x, k]
-                        s[i + (3 + k) * _PIXELS] = gradient
-                    s[i + 6 * _PIXELS] = g_depth[y0 + y, x0 + x]
-                    s[i + 7 * _PIXELS] = rest
-            start = tile_starts[tile]
-            while start < tile_stops[tile]:
-                stop = min(start + _BATCH, tile_stops[tile])
-                _fetch(sorted_screen, entries, start, stop, np.float32(x0), np.float32(y0), batch)
-                for j in range(stop - start):
-                    b = batch[j]
-                    _blend_backward(
-                        s, entries[start + j, 2] * TILE_WIDTH_PX, (entries[start + j, 3] + 1) * TILE_WIDTH_PX,
-                        b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9],
-                        slots[entries[start + j, 1]],
-                    )  # fmt: skip
-                start = stop
-            for entry in range(tile_stops[tile], tile_starts[tile + 1]):
-                for k in range(MOMENT_COLUMNS):
-                    slots[entries[entry, 1], k] = _0
+    pitch = tiles_x * TILE_PX
+    for tile in prange(tiles):
+        flags = flush_denormals()
+        state = scratch + get_thread_id() * SCRATCH_BYTES
+        batch = state + STATE_BYTES
+        masks = batch + BATCH * RECORD_BYTES
+        x, y = tile % tiles_x * TILE_PX, tile // tiles_x * TILE_PX
+        corner = 4 * (y * pitch + x)
+        _copy_coordinates(state, table)
+        _load_upstream(state, planes, gradients, 4 * plane_floats, corner, pitch, with_alpha, with_depth)
+        start, stop, alive = tile_starts[tile], tile_stops[tile], -1
+        while start < stop:
+            count = min(BATCH, stop - start)
+            some = order + 8 * start
+            _fetch(some, count, entries, records, x + TILE_PX // 2, y + TILE_PX // 2, batch, masks)
+            if with_depth:
+                _blend_backward_with_depth(state, table, batch, masks, count, alive, some, slots)
+            else:
+                _blend_backward(state, table, batch, masks, count, alive, some, slots)
+            start += count
+            alive = _unfinished(state)
+        _clear_slots(order + 8 * stop, tile_starts[tile + 1] - stop, slots)
+        restore_denormals(flags)

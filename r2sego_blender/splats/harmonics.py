@@ -5,23 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import AssetError
-from .compiled import inlined
 
-_B0 = np.float32(0.28209479177387814)
-_B1 = np.float32(0.4886025119029199)
-_B2A, _B2B, _B2C = (
-    np.float32(1.0925484305920792),
-    np.float32(0.31539156525252005),
-    np.float32(0.5462742152960396),
-)
-_B3A, _B3B = np.float32(0.5900435899266435), np.float32(2.890611442640554)
-_B3C, _B3D, _B3E = (
-    np.float32(0.4570457994644658),
-    np.float32(0.3731763325901154),
-    np.float32(1.445305721320277),
-)
-_2, _3, _4, _5, _6 = np.float32(2), np.float32(3), np.float32(4), np.float32(5), np.float32(6)
-_8, _10 = np.float32(8), np.float32(10)
+_B0 = 0.28209479177387814
+_B1 = 0.4886025119029199
+_B2A, _B2B, _B2C = 1.0925484305920792, 0.31539156525252005, 0.5462742152960396
+_B3A, _B3B = 0.5900435899266435, 2.890611442640554
+_B3C, _B3D, _B3E = 0.4570457994644658, 0.3731763325901154, 1.445305721320277
 
 
 def degree_of(coefficients: int) -> int:
@@ -29,79 +18,61 @@ def degree_of(coefficients: int) -> int:
     return round(coefficients**0.5) - 1
 
 
-@inlined
-def evaluate_basis(x, y, z, coefficients, basis):
-    """Write the first ``coefficients`` harmonics of the unit direction into ``basis``."""
-    basis[0] = _B0
-    if coefficients > 1:
-        basis[1] = -_B1 * y
-        basis[2] = _B1 * z
-        basis[3] = -_B1 * x
-    if coefficients > 4:
-        basis[4] = _B2A * x * y
-        basis[5] = -_B2A * y * z
-        basis[6] = _B2B * (_2 * z * z - x * x - y * y)
-        basis[7] = -_B2A * x * z
-        basis[8] = _B2C * (x * x - y * y)
-    if coefficients > 9:
-        basis[9] = -_B3A * y * (_3 * x * x - y * y)
-        basis[10] = _B3B * x * y * z
-        basis[11] = -_B3C * y * (_4 * z * z - x * x - y * y)
-        basis[12] = _B3D * z * (_2 * z * z - _3 * x * x - _3 * y * y)
-        basis[13] = -_B3C * x * (_4 * z * z - x * x - y * y)
-        basis[14] = _B3E * z * (x * x - y * y)
-        basis[15] = -_B3A * x * (x * x - _3 * y * y)
+def basis_values(x, y, z):
+    """The sixteen harmonics of a unit direction, for anything that has Python's operators."""
+    xx, yy, zz = x * x, y * y, z * z
+    return [
+        _B0,
+        -_B1 * y,
+        _B1 * z,
+        -_B1 * x,
+        _B2A * x * y,
+        -_B2A * y * z,
+        _B2B * (2.0 * zz - xx - yy),
+        -_B2A * x * z,
+        _B2C * (xx - yy),
+        -_B3A * y * (3.0 * xx - yy),
+        _B3B * x * y * z,
+        -_B3C * y * (4.0 * zz - xx - yy),
+        _B3D * z * (2.0 * zz - 3.0 * xx - 3.0 * yy),
+        -_B3C * x * (4.0 * zz - xx - yy),
+        _B3E * z * (xx - yy),
+        -_B3A * x * (xx - 3.0 * yy),
+    ]
 
 
-@inlined
-def direction_gradient(x, y, z, coefficients, g):
-    """The gradient in x, y, z of the sum of ``g[k]`` times harmonic k."""
-    gx = np.float32(0)
-    gy = np.float32(0)
-    gz = np.float32(0)
-    if coefficients > 1:
-        gx -= _B1 * g[3]
-        gy -= _B1 * g[1]
-        gz += _B1 * g[2]
-    if coefficients > 4:
-        gx += _B2A * (y * g[4] - z * g[7]) + _2 * x * (_B2C * g[8] - _B2B * g[6])
-        gy += _B2A * (x * g[4] - z * g[5]) - _2 * y * (_B2C * g[8] + _B2B * g[6])
-        gz += _4 * _B2B * z * g[6] - _B2A * (y * g[5] + x * g[7])
-    if coefficients > 9:
-        gx += (
-            -_6 * _B3A * x * y * g[9]
-            + _B3B * y * z * g[10]
-            + _2 * _B3C * x * y * g[11]
-            - _6 * _B3D * x * z * g[12]
-            - _B3C * (_4 * z * z - _3 * x * x - y * y) * g[13]
-            + _2 * _B3E * x * z * g[14]
-            - _3 * _B3A * (x * x - y * y) * g[15]
-        )
-        gy += (
-            -_3 * _B3A * (x * x - y * y) * g[9]
-            + _B3B * x * z * g[10]
-            - _B3C * (_4 * z * z - x * x - _3 * y * y) * g[11]
-            - _6 * _B3D * y * z * g[12]
-            + _2 * _B3C * x * y * g[13]
-            - _2 * _B3E * y * z * g[14]
-            + _6 * _B3A * x * y * g[15]
-        )
-        gz += (
-            _B3B * x * y * g[10]
-            - _8 * _B3C * y * z * g[11]
-            + _3 * _B3D * (_2 * z * z - x * x - y * y) * g[12]
-            - _8 * _B3C * x * z * g[13]
-            + _B3E * (x * x - y * y) * g[14]
-        )
-    return gx, gy, gz
+def basis_gradients(x, y, z):
+    """For each harmonic its derivatives in x, y and z, None where it has none."""
+    xx, yy, zz = x * x, y * y, z * z
+    xy, yz, xz = x * y, y * z, x * z
+    return [
+        (None, None, None),
+        (None, -_B1, None),
+        (None, None, _B1),
+        (-_B1, None, None),
+        (_B2A * y, _B2A * x, None),
+        (None, -_B2A * z, -_B2A * y),
+        (-2.0 * _B2B * x, -2.0 * _B2B * y, 4.0 * _B2B * z),
+        (-_B2A * z, None, -_B2A * x),
+        (2.0 * _B2C * x, -2.0 * _B2C * y, None),
+        (-6.0 * _B3A * xy, -3.0 * _B3A * (xx - yy), None),
+        (_B3B * yz, _B3B * xz, _B3B * xy),
+        (2.0 * _B3C * xy, -_B3C * (4.0 * zz - xx - 3.0 * yy), -8.0 * _B3C * yz),
+        (-6.0 * _B3D * xz, -6.0 * _B3D * yz, 3.0 * _B3D * (2.0 * zz - xx - yy)),
+        (-_B3C * (4.0 * zz - 3.0 * xx - yy), 2.0 * _B3C * xy, -8.0 * _B3C * xz),
+        (2.0 * _B3E * xz, -2.0 * _B3E * yz, _B3E * (xx - yy)),
+        (-3.0 * _B3A * (xx - yy), 6.0 * _B3A * xy, None),
+    ]
 
 
 def basis(directions: np.ndarray, degree: int) -> np.ndarray:
     """(N, (degree+1)**2) float64, the harmonics at unit ``directions`` (N, 3)."""
-    x, y, z = np.asarray(directions, np.float64).T
-    columns = np.empty((16, len(x)))
-    evaluate_basis.py_func(x, y, z, (degree + 1) ** 2, columns)
-    return columns[: (degree + 1) ** 2].T
+    values = basis_values(*np.asarray(directions, np.float64).T)[: (degree + 1) ** 2]
+    return (
+        np.stack(np.broadcast_arrays(*values), axis=1)
+        if len(values) > 1
+        else np.full((len(directions), 1), _B0)
+    )
 
 
 def rotated_coefficients(sh: np.ndarray, rotation: np.ndarray) -> np.ndarray:

@@ -1,204 +1,345 @@
 """The photometric loss of 3DGS, (1 - w) L1 + w (1 - SSIM), and its gradient in the image.
 
-SSIM as in ``metrics``: 11x11 Gaussian window, zeros outside the image. The image is cut
-into blocks; a block and its margin are blurred across, then down, in a scratch of fixed
-layout, so that the inner loops are plain and long and the compiler vectorises them.
-Interleaved channels stay so: the neighbour of a sample lies three samples further.
+SSIM as in ``metrics``: 11x11 Gaussian window, zeros outside the image. A thread takes a
+strip of one channel, 64 columns wide, from top to bottom: each row is blurred across into
+a ring of sixteen rows, which then are blurred down, so that everything stays in the
+nearest cache. Four blurred images are enough for the similarity (x, y, x x + y y, x y) and
+three for its gradient.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import numba
 import numpy as np
+from numba import get_thread_id
+from numba.core.types import float32, int64, void
 
-from .compiled import inlined, kernel, parallel_kernel, prange
+from .binning import TILE_PX
+from .compiled import parallel_kernel, prange
 from .metrics import SSIM_C1, SSIM_C2, SSIM_RADIUS_PX, ssim_window
-from .projection import PARTS
+from .vectors import (
+    LANES,
+    VECTOR_BYTES,
+    Code,
+    Value,
+    aligned,
+    flush_denormals,
+    restore_denormals,
+    vector_kernel,
+)
 
-_ROWS = 32
-_COLUMNS = 96  # 32 pixels of three channels
 _CHANNELS = 3
-_MARGIN = SSIM_RADIUS_PX
-_SIDE = _MARGIN * _CHANNELS
-_WIDE = _COLUMNS + 2 * _SIDE
-_TALL = _ROWS + 2 * _MARGIN
+_VECTORS = 4
+_COLUMNS = _VECTORS * LANES
+_RING_ROWS = 16  # a power of two above the window's eleven
+_LINE_BYTES = (_VECTORS + 2) * VECTOR_BYTES  # a row of the strip with a vector of margin on each side
+_ROW_BYTES = _VECTORS * VECTOR_BYTES
+_WINDOW = [float(w) for w in ssim_window()]
+_RADIUS = SSIM_RADIUS_PX
+_TAPS = 2 * _RADIUS + 1
 
-_ROW_PITCH = np.uint64(_WIDE + 2)
-_BLURRED = np.uint64(5 * (_WIDE + 2))
-_PLANE = np.uint64(_TALL * _COLUMNS)
-_SCRATCH = 5 * (_WIDE + 2) + 5 * _TALL * _COLUMNS
-_LINE = np.uint64(_COLUMNS)
-_STEP = np.uint64(_CHANNELS)
-_CENTRE = np.uint64(_SIDE)
-_W0, _W1, _W2, _W3, _W4, _W5 = (np.float32(w) for w in ssim_window()[_MARGIN:])
-_C1, _C2 = np.float32(SSIM_C1), np.float32(SSIM_C2)
-_0, _1, _2 = np.float32(0), np.float32(1), np.float32(2)
-
-
-@inlined
-def _blur(s, i, step):
-    """The window's weighted sum around index ``i`` (unsigned), samples ``step`` apart."""
-    total = _W0 * s[i]
-    total += _W1 * (s[i - step] + s[i + step])
-    total += _W2 * (s[i - np.uint64(2) * step] + s[i + np.uint64(2) * step])
-    total += _W3 * (s[i - np.uint64(3) * step] + s[i + np.uint64(3) * step])
-    total += _W4 * (s[i - np.uint64(4) * step] + s[i + np.uint64(4) * step])
-    return total + _W5 * (s[i - np.uint64(5) * step] + s[i + np.uint64(5) * step])
+_IMAGES = 4
+_RING_BYTES = (_RING_ROWS + _TAPS - 1) * _ROW_BYTES  # the first ten rows are repeated at the end
+_SUM_BYTES = VECTOR_BYTES
+_LINES_BYTES = _IMAGES * _LINE_BYTES
+_LINES, _RINGS = _SUM_BYTES, _SUM_BYTES + 2 * _LINES_BYTES
+_SCRATCH_BYTES = _RINGS + _IMAGES * _RING_BYTES
 
 
-@kernel
-def _load_line(s, plane, source, y, x0):
-    """Copy a row's samples, from the margin before x0 on, zeros outside the image."""
-    height, width = source.shape
-    base = plane * (_WIDE + 2)
-    if y < 0 or y >= height:
-        for i in range(_WIDE):
-            s[base + i] = _0
-        return
-    first, last = max(0, _SIDE - x0), min(_WIDE, width - x0 + _SIDE)
-    row = source[y, x0 - _SIDE + first : x0 - _SIDE + last]
-    for i in range(first):
-        s[base + i] = _0
-    for i in range(last - first):
-        s[base + first + i] = row[i]
-    for i in range(last, _WIDE):
-        s[base + i] = _0
+def _column_mask(code: Code, column: Value, width: Value) -> Value:
+    """The lanes from ``column`` on that lie left of ``width``."""
+    return code.integers(range(LANES)) < code.to_int(width - column)
 
 
-@kernel
-def _blur_lines(s, planes, line):
-    """Blur the loaded lines across, into row ``line`` of the blurred planes."""
-    for plane in range(planes):
-        source = np.uint64(plane) * _ROW_PITCH + _CENTRE
-        target = _BLURRED + np.uint64(plane) * _PLANE + np.uint64(line) * _LINE
-        for i in range(_LINE):
-            s[target + i] = _blur(s, source + i, _STEP)
+def _blurred_across(code: Code, line: Value) -> list[Value]:
+    """The window's weighted sums around all samples of a line, a vector after the other.
+
+    Tap by tap for all vectors: neighbouring instructions then do not wait for each other.
+    """
+    vectors = [line + (k + 1) * VECTOR_BYTES for k in range(_VECTORS)]
+    totals = [code.load(vector) * _WINDOW[_RADIUS] for vector in vectors]
+    for tap in range(_TAPS):
+        if tap != _RADIUS:
+            for k, vector in enumerate(vectors):
+                neighbour = code.load(vector + 4 * (tap - _RADIUS), aligned=False)
+                totals[k] = code.fma(neighbour, _WINDOW[tap], totals[k])
+    return totals
 
 
-@kernel
-def _multiply_lines(s):
-    """From x and y in lines 0 and 1: their squares and product in lines 2, 3 and 4."""
-    for i in range(_ROW_PITCH):
-        x, y = s[i], s[i + _ROW_PITCH]
-        s[i + np.uint64(2) * _ROW_PITCH] = x * x
-        s[i + np.uint64(3) * _ROW_PITCH] = y * y
-        s[i + np.uint64(4) * _ROW_PITCH] = x * y
+def _blurred_down(code: Code, first: Value, images: int) -> list[Value]:
+    """The same down eleven rows of each image's ring."""
+    totals = [code.load(first + image * _RING_BYTES) * _WINDOW[0] for image in range(images)]
+    for tap in range(1, _TAPS):
+        for image in range(images):
+            sample = code.load(first + (image * _RING_BYTES + tap * _ROW_BYTES))
+            totals[image] = code.fma(sample, _WINDOW[tap], totals[image])
+    return totals
 
 
-@kernel
-def _similarity_row(s, line, by_mean, by_square, by_product):
-    """SSIM of one row, summed, and its derivatives in the blurred x, x^2 and x y."""
-    base = _BLURRED + np.uint64(line + _MARGIN) * _LINE
-    total = _0
-    for k in range(by_mean.shape[0]):
-        i = base + np.uint64(k)
-        mean_x, mean_y = _blur(s, i, _LINE), _blur(s, i + _PLANE, _LINE)
-        square_x = _blur(s, i + np.uint64(2) * _PLANE, _LINE)
-        square_y = _blur(s, i + np.uint64(3) * _PLANE, _LINE)
-        product = _blur(s, i + np.uint64(4) * _PLANE, _LINE)
-        luminance = _2 * mean_x * mean_y + _C1
-        structure = _2 * (product - mean_x * mean_y) + _C2
-        power = mean_x * mean_x + mean_y * mean_y + _C1
-        spread = square_x - mean_x * mean_x + square_y - mean_y * mean_y + _C2
-        inverse = _1 / (power * spread)
+def _lines(scratch: Value, row: Value) -> Value:
+    """Where the lines of a row stand: there are two sets, used in turn."""
+    return scratch + _LINES + (row & 1) * _LINES_BYTES
+
+
+def _blur_lines(code: Code, scratch: Value, images: int, row: Value) -> None:
+    """Blur the lines of ``row`` across, into its place in their rings."""
+    place = row & (_RING_ROWS - 1)
+    again = code.select(place < _TAPS - 1, place + _RING_ROWS, place)
+    targets = [scratch + _RINGS + p * _ROW_BYTES for p in (place, again)]
+    lines = _lines(scratch, row)
+    for image in range(images):
+        for k, blurred in enumerate(_blurred_across(code, lines + image * _LINE_BYTES)):
+            for target in targets:
+                code.store(target + (image * _RING_BYTES + k * VECTOR_BYTES), blurred)
+
+
+def _ring_rows(scratch: Value, row: Value) -> Value:
+    """Where the eleven rows around ``row`` begin in the first ring."""
+    return scratch + _RINGS + ((row - _RADIUS) & (_RING_ROWS - 1)) * _ROW_BYTES
+
+
+def _load_line(
+    code: Code, scratch: Value, sources: list[Value], start: Value, width: Value, inside: Value,
+    put: Callable[[list[Value], int], None],
+) -> None:  # fmt: skip
+    """``put(values, vector)`` for the strip's vectors and margins, zeros outside the image.
+
+    ``sources`` are the addresses of an image row's first sample; ``inside`` is 0 for a row
+    above or below the image.
+    """
+    for k in range(_VECTORS + 2):
+        column = start + (k - 1) * LANES
+        known = _column_mask(code, column, width)
+        readable = (column >= 0) & (column < width) & inside.differs(0)
+        values = []
+        for source in sources:
+            # A vector that is not there is read from the scratch, and not used.
+            address = code.select(readable, source + column * 4, scratch)
+            kept = code.select(known, code.load(address), 0.0)
+            values.append(code.select(code.spread(readable), kept, 0.0))
+        put(values, k)
+
+
+@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64))
+def _load_images(
+    code: Code, scratch: Value, x: Value, y: Value, start: Value, width: Value, row: Value, inside: Value
+) -> None:
+    """Put a row of x, y, x x + y y and x y into its lines."""
+    lines = _lines(scratch, row)
+
+    def put(values: list[Value], k: int) -> None:
+        a, b = values
+        for image, value in enumerate((a, b, a * a + b * b, a * b)):
+            code.store(lines + (image * _LINE_BYTES + k * VECTOR_BYTES), value)
+
+    _load_line(code, scratch, [x, y], start, width, inside, put)
+
+
+@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64))
+def _load_derivatives(
+    code: Code, scratch: Value, derivatives: Value, plane_bytes: Value, start: Value, width: Value,
+    row: Value, inside: Value,
+) -> None:  # fmt: skip
+    """Put a row of the three derivatives into its lines."""
+    lines = _lines(scratch, row)
+
+    def put(values: list[Value], k: int) -> None:
+        for image, value in enumerate(values):
+            code.store(lines + (image * _LINE_BYTES + k * VECTOR_BYTES), value)
+
+    sources = [derivatives + plane_bytes * plane for plane in range(3)]
+    _load_line(code, scratch, sources, start, width, inside, put)
+
+
+@vector_kernel(void(int64, int64))
+def _blur_four(code: Code, scratch: Value, row: Value) -> None:
+    _blur_lines(code, scratch, 4, row)
+
+
+@vector_kernel(void(int64, int64))
+def _blur_three(code: Code, scratch: Value, row: Value) -> None:
+    _blur_lines(code, scratch, 3, row)
+
+
+@vector_kernel(void(int64, int64, int64, int64, int64, int64))
+def _similarity_row(
+    code: Code, scratch: Value, derivatives: Value, plane_bytes: Value, start: Value, width: Value, row: Value
+) -> None:
+    """SSIM of a row, added up, and its derivatives in the blurred x, x x and x y."""
+    rows = _ring_rows(scratch, row)
+    with code.loop(code.long(_VECTORS)) as k:
+        offset = k * VECTOR_BYTES
+        mean_x, mean_y, square, product = _blurred_down(code, rows + offset, 4)
+        both = mean_x * mean_y
+        squares = mean_x * mean_x + mean_y * mean_y
+        luminance = 2.0 * both + SSIM_C1
+        structure = 2.0 * (product - both) + SSIM_C2
+        power = squares + SSIM_C1
+        spread = square - squares + SSIM_C2
+        inverse = code.quotient(1.0, power * spread)
         value = luminance * structure * inverse
-        total += value
-        by_mean[k] = _2 * (mean_y * (structure - luminance) - mean_x * value * (spread - power)) * inverse
-        by_square[k] = -value / spread
-        by_product[k] = _2 * luminance * inverse
-    return total
+        column = start + k * LANES
+        by_mean = 2.0 * (mean_y * (structure - luminance) - mean_x * value * (spread - power)) * inverse
+        by_square = -(value * inverse * power)
+        by_product = 2.0 * luminance * inverse
+        with code.when(column < width):  # beyond it the next row begins
+            known = _column_mask(code, column, width)
+            code.store(scratch, code.load(scratch) + code.select(known, value, 0.0))
+            for plane, derivative in enumerate((by_mean, by_square, by_product)):
+                code.store(derivatives + plane_bytes * plane + column * 4, derivative)
 
 
-@kernel
-def _gradient_row(s, line, x, y, gradient, by_difference, by_similarity):
-    """The loss' gradient of one row; returns its sum of absolute differences."""
-    base = _BLURRED + np.uint64(line + _MARGIN) * _LINE
-    total = _0
-    for k in range(gradient.shape[0]):
-        i = base + np.uint64(k)
-        difference = x[k] - y[k]
-        sign = _1 if difference > _0 else (-_1 if difference < _0 else _0)
-        total += sign * difference
-        similarity = _blur(s, i, _LINE)
-        similarity += _2 * x[k] * _blur(s, i + _PLANE, _LINE) + y[k] * _blur(
-            s, i + np.uint64(2) * _PLANE, _LINE
-        )
-        gradient[k] = by_difference * sign + by_similarity * similarity
-    return total
+@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64, float32, float32))
+def _gradient_row(
+    code: Code, scratch: Value, x: Value, y: Value, weights: Value, gradient: Value, start: Value,
+    width: Value, row: Value, by_difference: Value, by_similarity: Value,
+) -> None:  # fmt: skip
+    """The gradient of a row; its absolute differences are added up."""
+    rows = _ring_rows(scratch, row)
+    with code.loop(code.long(_VECTORS)) as k:
+        offset = k * VECTOR_BYTES
+        column = start + k * LANES
+        by_mean, by_square, by_product = _blurred_down(code, rows + offset, 3)
+        with code.when(column < width):
+            known = _column_mask(code, column, width)
+            a, b = code.load(x + column * 4), code.load(y + column * 4)
+            difference = a - b
+            sign = code.select(difference > 0.0, 1.0, code.select(difference < 0.0, -1.0, 0.0))
+            code.store(scratch, code.load(scratch) + code.select(known, sign * difference, 0.0))
+            total = sign * by_difference
+            total = total + (by_mean + 2.0 * a * by_square + b * by_product) * by_similarity
+            place = code.select(weights.differs(0), weights + column * 4, scratch)
+            weight = code.select(code.spread(weights.differs(0)), code.load(place), 1.0)
+            code.store(gradient + column * 4, code.select(known, total * weight, 0.0))
+
+
+@vector_kernel(void(int64))
+def _clear_sum(code: Code, scratch: Value) -> None:
+    code.store(scratch, code.vector(0.0))
+
+
+@vector_kernel(float32(int64))
+def _read_sum(code: Code, scratch: Value) -> Value:
+    return code.sum(code.load(scratch))
 
 
 @parallel_kernel
-def _similarity(x, y, blocks_x, derivatives, sums):
-    height, width = x.shape
-    for part in prange(PARTS):
-        s = np.zeros(_SCRATCH, np.float32)
-        for block in range(part, sums.shape[0], PARTS):
-            x0, y0 = block % blocks_x * _COLUMNS, block // blocks_x * _ROWS
-            rows, last = min(_ROWS, height - y0), min(width, x0 + _COLUMNS)
-            for line in range(rows + 2 * _MARGIN):
-                _load_line(s, 0, x, y0 + line - _MARGIN, x0)
-                _load_line(s, 1, y, y0 + line - _MARGIN, x0)
-                _multiply_lines(s)
-                _blur_lines(s, 5, line)
-            total = 0.0
-            for line in range(rows):
-                total += _similarity_row(
-                    s, line, derivatives[0, y0 + line, x0:last], derivatives[1, y0 + line, x0:last],
-                    derivatives[2, y0 + line, x0:last],
+def _similarity(x, y, derivatives, height, width, pitch, plane_floats, scratch, sums):
+    """``sums`` (strips of all channels,) float64 and the derivatives, three images of planes."""
+    strips = (width + _COLUMNS - 1) // _COLUMNS
+    for job in prange(_CHANNELS * strips):
+        flags = flush_denormals()
+        own = scratch + get_thread_id() * _SCRATCH_BYTES
+        channel, start = job // strips, job % strips * _COLUMNS
+        plane = 4 * channel * plane_floats
+        total = 0.0
+        # A row is loaded one turn before it is blurred: what was just stored cannot be read
+        # across the borders of its vectors without waiting.
+        for row in range(-_RADIUS, height + _RADIUS + 1):
+            inside = 1 if 0 <= row < height else 0
+            at = plane + 4 * pitch * row * inside
+            _load_images(own, x + at, y + at, start, width, row, inside)
+            if row > -_RADIUS:
+                _blur_four(own, row - 1)
+            if row > _RADIUS:
+                _clear_sum(own)
+                centre = row - 1 - _RADIUS
+                target = derivatives + plane + 4 * pitch * centre
+                _similarity_row(own, target, 4 * _CHANNELS * plane_floats, start, width, centre)
+                total += _read_sum(own)
+        sums[job] = total
+        restore_denormals(flags)
+
+
+@parallel_kernel
+def _gradient(
+    x, y, derivatives, weights, gradient, height, width, pitch, plane_floats, by_difference, by_similarity,
+    scratch, sums,
+):  # fmt: skip
+    """``gradient`` in planes, times ``weights`` (one plane, or address 0)."""
+    strips = (width + _COLUMNS - 1) // _COLUMNS
+    for job in prange(_CHANNELS * strips):
+        flags = flush_denormals()
+        own = scratch + get_thread_id() * _SCRATCH_BYTES
+        channel, start = job // strips, job % strips * _COLUMNS
+        plane = 4 * channel * plane_floats
+        total = 0.0
+        for row in range(-_RADIUS, height + _RADIUS + 1):
+            inside = 1 if 0 <= row < height else 0
+            source = derivatives + plane + 4 * pitch * row * inside
+            _load_derivatives(own, source, 4 * _CHANNELS * plane_floats, start, width, row, inside)
+            if row > -_RADIUS:
+                _blur_three(own, row - 1)
+            if row > _RADIUS:
+                _clear_sum(own)
+                centre = row - 1 - _RADIUS
+                at = 4 * pitch * centre
+                weight = weights + at if weights != 0 else 0
+                _gradient_row(
+                    own, x + plane + at, y + plane + at, weight, gradient + plane + at, start, width,
+                    centre, by_difference, by_similarity,
                 )  # fmt: skip
-            sums[block] = total
+                total += _read_sum(own)
+        sums[job] = total
+        restore_denormals(flags)
 
 
-@parallel_kernel
-def _gradient(x, y, blocks_x, derivatives, by_difference, by_similarity, gradient, sums):
-    height, width = x.shape
-    for part in prange(PARTS):
-        s = np.zeros(_SCRATCH, np.float32)
-        for block in range(part, sums.shape[0], PARTS):
-            x0, y0 = block % blocks_x * _COLUMNS, block // blocks_x * _ROWS
-            rows, last = min(_ROWS, height - y0), min(width, x0 + _COLUMNS)
-            for line in range(rows + 2 * _MARGIN):
-                for plane in range(3):
-                    _load_line(s, plane, derivatives[plane], y0 + line - _MARGIN, x0)
-                _blur_lines(s, 3, line)
-            total = 0.0
-            for line in range(rows):
-                row = y0 + line
-                total += _gradient_row(
-                    s,
-                    line,
-                    x[row, x0:last],
-                    y[row, x0:last],
-                    gradient[row, x0:last],
-                    by_difference,
-                    by_similarity,
-                )
-            sums[block] = total
+def planes_of(image: np.ndarray) -> np.ndarray:
+    """An image (H, W, C), or (H, W), as aligned planes (C, H', W') of whole tiles, zeros outside."""
+    image = image[..., None] if image.ndim == 2 else image
+    height, width, channels = image.shape
+    planes = aligned((channels, -(-height // TILE_PX) * TILE_PX, -(-width // TILE_PX) * TILE_PX))
+    planes[:, :height, :width] = np.moveaxis(image, 2, 0)
+    return planes
 
 
 class PhotometricLoss:
     """The loss of images of one size; its buffers are kept from call to call."""
 
     def __init__(self, height: int, width: int) -> None:
-        self._samples = width * _CHANNELS
-        self._blocks_x = -(-self._samples // _COLUMNS)
-        blocks = self._blocks_x * -(-height // _ROWS)
-        self._derivatives = np.empty((3, height, self._samples), np.float32)
-        self._sums = np.empty((2, blocks))
-        self._gradient = np.empty((height, width, _CHANNELS), np.float32)
+        self._shape = (height, width)
+        size = (-(-height // TILE_PX) * TILE_PX, -(-width // TILE_PX) * TILE_PX)
+        self._derivatives = aligned((_CHANNELS, _CHANNELS, *size))
+        self._pitch, self._plane_floats = size[1], size[0] * size[1]
+        self._sums = np.zeros((2, _CHANNELS * -(-width // _COLUMNS)))
+        self._scratch = aligned((numba.config.NUMBA_NUM_THREADS, _SCRATCH_BYTES), np.uint8)
 
-    def __call__(self, image: np.ndarray, target: np.ndarray, ssim_weight: float) -> tuple[float, np.ndarray]:
-        """The loss, and its gradient in ``image``; the next call overwrites the gradient.
+    def __call__(
+        self,
+        image: np.ndarray,
+        target: np.ndarray,
+        ssim_weight: float,
+        gradient: np.ndarray,
+        weights: np.ndarray | None = None,
+        scale: float = 1.0,
+    ) -> float:
+        """The loss; its gradient in the image, times ``scale`` and ``weights``, into ``gradient``.
 
-        ``image`` and ``target`` are (H, W, 3) float32 and contiguous.
+        All are aligned planes of whole tiles as ``planes_of`` makes them: ``image``, ``target``
+        and ``gradient`` (at least 3, H', W'), ``weights`` (1, H', W'). The loss itself is
+        without weights. ``gradient`` is 0 outside the image if it was so before.
         """
-        x, y = (values.reshape(-1, self._samples) for values in (image, target))
+        samples = _CHANNELS * self._shape[0] * self._shape[1]
         similarity, difference = self._sums
-        by_difference = np.float32((1.0 - ssim_weight) / x.size)
-        by_similarity = np.float32(-ssim_weight / x.size)
-        _similarity(x, y, self._blocks_x, self._derivatives, similarity)
+        height, width = self._shape
+        shape = (height, width, self._pitch, self._plane_floats)
+        data, scratch = self._derivatives.ctypes.data, self._scratch.ctypes.data
+        x, y = image.ctypes.data, target.ctypes.data
+        _similarity(x, y, data, *shape, scratch, similarity)
         _gradient(
-            x, y, self._blocks_x, self._derivatives, by_difference, by_similarity,
-            self._gradient.reshape(x.shape), difference,
+            x, y, data, 0 if weights is None else weights.ctypes.data, gradient.ctypes.data, *shape,
+            np.float32(scale * (1.0 - ssim_weight) / samples), np.float32(-scale * ssim_weight / samples),
+            scratch, difference,
         )  # fmt: skip
-        loss = (1.0 - ssim_weight) * difference.sum() / x.size
-        return float(loss + ssim_weight * (1.0 - similarity.sum() / x.size)), self._gradient
+        loss = (1.0 - ssim_weight) * difference.sum() / samples
+        return float(loss + ssim_weight * (1.0 - similarity.sum() / samples))
+
+
+def photometric_loss(image: np.ndarray, target: np.ndarray, ssim_weight: float) -> tuple[float, np.ndarray]:
+    """The loss of two images (H, W, 3) float32, and its gradient in the first, of its shape."""
+    height, width = image.shape[:2]
+    gradient = planes_of(np.zeros_like(image))
+    loss = PhotometricLoss(height, width)(planes_of(image), planes_of(target), ssim_weight, gradient)
+    return loss, np.ascontiguousarray(np.moveaxis(gradient[:, :height, :width], 0, 2))

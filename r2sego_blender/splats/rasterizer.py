@@ -3,25 +3,40 @@
 from __future__ import annotations
 
 import threading
+import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from ..cameras import Camera
 from ..errors import AssetError
 from .asset import SplatAsset
 from .binning import (
+    ENTRY_BYTES,
     SEGMENTS,
-    TILE_HEIGHT_PX,
-    TILE_WIDTH_PX,
-    count_entries,
-    place_entries,
+    TILE_PX,
+    append_entries,
+    count_tiles,
+    place_tiles,
     scatter_entries,
-    sort_by_depth,
+    sort_tiles,
 )
-from .compositing import composite, composite_backward
-from .projection import MOMENT_COLUMNS, SCREEN_COLUMNS, lens_of, project, project_backward
+from .compositing import (
+    DEPTH_PLANE,
+    IMAGE_PLANES,
+    SCRATCH_BYTES,
+    SLOT_BYTES,
+    TABLE,
+    TRANSMITTANCE_PLANE,
+    composite,
+    composite_backward,
+)
+from .packing import PackedGaussians, unpack
+from .projection import RECORD_BYTES, lens_of, project
+from .projection_gradient import GATHER_BYTES, POSE_SUMS, project_backward, project_backward_adam
+from .vectors import LANES, aligned
 
 _SPARE = 1.25
 """Arrays that must grow get this much more than is needed now."""
@@ -51,7 +66,9 @@ class Rendering:
 class Gradients:
     """The loss' gradients in the parameters of an asset, of the same shapes.
 
-    Rows of Gaussians that are not ``touched`` (N,) hold no meaning.
+    They are 0 for Gaussians that took no part in the image. ``pose`` (6,) float64 is that of
+    the camera: of a small rotation and translation of its frame, camera_from_world becoming
+    exp(w, t) camera_from_world.
     """
 
     means: np.ndarray
@@ -59,143 +76,283 @@ class Gradients:
     quaternions: np.ndarray
     logit_opacities: np.ndarray
     sh: np.ndarray
-    touched: np.ndarray
+    pose: np.ndarray
+
+
+@dataclass
+class AdamState:
+    """Adam's moments of packed Gaussians, and each one's number of steps."""
+
+    first: np.ndarray
+    second: np.ndarray
+    steps: np.ndarray
 
     @staticmethod
-    def of(asset: SplatAsset) -> Gradients:
-        """Zeros, with no Gaussian touched."""
-        return Gradients(
-            np.zeros_like(asset.means),
-            np.zeros_like(asset.log_scales),
-            np.zeros_like(asset.quaternions),
-            np.zeros_like(asset.logit_opacities),
-            np.zeros_like(asset.sh),
-            np.zeros(len(asset), bool),
+    def of(gaussians: PackedGaussians) -> AdamState:
+        shape = gaussians.values.shape
+        return AdamState(aligned(shape), aligned(shape), aligned((shape[0], LANES)))
+
+
+@dataclass
+class _Frame:
+    """What depends on the image's size: the tiles' lists, and image planes of whole tiles."""
+
+    tiles_x: int
+    histogram: np.ndarray
+    tile_starts: np.ndarray
+    tile_stops: np.ndarray
+    planes: np.ndarray
+    gradient_planes: np.ndarray
+    behind: np.ndarray
+
+    @property
+    def plane_floats(self) -> int:
+        return self.planes[0].size
+
+    @staticmethod
+    def of(shape: tuple[int, int]) -> _Frame:
+        tiles_y, tiles_x = (-(-side // TILE_PX) for side in shape)
+        size, tiles = (tiles_y * TILE_PX, tiles_x * TILE_PX), tiles_x * tiles_y
+        return _Frame(
+            tiles_x=tiles_x,
+            histogram=np.empty((SEGMENTS, tiles), np.int32),
+            tile_starts=np.zeros(tiles + 1, np.int64),
+            tile_stops=np.zeros(tiles, np.int64),
+            planes=aligned((IMAGE_PLANES, *size)),
+            gradient_planes=aligned((IMAGE_PLANES, *size)),
+            behind=aligned((3, *size)),
         )
 
 
 class Rasterizer:
     """The rasteriser's buffers, kept from image to image; not for two threads at once.
 
-    ``forward`` leaves ``colour`` (H, W, 3), ``transmittance`` (H, W) and ``depth_sum``
-    (H, W), the sum of weight * depth, which the next ``forward`` overwrites; ``backward``
-    belongs to the last ``forward``.
+    ``forward`` fills image planes that stay valid until the next ``forward``; ``backward``
+    and ``step`` belong to the last ``forward``.
     """
 
     def __init__(self) -> None:
-        self._capacity = -1
+        self._chunks, self._capacity = -1, 0
         self._shape = (0, 0)
-        self._entries = np.empty((0, 4), np.int32)
-        self._slots = np.empty((0, MOMENT_COLUMNS), np.float32)
+        self._frames: dict[tuple[int, int], _Frame] = {}
+        self._slots = aligned((0, SLOT_BYTES // 4))
+        threads = numba.config.NUMBA_NUM_THREADS
+        self._scratch = aligned((threads, max(SCRATCH_BYTES, GATHER_BYTES)), np.uint8)
+        self._lens = aligned(32)
 
     def forward(
         self,
-        asset: SplatAsset,
+        gaussians: PackedGaussians,
         camera: Camera,
         background: Background = (0.0, 0.0, 0.0),
-        degree: int | None = None,
+        degree: int = 3,
+        with_depth: bool = True,
     ) -> None:
-        """Render ``asset``, with harmonics up to ``degree`` (default: all it has)."""
-        self._reserve(len(asset), camera.shape)
-        n = len(asset)
-        self._asset, self._lens = asset, lens_of(camera)
-        self._coefficients = asset.sh.shape[1] if degree is None else (min(degree, asset.degree) + 1) ** 2
-        self._screen, self._visible = self._all_screen[:n], self._all_visible[:n]
+        """Render, with harmonics up to ``degree`` or as many as there are."""
+        self._reserve(len(gaussians.values), camera.shape)
+        self._gaussians, self._camera, self._with_depth = gaussians, camera, with_depth
+        self._degree = min(degree, round(gaussians.coefficients**0.5) - 1)
+        lens = lens_of(camera)
+        self._lens[: len(lens)] = lens
+        values, visible = gaussians.values, self._visible[: len(gaussians.values)]
         project(
-            asset.means, asset.log_scales, asset.quaternions, asset.logit_opacities, asset.sh,
-            self._coefficients, self._lens, self._screen, self._visible,
+            values.ctypes.data, len(values), values.strides[0], self._degree, self._lens.ctypes.data,
+            self._records.ctypes.data, visible,
         )  # fmt: skip
-        order, spare, ranks = (array[:n] for array in (self._order, self._spare_order, self._ranks))
-        count = sort_by_depth(
-            self._visible, self._screen, order, spare, self._keys[:n], self._spare_keys[:n], ranks
-        )
-        count_entries(
-            order,
-            count,
-            self._screen,
-            self._tiles_x,
-            camera.height,
-            self._sorted,
-            self._counts,
-            self._histogram,
-        )
-        total = place_entries(self._counts, count, self._histogram, self._offsets, self._tile_starts)
-        if total > len(self._entries):
-            self._entries = np.empty((int(total * _SPARE), 4), np.int32)
+        self._append_entries(visible)
+        count_tiles(self._entry_words, self._capacity, self._totals, self._frame.histogram)
+        place_tiles(self._frame.histogram, self._frame.tile_starts)
         scatter_entries(
-            self._sorted, count, self._tiles_x, camera.height, self._offsets, self._histogram, self._entries
+            self._entry_words,
+            self._capacity,
+            self._totals,
+            self._record_bits,
+            self._frame.histogram,
+            self._order,
         )
+        sort_tiles(self._order, self._spare_order, self._frame.tile_starts)
+        colour, image = self._background(background)
+        frame = self._frame
         composite(
-            self._sorted, self._entries, self._tile_starts, self._tiles_x, _image_of(background, camera),
-            self.colour, self.transmittance, self.depth_sum, self._tile_stops,
+            *self._sorted_entries(), frame.planes.ctypes.data, frame.plane_floats, colour, image,
+            self._scratch.ctypes.data, TABLE.ctypes.data, with_depth,
         )  # fmt: skip
+
+    @property
+    def planes(self) -> np.ndarray:
+        """(5, H', W') float32: red, green, blue, transmittance, sum of weight * depth.
+
+        H' and W' are whole tiles; what lies outside the camera's image means nothing. The
+        depth is there if the last ``forward`` had it.
+        """
+        return self._frame.planes
+
+    @property
+    def gradient_planes(self) -> np.ndarray:
+        """(5, H', W') float32, for ``backward`` to read: the loss' gradients in colour, alpha
+        and the depth sum. Outside the camera's image they must be 0."""
+        return self._frame.gradient_planes
+
+    @property
+    def colour(self) -> np.ndarray:
+        """(H, W, 3) float32, a view."""
+        height, width = self._camera.shape
+        return self._frame.planes[:3, :height, :width].transpose(1, 2, 0)
+
+    @property
+    def transmittance(self) -> np.ndarray:
+        """(H, W) float32, a view."""
+        height, width = self._camera.shape
+        return self._frame.planes[TRANSMITTANCE_PLANE, :height, :width]
+
+    @property
+    def depth_sum(self) -> np.ndarray:
+        """(H, W) float32, a view: the sum of weight * depth."""
+        height, width = self._camera.shape
+        return self._frame.planes[DEPTH_PLANE, :height, :width]
 
     def rendering(self) -> Rendering:
         """The last ``forward``'s result, in arrays of its own."""
         alpha = 1.0 - self.transmittance
         depth = np.where(alpha > SMALLEST_ALPHA, self.depth_sum / np.maximum(alpha, SMALLEST_ALPHA), 0.0)
-        return Rendering(self.colour.copy(), alpha, depth.astype(np.float32))
+        return Rendering(np.ascontiguousarray(self.colour), alpha, depth.astype(np.float32))
 
     def backward(
-        self, g_colour: np.ndarray, g_alpha: np.ndarray, g_depth_sum: np.ndarray, gradients: Gradients
-    ) -> None:
-        """Write into ``gradients`` from those of colour (H, W, 3), alpha and depth_sum (H, W)."""
-        if len(self._slots) < len(self._entries):
-            self._slots = np.empty((len(self._entries), MOMENT_COLUMNS), np.float32)
-        composite_backward(
-            self._sorted, self._entries, self._tile_starts, self._tile_stops, self._tiles_x,
-            self.colour, self.transmittance, self.depth_sum, g_colour, g_alpha, g_depth_sum, self._slots,
-        )  # fmt: skip
-        asset = self._asset
-        project_backward(
-            self._ranks[: len(asset)], self._offsets, self._counts, self._slots,
-            asset.means, asset.log_scales, asset.quaternions, asset.logit_opacities, asset.sh,
-            self._coefficients, self._lens, self._screen,
-            gradients.means, gradients.log_scales, gradients.quaternions, gradients.logit_opacities,
-            gradients.sh, gradients.touched,
+        self, g_colour: np.ndarray, g_alpha: np.ndarray | None = None, g_depth_sum: np.ndarray | None = None
+    ) -> Gradients:
+        """The gradients from those of colour (H, W, 3), and of alpha and depth_sum (H, W)."""
+        height, width = self._camera.shape
+        self._frame.gradient_planes[:, :height, :width] = 0.0
+        self._frame.gradient_planes[:3, :height, :width] = np.moveaxis(g_colour, 2, 0)
+        for plane, gradient in ((TRANSMITTANCE_PLANE, g_alpha), (DEPTH_PLANE, g_depth_sum)):
+            if gradient is not None:
+                self._frame.gradient_planes[plane, :height, :width] = gradient
+        self._composite_backward(g_alpha is not None, g_depth_sum is not None)
+        values = self._gaussians.values
+        gradients = aligned(values.shape)
+        project_backward(*self._backward_arguments(), gradients.ctypes.data, self._pose_rows.ctypes.data)
+        columns = np.empty((len(self._gaussians), values.shape[1]), np.float32)
+        columns[self._gaussians.order] = unpack(gradients, len(self._gaussians))
+        return Gradients(
+            columns[:, :3], columns[:, 3:6], columns[:, 6:10], columns[:, 10],
+            columns[:, 11:].reshape(len(columns), -1, 3), self._pose_gradient(),
         )  # fmt: skip
 
-    def _reserve(self, gaussians: int, shape: tuple[int, int]) -> None:
-        if gaussians > self._capacity:
-            self._capacity = gaussians
-            self._all_screen = np.empty((gaussians, SCREEN_COLUMNS), np.float32)
-            self._all_visible = np.empty(gaussians, bool)
-            self._sorted = np.empty((gaussians, SCREEN_COLUMNS), np.float32)
-            self._order, self._spare_order, self._ranks, self._counts = np.empty((4, gaussians), np.int32)
-            self._keys, self._spare_keys = np.empty((2, gaussians), np.uint32)
-            self._offsets = np.empty(gaussians, np.int64)
+    def step(
+        self,
+        state: AdamState,
+        rates: np.ndarray,
+        opacity_pull: float = 0.0,
+        scale_pull: float = 0.0,
+        with_alpha: bool = False,
+        with_depth: bool = False,
+    ) -> np.ndarray:
+        """Move the Gaussians by one step of Adam along ``gradient_planes``.
+
+        ``rates`` (rows,) float32 are the learning rates of the packed rows; the pulls are the
+        gradients of each blended Gaussian's opacity and scales (1/m) in the loss. Returns the
+        pose's gradient, as in ``Gradients``.
+        """
+        self._composite_backward(with_alpha, with_depth)
+        rates = np.ascontiguousarray(rates, np.float32)
+        project_backward_adam(
+            *self._backward_arguments(), state.first.ctypes.data, state.second.ctypes.data,
+            state.steps.ctypes.data, rates.ctypes.data, np.float32(opacity_pull), np.float32(scale_pull),
+            self._pose_rows.ctypes.data,
+        )  # fmt: skip
+        return self._pose_gradient()
+
+    def _append_entries(self, visible: np.ndarray) -> None:
+        height, width = self._camera.shape
+        while True:
+            append_entries(
+                self._records.ctypes.data, visible, width, height, self._entries.ctypes.data, self._capacity,
+                self._starts, self._counts, self._totals,
+            )  # fmt: skip
+            needed = int(self._totals.max(initial=0))
+            if needed < self._capacity:
+                return
+            self._reserve_entries(int(needed * _SPARE) + LANES)
+
+    def _composite_backward(self, with_alpha: bool, with_depth: bool) -> None:
+        if with_depth and not self._with_depth:
+            raise ValueError("the image was rendered without depth")
+        if len(self._slots) < len(self._entries):
+            self._slots = aligned((len(self._entries), SLOT_BYTES // 4))
+        frame = self._frame
+        composite_backward(
+            *self._sorted_entries(), frame.planes.ctypes.data, frame.gradient_planes.ctypes.data,
+            frame.plane_floats, self._slots.ctypes.data, self._scratch.ctypes.data, TABLE.ctypes.data,
+            with_alpha, with_depth,
+        )  # fmt: skip
+
+    def _sorted_entries(self) -> tuple:
+        return (
+            self._records.ctypes.data, self._entries.ctypes.data, self._order.ctypes.data,
+            self._frame.tile_starts, self._frame.tile_stops, self._frame.tiles_x,
+        )  # fmt: skip
+
+    def _backward_arguments(self) -> tuple:
+        values = self._gaussians.values
+        return (
+            values.ctypes.data, len(values), values.strides[0], self._degree, self._lens.ctypes.data,
+            self._visible[: len(values)], self._starts, self._counts, self._slots.ctypes.data,
+            self._scratch.ctypes.data,
+        )  # fmt: skip
+
+    def _pose_gradient(self) -> np.ndarray:
+        rows = self._pose_rows[: len(self._gaussians.values), :POSE_SUMS]
+        return rows.sum(axis=0, dtype=np.float64)
+
+    def _background(self, background: Background) -> tuple[np.ndarray, int]:
+        """One colour (3,) and 0, or the address of an image in planes of whole tiles."""
+        image = np.ascontiguousarray(background, np.float32)
+        if image.shape == (3,):
+            return image, 0
+        if image.shape != (*self._camera.shape, 3):
+            raise AssetError(
+                f"the background has the shape {image.shape}, the camera {self._camera.shape}",
+                cure="Give one colour or an image of the camera's size.",
+            )
+        self._frame.behind[:, : image.shape[0], : image.shape[1]] = np.moveaxis(image, 2, 0)
+        return np.zeros(3, np.float32), self._frame.behind.ctypes.data
+
+    def _reserve(self, chunks: int, shape: tuple[int, int]) -> None:
+        if chunks > self._chunks:
+            self._chunks = chunks
+            self._records = aligned((chunks * LANES, RECORD_BYTES // 4))
+            self._record_bits = self._records.view(np.uint32)
+            self._visible = np.zeros(chunks, np.int32)
+            self._starts, self._counts = np.zeros((2, chunks * LANES), np.int32)
+            self._pose_rows = aligned((chunks, LANES))
+            self._totals = np.zeros(SEGMENTS, np.int64)
+            self._reserve_entries(max(self._capacity, 4 * chunks * LANES // SEGMENTS + LANES))
         if shape != self._shape:
             self._shape = shape
-            height, width = shape
-            self._tiles_x = -(-width // TILE_WIDTH_PX)
-            tiles = self._tiles_x * -(-height // TILE_HEIGHT_PX)
-            self._histogram = np.empty((SEGMENTS, tiles), np.int32)
-            self._tile_starts = np.empty(tiles + 1, np.int64)
-            self._tile_stops = np.empty(tiles, np.int64)
-            self.colour = np.empty((height, width, 3), np.float32)
-            self.transmittance = np.empty((height, width), np.float32)
-            self.depth_sum = np.empty((height, width), np.float32)
+            if shape not in self._frames:
+                self._frames[shape] = _Frame.of(shape)
+            self._frame = self._frames[shape]
+
+    def _reserve_entries(self, capacity: int) -> None:
+        self._capacity = capacity
+        self._entries = aligned((SEGMENTS * capacity, ENTRY_BYTES), np.uint8)
+        self._entry_words = self._entries.view(np.int32)
+        self._order, self._spare_order = np.empty((2, SEGMENTS * capacity), np.uint64)
 
 
 _LOCAL = threading.local()
 
 
-def _image_of(background: Background, camera: Camera) -> np.ndarray:
-    """(H, W, 3) or, of one colour, (1, 1, 3), float32."""
-    image = np.ascontiguousarray(background, np.float32)
-    image = image[None, None] if image.ndim == 1 else image
-    if image.shape not in ((1, 1, 3), (*camera.shape, 3)):
-        raise AssetError(
-            f"the background has the shape {image.shape}, the camera {camera.shape}",
-            cure="Give one colour or an image of the camera's size.",
-        )
-    return image
-
-
 def render(asset: SplatAsset, camera: Camera, background: Background = (0.0, 0.0, 0.0)) -> Rendering:
-    """What ``camera`` sees of ``asset`` over ``background``; buffers are kept between calls."""
+    """What ``camera`` sees of ``asset`` over ``background``.
+
+    Buffers, and the last asset as the kernels read it, are kept between calls: an asset's
+    arrays must not be changed after it was rendered.
+    """
     if not hasattr(_LOCAL, "rasterizer"):
-        _LOCAL.rasterizer = Rasterizer()
+        _LOCAL.rasterizer, _LOCAL.asset = Rasterizer(), lambda: None
+    if _LOCAL.asset() is not asset:
+        _LOCAL.packed, _LOCAL.asset = PackedGaussians.of(asset), weakref.ref(asset)
     rasterizer = _LOCAL.rasterizer
-    rasterizer.forward(asset, camera, background)
+    rasterizer.forward(_LOCAL.packed, camera, background)
     return rasterizer.rendering()

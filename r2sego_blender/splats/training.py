@@ -13,65 +13,19 @@ import numpy as np
 
 from ..cameras import Camera
 from ..errors import AssetError
-from ..images import resize
 from ..progress import SILENT, Progress
 from ..settings import TrainingSettings
-from .adam import Adam
 from .asset import SplatAsset
+from .compositing import TRANSMITTANCE_PLANE
 from .loss import PhotometricLoss
-from .rasterizer import Gradients, Rasterizer
+from .observations import Observation, TargetCache
+from .packing import HARMONICS, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION, PackedGaussians, rows_of
+from .rasterizer import AdamState, Rasterizer
 
 _BLACK = (0.0, 0.0, 0.0)
 
 _SCENE_MARGIN = 1.1
 """3DGS: a scene's extent is this times the largest distance of a camera from their middle."""
-
-
-@dataclass(frozen=True)
-class Observation:
-    """One image the asset must reproduce.
-
-    ``image`` (H, W, 3) float32 in [0, 1] of the camera's size; ``weight`` multiplies the
-    image's loss; ``confidence`` (H, W) float32 in [0, 1], if given, multiplies each pixel's
-    gradient; ``draws`` is how often the image comes in each shuffled pass over all
-    observations (oversampling of captures); ``background`` (H, W, 3) float32 is what stands
-    behind the Gaussians, black if not given; where ``opaque`` (H, W) float32 is 1, a surface
-    is known to be, and the Gaussians must hide what stands behind them.
-    """
-
-    camera: Camera
-    image: np.ndarray
-    weight: float = 1.0
-    confidence: np.ndarray | None = None
-    draws: int = 1
-    background: np.ndarray | None = None
-    opaque: np.ndarray | None = None
-
-    def __post_init__(self) -> None:
-        if self.image.shape != (*self.camera.shape, 3):
-            raise AssetError(
-                f"an observation's image has the shape {self.image.shape}, its camera {self.camera.shape}",
-                cure="Scale the image or the camera.",
-            )
-        if self.confidence is not None and self.confidence.shape != self.camera.shape:
-            raise AssetError(
-                f"an observation's confidence has the shape {self.confidence.shape}, "
-                f"its camera {self.camera.shape}", cure="Give one number for each pixel.",
-            )  # fmt: skip
-
-    def scaled(self, factor: float) -> Observation:
-        """The observation with ``factor`` times the pixels a side."""
-        camera = self.camera.scaled(factor)
-
-        def resized(values: np.ndarray | None) -> np.ndarray | None:
-            if values is None:
-                return None
-            return np.ascontiguousarray(resize(np.asarray(values, np.float32), camera.width, camera.height))
-
-        return Observation(
-            camera, resized(self.image), self.weight, resized(self.confidence), self.draws,
-            resized(self.background), resized(self.opaque),
-        )  # fmt: skip
 
 
 def scene_extent_m(cameras: Sequence[Camera]) -> float:
@@ -92,7 +46,7 @@ def train(
 ) -> SplatAsset:
     """A new asset that reproduces ``observations`` better than ``asset`` after ``steps`` steps.
 
-    The first ``settings.half_resolution_share`` of the steps runs at half resolution. The
+    The first steps run at a quarter, then at half of the resolution, as the settings say. The
     harmonics' degree starts at the highest the asset already uses and rises by one at
     equal intervals. The same inputs and generator state give the
     same bits, for any number of threads. Raises AssetError without observations, or with
@@ -106,81 +60,92 @@ def train(
             cure="Raise training.max_gaussians or initialise with fewer.",
         )
     degree = _used_degree(asset)
-    asset = asset.with_degree(settings.sh_degree).copy()
+    gaussians = PackedGaussians.of(asset.with_degree(settings.sh_degree))
     schedule = _Schedule(settings, steps, degree, _extent_m(asset, observations))
-    trainer = _Trainer(asset, settings)
+    trainer = _Trainer(gaussians, observations, settings)
     draws = _shuffled(observations, rng)
-    half = [view.scaled(0.5) for view in observations] if schedule.half_steps else []
-    full = [view.scaled(1.0) for view in observations]
     with progress.task(title, steps) as task:
         for step in range(steps):
-            view = (half if step < schedule.half_steps else full)[next(draws)]
-            trainer.step(view, schedule.rates(step), schedule.degree(step))
+            trainer.step(next(draws), schedule.at(step))
             task.advance()
-    return asset
+    return gaussians.asset()
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """What a step is done with: share of the pixels a side, harmonics' degree, rates a row."""
+
+    resolution: float
+    degree: int
+    rates: np.ndarray
 
 
 class _Schedule:
-    """Learning rates and harmonics' degree by step."""
+    """Resolution, harmonics' degree and learning rates by step."""
 
     def __init__(self, settings: TrainingSettings, steps: int, degree: int, position_scale: float) -> None:
         self._settings = settings
         self._steps = steps
         self._first_degree = degree
         self._position_scale = position_scale
-        self.half_steps = round(steps * settings.half_resolution_share)
 
-    def degree(self, step: int) -> int:
-        """One more at each of equal intervals, from the first degree to the highest."""
-        raises = self._settings.sh_degree - self._first_degree
-        return self._first_degree + step * (raises + 1) // self._steps
+    def at(self, step: int) -> _Stage:
+        """The degree rises by one at equal intervals, from the first to the highest; the
+        means' rate decays exponentially (Kerbl et al. 2023)."""
+        settings, done = self._settings, step / self._steps
+        raises = settings.sh_degree - self._first_degree
+        degree = self._first_degree + step * (raises + 1) // self._steps
+        return _Stage(self._resolution(done), degree, self._rates(settings.position_decay**done))
 
-    def rates(self, step: int) -> dict[str, float]:
-        """The learning rates; the means' decays exponentially (Kerbl et al. 2023)."""
+    def _resolution(self, done: float) -> float:
         settings = self._settings
-        decay = settings.position_decay ** (step / self._steps)
-        return {
-            "means": settings.position_rate * self._position_scale * decay,
-            "log_scales": settings.scale_rate,
-            "quaternions": settings.rotation_rate,
-            "logit_opacities": settings.opacity_rate,
-            "sh": settings.colour_rate,
-            "sh_rest": settings.colour_rate * settings.harmonics_rate_ratio,
-        }
+        if done < settings.quarter_resolution_share:
+            return 0.25
+        return 0.5 if done < settings.quarter_resolution_share + settings.half_resolution_share else 1.0
+
+    def _rates(self, decay: float) -> np.ndarray:
+        settings = self._settings
+        rates = np.empty(rows_of((settings.sh_degree + 1) ** 2), np.float32)
+        rates[MEAN:LOG_SCALE] = settings.position_rate * self._position_scale * decay
+        rates[LOG_SCALE:QUATERNION] = settings.scale_rate
+        rates[QUATERNION:LOGIT_OPACITY] = settings.rotation_rate
+        rates[LOGIT_OPACITY] = settings.opacity_rate
+        rates[HARMONICS : HARMONICS + 3] = settings.colour_rate
+        rates[HARMONICS + 3 :] = settings.colour_rate * settings.harmonics_rate_ratio
+        return rates
 
 
 class _Trainer:
     """One optimisation step after the other, on buffers that are kept."""
 
-    def __init__(self, asset: SplatAsset, settings: TrainingSettings) -> None:
-        self._asset = asset
+    def __init__(
+        self, gaussians: PackedGaussians, observations: Sequence[Observation], settings: TrainingSettings
+    ) -> None:
+        self._gaussians = gaussians
+        self._observations = observations
         self._settings = settings
-        self._gradients = Gradients.of(asset)
-        self._adam = Adam(asset)
+        self._targets = TargetCache(observations, settings.image_cache_mb << 20)
+        self._adam = AdamState.of(gaussians)
         self._rasterizer = Rasterizer()
         self._losses: dict[tuple[int, int], PhotometricLoss] = {}
-        self._zeros: dict[tuple[int, int], np.ndarray] = {}
 
-    def step(self, view: Observation, rates: dict[str, float], degree: int) -> float:
+    def step(self, index: int, stage: _Stage) -> float:
         """Render, compare, and move the Gaussians that were seen; returns the loss."""
-        shape = view.camera.shape
+        view, target = self._observations[index], self._targets.get(index, stage.resolution)
+        rasterizer, shape = self._rasterizer, target.camera.shape
+        background = _BLACK if target.background is None else target.background
+        rasterizer.forward(self._gaussians, target.camera, background, stage.degree, with_depth=False)
         if shape not in self._losses:
             self._losses[shape] = PhotometricLoss(*shape)
-            self._zeros[shape] = np.zeros(shape, np.float32)
-        background = _BLACK if view.background is None else view.background
-        self._rasterizer.forward(self._asset, view.camera, background, degree)
-        loss, gradient = self._losses[shape](self._rasterizer.colour, view.image, self._settings.ssim_weight)
-        if view.confidence is not None:
-            gradient *= (view.confidence * np.float32(view.weight))[..., None]
-        elif view.weight != 1.0:
-            gradient *= np.float32(view.weight)
-        zeros = self._zeros[shape]
-        alpha_gradient = zeros
-        if view.opaque is not None:
-            share = np.float32(-self._settings.opaque_weight * view.weight / view.opaque.size)
-            alpha_gradient = share * view.opaque
-        self._rasterizer.backward(gradient, alpha_gradient, zeros, self._gradients)
-        self._adam.step(self._gradients, rates, degree)
+        loss = self._losses[shape](
+            rasterizer.planes, target.image, self._settings.ssim_weight, rasterizer.gradient_planes,
+            target.weights, view.weight,
+        )  # fmt: skip
+        if target.opaque is not None:
+            height, width = shape
+            share = np.float32(-self._settings.opaque_weight * view.weight / target.opaque.size)
+            rasterizer.gradient_planes[TRANSMITTANCE_PLANE, :height, :width] = share * target.opaque
+        rasterizer.step(self._adam, stage.rates, with_alpha=target.opaque is not None)
         return loss
 
 

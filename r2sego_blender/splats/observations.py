@@ -1,0 +1,160 @@
+"""What an asset is trained on: images at known cameras, and what else is known there."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..cameras import Camera
+from ..errors import AssetError
+from ..images import resize
+from .loss import planes_of
+
+ImageSource = np.ndarray | Callable[[], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Observation:
+    """One image the asset must reproduce.
+
+    ``image`` (H, W, 3) float32 in [0, 1] of the camera's size, or a function that loads it
+    each time it is needed; ``weight`` multiplies the image's loss; ``confidence`` (H, W)
+    float32 in [0, 1], if given, multiplies each pixel's gradient (0 masks it out); ``draws``
+    is how often the image comes in each shuffled pass over all observations (oversampling of
+    captures); ``background`` (H, W, 3) float32 is what stands behind the Gaussians, black if
+    not given; where ``opaque`` (H, W) float32 is 1, a surface is known to be, and the
+    Gaussians must hide what stands behind them.
+
+    ``depth`` (H, W) float32 is planar depth in metres that the asset should have, 0 unknown,
+    and ``normals`` (H, W, 3) float32 the surface's unit normals in the camera frame, 0
+    unknown; ``depth_confidence`` (H, W) float32 in [0, 1] weighs both. ``refines_exposure``
+    and ``refines_pose`` let training correct the image's brightness and the camera's pose:
+    for generated frames, never for captures.
+    """
+
+    camera: Camera
+    image: ImageSource
+    weight: float = 1.0
+    confidence: np.ndarray | None = None
+    draws: int = 1
+    background: np.ndarray | None = None
+    opaque: np.ndarray | None = None
+    depth: np.ndarray | None = None
+    normals: np.ndarray | None = None
+    depth_confidence: np.ndarray | None = None
+    refines_exposure: bool = False
+    refines_pose: bool = False
+
+    def __post_init__(self) -> None:
+        if isinstance(self.image, np.ndarray):
+            self._check("image", self.image, (*self.camera.shape, 3))
+        for name in ("confidence", "opaque", "depth", "depth_confidence"):
+            self._check(name, getattr(self, name), self.camera.shape)
+        for name in ("background", "normals"):
+            self._check(name, getattr(self, name), (*self.camera.shape, 3))
+
+    def loaded(self) -> np.ndarray:
+        """The image. Raises AssetError when a loaded one is not of the camera's size."""
+        if isinstance(self.image, np.ndarray):
+            return self.image
+        image = self.image()
+        self._check("image", image, (*self.camera.shape, 3))
+        return image
+
+    def _check(self, name: str, values: np.ndarray | None, shape: tuple[int, ...]) -> None:
+        if values is not None and values.shape != shape:
+            raise AssetError(
+                f"an observation's {name} has the shape {values.shape}, its camera {self.camera.shape}",
+                cure="Scale the image or the camera.",
+            )
+
+
+@dataclass(frozen=True)
+class Target:
+    """An observation at one resolution, as the loss reads it.
+
+    ``image`` (3, H', W') and ``weights`` (1, H', W') are planes of whole tiles; the others are
+    images of the camera's size.
+    """
+
+    camera: Camera
+    image: np.ndarray
+    weights: np.ndarray | None
+    background: np.ndarray | None
+    opaque: np.ndarray | None
+    depth: np.ndarray | None
+    normals: np.ndarray | None
+    depth_weight: np.ndarray | None
+
+    @property
+    def size_bytes(self) -> int:
+        arrays = (self.image, self.weights, self.background, self.opaque, self.depth, self.normals)
+        return sum(array.nbytes for array in arrays if array is not None)
+
+    @staticmethod
+    def of(view: Observation, factor: float) -> Target:
+        """The observation with ``factor`` times the pixels a side."""
+        camera = view.camera if factor == 1.0 else view.camera.scaled(factor)
+
+        def resized(values: np.ndarray | None) -> np.ndarray | None:
+            if values is None or factor == 1.0:
+                return values
+            return resize(np.asarray(values, np.float32), camera.width, camera.height)
+
+        depth, normals, depth_weight = _geometry(view, camera)
+        return Target(
+            camera=camera,
+            image=planes_of(resized(view.loaded())),
+            weights=None if view.confidence is None else planes_of(resized(view.confidence)),
+            background=resized(view.background),
+            opaque=resized(view.opaque),
+            depth=depth,
+            normals=normals,
+            depth_weight=depth_weight,
+        )
+
+
+def _geometry(view: Observation, camera: Camera) -> tuple[np.ndarray | None, ...]:
+    """Depth, normals and their weight at the nearest pixels: depths are never averaged."""
+    if view.depth is None:
+        return None, None, None
+    height, width = view.camera.shape
+    rows = ((np.arange(camera.height) + 0.5) * height / camera.height).astype(np.int64)
+    columns = ((np.arange(camera.width) + 0.5) * width / camera.width).astype(np.int64)
+    grid = np.ix_(rows, columns)
+    depth = np.ascontiguousarray(view.depth[grid], np.float32)
+    weight = (depth > 0.0).astype(np.float32)
+    if view.depth_confidence is not None:
+        weight *= view.depth_confidence[grid]
+    normals = None if view.normals is None else np.ascontiguousarray(view.normals[grid], np.float32)
+    return depth, normals, weight
+
+
+class TargetCache:
+    """Targets made when they are needed; the ones used longest ago make room for others.
+
+    So memory does not grow with the number of images, whatever their resolution.
+    """
+
+    def __init__(self, observations: Sequence[Observation], budget_bytes: int) -> None:
+        self._observations = observations
+        self._budget_bytes = budget_bytes
+        self._targets: OrderedDict[tuple[int, float], Target] = OrderedDict()
+        self._bytes = 0
+
+    def get(self, index: int, factor: float) -> Target:
+        """Observation ``index`` with ``factor`` times the pixels a side."""
+        key = (index, factor)
+        if key in self._targets:
+            self._targets.move_to_end(key)
+            return self._targets[key]
+        target = Target.of(self._observations[index], factor)
+        self._targets[key] = target
+        self._bytes += target.size_bytes
+        while self._bytes > self._budget_bytes and len(self._targets) > 1:
+            _, oldest = self._targets.popitem(last=False)
+            self._bytes -= oldest.size_bytes
+        return target
