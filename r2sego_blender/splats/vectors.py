@@ -331,7 +331,7 @@ class Code:
         return result
 
     def log2(self, x: Value) -> Value:
-        """The binary logarithm of a positive normal float, absolute error below 2e-7."""
+        """The binary logarithm of a positive normal float, within 2e-7 beside the result's rounding."""
         build = self.builder
         bits = Value(self, build.bitcast(x.llvm, _INTS))
         exponent = (bits - 0x3F3504F3) >> 23  # the mantissa lies between sqrt(1/2) and sqrt(2)
