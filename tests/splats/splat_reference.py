@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import torch
@@ -50,16 +51,19 @@ def rotations(q: torch.Tensor) -> torch.Tensor:
     ).reshape(-1, 3, 3)  # fmt: skip
 
 
-def rasterize(
-    means, log_scales, quaternions, logit_opacities, sh, camera: Camera, background=(0.0, 0.0, 0.0)
-):
-    """(colour (H, W, 3), alpha (H, W), depth sum (H, W)), differentiable, float64."""
-    transform = torch.from_numpy(camera.camera_from_world)
+def on_screen(
+    means, log_scales, quaternions, logit_opacities, sh, camera: Camera, camera_from_world=None
+) -> SimpleNamespace:
+    """The Gaussians ahead of the camera by depth: their ``number``, ``centre`` and the rest.
+
+    ``camera_from_world`` (4, 4), a tensor, stands in for the camera's own.
+    """
+    transform = torch.from_numpy(camera.camera_from_world) if camera_from_world is None else camera_from_world
     p = means @ transform[:3, :3].T + transform[:3, 3]
     keep = p[:, 2] > 0.2
-    p, order = p[keep], torch.nonzero(keep)[:, 0]
+    p, number = p[keep], torch.nonzero(keep)[:, 0]
     nearest = torch.argsort(p[:, 2], stable=True)
-    p, order = p[nearest], order[nearest]
+    p, number = p[nearest], number[nearest]
     x, y, z = p.unbind(-1)
     margin_x, margin_y = 0.15 * camera.width / camera.fx, 0.15 * camera.height / camera.fy
     held_x = (x / z).clamp(
@@ -76,36 +80,56 @@ def rasterize(
         ],
         1,
     )
-    axes = rotations(quaternions[order]) * log_scales[order].exp()[:, None, :]
+    axes = rotations(quaternions[number]) * log_scales[number].exp()[:, None, :]
     screen_axes = jacobian @ transform[:3, :3] @ axes
     covariance = screen_axes @ screen_axes.transpose(1, 2) + 0.3 * torch.eye(2, dtype=torch.float64)
-    conic = torch.linalg.inv(covariance)
-    centre = torch.stack([camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy], -1)
-    direction = means[order] - torch.from_numpy(camera.centre)
+    direction = means[number] + transform[:3, :3].T @ transform[:3, 3]
     direction = direction / direction.norm(dim=-1, keepdim=True)
-    colour = torch.einsum("nk,nkc->nc", harmonics(direction, round(sh.shape[1] ** 0.5) - 1), sh[order]) + 0.5
-    colour = colour.clamp(min=0.0)
-    opacity = torch.sigmoid(logit_opacities[order])
+    colour = torch.einsum("nk,nkc->nc", harmonics(direction, round(sh.shape[1] ** 0.5) - 1), sh[number]) + 0.5
+    return SimpleNamespace(
+        number=number,
+        centre=torch.stack([camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy], -1),
+        covariance=covariance,
+        depth=z,
+        colour=colour.clamp(min=0.0),
+        opacity=torch.sigmoid(logit_opacities[number]),
+    )
 
+
+def alphas(screen: SimpleNamespace, camera: Camera) -> torch.Tensor:
+    """(n, H, W): each Gaussian's alpha at each pixel, neither held at 0.99 nor cut at 1/255."""
     v, u = torch.meshgrid(
         torch.arange(camera.height, dtype=torch.float64) + 0.5,
         torch.arange(camera.width, dtype=torch.float64) + 0.5,
         indexing="ij",
     )
-    transmittance = torch.ones(camera.shape, dtype=torch.float64)
-    image = torch.zeros((*camera.shape, 3), dtype=torch.float64)
-    depth = torch.zeros(camera.shape, dtype=torch.float64)
-    for i in range(len(order)):
-        dx, dy = u - centre[i, 0], v - centre[i, 1]
-        power = -0.5 * (conic[i, 0, 0] * dx * dx + conic[i, 1, 1] * dy * dy) - conic[i, 0, 1] * dx * dy
-        alpha = (opacity[i] * power.exp()).clamp(max=0.99)
-        alpha = torch.where((alpha >= 1 / 255) & (transmittance > 1e-4), alpha, torch.zeros_like(alpha))
-        weight = alpha * transmittance
-        image = image + weight[..., None] * colour[i]
-        depth = depth + weight * z[i]
+    conic = torch.linalg.inv(screen.covariance)[:, :, :, None, None]
+    dx, dy = (axis - screen.centre[:, k, None, None] for k, axis in enumerate((u, v)))
+    power = -0.5 * (conic[:, 0, 0] * dx * dx + conic[:, 1, 1] * dy * dy) - conic[:, 0, 1] * dx * dy
+    return screen.opacity[:, None, None] * power.exp()
+
+
+def weights(screen: SimpleNamespace, camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:
+    """(n, H, W): what each Gaussian adds to each pixel; and the transmittance left (H, W)."""
+    transmittance, rows = torch.ones(camera.shape, dtype=torch.float64), []
+    for alpha in alphas(screen, camera).clamp(max=0.99):
+        counts = (alpha >= 1 / 255) & (transmittance > 1e-4)
+        alpha = torch.where(counts, alpha, torch.zeros_like(alpha))
+        rows.append(alpha * transmittance)
         transmittance = transmittance * (1 - alpha)
+    return torch.stack([*rows, torch.zeros_like(transmittance)])[: len(rows)], transmittance
+
+
+def rasterize(
+    means, log_scales, quaternions, logit_opacities, sh, camera: Camera, background=(0.0, 0.0, 0.0),
+    camera_from_world=None,
+):  # fmt: skip
+    """(colour (H, W, 3), alpha (H, W), depth sum (H, W)), differentiable, float64."""
+    screen = on_screen(means, log_scales, quaternions, logit_opacities, sh, camera, camera_from_world)
+    weight, transmittance = weights(screen, camera)
+    image = torch.einsum("nhw,nc->hwc", weight, screen.colour)
     image = image + transmittance[..., None] * torch.tensor(background, dtype=torch.float64)
-    return image, 1 - transmittance, depth
+    return image, 1 - transmittance, torch.einsum("nhw,n->hw", weight, screen.depth)
 
 
 def random_asset(rng: np.random.Generator, count: int = 60, degree: int = 3) -> SplatAsset:
