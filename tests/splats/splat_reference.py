@@ -7,6 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import torch
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.splats.asset import SplatAsset
@@ -117,7 +119,8 @@ def weights(screen: SimpleNamespace, camera: Camera) -> tuple[torch.Tensor, torc
         alpha = torch.where(counts, alpha, torch.zeros_like(alpha))
         rows.append(alpha * transmittance)
         transmittance = transmittance * (1 - alpha)
-    return torch.stack([*rows, torch.zeros_like(transmittance)])[: len(rows)], transmittance
+    none = torch.zeros((0, *camera.shape), dtype=torch.float64)
+    return torch.cat([none, *(row[None] for row in rows)]), transmittance
 
 
 def rasterize(
@@ -153,3 +156,41 @@ def parameters(asset: SplatAsset) -> list[torch.Tensor]:
     """The five groups as float64 leaves that want gradients."""
     groups = (asset.means, asset.log_scales, asset.quaternions, asset.logit_opacities, asset.sh)
     return [torch.tensor(group, dtype=torch.float64, requires_grad=True) for group in groups]
+
+
+def frozen(asset: SplatAsset) -> list[torch.Tensor]:
+    """The five groups as float64 tensors without gradients."""
+    return [leaf.detach() for leaf in parameters(asset)]
+
+
+@st.composite
+def cameras(draw: st.DrawFn, largest_px: int = 70) -> Camera:
+    """Portrait and landscape, unequal focal lengths, the principal point anywhere near."""
+    width, height = draw(st.integers(1, largest_px)), draw(st.integers(1, largest_px))
+    fx, fy = (draw(st.floats(0.4, 3.0)) * max(width, height) for _ in range(2))
+    cx, cy = (draw(st.floats(-0.3, 1.3)) * side for side in (width, height))
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_rotvec([draw(st.floats(-3.0, 3.0)) for _ in range(3)]).as_matrix()
+    pose[:3, 3] = [draw(st.floats(-3.0, 3.0)) for _ in range(3)]
+    return Camera(width, height, fx, fy, cx, cy, pose)
+
+
+_KINDS = {  # ranges of the logarithms of the three scales
+    "mixed": ((-4.0, -0.7),) * 3,
+    "tiny": ((-12.0, -6.0),) * 3,
+    "huge": ((0.0, 4.0),) * 3,
+    "thin": ((-1.0, 2.0), (-9.0, -5.0), (-9.0, -5.0)),
+    "flat": ((-2.0, 0.5), (-2.0, 0.5), (-12.0, -7.0)),
+}
+
+
+@st.composite
+def scenes(draw: st.DrawFn, most: int = 40, largest_px: int = 70) -> tuple[SplatAsset, Camera]:
+    """A camera, and Gaussians of one of several kinds in front of, beside and behind it."""
+    camera, rng = draw(cameras(largest_px)), np.random.default_rng(draw(st.integers(0, 10**6)))
+    asset = random_asset(rng, draw(st.integers(0, most)), draw(st.integers(0, 3)))
+    low, high = np.transpose(_KINDS[draw(st.sampled_from(list(_KINDS)))])
+    asset.log_scales[:] = rng.uniform(low, high, (len(asset), 3))
+    pose = camera.world_from_camera
+    asset.means[:] = asset.means @ pose[:3, :3].T + pose[:3, 3]
+    return asset, camera
