@@ -34,7 +34,7 @@ from .compositing import (
     composite_backward,
 )
 from .packing import PackedGaussians, unpack
-from .projection import RECORD_BYTES, lens_of, project
+from .projection import RECORD_BYTES, RED, lens_of, project
 from .projection_gradient import GATHER_BYTES, POSE_SUMS, project_backward, project_backward_adam
 from .vectors import LANES, aligned
 
@@ -93,6 +93,23 @@ class AdamState:
         return AdamState(aligned(shape), aligned(shape), aligned((shape[0], LANES)))
 
 
+@dataclass(frozen=True)
+class TileEntries:
+    """Which Gaussians touch which tile, the nearest first; arrays of the rasteriser's own.
+
+    Tile t, row by row with ``tiles_x`` in a row, has the places ``starts[t]`` to before
+    ``starts[t + 1]`` of ``order`` (E,) uint64. The low half of each is a row of ``entries``
+    (., 4) int32: 64 bits for the blocks (see ``binning``), the packed Gaussian's place, and
+    the tile. ``records`` (16 chunks, 16) float32 are the projected Gaussians.
+    """
+
+    records: np.ndarray
+    entries: np.ndarray
+    order: np.ndarray
+    starts: np.ndarray
+    tiles_x: int
+
+
 @dataclass
 class _Frame:
     """What depends on the image's size: the tiles' lists, and image planes of whole tiles."""
@@ -147,8 +164,13 @@ class Rasterizer:
         background: Background = (0.0, 0.0, 0.0),
         degree: int = 3,
         with_depth: bool = True,
+        colours: np.ndarray | None = None,
     ) -> None:
-        """Render, with harmonics up to ``degree`` or as many as there are."""
+        """Render, with harmonics up to ``degree`` or as many as there are.
+
+        ``colours`` (N, 3), in the asset's order, of any finite value, stand in for the
+        Gaussians' own; the gradient of such an image is not to be asked for.
+        """
         self._reserve(len(gaussians.values), camera.shape)
         self._gaussians, self._camera, self._with_depth = gaussians, camera, with_depth
         self._degree = min(degree, round(gaussians.coefficients**0.5) - 1)
@@ -159,6 +181,8 @@ class Rasterizer:
             values.ctypes.data, len(values), values.strides[0], self._degree, self._lens.ctypes.data,
             self._records.ctypes.data, visible,
         )  # fmt: skip
+        if colours is not None:
+            self._records[: len(gaussians), RED : RED + 3] = colours[gaussians.order]
         self._append_entries(visible)
         count_tiles(self._entry_words, self._capacity, self._totals, self._frame.histogram)
         place_tiles(self._frame.histogram, self._frame.tile_starts)
@@ -210,6 +234,13 @@ class Rasterizer:
         """(H, W) float32, a view: the sum of weight * depth."""
         height, width = self._camera.shape
         return self._frame.planes[DEPTH_PLANE, :height, :width]
+
+    @property
+    def tile_entries(self) -> TileEntries:
+        """The last ``forward``'s, valid until the next."""
+        starts = self._frame.tile_starts
+        order = self._order[: starts[-1]]
+        return TileEntries(self._records, self._entry_words, order, starts, self._frame.tiles_x)
 
     def rendering(self) -> Rendering:
         """The last ``forward``'s result, in arrays of its own."""
