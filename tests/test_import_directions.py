@@ -28,9 +28,13 @@ MAY_IMPORT = {
     "creation": ABOVE_CAPTURES | {"robot"},
     "doctor": FOUNDATION,
     "status": FOUNDATION,
-    "export": FOUNDATION | {"geometry"},
+    "export": FOUNDATION | {"geometry", "splats"},
     "evaluation": PARTS | {"visual_asset", "steps", "pipeline"},
-    "cli": PARTS | {"steps", "pipeline", "creation", "doctor", "status", "export", "evaluation"},
+    "benchmarks": FOUNDATION | {"captures", "splats"},
+    "splat_training": FOUNDATION | {"captures", "splats", "benchmarks", "evaluation"},
+    "cli": PARTS
+    | {"steps", "pipeline", "creation", "doctor", "status", "export", "evaluation", "benchmarks"}
+    | {"splat_training"},
     "__main__": {"cli"},
     "bridge": ABOVE_CAPTURES | {"geometry"},
 }

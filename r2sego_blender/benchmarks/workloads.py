@@ -1,0 +1,173 @@
+"""What the benchmark of the splats works on: a made-up room, or an asset and photographs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..cameras import Camera, look_at
+from ..captures.cameras_json import read_cameras_json, read_frozen
+from ..captures.json_fields import read_json
+from ..captures.photographs import capture_of
+from ..errors import SettingsError
+from ..images import resize
+from ..splats.asset import SH_BAND_0, SplatAsset
+from ..splats.formats import load_asset
+from ..splats.quaternions import from_rotation
+
+_ROOM_M = ((-2.5, -2.0, 0.0), (2.5, 2.0, 2.6))
+_FURNITURE_M = (
+    ((-0.9, -0.5, 0.0), (0.9, 0.5, 0.75)),
+    ((-2.4, -1.9, 0.0), (-1.8, 0.2, 1.9)),
+    ((1.3, -1.8, 0.0), (2.3, -0.9, 0.45)),
+    ((1.9, 0.4, 0.0), (2.4, 1.6, 1.2)),
+)
+"""Opposite corners of the room and of the boxes that stand in it."""
+
+_CAMERA_M, _LOOKS_AT_M = (-1.9, 1.6, 1.5), (0.6, -0.5, 0.8)
+_FIELD_OF_VIEW = 1.2
+"""The image's width over the focal length: 62 degrees."""
+
+_SIGMA_SHARE = 0.8
+"""Typical long half axis over the mean distance of two Gaussians: trained assets overlap so."""
+_SIGMA_SPREAD = 0.5
+_NARROWEST, _THICKNESS = 0.2, 0.1
+_LOGIT, _LOGIT_SPREAD = 1.0, 2.0
+_HARMONICS_SPREAD = 0.05
+_DEGREE = 3
+
+_LARGEST_SIDE_PX = 16384
+_ASPECT_TOLERANCE = 0.01
+_ANY_SIZE_PX = 1 << 20
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera, and a function that loads the image (H, W, 3) float32 it is compared with."""
+
+    camera: Camera
+    image: Callable[[], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Workload:
+    """An asset, and the views that are rendered of it in turn."""
+
+    asset: SplatAsset
+    views: tuple[View, ...]
+    source: str
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """(width, height) of ``WxH``. Raises SettingsError for anything else."""
+    width, _, height = text.lower().partition("x")
+    sides = [int(side) if side.isascii() and side.isdigit() else 0 for side in (width, height)]
+    if not all(0 < side <= _LARGEST_SIDE_PX for side in sides):
+        raise SettingsError(
+            f"'{text}' is no size of images",
+            where="--size",
+            cure=f"Write WIDTHxHEIGHT in pixels, for example 640x480, up to {_LARGEST_SIDE_PX} a side.",
+        )
+    return sides[0], sides[1]
+
+
+def made_up_room(gaussians: int, size: tuple[int, int], seed: int = 0) -> Workload:
+    """A furnished room of ``gaussians`` flat, turned Gaussians of degree 3, seen from a corner.
+
+    The image it is compared with is noise: the work does not depend on what it shows.
+    """
+    rng = np.random.default_rng(seed)
+    width, height = size
+    focal = width / _FIELD_OF_VIEW
+    pose = look_at(np.array(_CAMERA_M), np.array(_LOOKS_AT_M))
+    camera = Camera(width, height, focal, focal, width / 2, height / 2, pose)
+
+    def noise() -> np.ndarray:
+        return np.random.default_rng(seed).random((height, width, 3), np.float32)
+
+    return Workload(_room(gaussians, rng), (View(camera, noise),), f"made-up room, seed {seed}")
+
+
+def of_files(asset: Path, cameras: Path, size: tuple[int, int] | None = None) -> Workload:
+    """An asset seen by the frozen views of a cameras.json, or by its captures if there are none.
+
+    The poses must be in the asset's frame. ``size`` (width, height) must have the views' shape.
+    Raises AssetError or CaptureError for files that cannot be used, SettingsError for a size
+    of another shape.
+    """
+    has_frozen = "frozen" in read_json(cameras)
+    photographs = (
+        read_frozen(cameras, cameras.parent) if has_frozen else read_cameras_json(cameras, cameras.parent)[0]
+    )
+    views = []
+    for photograph in photographs:
+        capture = capture_of(photograph, _ANY_SIZE_PX)
+        camera = capture.camera if size is None else _sized(capture.camera, size)
+        views.append(View(camera, lambda c=camera, p=capture: resize(p.image(), c.width, c.height)))
+    kind = "frozen views" if has_frozen else "captures"
+    if not views:
+        raise SettingsError(f"there are no {kind}", where=cameras, cure="Give a cameras.json with some.")
+    return Workload(load_asset(asset), tuple(views), f"{asset.name}, {kind} of {cameras.name}")
+
+
+def _sized(camera: Camera, size: tuple[int, int]) -> Camera:
+    width, height = size
+    if abs(width / height / (camera.width / camera.height) - 1.0) > _ASPECT_TOLERANCE:
+        raise SettingsError(
+            f"the views are {camera.width}x{camera.height}, of another shape than {width}x{height}",
+            where="--size",
+            cure="Give a size of the same shape, or leave it away.",
+        )
+    across, down = width / camera.width, height / camera.height
+    return replace(
+        camera, width=width, height=height,
+        fx=camera.fx * across, cx=camera.cx * across, fy=camera.fy * down, cy=camera.cy * down,
+    )  # fmt: skip
+
+
+def _room(count: int, rng: np.random.Generator) -> SplatAsset:
+    """Gaussians spread evenly over all faces, flat along them, turned and stretched at random."""
+    corners, edges = _faces()
+    areas_m2 = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    face = rng.choice(len(areas_m2), count, p=areas_m2 / areas_m2.sum())
+    means = corners[face] + np.einsum("nk,nkc->nc", rng.random((count, 2)), edges[face])
+
+    along = edges / np.linalg.norm(edges, axis=2, keepdims=True)
+    first, second = along[face].transpose(1, 0, 2)
+    turn = rng.uniform(0.0, np.pi, (count, 1))
+    axes = [
+        np.cos(turn) * first + np.sin(turn) * second,
+        np.cos(turn) * second - np.sin(turn) * first,
+        np.cross(first, second),
+    ]
+    spacing_m = np.sqrt(areas_m2.sum() / max(count, 1))
+    sigma = np.empty((count, 3))
+    sigma[:, 0] = _SIGMA_SHARE * spacing_m * np.exp(_SIGMA_SPREAD * rng.normal(size=count))
+    sigma[:, 1] = sigma[:, 0] * rng.uniform(_NARROWEST, 1.0, count)
+    sigma[:, 2] = sigma[:, 1] * _THICKNESS
+
+    sh = rng.normal(scale=_HARMONICS_SPREAD, size=(count, (_DEGREE + 1) ** 2, 3))
+    sh[:, 0] += 0.3 * np.sin(3.0 * means) / SH_BAND_0
+    return SplatAsset(
+        means=means,
+        log_scales=np.log(sigma),
+        quaternions=from_rotation(np.stack(axes, axis=2)),
+        logit_opacities=rng.normal(_LOGIT, _LOGIT_SPREAD, count),
+        sh=sh,
+    )
+
+
+def _faces() -> tuple[np.ndarray, np.ndarray]:
+    """Corner (F, 3) and the two edges (F, 2, 3) of every box's six rectangles, metres."""
+    corners, edges = [], []
+    for low, high in (_ROOM_M, *_FURNITURE_M):
+        low, high = np.array(low), np.array(high)
+        for axis in range(3):
+            across = [np.eye(3)[k] * (high - low) for k in range(3) if k != axis]
+            for corner in (low, np.where(np.arange(3) == axis, high, low)):
+                corners.append(corner)
+                edges.append(across)
+    return np.array(corners), np.array(edges)
