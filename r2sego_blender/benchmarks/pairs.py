@@ -18,7 +18,7 @@ from ..splats.projection import (
     U,
     V,
 )
-from ..splats.rasterizer import Rasterizer
+from ..splats.rasterizer import TileEntries
 
 _FINISHED = 1e-4
 """3DGS: behind this transmittance a pixel takes no Gaussian any more."""
@@ -30,7 +30,7 @@ _GAUSSIAN = 2  # place of the Gaussian's number in an entry's four int32, after 
 class Work:
     """What one image takes.
 
-    ``visible`` Gaussians are projected into it, ``contributing`` ones are seen in a pixel at
+    ``visible`` Gaussians touch a block of it, ``contributing`` ones are seen in a pixel at
     least; ``pairs`` of a pixel and a Gaussian have alpha >= 1/255 there and a transmittance
     above 1e-4 before it.
     """
@@ -40,22 +40,19 @@ class Work:
     pairs: int
 
 
-def count_work(rasterizer: Rasterizer) -> Work:
-    """Count what the last ``forward`` of ``rasterizer`` had to do."""
-    frame, shape = rasterizer._frame, rasterizer._camera.shape
-    seen = rasterizer._visible[: len(rasterizer._gaussians.values)]
-    contributes = np.zeros(len(rasterizer._records), bool)
+def count_work(found: TileEntries, shape: tuple[int, int]) -> Work:
+    """Count what the rasteriser's entries make of an image of ``shape`` (height, width)."""
+    touches, contributes = np.zeros((2, len(found.records)), bool)
     pairs = _count_pairs(
-        rasterizer._records, rasterizer._entry_words, rasterizer._entries.view(np.int64), rasterizer._order,
-        frame.tile_starts, frame.tiles_x, *shape, contributes,
+        found.records, found.entries, found.entries.view(np.int64), found.order, found.starts,
+        found.tiles_x, *shape, touches, contributes,
     )  # fmt: skip
-    visible = int(np.unpackbits(np.ascontiguousarray(seen).view(np.uint8)).sum())
-    return Work(visible, int(contributes.sum()), int(pairs))
+    return Work(int(touches.sum()), int(contributes.sum()), int(pairs))
 
 
 @kernel
-def _count_pairs(records, entries, blocks, order, tile_starts, tiles_x, height, width, contributes):
-    """The pairs of all tiles; ``contributes`` (records,) bool is set for their Gaussians."""
+def _count_pairs(records, entries, blocks, order, tile_starts, tiles_x, height, width, touches, contributes):
+    """The pairs of all tiles; ``touches`` and ``contributes`` (records,) bool are set for Gaussians."""
     pairs = 0
     transmittance = np.empty((TILE_PX, TILE_PX), np.float32)
     for tile in range(tile_starts.shape[0] - 1):
@@ -66,6 +63,7 @@ def _count_pairs(records, entries, blocks, order, tile_starts, tiles_x, height, 
             entry = order[place] & np.uint64(0xFFFFFFFF)
             touched, gaussian = blocks[entry, 0], entries[entry, _GAUSSIAN]
             record = records[gaussian]
+            touches[gaussian] = True
             for block in range(BLOCKS_A_SIDE * BLOCKS_A_SIDE):
                 if not (touched >> block) & 1:
                     continue

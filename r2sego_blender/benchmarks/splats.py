@@ -230,7 +230,7 @@ class _Steps:
         works = []
         for camera in self._cameras:
             self._rasterizer.forward(self._gaussians, camera, _BLACK, self._degree, with_depth=False)
-            works.append(count_work(self._rasterizer))
+            works.append(count_work(self._rasterizer.tile_entries, camera.shape))
         return works
 
     def _step(self, camera: Camera, target: np.ndarray) -> list[tuple[float, float]]:

@@ -18,7 +18,8 @@ from r2sego_blender.splats.formats import save_asset
 POSITIVE = (
     "forward_cpu_ms", "step_cpu_ms", "loss_cpu_ms", "backward_cpu_ms", "floor_cpu_ms", "peak_rss_mb",
     "pairs_per_s", "gaussians", "visible", "contributing", "pairs", "threads", "repeats", "views",
-    "forward_wall_ms", "step_wall_ms", "loss_wall_ms", "forward_cpu_ms_min", "step_cpu_ms_min", "loss_cpu_ms_min",
+    "forward_wall_ms", "step_wall_ms", "loss_wall_ms", "forward_cpu_ms_min", "step_cpu_ms_min",
+    "loss_cpu_ms_min",
     "step_wall_ms_min", "fma_rate_per_s", "bandwidth_bytes_per_s", "step_over_floor",
 )  # fmt: skip
 
