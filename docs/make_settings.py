@@ -26,7 +26,7 @@ def settings_page() -> str:
             title, doc = (section.capitalize(), docs[section]) if section else ("Whole run", Settings.__doc__)
             lines += ["", f"## {title}", "", doc.strip().splitlines()[0], ""]
             lines += ["| key | default | range | meaning | preview |", "| --- | --- | --- | --- | --- |"]
-        allowed = "" if entry.low is None else f"{entry.low:g} to {entry.high:g}"
+        allowed = ", ".join(entry.choices) if entry.low is None else f"{entry.low:g} to {entry.high:g}"
         preview = PRESETS["preview"].get(entry.key, "")
         lines.append(f"| `{entry.key}` | {entry.default} | {allowed} | {entry.doc} | {preview} |")
     return "\n".join(lines) + "\n"

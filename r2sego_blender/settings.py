@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from .errors import SettingsError
 
 
-def setting(default: Any, doc: str, low: float | None = None, high: float | None = None) -> Any:
-    """A dataclass field with its doc line and, for numbers, its inclusive range."""
-    return field(default=default, metadata={"doc": doc, "low": low, "high": high})
+def setting(
+    default: Any, doc: str, low: float | None = None, high: float | None = None, choices: Sequence[str] = ()
+) -> Any:
+    """A dataclass field with its doc line and its inclusive range or, for names, its choices."""
+    return field(default=default, metadata={"doc": doc, "low": low, "high": high, "choices": tuple(choices)})
 
 
 @dataclass(frozen=True)
@@ -199,6 +201,40 @@ class TrainingSettings:
     position_decay: float = setting(
         0.01, "Learning rate of the means at the end over that at the start.", 1e-6, 1.0
     )
+    densification: str = setting(
+        "none",
+        "How Gaussians are added: the start is all, the worst of all views, dead ones moved, or as 3DGS did.",
+        choices=("none", "growth", "relocation", "original"),
+    )
+    densify_every_steps: int = setting(100, "Steps between additions of Gaussians.", 10, 10000)
+    densify_from_share: float = setting(0.03, "Share of the steps before the first addition.", 0.0, 1.0)
+    densify_until_share: float = setting(0.5, "Share of the steps after which none is added.", 0.0, 1.0)
+    split_scale: float = setting(
+        0.01, "Size over the scene's extent above which a Gaussian is split, not copied.", 0.0, 1.0
+    )
+    gradient_threshold: float = setting(
+        2e-4, "Mean screen-space gradient above which 3DGS adds a Gaussian.", 0.0, 1.0
+    )
+    dead_opacity: float = setting(0.005, "Gaussians fainter than this are removed or moved.", 0.0, 1.0)
+    opacity_reset_steps: int = setting(
+        3000, "Steps between the resets of opacity that 3DGS does while it adds.", 10, 1000000
+    )
+    opacity_pull: float = setting(
+        0.0, "Weight of the mean opacity in the loss: what is not needed fades.", 0.0, 1.0
+    )
+    scale_pull: float = setting(
+        0.0, "Weight of the mean scale (m) in the loss: nothing grows that need not.", 0.0, 1.0
+    )
+    depth_weight: float = setting(0.0, "Weight of relative depth errors against known depth.", 0.0, 10.0)
+    normal_weight: float = setting(
+        0.0, "Weight of the depth's slope errors against known normals.", 0.0, 10.0
+    )
+    exposure_rate: float = setting(
+        1e-3, "Learning rate of a generated frame's brightness, where it is refined.", 0.0, 1.0
+    )
+    pose_rate: float = setting(
+        1e-4, "Learning rate of a generated frame's pose (rad, m), where it is refined.", 0.0, 1.0
+    )
     scale_rate: float = setting(0.01, "Learning rate of the logarithms of the scales.", 0.0, 1.0)
     rotation_rate: float = setting(2e-3, "Learning rate of the quaternions.", 0.0, 1.0)
     opacity_rate: float = setting(0.05, "Learning rate of the opacities' logits.", 0.0, 1.0)
@@ -225,6 +261,22 @@ class Settings:
     training: TrainingSettings = TrainingSettings()
 
 
+VANILLA_3DGS: Mapping[str, Any] = {
+    "densification": "original",
+    "quarter_resolution_share": 0.0,
+    "half_resolution_share": 0.0,
+    "scale_rate": 0.005,
+    "rotation_rate": 1e-3,
+    "colour_rate": 2.5e-3,
+    "opacity_rate": 0.05,
+    "densify_from_share": 500 / 30000,
+    "densify_until_share": 0.5,
+}
+"""TrainingSettings of the original 3DGS (Kerbl et al. 2023), which has 30,000 steps.
+
+What is counted in steps there keeps its number, what ends at a step its share of them.
+"""
+
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     "paper": {},
     "preview": {
@@ -249,6 +301,7 @@ class Entry:
     doc: str
     low: float | None
     high: float | None
+    choices: tuple[str, ...]
 
 
 def entries(settings: Settings = Settings()) -> Iterator[Entry]:
@@ -270,7 +323,8 @@ def with_overrides(overrides: Mapping[str, Any], base: Settings = Settings()) ->
     known = {entry.key: entry for entry in entries(base)}
     for key, raw in overrides.items():
         if key not in known:
-            close = difflib.get_close_matches(key, known, n=1, cutoff=0.4)
+            close = [k for k in known if k.startswith(key)]
+            close += difflib.get_close_matches(key, known, n=1, cutoff=0.4)
             hint = f"Did you mean {close[0]}?" if close else "See docs/settings.md."
             raise SettingsError(f"there is no setting '{key}'", where="settings", cure=hint)
         value = _parsed(known[key], raw)
@@ -303,6 +357,11 @@ def _parsed(entry: Entry, raw: Any) -> Any:
             f"'{raw}' is not {'a whole number' if kind is int else 'a number'}",
             where=f"setting {entry.key}", cure=f"The default is {entry.default}.",
         ) from error  # fmt: skip
+    if entry.choices and value not in entry.choices:
+        raise SettingsError(
+            f"'{value}' is not known", where=f"setting {entry.key}",
+            cure=f"Give one of {', '.join(entry.choices)}.",
+        )  # fmt: skip
     below = entry.low is not None and not value >= entry.low
     above = entry.high is not None and not value <= entry.high
     if below or above:

@@ -66,4 +66,6 @@ def _property(entry: Entry) -> Any:
         return bpy.props.IntProperty(**described, **ranged)
     if isinstance(entry.default, float):
         return bpy.props.FloatProperty(**described, **ranged, precision=3)
+    if entry.choices:
+        return bpy.props.EnumProperty(**described, items=[(c, c.capitalize(), "") for c in entry.choices])
     return bpy.props.StringProperty(**described)

@@ -30,25 +30,31 @@ def rows_of(coefficients: int) -> int:
 
 @dataclass
 class PackedGaussians:
-    """``values`` (chunks, rows, 16) float32, aligned, in the order ``order`` (N,) of an asset.
+    """Gaussians in aligned chunks (n, rows, 16) float32, of which the first are in use.
 
-    Place i (chunk i // 16, lane i % 16) holds the asset's Gaussian ``order[i]``.
+    Place i (chunk i // 16, lane i % 16) holds the asset's Gaussian ``order[i]``, ``order``
+    (N,) int64.
     """
 
-    values: np.ndarray
+    chunks: np.ndarray
     order: np.ndarray
 
     def __len__(self) -> int:
         return len(self.order)
 
     @property
+    def values(self) -> np.ndarray:
+        """The chunks in use."""
+        return self.chunks[: -(-len(self) // LANES)]
+
+    @property
     def coefficients(self) -> int:
         """Harmonics a channel."""
-        return (self.values.shape[1] - HARMONICS) // 3
+        return (self.chunks.shape[1] - HARMONICS) // 3
 
     @staticmethod
-    def of(asset: SplatAsset) -> PackedGaussians:
-        """The asset's Gaussians, sorted along a space-filling curve."""
+    def of(asset: SplatAsset, capacity: int = 0) -> PackedGaussians:
+        """The asset's Gaussians, sorted along a space-filling curve, and room for more."""
         order = morton_order(asset.means)
         columns = np.concatenate(
             [
@@ -60,14 +66,22 @@ class PackedGaussians:
             ],
             axis=1,
         )
-        packed = PackedGaussians(pack(columns[order]), order)
-        packed.values[len(asset) // LANES :, LOGIT_OPACITY].reshape(-1)[len(asset) % LANES :] = _NOWHERE
-        return packed
+        packed = pack(columns[order])
+        chunks = aligned((max(len(packed), -(-capacity // LANES)), *packed.shape[1:]))
+        chunks[: len(packed)] = packed
+        gaussians = PackedGaussians(chunks, order)
+        gaussians.hide_rest()
+        return gaussians
+
+    def hide_rest(self) -> None:
+        """Make the places after the last Gaussian such that they are never drawn."""
+        chunk, lane = divmod(len(self), LANES)
+        self.chunks[chunk : chunk + 1, LOGIT_OPACITY, lane:] = _NOWHERE
 
     def asset(self) -> SplatAsset:
         """The Gaussians in the asset's own order."""
-        columns = np.empty((len(self), self.values.shape[1]), np.float32)
-        columns[self.order] = unpack(self.values, len(self))
+        columns = np.empty((len(self), self.chunks.shape[1]), np.float32)
+        columns[self.order] = unpack(self.chunks, len(self))
         return SplatAsset(
             means=columns[:, MEAN:LOG_SCALE],
             log_scales=columns[:, LOG_SCALE:QUATERNION],
@@ -90,7 +104,8 @@ def pack(columns: np.ndarray) -> np.ndarray:
 
 def unpack(chunks: np.ndarray, count: int) -> np.ndarray:
     """The first ``count`` rows (count, C) of chunks (n, C, 16)."""
-    return chunks.transpose(0, 2, 1).reshape(-1, chunks.shape[1])[:count]
+    used = chunks[: -(-count // LANES)]
+    return used.transpose(0, 2, 1).reshape(-1, chunks.shape[1])[:count]
 
 
 def morton_order(points: np.ndarray) -> np.ndarray:

@@ -54,7 +54,7 @@ _LARGEST_COLOUR = 1e4
 # The lens array: camera_from_world rotation (row-major) and translation, centre,
 # focal lengths, principal point, size, and the bounds of x/z and y/z beyond which the
 # linearised projection is held (as in 3DGS: 30 % of the field of view outside the image).
-_TRANSLATION, _CENTRE, _FX, _FY, _CX, _CY, _WIDTH, _HEIGHT, _BOUNDS = 9, 12, 15, 16, 17, 18, 19, 20, 21
+_TRANSLATION, _CENTRE, _FX, _FY, _CX, _CY, WIDTH, HEIGHT, _BOUNDS = 9, 12, 15, 16, 17, 18, 19, 20, 21
 _LENS_SIZE = 25
 
 
@@ -224,8 +224,8 @@ def _project_chunk(code: Code, chunk: Value, degree: Value, lens_address: Value,
         reach = code.maximum((eighth - EIGHTH_SMALLEST) * (1.0 / FORM_SCALE), 0.0)
         extent_x, extent_y = code.sqrt(reach * shape.xx), code.sqrt(reach * shape.yy)
         seen = at.ahead & sound & (eighth > EIGHTH_SMALLEST)
-        seen = seen & (u + extent_x > 0.5) & (u - extent_x < lens[_WIDTH] - 0.5)
-        seen = seen & (v + extent_y > 0.5) & (v - extent_y < lens[_HEIGHT] - 0.5)
+        seen = seen & (u + extent_x > 0.5) & (u - extent_x < lens[WIDTH] - 0.5)
+        seen = seen & (v + extent_y > 0.5) & (v - extent_y < lens[HEIGHT] - 0.5)
         visible.set(code.bits(seen))
         with code.when(visible.get().differs(0)):
             direction, _ = view_direction(code, lens, at.mean)

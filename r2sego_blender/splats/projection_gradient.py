@@ -23,6 +23,8 @@ from .packing import HARMONICS, LANES, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNIO
 from .projection import (
     BLOCK,
     FORM_SCALE,
+    HEIGHT,
+    WIDTH,
     Lens,
     cross,
     dot,
@@ -116,8 +118,8 @@ def _quaternion_gradient(code: Code, shape: SimpleNamespace, g: list[list[Value]
 def _write_gradients(
     code: Code, chunk: Value, degree: Value, lens: Lens, gathered: Value,
     opacity_pull: Value, scale_pull: Value, emit: Callable[[int, Value], None],
-) -> list[Value]:  # fmt: skip
-    """``emit(row, gradient)`` for each parameter; returns the gradient of the camera's pose.
+) -> SimpleNamespace:  # fmt: skip
+    """``emit(row, gradient)`` for each parameter; returns the gradients of ``pose`` and centre.
 
     The pose moves by a small rotation w and translation t of the camera frame,
     camera_from_world becoming exp(w, t) camera_from_world. The two pulls are the gradients
@@ -175,7 +177,8 @@ def _write_gradients(
     for k in range(3):
         emit(MEAN + k, g_mean[k])
     turning = [cross(at.point, g_point), *(cross(shape.axes[k], g_axes[k]) for k in range(3))]
-    return [*(sum(parts[1:], parts[0]) for parts in zip(*turning, strict=True)), *lens.rotated(*g_mean)]
+    pose = [*(sum(parts[1:], parts[0]) for parts in zip(*turning, strict=True)), *lens.rotated(*g_mean)]
+    return SimpleNamespace(pose=pose, u=g.u * (lens[WIDTH] * 0.5), v=g.v * (lens[HEIGHT] * 0.5))
 
 
 def _blended(code: Code, gathered: Value) -> Value:
@@ -203,7 +206,7 @@ def _store_gradients(
 
     none = code.float(0.0)
     moved = _write_gradients(code, chunk, degree, Lens.load(code, lens), gathered, none, none, emit)
-    _store_pose_gradient(code, moved, blended, pose)
+    _store_pose_gradient(code, moved.pose, blended, pose)
 
 
 def _one_minus_power(code: Code, log2_base: float, steps: Value) -> Value:
@@ -215,12 +218,16 @@ def _one_minus_power(code: Code, log2_base: float, steps: Value) -> Value:
     return code.select(x > -_SHORT, series, direct)
 
 
-@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64, float32, float32, int64))
+@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64, int64, float32, float32, int64))
 def _adam_chunk(
     code: Code, chunk: Value, degree: Value, lens: Value, gathered: Value, first: Value, second: Value,
-    steps: Value, rates: Value, opacity_pull: Value, scale_pull: Value, pose: Value,
+    steps: Value, statistics: Value, rates: Value, opacity_pull: Value, scale_pull: Value, pose: Value,
 ) -> None:  # fmt: skip
-    """One step of a chunk's blended Gaussians; ``rates`` has a float for each row."""
+    """One step of a chunk's blended Gaussians; ``rates`` has a float for each row.
+
+    ``statistics`` (2, 16) adds up the centres' gradients, in half images as 3DGS measures
+    them, and the images.
+    """
     blended = _blended(code, gathered)
     count = code.load(steps) + code.select(blended, 1.0, 0.0)
     code.store(steps, count)
@@ -241,7 +248,11 @@ def _adam_chunk(
     moved = _write_gradients(
         code, chunk, degree, Lens.load(code, lens), gathered, opacity_pull, scale_pull, emit
     )
-    _store_pose_gradient(code, moved, blended, pose)
+    _store_pose_gradient(code, moved.pose, blended, pose)
+    shift = code.sqrt(moved.u * moved.u + moved.v * moved.v)
+    for row, term in enumerate((shift, code.vector(1.0))):
+        place = statistics + VECTOR_BYTES * row
+        code.store(place, code.load(place) + code.select(blended, term, 0.0))
 
 
 @vector_kernel(int64(int64, int64))
@@ -294,11 +305,12 @@ def project_backward(
 @parallel_kernel
 def project_backward_adam(
     chunks, count, chunk_bytes, degree, lens, visible, starts, counts, slots, scratch, first, second,
-    steps, rates, opacity_pull, scale_pull, pose,
+    steps, statistics, rates, opacity_pull, scale_pull, pose,
 ):  # fmt: skip
     """The same with a step of Adam in place of the gradients.
 
-    ``first`` and ``second`` are the moments, chunks as ``chunks``; ``steps`` a vector a chunk.
+    ``first`` and ``second`` are the moments, chunks as ``chunks``; ``steps`` a vector a chunk,
+    ``statistics`` two.
     """
     for block in prange((count + BLOCK - 1) // BLOCK):
         state = flush_denormals()
@@ -307,8 +319,8 @@ def project_backward_adam(
             at, row = i * chunk_bytes, i * VECTOR_BYTES
             if visible[i] and _gather(visible[i], i, starts, counts, slots, gathered):
                 _adam_chunk(
-                    chunks + at, degree, lens, gathered, first + at, second + at, steps + row, rates,
-                    opacity_pull, scale_pull, pose + row,
+                    chunks + at, degree, lens, gathered, first + at, second + at, steps + row,
+                    statistics + 2 * row, rates, opacity_pull, scale_pull, pose + row,
                 )  # fmt: skip
             else:
                 _clear(pose + row, VECTOR_BYTES)

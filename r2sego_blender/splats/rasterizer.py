@@ -81,16 +81,24 @@ class Gradients:
 
 @dataclass
 class AdamState:
-    """Adam's moments of packed Gaussians, and each one's number of steps."""
+    """What Adam remembers of packed Gaussians, for all chunks they have room for.
+
+    ``first`` and ``second`` are the moments; ``steps`` (chunks, 16) each Gaussian's number of
+    steps; ``statistics`` (chunks, 2, 16) add up how far the loss would move its centre, in
+    half images, and the images it was blended into.
+    """
 
     first: np.ndarray
     second: np.ndarray
     steps: np.ndarray
+    statistics: np.ndarray
 
     @staticmethod
     def of(gaussians: PackedGaussians) -> AdamState:
-        shape = gaussians.values.shape
-        return AdamState(aligned(shape), aligned(shape), aligned((shape[0], LANES)))
+        shape = gaussians.chunks.shape
+        return AdamState(
+            aligned(shape), aligned(shape), aligned((shape[0], LANES)), aligned((shape[0], 2, LANES))
+        )
 
 
 @dataclass(frozen=True)
@@ -266,7 +274,7 @@ class Rasterizer:
         columns[self._gaussians.order] = unpack(gradients, len(self._gaussians))
         return Gradients(
             columns[:, :3], columns[:, 3:6], columns[:, 6:10], columns[:, 10],
-            columns[:, 11:].reshape(len(columns), -1, 3), self._pose_gradient(),
+            columns[:, 11:].reshape(len(columns), self._gaussians.coefficients, 3), self._pose_gradient(),
         )  # fmt: skip
 
     def step(
@@ -288,8 +296,8 @@ class Rasterizer:
         rates = np.ascontiguousarray(rates, np.float32)
         project_backward_adam(
             *self._backward_arguments(), state.first.ctypes.data, state.second.ctypes.data,
-            state.steps.ctypes.data, rates.ctypes.data, np.float32(opacity_pull), np.float32(scale_pull),
-            self._pose_rows.ctypes.data,
+            state.steps.ctypes.data, state.statistics.ctypes.data, rates.ctypes.data,
+            np.float32(opacity_pull), np.float32(scale_pull), self._pose_rows.ctypes.data,
         )  # fmt: skip
         return self._pose_gradient()
 

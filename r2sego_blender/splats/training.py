@@ -1,7 +1,7 @@
 """Training of a splat asset on registered images (Algorithm 1, the asset's update).
 
-The number of Gaussians is fixed: the budget is spent by the initialisation, so there is
-no densification and no opacity reset.
+The budget of Gaussians is hard. The refinement spends it at the start, on geometry; with
+``settings.densification`` Gaussians are added where the images ask for them.
 """
 
 from __future__ import annotations
@@ -16,11 +16,16 @@ from ..errors import AssetError
 from ..progress import SILENT, Progress
 from ..settings import TrainingSettings
 from .asset import SplatAsset
-from .compositing import TRANSMITTANCE_PLANE
+from .compositing import DEPTH_PLANE, TRANSMITTANCE_PLANE
+from .corrections import Correction
+from .densification import Densification
 from .loss import PhotometricLoss
-from .observations import Observation, TargetCache
+from .observations import Observation, Target, TargetCache
 from .packing import HARMONICS, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION, PackedGaussians, rows_of
-from .rasterizer import AdamState, Rasterizer
+from .population import Population
+from .rasterizer import Rasterizer
+from .supervision import depth_gradients
+from .vectors import aligned_copy
 
 _BLACK = (0.0, 0.0, 0.0)
 
@@ -60,13 +65,18 @@ def train(
             cure="Raise training.max_gaussians or initialise with fewer.",
         )
     degree = _used_degree(asset)
-    gaussians = PackedGaussians.of(asset.with_degree(settings.sh_degree))
-    schedule = _Schedule(settings, steps, degree, _extent_m(asset, observations))
-    trainer = _Trainer(gaussians, observations, settings)
+    grows = settings.densification != "none"
+    gaussians = PackedGaussians.of(asset.with_degree(settings.sh_degree), settings.max_gaussians * grows)
+    population = Population.of(gaussians)
+    extent_m = _extent_m(asset, observations)
+    schedule = _Schedule(settings, steps, degree, extent_m)
+    densification = Densification(population, steps, extent_m, settings, rng)
+    trainer = _Trainer(population, observations, settings)
     draws = _shuffled(observations, rng)
     with progress.task(title, steps) as task:
         for step in range(steps):
             trainer.step(next(draws), schedule.at(step))
+            densification.after(step)
             task.advance()
     return gaussians.asset()
 
@@ -119,34 +129,74 @@ class _Trainer:
     """One optimisation step after the other, on buffers that are kept."""
 
     def __init__(
-        self, gaussians: PackedGaussians, observations: Sequence[Observation], settings: TrainingSettings
+        self, population: Population, observations: Sequence[Observation], settings: TrainingSettings
     ) -> None:
-        self._gaussians = gaussians
+        self._population = population
         self._observations = observations
         self._settings = settings
         self._targets = TargetCache(observations, settings.image_cache_mb << 20)
-        self._adam = AdamState.of(gaussians)
         self._rasterizer = Rasterizer()
         self._losses: dict[tuple[int, int], PhotometricLoss] = {}
+        self._corrections = {
+            index: Correction(settings, view.refines_exposure, view.refines_pose)
+            for index, view in enumerate(observations)
+            if view.refines_exposure or view.refines_pose
+        }
 
     def step(self, index: int, stage: _Stage) -> float:
-        """Render, compare, and move the Gaussians that were seen; returns the loss."""
-        view, target = self._observations[index], self._targets.get(index, stage.resolution)
-        rasterizer, shape = self._rasterizer, target.camera.shape
+        """Render, compare, and move the Gaussians that were seen; returns the image's loss."""
+        settings, rasterizer = self._settings, self._rasterizer
+        target, correction = self._targets.get(index, stage.resolution), self._corrections.get(index)
+        camera = target.camera if correction is None else correction.camera(target.camera)
         background = _BLACK if target.background is None else target.background
-        rasterizer.forward(self._gaussians, target.camera, background, stage.degree, with_depth=False)
-        if shape not in self._losses:
-            self._losses[shape] = PhotometricLoss(*shape)
-        loss = self._losses[shape](
-            rasterizer.planes, target.image, self._settings.ssim_weight, rasterizer.gradient_planes,
-            target.weights, view.weight,
+        geometry = target.depth is not None and max(settings.depth_weight, settings.normal_weight) > 0.0
+        gaussians = self._population.gaussians
+        rasterizer.forward(gaussians, camera, background, stage.degree, with_depth=geometry)
+        loss = self._compare(target, self._observations[index].weight, correction)
+        with_alpha = self._supervise(target, self._observations[index].weight, geometry)
+        count = max(len(gaussians), 1)
+        pose_gradient = rasterizer.step(
+            self._population.state, stage.rates, settings.opacity_pull / count, settings.scale_pull / count,
+            with_alpha, geometry,
         )  # fmt: skip
-        if target.opaque is not None:
-            height, width = shape
-            share = np.float32(-self._settings.opaque_weight * view.weight / target.opaque.size)
-            rasterizer.gradient_planes[TRANSMITTANCE_PLANE, :height, :width] = share * target.opaque
-        rasterizer.step(self._adam, stage.rates, with_alpha=target.opaque is not None)
+        if correction is not None and correction.refines_pose:
+            correction.learn_pose(pose_gradient)
         return loss
+
+    def _compare(self, target: Target, weight: float, correction: Correction | None) -> float:
+        """The photometric loss; its gradient is left in the rasteriser's planes."""
+        rasterizer, (height, width) = self._rasterizer, target.camera.shape
+        if target.camera.shape not in self._losses:
+            self._losses[target.camera.shape] = PhotometricLoss(height, width)
+        exposes = correction is not None and correction.refines_exposure
+        image = rasterizer.planes[:3]
+        shown = aligned_copy(correction.expose(image)) if exposes else image
+        loss = self._losses[target.camera.shape](
+            shown,
+            target.image,
+            self._settings.ssim_weight,
+            rasterizer.gradient_planes,
+            target.weights,
+            weight,
+        )
+        if exposes:
+            inside = (slice(None), slice(height), slice(width))
+            correction.learn_exposure(image[inside], rasterizer.gradient_planes[:3][inside])
+        return loss
+
+    def _supervise(self, target: Target, weight: float, geometry: bool) -> bool:
+        """Add the gradients of alpha and depth to the planes; whether there are any of alpha."""
+        rasterizer, (height, width) = self._rasterizer, target.camera.shape
+        planes = rasterizer.gradient_planes[:, :height, :width]
+        if geometry:
+            _, planes[DEPTH_PLANE], planes[TRANSMITTANCE_PLANE] = depth_gradients(
+                rasterizer.depth_sum, 1.0 - rasterizer.transmittance, target.camera, target.depth,
+                weight * target.depth_weight, target.normals, self._settings,
+            )  # fmt: skip
+        if target.opaque is not None:
+            share = np.float32(-self._settings.opaque_weight * weight / target.opaque.size) * target.opaque
+            planes[TRANSMITTANCE_PLANE] = planes[TRANSMITTANCE_PLANE] * geometry + share
+        return geometry or target.opaque is not None
 
 
 def _used_degree(asset: SplatAsset) -> int:

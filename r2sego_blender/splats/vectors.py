@@ -510,6 +510,13 @@ def aligned(shape: int | tuple[int, ...], dtype: Any = np.float32) -> np.ndarray
     return memory[start : start + count].view(dtype).reshape(shape)
 
 
+def aligned_copy(values: np.ndarray) -> np.ndarray:
+    """The same values, float32, at an aligned place."""
+    copy = aligned(values.shape)
+    copy[:] = values
+    return copy
+
+
 @intrinsic
 def flush_denormals(typing: Any) -> Any:
     """Let this thread take numbers below 1e-38 for 0: they cost a hundred times the others.
