@@ -64,6 +64,13 @@ def _json_progress(command: Callable) -> Callable:
     )
 
 
+def _settings_option(command: Callable) -> Callable:
+    return click.option(
+        "--set", "overrides", multiple=True, metavar="KEY=VALUE",
+        help="One setting, as in docs/settings.md; repeatable.",
+    )(command)  # fmt: skip
+
+
 @main.command()
 @click.argument("scene", type=ANY_PATH)
 @click.option("--captures", required=True, type=FOLDER, help="Folder of photographs, three at least.")
@@ -121,13 +128,7 @@ def new(
 @click.option(
     "--preset", type=click.Choice(list(PRESETS)), help="Named settings; 'paper' are the paper's own."
 )
-@click.option(
-    "--set",
-    "overrides",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="One setting, as in docs/settings.md; repeatable.",
-)
+@_settings_option
 @click.option("--rounds", type=int, help="Refinement rounds; short for --set rounds=L.")
 @_json_progress
 @click.pass_context
@@ -195,12 +196,82 @@ def evaluate(context: click.Context, scene: Path, frozen: Path, as_json: bool) -
 @main.command()
 @click.argument("scene", type=ANY_PATH)
 @click.option("--to", "folder", required=True, type=FOLDER, help="Folder to write, made if missing.")
-def export(scene: Path, folder: Path) -> None:
+@click.option("--splats", default="", metavar=".SPZ,.GLB", help="The asset in these formats too.")
+def export(scene: Path, folder: Path, splats: str) -> None:
     """Copy SCENE's asset, collision surface and proxy to a folder other tools read."""
     from .export import export_scene
 
-    for path in export_scene(Scene.open(scene), folder):
+    suffixes = [f".{name.strip().lower().lstrip('.')}" for name in splats.split(",") if name.strip()]
+    for path in export_scene(Scene.open(scene), folder, suffixes):
         click.echo(path)
+
+
+@main.command()
+@click.argument("captures", type=ANY_PATH)
+@click.option("--out", required=True, type=ANY_PATH, help="The asset's file; its suffix is its format.")
+@click.option("--poses", type=ANY_PATH, help="As for new; by default what the folder holds.")
+@click.option("--points", type=ANY_PATH, help="PLY to start from; else the COLMAP model's, or triangulated.")
+@click.option("--steps", type=int, help="Short for --set training.steps_per_round=N.")
+@click.option("--gaussians", type=int, help="Short for --set training.max_gaussians=N.")
+@click.option("--seed", type=int, help="Short for --set seed=N.")
+@_settings_option
+@click.option("--frozen", type=ANY_PATH, help="cameras.json with a 'frozen' list to score on.")
+@click.option("--hold-out", type=int, metavar="K", help="Score on every K-th image, and do not train on it.")
+@click.option("--json", "as_object", is_flag=True, help="The result as one JSON object.")
+@_json_progress
+@click.pass_context
+def train(context: click.Context, overrides: tuple[str, ...], as_object: bool, as_json: bool, **given: Any):
+    """Train splats on the photographs CAPTURES alone: no scene, no robot."""
+    from .splat_training import settings_of, train_on_photographs
+
+    progress = _progress(context, as_json)
+    short = {"training.steps_per_round": "steps", "training.max_gaussians": "gaussians", "seed": "seed"}
+    shorts = {key: value for key, name in short.items() if (value := given.pop(name)) is not None}
+    settings = settings_of({**_overrides(overrides), **shorts})
+    trained = train_on_photographs(**given, settings=settings, progress=progress)
+    if as_object and not as_json:
+        click.echo(json.dumps(trained.to_json(), indent=1))
+    elif as_json:
+        _tell(progress, **trained.to_json())
+    else:
+        click.echo(trained.line())
+
+
+@main.command()
+@click.argument("source", metavar="IN", type=ANY_PATH)
+@click.argument("target", metavar="OUT", type=ANY_PATH)
+def convert(source: Path, target: Path) -> None:
+    """Write the splats of the file IN as OUT; the suffixes say the formats."""
+    from .splats.formats import load_asset, save_asset
+
+    asset = load_asset(source)
+    save_asset(target, asset)
+    click.echo(f"{target}: {len(asset)} Gaussians of degree {asset.degree}")
+
+
+@main.group()
+def bench() -> None:
+    """Measure how fast the kernels are on this machine, and how fast they could be."""
+
+
+@bench.command("splats")
+@click.option("--gaussians", type=int, help="Gaussians of a made-up room.")
+@click.option("--asset", type=ANY_PATH, help="Splats to measure in its place, with --cameras.")
+@click.option("--cameras", type=ANY_PATH, help="cameras.json: its frozen views, or its captures.")
+@click.option("--size", metavar="WxH", help="Size of the images.")
+@click.option("--threads", type=int, help="Threads to use; all by default.")
+@click.option("--repeats", type=int, help="Times each step is measured.")
+@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
+@click.pass_context
+def bench_splats(context: click.Context, file: Path | None, **given: Any) -> None:
+    """Time rendering and a training step of splats, beside the least they could take."""
+    from .benchmarks.splats import bench_splats, lines, write_figures
+
+    chosen = {name: value for name, value in given.items() if value is not None}
+    figures = bench_splats(**chosen, progress=_progress(context, as_json=False))
+    click.echo("\n".join(lines(figures)))
+    if file is not None:
+        write_figures(file, figures)
 
 
 @main.command()

@@ -37,6 +37,8 @@ PACKAGES = (
     Package("mujoco", "mujoco", "rollouts in simulation", 60),
     Package("trimesh", "trimesh", "mesh files and repair", 10),
     Package("pillow", "PIL", "image files", 10),
+    Package("usd-core", "pxr", "USD files of splats", 210),
+    Package("zstandard", "zstandard", "SPZ files of version 4", 25),
     Package("click", "click", "the command line", 1),
     Package("rich", "rich", "progress bars", 3),
     Package("jinja2", "jinja2", "the report", 1),

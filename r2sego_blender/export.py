@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
-from .errors import SceneError
+from .errors import AssetError, SceneError
 from .geometry.proxy import GeometryProxy
 from .scene import Scene
+from .splats.formats import SUFFIXES, load_asset, save_asset
 
 
-def export_scene(scene: Scene, folder: Path) -> list[Path]:
+def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list[Path]:
     """Write the asset, the collision surface and the coloured proxy; returns what was written.
 
     ``asset.ply`` (3D Gaussians, Inria order), ``collision/`` (OBJ, STL, GLB, convex pieces
     and ``scene.xml`` for MuJoCo), ``proxy.ply`` (faces coloured by provenance) and
-    ``cameras.json`` (the captures in the world frame). Raises SceneError when the scene
-    has no result yet.
+    ``cameras.json`` (the captures in the world frame); the asset once more for each suffix in
+    ``splats``, such as ``.spz`` (docs/splat_formats.md). Raises SceneError when the scene has
+    no result yet, AssetError for a suffix that is no format of splats.
     """
+    for suffix in splats:
+        if suffix not in SUFFIXES:
+            raise AssetError(
+                f"'{suffix}' is no format of splats", where="--splats", cure=f"Use {', '.join(SUFFIXES)}."
+            )
     rounds = scene.rounds_done()
     if not scene.asset_file.is_file() or not scene.collision_folder.is_dir() or not rounds:
         raise SceneError(
@@ -31,4 +39,10 @@ def export_scene(scene: Scene, folder: Path) -> list[Path]:
     shutil.copytree(scene.collision_folder, folder / "collision", dirs_exist_ok=True)
     proxy = GeometryProxy.load(scene.round_folder(rounds - 1) / "proxy" / "proxy.npz")
     proxy.save_ply(folder / "proxy.ply")
-    return [folder / name for name in ("asset.ply", "collision", "proxy.ply", "cameras.json")]
+    written = [folder / name for name in ("asset.ply", "collision", "proxy.ply", "cameras.json")]
+    asset = load_asset(scene.asset_file) if splats else None
+    for suffix in splats:
+        if (path := folder / f"asset{suffix}") not in written:
+            save_asset(path, asset)
+            written.append(path)
+    return written

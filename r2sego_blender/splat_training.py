@@ -1,0 +1,305 @@
+"""A splat asset straight from photographs, without a scene: what ``r2sego train`` does.
+
+Photographs are imported, points triangulated or read, Gaussians put on them and trained.
+The asset stays in the frame and unit of the poses.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .benchmarks.machine import cpu_s, peak_memory_mb
+from .captures.capture import Capture
+from .captures.colmap_model import find_model
+from .captures.frozen import load_frozen_views
+from .captures.importing import Imported, import_captures
+from .captures.sparse import triangulate
+from .errors import AssetError, CaptureError, SettingsError
+from .progress import SILENT, Progress
+from .settings import Settings, with_overrides
+from .splats.asset import SplatAsset
+from .splats.formats import SUFFIXES, save_asset
+from .splats.initialization import from_points
+from .splats.observations import Observation
+from .splats.rasterizer import render
+from .splats.training import train
+
+_SECTIONS = ("captures", "training")
+_POSE_FILES = ("cameras.json", "transforms.json")
+_FEWEST_IMAGES = 2
+
+_MEDIAN_DEPTH_M = 3.0
+"""Where the poses' unit is unknown, the median point is taken to be this far away, as in a room:
+sizes of Gaussians and the nearest distance drawn are metres."""
+
+_GREY = 128
+_COLMAP_POINT = struct.Struct("<Q3d3BdQ")
+"""points3D.bin: identity, position, colour, error and length of the track, which follows."""
+_TRACK_ELEMENT_BYTES = 8
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Mean scores on views that training did not see: PSNR in dB, SSIM, and their number."""
+
+    psnr: float
+    ssim: float
+    views: int
+
+
+@dataclass(frozen=True)
+class Trained:
+    """An asset's file, in the frame of the poses, and what it took.
+
+    ``cpu_s`` are processor seconds of all threads and child processes, from import to the
+    written file; ``peak_rss_mb`` is the most memory of this process, None where unknown.
+    Scoring is in neither.
+    """
+
+    path: Path
+    gaussians: int
+    images: int
+    source: str
+    cpu_s: float
+    peak_rss_mb: float | None
+    held_out: HeldOut | None
+
+    def to_json(self) -> dict[str, Any]:
+        """The figures, JSON-ready."""
+        figures = dataclasses.asdict(self)
+        return {"asset": str(figures.pop("path")), **figures}
+
+    def line(self) -> str:
+        """The figures for a person."""
+        held, peak = self.held_out, self.peak_rss_mb
+        scored = ""
+        if held is not None:
+            scored = f", PSNR {held.psnr:.2f} dB and SSIM {held.ssim:.3f} on {held.views} held-out views"
+        memory = "" if peak is None else f", at most {peak:.0f} MB"
+        return (
+            f"{self.path}: {self.gaussians} Gaussians from {self.images} images{scored}; "
+            f"{self.cpu_s:.1f} CPU-seconds{memory}"
+        )
+
+
+def settings_of(overrides: Mapping[str, Any]) -> Settings:
+    """Settings with ``overrides``. Raises SettingsError for those that do nothing here."""
+    for key in overrides:
+        section = key.rpartition(".")[0]
+        if section not in _SECTIONS and key != "seed":
+            raise SettingsError(
+                f"'{key}' does nothing here", where="r2sego train",
+                cure=f"Give {', '.join(f'{name}.*' for name in _SECTIONS)} or seed.",
+            )  # fmt: skip
+    return with_overrides(overrides)
+
+
+def train_on_photographs(
+    captures: Path,
+    out: Path,
+    *,
+    poses: Path | None = None,
+    points: Path | None = None,
+    frozen: Path | None = None,
+    hold_out: int | None = None,
+    settings: Settings = Settings(),
+    progress: Progress = SILENT,
+) -> Trained:
+    """Train an asset on ``captures`` and write it to ``out``, in the format of its suffix.
+
+    ``captures`` is a folder of photographs, or a pose file beside them; without ``poses`` a
+    cameras.json, transforms.json or COLMAP model in the folder is taken, else poses are
+    solved. Gaussians start on the vertices of the PLY ``points``, else on the COLMAP model's
+    points, else on points triangulated from the training images. Scores are made on the
+    frozen views of the cameras.json ``frozen``, in the frame of the poses, or on every
+    ``hold_out``-th image by name, which is then not trained on.
+
+    What can be wrong is looked at before the long work. Raises AssetError for ``out``,
+    SettingsError for options that do not fit, CaptureError for photographs, poses and points.
+    """
+    started_s = cpu_s()
+    check_output(out)
+    if frozen is not None and hold_out is not None:
+        raise SettingsError(
+            "the views to score are given twice", where="r2sego train", cure="Give --frozen or --hold-out."
+        )
+    folder, poses = _folder_and_poses(captures, poses)
+    imported = import_captures(folder, poses, settings.captures, progress)
+    images, held = _split(imported.captures, hold_out)
+    if frozen is not None:
+        held = load_frozen_views(frozen)
+    if len(images) < _FEWEST_IMAGES:
+        raise CaptureError(
+            f"{len(images)} image{'s are' if len(images) != 1 else ' is'} left to train on",
+            where=folder,
+            cure="Hold out fewer, or add photographs.",
+        )
+    progress.message(f"{len(images)} images to train on: {imported.source}")
+    xyz, colours = _first_points(images, poses, points, settings, progress)
+    unit_m = _unit_m(imported, images, xyz, progress)
+
+    rng = np.random.default_rng(settings.seed)
+    to_metres = np.diag([unit_m, unit_m, unit_m, 1.0])
+    observations = [Observation(c.camera.transformed(to_metres), c.image) for c in images]
+    start = from_points(xyz * unit_m, colours, settings.training, rng)
+    steps = settings.training.steps_per_round
+    asset = train(start, observations, steps, settings.training, rng, progress)
+    save_asset(out, asset.transformed(np.linalg.inv(to_metres)))
+    taken_s, peak_mb = cpu_s() - started_s, peak_memory_mb()
+    scores = _scores(asset, [view.transformed(to_metres) for view in held], progress) if held else None
+    return Trained(out, len(asset), len(images), imported.source, taken_s, peak_mb, scores)
+
+
+def check_output(path: Path) -> None:
+    """Raise AssetError when an asset cannot be written to ``path``: its suffix or its folder."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise AssetError(
+            f"'{path.suffix}' is no format of splats", where=path, cure=f"Use one of {', '.join(SUFFIXES)}."
+        )
+    if not path.parent.is_dir():
+        raise AssetError("there is no such folder", where=path.parent, cure="Make it first.")
+
+
+def _folder_and_poses(captures: Path, poses: Path | None) -> tuple[Path, Path | None]:
+    """The folder of the photographs, and the poses given or found there."""
+    if captures.is_file() and poses is None:
+        return captures.parent, captures
+    if poses is not None or not captures.is_dir():
+        return captures, poses
+    file = next((captures / name for name in _POSE_FILES if (captures / name).is_file()), None)
+    return captures, find_model(captures) if file is None else file
+
+
+def _split(
+    captures: Sequence[Capture], hold_out: int | None
+) -> tuple[tuple[Capture, ...], tuple[Capture, ...]]:
+    """Training images and held-out ones: every ``hold_out``-th by name, beginning with the first."""
+    if hold_out is None:
+        return tuple(captures), ()
+    if hold_out < 2:
+        raise SettingsError(
+            f"every {hold_out}th image leaves none", where="--hold-out", cure="Give 2 at least; 8 is usual."
+        )
+    ordered = sorted(captures, key=lambda capture: capture.name)
+    held = tuple(ordered[::hold_out])
+    return tuple(capture for k, capture in enumerate(ordered) if k % hold_out), held
+
+
+def _first_points(
+    images: Sequence[Capture], poses: Path | None, points: Path | None, settings: Settings, progress: Progress
+) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (P, 3) float64 in the frame of the poses, and colours (P, 3) uint8."""
+    if points is not None:
+        return read_ply_points(points)
+    if poses is not None and poses.is_dir():
+        found = read_colmap_points(find_model(poses))
+        if found is not None:
+            progress.message(f"{len(found[0])} points of the COLMAP model")
+            return found
+    sparse = triangulate(images, settings.captures, progress)
+    return sparse.points, sparse.colours
+
+
+def read_ply_points(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """The vertices (P, 3) float64 of a PLY and their colours (P, 3) uint8, grey where it has none.
+
+    Raises CaptureError when the file is missing or holds no point.
+    """
+    import trimesh
+
+    try:
+        cloud = trimesh.load(path, file_type="ply", process=False)
+        xyz = np.asarray(cloud.vertices, np.float64).reshape(-1, 3)
+    except Exception as error:  # trimesh raises whatever its parser ran into
+        raise CaptureError(
+            "the points cannot be read", where=path, cure="Give a PLY file with vertices."
+        ) from error
+    colours = getattr(cloud, "colors", None) if isinstance(cloud, trimesh.PointCloud) else None
+    if colours is None and cloud.visual.kind == "vertex":
+        colours = cloud.visual.vertex_colors
+    if colours is None or len(colours) != len(xyz):
+        colours = np.full((len(xyz), 3), _GREY)
+    return _finite(xyz, np.asarray(colours, np.uint8)[:, :3], path)
+
+
+def read_colmap_points(model: Path) -> tuple[np.ndarray, np.ndarray] | None:
+    """The points (P, 3) float64 of a COLMAP model and their colours (P, 3) uint8; None if it has none.
+
+    Raises CaptureError when their file is damaged.
+    """
+    for name, parse in (("points3D.bin", _parse_binary), ("points3D.txt", _parse_text)):
+        path = model / name
+        if path.is_file():
+            try:
+                xyz, colours = parse(path)
+            except (OSError, ValueError, IndexError, struct.error) as error:
+                raise CaptureError(
+                    "the points of the COLMAP model cannot be read", where=path,
+                    cure="Export or copy the model again, or remove the file: points are then triangulated.",
+                ) from error  # fmt: skip
+            return _finite(xyz, colours, path) if len(xyz) else None
+    return None
+
+
+def _parse_binary(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    data = path.read_bytes()
+    (count,) = struct.unpack_from("<Q", data)
+    if count * _COLMAP_POINT.size > len(data):
+        raise ValueError("cut short")
+    xyz, colours = np.empty((count, 3)), np.empty((count, 3), np.uint8)
+    place = struct.calcsize("<Q")
+    for row in range(count):
+        _, *numbers, _, length = _COLMAP_POINT.unpack_from(data, place)
+        xyz[row], colours[row] = numbers[:3], numbers[3:]
+        place += _COLMAP_POINT.size + _TRACK_ELEMENT_BYTES * length
+    if place > len(data):
+        raise ValueError("cut short")
+    return xyz, colours
+
+
+def _parse_text(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    lines = (line.strip() for line in path.read_text(encoding="utf-8").splitlines())
+    rows = [line.split(maxsplit=7)[1:7] for line in lines if line and not line.startswith("#")]
+    values = np.array(rows, np.float64).reshape(-1, 6)
+    return values[:, :3], np.clip(values[:, 3:], 0, 255).astype(np.uint8)
+
+
+def _finite(xyz: np.ndarray, colours: np.ndarray, path: Path) -> tuple[np.ndarray, np.ndarray]:
+    kept = np.isfinite(xyz).all(axis=1)
+    if not kept.any():
+        raise CaptureError("there is no point in the file", where=path, cure="Give one with points.")
+    return xyz[kept], colours[kept]
+
+
+def _unit_m(imported: Imported, images: Sequence[Capture], xyz: np.ndarray, progress: Progress) -> float:
+    """Metres of the poses' unit; assumed where they are not metric. Some point must be in view."""
+    depths = []
+    for capture in images:
+        pixels, depth = capture.camera.project(xyz)
+        depths.append(depth[capture.camera.sees(pixels, depth)])
+    seen = np.concatenate(depths)
+    if not len(seen):
+        raise CaptureError(
+            "no image sees a point", where="points", cure="Give points in the frame of the poses."
+        )
+    if imported.metric:
+        return 1.0
+    progress.message("the poses' unit is unknown: lengths are taken for those of a room while training")
+    return float(_MEDIAN_DEPTH_M / np.median(seen))
+
+
+def _scores(asset: SplatAsset, views: Sequence[Capture], progress: Progress) -> HeldOut:
+    """As ``r2sego evaluate`` scores."""
+    from .evaluation.frozen import score
+
+    found = score(
+        lambda camera: render(asset, camera).colour, views, progress=progress, title="Scoring held-out views"
+    )
+    return HeldOut(found.psnr, found.ssim, len(views))

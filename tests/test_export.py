@@ -1,0 +1,54 @@
+"""Exporting a finished scene: every file it names is there, in the formats that were asked for."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from r2sego_blender.benchmarks.workloads import made_up_room
+from r2sego_blender.errors import AssetError
+from r2sego_blender.export import export_scene
+from r2sego_blender.geometry.proxy import GeometryProxy
+from r2sego_blender.scene import Declaration, Scene
+from r2sego_blender.splats.formats import load_asset, save_asset
+
+IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
+PLAIN = ["asset.ply", "collision", "proxy.ply", "cameras.json"]
+
+
+@pytest.fixture
+def scene(tmp_path) -> Scene:
+    """As much of a refined scene as exporting reads."""
+
+    def fill(folder: Path) -> None:
+        for name in ("captures", "collision", "rounds/0/proxy"):
+            (folder / name).mkdir(parents=True)
+        (folder / "captures" / "cameras.json").write_text("{}")
+        (folder / "collision" / "mesh.obj").write_text("v 0 0 0\n")
+        for name in ("asset.ply", "rounds/0/asset.ply"):
+            save_asset(folder / name, made_up_room(200, (64, 48)).asset)
+        proxy = GeometryProxy(
+            np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32), np.zeros(1, np.uint8),
+            np.ones(1, np.uint16), np.ones(1, np.float32),
+        )  # fmt: skip
+        proxy.save(folder / "rounds/0/proxy/proxy.npz")
+
+    declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
+    return Scene.create(tmp_path / "room.r2s", declaration, fill)
+
+
+def test_a_scene_is_exported_as_before_when_no_format_is_named(scene, tmp_path):
+    written = export_scene(scene, tmp_path / "out")
+    assert [path.name for path in written] == PLAIN and all(path.exists() for path in written)
+
+
+def test_the_asset_is_written_in_every_format_asked_for_once(scene, tmp_path):
+    written = export_scene(scene, tmp_path / "out", [".spz", ".glb", ".ply", ".spz"])
+    assert [path.name for path in written] == [*PLAIN, "asset.spz", "asset.glb"]
+    assert all(len(load_asset(path)) == 200 for path in written if path.stem == "asset")
+
+
+def test_an_unknown_format_is_refused_before_anything_is_written(scene, tmp_path):
+    with pytest.raises(AssetError, match=r"\.obj.*\.spz"):
+        export_scene(scene, tmp_path / "out", [".spz", ".obj"])
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,216 @@
+"""Splats from photographs alone: where points come from, what frame and unit, what is held out."""
+
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from r2sego_blender.benchmarks.workloads import made_up_room
+from r2sego_blender.cameras import look_at
+from r2sego_blender.captures.cameras_json import save_cameras_json
+from r2sego_blender.captures.capture import Capture
+from r2sego_blender.captures.colmap_model import save_colmap_model
+from r2sego_blender.captures.sparse import SparsePoints
+from r2sego_blender.errors import AssetError, CaptureError, SettingsError
+from r2sego_blender.images import save_image
+from r2sego_blender.settings import with_overrides
+from r2sego_blender.splat_training import (
+    check_output,
+    read_colmap_points,
+    read_ply_points,
+    settings_of,
+    train_on_photographs,
+)
+from r2sego_blender.splats.formats import load_asset
+from r2sego_blender.splats.rasterizer import render
+
+SETTINGS = with_overrides({"training.steps_per_round": 60, "training.sh_degree": 1})
+ROOM = made_up_room(1500, (96, 72))
+
+
+def captures_in(folder: Path, unit_m: float = 1.0, count: int = 6) -> list[Capture]:
+    """Renderings of the room from places a step apart; the poses' unit is ``unit_m`` metres."""
+    folder.mkdir(parents=True, exist_ok=True)
+    captures = []
+    for index in range(count):
+        camera = ROOM.views[0].camera.at(look_at(np.array([-1.5 + 0.25 * index, 1.6, 1.5]), (0.6, -0.5, 0.8)))
+        path = folder / f"photo{index}.png"
+        save_image(path, render(ROOM.asset, camera).colour)
+        scale = np.diag([1.0 / unit_m] * 3 + [1.0])
+        captures.append(Capture(path.name, path, camera.transformed(scale)))
+    return captures
+
+
+def room_points(unit_m: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    colours = np.clip(ROOM.asset.base_colours * 255.0, 0, 255).astype(np.uint8)
+    return ROOM.asset.means.astype(np.float64) / unit_m, colours
+
+
+def sparse_points(captures: int) -> SparsePoints:
+    points, colours = room_points()
+    seen = np.ones((len(points), captures), bool)
+    pixels = np.zeros((len(points), captures, 2), np.float32)
+    return SparsePoints(points, colours, seen, np.ones(len(points)), pixels)
+
+
+def write_points(path: Path, unit_m: float = 1.0) -> Path:
+    trimesh.PointCloud(*room_points(unit_m)).export(path)
+    return path
+
+
+@pytest.fixture
+def photographs(tmp_path) -> Path:
+    """A folder with photographs, their metric poses and a PLY of points."""
+    save_cameras_json(tmp_path / "cameras.json", captures_in(tmp_path))
+    write_points(tmp_path / "points.ply")
+    return tmp_path
+
+
+def test_held_out_images_are_predicted(photographs):
+    out, points = photographs / "asset.ply", photographs / "points.ply"
+    short = with_overrides({"training.steps_per_round": 1}, SETTINGS)
+    begun = train_on_photographs(photographs, out, points=points, hold_out=3, settings=short)
+    trained = train_on_photographs(photographs, out, points=points, hold_out=3, settings=SETTINGS)
+    assert (trained.images, trained.held_out.views, trained.gaussians) == (4, 2, 1500)
+    assert trained.held_out.psnr > begun.held_out.psnr + 3.0
+    assert trained.cpu_s > 0 and trained.source == "cameras.json"
+    assert json.loads(json.dumps(trained.to_json()))["gaussians"] == len(load_asset(out))
+    assert "PSNR" in trained.line() and "1500 Gaussians from 4 images" in trained.line()
+
+
+def test_frozen_views_are_scored_and_the_same_seed_gives_the_same_file(photographs):
+    captures = captures_in(photographs)
+    save_cameras_json(photographs / "frozen.json", captures[:3], frozen=captures[3:])
+    results = []
+    for name in ("a.ply", "b.ply"):
+        trained = train_on_photographs(
+            photographs / "frozen.json", photographs / name, points=photographs / "points.ply",
+            frozen=photographs / "frozen.json", settings=SETTINGS,
+        )  # fmt: skip
+        assert (trained.images, trained.held_out.views) == (3, 3)
+        results.append((photographs / name).read_bytes())
+    assert results[0] == results[1]
+
+
+def test_the_asset_is_in_the_frame_and_unit_of_the_poses(tmp_path):
+    """Poses of unknown unit: the same room in another unit gives the same asset in that unit."""
+    assets = []
+    for unit_m in (1.0, 20.0):
+        folder = tmp_path / f"unit{unit_m}"
+        save_cameras_json(folder / "cameras.json", captures_in(folder, unit_m), metric=False)
+        points = write_points(folder / "points.ply", unit_m)
+        train_on_photographs(folder, folder / "asset.ply", points=points, settings=SETTINGS)
+        assets.append(load_asset(folder / "asset.ply"))
+    metres, coarse = assets
+    np.testing.assert_allclose(coarse.means * 20.0, metres.means, atol=2e-2)
+    np.testing.assert_allclose(coarse.log_scales + np.log(20.0), metres.log_scales, atol=0.1)
+    assert np.abs(metres.means - ROOM.asset.means).max() < 0.5
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_points_come_from_the_colmap_model(tmp_path, binary):
+    captures = captures_in(tmp_path / "images")
+    model = tmp_path / "sparse" / "0"
+    save_colmap_model(model, captures, sparse_points(len(captures)))
+    if binary:
+        (model / "points3D.txt").rename(tmp_path / "points3D.txt")
+        write_binary(model / "points3D.bin", *room_points())
+    points, colours = read_colmap_points(model)
+    np.testing.assert_allclose(points, room_points()[0])
+    np.testing.assert_array_equal(colours, room_points()[1])
+    trained = train_on_photographs(tmp_path, tmp_path / "asset.spz", settings=SETTINGS)
+    assert trained.source == "COLMAP model" and trained.gaussians == 1500
+
+
+def write_binary(path: Path, points: np.ndarray, colours: np.ndarray) -> None:
+    records = [
+        struct.pack("<Q3d3BdQ2i", row, *point, *colour, 0.5, 1, 1, row)
+        for row, (point, colour) in enumerate(zip(points, colours, strict=True))
+    ]
+    path.write_bytes(struct.pack("<Q", len(records)) + b"".join(records))
+
+
+def test_a_model_without_points_has_none(tmp_path):
+    save_colmap_model(tmp_path, captures_in(tmp_path / "images"), None)
+    assert read_colmap_points(tmp_path) is None
+    (tmp_path / "points3D.txt").unlink()
+    assert read_colmap_points(tmp_path) is None
+
+
+@pytest.mark.parametrize("cut", [4, 8 + 30, 8 + 59 * 1000 + 20])
+def test_damaged_points_of_a_model_are_named(tmp_path, cut):
+    path = tmp_path / "points3D.bin"
+    write_binary(path, *room_points())
+    path.write_bytes(path.read_bytes()[:cut])
+    with pytest.raises(CaptureError, match=r"points3D\.bin"):
+        read_colmap_points(tmp_path)
+
+
+def test_a_count_that_cannot_be_takes_no_memory(tmp_path):
+    (tmp_path / "points3D.bin").write_bytes(struct.pack("<Q", 1 << 60) + bytes(100))
+    with pytest.raises(CaptureError, match=r"points3D\.bin"):
+        read_colmap_points(tmp_path)
+
+
+def test_points_of_a_ply_with_and_without_colours(tmp_path):
+    points, colours = read_ply_points(write_points(tmp_path / "points.ply"))
+    np.testing.assert_allclose(points, room_points()[0], atol=1e-6)
+    np.testing.assert_array_equal(colours, room_points()[1])
+
+    trimesh.PointCloud(room_points()[0]).export(tmp_path / "bare.ply")
+    assert (read_ply_points(tmp_path / "bare.ply")[1] == 128).all()
+
+    box = trimesh.creation.box()
+    box.visual.vertex_colors = np.tile([200, 100, 50, 255], (len(box.vertices), 1))
+    box.export(tmp_path / "box.ply")
+    points, colours = read_ply_points(tmp_path / "box.ply")
+    assert len(points) == 8 and (colours == [200, 100, 50]).all()
+
+
+@pytest.mark.parametrize("content", [b"", b"no ply", b"ply\nformat ascii 1.0\nend_header\n"])
+def test_a_ply_without_points_is_named(tmp_path, content):
+    (tmp_path / "points.ply").write_bytes(content)
+    with pytest.raises(CaptureError, match=r"points\.ply"):
+        read_ply_points(tmp_path / "points.ply")
+
+
+def test_points_of_another_place_are_refused(photographs):
+    trimesh.PointCloud(room_points()[0] + 1000.0).export(photographs / "far.ply")
+    with pytest.raises(CaptureError, match="frame of the poses"):
+        train_on_photographs(
+            photographs, photographs / "a.ply", points=photographs / "far.ply", settings=SETTINGS
+        )
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"hold_out": 1}, "2 at least"),
+        ({"hold_out": 2, "frozen": Path("cameras.json")}, "twice"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(photographs, options, words):
+    with pytest.raises(SettingsError, match=words):
+        train_on_photographs(photographs, photographs / "a.ply", settings=SETTINGS, **options)
+
+
+def test_too_few_images_to_train_on_are_said(tmp_path):
+    save_cameras_json(tmp_path / "cameras.json", captures_in(tmp_path, count=3))
+    with pytest.raises(CaptureError, match="1 image is left"):
+        train_on_photographs(tmp_path, tmp_path / "a.ply", hold_out=2, settings=SETTINGS)
+
+
+def test_an_output_that_cannot_be_written_is_said_at_once(tmp_path):
+    with pytest.raises(AssetError, match=r"\.splat, \.spz"):
+        check_output(tmp_path / "asset.obj")
+    with pytest.raises(AssetError, match="nowhere"):
+        check_output(tmp_path / "nowhere" / "asset.ply")
+
+
+def test_settings_that_do_nothing_here_are_refused():
+    assert settings_of({"training.max_gaussians": "5000", "seed": 3}).seed == 3
+    with pytest.raises(SettingsError, match="does nothing"):
+        settings_of({"rounds": 2})
