@@ -47,6 +47,9 @@ _TINIEST_SQUARE = 1e-30  # added to the second moment, where torch adds 1e-15 to
 _LOG2_BETA_1, _LOG2_BETA_2 = math.log2(BETA_1), math.log2(BETA_2)
 _SHORT = 0.05  # below this, 1 - 2^-x is taken from its series: the difference would lose digits
 
+_LARGEST_TURN = 1e12
+"""Harmonics that pull a direction more than this are absurd: their gradient would overflow."""
+
 _EXPONENT_SCALE = 8.0 * math.log(2.0)
 """dalpha / alpha for the exponent's eighth."""
 
@@ -165,6 +168,7 @@ def _write_gradients(
         with code.when(degree >= band):
             for k in range(band**2, (band + 1) ** 2):
                 weight = dot(shown, [parameter(code, chunk, HARMONICS + 3 * k + j) for j in range(3)])
+                weight = code.select(code.absolute(weight) < _LARGEST_TURN, weight, 0.0)
                 for turn, slope in zip(turns, slopes[k], strict=True):
                     if slope is not None:
                         turn.add(weight * slope)
