@@ -15,6 +15,7 @@ and gradient, so that nothing need be stored for each pixel and Gaussian.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numba import get_thread_id
@@ -41,6 +42,7 @@ from .vectors import (
     VECTOR_BYTES,
     Code,
     Value,
+    Variable,
     aligned,
     flush_denormals,
     restore_denormals,
@@ -118,11 +120,12 @@ def _fetch(
 class _Splat:
     """A fetched record and its alpha at a block."""
 
-    def __init__(self, code: Code, table: Value, record: Value, depth: bool) -> None:
+    def __init__(self, code: Code, state: Value, table: Value, record: Value, depth: bool) -> None:
         def field(place: int) -> Value:
             return code.spread(code.load_float(record + 4 * place))
 
-        self.code, self.table = code, table
+        self.code, self.state, self.table = code, state, table
+        self.opacity_eighth = code.load_float(record + 4 * EIGHTH)
         self.e0, self.f0 = field(U), field(V)
         self.a, self.b, self.c, self.eighth = map(field, (FACTOR_A, FACTOR_B, FACTOR_C, EIGHTH))
         self.colour = [field(RED + k) for k in range(3)] + ([field(DEPTH)] if depth else [])
@@ -130,15 +133,25 @@ class _Splat:
     def constant(self, place: int) -> Value:
         return self.code.spread(self.code.load_float(self.table + 4 * place))
 
-    def at(self, place: Value, transmittance: Value) -> tuple[Value, ...]:
-        """e, f, the exponent's eighth, alpha (at most 0.99), and whether it counts."""
+    def visit(self, blocks: Value, write: Callable[[Value, bool], None]) -> None:
+        """``write(state, held)`` for each block's state; most Gaussians need not be held."""
+        can_be_large = self.opacity_eighth >= self.code.float(_EIGHTH_LARGEST)
+        for held, condition in ((True, can_be_large), (False, can_be_large.equals(False))):
+            with self.code.when(condition), self.code.loop_bits(blocks) as block:
+                write(self.state + block * _BLOCK_BYTES, held)
+
+    def at(self, place: Value, transmittance: Value, held: bool) -> tuple[Value, ...]:
+        """e, f, the exponent's eighth, alpha, and whether it counts.
+
+        Only where ``held`` alpha can pass 0.99 and is held there.
+        """
         code = self.code
         x, y = (code.load(place + plane * VECTOR_BYTES) for plane in (_X, _Y))
         e = code.fma(self.a, x, code.fma(self.b, y, self.e0))
         f = code.fma(self.c, y, self.f0)
         exponent = code.fma(-e, e, code.fma(-f, f, self.eighth))
         power = code.exp2_small(exponent, [self.constant(k) for k in range(6)])
-        alpha = code.minimum(power, self.constant(_LARGEST))
+        alpha = code.minimum(power, self.constant(_LARGEST)) if held else power
         counts = exponent >= self.constant(_EIGHTH_SMALLEST_AT)
         return e, f, exponent, alpha, counts & (transmittance > self.constant(_FINISHED_AT))
 
@@ -146,16 +159,18 @@ class _Splat:
 def _write_blend(code: Code, depth: bool, *arguments: Value) -> None:
     state, table, batch, masks, count, alive = arguments
     with code.loop(count) as i:
-        splat = _Splat(code, table, batch + i * RECORD_BYTES, depth)
-        with code.loop_bits(code.load_long(masks + 8 * i) & alive) as block:
-            plane = state + block * _BLOCK_BYTES
+        splat = _Splat(code, state, table, batch + i * RECORD_BYTES, depth)
+
+        def write(plane: Value, held: bool, splat: _Splat = splat) -> None:
             transmittance = code.load(plane)
-            *_, alpha, counts = splat.at(plane, transmittance)
+            *_, alpha, counts = splat.at(plane, transmittance, held)
             weight = code.select(counts, alpha * transmittance, 0.0)
             code.store(plane, transmittance - weight)
             for k, colour in enumerate(splat.colour):
                 place = plane + (_SUMS + k) * VECTOR_BYTES
                 code.store(place, code.fma(weight, colour, code.load(place)))
+
+        splat.visit(code.load_long(masks + 8 * i) & alive, write)
 
 
 def _write_blend_backward(code: Code, depth: bool, *arguments: Value) -> None:
@@ -163,13 +178,12 @@ def _write_blend_backward(code: Code, depth: bool, *arguments: Value) -> None:
     channels = 4 if depth else 3
     zero = code.vector(0.0)
     with code.loop(count) as i:
-        splat = _Splat(code, table, batch + i * RECORD_BYTES, depth)
+        splat = _Splat(code, state, table, batch + i * RECORD_BYTES, depth)
         sums = [code.variable(zero) for _ in range(6 + channels)]
-        blocks = code.load_long(masks + 8 * i) & alive
-        with code.loop_bits(blocks) as block:
-            plane = state + block * _BLOCK_BYTES
+
+        def write(plane: Value, held: bool, splat: _Splat = splat, sums: list[Variable] = sums) -> None:
             transmittance = code.load(plane)
-            e, f, exponent, alpha, counts = splat.at(plane, transmittance)
+            e, f, exponent, alpha, counts = splat.at(plane, transmittance, held)
             alpha = code.select(counts, alpha, 0.0)
             weight = alpha * transmittance
             upstream = [code.load(plane + (_UPSTREAM + k) * VECTOR_BYTES) for k in range(channels)]
@@ -181,12 +195,16 @@ def _write_blend_backward(code: Code, depth: bool, *arguments: Value) -> None:
             code.store(plane, transmittance - weight)
             behind = code.quotient(rest, splat.constant(_ONE) - alpha)
             gradient = alpha * (transmittance * shade - behind)
-            gradient = code.select(exponent < splat.constant(_EIGHTH_LARGEST_AT), gradient, 0.0)
+            if held:
+                gradient = code.select(exponent < splat.constant(_EIGHTH_LARGEST_AT), gradient, 0.0)
             along_e, along_f = gradient * e, gradient * f
             terms = [gradient, along_e, along_f, along_e * e, along_e * f, along_f * f]
             terms += [weight * g for g in upstream]
             for total, term in zip(sums, terms, strict=True):
                 total.add(term)
+
+        blocks = code.load_long(masks + 8 * i) & alive
+        splat.visit(blocks, write)
         entry = code.load_long(order + 8 * i) & 0xFFFFFFFF
         slot = slots + entry * SLOT_BYTES
         code.store(slot, code.sums([total.get() for total in sums]))

@@ -34,6 +34,16 @@ NEAREST_M = 0.2
 DILATION_PX2 = 0.3
 """Added to the screen-space variances, as in 3DGS."""
 
+
+def reduced_dilation_px2(factor: float) -> float:
+    """The dilation for an image with ``factor`` times the pixels a side that shows the same.
+
+    An image made smaller by averaging shows the full one's splats, whose dilation is smaller
+    in its pixels, under a box of one of its pixels less a box of one of the full image's.
+    """
+    return DILATION_PX2 * factor**2 + (1.0 - factor**2) / 12.0
+
+
 SMALLEST_ALPHA = 1.0 / 255.0
 LARGEST_ALPHA = 0.99
 
@@ -55,11 +65,11 @@ _LARGEST_COLOUR = 1e4
 # focal lengths, principal point, size, and the bounds of x/z and y/z beyond which the
 # linearised projection is held (as in 3DGS: 30 % of the field of view outside the image).
 _TRANSLATION, _CENTRE, _FX, _FY, _CX, _CY, WIDTH, HEIGHT, _BOUNDS = 9, 12, 15, 16, 17, 18, 19, 20, 21
-_LENS_SIZE = 25
+_DILATION, _LENS_SIZE = 25, 26
 
 
-def lens_of(camera: Camera) -> np.ndarray:
-    """The camera as the (25,) float32 array the kernels read."""
+def lens_of(camera: Camera, dilation_px2: float = DILATION_PX2) -> np.ndarray:
+    """The camera as the (26,) float32 array the kernels read."""
     transform = camera.camera_from_world
     margin_x = 0.15 * camera.width / camera.fx
     margin_y = 0.15 * camera.height / camera.fy
@@ -71,6 +81,7 @@ def lens_of(camera: Camera) -> np.ndarray:
             [camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height],
             [-camera.cx / camera.fx - margin_x, (camera.width - camera.cx) / camera.fx + margin_x],
             [-camera.cy / camera.fy - margin_y, (camera.height - camera.cy) / camera.fy + margin_y],
+            [dilation_px2],
         ]
     ).astype(np.float32)
 
@@ -157,12 +168,13 @@ def ellipsoid_on_screen(code: Code, lens: Lens, chunk: Value, at: SimpleNamespac
     row_y = [jacobian_y * (axis[1] - held_y * axis[2]) for axis in axes]
     xx, yy, normal = dot(row_x, row_x), dot(row_y, row_y), cross(row_x, row_y)
     # xx yy - xy xy of long thin Gaussians would lose its digits; Lagrange's identity does not.
-    determinant = dot(normal, normal) + DILATION_PX2 * (xx + yy) + DILATION_PX2**2
+    dilation = lens[_DILATION]
+    determinant = dot(normal, normal) + dilation * (xx + yy) + dilation * dilation
     return SimpleNamespace(
         scales=scales, free=free, quaternion=(w, x, y, z), inverse_norm=inverse_norm,
         has_length=length2 > 2.0 * _TINY, rotation=rotation, axes=axes, held_x=held_x, held_y=held_y,
         jacobian_x=jacobian_x, jacobian_y=jacobian_y, row_x=row_x, row_y=row_y,
-        xx=xx + DILATION_PX2, xy=dot(row_x, row_y), yy=yy + DILATION_PX2, determinant=determinant,
+        xx=xx + dilation, xy=dot(row_x, row_y), yy=yy + dilation, determinant=determinant,
     )  # fmt: skip
 
 

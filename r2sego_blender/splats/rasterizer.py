@@ -34,7 +34,7 @@ from .compositing import (
     composite_backward,
 )
 from .packing import PackedGaussians, unpack
-from .projection import RECORD_BYTES, RED, lens_of, project
+from .projection import DILATION_PX2, RECORD_BYTES, RED, lens_of, project
 from .projection_gradient import GATHER_BYTES, POSE_SUMS, project_backward, project_backward_adam
 from .vectors import LANES, aligned
 
@@ -173,16 +173,18 @@ class Rasterizer:
         degree: int = 3,
         with_depth: bool = True,
         colours: np.ndarray | None = None,
+        dilation_px2: float = DILATION_PX2,
     ) -> None:
         """Render, with harmonics up to ``degree`` or as many as there are.
 
-        ``colours`` (N, 3), in the asset's order, of any finite value, stand in for the
-        Gaussians' own; the gradient of such an image is not to be asked for.
+        ``dilation_px2`` is added to the variances on the screen. ``colours`` (N, 3), in the
+        asset's order, of any finite value, stand in for the Gaussians' own; the gradient of
+        such an image is not to be asked for.
         """
         self._reserve(len(gaussians.values), camera.shape)
         self._gaussians, self._camera, self._with_depth = gaussians, camera, with_depth
         self._degree = min(degree, round(gaussians.coefficients**0.5) - 1)
-        lens = lens_of(camera)
+        lens = lens_of(camera, dilation_px2)
         self._lens[: len(lens)] = lens
         values, visible = gaussians.values, self._visible[: len(gaussians.values)]
         project(

@@ -23,6 +23,7 @@ from .loss import PhotometricLoss
 from .observations import Observation, Target, TargetCache
 from .packing import HARMONICS, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION, PackedGaussians, rows_of
 from .population import Population
+from .projection import reduced_dilation_px2
 from .rasterizer import Rasterizer
 from .supervision import depth_gradients
 from .vectors import aligned_copy
@@ -151,7 +152,10 @@ class _Trainer:
         background = _BLACK if target.background is None else target.background
         geometry = target.depth is not None and max(settings.depth_weight, settings.normal_weight) > 0.0
         gaussians = self._population.gaussians
-        rasterizer.forward(gaussians, camera, background, stage.degree, with_depth=geometry)
+        rasterizer.forward(
+            gaussians, camera, background, stage.degree, with_depth=geometry,
+            dilation_px2=reduced_dilation_px2(stage.resolution),
+        )  # fmt: skip
         loss = self._compare(target, self._observations[index].weight, correction)
         with_alpha = self._supervise(target, self._observations[index].weight, geometry)
         count = max(len(gaussians), 1)
