@@ -135,6 +135,15 @@ def rasterize(
     return image, 1 - transmittance, torch.einsum("nhw,n->hw", weight, screen.depth)
 
 
+def twisted(camera: Camera, twist: torch.Tensor) -> torch.Tensor:
+    """exp(w, t) camera_from_world for a twist (6,) of rotation w and translation t."""
+    x, y, z, *shift = twist.unbind()
+    zero = torch.zeros_like(x)
+    rows = [[zero, -z, y, shift[0]], [z, zero, -x, shift[1]], [-y, x, zero, shift[2]], [zero] * 4]
+    generator = torch.stack([torch.stack(row) for row in rows])
+    return torch.linalg.matrix_exp(generator) @ torch.from_numpy(camera.camera_from_world)
+
+
 def random_asset(rng: np.random.Generator, count: int = 60, degree: int = 3) -> SplatAsset:
     """Gaussians of all sizes and shapes in front of, beside and behind ``small_camera``."""
     return SplatAsset(
@@ -185,11 +194,13 @@ _KINDS = {  # ranges of the logarithms of the three scales
 
 
 @st.composite
-def scenes(draw: st.DrawFn, most: int = 40, largest_px: int = 70) -> tuple[SplatAsset, Camera]:
+def scenes(
+    draw: st.DrawFn, most: int = 40, largest_px: int = 70, kinds: tuple[str, ...] = tuple(_KINDS)
+) -> tuple[SplatAsset, Camera]:
     """A camera, and Gaussians of one of several kinds in front of, beside and behind it."""
     camera, rng = draw(cameras(largest_px)), np.random.default_rng(draw(st.integers(0, 10**6)))
     asset = random_asset(rng, draw(st.integers(0, most)), draw(st.integers(0, 3)))
-    low, high = np.transpose(_KINDS[draw(st.sampled_from(list(_KINDS)))])
+    low, high = np.transpose(_KINDS[draw(st.sampled_from(kinds))])
     asset.log_scales[:] = rng.uniform(low, high, (len(asset), 3))
     pose = camera.world_from_camera
     asset.means[:] = asset.means @ pose[:3, :3].T + pose[:3, 3]
