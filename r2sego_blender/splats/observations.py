@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -91,8 +91,8 @@ class Target:
 
     @property
     def size_bytes(self) -> int:
-        arrays = (self.image, self.weights, self.background, self.opaque, self.depth, self.normals)
-        return sum(array.nbytes for array in arrays if array is not None)
+        arrays = (getattr(self, field.name) for field in fields(self))
+        return sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
 
     @staticmethod
     def of(view: Observation, factor: float) -> Target:
