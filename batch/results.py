@@ -11,10 +11,10 @@ from __future__ import annotations
 import datetime
 import json
 import os
-import platform
 import sys
 from pathlib import Path
 
+from r2sego_blender.benchmarks.machine import processor
 from r2sego_blender.scene import Scene
 
 README = Path(__file__).resolve().parents[1] / "README.md"
@@ -36,15 +36,6 @@ def row(scene: Scene) -> str:
         f"| {name} | {len(captures)} | {views} | {' | '.join(scores)} | {gain:+.2f} "
         f"| `--preset {settings.preset}{changed}` |"
     )
-
-
-def processor() -> str:
-    """The processor's name as the system tells it."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        return next(line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor() or platform.machine()
 
 
 def table(scenes: list[Scene]) -> str:

@@ -23,7 +23,7 @@ from . import __version__
 from .errors import R2SEgoError, SettingsError
 from .progress import JsonProgress, Progress, TerminalProgress
 from .scene import Scene
-from .settings import PRESETS
+from .settings import PRESETS, VANILLA_3DGS
 
 FOLDER = click.Path(file_okay=False, path_type=Path)
 ANY_PATH = click.Path(path_type=Path)
@@ -215,19 +215,28 @@ def export(scene: Path, folder: Path, splats: str) -> None:
 @click.option("--gaussians", type=int, help="Short for --set training.max_gaussians=N.")
 @click.option("--seed", type=int, help="Short for --set seed=N.")
 @_settings_option
+@click.option("--vanilla", is_flag=True, help="The original 3DGS: its settings and densification.")
 @click.option("--frozen", type=ANY_PATH, help="cameras.json with a 'frozen' list to score on.")
 @click.option("--hold-out", type=int, metavar="K", help="Score on every K-th image, and do not train on it.")
 @click.option("--json", "as_object", is_flag=True, help="The result as one JSON object.")
 @_json_progress
 @click.pass_context
-def train(context: click.Context, overrides: tuple[str, ...], as_object: bool, as_json: bool, **given: Any):
+def train(
+    context: click.Context,
+    overrides: tuple[str, ...],
+    vanilla: bool,
+    as_object: bool,
+    as_json: bool,
+    **given: Any,
+) -> None:
     """Train splats on the photographs CAPTURES alone: no scene, no robot."""
     from .splat_training import settings_of, train_on_photographs
 
     progress = _progress(context, as_json)
     short = {"training.steps_per_round": "steps", "training.max_gaussians": "gaussians", "seed": "seed"}
     shorts = {key: value for key, name in short.items() if (value := given.pop(name)) is not None}
-    settings = settings_of({**_overrides(overrides), **shorts})
+    original = {f"training.{key}": value for key, value in VANILLA_3DGS.items()} if vanilla else {}
+    settings = settings_of({**original, **_overrides(overrides), **shorts})
     trained = train_on_photographs(**given, settings=settings, progress=progress)
     if as_object and not as_json:
         click.echo(json.dumps(trained.to_json(), indent=1))

@@ -7,7 +7,6 @@ The asset stays in the frame and unit of the poses.
 from __future__ import annotations
 
 import dataclasses
-import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ import numpy as np
 from .benchmarks.machine import cpu_s, peak_memory_mb
 from .captures.capture import Capture
 from .captures.colmap_model import find_model
+from .captures.colmap_points import read_colmap_points
 from .captures.frozen import load_frozen_views
 from .captures.importing import Imported, import_captures
 from .captures.sparse import triangulate
@@ -40,9 +40,6 @@ _MEDIAN_DEPTH_M = 3.0
 sizes of Gaussians and the nearest distance drawn are metres."""
 
 _GREY = 128
-_COLMAP_POINT = struct.Struct("<Q3d3BdQ")
-"""points3D.bin: identity, position, colour, error and length of the track, which follows."""
-_TRACK_ELEMENT_BYTES = 8
 
 
 @dataclass(frozen=True)
@@ -227,48 +224,6 @@ def read_ply_points(path: Path) -> tuple[np.ndarray, np.ndarray]:
     if colours is None or len(colours) != len(xyz):
         colours = np.full((len(xyz), 3), _GREY)
     return _finite(xyz, np.asarray(colours, np.uint8)[:, :3], path)
-
-
-def read_colmap_points(model: Path) -> tuple[np.ndarray, np.ndarray] | None:
-    """The points (P, 3) float64 of a COLMAP model and their colours (P, 3) uint8; None if it has none.
-
-    Raises CaptureError when their file is damaged.
-    """
-    for name, parse in (("points3D.bin", _parse_binary), ("points3D.txt", _parse_text)):
-        path = model / name
-        if path.is_file():
-            try:
-                xyz, colours = parse(path)
-            except (OSError, ValueError, IndexError, struct.error) as error:
-                raise CaptureError(
-                    "the points of the COLMAP model cannot be read", where=path,
-                    cure="Export or copy the model again, or remove the file: points are then triangulated.",
-                ) from error  # fmt: skip
-            return _finite(xyz, colours, path) if len(xyz) else None
-    return None
-
-
-def _parse_binary(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    data = path.read_bytes()
-    (count,) = struct.unpack_from("<Q", data)
-    if count * _COLMAP_POINT.size > len(data):
-        raise ValueError("cut short")
-    xyz, colours = np.empty((count, 3)), np.empty((count, 3), np.uint8)
-    place = struct.calcsize("<Q")
-    for row in range(count):
-        _, *numbers, _, length = _COLMAP_POINT.unpack_from(data, place)
-        xyz[row], colours[row] = numbers[:3], numbers[3:]
-        place += _COLMAP_POINT.size + _TRACK_ELEMENT_BYTES * length
-    if place > len(data):
-        raise ValueError("cut short")
-    return xyz, colours
-
-
-def _parse_text(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    lines = (line.strip() for line in path.read_text(encoding="utf-8").splitlines())
-    rows = [line.split(maxsplit=7)[1:7] for line in lines if line and not line.startswith("#")]
-    values = np.array(rows, np.float64).reshape(-1, 6)
-    return values[:, :3], np.clip(values[:, 3:], 0, 255).astype(np.uint8)
 
 
 def _finite(xyz: np.ndarray, colours: np.ndarray, path: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -13,13 +13,13 @@ from r2sego_blender.cameras import look_at
 from r2sego_blender.captures.cameras_json import save_cameras_json
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.colmap_model import save_colmap_model
+from r2sego_blender.captures.colmap_points import read_colmap_points
 from r2sego_blender.captures.sparse import SparsePoints
 from r2sego_blender.errors import AssetError, CaptureError, SettingsError
 from r2sego_blender.images import save_image
 from r2sego_blender.settings import with_overrides
 from r2sego_blender.splat_training import (
     check_output,
-    read_colmap_points,
     read_ply_points,
     settings_of,
     train_on_photographs,

@@ -43,6 +43,9 @@ ENTRY_BYTES = 16
 _SLACK_PX = 0.05
 """Blocks this near to an ellipse count as touched, so that rounding loses no pixel."""
 
+_SMALLEST_SQUARE = 1e-12
+"""Below it the ellipse's row is a point; the slack is wider. A root by an estimate needs it."""
+
 _DIGIT_BITS = 9
 _DIGITS = 1 << _DIGIT_BITS
 
@@ -91,7 +94,8 @@ def _append_entries(
             """Half the width, and the middle, of the ellipse at ``dy`` held in the row."""
             held = code.minimum(code.maximum(dy, top), bottom)
             f = held * c
-            half = code.sqrt(code.maximum(level - f * f, 0.0)) * inverse_a
+            square = code.maximum(level - f * f, _SMALLEST_SQUARE)
+            half = square * code.quotient(inverse_a, code.sqrt(square))
             return half, held * (b * inverse_a)
 
         (half_right, middle_right), (half_left, middle_left) = (
