@@ -2,7 +2,7 @@
 
 A tile's state has for each of its 64 blocks one vector of transmittances, then vectors of
 what is summed. Each entry visits the blocks it touches. A pixel is finished when its transmittance
-falls to ``_FINISHED`` or below and a block when all its pixels are; the tile ends with
+falls to ``FINISHED`` or below and a block when all its pixels are; the tile ends with
 its last block. The gradient visits the entries in the same order again: with the
 transmittance T in front of it, a Gaussian's alpha has the gradient
 
@@ -65,7 +65,9 @@ SLOT_BYTES = VECTOR_BYTES
 the gradients of red, green, blue and depth; then 1 if the entry was blended."""
 MOMENTS, BLENDED = 10, 10
 
-_FINISHED = 1e-4
+FINISHED = 1e-4
+"""A pixel whose transmittance is not above this takes no more Gaussians."""
+
 _MASK_BYTES = 8
 _EIGHTH_LARGEST = math.log2(LARGEST_ALPHA) / 8.0
 
@@ -76,7 +78,7 @@ SCRATCH_BYTES = STATE_BYTES + BATCH * (RECORD_BYTES + _MASK_BYTES)
 """What a thread needs: the planes, a batch of records, and their blocks."""
 
 
-_CONSTANTS = (*EXP2_COEFFICIENTS_BELOW_0, LARGEST_ALPHA, EIGHTH_SMALLEST, _EIGHTH_LARGEST, _FINISHED, 1.0)
+_CONSTANTS = (*EXP2_COEFFICIENTS_BELOW_0, LARGEST_ALPHA, EIGHTH_SMALLEST, _EIGHTH_LARGEST, FINISHED, 1.0)
 _LARGEST, _EIGHTH_SMALLEST_AT, _EIGHTH_LARGEST_AT, _FINISHED_AT, _ONE = range(6, 11)
 
 
@@ -246,7 +248,7 @@ def _unfinished(code: Code, state: Value) -> Value:
     """The blocks with a pixel that can still take a Gaussian, as bits."""
     alive = code.variable(code.long(0))
     with code.loop(code.long(_BLOCKS)) as block:
-        open_ = code.bits(code.load(state + block * _BLOCK_BYTES) > _FINISHED).differs(0)
+        open_ = code.bits(code.load(state + block * _BLOCK_BYTES) > FINISHED).differs(0)
         alive.set(alive.get() | (code.select(open_, code.long(1), code.long(0)) << block))
     return alive.get()
 

@@ -41,6 +41,9 @@ from .vectors import LANES, aligned
 _SPARE = 1.25
 """Arrays that must grow get this much more than is needed now."""
 
+_MOST_SIZES = 8
+"""Buffers of this many image sizes are kept, the ones used last."""
+
 Background = Sequence[float] | np.ndarray
 """What is seen where the Gaussians let light through: one colour, or an image (H, W, 3)."""
 
@@ -370,9 +373,10 @@ class Rasterizer:
             self._reserve_entries(max(self._capacity, 4 * chunks * LANES // SEGMENTS + LANES))
         if shape != self._shape:
             self._shape = shape
-            if shape not in self._frames:
-                self._frames[shape] = _Frame.of(shape)
-            self._frame = self._frames[shape]
+            self._frame = self._frames.pop(shape, None) or _Frame.of(shape)
+            self._frames[shape] = self._frame
+            if len(self._frames) > _MOST_SIZES:
+                self._frames.pop(next(iter(self._frames)))
 
     def _reserve_entries(self, capacity: int) -> None:
         self._capacity = capacity
