@@ -13,6 +13,8 @@ from scipy.spatial.transform import Rotation
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.splats.asset import SplatAsset
 
+torch.set_num_threads(1)  # the tensors are small: threads would only wait for each other
+
 
 def harmonics(d: torch.Tensor, degree: int) -> torch.Tensor:
     """(N, K) basis from the textbook's associated Legendre forms, signs as in 3DGS."""
