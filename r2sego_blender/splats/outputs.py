@@ -7,7 +7,6 @@ there is alpha times the transmittance in front of it.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
@@ -32,14 +31,17 @@ from .projection import (
     V,
 )
 from .rasterizer import SMALLEST_ALPHA, Background, Rasterizer, Rendering, TileEntries
+from .vectors import EXP2_COEFFICIENTS_BELOW_0
 
 NONE = -1
 """Number of the Gaussian, and of the instance, where nothing is seen."""
 
-_EXPONENT_SCALE = np.float32(8.0 * math.log(2.0))
+_C5, _C4, _C3, _C2, _C1, _C0 = map(np.float32, EXP2_COEFFICIENTS_BELOW_0)
 _SMALLEST_EXPONENT, _LARGEST_ALPHA = np.float32(EIGHTH_SMALLEST), np.float32(LARGEST_ALPHA)
 _FINISHED = np.float32(FINISHED)
+_NO_WEIGHT = np.float32(0.0)
 _MIDDLE = np.float32(TILE_PX / 2 - 0.5)
+_COLUMNS, _ROWS = (axis(np.arange(LANES), BLOCK_PX).astype(np.float32) for axis in (np.mod, np.floor_divide))
 
 _SHORTEST_SUM = 1e-6
 """Normals whose weighted sum is shorter than this cancel out and leave no direction."""
@@ -154,23 +156,29 @@ def _identify(
 
 
 @kernel
-def _blend(record, left, top, transmittance, weights):
+def _blend(record, left, top, columns, rows, transmittance, weights):
     """Fill a block's ``weights`` (16,) of a Gaussian; returns in how many pixels it counts.
 
-    ``left`` and ``top`` are the distance of the block's first pixel from the Gaussian's centre.
+    ``left`` and ``top`` are the distance of the block's first pixel from the Gaussian's
+    centre, ``columns`` and ``rows`` (16,) the lanes' pixels from that one. The lanes' loop
+    has no branch, so that it becomes vector code.
     """
     a, b, c, eighth = record[FACTOR_A], record[FACTOR_B], record[FACTOR_C], record[EIGHTH]
     count = 0
     for lane in range(LANES):
-        dy = top + np.float32(lane // BLOCK_PX)
-        e, f = a * (left + np.float32(lane % BLOCK_PX)) + b * dy, c * dy
+        dy = top + rows[lane]
+        e, f = a * (left + columns[lane]) + b * dy, c * dy
         exponent = eighth - e * e - f * f
-        weights[lane] = 0.0
-        if exponent >= _SMALLEST_EXPONENT and transmittance[lane] > _FINISHED:
-            alpha = min(math.exp(exponent * _EXPONENT_SCALE), _LARGEST_ALPHA)
-            weights[lane] = alpha * transmittance[lane]
-            transmittance[lane] -= weights[lane]
-            count += 1
+        power = (((_C5 * exponent + _C4) * exponent + _C3) * exponent + _C2) * exponent * exponent
+        power += _C1 * exponent + _C0
+        power *= power
+        power *= power
+        alpha = min(power * power, _LARGEST_ALPHA)
+        counts = (exponent >= _SMALLEST_EXPONENT) & (transmittance[lane] > _FINISHED)
+        weight = alpha * transmittance[lane] if counts else _NO_WEIGHT
+        weights[lane] = weight
+        transmittance[lane] -= weight
+        count += counts
     return count
 
 
@@ -207,13 +215,18 @@ def _identify_tiles(records, places, blocks, starts, tiles_x, labels, place_map,
                     # From the tile's middle: far from the image's corner digits would be lost.
                     left = np.float32(x) - _MIDDLE - (record[U] - np.float32(tile_x + TILE_PX // 2))
                     top = np.float32(y) - _MIDDLE - (record[V] - np.float32(tile_y + TILE_PX // 2))
-                    pixels[k] += _blend(record, left, top, transmittance, weights)
+                    pixels[k] += _blend(record, left, top, _COLUMNS, _ROWS, transmittance, weights)
+                    place, light = places[k], np.float32(0.0)
                     for lane in range(LANES):
-                        if weights[lane] > best[lane]:
-                            best[lane], winner[lane] = weights[lane], places[k]
-                        if len(present) > 0:
-                            sums[ranks[k - start], lane] += weights[lane]
-                    if transmittance.max() <= _FINISHED:
+                        better = weights[lane] > best[lane]
+                        best[lane] = weights[lane] if better else best[lane]
+                        winner[lane] = place if better else winner[lane]
+                        light = max(light, transmittance[lane])
+                    if len(present) > 0:
+                        total = sums[ranks[k - start]]
+                        for lane in range(LANES):
+                            total[lane] += weights[lane]
+                    if light <= _FINISHED:
                         break
             for lane in range(LANES):
                 column, row = tile_x + x + lane % BLOCK_PX, tile_y + y + lane // BLOCK_PX
