@@ -56,8 +56,9 @@ def rotations(q: torch.Tensor) -> torch.Tensor:
 
 
 def on_screen(
-    means, log_scales, quaternions, logit_opacities, sh, camera: Camera, camera_from_world=None
-) -> SimpleNamespace:
+    means, log_scales, quaternions, logit_opacities, sh, camera: Camera, camera_from_world=None,
+    dilation_px2=0.3,
+) -> SimpleNamespace:  # fmt: skip
     """The Gaussians ahead of the camera by depth: their ``number``, ``centre`` and the rest.
 
     ``camera_from_world`` (4, 4), a tensor, stands in for the camera's own.
@@ -86,7 +87,7 @@ def on_screen(
     )
     axes = rotations(quaternions[number]) * log_scales[number].exp()[:, None, :]
     screen_axes = jacobian @ transform[:3, :3] @ axes
-    covariance = screen_axes @ screen_axes.transpose(1, 2) + 0.3 * torch.eye(2, dtype=torch.float64)
+    covariance = screen_axes @ screen_axes.transpose(1, 2) + dilation_px2 * torch.eye(2, dtype=torch.float64)
     direction = means[number] + transform[:3, :3].T @ transform[:3, 3]
     direction = direction / direction.norm(dim=-1, keepdim=True)
     colour = torch.einsum("nk,nkc->nc", harmonics(direction, round(sh.shape[1] ** 0.5) - 1), sh[number]) + 0.5
@@ -127,10 +128,12 @@ def weights(screen: SimpleNamespace, camera: Camera) -> tuple[torch.Tensor, torc
 
 def rasterize(
     means, log_scales, quaternions, logit_opacities, sh, camera: Camera, background=(0.0, 0.0, 0.0),
-    camera_from_world=None,
+    camera_from_world=None, dilation_px2=0.3,
 ):  # fmt: skip
     """(colour (H, W, 3), alpha (H, W), depth sum (H, W)), differentiable, float64."""
-    screen = on_screen(means, log_scales, quaternions, logit_opacities, sh, camera, camera_from_world)
+    screen = on_screen(
+        means, log_scales, quaternions, logit_opacities, sh, camera, camera_from_world, dilation_px2
+    )
     weight, transmittance = weights(screen, camera)
     image = torch.einsum("nhw,nc->hwc", weight, screen.colour)
     image = image + transmittance[..., None] * torch.tensor(background, dtype=torch.float64)

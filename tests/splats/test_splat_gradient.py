@@ -62,7 +62,7 @@ def test_gradients_of_gaussians_larger_than_the_view(scene: tuple[SplatAsset, Ca
     upstream = upstream_of(scene[1])
     expected = expected_gradients(*scene, upstream)
     whole = max(np.linalg.norm(values) for values in expected.values())
-    assert_near(gradients_of(*scene, upstream), expected, 1e-4, 1e-4 * whole)
+    assert_near(gradients_of(*scene, upstream), expected, 1e-4, 1e-3 * whole)
 
 
 @pytest.mark.parametrize("degree", range(4))
@@ -91,6 +91,20 @@ def test_each_image_alone_gives_its_gradient() -> None:
         rasterizer.forward(PackedGaussians.of(asset), camera, BACKGROUND, with_depth=kept == 2)
         found = rasterizer.backward(one[0], *(g if k == kept else None for k, g in enumerate(one) if k))
         assert_near(found, expected, 1e-4, 1e-7)
+
+
+@pytest.mark.parametrize("dilation_px2", [0.1, 2.0])
+def test_another_dilation(dilation_px2: float) -> None:
+    asset, camera = random_asset(np.random.default_rng(6)), small_camera()
+    asset.log_scales[::2] -= 3.0
+    upstream, rasterizer = upstream_of(camera), Rasterizer()
+    rasterizer.forward(PackedGaussians.of(asset), camera, BACKGROUND, dilation_px2=dilation_px2)
+    found, leaves = rasterizer.backward(*upstream), parameters(asset)
+    results = rasterize(*leaves, camera, BACKGROUND, dilation_px2=dilation_px2)
+    np.testing.assert_allclose(rasterizer.colour, results[0].detach(), atol=1e-5)
+    sum((result * torch.from_numpy(g)).sum() for result, g in zip(results, upstream, strict=True)).backward()
+    expected = {name: leaf.grad.numpy() for name, leaf in zip(GROUPS, leaves, strict=True)}
+    assert_near(found, expected, 1e-4, 0.0)
 
 
 def test_depth_has_no_gradient_in_an_image_without_depth() -> None:

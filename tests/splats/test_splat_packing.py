@@ -22,7 +22,7 @@ from r2sego_blender.splats.packing import (
     rows_of,
     unpack,
 )
-from r2sego_blender.splats.rasterizer import Rasterizer
+from r2sego_blender.splats.rasterizer import Rasterizer, render
 from r2sego_blender.splats.vectors import LANES, VECTOR_BYTES
 
 COUNTS = (0, 1, 15, 16, 17, 1000)
@@ -114,3 +114,16 @@ def test_neighbours_in_space_stand_in_one_chunk() -> None:
 def test_the_same_points_keep_their_order() -> None:
     np.testing.assert_array_equal(morton_order(np.zeros((20, 3))), np.arange(20))
     np.testing.assert_array_equal(morton_order(np.full((20, 3), np.nan)), np.arange(20))
+
+
+@pytest.mark.parametrize("count", [0, 5, 16, 33])
+def test_room_for_more_is_not_in_use(count: int) -> None:
+    asset, camera = random_asset(np.random.default_rng(1), count), small_camera()
+    tight, roomy = PackedGaussians.of(asset), PackedGaussians.of(asset, capacity=100)
+    assert len(roomy) == count and len(roomy.chunks) * LANES >= 100
+    assert roomy.chunks.ctypes.data % VECTOR_BYTES == 0
+    np.testing.assert_array_equal(roomy.values, tight.values)
+    assert bits_of(roomy.asset()) == bits_of(asset)
+    rasterizer = Rasterizer()
+    rasterizer.forward(roomy, camera)
+    np.testing.assert_array_equal(rasterizer.colour, render(asset, camera).colour)
