@@ -54,7 +54,7 @@ def is_clear_cut(exact: SimpleNamespace) -> bool:
     return not (np.abs(255.0 * exact.alpha - 1.0) < 1e-3).any()
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=30, deadline=None, derandomize=True)
 @given(scenes(most=30, largest_px=50))
 def test_gaussians_instances_and_counts_equal_brute_force(scene: tuple[SplatAsset, Camera]) -> None:
     asset, camera = scene
@@ -75,7 +75,7 @@ def test_gaussians_instances_and_counts_equal_brute_force(scene: tuple[SplatAsse
     np.testing.assert_array_equal(without.gaussian, outputs.gaussian)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None, derandomize=True)
 @given(scenes(most=30, largest_px=40, kinds=("mixed", "flat", "thin")))
 def test_normals_are_the_weighted_mean_of_the_shortest_axes(scene: tuple[SplatAsset, Camera]) -> None:
     asset, camera = scene
