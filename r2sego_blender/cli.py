@@ -23,7 +23,7 @@ from . import __version__
 from .errors import R2SEgoError, SettingsError
 from .progress import JsonProgress, Progress, TerminalProgress
 from .scene import Scene
-from .settings import PRESETS, VANILLA_3DGS
+from .settings import MANY_PHOTOGRAPHS, PRESETS, VANILLA_3DGS
 
 FOLDER = click.Path(file_okay=False, path_type=Path)
 ANY_PATH = click.Path(path_type=Path)
@@ -235,8 +235,9 @@ def train(
     progress = _progress(context, as_json)
     short = {"training.steps_per_round": "steps", "training.max_gaussians": "gaussians", "seed": "seed"}
     shorts = {key: value for key, name in short.items() if (value := given.pop(name)) is not None}
-    original = {f"training.{key}": value for key, value in VANILLA_3DGS.items()} if vanilla else {}
-    settings = settings_of({**original, **_overrides(overrides), **shorts})
+    base = VANILLA_3DGS if vanilla else MANY_PHOTOGRAPHS
+    training = {f"training.{key}": value for key, value in base.items()}
+    settings = settings_of({**training, **_overrides(overrides), **shorts})
     trained = train_on_photographs(**given, settings=settings, progress=progress)
     if as_object and not as_json:
         click.echo(json.dumps(trained.to_json(), indent=1))

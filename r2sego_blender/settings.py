@@ -181,10 +181,13 @@ class TrainingSettings:
         12000, "Gaussians of the shell behind what no photograph shows; 0: none.", 0, 200000
     )
     quarter_resolution_share: float = setting(
-        0.0, "Share of the steps, at the start, run at a quarter of the resolution.", 0.0, 1.0
+        0.12, "Share of the steps, at the start, run at a quarter of the resolution.", 0.0, 1.0
     )
     half_resolution_share: float = setting(
-        0.5, "Share of the steps, after those, run at half of the resolution.", 0.0, 1.0
+        0.43, "Share of the steps, after those, run at half of the resolution.", 0.0, 1.0
+    )
+    three_quarter_resolution_share: float = setting(
+        0.3, "Share of the steps, after those, run at three quarters of the resolution.", 0.0, 1.0
     )
     image_cache_mb: int = setting(1024, "Memory for prepared images, the rest is loaded anew.", 16, 65536)
     captures_first_share: float = setting(
@@ -261,10 +264,16 @@ class Settings:
     training: TrainingSettings = TrainingSettings()
 
 
-VANILLA_3DGS: Mapping[str, Any] = {
-    "densification": "original",
+FULL_RESOLUTION: Mapping[str, float] = {
     "quarter_resolution_share": 0.0,
     "half_resolution_share": 0.0,
+    "three_quarter_resolution_share": 0.0,
+}
+"""TrainingSettings without any step at a lower resolution."""
+
+VANILLA_3DGS: Mapping[str, Any] = {
+    **FULL_RESOLUTION,
+    "densification": "original",
     "scale_rate": 0.005,
     "rotation_rate": 1e-3,
     "colour_rate": 2.5e-3,
@@ -277,6 +286,20 @@ VANILLA_3DGS: Mapping[str, Any] = {
 What is counted in steps there keeps its number, what ends at a step its share of them.
 """
 
+MANY_PHOTOGRAPHS: Mapping[str, Any] = {
+    "densification": "growth",
+    "densify_until_share": 0.7,
+    "position_rate": 8e-4,
+    "scale_rate": 0.015,
+    "rotation_rate": 4e-3,
+    "colour_rate": 7.5e-3,
+}
+"""TrainingSettings of ``r2sego train``: many photographs and a few points to start from.
+
+Measured on dense captures of three rooms, see docs/backends.md. The refinement's six
+photographs would be learnt by heart so.
+"""
+
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     "paper": {},
     "preview": {
@@ -285,7 +308,6 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "generation.clip_frames": 7,
         "training.steps_per_round": 900,
         "training.max_gaussians": 120000,
-        "training.half_resolution_share": 0.25,
         "training.sh_degree": 1,
     },
 }

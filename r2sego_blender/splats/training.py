@@ -52,7 +52,7 @@ def train(
 ) -> SplatAsset:
     """A new asset that reproduces ``observations`` better than ``asset`` after ``steps`` steps.
 
-    The first steps run at a quarter, then at half of the resolution, as the settings say. The
+    The first steps run at lower resolutions, as the settings say. The
     harmonics' degree starts at the highest the asset already uses and rises by one at
     equal intervals. The same inputs and generator state give the
     same bits, for any number of threads. Raises AssetError without observations, or with
@@ -109,10 +109,16 @@ class _Schedule:
         return _Stage(self._resolution(done), degree, self._rates(settings.position_decay**done))
 
     def _resolution(self, done: float) -> float:
-        settings = self._settings
-        if done < settings.quarter_resolution_share:
-            return 0.25
-        return 0.5 if done < settings.quarter_resolution_share + settings.half_resolution_share else 1.0
+        settings, passed = self._settings, 0.0
+        for resolution, share in (
+            (0.25, settings.quarter_resolution_share),
+            (0.5, settings.half_resolution_share),
+            (0.75, settings.three_quarter_resolution_share),
+        ):
+            passed += share
+            if done < passed:
+                return resolution
+        return 1.0
 
     def _rates(self, decay: float) -> np.ndarray:
         settings = self._settings

@@ -10,7 +10,7 @@ from splat_reference import random_asset, small_camera
 
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.errors import AssetError
-from r2sego_blender.settings import TrainingSettings
+from r2sego_blender.settings import FULL_RESOLUTION, TrainingSettings
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.metrics import psnr
 from r2sego_blender.splats.observations import Observation
@@ -131,7 +131,7 @@ def test_pixels_without_confidence_teach_nothing() -> None:
         # eleven rows more: a pixel's gradient sees two windows of SSIM
         image[:20], confidence[:31] = 1.0, 0.0
         spoilt.append(dataclasses.replace(view, image=image, confidence=confidence))
-    full = dataclasses.replace(SETTINGS, half_resolution_share=0.0)
+    full = dataclasses.replace(SETTINGS, **FULL_RESOLUTION)
     clean = [dataclasses.replace(v, confidence=s.confidence) for v, s in zip(views, spoilt, strict=True)]
     a = train(start, spoilt, 20, full, np.random.default_rng(0))
     b = train(start, clean, 20, full, np.random.default_rng(0))
