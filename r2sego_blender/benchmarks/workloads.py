@@ -10,6 +10,7 @@ import numpy as np
 
 from ..cameras import Camera, look_at
 from ..captures.cameras_json import read_cameras_json, read_frozen
+from ..captures.capture import Capture
 from ..captures.json_fields import read_json
 from ..captures.photographs import capture_of
 from ..errors import SettingsError
@@ -94,23 +95,32 @@ def made_up_room(gaussians: int, size: tuple[int, int], seed: int = 0) -> Worklo
 def of_files(asset: Path, cameras: Path, size: tuple[int, int] | None = None) -> Workload:
     """An asset seen by the frozen views of a cameras.json, or by its captures if there are none.
 
-    The poses must be in the asset's frame. ``size`` (width, height) must have the views' shape.
-    Raises AssetError or CaptureError for files that cannot be used, SettingsError for a size
-    of another shape.
+    The photographs may be missing: grey is trained on then, which takes as long. The poses
+    must be in the asset's frame. ``size`` (width, height) must have the views' shape. Raises
+    AssetError or CaptureError for files that cannot be used, SettingsError for a size of
+    another shape.
     """
     has_frozen = "frozen" in read_json(cameras)
-    photographs = (
-        read_frozen(cameras, cameras.parent) if has_frozen else read_cameras_json(cameras, cameras.parent)[0]
-    )
+    if has_frozen:
+        photographs = read_frozen(cameras, cameras.parent, files_needed=False)
+    else:
+        photographs, _ = read_cameras_json(cameras, cameras.parent, files_needed=False)
     views = []
     for photograph in photographs:
-        capture = capture_of(photograph, _ANY_SIZE_PX)
+        capture = capture_of(photograph, _ANY_SIZE_PX, files_needed=False)
         camera = capture.camera if size is None else _sized(capture.camera, size)
-        views.append(View(camera, lambda c=camera, p=capture: resize(p.image(), c.width, c.height)))
+        views.append(View(camera, lambda c=camera, p=capture: _target(p, c)))
     kind = "frozen views" if has_frozen else "captures"
     if not views:
         raise SettingsError(f"there are no {kind}", where=cameras, cure="Give a cameras.json with some.")
     return Workload(load_asset(asset), tuple(views), f"{asset.name}, {kind} of {cameras.name}")
+
+
+def _target(capture: Capture, camera: Camera) -> np.ndarray:
+    """The photograph in the camera's size; grey where it is not there."""
+    if not capture.image_path.is_file():
+        return np.full((*camera.shape, 3), 0.5, np.float32)
+    return resize(capture.image(), camera.width, camera.height)
 
 
 def _sized(camera: Camera, size: tuple[int, int]) -> Camera:

@@ -16,20 +16,24 @@ from .photographs import Photograph, upright_size, with_unique_names
 _INTRINSICS = ("width", "height", "fx", "fy", "cx", "cy")
 
 
-def read_cameras_json(path: Path, folder: Path) -> tuple[list[Photograph], bool]:
+def read_cameras_json(path: Path, folder: Path, files_needed: bool = True) -> tuple[list[Photograph], bool]:
     """The photographs of the ``captures`` list, and whether the poses are metric.
 
-    The frozen views in the same file are not looked at.
+    The frozen views in the same file are not looked at. Without ``files_needed`` the
+    photographs may be missing, if the file says their size: for those who want cameras only.
     """
     data = fields.read_json(path)
     metric = data.get("metric", True)
     if not isinstance(metric, bool):
         raise CaptureError("'metric' is neither true nor false", where=path, cure="See docs/formats.md.")
-    return _photographs(data, "captures", (data,), path, folder), metric
+    return _photographs(data, "captures", (data,), path, folder, files_needed), metric
 
 
-def read_frozen(path: Path, folder: Path) -> list[Photograph]:
-    """The photographs of the ``frozen`` list, with ``frozen_intrinsics`` where that is given."""
+def read_frozen(path: Path, folder: Path, files_needed: bool = True) -> list[Photograph]:
+    """The photographs of the ``frozen`` list, with ``frozen_intrinsics`` where that is given.
+
+    ``files_needed`` as in ``read_cameras_json``.
+    """
     data = fields.read_json(path)
     if "frozen" not in data:
         raise CaptureError(
@@ -38,19 +42,23 @@ def read_frozen(path: Path, folder: Path) -> list[Photograph]:
     lenses = data.get("frozen_intrinsics", {})
     if not isinstance(lenses, dict):
         raise CaptureError("'frozen_intrinsics' is no object", where=path, cure="See docs/formats.md.")
-    return _photographs(data, "frozen", (lenses, data), path, folder)
+    return _photographs(data, "frozen", (lenses, data), path, folder, files_needed)
 
 
 def _photographs(
-    data: Mapping[str, Any], key: str, shared: tuple[Mapping[str, Any], ...], path: Path, folder: Path
-) -> list[Photograph]:
+    data: Mapping[str, Any], key: str, shared: tuple[Mapping[str, Any], ...], path: Path, folder: Path,
+    files_needed: bool,
+) -> list[Photograph]:  # fmt: skip
     photographs = []
     for index, entry in enumerate(fields.entries(data, key, path)):
         field = f"{key}[{index}]"
         name = fields.text("file", path, field, entry)
         source = f"{path}, {field}"
-        image_path = fields.find_photograph(name, (path.parent, folder), source)
         places = (entry, *shared)
+        if files_needed or not _says_size(places):
+            image_path = fields.find_photograph(name, (path.parent, folder), source)
+        else:
+            image_path = folder / name
         sizes = _size(places, image_path, path, field)
         fx = fields.number("fx", path, field, *places, positive=True)
         lens = Lens(
@@ -65,10 +73,14 @@ def _photographs(
 
 
 def _size(places, image_path: Path, path: Path, field: str) -> tuple[int, int]:
-    if not any("width" in place or "height" in place for place in places):
+    if not _says_size(places):
         return upright_size(image_path)
     width, height = (fields.number(key, path, field, *places, positive=True) for key in _INTRINSICS[:2])
     return int(width), int(height)
+
+
+def _says_size(places) -> bool:
+    return any("width" in place or "height" in place for place in places)
 
 
 def _distortion(places, path: Path, field: str) -> tuple[float, ...]:

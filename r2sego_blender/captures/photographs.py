@@ -91,10 +91,15 @@ def too_few(count: int, where: object) -> CaptureError:
     )  # fmt: skip
 
 
-def capture_of(photograph: Photograph, max_side_px: int) -> Capture:
-    """The capture of one posed photograph; errors as for ``captures_of``."""
+def capture_of(photograph: Photograph, max_side_px: int, files_needed: bool = True) -> Capture:
+    """The capture of one posed photograph; errors as for ``captures_of``.
+
+    Without ``files_needed`` a photograph that is missing has the size its lens says.
+    """
     pose = _rigid(photograph.world_from_camera, photograph.source)
-    lens, pose = _upright(photograph, pose)
+    lens, pose = (
+        _upright(photograph, pose) if photograph.path.is_file() or files_needed else (photograph.lens, pose)
+    )
     try:
         camera = lens.straight(pose).fitted(max_side_px)
     except CaptureError as error:

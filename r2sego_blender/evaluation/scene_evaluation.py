@@ -5,6 +5,7 @@ Frozen views are read here alone, after the refinement; nothing of them flows ba
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from ..geometry.observed import ObservedGeometry
 from ..geometry.stereo import DepthMap
 from ..progress import SILENT, Progress
 from ..scene import Scene
+from ..settings import VANILLA_3DGS
 from ..splats.observations import Observation
 from ..splats.ply import load_ply, save_ply
 from ..splats.rasterizer import render
@@ -78,9 +80,13 @@ def frozen_views(scene: Scene, frozen: Path, progress: Progress = SILENT) -> tup
 
 
 def train_vanilla(scene: Scene, progress: Progress = SILENT) -> None:
-    """The baseline from the same observed points, captures and total number of steps."""
+    """The baseline from the same observed points, captures and total number of steps.
+
+    Rates, densification and resolution are the original 3DGS'; the budget is the scene's.
+    """
     h = scene.declaration.settings
     steps = h.rounds * h.training.steps_per_round
+    original = dataclasses.replace(h.training, **VANILLA_3DGS)
 
     def compute(file: Path) -> None:
         observed = ObservedGeometry.load(scene.path / OBSERVED)
@@ -88,10 +94,10 @@ def train_vanilla(scene: Scene, progress: Progress = SILENT) -> None:
         rng = np.random.default_rng([h.seed, 1])
         save_ply(
             file,
-            vanilla_asset(observed.points, observed.colours, captures, steps, h.training, rng, progress),
+            vanilla_asset(observed.points, observed.colours, captures, steps, original, rng, progress),
         )
 
-    scene.step(VANILLA_ASSET, compute, inputs=[CAPTURES, OBSERVED], parameters=[h.training, steps, h.seed])
+    scene.step(VANILLA_ASSET, compute, inputs=[CAPTURES, OBSERVED], parameters=[original, steps, h.seed])
 
 
 def table(metrics: Mapping[str, Any]) -> str:

@@ -321,11 +321,9 @@ class Code:
         Shorter than ``exp2``; outside the range the value is finite or inf and means nothing.
         ``coefficients`` are the numbers of EXP2_COEFFICIENTS_BELOW_0.
         """
-        c5, c4, c3, c2, c1, c0 = coefficients
-        # Three short chains in place of a long one (Estrin's scheme): waiting costs more here.
-        square = eighth * eighth
-        high = self.fma(square, self.fma(c5, eighth, c4), self.fma(c3, eighth, c2))
-        result = self.fma(square, high, self.fma(c1, eighth, c0))
+        result = coefficients[0]
+        for coefficient in coefficients[1:]:
+            result = self.fma(result, eighth, coefficient)
         for _ in range(3):
             result = result * result
         return result
