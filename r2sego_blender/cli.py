@@ -284,6 +284,27 @@ def bench_splats(context: click.Context, file: Path | None, **given: Any) -> Non
         write_figures(file, figures)
 
 
+@bench.command("training")
+@click.argument("captures", type=ANY_PATH)
+@click.option("--poses", type=ANY_PATH, help="As for train.")
+@click.option("--points", type=ANY_PATH, help="PLY both trainings start from; as for train.")
+@click.option("--hold-out", type=int, metavar="K", help="Score on every K-th image.")
+@click.option("--gaussians", type=int, help="Gaussians of the plain training.")
+@click.option("--steps", type=int, help="Steps of the plain training.")
+@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
+@click.pass_context
+def bench_training(context: click.Context, file: Path | None, **given: Any) -> None:
+    """Train on CAPTURES plainly, then as usual until the held-out views are as good."""
+    from .benchmarks.splats import write_figures
+    from .benchmarks.training import bench_training, lines
+
+    chosen = {name: value for name, value in given.items() if value is not None}
+    figures = bench_training(**chosen, progress=_progress(context, as_json=False))
+    click.echo("\n".join(lines(figures)))
+    if file is not None:
+        write_figures(file, figures)
+
+
 @main.command()
 @click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
 def doctor(as_json: bool) -> None:

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from .benchmarks.machine import cpu_s, peak_memory_mb
 from .captures.capture import Capture
 from .captures.colmap_model import find_model
 from .captures.colmap_points import read_colmap_points
@@ -23,6 +22,7 @@ from .captures.importing import Imported, import_captures
 from .captures.sparse import triangulate
 from .errors import AssetError, CaptureError, SettingsError
 from .progress import SILENT, Progress
+from .resources import cpu_s, peak_memory_mb
 from .settings import Settings, with_overrides
 from .splats.asset import SplatAsset
 from .splats.formats import SUFFIXES, save_asset
@@ -123,6 +123,46 @@ def train_on_photographs(
     """
     started_s = cpu_s()
     check_output(out)
+    start = prepare(captures, poses, points, frozen, hold_out, settings, progress)
+    rng = np.random.default_rng(settings.seed)
+    steps = settings.training.steps_per_round
+    asset = train(start.asset(settings, rng), start.observations, steps, settings.training, rng, progress)
+    save_asset(out, asset.transformed(np.linalg.inv(start.metres_from_poses)))
+    taken_s, peak_mb = cpu_s() - started_s, peak_memory_mb()
+    scores = _scores(asset, start.held_out, progress) if start.held_out else None
+    return Trained(out, len(asset), len(start.observations), start.source, taken_s, peak_mb, scores)
+
+
+@dataclass(frozen=True)
+class Start:
+    """What a training starts from, in metres: ``metres_from_poses`` (4, 4) scales the poses' unit.
+
+    ``points`` (P, 3) float64 and ``colours`` (P, 3) uint8 are the first Gaussians';
+    ``held_out`` are the views to score on.
+    """
+
+    observations: tuple[Observation, ...]
+    held_out: tuple[Capture, ...]
+    points: np.ndarray
+    colours: np.ndarray
+    metres_from_poses: np.ndarray
+    source: str
+
+    def asset(self, settings: Settings, rng: np.random.Generator) -> SplatAsset:
+        """The first Gaussians."""
+        return from_points(self.points, self.colours, settings.training, rng)
+
+
+def prepare(
+    captures: Path,
+    poses: Path | None,
+    points: Path | None,
+    frozen: Path | None,
+    hold_out: int | None,
+    settings: Settings,
+    progress: Progress = SILENT,
+) -> Start:
+    """Import photographs and find points; arguments and errors as in ``train_on_photographs``."""
     if frozen is not None and hold_out is not None:
         raise SettingsError(
             "the views to score are given twice", where="r2sego train", cure="Give --frozen or --hold-out."
@@ -141,17 +181,15 @@ def train_on_photographs(
     progress.message(f"{len(images)} images to train on: {imported.source}")
     xyz, colours = _first_points(images, poses, points, settings, progress)
     unit_m = _unit_m(imported, images, xyz, progress)
-
-    rng = np.random.default_rng(settings.seed)
     to_metres = np.diag([unit_m, unit_m, unit_m, 1.0])
-    observations = [Observation(c.camera.transformed(to_metres), c.image) for c in images]
-    start = from_points(xyz * unit_m, colours, settings.training, rng)
-    steps = settings.training.steps_per_round
-    asset = train(start, observations, steps, settings.training, rng, progress)
-    save_asset(out, asset.transformed(np.linalg.inv(to_metres)))
-    taken_s, peak_mb = cpu_s() - started_s, peak_memory_mb()
-    scores = _scores(asset, [view.transformed(to_metres) for view in held], progress) if held else None
-    return Trained(out, len(asset), len(images), imported.source, taken_s, peak_mb, scores)
+    return Start(
+        observations=tuple(Observation(c.camera.transformed(to_metres), c.image) for c in images),
+        held_out=tuple(view.transformed(to_metres) for view in held),
+        points=xyz * unit_m,
+        colours=colours,
+        metres_from_poses=to_metres,
+        source=imported.source,
+    )
 
 
 def check_output(path: Path) -> None:

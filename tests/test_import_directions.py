@@ -10,7 +10,18 @@ import pytest
 ROOT = Path(__file__).parents[1]
 LIBRARY = ROOT / "r2sego_blender"
 
-FOUNDATION = {"", "arrays", "cameras", "compiled", "errors", "images", "progress", "scene", "settings"}
+FOUNDATION = {
+    "",
+    "arrays",
+    "cameras",
+    "compiled",
+    "errors",
+    "images",
+    "progress",
+    "resources",
+    "scene",
+    "settings",
+}
 ABOVE_CAPTURES = FOUNDATION | {"workers", "captures"}
 PARTS = ABOVE_CAPTURES | {"geometry", "robot", "selection", "generation", "splats"}
 MAY_IMPORT = {
@@ -30,8 +41,8 @@ MAY_IMPORT = {
     "status": FOUNDATION,
     "export": FOUNDATION | {"geometry", "splats"},
     "evaluation": PARTS | {"visual_asset", "steps", "pipeline"},
-    "benchmarks": FOUNDATION | {"captures", "splats"},
-    "splat_training": FOUNDATION | {"captures", "splats", "benchmarks", "evaluation"},
+    "benchmarks": FOUNDATION | {"captures", "splats", "splat_training"},
+    "splat_training": FOUNDATION | {"captures", "splats", "evaluation"},
     "cli": PARTS
     | {"steps", "pipeline", "creation", "doctor", "status", "export", "evaluation", "benchmarks"}
     | {"splat_training"},

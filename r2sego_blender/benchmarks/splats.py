@@ -19,6 +19,7 @@ import numpy as np
 from ..cameras import Camera
 from ..errors import SettingsError
 from ..progress import SILENT, Progress
+from ..resources import forget_peak_memory, peak_memory_mb
 from ..settings import TrainingSettings
 from ..splats.loss import PhotometricLoss, planes_of
 from ..splats.packing import PackedGaussians, rows_of
@@ -27,9 +28,7 @@ from ..splats.vectors import LANES
 from .machine import (
     bandwidth_bytes_per_s,
     fma_rate_per_s,
-    forget_peak_memory,
     isa,
-    peak_memory_mb,
     processor,
 )
 from .pairs import Work, count_work

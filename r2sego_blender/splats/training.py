@@ -6,7 +6,7 @@ The budget of Gaussians is hard. The refinement spends it at the start, on geome
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +30,8 @@ from .vectors import aligned_copy
 
 _BLACK = (0.0, 0.0, 0.0)
 
+Watch = Callable[[int, PackedGaussians], bool]
+
 _SCENE_MARGIN = 1.1
 """3DGS: a scene's extent is this times the largest distance of a camera from their middle."""
 
@@ -49,14 +51,17 @@ def train(
     rng: np.random.Generator,
     progress: Progress = SILENT,
     title: str = "Training the asset",
+    watch: Watch | None = None,
 ) -> SplatAsset:
     """A new asset that reproduces ``observations`` better than ``asset`` after ``steps`` steps.
 
     The first steps run at lower resolutions, as the settings say. The
     harmonics' degree starts at the highest the asset already uses and rises by one at
     equal intervals. The same inputs and generator state give the
-    same bits, for any number of threads. Raises AssetError without observations, or with
-    more Gaussians than ``settings.max_gaussians``.
+    same bits, for any number of threads. ``watch`` is called after every step with the steps
+    done and the Gaussians as they are, which it must not change; training ends when it
+    returns True. Raises AssetError without observations, or with more Gaussians than
+    ``settings.max_gaussians``.
     """
     if not observations:
         raise AssetError("there is no observation to train on", cure="Give at least one registered image.")
@@ -79,6 +84,8 @@ def train(
             trainer.step(next(draws), schedule.at(step))
             densification.after(step)
             task.advance()
+            if watch is not None and watch(step + 1, gaussians):
+                break
     return gaussians.asset()
 
 

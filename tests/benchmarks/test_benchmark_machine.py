@@ -25,23 +25,3 @@ def test_peaks_are_of_this_world():
 
 def test_the_processor_has_a_name():
     assert machine.processor().strip()
-
-
-def test_memory_and_time_only_grow():
-    before_s = machine.cpu_s()
-    block = bytearray(32 << 20)
-    peak_mb = machine.peak_memory_mb()
-    assert peak_mb is None or peak_mb > 32
-    del block
-    assert machine.peak_memory_mb() == peak_mb
-    assert machine.cpu_s() >= before_s
-
-
-def test_the_peak_of_memory_can_begin_anew():
-    machine.forget_peak_memory()
-    before_mb = machine.peak_memory_mb()
-    if before_mb is None:
-        return
-    block = bytearray(64 << 20)
-    block[::4096] = b"x" * len(block[::4096])
-    assert machine.peak_memory_mb() > before_mb + 32

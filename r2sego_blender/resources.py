@@ -1,0 +1,30 @@
+"""What this process has used of its machine: processor seconds and memory."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from pathlib import Path
+
+
+def cpu_s() -> float:
+    """Processor seconds that this process and its ended children have taken so far."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
+def forget_peak_memory() -> None:
+    """Let ``peak_memory_mb`` begin anew; where the system cannot, it goes on from the start."""
+    with contextlib.suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")  # proc(5): the peak is set to what is used now
+
+
+def peak_memory_mb() -> float | None:
+    """The most memory (resident, MiB) this process ever had, or None where nobody counts it."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
