@@ -31,6 +31,7 @@ from .vectors import (
 )
 
 _CHANNELS = 3
+_DERIVATIVES = 3
 _VECTORS = 4
 _COLUMNS = _VECTORS * LANES
 _RING_ROWS = 16  # a power of two above the window's eleven
@@ -227,29 +228,27 @@ def _read_sum(code: Code, scratch: Value) -> Value:
 
 @parallel_kernel
 def _similarity(x, y, derivatives, height, width, pitch, plane_floats, scratch, sums):
-    """``sums`` (strips of all channels,) float64 and the derivatives, three images of planes."""
-    strips = (width + _COLUMNS - 1) // _COLUMNS
-    for job in prange(_CHANNELS * strips):
+    """``sums`` (strips,) float64 and the three planes of derivatives, of one channel."""
+    for strip in prange(sums.shape[0]):
         flags = flush_denormals()
         own = scratch + get_thread_id() * _SCRATCH_BYTES
-        channel, start = job // strips, job % strips * _COLUMNS
-        plane = 4 * channel * plane_floats
+        start = strip * _COLUMNS
         total = 0.0
         # A row is loaded one turn before it is blurred: what was just stored cannot be read
         # across the borders of its vectors without waiting.
         for row in range(-_RADIUS, height + _RADIUS + 1):
             inside = 1 if 0 <= row < height else 0
-            at = plane + 4 * pitch * row * inside
+            at = 4 * pitch * row * inside
             _load_images(own, x + at, y + at, start, width, row, inside)
             if row > -_RADIUS:
                 _blur_four(own, row - 1)
             if row > _RADIUS:
                 _clear_sum(own)
                 centre = row - 1 - _RADIUS
-                target = derivatives + plane + 4 * pitch * centre
-                _similarity_row(own, target, 4 * _CHANNELS * plane_floats, start, width, centre)
+                target = derivatives + 4 * pitch * centre
+                _similarity_row(own, target, 4 * plane_floats, start, width, centre)
                 total += _read_sum(own)
-        sums[job] = total
+        sums[strip] = total
         restore_denormals(flags)
 
 
@@ -258,18 +257,16 @@ def _gradient(
     x, y, derivatives, weights, gradient, height, width, pitch, plane_floats, by_difference, by_similarity,
     scratch, sums,
 ):  # fmt: skip
-    """``gradient`` in planes, times ``weights`` (one plane, or address 0)."""
-    strips = (width + _COLUMNS - 1) // _COLUMNS
-    for job in prange(_CHANNELS * strips):
+    """``gradient`` of one channel, times ``weights`` (one plane, or address 0)."""
+    for strip in prange(sums.shape[0]):
         flags = flush_denormals()
         own = scratch + get_thread_id() * _SCRATCH_BYTES
-        channel, start = job // strips, job % strips * _COLUMNS
-        plane = 4 * channel * plane_floats
+        start = strip * _COLUMNS
         total = 0.0
         for row in range(-_RADIUS, height + _RADIUS + 1):
             inside = 1 if 0 <= row < height else 0
-            source = derivatives + plane + 4 * pitch * row * inside
-            _load_derivatives(own, source, 4 * _CHANNELS * plane_floats, start, width, row, inside)
+            source = derivatives + 4 * pitch * row * inside
+            _load_derivatives(own, source, 4 * plane_floats, start, width, row, inside)
             if row > -_RADIUS:
                 _blur_three(own, row - 1)
             if row > _RADIUS:
@@ -278,11 +275,11 @@ def _gradient(
                 at = 4 * pitch * centre
                 weight = weights + at if weights != 0 else 0
                 _gradient_row(
-                    own, x + plane + at, y + plane + at, weight, gradient + plane + at, start, width,
-                    centre, by_difference, by_similarity,
+                    own, x + at, y + at, weight, gradient + at, start, width, centre,
+                    by_difference, by_similarity,
                 )  # fmt: skip
                 total += _read_sum(own)
-        sums[job] = total
+        sums[strip] = total
         restore_denormals(flags)
 
 
@@ -301,9 +298,10 @@ class PhotometricLoss:
     def __init__(self, height: int, width: int) -> None:
         self._shape = (height, width)
         size = (-(-height // TILE_PX) * TILE_PX, -(-width // TILE_PX) * TILE_PX)
-        self._derivatives = aligned((_CHANNELS, _CHANNELS, *size))
+        # One channel's derivatives: the next channel finds them in the cache.
+        self._derivatives = aligned((_DERIVATIVES, *size))
         self._pitch, self._plane_floats = size[1], size[0] * size[1]
-        self._sums = np.zeros((2, _CHANNELS * -(-width // _COLUMNS)))
+        self._sums = np.zeros((2, _CHANNELS, -(-width // _COLUMNS)))
         self._scratch = aligned((numba.config.NUMBA_NUM_THREADS, _SCRATCH_BYTES), np.uint8)
 
     def __call__(
@@ -323,16 +321,17 @@ class PhotometricLoss:
         """
         samples = _CHANNELS * self._shape[0] * self._shape[1]
         similarity, difference = self._sums
-        height, width = self._shape
-        shape = (height, width, self._pitch, self._plane_floats)
+        shape = (*self._shape, self._pitch, self._plane_floats)
         data, scratch = self._derivatives.ctypes.data, self._scratch.ctypes.data
-        x, y = image.ctypes.data, target.ctypes.data
-        _similarity(x, y, data, *shape, scratch, similarity)
-        _gradient(
-            x, y, data, 0 if weights is None else weights.ctypes.data, gradient.ctypes.data, *shape,
-            np.float32(scale * (1.0 - ssim_weight) / samples), np.float32(-scale * ssim_weight / samples),
-            scratch, difference,
-        )  # fmt: skip
+        by_difference = np.float32(scale * (1.0 - ssim_weight) / samples)
+        by_similarity = np.float32(-scale * ssim_weight / samples)
+        masks = 0 if weights is None else weights.ctypes.data
+        for channel in range(_CHANNELS):
+            x, y, g = (planes[channel].ctypes.data for planes in (image, target, gradient))
+            _similarity(x, y, data, *shape, scratch, similarity[channel])
+            _gradient(
+                x, y, data, masks, g, *shape, by_difference, by_similarity, scratch, difference[channel]
+            )
         loss = (1.0 - ssim_weight) * difference.sum() / samples
         return float(loss + ssim_weight * (1.0 - similarity.sum() / samples))
 

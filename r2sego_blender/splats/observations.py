@@ -55,6 +55,10 @@ class Observation:
             self._check(name, getattr(self, name), self.camera.shape)
         for name in ("background", "normals"):
             self._check(name, getattr(self, name), (*self.camera.shape, 3))
+        if self.normals is not None and self.depth is None:
+            raise AssetError(
+                "an observation has normals but no depth", cure="Give the depth of the same surface."
+            )
 
     def loaded(self) -> np.ndarray:
         """The image. Raises AssetError when a loaded one is not of the camera's size."""

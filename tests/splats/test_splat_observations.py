@@ -169,3 +169,9 @@ def test_a_loaded_image_of_another_size_is_refused_when_it_is_loaded() -> None:
             use()
     with pytest.raises(AssetError, match="Scale the image or the camera"):
         Observation(CAMERA, picture(0)[:-1])
+
+
+def test_normals_need_the_depth_of_their_surface() -> None:
+    camera = Camera(8, 6, 8.0, 8.0, 4.0, 3.0, np.eye(4))
+    with pytest.raises(AssetError, match="has normals but no depth"):
+        Observation(camera, np.zeros((6, 8, 3), np.float32), normals=np.zeros((6, 8, 3), np.float32))

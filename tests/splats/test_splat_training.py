@@ -185,3 +185,16 @@ def test_a_known_surface_becomes_opaque_though_its_background_has_its_colour() -
         for seen in (same, opaque)
     ]
     assert alphas[1] > alphas[0] + 0.1
+
+
+def test_training_is_watched_and_ends_when_the_watcher_says() -> None:
+    _, start, views = scene()
+    seen = []
+
+    def watch(step: int, gaussians: PackedGaussians) -> bool:
+        seen.append((step, len(gaussians)))
+        return step == 7
+
+    ended = train(start, views, 50, SETTINGS, np.random.default_rng(0), watch=watch)
+    assert seen == [(step, len(start)) for step in range(1, 8)]
+    assert (ended.means != start.means).any()
