@@ -286,18 +286,11 @@ VANILLA_3DGS: Mapping[str, Any] = {
 What is counted in steps there keeps its number, what ends at a step its share of them.
 """
 
-MANY_PHOTOGRAPHS: Mapping[str, Any] = {
-    "densification": "growth",
-    "densify_until_share": 0.7,
-    "position_rate": 8e-4,
-    "scale_rate": 0.015,
-    "rotation_rate": 4e-3,
-    "colour_rate": 7.5e-3,
-}
+MANY_PHOTOGRAPHS: Mapping[str, Any] = {"densification": "growth", "densify_until_share": 0.7}
 """TrainingSettings of ``r2sego train``: many photographs and a few points to start from.
 
-Measured on dense captures of three rooms, see docs/backends.md. The refinement's six
-photographs would be learnt by heart so.
+Measured on dense captures of three rooms, see docs/splats.md. A handful of photographs
+would be learnt by heart so.
 """
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {
