@@ -11,11 +11,13 @@ from __future__ import annotations
 import functools
 import hashlib
 import os
+import sys
 import tempfile
 from pathlib import Path
 
 import numba
 from llvmlite import binding as llvm
+from numba.core import event
 
 _LIBRARY = Path(__file__).resolve().parent
 _MARK = b".compiled " + b"import"  # in two parts: this file holds no kernel
@@ -36,6 +38,22 @@ def _cache_folder() -> Path:
         folder = Path(tempfile.mkdtemp(prefix="r2sego-kernels-"))
     return folder
 
+
+class _Announcement(event.Listener):
+    """Says, once a process, that kernels are being compiled: first use takes its time."""
+
+    _said = False
+
+    def on_start(self, event: event.Event) -> None:
+        if not self._said:
+            self._said = True
+            print("r2sego: compiling kernels for this processor, once", file=sys.stderr, flush=True)
+
+    def on_end(self, event: event.Event) -> None:
+        pass
+
+
+event.register("numba:compile", _Announcement())
 
 # Waiting threads give their core back: Blender, torch or another scene may want it.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
