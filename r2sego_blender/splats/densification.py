@@ -67,8 +67,8 @@ class Densification:
     def _grow(self, done: int) -> None:
         self._remove_faint()
         population, settings = self._population, self._settings
-        share = (done - self._first) / max(self._last - self._first, 1)
-        share = min(1.0, share + settings.densify_every_steps / max(self._last - self._first, 1))
+        passed = done - self._first + settings.densify_every_steps
+        share = min(1.0, passed / max(self._last - self._first, 1))
         # A concave curve: most are added early, when the images still disagree most.
         planned = self._start + (settings.max_gaussians - self._start) * math.sqrt(share)
         wanted = min(int(planned) - len(population), population.room, len(population))
@@ -81,9 +81,8 @@ class Densification:
         population, settings = self._population, self._settings
         gradient = population.statistics()
         wanted = np.flatnonzero(gradient >= settings.gradient_threshold)
-        room = min(population.room, settings.max_gaussians - len(population))
-        if len(wanted) > room:  # the budget is hard: those that are pulled at most
-            wanted = np.sort(wanted[np.argsort(-gradient[wanted], kind="stable")[: max(room, 0)]])
+        if len(wanted) > self._room:  # the budget is hard: those that are pulled at most
+            wanted = np.sort(wanted[np.argsort(-gradient[wanted], kind="stable")[: self._room]])
         self._add_beside(wanted)
         gone = _opacities(population) < settings.dead_opacity
         if done > settings.opacity_reset_steps:
@@ -98,23 +97,24 @@ class Densification:
         if not len(alive):
             return
         population.statistics()
-        self._copy_onto(alive, opacity, dead)
-        room = min(population.room, settings.max_gaussians - len(population))
-        added = min(int(_GROWTH_RATE * len(population)), room)
-        if added > 0:
-            self._copy_onto(alive, _opacities(population), None, added)
+        if len(dead):
+            population.replace(dead, self._copies(alive, opacity, len(dead)))
+        added = min(int(_GROWTH_RATE * len(population)), self._room)
+        if added:
+            population.append(self._copies(alive, _opacities(population), added))
 
-    def _copy_onto(
-        self, alive: np.ndarray, opacity: np.ndarray, dead: np.ndarray | None, added: int = 0
-    ) -> None:
-        """Copies of living Gaussians into the places of dead ones, or ``added`` new ones.
+    @property
+    def _room(self) -> int:
+        """How many Gaussians may be added."""
+        population = self._population
+        return max(0, min(population.room, self._settings.max_gaussians - len(population)))
+
+    def _copies(self, alive: np.ndarray, opacity: np.ndarray, count: int) -> np.ndarray:
+        """``count`` copies (rows) of living Gaussians, which are changed as well.
 
         A Gaussian and its copies together look as it did alone (Kheradmand et al., Eq. 9).
         """
         population = self._population
-        count = len(dead) if dead is not None else added
-        if not count:
-            return
         weight = opacity[alive] / opacity[alive].sum()
         source = self._rng.choice(alive, count, p=weight / weight.sum())
         unique, copies = np.unique(source, return_counts=True)
@@ -125,11 +125,7 @@ class Densification:
         rows[:, LOGIT_OPACITY] = _logit(np.clip(after, 0.005, 1.0 - 1e-6))
         rows[:, LOG_SCALE:QUATERNION] += np.log(_shrinking(before, after, number))[:, None]
         population.replace(unique, rows)
-        copied = rows[np.searchsorted(unique, source)]
-        if dead is not None:
-            population.replace(dead, copied)
-        else:
-            population.append(copied)
+        return rows[np.searchsorted(unique, source)]
 
     def _add_beside(self, chosen: np.ndarray) -> None:
         """Copy small Gaussians; split large ones into two, drawn from their own distribution."""

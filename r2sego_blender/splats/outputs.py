@@ -137,22 +137,35 @@ def _directions(sums: np.ndarray, alpha: np.ndarray) -> np.ndarray:
     return np.where(known[..., None], sums / np.where(known, length, 1.0)[..., None], np.float32(0.0))
 
 
+def pixel_counts(tiles: TileEntries, shape: tuple[int, int]) -> np.ndarray:
+    """(16 chunks,) int64: in how many pixels of an image of ``shape`` each packed place counts."""
+    _, _, pixels = _identify_places(tiles, shape, np.zeros(0, np.int32))
+    return pixels
+
+
 def _identify(
     tiles: TileEntries, packed: PackedGaussians, camera: Camera, instances: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The maps of Gaussians and instances, and the Gaussians' numbers of pixels."""
-    place, instance = np.full((2, *camera.shape), NONE, np.int32)
+    labels = np.zeros(0, np.int32) if instances is None else np.asarray(instances, np.int32)[packed.order]
+    place, instance, pixels = _identify_places(tiles, camera.shape, labels)
+    visibility = np.zeros(len(packed), np.int32)
+    visibility[packed.order] = pixels[: len(packed)]
+    numbers = np.append(packed.order, NONE).astype(np.int32)  # its last is that of place -1
+    return numbers[place], instance, visibility
+
+
+def _identify_places(
+    tiles: TileEntries, shape: tuple[int, int], labels: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The maps (H, W) of packed places and of their labels, and the places' numbers of pixels."""
+    place, label = np.full((2, *shape), NONE, np.int32)
     pixels = np.zeros(len(tiles.order), np.int32)
     entries = tiles.entries[tiles.order & np.uint64(0xFFFFFFFF)]
     places, blocks = np.ascontiguousarray(entries[:, 2]), entries[:, :2].copy().view(np.int64)[:, 0]
-    labels = np.zeros(0, np.int32) if instances is None else np.asarray(instances, np.int32)[packed.order]
-    _identify_tiles(
-        tiles.records, places, blocks, tiles.starts, tiles.tiles_x, labels, place, instance, pixels
-    )
-    visibility = np.zeros(len(packed), np.int32)
-    visibility[packed.order] = np.bincount(places, weights=pixels, minlength=len(packed))
-    numbers = np.append(packed.order, NONE).astype(np.int32)  # its last is that of place -1
-    return numbers[place], instance, visibility
+    _identify_tiles(tiles.records, places, blocks, tiles.starts, tiles.tiles_x, labels, place, label, pixels)
+    counts = np.bincount(places, weights=pixels, minlength=len(tiles.records)).astype(np.int64)
+    return place, label, counts
 
 
 @kernel
