@@ -6,10 +6,11 @@ falls to ``FINISHED`` or below and a block when all its pixels are; the tile end
 its last block. The gradient visits the entries in the same order again: with the
 transmittance T in front of it, a Gaussian's alpha has the gradient
 
-    T * shade - rest / (1 - alpha),
+    T (shade - rest / T'),
 
-where rest is what the Gaussians behind it and the background add to the product of image
-and gradient, so that nothing need be stored for each pixel and Gaussian.
+where T' is the transmittance behind it, shade the product of its colour and the image's
+gradient, and rest what the Gaussians behind it and the background add to the product of
+image and gradient; so nothing need be stored for each pixel and Gaussian.
 """
 
 from __future__ import annotations
@@ -61,8 +62,8 @@ BATCH = 32
 """Entries whose records are fetched together; after each batch finished blocks are noticed."""
 
 SLOT_BYTES = VECTOR_BYTES
-"""An entry's gradient sums: of g = alpha dL/dalpha the moments 1, e, f, e e, e f, f f;
-the gradients of red, green, blue and depth; then 1 if the entry was blended."""
+"""An entry's gradient sums: of g = alpha dL/dalpha the moments 1, e, f, e e, e f and x, the
+exponent's eighth, from which f f follows (x = eighth - e e - f f); the gradients of red, green, blue and depth; then 1 if the entry was blended."""
 MOMENTS, BLENDED = 10, 10
 
 FINISHED = 1e-4
@@ -78,8 +79,8 @@ SCRATCH_BYTES = STATE_BYTES + BATCH * (RECORD_BYTES + _MASK_BYTES)
 """What a thread needs: the planes, a batch of records, and their blocks."""
 
 
-_CONSTANTS = (*EXP2_COEFFICIENTS_BELOW_0, LARGEST_ALPHA, EIGHTH_SMALLEST, _EIGHTH_LARGEST, FINISHED, 1.0)
-_LARGEST, _EIGHTH_SMALLEST_AT, _EIGHTH_LARGEST_AT, _FINISHED_AT, _ONE = range(6, 11)
+_CONSTANTS = (*EXP2_COEFFICIENTS_BELOW_0, LARGEST_ALPHA, EIGHTH_SMALLEST, _EIGHTH_LARGEST, FINISHED)
+_LARGEST, _EIGHTH_SMALLEST_AT, _EIGHTH_LARGEST_AT, _FINISHED_AT = range(6, 10)
 
 
 def _table() -> np.ndarray:
@@ -135,15 +136,36 @@ class _Splat:
     def constant(self, place: int) -> Value:
         return self.code.spread(self.code.load_float(self.table + 4 * place))
 
-    def visit(self, blocks: Value, write: Callable[[Value, bool], None]) -> None:
-        """``write(state, held)`` for each block's state; most Gaussians need not be held."""
-        can_be_large = self.opacity_eighth >= self.code.float(_EIGHTH_LARGEST)
-        for held, condition in ((True, can_be_large), (False, can_be_large.equals(False))):
-            with self.code.when(condition), self.code.loop_bits(blocks) as block:
-                write(self.state + block * _BLOCK_BYTES, held)
+    def visit(self, blocks: Value, blend: Callable[[Value, bool, list[Value]], None]) -> None:
+        """``blend(state, held, shape)`` for each block's state, with the splat's ``shape`` there.
 
-    def at(self, place: Value, transmittance: Value, held: bool) -> tuple[Value, ...]:
-        """e, f, the exponent's eighth, alpha, and whether it counts.
+        The next block's shape is computed beside the blending of this one: one after the other
+        is a chain of operations longer than processors look ahead.
+        """
+        code = self.code
+        # Most Gaussians need not be held.
+        can_be_large = self.opacity_eighth >= code.float(_EIGHTH_LARGEST)
+        for held, condition in ((True, can_be_large), (False, can_be_large.equals(False))):
+            with code.when(condition), code.when(blocks.differs(0)):
+                place = code.variable(self._place(blocks))
+                shape = [code.variable(x) for x in self._shape(place.get(), held)]
+                rest = code.variable(blocks & (blocks - 1))
+                with code.loop_while(lambda: rest.get().differs(0)):
+                    here, ahead = place.get(), self._place(rest.get())
+                    now, then = [x.get() for x in shape], self._shape(ahead, held)
+                    blend(here, held, now)
+                    rest.set(rest.get() & (rest.get() - 1))
+                    place.set(ahead)
+                    for variable, value in zip(shape, then, strict=True):
+                        variable.set(value)
+                blend(place.get(), held, [x.get() for x in shape])
+
+    def _place(self, blocks: Value) -> Value:
+        """The state of the first of some blocks."""
+        return self.state + self.code.trailing_zeros(blocks) * _BLOCK_BYTES
+
+    def _shape(self, place: Value, held: bool) -> list[Value]:
+        """alpha, 0 where it is below 1/255; then e, f and the exponent's eighth.
 
         Only where ``held`` alpha can pass 0.99 and is held there.
         """
@@ -152,10 +174,16 @@ class _Splat:
         e = code.fma(self.a, x, code.fma(self.b, y, self.e0))
         f = code.fma(self.c, y, self.f0)
         exponent = code.fma(-e, e, code.fma(-f, f, self.eighth))
-        power = code.exp2_small(exponent, [self.constant(k) for k in range(6)])
-        alpha = code.minimum(power, self.constant(_LARGEST)) if held else power
-        counts = exponent >= self.constant(_EIGHTH_SMALLEST_AT)
-        return e, f, exponent, alpha, counts & (transmittance > self.constant(_FINISHED_AT))
+        alpha = code.exp2_small(exponent, [self.constant(k) for k in range(6)])
+        if held:
+            alpha = code.minimum(alpha, self.constant(_LARGEST))
+        alpha = code.select(exponent >= self.constant(_EIGHTH_SMALLEST_AT), alpha, 0.0)
+        return [alpha, e, f, exponent]
+
+    def weight(self, alpha: Value, transmittance: Value) -> Value:
+        """What a pixel takes of the splat: nothing if it is finished."""
+        open_ = transmittance > self.constant(_FINISHED_AT)
+        return self.code.select(open_, alpha * transmittance, 0.0)
 
 
 def _write_blend(code: Code, depth: bool, *arguments: Value) -> None:
@@ -163,16 +191,15 @@ def _write_blend(code: Code, depth: bool, *arguments: Value) -> None:
     with code.loop(count) as i:
         splat = _Splat(code, state, table, batch + i * RECORD_BYTES, depth)
 
-        def write(plane: Value, held: bool, splat: _Splat = splat) -> None:
-            transmittance = code.load(plane)
-            *_, alpha, counts = splat.at(plane, transmittance, held)
-            weight = code.select(counts, alpha * transmittance, 0.0)
-            code.store(plane, transmittance - weight)
+        def blend(place: Value, held: bool, shape: list[Value], splat: _Splat = splat) -> None:
+            transmittance = code.load(place)
+            weight = splat.weight(shape[0], transmittance)
+            code.store(place, transmittance - weight)
             for k, colour in enumerate(splat.colour):
-                place = plane + (_SUMS + k) * VECTOR_BYTES
-                code.store(place, code.fma(weight, colour, code.load(place)))
+                at = place + (_SUMS + k) * VECTOR_BYTES
+                code.store(at, code.fma(weight, colour, code.load(at)))
 
-        splat.visit(code.load_long(masks + 8 * i) & alive, write)
+        splat.visit(code.load_long(masks + 8 * i) & alive, blend)
 
 
 def _write_blend_backward(code: Code, depth: bool, *arguments: Value) -> None:
@@ -183,30 +210,33 @@ def _write_blend_backward(code: Code, depth: bool, *arguments: Value) -> None:
         splat = _Splat(code, state, table, batch + i * RECORD_BYTES, depth)
         sums = [code.variable(zero) for _ in range(6 + channels)]
 
-        def write(plane: Value, held: bool, splat: _Splat = splat, sums: list[Variable] = sums) -> None:
-            transmittance = code.load(plane)
-            e, f, exponent, alpha, counts = splat.at(plane, transmittance, held)
-            alpha = code.select(counts, alpha, 0.0)
-            weight = alpha * transmittance
-            upstream = [code.load(plane + (_UPSTREAM + k) * VECTOR_BYTES) for k in range(channels)]
+        def blend(
+            place: Value, held: bool, shape: list[Value], splat: _Splat = splat, sums: list[Variable] = sums
+        ) -> None:
+            alpha, e, f, exponent = shape
+            transmittance = code.load(place)
+            weight = splat.weight(alpha, transmittance)
+            behind = transmittance - weight
+            code.store(place, behind)
+            upstream = [code.load(place + (_UPSTREAM + k) * VECTOR_BYTES) for k in range(channels)]
             shade = upstream[0] * splat.colour[0]
             for g, colour in zip(upstream[1:], splat.colour[1:], strict=True):
                 shade = code.fma(g, colour, shade)
-            rest = code.fma(-weight, shade, code.load(plane + _REST * VECTOR_BYTES))
-            code.store(plane + _REST * VECTOR_BYTES, rest)
-            code.store(plane, transmittance - weight)
-            behind = code.quotient(rest, splat.constant(_ONE) - alpha)
-            gradient = alpha * (transmittance * shade - behind)
+            rest = code.fma(-weight, shade, code.load(place + _REST * VECTOR_BYTES))
+            code.store(place + _REST * VECTOR_BYTES, rest)
+            gradient = weight * code.fma(-rest, code.quotient(1.0, behind), shade)
             if held:
                 gradient = code.select(exponent < splat.constant(_EIGHTH_LARGEST_AT), gradient, 0.0)
-            along_e, along_f = gradient * e, gradient * f
-            terms = [gradient, along_e, along_f, along_e * e, along_e * f, along_f * f]
-            terms += [weight * g for g in upstream]
-            for total, term in zip(sums, terms, strict=True):
-                total.add(term)
+            along_e = gradient * e
+            sums[0].add(gradient)
+            sums[1].add(along_e)
+            products = [(gradient, f), (along_e, e), (along_e, f), (gradient, exponent)]
+            products += [(weight, g) for g in upstream]
+            for total, (a, b) in zip(sums[2:], products, strict=True):
+                total.set(code.fma(a, b, total.get()))
 
         blocks = code.load_long(masks + 8 * i) & alive
-        splat.visit(blocks, write)
+        splat.visit(blocks, blend)
         entry = code.load_long(order + 8 * i) & 0xFFFFFFFF
         slot = slots + entry * SLOT_BYTES
         code.store(slot, code.sums([total.get() for total in sums]))

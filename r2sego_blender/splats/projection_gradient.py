@@ -63,9 +63,10 @@ def _add_slots(code: Code, first: Value, count: Value, total: Value) -> None:
     code.store(total, value.get())
 
 
-def _screen_gradients(code: Code, a: Value, b: Value, c: Value, sums: list[Value]) -> SimpleNamespace:
+def _screen_gradients(a: Value, b: Value, c: Value, eighth: Value, sums: list[Value]) -> SimpleNamespace:
     """The gradients of the centre and of the covariance, from the moments of e and f."""
-    e, f, ee, ef, ff = sums[1:6]
+    e, f, ee, ef = sums[1:5]
+    ff = eighth * sums[0] - sums[5] - ee
     centre, spread = 2.0 * _EXPONENT_SCALE, _EXPONENT_SCALE / FORM_SCALE
     return SimpleNamespace(
         u=a * e * centre,
@@ -132,7 +133,8 @@ def _write_gradients(
     at = point_on_screen(code, lens, chunk)
     shape = ellipsoid_on_screen(code, lens, chunk, at)
     a, b, c, _ = factor(code, shape)
-    g = _screen_gradients(code, a, b, c, sums)
+    opacity, log2_opacity = sigmoid(code, parameter(code, chunk, LOGIT_OPACITY))
+    g = _screen_gradients(a, b, c, log2_opacity * 0.125, sums)
     g_x = [2.0 * g.xx * shape.row_x[k] + g.xy * shape.row_y[k] for k in range(3)]
     g_y = [2.0 * g.yy * shape.row_y[k] + g.xy * shape.row_x[k] for k in range(3)]
     g_point = _point_gradient(lens, code, at, shape, g, g_x, g_y, sums[9])
@@ -153,7 +155,6 @@ def _write_gradients(
     g_rotation = [[g_world[k][j] * shape.scales[k] for k in range(3)] for j in range(3)]
     for k, gradient in enumerate(_quaternion_gradient(code, shape, g_rotation)):
         emit(QUATERNION + k, gradient)
-    opacity, _ = sigmoid(code, parameter(code, chunk, LOGIT_OPACITY))
     emit(LOGIT_OPACITY, (sums[0] + opacity_pull * opacity) * (1.0 - opacity))
 
     # Colour, and through the direction of view the mean once more.
