@@ -1,9 +1,8 @@
 """Which Gaussians touch which blocks of which tiles, in the order of their depth.
 
-A tile has 32 x 32 pixels, 64 blocks of 4 x 4: a block's pixels are the sixteen lanes of a
-vector. An *entry* is a Gaussian in a tile: its number and the blocks that its ellipse
-(alpha above 1/255) touches as 64 bits. The intersection is exact, row of blocks by row
-of blocks: sixteen rows are one vector.
+An *entry* is a Gaussian in a tile: its number and the blocks that its ellipse (alpha above
+1/255) touches as 64 bits. The intersection is exact, row of blocks by row of blocks:
+sixteen rows are one vector.
 """
 
 from __future__ import annotations
@@ -28,11 +27,8 @@ from .projection import (
     U,
     V,
 )
+from .tiles import BLOCK_PX
 from .vectors import Code, Value, flush_denormals, restore_denormals, vector_kernel
-
-TILE_PX = 32
-BLOCK_PX = 4
-BLOCKS_A_SIDE = TILE_PX // BLOCK_PX
 
 SEGMENTS = 16
 """The Gaussians are binned in this many runs, each by one thread at a time."""

@@ -1,7 +1,6 @@
 """Front-to-back compositing of a tile's Gaussians, and its gradient.
 
-A tile's state has for each of its 64 blocks one vector of transmittances, then vectors of
-what is summed. Each entry visits the blocks it touches. A pixel is finished when its transmittance
+Each entry visits the blocks it touches. A pixel is finished when its transmittance
 falls to ``FINISHED`` or below and a block when all its pixels are; the tile ends with
 its last block. The gradient visits the entries in the same order again: with the
 transmittance T in front of it, a Gaussian's alpha has the gradient
@@ -20,9 +19,9 @@ from collections.abc import Callable
 
 import numpy as np
 from numba import get_thread_id
-from numba.core.types import float32, int64, void
+from numba.core.types import int64, void
 
-from .binning import BLOCK_PX, BLOCKS_A_SIDE, ENTRY_BYTES, TILE_PX
+from .binning import ENTRY_BYTES
 from .compiled import kernel, parallel_kernel, prange
 from .projection import (
     DEPTH,
@@ -37,6 +36,20 @@ from .projection import (
     U,
     V,
 )
+from .tiles import (
+    BLOCK_BYTES,
+    REST,
+    STATE_BYTES,
+    SUMS,
+    TILE_PX,
+    UPSTREAM,
+    X,
+    Y,
+    open_blocks,
+    open_gradient,
+    open_tile,
+    store_tile,
+)
 from .vectors import (
     EXP2_COEFFICIENTS_BELOW_0,
     LANES,
@@ -50,20 +63,13 @@ from .vectors import (
     vector_kernel,
 )
 
-_BLOCKS = BLOCKS_A_SIDE**2
-_PLANES = 9
-_BLOCK_BYTES = _PLANES * VECTOR_BYTES  # block by block: planes 4096 bytes apart would alias in the cache
-STATE_BYTES = _BLOCKS * _BLOCK_BYTES
-_TRANSMITTANCE, _SUMS = 0, 1  # forward: red, green, blue and depth
-_REST, _UPSTREAM = 1, 2  # backward: the gradients of red, green, blue and depth
-_X, _Y, _SPARE = 6, 7, 8  # pixel centres, from the tile's middle
-
 BATCH = 32
 """Entries whose records are fetched together; after each batch finished blocks are noticed."""
 
 SLOT_BYTES = VECTOR_BYTES
-"""An entry's gradient sums: of g = alpha dL/dalpha the moments 1, e, f, e e, e f and x, the
-exponent's eighth, from which f f follows (x = eighth - e e - f f); the gradients of red, green, blue and depth; then 1 if the entry was blended."""
+"""An entry's gradient sums: of g = alpha dL/dalpha the moments 1, e, f, e e, e f and x, where
+x is the exponent's eighth (f f follows: x = eighth - e e - f f); the gradients of red, green,
+blue and depth; then 1 if the entry was blended."""
 MOMENTS, BLENDED = 10, 10
 
 FINISHED = 1e-4
@@ -71,9 +77,6 @@ FINISHED = 1e-4
 
 _MASK_BYTES = 8
 _EIGHTH_LARGEST = math.log2(LARGEST_ALPHA) / 8.0
-
-TRANSMITTANCE_PLANE, DEPTH_PLANE, IMAGE_PLANES = 3, 4, 5
-"""An image's planes after red, green and blue."""
 
 SCRATCH_BYTES = STATE_BYTES + BATCH * (RECORD_BYTES + _MASK_BYTES)
 """What a thread needs: the planes, a batch of records, and their blocks."""
@@ -84,21 +87,13 @@ _LARGEST, _EIGHTH_SMALLEST_AT, _EIGHTH_LARGEST_AT, _FINISHED_AT = range(6, 10)
 
 
 def _table() -> np.ndarray:
-    """(1 + 128, 16): the constants; the blocks' pixel centres x and y from the tile's middle.
-
-    The constants stand in memory, so that vector registers are left for the sums.
-    """
-    lane, block = np.arange(LANES), np.arange(_BLOCKS)[:, None]
-    table = aligned((1 + 2 * _BLOCKS, LANES))
-    table[0, : len(_CONSTANTS)] = _CONSTANTS
-    middle = TILE_PX / 2 - 0.5
-    table[1 : 1 + _BLOCKS] = BLOCK_PX * (block % BLOCKS_A_SIDE) + lane % BLOCK_PX - middle
-    table[1 + _BLOCKS :] = BLOCK_PX * (block // BLOCKS_A_SIDE) + lane // BLOCK_PX - middle
+    """(16,): the constants, in memory, so that vector registers are left for the sums."""
+    table = aligned(LANES)
+    table[: len(_CONSTANTS)] = _CONSTANTS
     return table
 
 
 TABLE = _table()
-_COORDINATES_BYTES = _BLOCKS * VECTOR_BYTES
 
 
 @vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64))
@@ -147,22 +142,18 @@ class _Splat:
         can_be_large = self.opacity_eighth >= code.float(_EIGHTH_LARGEST)
         for held, condition in ((True, can_be_large), (False, can_be_large.equals(False))):
             with code.when(condition), code.when(blocks.differs(0)):
-                place = code.variable(self._place(blocks))
+                place = code.variable(self._place(code.trailing_zeros(blocks)))
                 shape = [code.variable(x) for x in self._shape(place.get(), held)]
-                rest = code.variable(blocks & (blocks - 1))
-                with code.loop_while(lambda: rest.get().differs(0)):
-                    here, ahead = place.get(), self._place(rest.get())
+                with code.loop_bits(blocks & (blocks - 1)) as block:
+                    here, ahead = place.get(), self._place(block)
                     now, then = [x.get() for x in shape], self._shape(ahead, held)
                     blend(here, held, now)
-                    rest.set(rest.get() & (rest.get() - 1))
-                    place.set(ahead)
-                    for variable, value in zip(shape, then, strict=True):
+                    for variable, value in zip([place, *shape], [ahead, *then], strict=True):
                         variable.set(value)
                 blend(place.get(), held, [x.get() for x in shape])
 
-    def _place(self, blocks: Value) -> Value:
-        """The state of the first of some blocks."""
-        return self.state + self.code.trailing_zeros(blocks) * _BLOCK_BYTES
+    def _place(self, block: Value) -> Value:
+        return self.state + block * BLOCK_BYTES
 
     def _shape(self, place: Value, held: bool) -> list[Value]:
         """alpha, 0 where it is below 1/255; then e, f and the exponent's eighth.
@@ -170,7 +161,7 @@ class _Splat:
         Only where ``held`` alpha can pass 0.99 and is held there.
         """
         code = self.code
-        x, y = (code.load(place + plane * VECTOR_BYTES) for plane in (_X, _Y))
+        x, y = (code.load(place + plane * VECTOR_BYTES) for plane in (X, Y))
         e = code.fma(self.a, x, code.fma(self.b, y, self.e0))
         f = code.fma(self.c, y, self.f0)
         exponent = code.fma(-e, e, code.fma(-f, f, self.eighth))
@@ -196,7 +187,7 @@ def _write_blend(code: Code, depth: bool, *arguments: Value) -> None:
             weight = splat.weight(shape[0], transmittance)
             code.store(place, transmittance - weight)
             for k, colour in enumerate(splat.colour):
-                at = place + (_SUMS + k) * VECTOR_BYTES
+                at = place + (SUMS + k) * VECTOR_BYTES
                 code.store(at, code.fma(weight, colour, code.load(at)))
 
         splat.visit(code.load_long(masks + 8 * i) & alive, blend)
@@ -218,12 +209,12 @@ def _write_blend_backward(code: Code, depth: bool, *arguments: Value) -> None:
             weight = splat.weight(alpha, transmittance)
             behind = transmittance - weight
             code.store(place, behind)
-            upstream = [code.load(place + (_UPSTREAM + k) * VECTOR_BYTES) for k in range(channels)]
+            upstream = [code.load(place + (UPSTREAM + k) * VECTOR_BYTES) for k in range(channels)]
             shade = upstream[0] * splat.colour[0]
             for g, colour in zip(upstream[1:], splat.colour[1:], strict=True):
                 shade = code.fma(g, colour, shade)
-            rest = code.fma(-weight, shade, code.load(place + _REST * VECTOR_BYTES))
-            code.store(place + _REST * VECTOR_BYTES, rest)
+            rest = code.fma(-weight, shade, code.load(place + REST * VECTOR_BYTES))
+            code.store(place + REST * VECTOR_BYTES, rest)
             gradient = weight * code.fma(-rest, code.quotient(1.0, behind), shade)
             if held:
                 gradient = code.select(exponent < splat.constant(_EIGHTH_LARGEST_AT), gradient, 0.0)
@@ -276,70 +267,7 @@ def _blend_backward_with_depth(code, state, table, batch, masks, count, alive, o
 @vector_kernel(int64(int64))
 def _unfinished(code: Code, state: Value) -> Value:
     """The blocks with a pixel that can still take a Gaussian, as bits."""
-    alive = code.variable(code.long(0))
-    with code.loop(code.long(_BLOCKS)) as block:
-        open_ = code.bits(code.load(state + block * _BLOCK_BYTES) > FINISHED).differs(0)
-        alive.set(alive.get() | (code.select(open_, code.long(1), code.long(0)) << block))
-    return alive.get()
-
-
-def _each_block(code: Code, write) -> None:
-    """``write(block, x_px, y_px)`` for each block of a tile."""
-    with code.loop(code.long(_BLOCKS)) as block:
-        write(block, (block & (BLOCKS_A_SIDE - 1)) << 2, (block >> 3) << 2)
-
-
-def _row_address(code: Code, plane: Value, pitch: Value, x: Value, y: Value) -> list[Value]:
-    """Where a block's four rows of four pixels stand in an image plane."""
-    first = plane + (y * pitch + x) * 4
-    return [first + pitch * (4 * row) for row in range(BLOCK_PX)]
-
-
-@vector_kernel(void(int64, int64, int64))
-def _store_plane(code: Code, source: Value, image: Value, pitch: Value) -> None:
-    """A tile's plane to an image plane whose rows are ``pitch`` floats apart."""
-
-    def write(block: Value, x: Value, y: Value) -> None:
-        values = code.load(source + block * _BLOCK_BYTES)
-        for row, address in enumerate(_row_address(code, image, pitch, x, y)):
-            code.store_four(address, values, BLOCK_PX * row)
-
-    _each_block(code, write)
-
-
-@vector_kernel(void(int64, int64, int64))
-def _load_plane(code: Code, target: Value, image: Value, pitch: Value) -> None:
-    """The reverse of ``_store_plane``."""
-
-    def write(block: Value, x: Value, y: Value) -> None:
-        rows = [code.load_four(address) for address in _row_address(code, image, pitch, x, y)]
-        code.store(target + block * _BLOCK_BYTES, code.joined(rows))
-
-    _each_block(code, write)
-
-
-@vector_kernel(void(int64, int64))
-def _copy_coordinates(code: Code, state: Value, table: Value) -> None:
-    """The pixel centres into the blocks' state."""
-    with code.loop(code.long(_BLOCKS)) as block:
-        for plane, start in ((_X, 0), (_Y, _COORDINATES_BYTES)):
-            source = table + block * VECTOR_BYTES + (VECTOR_BYTES + start)
-            code.store(state + block * _BLOCK_BYTES + plane * VECTOR_BYTES, code.load(source))
-
-
-@vector_kernel(void(int64, int64, int64, float32))
-def _multiply_add(code: Code, total: Value, a: Value, b: Value, factor: Value) -> None:
-    """``total`` += ``factor`` times the product of two planes."""
-    with code.loop(code.long(_BLOCKS)) as block:
-        at = block * _BLOCK_BYTES
-        product = code.load(a + at) * code.load(b + at)
-        code.store(total + at, code.load(total + at) + product * factor)
-
-
-@vector_kernel(void(int64, float32))
-def _fill_plane(code: Code, plane: Value, value: Value) -> None:
-    with code.loop(code.long(_BLOCKS)) as block:
-        code.store(plane + block * _BLOCK_BYTES, code.spread(value))
+    return open_blocks(code, state, FINISHED)
 
 
 @vector_kernel(void(int64, int64, int64))
@@ -370,71 +298,39 @@ def _blend_tile(state, start, stop, order, entries, records, middle_x, middle_y,
 
 @parallel_kernel
 def composite(
-    records, entries, order, tile_starts, tile_stops, tiles_x, planes, plane_floats, background, behind,
-    scratch, table, with_depth,
+    records, entries, order, tile_starts, tile_stops, tiles_x, planes, plane_bytes, background,
+    background_plane_bytes, background_pitch, background_step, scratch, table, coordinates, with_depth,
 ):  # fmt: skip
     """Render all tiles into image planes of whole tiles: red, green, blue, transmittance, depth sum.
 
-    All but ``tile_starts``, ``tile_stops`` (tiles,) int64 and ``background`` (3,) float32 are
-    addresses or numbers. The planes are ``plane_floats`` apart and their rows whole tiles
-    wide; ``behind``, unless 0, is the address of three such planes that stand in for
-    ``background``; ``scratch`` holds SCRATCH_BYTES for each thread. ``tile_stops`` gets the
-    place in ``order`` where a tile was finished.
+    All but ``tile_starts`` and ``tile_stops`` (tiles,) int64 are addresses or numbers. The
+    planes are ``plane_bytes`` apart and their rows whole tiles wide; the background has its own
+    strides (see ``store_tile``); ``scratch`` holds SCRATCH_BYTES for each thread. ``tile_stops``
+    gets the place in ``order`` where a tile was finished.
     """
     tiles = tile_starts.shape[0] - 1
-    pitch = tiles_x * TILE_PX
+    pitch = 4 * tiles_x * TILE_PX
     for tile in prange(tiles):
         flags = flush_denormals()
         state = scratch + get_thread_id() * SCRATCH_BYTES
         x, y = tile % tiles_x * TILE_PX, tile // tiles_x * TILE_PX
-        corner = 4 * (y * pitch + x)
-        _copy_coordinates(state, table)
-        _fill_plane(state, np.float32(1))
-        for k in range(_SUMS, _SUMS + 4):
-            _fill_plane(state + k * VECTOR_BYTES, np.float32(0))
+        open_tile(state, coordinates)
         tile_stops[tile] = _blend_tile(
             state, tile_starts[tile], tile_starts[tile + 1], order, entries, records,
             x + TILE_PX // 2, y + TILE_PX // 2, table, with_depth,
         )  # fmt: skip
-        spare = state + _SPARE * VECTOR_BYTES
-        for k in range(3):
-            colour = state + (_SUMS + k) * VECTOR_BYTES
-            if behind != 0:
-                _load_plane(spare, behind + 4 * k * plane_floats + corner, pitch)
-            else:
-                _fill_plane(spare, background[k])
-            _multiply_add(colour, state, spare, np.float32(1))
-            _store_plane(colour, planes + 4 * k * plane_floats + corner, pitch)
-        _store_plane(state, planes + 4 * TRANSMITTANCE_PLANE * plane_floats + corner, pitch)
-        if with_depth:
-            depth = state + (_SUMS + 3) * VECTOR_BYTES
-            _store_plane(depth, planes + 4 * DEPTH_PLANE * plane_floats + corner, pitch)
+        store_tile(
+            state, planes + y * pitch + 4 * x, plane_bytes, pitch,
+            background + y * background_pitch + x // LANES * background_step,
+            background_plane_bytes, background_pitch, background_step, with_depth,
+        )  # fmt: skip
         restore_denormals(flags)
-
-
-@kernel
-def _load_upstream(state, planes, gradients, plane_bytes, corner, pitch, with_alpha, with_depth):
-    """Fill the planes of gradients and of the rest, from the image and its gradient."""
-    spare, rest = state + _SPARE * VECTOR_BYTES, state + _REST * VECTOR_BYTES
-    _fill_plane(state, np.float32(1))
-    _fill_plane(rest, np.float32(0))
-    if with_alpha:
-        upstream = state + _UPSTREAM * VECTOR_BYTES
-        _load_plane(upstream, gradients + TRANSMITTANCE_PLANE * plane_bytes + corner, pitch)
-        _load_plane(spare, planes + TRANSMITTANCE_PLANE * plane_bytes + corner, pitch)
-        _multiply_add(rest, upstream, spare, np.float32(-1))
-    for k in range(4 if with_depth else 3):
-        plane = k if k < 3 else DEPTH_PLANE
-        upstream = state + (_UPSTREAM + k) * VECTOR_BYTES
-        _load_plane(upstream, gradients + plane * plane_bytes + corner, pitch)
-        _load_plane(spare, planes + plane * plane_bytes + corner, pitch)
-        _multiply_add(rest, upstream, spare, np.float32(1))
 
 
 @parallel_kernel
 def composite_backward(
-    records, entries, order, tile_starts, tile_stops, tiles_x, planes, gradients, plane_floats, slots,
-    scratch, table, with_alpha, with_depth,
+    records, entries, order, tile_starts, tile_stops, tiles_x, planes, gradients, plane_bytes, slots,
+    scratch, table, coordinates, with_alpha, with_depth,
 ):  # fmt: skip
     """Fill the slots of all entries from ``gradients``, planes in the layout of ``planes``.
 
@@ -442,16 +338,18 @@ def composite_backward(
     of depth, are read only when asked for.
     """
     tiles = tile_starts.shape[0] - 1
-    pitch = tiles_x * TILE_PX
+    pitch = 4 * tiles_x * TILE_PX
     for tile in prange(tiles):
         flags = flush_denormals()
         state = scratch + get_thread_id() * SCRATCH_BYTES
         batch = state + STATE_BYTES
         masks = batch + BATCH * RECORD_BYTES
         x, y = tile % tiles_x * TILE_PX, tile // tiles_x * TILE_PX
-        corner = 4 * (y * pitch + x)
-        _copy_coordinates(state, table)
-        _load_upstream(state, planes, gradients, 4 * plane_floats, corner, pitch, with_alpha, with_depth)
+        corner = y * pitch + 4 * x
+        open_gradient(
+            state, coordinates, planes + corner, gradients + corner, plane_bytes, pitch,
+            with_alpha, with_depth,
+        )  # fmt: skip
         start, stop, alive = tile_starts[tile], tile_stops[tile], -1
         while start < stop:
             count = min(BATCH, stop - start)

@@ -16,9 +16,9 @@ import numpy as np
 from numba import get_thread_id
 from numba.core.types import float32, int64, void
 
-from .binning import TILE_PX
 from .compiled import parallel_kernel, prange
 from .metrics import SSIM_C1, SSIM_C2, SSIM_RADIUS_PX, ssim_window
+from .tiles import TILE_PX, planes_of
 from .vectors import (
     LANES,
     VECTOR_BYTES,
@@ -281,15 +281,6 @@ def _gradient(
                 total += _read_sum(own)
         sums[strip] = total
         restore_denormals(flags)
-
-
-def planes_of(image: np.ndarray) -> np.ndarray:
-    """An image (H, W, C), or (H, W), as aligned planes (C, H', W') of whole tiles, zeros outside."""
-    image = image[..., None] if image.ndim == 2 else image
-    height, width, channels = image.shape
-    planes = aligned((channels, -(-height // TILE_PX) * TILE_PX, -(-width // TILE_PX) * TILE_PX))
-    planes[:, :height, :width] = np.moveaxis(image, 2, 0)
-    return planes
 
 
 class PhotometricLoss:

@@ -11,7 +11,7 @@ import numpy as np
 from ..cameras import Camera
 from ..errors import AssetError
 from ..images import resize
-from .loss import planes_of
+from .tiles import planes_of
 
 ImageSource = np.ndarray | Callable[[], np.ndarray]
 
@@ -80,8 +80,8 @@ class Observation:
 class Target:
     """An observation at one resolution, as the loss reads it.
 
-    ``image`` (3, H', W') and ``weights`` (1, H', W') are planes of whole tiles; the others are
-    images of the camera's size.
+    ``image`` and ``background`` (3, H', W') and ``weights`` (1, H', W') are planes of whole
+    tiles; the others are images of the camera's size.
     """
 
     camera: Camera
@@ -113,7 +113,7 @@ class Target:
             camera=camera,
             image=planes_of(resized(view.loaded())),
             weights=None if view.confidence is None else planes_of(resized(view.confidence)),
-            background=resized(view.background),
+            background=None if view.background is None else planes_of(resized(view.background)),
             opaque=resized(view.opaque),
             depth=depth,
             normals=normals,

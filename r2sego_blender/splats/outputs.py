@@ -16,7 +16,6 @@ from scipy.spatial.transform import Rotation
 from ..cameras import Camera
 from ..errors import AssetError
 from .asset import SplatAsset
-from .binning import BLOCK_PX, BLOCKS_A_SIDE, TILE_PX
 from .compiled import kernel, parallel_kernel, prange
 from .compositing import FINISHED
 from .packing import LANES, PackedGaussians
@@ -31,6 +30,7 @@ from .projection import (
     V,
 )
 from .rasterizer import SMALLEST_ALPHA, Background, Rasterizer, Rendering, TileEntries
+from .tiles import BLOCK_PX, BLOCKS, BLOCKS_A_SIDE, TILE_PX
 from .vectors import EXP2_COEFFICIENTS_BELOW_0
 
 NONE = -1
@@ -214,7 +214,7 @@ def _identify_tiles(records, places, blocks, starts, tiles_x, labels, place_map,
         sums = np.empty((len(present), LANES), np.float32)
         transmittance, weights = np.empty(LANES, np.float32), np.empty(LANES, np.float32)
         best, winner = np.empty(LANES, np.float32), np.empty(LANES, np.int32)
-        for block in range(BLOCKS_A_SIDE**2):
+        for block in range(BLOCKS):
             x, y = block % BLOCKS_A_SIDE * BLOCK_PX, block // BLOCKS_A_SIDE * BLOCK_PX
             best[:] = 0.0
             winner[:] = NONE

@@ -16,7 +16,6 @@ from .asset import SplatAsset
 from .binning import (
     ENTRY_BYTES,
     SEGMENTS,
-    TILE_PX,
     append_entries,
     count_tiles,
     place_tiles,
@@ -24,19 +23,24 @@ from .binning import (
     sort_tiles,
 )
 from .compositing import (
-    DEPTH_PLANE,
-    IMAGE_PLANES,
     SCRATCH_BYTES,
     SLOT_BYTES,
     TABLE,
-    TRANSMITTANCE_PLANE,
     composite,
     composite_backward,
 )
 from .packing import PackedGaussians, unpack
 from .projection import DILATION_PX2, RECORD_BYTES, RED, lens_of, project
 from .projection_gradient import GATHER_BYTES, POSE_SUMS, project_backward, project_backward_adam
-from .vectors import LANES, aligned
+from .tiles import (
+    COORDINATES,
+    DEPTH_PLANE,
+    IMAGE_PLANES,
+    TILE_PX,
+    TRANSMITTANCE_PLANE,
+    planes_of,
+)
+from .vectors import LANES, VECTOR_BYTES, aligned
 
 _SPARE = 1.25
 """Arrays that must grow get this much more than is needed now."""
@@ -45,7 +49,8 @@ _MOST_SIZES = 8
 """Buffers of this many image sizes are kept, the ones used last."""
 
 Background = Sequence[float] | np.ndarray
-"""What is seen where the Gaussians let light through: one colour, or an image (H, W, 3)."""
+"""What is seen where the Gaussians let light through: one colour (3,), an image (H, W, 3),
+or the image's planes (3, H', W') as ``planes_of`` makes them."""
 
 SMALLEST_ALPHA = 1e-6
 """Where alpha is not above this, nothing was seen and depth is 0."""
@@ -131,11 +136,10 @@ class _Frame:
     tile_stops: np.ndarray
     planes: np.ndarray
     gradient_planes: np.ndarray
-    behind: np.ndarray
 
     @property
-    def plane_floats(self) -> int:
-        return self.planes[0].size
+    def plane_bytes(self) -> int:
+        return self.planes[0].nbytes
 
     @staticmethod
     def of(shape: tuple[int, int]) -> _Frame:
@@ -148,7 +152,6 @@ class _Frame:
             tile_stops=np.zeros(tiles, np.int64),
             planes=aligned((IMAGE_PLANES, *size)),
             gradient_planes=aligned((IMAGE_PLANES, *size)),
-            behind=aligned((3, *size)),
         )
 
 
@@ -208,11 +211,12 @@ class Rasterizer:
             self._order,
         )
         sort_tiles(self._order, self._spare_order, self._frame.tile_starts)
-        colour, image = self._background(background)
+        behind, strides = self._behind(background)
         frame = self._frame
         composite(
-            *self._sorted_entries(), frame.planes.ctypes.data, frame.plane_floats, colour, image,
-            self._scratch.ctypes.data, TABLE.ctypes.data, with_depth,
+            *self._sorted_entries(), frame.planes.ctypes.data, frame.plane_bytes,
+            behind.ctypes.data, *strides, self._scratch.ctypes.data, TABLE.ctypes.data,
+            COORDINATES.ctypes.data, with_depth,
         )  # fmt: skip
 
     @property
@@ -326,8 +330,8 @@ class Rasterizer:
         frame = self._frame
         composite_backward(
             *self._sorted_entries(), frame.planes.ctypes.data, frame.gradient_planes.ctypes.data,
-            frame.plane_floats, self._slots.ctypes.data, self._scratch.ctypes.data, TABLE.ctypes.data,
-            with_alpha, with_depth,
+            frame.plane_bytes, self._slots.ctypes.data, self._scratch.ctypes.data, TABLE.ctypes.data,
+            COORDINATES.ctypes.data, with_alpha, with_depth,
         )  # fmt: skip
 
     def _sorted_entries(self) -> tuple:
@@ -348,18 +352,22 @@ class Rasterizer:
         rows = self._pose_rows[: len(self._gaussians.values), :POSE_SUMS]
         return rows.sum(axis=0, dtype=np.float64)
 
-    def _background(self, background: Background) -> tuple[np.ndarray, int]:
-        """One colour (3,) and 0, or the address of an image in planes of whole tiles."""
+    def _behind(self, background: Background) -> tuple[np.ndarray, tuple[int, int, int]]:
+        """The background as ``store_tile`` reads it: planes, and their strides in bytes."""
         image = np.ascontiguousarray(background, np.float32)
         if image.shape == (3,):
-            return image, 0
-        if image.shape != (*self._camera.shape, 3):
+            colour = aligned((3, LANES))
+            colour[:] = image[:, None]
+            return colour, (colour.strides[0], 0, 0)
+        whole_tiles = (3, *self._frame.planes.shape[1:])
+        if image.shape == (*self._camera.shape, 3):
+            image = planes_of(image)
+        if image.shape != whole_tiles:
             raise AssetError(
                 f"the background has the shape {image.shape}, the camera {self._camera.shape}",
                 cure="Give one colour or an image of the camera's size.",
             )
-        self._frame.behind[:, : image.shape[0], : image.shape[1]] = np.moveaxis(image, 2, 0)
-        return np.zeros(3, np.float32), self._frame.behind.ctypes.data
+        return image, (image.strides[0], image.strides[1], VECTOR_BYTES)
 
     def _reserve(self, chunks: int, shape: tuple[int, int]) -> None:
         if chunks > self._chunks:

@@ -16,7 +16,6 @@ from ..errors import AssetError
 from ..progress import SILENT, Progress
 from ..settings import TrainingSettings
 from .asset import SplatAsset
-from .compositing import DEPTH_PLANE, TRANSMITTANCE_PLANE
 from .corrections import Correction
 from .densification import Densification
 from .loss import PhotometricLoss
@@ -26,6 +25,7 @@ from .population import Population
 from .projection import reduced_dilation_px2
 from .rasterizer import Rasterizer
 from .supervision import depth_gradients
+from .tiles import DEPTH_PLANE, TRANSMITTANCE_PLANE
 from .vectors import aligned_copy
 
 _BLACK = (0.0, 0.0, 0.0)

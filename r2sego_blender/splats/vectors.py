@@ -221,22 +221,6 @@ class Code:
         pointer = self.builder.inttoptr(address.llvm, value.llvm.type.as_pointer())
         self.builder.store(value.llvm, pointer, align=VECTOR_BYTES if aligned else 4)
 
-    def load_four(self, address: Value) -> Value:
-        """Four floats at any address, a vector of four lanes: only for ``store`` and ``joined``."""
-        pointer = self.builder.inttoptr(address.llvm, ir.VectorType(_FLOAT, 4).as_pointer())
-        return Value(self, self.builder.load(pointer, align=4))
-
-    def store_four(self, address: Value, value: Value, first: int) -> None:
-        """Lanes ``first`` to ``first + 3`` of a vector, at any address."""
-        four = self._shuffled(value, value, range(first, first + 4))
-        pointer = self.builder.inttoptr(address.llvm, four.type.as_pointer())
-        self.builder.store(four, pointer, align=4)
-
-    def joined(self, fours: Sequence[Value]) -> Value:
-        """One vector from four of four lanes."""
-        low, high = (self._shuffled(a, b, range(8)) for a, b in (fours[:2], fours[2:]))
-        return Value(self, self._shuffled(Value(self, low), Value(self, high), range(16)))
-
     def load_float(self, address: Value) -> Value:
         """One float; beside vectors it fills their lanes."""
         return Value(self, self.builder.load(self.builder.inttoptr(address.llvm, _FLOAT.as_pointer())))
@@ -407,6 +391,23 @@ class Code:
         total, owners = groups[0]
         order = [owners.index(k) if k in owners else owners.index(0) for k in range(LANES)]
         return Value(self, self._shuffled(total, total, order))
+
+    def quarters_exchanged(self, vectors: Sequence[Value]) -> list[Value]:
+        """Four vectors whose quarters and numbers are exchanged; done twice, nothing changes."""
+        a, b, c, d = vectors
+        low, high = list(range(LANES // 2)), list(range(LANES // 2, LANES))
+        halves = [
+            Value(self, self._shuffled(x, y, half + [LANES + k for k in half]))
+            for half in (low, high)
+            for x, y in ((a, b), (c, d))
+        ]
+        even = [k for k in range(2 * LANES) if k // 4 % 2 == 0]
+        odd = [k for k in range(2 * LANES) if k // 4 % 2 == 1]
+        return [
+            Value(self, self._shuffled(x, y, order))
+            for x, y in (halves[:2], halves[2:])
+            for order in (even, odd)
+        ]
 
     def transposed(self, rows: Sequence[Value]) -> list[Value]:
         """Sixteen vectors whose lanes and numbers are exchanged."""

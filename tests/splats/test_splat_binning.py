@@ -7,7 +7,6 @@ from splat_reference import parameters, random_asset, rasterize, scenes, small_c
 
 from r2sego_blender.cameras import Camera
 from r2sego_blender.splats.asset import SplatAsset
-from r2sego_blender.splats.binning import BLOCK_PX, BLOCKS_A_SIDE, TILE_PX
 from r2sego_blender.splats.packing import PackedGaussians
 from r2sego_blender.splats.projection import (
     DEPTH,
@@ -20,6 +19,7 @@ from r2sego_blender.splats.projection import (
     V,
 )
 from r2sego_blender.splats.rasterizer import Rasterizer, TileEntries
+from r2sego_blender.splats.tiles import BLOCK_PX, BLOCKS_A_SIDE, TILE_PX
 
 HELD_OUT_PX = 0.06
 """More than the binning's own slack: farther from the ellipse no block may count as touched."""

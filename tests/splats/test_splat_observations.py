@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from r2sego_blender.cameras import Camera
 from r2sego_blender.errors import AssetError
 from r2sego_blender.images import resize
-from r2sego_blender.splats.binning import TILE_PX
 from r2sego_blender.splats.observations import Observation, Target, TargetCache
+from r2sego_blender.splats.tiles import TILE_PX
 
 CAMERA = Camera(50, 34, 40.0, 42.0, 24.0, 18.0, np.eye(4))
 
@@ -54,11 +54,13 @@ def test_a_target_at_full_size_has_the_observations_pixels() -> None:
     assert target.camera is CAMERA
     assert target.image.shape == (3, 2 * TILE_PX, 2 * TILE_PX)
     assert target.weights.shape == (1, 2 * TILE_PX, 2 * TILE_PX)
-    np.testing.assert_array_equal(target.image[:, :height, :width], np.moveaxis(view.image, 2, 0))
+    for name in ("image", "background"):
+        planes, expected = getattr(target, name), np.moveaxis(getattr(view, name), 2, 0)
+        np.testing.assert_array_equal(planes[:, :height, :width], expected)
     np.testing.assert_array_equal(target.weights[0, :height, :width], view.confidence)
-    for plane in (*target.image, *target.weights):
+    for plane in (*target.image, *target.background, *target.weights):
         assert not plane[height:].any() and not plane[:, width:].any()
-    for name in ("background", "opaque", "depth", "normals"):
+    for name in ("opaque", "depth", "normals"):
         np.testing.assert_array_equal(getattr(target, name), getattr(view, name))
     np.testing.assert_array_equal(target.depth_weight, view.depth_confidence * (view.depth > 0))
 
@@ -71,9 +73,9 @@ def test_a_smaller_target_is_averaged_but_depths_never_are(factor: float) -> Non
     camera = CAMERA.scaled(factor)
     height, width = camera.shape
     assert target.camera.shape == camera.shape
-    expected = resize(view.image, width, height)
-    np.testing.assert_array_equal(target.image[:, :height, :width], np.moveaxis(expected, 2, 0))
-    np.testing.assert_array_equal(target.background, resize(view.background, width, height))
+    for name in ("image", "background"):
+        expected = resize(getattr(view, name), width, height)
+        np.testing.assert_array_equal(getattr(target, name)[:, :height, :width], np.moveaxis(expected, 2, 0))
     assert np.isin(target.depth, view.depth).all()
     assert not target.depth_weight[target.depth == 0.0].any()
     # A pixel's depth and normal are those of one pixel of the observation.

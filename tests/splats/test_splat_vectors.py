@@ -295,28 +295,22 @@ def test_loop_bits_visits_the_set_bits_from_the_lowest(bits: int) -> None:
     assert (found[len(expected) :] == -1).all()
 
 
-def test_four_lanes_at_any_address_and_back() -> None:
-    @vector_kernel(void(int64, int64, int64))
-    def body(code, source, target, spaced):
-        fours = [code.load_four(source + 20 * k) for k in range(4)]
-        vector = code.joined(fours)
-        code.store(target, vector, aligned=False)
-        for k in range(4):
-            code.store_four(spaced + 28 * k, vector, 4 * (3 - k))
-        code.prefetch(source)
+def test_quarters_and_numbers_are_exchanged() -> None:
+    @vector_kernel(void(int64))
+    def body(code, vectors):
+        rows = [code.load(vectors + VECTOR_BYTES * k) for k in range(4)]
+        for k, row in enumerate(code.quarters_exchanged(rows)):
+            code.store(vectors + VECTOR_BYTES * k, row)
 
     @numba.njit
-    def call(source, target, spaced):
-        body(source, target, spaced)
+    def call(vectors):
+        body(vectors)
 
-    source = random((40,))[1:]
-    target, spaced = np.zeros(LANES + 1, np.float32)[1:], np.zeros(29, np.float32)[1:]
-    call(source.ctypes.data, target.ctypes.data, spaced.ctypes.data)
-    groups = [source[5 * k : 5 * k + 4] for k in range(4)]
-    np.testing.assert_array_equal(target, np.concatenate(groups))
-    for k in range(4):
-        np.testing.assert_array_equal(spaced[7 * k : 7 * k + 4], groups[3 - k])
-        assert not spaced[7 * k + 4 : 7 * k + 7].any()
+    vectors = aligned((4, LANES))
+    vectors[:] = random((4, LANES))
+    expected = vectors.reshape(4, 4, 4).swapaxes(0, 1).reshape(4, LANES).copy()
+    call(vectors.ctypes.data)
+    np.testing.assert_array_equal(vectors, expected)
 
 
 def test_floats_and_integers_in_memory() -> None:

@@ -1,0 +1,176 @@
+"""A tile's state while its Gaussians are blended, and its way from and to the image.
+
+A tile has 32 x 32 pixels, 64 blocks of 4 x 4: a block's pixels are the sixteen lanes of a
+vector. The state holds for each block eight vectors: the transmittances; what is summed
+(forward: red, green, blue and depth; backward: the rest, and the image's gradients in
+those four); the pixel centres, from the tile's middle.
+
+An image is stored as *planes* of whole tiles, one for each channel. Four blocks side by
+side are four rows of sixteen pixels: one is made of the other by exchanging quarters.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba.core.types import int64, void
+
+from .vectors import LANES, VECTOR_BYTES, Code, Value, aligned, vector_kernel
+
+TILE_PX = 32
+BLOCK_PX = 4
+BLOCKS_A_SIDE = TILE_PX // BLOCK_PX
+BLOCKS = BLOCKS_A_SIDE**2
+
+TRANSMITTANCE, SUMS = 0, 1
+REST, UPSTREAM = 1, 2
+X, Y = 6, 7
+"""Places in a block's state; of SUMS four, of UPSTREAM four. Forward and backward share it."""
+
+BLOCK_BYTES = 8 * VECTOR_BYTES
+STATE_BYTES = BLOCKS * BLOCK_BYTES
+
+TRANSMITTANCE_PLANE, DEPTH_PLANE, IMAGE_PLANES = 3, 4, 5
+"""An image's planes after red, green and blue."""
+
+_ROW_BYTES = BLOCKS_A_SIDE * BLOCK_BYTES
+_GROUP = 4  # blocks side by side that are exchanged with rows
+_GROUPS_A_ROW = BLOCKS_A_SIDE // _GROUP
+
+
+def _coordinates() -> np.ndarray:
+    """(64, 2, 16): the pixel centres x and y of the blocks, from the tile's middle."""
+    lane, block = np.arange(LANES), np.arange(BLOCKS)[:, None]
+    coordinates = aligned((BLOCKS, 2, LANES))
+    middle = TILE_PX / 2 - 0.5
+    coordinates[:, 0] = BLOCK_PX * (block % BLOCKS_A_SIDE) + lane % BLOCK_PX - middle
+    coordinates[:, 1] = BLOCK_PX * (block // BLOCKS_A_SIDE) + lane // BLOCK_PX - middle
+    return coordinates
+
+
+COORDINATES = _coordinates()
+
+
+def planes_of(image: np.ndarray) -> np.ndarray:
+    """An image (H, W, C), or (H, W), as aligned planes (C, H', W') of whole tiles, zeros outside."""
+    image = image[..., None] if image.ndim == 2 else image
+    height, width, channels = image.shape
+    planes = aligned((channels, -(-height // TILE_PX) * TILE_PX, -(-width // TILE_PX) * TILE_PX))
+    planes[:, :height, :width] = np.moveaxis(image, 2, 0)
+    return planes
+
+
+def _write_coordinates(code: Code, block: Value, place: Value, coordinates: Value) -> None:
+    source = coordinates + block * (2 * VECTOR_BYTES)
+    for k, plane in enumerate((X, Y)):
+        code.store(place + plane * VECTOR_BYTES, code.load(source + k * VECTOR_BYTES))
+
+
+@vector_kernel(void(int64, int64))
+def open_tile(code: Code, state: Value, coordinates: Value) -> None:
+    """Nothing blended yet: all light comes through."""
+    with code.loop(code.long(BLOCKS)) as block:
+        place = state + block * BLOCK_BYTES
+        code.store(place, code.vector(1.0))
+        for k in range(4):
+            code.store(place + (SUMS + k) * VECTOR_BYTES, code.vector(0.0))
+        _write_coordinates(code, block, place, coordinates)
+
+
+class _Group:
+    """Four blocks side by side: ``block`` places in the state, ``row`` addresses in a plane."""
+
+    def __init__(self, code: Code, state: Value, number: Value) -> None:
+        self.code = code
+        self._row, self._column = number >> 1, number & (_GROUPS_A_ROW - 1)
+        self._state = state + self._row * _ROW_BYTES + self._column * (_GROUP * BLOCK_BYTES)
+
+    def blocks(self, place: int) -> list[Value]:
+        """Where the blocks' vectors stand."""
+        return [self._state + (block * BLOCK_BYTES + place * VECTOR_BYTES) for block in range(_GROUP)]
+
+    def rows(self, corner: Value, pitch: Value, step: Value | int = VECTOR_BYTES) -> list[Value]:
+        """Where the rows stand in a plane, from where the tile stands and the bytes from row to row."""
+        first = corner + self._row * BLOCK_PX * pitch + self._column * step
+        return [first + pitch * row for row in range(BLOCK_PX)]
+
+    def load_blocks(self, place: int) -> list[Value]:
+        """The blocks' vectors, as rows."""
+        return self.code.quarters_exchanged([self.code.load(at) for at in self.blocks(place)])
+
+    def store_blocks(self, place: int, rows: list[Value]) -> None:
+        """The reverse."""
+        for at, vector in zip(self.blocks(place), self.code.quarters_exchanged(rows), strict=True):
+            self.code.store(at, vector)
+
+
+@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64, int64))
+def store_tile(
+    code: Code, state: Value, planes: Value, plane_bytes: Value, pitch: Value, background: Value,
+    background_plane_bytes: Value, background_pitch: Value, background_step: Value, with_depth: Value,
+) -> None:  # fmt: skip
+    """Put the sums over the background into the image's planes.
+
+    ``planes`` and ``background`` are where the tile begins in the first plane; ``pitch`` are
+    bytes from row to row, ``background_step`` from sixteen pixels to the next: one colour is
+    an image whose steps are 0.
+    """
+    with code.loop(code.long(BLOCKS // _GROUP)) as number:
+        group = _Group(code, state, number)
+        transmittance = group.load_blocks(TRANSMITTANCE)
+        for k in range(3):
+            behind = group.rows(background + background_plane_bytes * k, background_pitch, background_step)
+            targets = group.rows(planes + plane_bytes * k, pitch)
+            for row, colour in enumerate(group.load_blocks(SUMS + k)):
+                code.store(targets[row], code.fma(transmittance[row], code.load(behind[row]), colour))
+        for at, row in zip(
+            group.rows(planes + plane_bytes * TRANSMITTANCE_PLANE, pitch), transmittance, strict=True
+        ):
+            code.store(at, row)
+        with code.when(with_depth.differs(0)):
+            depth = group.load_blocks(SUMS + 3)
+            for at, row in zip(group.rows(planes + plane_bytes * DEPTH_PLANE, pitch), depth, strict=True):
+                code.store(at, row)
+
+
+@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64))
+def open_gradient(
+    code: Code, state: Value, coordinates: Value, planes: Value, gradients: Value, plane_bytes: Value,
+    pitch: Value, with_alpha: Value, with_depth: Value,
+) -> None:  # fmt: skip
+    """Before the first Gaussian: the image's gradients, and as the rest all that was blended.
+
+    ``planes`` and ``gradients`` are where the tile begins in the first plane of the image and
+    of its gradient.
+    """
+    with code.loop(code.long(BLOCKS // _GROUP)) as number:
+        group = _Group(code, state, number)
+        rest = [code.variable(code.vector(0.0)) for _ in range(BLOCK_PX)]
+
+        def add(plane: int, sign: float, group: _Group = group, rest: list = rest) -> list[Value]:
+            """The gradient's rows in a plane, whose product with the image's joins the rest."""
+            upstream = [code.load(at) for at in group.rows(gradients + plane_bytes * plane, pitch)]
+            images = [code.load(at) for at in group.rows(planes + plane_bytes * plane, pitch)]
+            for total, g, image in zip(rest, upstream, images, strict=True):
+                total.set(code.fma(g * sign, image, total.get()))
+            return upstream
+
+        for k in range(3):
+            group.store_blocks(UPSTREAM + k, add(k, 1.0))
+        with code.when(with_depth.differs(0)):
+            group.store_blocks(UPSTREAM + 3, add(DEPTH_PLANE, 1.0))
+        with code.when(with_alpha.differs(0)):
+            add(TRANSMITTANCE_PLANE, -1.0)
+        group.store_blocks(REST, [row.get() for row in rest])
+    with code.loop(code.long(BLOCKS)) as block:
+        place = state + block * BLOCK_BYTES
+        code.store(place, code.vector(1.0))
+        _write_coordinates(code, block, place, coordinates)
+
+
+def open_blocks(code: Code, state: Value, finished: float) -> Value:
+    """The blocks with a transmittance above ``finished``, as bits."""
+    alive = code.variable(code.long(0))
+    with code.loop(code.long(BLOCKS)) as block:
+        open_ = code.bits(code.load(state + block * BLOCK_BYTES) > finished).differs(0)
+        alive.set(alive.get() | (code.select(open_, code.long(1), code.long(0)) << block))
+    return alive.get()
