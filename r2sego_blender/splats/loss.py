@@ -2,8 +2,8 @@
 
 SSIM as in ``metrics``: 11x11 Gaussian window, zeros outside the image. A thread takes a
 strip of one channel, 64 columns wide, from top to bottom: each row is blurred across into
-a ring of sixteen rows, which then are blurred down, so that everything stays in the
-nearest cache. Four blurred images are enough for the similarity (x, y, x x + y y, x y) and
+a ring of sixteen rows, which are blurred down, so that everything stays in the nearest
+cache. Four blurred images are enough for the similarity (x, y, x x + y y, x y) and
 three for its gradient.
 """
 
@@ -40,12 +40,15 @@ _ROW_BYTES = _VECTORS * VECTOR_BYTES
 _WINDOW = [float(w) for w in ssim_window()]
 _RADIUS = SSIM_RADIUS_PX
 _TAPS = 2 * _RADIUS + 1
+_DELAY = _RADIUS + 1  # rows from the one blurred across to the one blurred down: all below it are there
 
 _IMAGES = 4
 _RING_BYTES = (_RING_ROWS + _TAPS - 1) * _ROW_BYTES  # the first ten rows are repeated at the end
 _SUM_BYTES = VECTOR_BYTES
 _LINES_BYTES = _IMAGES * _LINE_BYTES
-_LINES, _RINGS = _SUM_BYTES, _SUM_BYTES + 2 * _LINES_BYTES
+_SINK = _SUM_BYTES  # what lies outside the image is read here, and written
+_LINES = _SINK + VECTOR_BYTES
+_RINGS = _LINES + 2 * _LINES_BYTES
 _SCRATCH_BYTES = _RINGS + _IMAGES * _RING_BYTES
 
 
@@ -54,61 +57,44 @@ def _column_mask(code: Code, column: Value, width: Value) -> Value:
     return code.integers(range(LANES)) < code.to_int(width - column)
 
 
-def _blurred_across(code: Code, line: Value) -> list[Value]:
-    """The window's weighted sums around all samples of a line, a vector after the other.
-
-    Tap by tap for all vectors: neighbouring instructions then do not wait for each other.
-    """
-    vectors = [line + (k + 1) * VECTOR_BYTES for k in range(_VECTORS)]
-    totals = [code.load(vector) * _WINDOW[_RADIUS] for vector in vectors]
-    for tap in range(_TAPS):
-        if tap != _RADIUS:
-            for k, vector in enumerate(vectors):
-                neighbour = code.load(vector + 4 * (tap - _RADIUS), aligned=False)
-                totals[k] = code.fma(neighbour, _WINDOW[tap], totals[k])
-    return totals
-
-
-def _blurred_down(code: Code, first: Value, images: int) -> list[Value]:
-    """The same down eleven rows of each image's ring."""
-    totals = [code.load(first + image * _RING_BYTES) * _WINDOW[0] for image in range(images)]
-    for tap in range(1, _TAPS):
-        for image in range(images):
-            sample = code.load(first + (image * _RING_BYTES + tap * _ROW_BYTES))
-            totals[image] = code.fma(sample, _WINDOW[tap], totals[image])
-    return totals
-
-
 def _lines(scratch: Value, row: Value) -> Value:
     """Where the lines of a row stand: there are two sets, used in turn."""
     return scratch + _LINES + (row & 1) * _LINES_BYTES
 
 
-def _blur_lines(code: Code, scratch: Value, images: int, row: Value) -> None:
-    """Blur the lines of ``row`` across, into its place in their rings."""
+def _blurred(code: Code, scratch: Value, images: int, row: Value, vector: Value) -> list[Value]:
+    """The blurred ``images`` at one vector of the row ``_DELAY`` above ``row``.
+
+    Beside it the lines of ``row`` are blurred across into their rings. Across, the loads take
+    longest, and down, the multiplications: tap by tap in turn neither waits for the other.
+    """
+    offset = vector * VECTOR_BYTES
+    lines = _lines(scratch, row) + (offset + VECTOR_BYTES)
+    ring = scratch + _RINGS + offset
+    first = ring + ((row - _DELAY - _RADIUS) & (_RING_ROWS - 1)) * _ROW_BYTES
+    across, down = [code.vector(0.0)] * images, [code.vector(0.0)] * images
+    for tap, weight in enumerate(_WINDOW):
+        for k in range(images):
+            neighbour = code.load(lines + (k * _LINE_BYTES + 4 * (tap - _RADIUS)), aligned=tap == _RADIUS)
+            across[k] = code.fma(neighbour, weight, across[k])
+            sample = code.load(first + (k * _RING_BYTES + tap * _ROW_BYTES))
+            down[k] = code.fma(sample, weight, down[k])
     place = row & (_RING_ROWS - 1)
     again = code.select(place < _TAPS - 1, place + _RING_ROWS, place)
-    targets = [scratch + _RINGS + p * _ROW_BYTES for p in (place, again)]
-    lines = _lines(scratch, row)
-    for image in range(images):
-        for k, blurred in enumerate(_blurred_across(code, lines + image * _LINE_BYTES)):
-            for target in targets:
-                code.store(target + (image * _RING_BYTES + k * VECTOR_BYTES), blurred)
-
-
-def _ring_rows(scratch: Value, row: Value) -> Value:
-    """Where the eleven rows around ``row`` begin in the first ring."""
-    return scratch + _RINGS + ((row - _RADIUS) & (_RING_ROWS - 1)) * _ROW_BYTES
+    for target in (ring + place * _ROW_BYTES, ring + again * _ROW_BYTES):
+        for k, blurred in enumerate(across):
+            code.store(target + k * _RING_BYTES, blurred)
+    return down
 
 
 def _load_line(
-    code: Code, scratch: Value, sources: list[Value], start: Value, width: Value, inside: Value,
-    put: Callable[[list[Value], int], None],
+    code: Code, scratch: Value, sources: list[Value], pitch: Value, start: Value, width: Value,
+    inside: Value, put: Callable[[list[Value], int], None],
 ) -> None:  # fmt: skip
     """``put(values, vector)`` for the strip's vectors and margins, zeros outside the image.
 
-    ``sources`` are the addresses of an image row's first sample; ``inside`` is 0 for a row
-    above or below the image.
+    ``sources`` are the addresses of an image row's first sample, ``pitch`` bytes above the
+    next row's; ``inside`` is 0 for a row above or below the image.
     """
     for k in range(_VECTORS + 2):
         column = start + (k - 1) * LANES
@@ -116,6 +102,8 @@ def _load_line(
         readable = (column >= 0) & (column < width) & inside.differs(0)
         values = []
         for source in sources:
+            # A strip's rows are too short for the processor to guess what comes next.
+            code.prefetch(source + column * 4 + pitch)
             # A vector that is not there is read from the scratch, and not used.
             address = code.select(readable, source + column * 4, scratch)
             kept = code.select(known, code.load(address), 0.0)
@@ -123,10 +111,11 @@ def _load_line(
         put(values, k)
 
 
-@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64))
+@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64))
 def _load_images(
-    code: Code, scratch: Value, x: Value, y: Value, start: Value, width: Value, row: Value, inside: Value
-) -> None:
+    code: Code, scratch: Value, x: Value, y: Value, pitch: Value, start: Value, width: Value, row: Value,
+    inside: Value,
+) -> None:  # fmt: skip
     """Put a row of x, y, x x + y y and x y into its lines."""
     lines = _lines(scratch, row)
 
@@ -135,13 +124,13 @@ def _load_images(
         for image, value in enumerate((a, b, a * a + b * b, a * b)):
             code.store(lines + (image * _LINE_BYTES + k * VECTOR_BYTES), value)
 
-    _load_line(code, scratch, [x, y], start, width, inside, put)
+    _load_line(code, scratch, [x, y], pitch, start, width, inside, put)
 
 
-@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64))
+@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64))
 def _load_derivatives(
-    code: Code, scratch: Value, derivatives: Value, plane_bytes: Value, start: Value, width: Value,
-    row: Value, inside: Value,
+    code: Code, scratch: Value, derivatives: Value, plane_bytes: Value, pitch: Value, start: Value,
+    width: Value, row: Value, inside: Value,
 ) -> None:  # fmt: skip
     """Put a row of the three derivatives into its lines."""
     lines = _lines(scratch, row)
@@ -151,28 +140,33 @@ def _load_derivatives(
             code.store(lines + (image * _LINE_BYTES + k * VECTOR_BYTES), value)
 
     sources = [derivatives + plane_bytes * plane for plane in range(3)]
-    _load_line(code, scratch, sources, start, width, inside, put)
+    _load_line(code, scratch, sources, pitch, start, width, inside, put)
 
 
-@vector_kernel(void(int64, int64))
-def _blur_four(code: Code, scratch: Value, row: Value) -> None:
-    _blur_lines(code, scratch, 4, row)
+def _there(row: Value, column: Value, width: Value) -> Value:
+    """Whether the row ``_DELAY`` above ``row`` has a sample in the image from ``column`` on.
+
+    A condition would be no gain: without one, the blurs can be computed side by side.
+    """
+    return (row >= _DELAY) & (column < width)
 
 
-@vector_kernel(void(int64, int64))
-def _blur_three(code: Code, scratch: Value, row: Value) -> None:
-    _blur_lines(code, scratch, 3, row)
+def _kept(code: Code, there: Value, column: Value, width: Value, values: Value) -> Value:
+    """The values inside the image, else 0."""
+    return code.select(_column_mask(code, column, width) & code.spread(there), values, 0.0)
 
 
-@vector_kernel(void(int64, int64, int64, int64, int64, int64))
+@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64))
 def _similarity_row(
-    code: Code, scratch: Value, derivatives: Value, plane_bytes: Value, start: Value, width: Value, row: Value
-) -> None:
-    """SSIM of a row, added up, and its derivatives in the blurred x, x x and x y."""
-    rows = _ring_rows(scratch, row)
+    code: Code, scratch: Value, derivatives: Value, plane_bytes: Value, pitch: Value, start: Value,
+    width: Value, row: Value,
+) -> None:  # fmt: skip
+    """Blur the lines of ``row``; add up SSIM in the row ``_DELAY`` above it, and store its derivatives.
+
+    These are by the blurred x, x x and x y; ``derivatives`` is where they stand for that row.
+    """
     with code.loop(code.long(_VECTORS)) as k:
-        offset = k * VECTOR_BYTES
-        mean_x, mean_y, square, product = _blurred_down(code, rows + offset, 4)
+        mean_x, mean_y, square, product = _blurred(code, scratch, 4, row, k)
         both = mean_x * mean_y
         squares = mean_x * mean_x + mean_y * mean_y
         luminance = 2.0 * both + SSIM_C1
@@ -185,11 +179,12 @@ def _similarity_row(
         by_mean = 2.0 * (mean_y * (structure - luminance) - mean_x * value * (spread - power)) * inverse
         by_square = -(value * inverse * power)
         by_product = 2.0 * luminance * inverse
-        with code.when(column < width):  # beyond it the next row begins
-            known = _column_mask(code, column, width)
-            code.store(scratch, code.load(scratch) + code.select(known, value, 0.0))
-            for plane, derivative in enumerate((by_mean, by_square, by_product)):
-                code.store(derivatives + plane_bytes * plane + column * 4, derivative)
+        there = _there(row, column, width)
+        code.store(scratch, code.load(scratch) + _kept(code, there, column, width, value))
+        for plane, derivative in enumerate((by_mean, by_square, by_product)):
+            place = derivatives + plane_bytes * plane + column * 4
+            code.prefetch(place + 2 * pitch)
+            code.store(code.select(there, place, scratch + _SINK), derivative)
 
 
 @vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64, float32, float32))
@@ -197,23 +192,27 @@ def _gradient_row(
     code: Code, scratch: Value, x: Value, y: Value, weights: Value, gradient: Value, start: Value,
     width: Value, row: Value, by_difference: Value, by_similarity: Value,
 ) -> None:  # fmt: skip
-    """The gradient of a row; its absolute differences are added up."""
-    rows = _ring_rows(scratch, row)
+    """Blur the lines of ``row``; the gradient of the row ``_DELAY`` above it.
+
+    Its absolute differences are added up. ``x``, ``y``, ``weights`` and ``gradient`` are where
+    that row stands.
+    """
     with code.loop(code.long(_VECTORS)) as k:
-        offset = k * VECTOR_BYTES
         column = start + k * LANES
-        by_mean, by_square, by_product = _blurred_down(code, rows + offset, 3)
-        with code.when(column < width):
-            known = _column_mask(code, column, width)
-            a, b = code.load(x + column * 4), code.load(y + column * 4)
-            difference = a - b
-            sign = code.select(difference > 0.0, 1.0, code.select(difference < 0.0, -1.0, 0.0))
-            code.store(scratch, code.load(scratch) + code.select(known, sign * difference, 0.0))
-            total = sign * by_difference
-            total = total + (by_mean + 2.0 * a * by_square + b * by_product) * by_similarity
-            place = code.select(weights.differs(0), weights + column * 4, scratch)
-            weight = code.select(code.spread(weights.differs(0)), code.load(place), 1.0)
-            code.store(gradient + column * 4, code.select(known, total * weight, 0.0))
+        by_mean, by_square, by_product = _blurred(code, scratch, 3, row, k)
+        there = _there(row, column, width)
+        sink = scratch + _SINK
+        a, b = (code.load(code.select(there, image + column * 4, sink)) for image in (x, y))
+        difference = a - b
+        sign = code.select(difference > 0.0, 1.0, code.select(difference < 0.0, -1.0, 0.0))
+        code.store(scratch, code.load(scratch) + _kept(code, there, column, width, sign * difference))
+        total = sign * by_difference
+        total = total + (by_mean + 2.0 * a * by_square + b * by_product) * by_similarity
+        weighted = weights.differs(0)
+        weight = code.load(code.select(there & weighted, weights + column * 4, sink))
+        weight = code.select(code.spread(weighted), weight, 1.0)
+        value = _kept(code, there, column, width, total * weight)
+        code.store(code.select(there, gradient + column * 4, sink), value)
 
 
 @vector_kernel(void(int64))
@@ -227,7 +226,7 @@ def _read_sum(code: Code, scratch: Value) -> Value:
 
 
 @parallel_kernel
-def _similarity(x, y, derivatives, height, width, pitch, plane_floats, scratch, sums):
+def _similarity(x, y, derivatives, height, width, pitch, plane_bytes, scratch, sums):
     """``sums`` (strips,) float64 and the three planes of derivatives, of one channel."""
     for strip in prange(sums.shape[0]):
         flags = flush_denormals()
@@ -236,17 +235,14 @@ def _similarity(x, y, derivatives, height, width, pitch, plane_floats, scratch, 
         total = 0.0
         # A row is loaded one turn before it is blurred: what was just stored cannot be read
         # across the borders of its vectors without waiting.
-        for row in range(-_RADIUS, height + _RADIUS + 1):
+        for row in range(-_RADIUS, height + _DELAY + 1):
             inside = 1 if 0 <= row < height else 0
-            at = 4 * pitch * row * inside
-            _load_images(own, x + at, y + at, start, width, row, inside)
+            at = pitch * row * inside
+            _load_images(own, x + at, y + at, pitch, start, width, row, inside)
             if row > -_RADIUS:
-                _blur_four(own, row - 1)
-            if row > _RADIUS:
                 _clear_sum(own)
-                centre = row - 1 - _RADIUS
-                target = derivatives + 4 * pitch * centre
-                _similarity_row(own, target, 4 * plane_floats, start, width, centre)
+                target = derivatives + pitch * (row - 1 - _DELAY)
+                _similarity_row(own, target, plane_bytes, pitch, start, width, row - 1)
                 total += _read_sum(own)
         sums[strip] = total
         restore_denormals(flags)
@@ -254,7 +250,7 @@ def _similarity(x, y, derivatives, height, width, pitch, plane_floats, scratch, 
 
 @parallel_kernel
 def _gradient(
-    x, y, derivatives, weights, gradient, height, width, pitch, plane_floats, by_difference, by_similarity,
+    x, y, derivatives, weights, gradient, height, width, pitch, plane_bytes, by_difference, by_similarity,
     scratch, sums,
 ):  # fmt: skip
     """``gradient`` of one channel, times ``weights`` (one plane, or address 0)."""
@@ -263,19 +259,16 @@ def _gradient(
         own = scratch + get_thread_id() * _SCRATCH_BYTES
         start = strip * _COLUMNS
         total = 0.0
-        for row in range(-_RADIUS, height + _RADIUS + 1):
+        for row in range(-_RADIUS, height + _DELAY + 1):
             inside = 1 if 0 <= row < height else 0
-            source = derivatives + 4 * pitch * row * inside
-            _load_derivatives(own, source, 4 * plane_floats, start, width, row, inside)
+            source = derivatives + pitch * row * inside
+            _load_derivatives(own, source, plane_bytes, pitch, start, width, row, inside)
             if row > -_RADIUS:
-                _blur_three(own, row - 1)
-            if row > _RADIUS:
                 _clear_sum(own)
-                centre = row - 1 - _RADIUS
-                at = 4 * pitch * centre
+                at = pitch * (row - 1 - _DELAY)
                 weight = weights + at if weights != 0 else 0
                 _gradient_row(
-                    own, x + at, y + at, weight, gradient + at, start, width, centre,
+                    own, x + at, y + at, weight, gradient + at, start, width, row - 1,
                     by_difference, by_similarity,
                 )  # fmt: skip
                 total += _read_sum(own)
@@ -291,7 +284,7 @@ class PhotometricLoss:
         size = (-(-height // TILE_PX) * TILE_PX, -(-width // TILE_PX) * TILE_PX)
         # One channel's derivatives: the next channel finds them in the cache.
         self._derivatives = aligned((_DERIVATIVES, *size))
-        self._pitch, self._plane_floats = size[1], size[0] * size[1]
+        self._plane_bytes, self._pitch, _ = self._derivatives.strides
         self._sums = np.zeros((2, _CHANNELS, -(-width // _COLUMNS)))
         self._scratch = aligned((numba.config.NUMBA_NUM_THREADS, _SCRATCH_BYTES), np.uint8)
 
@@ -312,7 +305,7 @@ class PhotometricLoss:
         """
         samples = _CHANNELS * self._shape[0] * self._shape[1]
         similarity, difference = self._sums
-        shape = (*self._shape, self._pitch, self._plane_floats)
+        shape = (*self._shape, self._pitch, self._plane_bytes)
         data, scratch = self._derivatives.ctypes.data, self._scratch.ctypes.data
         by_difference = np.float32(scale * (1.0 - ssim_weight) / samples)
         by_similarity = np.float32(-scale * ssim_weight / samples)
