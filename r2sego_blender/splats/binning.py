@@ -44,6 +44,7 @@ _SMALLEST_SQUARE = 1e-12
 
 _DIGIT_BITS = 9
 _DIGITS = 1 << _DIGIT_BITS
+_SHORT_LIST = 1024  # moving one entry after the other takes no longer than this allows
 
 
 @vector_kernel(int64(int64, int64, int64, int64, int64, int64, int64))
@@ -197,16 +198,23 @@ def scatter_entries(entries, capacity, totals, record_bits, histogram, order):
 
 @kernel
 def _sort_tile(order, spare, digits):
-    """Sort by depth (the order of equal ones is kept): radix sort on the bits that differ."""
+    """Sort by depth (the order of equal ones is kept): radix sort on the bits that differ.
+
+    In a short list only by the highest of them; the few that then stand wrong are moved.
+    """
     count = order.shape[0]
     low = high = order[0] >> np.uint64(32)
     for i in range(count):
         depth = order[i] >> np.uint64(32)
         low = min(low, depth)
         high = max(high, depth)
-    shift = 0
+    bits = 0
+    while (high - low) >> np.uint64(bits):
+        bits += 1
+    shift = max(bits - 2 * _DIGIT_BITS, 0) if count <= _SHORT_LIST else 0
     source, target = order, spare
-    while (high - low) >> np.uint64(shift):
+    passes = 0
+    while shift < bits:
         digits[:] = 0
         for i in range(count):
             depth = (source[i] >> np.uint64(32)) - low
@@ -223,8 +231,15 @@ def _sort_tile(order, spare, digits):
             digits[digit] += 1
         source, target = target, source
         shift += _DIGIT_BITS
-    if (shift // _DIGIT_BITS) % 2 == 1:
+        passes += 1
+    if passes % 2 == 1:
         order[:] = source
+    for i in range(1, count):
+        moved, place = order[i], i
+        while place > 0 and order[place - 1] > moved:
+            order[place] = order[place - 1]
+            place -= 1
+        order[place] = moved
 
 
 @parallel_kernel

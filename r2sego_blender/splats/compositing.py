@@ -227,13 +227,14 @@ def _write_blend_backward(code: Code, depth: bool, *arguments: Value) -> None:
                 total.set(code.fma(a, b, total.get()))
 
         blocks = code.load_long(masks + 8 * i) & alive
-        splat.visit(blocks, blend)
-        entry = code.load_long(order + 8 * i) & 0xFFFFFFFF
-        slot = slots + entry * SLOT_BYTES
-        code.store(slot, code.sums([total.get() for total in sums]))
-        if not depth:
-            code.store_float(slot + 4 * (MOMENTS - 1), code.float(0.0))
-        code.store_float(slot + 4 * BLENDED, code.select(blocks.differs(0), code.float(1.0), code.float(0.0)))
+        slot = slots + (code.load_long(order + 8 * i) & 0xFFFFFFFF) * SLOT_BYTES
+        code.store(slot, zero)
+        with code.when(blocks.differs(0)):
+            splat.visit(blocks, blend)
+            code.store(slot, code.sums([total.get() for total in sums]))
+            if not depth:
+                code.store_float(slot + 4 * (MOMENTS - 1), code.float(0.0))
+            code.store_float(slot + 4 * BLENDED, code.float(1.0))
 
 
 _BLEND = void(int64, int64, int64, int64, int64, int64)
