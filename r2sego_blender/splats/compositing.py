@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numba import get_thread_id
@@ -131,45 +132,39 @@ class _Splat:
     def constant(self, place: int) -> Value:
         return self.code.spread(self.code.load_float(self.table + 4 * place))
 
-    def visit(self, blocks: Value, blend: Callable[[Value, bool, list[Value]], None]) -> None:
-        """``blend(state, held, shape)`` for each block's state, with the splat's ``shape`` there.
-
-        The next block's shape is computed beside the blending of this one: one after the other
-        is a chain of operations longer than processors look ahead.
-        """
-        code = self.code
+    def visit(self, blocks: Value, blend: Callable[[bool, Value, list[Value]], None]) -> None:
+        """``blend(held, place, [alpha, e, f, eighth])`` for each block, whose state is at ``place``."""
         # Most Gaussians need not be held.
-        can_be_large = self.opacity_eighth >= code.float(_EIGHTH_LARGEST)
+        can_be_large = self.opacity_eighth >= self.code.float(_EIGHTH_LARGEST)
         for held, condition in ((True, can_be_large), (False, can_be_large.equals(False))):
-            with code.when(condition), code.when(blocks.differs(0)):
-                place = code.variable(self._place(code.trailing_zeros(blocks)))
-                shape = [code.variable(x) for x in self._shape(place.get(), held)]
-                with code.loop_bits(blocks & (blocks - 1)) as block:
-                    here, ahead = place.get(), self._place(block)
-                    now, then = [x.get() for x in shape], self._shape(ahead, held)
-                    blend(here, held, now)
-                    for variable, value in zip([place, *shape], [ahead, *then], strict=True):
-                        variable.set(value)
-                blend(place.get(), held, [x.get() for x in shape])
 
-    def _place(self, block: Value) -> Value:
-        return self.state + block * BLOCK_BYTES
+            def blend_at(values: list[Value], held: bool = held) -> None:
+                blend(held, values[0], values[1:])
 
-    def _shape(self, place: Value, held: bool) -> list[Value]:
-        """alpha, 0 where it is below 1/255; then e, f and the exponent's eighth.
+            with self.code.when(condition):
+                self.code.in_stages(blocks, self._exponent, partial(self._alpha, held), blend_at)
+
+    def _exponent(self, block: Value) -> list[Value]:
+        """Where the block's state is; e, f and the exponent's eighth."""
+        code = self.code
+        place = self.state + block * BLOCK_BYTES
+        x, y = (code.load(place + plane * VECTOR_BYTES) for plane in (X, Y))
+        e = code.fma(self.a, x, code.fma(self.b, y, self.e0))
+        f = code.fma(self.c, y, self.f0)
+        return [place, e, f, code.fma(-e, e, code.fma(-f, f, self.eighth))]
+
+    def _alpha(self, held: bool, at: list[Value]) -> list[Value]:
+        """alpha, 0 where it is below 1/255, put before the others but the place.
 
         Only where ``held`` alpha can pass 0.99 and is held there.
         """
         code = self.code
-        x, y = (code.load(place + plane * VECTOR_BYTES) for plane in (X, Y))
-        e = code.fma(self.a, x, code.fma(self.b, y, self.e0))
-        f = code.fma(self.c, y, self.f0)
-        exponent = code.fma(-e, e, code.fma(-f, f, self.eighth))
+        place, e, f, exponent = at
         alpha = code.exp2_small(exponent, [self.constant(k) for k in range(6)])
         if held:
             alpha = code.minimum(alpha, self.constant(_LARGEST))
         alpha = code.select(exponent >= self.constant(_EIGHTH_SMALLEST_AT), alpha, 0.0)
-        return [alpha, e, f, exponent]
+        return [place, alpha, e, f, exponent]
 
     def weight(self, alpha: Value, transmittance: Value) -> Value:
         """What a pixel takes of the splat: nothing if it is finished."""
@@ -182,7 +177,7 @@ def _write_blend(code: Code, depth: bool, *arguments: Value) -> None:
     with code.loop(count) as i:
         splat = _Splat(code, state, table, batch + i * RECORD_BYTES, depth)
 
-        def blend(place: Value, held: bool, shape: list[Value], splat: _Splat = splat) -> None:
+        def blend(held: bool, place: Value, shape: list[Value], splat: _Splat = splat) -> None:
             transmittance = code.load(place)
             weight = splat.weight(shape[0], transmittance)
             code.store(place, transmittance - weight)
@@ -202,7 +197,7 @@ def _write_blend_backward(code: Code, depth: bool, *arguments: Value) -> None:
         sums = [code.variable(zero) for _ in range(6 + channels)]
 
         def blend(
-            place: Value, held: bool, shape: list[Value], splat: _Splat = splat, sums: list[Variable] = sums
+            held: bool, place: Value, shape: list[Value], splat: _Splat = splat, sums: list[Variable] = sums
         ) -> None:
             alpha, e, f, exponent = shape
             transmittance = code.load(place)
