@@ -1,24 +1,25 @@
 """The photometric loss of 3DGS, (1 - w) L1 + w (1 - SSIM), and its gradient in the image.
 
-SSIM as in ``metrics``: 11x11 Gaussian window, zeros outside the image. A thread takes a
-strip of one channel, 64 columns wide, from top to bottom: each row is blurred across into
-a ring of sixteen rows, which are blurred down, so that everything stays in the nearest
-cache. Four blurred images are enough for the similarity (x, y, x x + y y, x y) and
-three for its gradient.
+SSIM as in ``metrics``: 11x11 Gaussian window, zeros outside the image. A thread takes strips
+of one channel, 64 columns wide, from the left, each from top to bottom: a row is blurred
+across into a ring of sixteen rows, which are blurred down, so that this stays in the nearest
+cache. Four blurred images are enough for the similarity (x, y, x x + y y, x y) and three,
+its derivatives, for the gradient. The gradient of a strip follows when the derivatives of the
+next are there: those of three strips are kept, and stay in the second cache.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
 
 import numba
 import numpy as np
 from numba import get_thread_id
 from numba.core.types import float32, int64, void
 
-from .compiled import parallel_kernel, prange
+from .compiled import kernel, parallel_kernel, prange
 from .metrics import SSIM_C1, SSIM_C2, SSIM_RADIUS_PX, ssim_window
-from .tiles import TILE_PX, planes_of
+from .tiles import planes_of
 from .vectors import (
     LANES,
     VECTOR_BYTES,
@@ -46,15 +47,13 @@ _IMAGES = 4
 _RING_BYTES = (_RING_ROWS + _TAPS - 1) * _ROW_BYTES  # the first ten rows are repeated at the end
 _SUM_BYTES = VECTOR_BYTES
 _LINES_BYTES = _IMAGES * _LINE_BYTES
+_STRIP_ROW_BYTES = _DERIVATIVES * _ROW_BYTES
+_STRIPS_KEPT = 3
+_STRIPS_A_TASK = 5
 _SINK = _SUM_BYTES  # what lies outside the image is read here, and written
 _LINES = _SINK + VECTOR_BYTES
 _RINGS = _LINES + 2 * _LINES_BYTES
 _SCRATCH_BYTES = _RINGS + _IMAGES * _RING_BYTES
-
-
-def _column_mask(code: Code, column: Value, width: Value) -> Value:
-    """The lanes from ``column`` on that lie left of ``width``."""
-    return code.integers(range(LANES)) < code.to_int(width - column)
 
 
 def _lines(scratch: Value, row: Value) -> Value:
@@ -87,68 +86,49 @@ def _blurred(code: Code, scratch: Value, images: int, row: Value, vector: Value)
     return down
 
 
-def _load_line(
-    code: Code, scratch: Value, sources: list[Value], pitch: Value, start: Value, width: Value,
-    inside: Value, put: Callable[[list[Value], int], None],
-) -> None:  # fmt: skip
-    """``put(values, vector)`` for the strip's vectors and margins, zeros outside the image.
-
-    ``sources`` are the addresses of an image row's first sample, ``pitch`` bytes above the
-    next row's; ``inside`` is 0 for a row above or below the image.
-    """
-    for k in range(_VECTORS + 2):
-        column = start + (k - 1) * LANES
-        known = _column_mask(code, column, width)
-        readable = (column >= 0) & (column < width) & inside.differs(0)
-        values = []
-        for source in sources:
-            # A strip's rows are too short for the processor to guess what comes next.
-            code.prefetch(source + column * 4 + pitch)
-            # A vector that is not there is read from the scratch, and not used.
-            address = code.select(readable, source + column * 4, scratch)
-            kept = code.select(known, code.load(address), 0.0)
-            values.append(code.select(code.spread(readable), kept, 0.0))
-        put(values, k)
-
-
 @vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64))
 def _load_images(
     code: Code, scratch: Value, x: Value, y: Value, pitch: Value, start: Value, width: Value, row: Value,
     inside: Value,
 ) -> None:  # fmt: skip
-    """Put a row of x, y, x x + y y and x y into its lines."""
-    lines = _lines(scratch, row)
+    """Put a row of x, y, x x + y y and x y into its lines, zeros outside the image.
 
-    def put(values: list[Value], k: int) -> None:
-        a, b = values
+    ``x`` and ``y`` are the addresses of an image row's first sample, ``pitch`` bytes above the
+    next row's; ``inside`` is 0 for a row above or below the image.
+    """
+    lines = _lines(scratch, row)
+    for k in range(_VECTORS + 2):
+        column = start + (k - 1) * LANES
+        there = (column >= 0) & (column < width) & inside.differs(0)
+        a, b = (
+            # A vector that is not there is read from the scratch, and not used.
+            _kept(code, there, column, width, code.load(code.select(there, image + column * 4, scratch)))
+            for image in (x, y)
+        )
+        for source in (x, y):
+            # A strip's rows are too short for the processor to guess what comes next.
+            code.prefetch(source + column * 4 + pitch)
         for image, value in enumerate((a, b, a * a + b * b, a * b)):
             code.store(lines + (image * _LINE_BYTES + k * VECTOR_BYTES), value)
 
-    _load_line(code, scratch, [x, y], pitch, start, width, inside, put)
 
-
-@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64))
+@vector_kernel(void(int64, int64, int64, int64, int64, int64))
 def _load_derivatives(
-    code: Code, scratch: Value, derivatives: Value, plane_bytes: Value, pitch: Value, start: Value,
-    width: Value, row: Value, inside: Value,
-) -> None:  # fmt: skip
-    """Put a row of the three derivatives into its lines."""
+    code: Code, scratch: Value, left: Value, own: Value, right: Value, row: Value, inside: Value
+) -> None:
+    """Put a row of a strip's derivatives into its lines, with a vector of each of its neighbours'."""
     lines = _lines(scratch, row)
+    inner = [own + k * VECTOR_BYTES for k in range(_VECTORS)]
+    sources = [left + (_VECTORS - 1) * VECTOR_BYTES, *inner, right]
+    for image, k in itertools.product(range(_DERIVATIVES), range(_VECTORS + 2)):
+        value = code.load(sources[k] + image * _ROW_BYTES)
+        value = code.select(code.spread(inside.differs(0)), value, 0.0)
+        code.store(lines + (image * _LINE_BYTES + k * VECTOR_BYTES), value)
 
-    def put(values: list[Value], k: int) -> None:
-        for image, value in enumerate(values):
-            code.store(lines + (image * _LINE_BYTES + k * VECTOR_BYTES), value)
 
-    sources = [derivatives + plane_bytes * plane for plane in range(3)]
-    _load_line(code, scratch, sources, pitch, start, width, inside, put)
-
-
-def _there(row: Value, column: Value, width: Value) -> Value:
-    """Whether the row ``_DELAY`` above ``row`` has a sample in the image from ``column`` on.
-
-    A condition would be no gain: without one, the blurs can be computed side by side.
-    """
-    return (row >= _DELAY) & (column < width)
+def _column_mask(code: Code, column: Value, width: Value) -> Value:
+    """The lanes from ``column`` on that lie left of ``width``."""
+    return code.integers(range(LANES)) < code.to_int(width - column)
 
 
 def _kept(code: Code, there: Value, column: Value, width: Value, values: Value) -> Value:
@@ -158,14 +138,15 @@ def _kept(code: Code, there: Value, column: Value, width: Value, values: Value) 
 
 @vector_kernel(void(int64, int64, int64, int64, int64, int64, int64))
 def _similarity_row(
-    code: Code, scratch: Value, derivatives: Value, plane_bytes: Value, pitch: Value, start: Value,
-    width: Value, row: Value,
+    code: Code, scratch: Value, derivatives: Value, start: Value, width: Value, row: Value, first: Value,
+    stop: Value,
 ) -> None:  # fmt: skip
     """Blur the lines of ``row``; add up SSIM in the row ``_DELAY`` above it, and store its derivatives.
 
-    These are by the blurred x, x x and x y; ``derivatives`` is where they stand for that row.
+    These are by the blurred x, x x and x y, in a strip's row; only vectors from ``first`` to
+    before ``stop`` are computed.
     """
-    with code.loop(code.long(_VECTORS)) as k:
+    with code.loop(stop, first) as k:
         mean_x, mean_y, square, product = _blurred(code, scratch, 4, row, k)
         both = mean_x * mean_y
         squares = mean_x * mean_x + mean_y * mean_y
@@ -175,16 +156,16 @@ def _similarity_row(
         spread = square - squares + SSIM_C2
         inverse = code.quotient(1.0, power * spread)
         value = luminance * structure * inverse
-        column = start + k * LANES
         by_mean = 2.0 * (mean_y * (structure - luminance) - mean_x * value * (spread - power)) * inverse
         by_square = -(value * inverse * power)
         by_product = 2.0 * luminance * inverse
-        there = _there(row, column, width)
+        column = start + k * LANES
+        there = row >= _DELAY  # no condition: without one, the blurs are computed side by side
         code.store(scratch, code.load(scratch) + _kept(code, there, column, width, value))
-        for plane, derivative in enumerate((by_mean, by_square, by_product)):
-            place = derivatives + plane_bytes * plane + column * 4
-            code.prefetch(place + 2 * pitch)
-            code.store(code.select(there, place, scratch + _SINK), derivative)
+        for image, derivative in enumerate((by_mean, by_square, by_product)):
+            place = derivatives + k * VECTOR_BYTES + image * _ROW_BYTES
+            place = code.select(there, place, scratch + _SINK)
+            code.store(place, _kept(code, there, column, width, derivative))
 
 
 @vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64, float32, float32))
@@ -199,9 +180,8 @@ def _gradient_row(
     """
     with code.loop(code.long(_VECTORS)) as k:
         column = start + k * LANES
-        by_mean, by_square, by_product = _blurred(code, scratch, 3, row, k)
-        there = _there(row, column, width)
-        sink = scratch + _SINK
+        by_mean, by_square, by_product = _blurred(code, scratch, _DERIVATIVES, row, k)
+        there, sink = (row >= _DELAY) & (column < width), scratch + _SINK
         a, b = (code.load(code.select(there, image + column * 4, sink)) for image in (x, y))
         difference = a - b
         sign = code.select(difference > 0.0, 1.0, code.select(difference < 0.0, -1.0, 0.0))
@@ -225,54 +205,96 @@ def _read_sum(code: Code, scratch: Value) -> Value:
     return code.sum(code.load(scratch))
 
 
-@parallel_kernel
-def _similarity(x, y, derivatives, height, width, pitch, plane_bytes, scratch, sums):
-    """``sums`` (strips,) float64 and the three planes of derivatives, of one channel."""
-    for strip in prange(sums.shape[0]):
-        flags = flush_denormals()
-        own = scratch + get_thread_id() * _SCRATCH_BYTES
-        start = strip * _COLUMNS
-        total = 0.0
-        # A row is loaded one turn before it is blurred: what was just stored cannot be read
-        # across the borders of its vectors without waiting.
-        for row in range(-_RADIUS, height + _DELAY + 1):
-            inside = 1 if 0 <= row < height else 0
-            at = pitch * row * inside
-            _load_images(own, x + at, y + at, pitch, start, width, row, inside)
-            if row > -_RADIUS:
-                _clear_sum(own)
-                target = derivatives + pitch * (row - 1 - _DELAY)
-                _similarity_row(own, target, plane_bytes, pitch, start, width, row - 1)
-                total += _read_sum(own)
-        sums[strip] = total
-        restore_denormals(flags)
+@vector_kernel(void(int64, int64))
+def _clear(code: Code, address: Value, rows: Value) -> None:
+    """No derivatives: the image does not reach so far."""
+    with code.loop(rows * (_STRIP_ROW_BYTES // VECTOR_BYTES)) as k:
+        code.store(address + k * VECTOR_BYTES, code.vector(0.0))
 
 
-@parallel_kernel
-def _gradient(
-    x, y, derivatives, weights, gradient, height, width, pitch, plane_bytes, by_difference, by_similarity,
-    scratch, sums,
+@kernel
+def _similarity_strip(x, y, derivatives, start, height, width, pitch, first, stop, scratch):
+    """Store a strip's derivatives; returns the sum of SSIM."""
+    total = 0.0
+    # A row is loaded one turn before it is blurred: what was just stored cannot be read
+    # across the borders of its vectors without waiting.
+    for row in range(-_RADIUS, height + _DELAY + 1):
+        inside = 1 if 0 <= row < height else 0
+        at = pitch * row * inside
+        _load_images(scratch, x + at, y + at, pitch, start, width, row, inside)
+        if row > -_RADIUS:
+            _clear_sum(scratch)
+            target = derivatives + _STRIP_ROW_BYTES * (row - 1 - _DELAY)
+            _similarity_row(scratch, target, start, width, row - 1, first, stop)
+            total += _read_sum(scratch)
+    return total
+
+
+@kernel
+def _gradient_strip(
+    x, y, left, own, right, weights, gradient, start, height, width, pitch, by_difference, by_similarity,
+    scratch,
 ):  # fmt: skip
-    """``gradient`` of one channel, times ``weights`` (one plane, or address 0)."""
-    for strip in prange(sums.shape[0]):
+    """Store a strip's gradient; returns the sum of the absolute differences."""
+    total = 0.0
+    for row in range(-_RADIUS, height + _DELAY + 1):
+        inside = 1 if 0 <= row < height else 0
+        at = _STRIP_ROW_BYTES * row * inside
+        _load_derivatives(scratch, left + at, own + at, right + at, row, inside)
+        if row > -_RADIUS:
+            _clear_sum(scratch)
+            at = pitch * (row - 1 - _DELAY)
+            weight = weights + at if weights != 0 else 0
+            _gradient_row(
+                scratch, x + at, y + at, weight, gradient + at, start, width, row - 1,
+                by_difference, by_similarity,
+            )  # fmt: skip
+            total += _read_sum(scratch)
+    return total
+
+
+@parallel_kernel
+def _loss_and_gradient(
+    x, y, weights, gradient, height, width, pitch, plane_bytes, by_difference, by_similarity, scratch,
+    scratch_bytes, similarity, difference,
+):  # fmt: skip
+    """``gradient`` times ``weights`` (one plane, or address 0); the sums of each strip.
+
+    ``similarity`` and ``difference`` are (channels, strips) float64; ``scratch`` holds
+    ``scratch_bytes`` for each thread.
+    """
+    channels, strips = similarity.shape
+    tasks = (strips + _STRIPS_A_TASK - 1) // _STRIPS_A_TASK
+    for task in prange(channels * tasks):
         flags = flush_denormals()
-        own = scratch + get_thread_id() * _SCRATCH_BYTES
-        start = strip * _COLUMNS
-        total = 0.0
-        for row in range(-_RADIUS, height + _DELAY + 1):
-            inside = 1 if 0 <= row < height else 0
-            source = derivatives + pitch * row * inside
-            _load_derivatives(own, source, plane_bytes, pitch, start, width, row, inside)
-            if row > -_RADIUS:
-                _clear_sum(own)
-                at = pitch * (row - 1 - _DELAY)
-                weight = weights + at if weights != 0 else 0
-                _gradient_row(
-                    own, x + at, y + at, weight, gradient + at, start, width, row - 1,
-                    by_difference, by_similarity,
+        own = scratch + get_thread_id() * scratch_bytes
+        kept = own + _SCRATCH_BYTES
+        kept_bytes = height * _STRIP_ROW_BYTES
+        channel, first = task // tasks, task % tasks * _STRIPS_A_TASK
+        stop = min(strips, first + _STRIPS_A_TASK)
+        plane = channel * plane_bytes
+        for strip in range(first - 1, stop + 1):
+            derivatives = kept + (strip + 1) % _STRIPS_KEPT * kept_bytes
+            if 0 <= strip < strips:
+                # Of the strips beside the task's, only the vector at the border.
+                begin = _VECTORS - 1 if strip < first else 0
+                end = 1 if strip == stop else _VECTORS
+                total = _similarity_strip(
+                    x + plane, y + plane, derivatives, strip * _COLUMNS, height, width, pitch, begin, end, own
+                )
+                if first <= strip < stop:
+                    similarity[channel, strip] = total
+            else:
+                _clear(derivatives, height)
+            if strip > first:
+                left, middle = (
+                    kept + (strip - 1) % _STRIPS_KEPT * kept_bytes,
+                    kept + strip % _STRIPS_KEPT * kept_bytes,
+                )
+                difference[channel, strip - 1] = _gradient_strip(
+                    x + plane, y + plane, left, middle, derivatives, weights, gradient + plane,
+                    (strip - 1) * _COLUMNS, height, width, pitch, by_difference, by_similarity, own,
                 )  # fmt: skip
-                total += _read_sum(own)
-        sums[strip] = total
         restore_denormals(flags)
 
 
@@ -281,12 +303,9 @@ class PhotometricLoss:
 
     def __init__(self, height: int, width: int) -> None:
         self._shape = (height, width)
-        size = (-(-height // TILE_PX) * TILE_PX, -(-width // TILE_PX) * TILE_PX)
-        # One channel's derivatives: the next channel finds them in the cache.
-        self._derivatives = aligned((_DERIVATIVES, *size))
-        self._plane_bytes, self._pitch, _ = self._derivatives.strides
         self._sums = np.zeros((2, _CHANNELS, -(-width // _COLUMNS)))
-        self._scratch = aligned((numba.config.NUMBA_NUM_THREADS, _SCRATCH_BYTES), np.uint8)
+        scratch_bytes = _SCRATCH_BYTES + _STRIPS_KEPT * height * _STRIP_ROW_BYTES
+        self._scratch = aligned((numba.config.NUMBA_NUM_THREADS, scratch_bytes), np.uint8)
 
     def __call__(
         self,
@@ -305,17 +324,13 @@ class PhotometricLoss:
         """
         samples = _CHANNELS * self._shape[0] * self._shape[1]
         similarity, difference = self._sums
-        shape = (*self._shape, self._pitch, self._plane_bytes)
-        data, scratch = self._derivatives.ctypes.data, self._scratch.ctypes.data
-        by_difference = np.float32(scale * (1.0 - ssim_weight) / samples)
-        by_similarity = np.float32(-scale * ssim_weight / samples)
-        masks = 0 if weights is None else weights.ctypes.data
-        for channel in range(_CHANNELS):
-            x, y, g = (planes[channel].ctypes.data for planes in (image, target, gradient))
-            _similarity(x, y, data, *shape, scratch, similarity[channel])
-            _gradient(
-                x, y, data, masks, g, *shape, by_difference, by_similarity, scratch, difference[channel]
-            )
+        plane_bytes, pitch, _ = target.strides
+        _loss_and_gradient(
+            image.ctypes.data, target.ctypes.data, 0 if weights is None else weights.ctypes.data,
+            gradient.ctypes.data, *self._shape, pitch, plane_bytes,
+            np.float32(scale * (1.0 - ssim_weight) / samples), np.float32(-scale * ssim_weight / samples),
+            self._scratch.ctypes.data, self._scratch.shape[1], similarity, difference,
+        )  # fmt: skip
         loss = (1.0 - ssim_weight) * difference.sum() / samples
         return float(loss + ssim_weight * (1.0 - similarity.sum() / samples))
 
