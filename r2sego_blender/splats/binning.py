@@ -17,17 +17,18 @@ from .projection import (
     DEPTH,
     EIGHTH,
     EIGHTH_SMALLEST,
-    EXTENT_X,
     EXTENT_Y,
-    FACTOR_A,
     FACTOR_B,
     FACTOR_C,
+    INVERSE_A,
     RECORD_BYTES,
     SKEW_Y,
+    TILES_X,
+    TILES_Y,
     U,
     V,
 )
-from .tiles import BLOCK_PX
+from .tiles import BLOCK_PX, TILE_SHIFT
 from .vectors import Code, Value, flush_denormals, restore_denormals, vector_kernel
 
 SEGMENTS = 16
@@ -60,28 +61,23 @@ def _append_entries(
     def field(place: int) -> Value:
         return code.load_float(record + 4 * place)
 
-    def tile_at(px: Value, last: Value) -> Value:
-        tile = code.to_long(code.maximum(px - 0.5, 0.0)) >> 5
-        return code.select(tile < last, tile, last)
+    def tiles(place: int) -> tuple[Value, Value]:
+        """The first and the last."""
+        both = code.load_int(record + 4 * place)
+        return both & 0xFFFF, both >> 16
 
     u, v, b, c = field(U), field(V), field(FACTOR_B), field(FACTOR_C)
-    inverse_a, extent_x, extent_y, skew = (
-        1.0 / field(FACTOR_A),
-        field(EXTENT_X),
-        field(EXTENT_Y),
-        field(SKEW_Y),
-    )
+    inverse_a, extent_y, skew = field(INVERSE_A), field(EXTENT_Y), field(SKEW_Y)
     level = field(EIGHTH) - EIGHTH_SMALLEST
-    last_x, last_y = (width - 1) >> 5, (height - 1) >> 5
+    last_x = (width - 1) >> TILE_SHIFT
     columns = code.to_floats((width - 1) >> 2)
-    first_tile_x, last_tile_x = tile_at(u - extent_x, last_x), tile_at(u + extent_x, last_x)
-    first_tile_y, last_tile_y = tile_at(v - extent_y, last_y), tile_at(v + extent_y, last_y)
+    (first_tile_x, last_tile_x), (first_tile_y, last_tile_y) = tiles(TILES_X), tiles(TILES_Y)
     lane_top = code.vector([BLOCK_PX * k + 0.5 for k in range(LANES)])
     number = code.variable(count)
     tile_y = code.variable(first_tile_y)
     with code.loop_while(lambda: tile_y.get() <= last_tile_y):
         # The ellipse within each row of blocks: dy between top and bottom, dx between left and right.
-        first_row_px = code.to_floats(tile_y.get() << 5)
+        first_row_px = code.to_floats(tile_y.get() << TILE_SHIFT)
         from_top = lane_top + first_row_px
         top = code.maximum(from_top - (v + _SLACK_PX), -extent_y)
         bottom = code.minimum(from_top - (v - (BLOCK_PX - 1.0) - _SLACK_PX), extent_y)

@@ -2,8 +2,8 @@
 
 A projected Gaussian is a *record* of sixteen floats: centre (u, v) in pixels; the factor
 (a, b; 0, c) of its quadratic form; an eighth of log2 of its opacity; colour; planar depth
-in metres; half extents in pixels of the ellipse outside which alpha is below 1/255. At
-the distance (dx, dy) from the centre
+in metres; half extents in pixels of the ellipse outside which alpha is below 1/255; and
+what the binning needs of them. At the distance (dx, dy) from the centre
 
     e = a dx + b dy,   f = c dy,   alpha = 2 ** (8 (eighth - e^2 - f^2)).
 """
@@ -21,10 +21,13 @@ from ..cameras import Camera
 from .compiled import parallel_kernel, prange
 from .harmonics import basis_values
 from .packing import HARMONICS, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION
+from .tiles import TILE_SHIFT
 from .vectors import VECTOR_BYTES, Code, Value, flush_denormals, restore_denormals, vector_kernel
 
-U, V, FACTOR_A, FACTOR_B, FACTOR_C, EIGHTH, RED, GREEN, BLUE, DEPTH, EXTENT_X, EXTENT_Y, SKEW_Y = range(13)
-"""Places in a record; SKEW_Y is dy at the ellipse's rightmost point."""
+U, V, FACTOR_A, FACTOR_B, FACTOR_C, EIGHTH, RED, GREEN, BLUE, DEPTH, EXTENT_Y, SKEW_Y = range(12)
+INVERSE_A, TILES_X, TILES_Y = range(12, 15)
+"""Places in a record; SKEW_Y is dy at the ellipse's rightmost point, INVERSE_A is 1 / a. TILES_X and
+TILES_Y are int32: the first column (row) of tiles that the ellipse reaches, and the last above 16 bits."""
 
 RECORD_BYTES = VECTOR_BYTES
 
@@ -220,6 +223,15 @@ def visible_colour(code: Code, colour: Value) -> Value:
     return code.minimum(code.maximum(colour, 0.0), _LARGEST_COLOUR)
 
 
+def _tiles(code: Code, centre: Value, extent: Value, size: Value) -> Value:
+    """The first tile between the pixels centre - extent and + extent, and the last above 16 bits."""
+
+    def tile_at(px: Value) -> Value:
+        return code.to_integers(code.maximum(code.minimum(px - 0.5, size - 1.0), 0.0)) >> TILE_SHIFT
+
+    return code.as_floats(tile_at(centre - extent) | (tile_at(centre + extent) << 16))
+
+
 @vector_kernel(int64(int64, int64, int64, int64))
 def _project_chunk(code: Code, chunk: Value, degree: Value, lens_address: Value, records: Value) -> Value:
     """Write the records of a chunk; returns the visible Gaussians as bits."""
@@ -243,7 +255,8 @@ def _project_chunk(code: Code, chunk: Value, degree: Value, lens_address: Value,
             direction, _ = view_direction(code, lens, at.mean)
             colour = [visible_colour(code, x) for x in unbounded_colour(code, chunk, direction, degree)]
             skew = shape.xy * extent_x / shape.xx
-            fields = [u, v, a, b, c, eighth, *colour, at.point[2], extent_x, extent_y, skew]
+            fields = [u, v, a, b, c, eighth, *colour, at.point[2], extent_y, skew, 1.0 / a]
+            fields += [_tiles(code, u, extent_x, lens[WIDTH]), _tiles(code, v, extent_y, lens[HEIGHT])]
             rows = fields + [code.vector(0.0)] * (16 - len(fields))
             for lane, row in enumerate(code.transposed(rows)):
                 code.store(records + RECORD_BYTES * lane, row)

@@ -16,7 +16,8 @@ from numba.core.types import int64, void
 
 from .vectors import LANES, VECTOR_BYTES, Code, Value, aligned, vector_kernel
 
-TILE_PX = 32
+TILE_SHIFT = 5
+TILE_PX = 1 << TILE_SHIFT
 BLOCK_PX = 4
 BLOCKS_A_SIDE = TILE_PX // BLOCK_PX
 BLOCKS = BLOCKS_A_SIDE**2

@@ -337,6 +337,10 @@ class Code:
         """A scalar float towards zero, as int64."""
         return Value(self, self.builder.fptosi(x.llvm, _LONG))
 
+    def as_floats(self, x: Value) -> Value:
+        """The bits of int32 lanes, to be stored beside floats."""
+        return Value(self, self.builder.bitcast(x.llvm, _FLOATS))
+
     def to_int(self, x: Value) -> Value:
         """The low half of an int64, to stand beside int32 lanes."""
         return Value(self, self.builder.trunc(x.llvm, _INT))

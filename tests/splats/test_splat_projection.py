@@ -15,15 +15,17 @@ from r2sego_blender.splats.projection import (
     DEPTH,
     DILATION_PX2,
     EIGHTH,
-    EXTENT_X,
     EXTENT_Y,
     FACTOR_A,
     FACTOR_B,
     FACTOR_C,
     FORM_SCALE,
+    INVERSE_A,
     NEAREST_M,
     RED,
     SKEW_Y,
+    TILES_X,
+    TILES_Y,
     U,
     V,
     lens_of,
@@ -31,6 +33,7 @@ from r2sego_blender.splats.projection import (
     reduced_dilation_px2,
 )
 from r2sego_blender.splats.rasterizer import Rasterizer
+from r2sego_blender.splats.tiles import TILE_PX
 from r2sego_blender.splats.vectors import LANES, aligned
 
 SMALLEST_ALPHA = 1.0 / 255.0
@@ -51,6 +54,12 @@ def projected(asset: SplatAsset, camera: Camera, degree: int = 3) -> tuple[np.nd
     in_order, visible = np.zeros((len(asset), 16)), np.zeros(len(asset), bool)
     in_order[packed.order], visible[packed.order] = records[: len(asset)], flags[: len(asset)]
     return in_order, visible
+
+
+def tiles(record: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(N, 2) each: the first and the last column and row of tiles."""
+    words = np.ascontiguousarray(record[:, [TILES_X, TILES_Y]], np.float32).view(np.int32)
+    return words & 0xFFFF, words >> 16
 
 
 @settings(max_examples=80, deadline=None, derandomize=True)
@@ -80,7 +89,16 @@ def test_records_equal_a_plain_projection(scene: tuple[SplatAsset, Camera]) -> N
 
     reach2 = 2.0 * np.log(at.opacity / SMALLEST_ALPHA)[:, None]
     extents = np.sqrt(np.maximum(reach2 * at.covariance[:, [0, 1], [0, 1]], 0.0))
-    np.testing.assert_allclose(record[:, [EXTENT_X, EXTENT_Y]], extents, rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(record[:, EXTENT_Y], extents[:, 1], rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(record[:, INVERSE_A] * record[:, FACTOR_A], 1.0, rtol=1e-5)
+    slack = 1e-3 * (1.0 + extents) + error_px + 1e-5 * np.abs(at.centre)
+    sides = camera.width - 1, camera.height - 1
+
+    def tiles_at(px: np.ndarray) -> np.ndarray:
+        return np.clip(px - 0.5, 0.0, sides) // TILE_PX
+
+    for found, border in zip(tiles(record), (at.centre - extents, at.centre + extents), strict=True):
+        assert (found >= tiles_at(border - slack)).all() and (found <= tiles_at(border + slack)).all()
     skew = at.covariance[:, 0, 1] / at.covariance[:, 0, 0] * extents[:, 0]
     np.testing.assert_allclose(record[:, SKEW_Y], skew, rtol=1e-3, atol=1e-3 * extents[:, 1].max(initial=1.0))
 
@@ -133,7 +151,9 @@ def test_a_round_gaussian_has_the_size_of_the_pinhole_image() -> None:
     variance_x, variance_y = (50.0 * 0.2 / 4.0) ** 2 + 0.3, (70.0 * 0.2 / 4.0) ** 2 + 0.3
     reach2 = 2.0 * math.log(255.0 / (1.0 + math.exp(-2.0)))
     assert records[0, U] == 30.0 and records[0, V] == 40.0
-    np.testing.assert_allclose(records[0, EXTENT_X], math.sqrt(reach2 * variance_x), rtol=1e-5)
+    first, last = (side[0, 0] for side in tiles(records))
+    reach_px = math.sqrt(reach2 * variance_x)
+    assert (first, last) == ((30.0 - reach_px) // TILE_PX, (30.0 + reach_px) // TILE_PX)
     np.testing.assert_allclose(records[0, EXTENT_Y], math.sqrt(reach2 * variance_y), rtol=1e-5)
     assert abs(records[0, SKEW_Y]) < 1e-6 and abs(records[0, FACTOR_B]) < 1e-9
 
