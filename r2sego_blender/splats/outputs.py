@@ -11,7 +11,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..cameras import Camera
 from ..errors import AssetError
@@ -29,6 +28,7 @@ from .projection import (
     U,
     V,
 )
+from .quaternions import to_rotation
 from .rasterizer import SMALLEST_ALPHA, Background, Rasterizer, Rendering, TileEntries
 from .tiles import BLOCK_PX, BLOCKS, BLOCKS_A_SIDE, TILE_PX
 from .vectors import EXP2_COEFFICIENTS_BELOW_0
@@ -124,8 +124,8 @@ def facing_normals(asset: SplatAsset, camera: Camera) -> np.ndarray:
     quaternions = asset.quaternions.astype(np.float64)
     sound = np.isfinite(quaternions).all(axis=1) & quaternions.any(axis=1)
     quaternions[~sound] = 1.0, 0.0, 0.0, 0.0
-    local = np.eye(3)[np.argmin(asset.log_scales, axis=1)]
-    normals = Rotation.from_quat(np.roll(quaternions, -1, axis=1)).apply(local) if len(asset) else local
+    shortest = np.argmin(asset.log_scales, axis=1)[:, None, None]
+    normals = np.take_along_axis(to_rotation(quaternions), shortest, axis=2)[..., 0]
     away = ((asset.means - camera.centre) * normals).sum(axis=1) > 0.0
     return np.where(away[:, None], -normals, normals).astype(np.float32)
 

@@ -211,8 +211,10 @@ class _Trainer:
                 weight * target.depth_weight, target.normals, self._settings,
             )  # fmt: skip
         if target.opaque is not None:
+            if not geometry:
+                planes[TRANSMITTANCE_PLANE] = 0.0
             share = np.float32(-self._settings.opaque_weight * weight / target.opaque.size) * target.opaque
-            planes[TRANSMITTANCE_PLANE] = planes[TRANSMITTANCE_PLANE] * geometry + share
+            planes[TRANSMITTANCE_PLANE] += share
         return geometry or target.opaque is not None
 
 

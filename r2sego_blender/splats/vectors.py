@@ -85,9 +85,6 @@ class Value:
     def __or__(self, other: Any) -> Value:
         return self._binary(other, None, "or_")
 
-    def __xor__(self, other: Any) -> Value:
-        return self._binary(other, None, "xor")
-
     def __lshift__(self, other: Any) -> Value:
         return self._binary(other, None, "shl")
 
@@ -348,11 +345,6 @@ class Code:
     def bits(self, mask: Value) -> Value:
         """A mask of lanes as the low bits of an int64."""
         return Value(self, self.builder.zext(self.builder.bitcast(mask.llvm, ir.IntType(LANES)), _LONG))
-
-    def mask(self, bits: Value) -> Value:
-        """The lanes whose bits are set in an int64."""
-        narrow = self.builder.trunc(bits.llvm, ir.IntType(LANES))
-        return Value(self, self.builder.bitcast(narrow, ir.VectorType(ir.IntType(1), LANES)))
 
     def bytes_of(self, integers: Value) -> tuple[Value, Value]:
         """The lowest bytes of sixteen int32 lanes, as two int64 of eight bytes."""
