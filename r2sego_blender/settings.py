@@ -238,6 +238,9 @@ class TrainingSettings:
     pose_rate: float = setting(
         1e-4, "Learning rate of a generated frame's pose (rad, m), where it is refined.", 0.0, 1.0
     )
+    rate_swing: float = setting(
+        1.0, "All learning rates start as many times higher, and end as many times lower.", 1.0, 10.0
+    )
     scale_rate: float = setting(0.01, "Learning rate of the logarithms of the scales.", 0.0, 1.0)
     rotation_rate: float = setting(2e-3, "Learning rate of the quaternions.", 0.0, 1.0)
     opacity_rate: float = setting(0.05, "Learning rate of the opacities' logits.", 0.0, 1.0)
@@ -286,7 +289,13 @@ VANILLA_3DGS: Mapping[str, Any] = {
 What is counted in steps there keeps its number, what ends at a step its share of them.
 """
 
-MANY_PHOTOGRAPHS: Mapping[str, Any] = {"densification": "growth", "densify_until_share": 0.7}
+MANY_PHOTOGRAPHS: Mapping[str, Any] = {
+    "densification": "growth",
+    "densify_until_share": 0.7,
+    "half_resolution_share": 0.58,
+    "three_quarter_resolution_share": 0.25,
+    "rate_swing": 2.0,
+}
 """TrainingSettings of ``r2sego train``: many photographs and a few points to start from.
 
 Measured on dense captures of three rooms, see docs/splats.md. A handful of photographs

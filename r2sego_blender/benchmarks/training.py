@@ -35,9 +35,6 @@ _LOOKS = 30
 _GROWTH = 1.5
 """The other training may end with this many times the Gaussians of the plain one."""
 
-_STEP_SHARE = 0.87
-"""It is given this share of the plain one's steps: most of them are cheap."""
-
 
 @dataclass
 class _Run:
@@ -89,7 +86,7 @@ def bench_training(
     _warm_up(start)
     plain = _curve(start, _PLAIN, gaussians, gaussians, steps, np.inf, "Plain training", progress)
     usual = _curve(
-        start, MANY_PHOTOGRAPHS, gaussians, int(_GROWTH * gaussians), round(_STEP_SHARE * steps),
+        start, MANY_PHOTOGRAPHS, gaussians, int(_GROWTH * gaussians), steps,
         plain["psnr"], "Training", progress,
     )  # fmt: skip
     reached = usual["psnr"] >= plain["psnr"]

@@ -109,11 +109,12 @@ class _Schedule:
 
     def at(self, step: int) -> _Stage:
         """The degree rises by one at equal intervals, from the first to the highest; the
-        means' rate decays exponentially (Kerbl et al. 2023)."""
+        rates decay exponentially, the means' more than the others (Kerbl et al. 2023)."""
         settings, done = self._settings, step / self._steps
         raises = settings.sh_degree - self._first_degree
         degree = self._first_degree + step * (raises + 1) // self._steps
-        return _Stage(self._resolution(done), degree, self._rates(settings.position_decay**done))
+        rates = self._rates(settings.position_decay**done) * settings.rate_swing ** (1.0 - 2.0 * done)
+        return _Stage(self._resolution(done), degree, rates.astype(np.float32))
 
     def _resolution(self, done: float) -> float:
         settings, passed = self._settings, 0.0
