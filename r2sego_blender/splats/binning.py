@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba.core.types import int64
 
-from .compiled import kernel, parallel_kernel, prange
+from .compiled import dealt, get_num_threads, kernel, parallel_kernel, prange, turns
 from .packing import LANES
 from .projection import (
     BLOCK,
@@ -28,7 +28,7 @@ from .projection import (
     U,
     V,
 )
-from .tiles import BLOCK_PX, TILE_SHIFT
+from .tiles import BLOCK_PX, RUN_OF_TILES, TILE_SHIFT
 from .vectors import Code, Value, flush_denormals, restore_denormals, vector_kernel
 
 SEGMENTS = 16
@@ -242,7 +242,11 @@ def _sort_tile(order, spare, digits):
 def sort_tiles(order, spare, tile_starts):
     """Sort each tile's part of ``order`` by depth, then by the Gaussians' numbers."""
     tiles = tile_starts.shape[0] - 1
-    for tile in prange(tiles):
+    each = turns(tiles, RUN_OF_TILES)
+    for number in prange(each * get_num_threads()):
+        tile = dealt(number, each, RUN_OF_TILES)
+        if tile >= tiles:
+            continue
         start, stop = tile_starts[tile], tile_starts[tile + 1]
         if stop - start > 1:
             digits = np.empty(_DIGITS, np.int32)

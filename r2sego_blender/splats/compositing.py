@@ -23,7 +23,7 @@ from numba import get_thread_id
 from numba.core.types import int64, void
 
 from .binning import ENTRY_BYTES
-from .compiled import kernel, parallel_kernel, prange
+from .compiled import dealt, get_num_threads, kernel, parallel_kernel, prange, turns
 from .projection import (
     DEPTH,
     EIGHTH,
@@ -40,6 +40,7 @@ from .projection import (
 from .tiles import (
     BLOCK_BYTES,
     REST,
+    RUN_OF_TILES,
     STATE_BYTES,
     SUMS,
     TILE_PX,
@@ -306,7 +307,11 @@ def composite(
     """
     tiles = tile_starts.shape[0] - 1
     pitch = 4 * tiles_x * TILE_PX
-    for tile in prange(tiles):
+    each = turns(tiles, RUN_OF_TILES)
+    for number in prange(each * get_num_threads()):
+        tile = dealt(number, each, RUN_OF_TILES)
+        if tile >= tiles:
+            continue
         flags = flush_denormals()
         state = scratch + get_thread_id() * SCRATCH_BYTES
         x, y = tile % tiles_x * TILE_PX, tile // tiles_x * TILE_PX
@@ -335,7 +340,11 @@ def composite_backward(
     """
     tiles = tile_starts.shape[0] - 1
     pitch = 4 * tiles_x * TILE_PX
-    for tile in prange(tiles):
+    each = turns(tiles, RUN_OF_TILES)
+    for number in prange(each * get_num_threads()):
+        tile = dealt(number, each, RUN_OF_TILES)
+        if tile >= tiles:
+            continue
         flags = flush_denormals()
         state = scratch + get_thread_id() * SCRATCH_BYTES
         batch = state + STATE_BYTES

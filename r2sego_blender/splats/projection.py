@@ -18,7 +18,7 @@ import numpy as np
 from numba.core.types import int64
 
 from ..cameras import Camera
-from .compiled import parallel_kernel, prange
+from .compiled import dealt, get_num_threads, parallel_kernel, prange, turns
 from .harmonics import basis_values
 from .packing import HARMONICS, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION
 from .tiles import TILE_SHIFT
@@ -270,7 +270,9 @@ def project(chunks, count, chunk_bytes, degree, lens, records, visible):
     ``lens`` and ``records`` are addresses; ``visible`` (count,) int32 gets the bits of the
     Gaussians that can show in the image; the records of the others mean nothing.
     """
-    for block in prange((count + BLOCK - 1) // BLOCK):
+    each = turns((count + BLOCK - 1) // BLOCK, 1)
+    for number in prange(each * get_num_threads()):
+        block = dealt(number, each, 1)
         state = flush_denormals()
         for i in range(block * BLOCK, min(count, (block + 1) * BLOCK)):
             visible[i] = _project_chunk(

@@ -16,7 +16,7 @@ from types import SimpleNamespace
 from numba import get_thread_id
 from numba.core.types import float32, int64, void
 
-from .compiled import kernel, parallel_kernel, prange
+from .compiled import dealt, get_num_threads, kernel, parallel_kernel, prange, turns
 from .compositing import BLENDED, SLOT_BYTES
 from .harmonics import basis_gradients, basis_values
 from .packing import HARMONICS, LANES, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION
@@ -294,7 +294,9 @@ def project_backward(
 
     Chunks of which nothing was blended get zeros.
     """
-    for block in prange((count + BLOCK - 1) // BLOCK):
+    each = turns((count + BLOCK - 1) // BLOCK, 1)
+    for number in prange(each * get_num_threads()):
+        block = dealt(number, each, 1)
         state = flush_denormals()
         gathered = scratch + get_thread_id() * GATHER_BYTES
         for i in range(block * BLOCK, min(count, (block + 1) * BLOCK)):
@@ -317,7 +319,9 @@ def project_backward_adam(
     ``first`` and ``second`` are the moments, chunks as ``chunks``; ``steps`` a vector a chunk,
     ``statistics`` two.
     """
-    for block in prange((count + BLOCK - 1) // BLOCK):
+    each = turns((count + BLOCK - 1) // BLOCK, 1)
+    for number in prange(each * get_num_threads()):
+        block = dealt(number, each, 1)
         state = flush_denormals()
         gathered = scratch + get_thread_id() * GATHER_BYTES
         for i in range(block * BLOCK, min(count, (block + 1) * BLOCK)):

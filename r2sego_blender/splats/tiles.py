@@ -19,6 +19,7 @@ from .vectors import LANES, VECTOR_BYTES, Code, Value, aligned, vector_kernel
 TILE_SHIFT = 5
 TILE_PX = 1 << TILE_SHIFT
 BLOCK_PX = 4
+RUN_OF_TILES = 5  # side by side, for one thread: neighbours share Gaussians
 BLOCKS_A_SIDE = TILE_PX // BLOCK_PX
 BLOCKS = BLOCKS_A_SIDE**2
 
