@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba.core.types import int64
 
-from .compiled import dealt, get_num_threads, kernel, parallel_kernel, prange, turns
+from .compiled import dealt, kernel, parallel_kernel, prange, turns
 from .packing import LANES
 from .projection import (
     BLOCK,
@@ -239,12 +239,12 @@ def _sort_tile(order, spare, digits):
 
 
 @parallel_kernel
-def sort_tiles(order, spare, tile_starts):
+def sort_tiles(order, spare, tile_starts, threads):
     """Sort each tile's part of ``order`` by depth, then by the Gaussians' numbers."""
     tiles = tile_starts.shape[0] - 1
-    each = turns(tiles, RUN_OF_TILES)
-    for number in prange(each * get_num_threads()):
-        tile = dealt(number, each, RUN_OF_TILES)
+    each = turns(tiles, RUN_OF_TILES, threads)
+    for number in prange(each * threads):
+        tile = dealt(number, each, RUN_OF_TILES, threads)
         if tile >= tiles:
             continue
         start, stop = tile_starts[tile], tile_starts[tile + 1]

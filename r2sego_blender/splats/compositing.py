@@ -23,7 +23,7 @@ from numba import get_thread_id
 from numba.core.types import int64, void
 
 from .binning import ENTRY_BYTES
-from .compiled import dealt, get_num_threads, kernel, parallel_kernel, prange, turns
+from .compiled import dealt, kernel, parallel_kernel, prange, turns
 from .projection import (
     DEPTH,
     EIGHTH,
@@ -297,6 +297,7 @@ def _blend_tile(state, start, stop, order, entries, records, middle_x, middle_y,
 def composite(
     records, entries, order, tile_starts, tile_stops, tiles_x, planes, plane_bytes, background,
     background_plane_bytes, background_pitch, background_step, scratch, table, coordinates, with_depth,
+    threads,
 ):  # fmt: skip
     """Render all tiles into image planes of whole tiles: red, green, blue, transmittance, depth sum.
 
@@ -307,9 +308,9 @@ def composite(
     """
     tiles = tile_starts.shape[0] - 1
     pitch = 4 * tiles_x * TILE_PX
-    each = turns(tiles, RUN_OF_TILES)
-    for number in prange(each * get_num_threads()):
-        tile = dealt(number, each, RUN_OF_TILES)
+    each = turns(tiles, RUN_OF_TILES, threads)
+    for number in prange(each * threads):
+        tile = dealt(number, each, RUN_OF_TILES, threads)
         if tile >= tiles:
             continue
         flags = flush_denormals()
@@ -331,7 +332,7 @@ def composite(
 @parallel_kernel
 def composite_backward(
     records, entries, order, tile_starts, tile_stops, tiles_x, planes, gradients, plane_bytes, slots,
-    scratch, table, coordinates, with_alpha, with_depth,
+    scratch, table, coordinates, with_alpha, with_depth, threads,
 ):  # fmt: skip
     """Fill the slots of all entries from ``gradients``, planes in the layout of ``planes``.
 
@@ -340,9 +341,9 @@ def composite_backward(
     """
     tiles = tile_starts.shape[0] - 1
     pitch = 4 * tiles_x * TILE_PX
-    each = turns(tiles, RUN_OF_TILES)
-    for number in prange(each * get_num_threads()):
-        tile = dealt(number, each, RUN_OF_TILES)
+    each = turns(tiles, RUN_OF_TILES, threads)
+    for number in prange(each * threads):
+        tile = dealt(number, each, RUN_OF_TILES, threads)
         if tile >= tiles:
             continue
         flags = flush_denormals()

@@ -18,7 +18,7 @@ import numpy as np
 from numba.core.types import int64
 
 from ..cameras import Camera
-from .compiled import dealt, get_num_threads, parallel_kernel, prange, turns
+from .compiled import dealt, parallel_kernel, prange, turns
 from .harmonics import basis_values
 from .packing import HARMONICS, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION
 from .tiles import TILE_SHIFT
@@ -264,15 +264,15 @@ def _project_chunk(code: Code, chunk: Value, degree: Value, lens_address: Value,
 
 
 @parallel_kernel
-def project(chunks, count, chunk_bytes, degree, lens, records, visible):
+def project(chunks, count, chunk_bytes, degree, lens, records, visible, threads):
     """Fill the records of the ``count`` chunks at the address ``chunks``, and ``visible``.
 
     ``lens`` and ``records`` are addresses; ``visible`` (count,) int32 gets the bits of the
     Gaussians that can show in the image; the records of the others mean nothing.
     """
-    each = turns((count + BLOCK - 1) // BLOCK, 1)
-    for number in prange(each * get_num_threads()):
-        block = dealt(number, each, 1)
+    each = turns((count + BLOCK - 1) // BLOCK, 1, threads)
+    for number in prange(each * threads):
+        block = dealt(number, each, 1, threads)
         state = flush_denormals()
         for i in range(block * BLOCK, min(count, (block + 1) * BLOCK)):
             visible[i] = _project_chunk(

@@ -16,7 +16,7 @@ from types import SimpleNamespace
 from numba import get_thread_id
 from numba.core.types import float32, int64, void
 
-from .compiled import dealt, get_num_threads, kernel, parallel_kernel, prange, turns
+from .compiled import dealt, kernel, parallel_kernel, prange, turns
 from .compositing import BLENDED, SLOT_BYTES
 from .harmonics import basis_gradients, basis_values
 from .packing import HARMONICS, LANES, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION
@@ -288,15 +288,27 @@ def _gather(bits, chunk, starts, counts, slots, gathered):
 
 @parallel_kernel
 def project_backward(
-    chunks, count, chunk_bytes, degree, lens, visible, starts, counts, slots, scratch, gradients, pose
+    chunks,
+    count,
+    chunk_bytes,
+    degree,
+    lens,
+    visible,
+    starts,
+    counts,
+    slots,
+    scratch,
+    gradients,
+    pose,
+    threads,
 ):
     """Fill ``gradients``, chunks as ``chunks``, and ``pose``, a vector a chunk; all addresses.
 
     Chunks of which nothing was blended get zeros.
     """
-    each = turns((count + BLOCK - 1) // BLOCK, 1)
-    for number in prange(each * get_num_threads()):
-        block = dealt(number, each, 1)
+    each = turns((count + BLOCK - 1) // BLOCK, 1, threads)
+    for number in prange(each * threads):
+        block = dealt(number, each, 1, threads)
         state = flush_denormals()
         gathered = scratch + get_thread_id() * GATHER_BYTES
         for i in range(block * BLOCK, min(count, (block + 1) * BLOCK)):
@@ -312,16 +324,16 @@ def project_backward(
 @parallel_kernel
 def project_backward_adam(
     chunks, count, chunk_bytes, degree, lens, visible, starts, counts, slots, scratch, first, second,
-    steps, statistics, rates, opacity_pull, scale_pull, pose,
+    steps, statistics, rates, opacity_pull, scale_pull, pose, threads,
 ):  # fmt: skip
     """The same with a step of Adam in place of the gradients.
 
     ``first`` and ``second`` are the moments, chunks as ``chunks``; ``steps`` a vector a chunk,
     ``statistics`` two.
     """
-    each = turns((count + BLOCK - 1) // BLOCK, 1)
-    for number in prange(each * get_num_threads()):
-        block = dealt(number, each, 1)
+    each = turns((count + BLOCK - 1) // BLOCK, 1, threads)
+    for number in prange(each * threads):
+        block = dealt(number, each, 1, threads)
         state = flush_denormals()
         gathered = scratch + get_thread_id() * GATHER_BYTES
         for i in range(block * BLOCK, min(count, (block + 1) * BLOCK)):

@@ -195,7 +195,7 @@ class Rasterizer:
         values, visible = gaussians.values, self._visible[: len(gaussians.values)]
         project(
             values.ctypes.data, len(values), values.strides[0], self._degree, self._lens.ctypes.data,
-            self._records.ctypes.data, visible,
+            self._records.ctypes.data, visible, numba.get_num_threads(),
         )  # fmt: skip
         if colours is not None:
             self._records[: len(gaussians), RED : RED + 3] = colours[gaussians.order]
@@ -210,13 +210,13 @@ class Rasterizer:
             self._frame.histogram,
             self._order,
         )
-        sort_tiles(self._order, self._spare_order, self._frame.tile_starts)
+        sort_tiles(self._order, self._spare_order, self._frame.tile_starts, numba.get_num_threads())
         behind, strides = self._behind(background)
         frame = self._frame
         composite(
             *self._sorted_entries(), frame.planes.ctypes.data, frame.plane_bytes,
             behind.ctypes.data, *strides, self._scratch.ctypes.data, TABLE.ctypes.data,
-            COORDINATES.ctypes.data, with_depth,
+            COORDINATES.ctypes.data, with_depth, numba.get_num_threads(),
         )  # fmt: skip
 
     @property
@@ -278,7 +278,12 @@ class Rasterizer:
         self._composite_backward(g_alpha is not None, g_depth_sum is not None)
         values = self._gaussians.values
         gradients = aligned(values.shape)
-        project_backward(*self._backward_arguments(), gradients.ctypes.data, self._pose_rows.ctypes.data)
+        project_backward(
+            *self._backward_arguments(),
+            gradients.ctypes.data,
+            self._pose_rows.ctypes.data,
+            numba.get_num_threads(),
+        )
         columns = np.empty((len(self._gaussians), values.shape[1]), np.float32)
         columns[self._gaussians.order] = unpack(gradients, len(self._gaussians))
         return Gradients(
@@ -307,6 +312,7 @@ class Rasterizer:
             *self._backward_arguments(), state.first.ctypes.data, state.second.ctypes.data,
             state.steps.ctypes.data, state.statistics.ctypes.data, rates.ctypes.data,
             np.float32(opacity_pull), np.float32(scale_pull), self._pose_rows.ctypes.data,
+            numba.get_num_threads(),
         )  # fmt: skip
         return self._pose_gradient()
 
@@ -331,7 +337,7 @@ class Rasterizer:
         composite_backward(
             *self._sorted_entries(), frame.planes.ctypes.data, frame.gradient_planes.ctypes.data,
             frame.plane_bytes, self._slots.ctypes.data, self._scratch.ctypes.data, TABLE.ctypes.data,
-            COORDINATES.ctypes.data, with_alpha, with_depth,
+            COORDINATES.ctypes.data, with_alpha, with_depth, numba.get_num_threads(),
         )  # fmt: skip
 
     def _sorted_entries(self) -> tuple:

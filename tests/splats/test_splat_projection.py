@@ -3,6 +3,7 @@ from __future__ import annotations
 import math
 from types import SimpleNamespace
 
+import numba
 import numpy as np
 import torch
 from hypothesis import given, settings
@@ -47,7 +48,7 @@ def projected(asset: SplatAsset, camera: Camera, degree: int = 3) -> tuple[np.nd
     degree = min(degree, asset.degree)
     project(
         values.ctypes.data, len(values), values.strides[0], degree, lens.ctypes.data,
-        records.ctypes.data, bits,
+        records.ctypes.data, bits, numba.get_num_threads(),
     )  # fmt: skip
     flags = (bits[:, None] >> np.arange(LANES) & 1).ravel().astype(bool)
     assert not flags[len(asset) :].any()
