@@ -147,7 +147,7 @@ def _similarity_row(
     before ``stop`` are computed.
     """
     with code.loop(stop, first) as k:
-        mean_x, mean_y, square, product = _blurred(code, scratch, 4, row, k)
+        mean_x, mean_y, square, product = _blurred(code, scratch, _IMAGES, row, k)
         both = mean_x * mean_y
         squares = mean_x * mean_x + mean_y * mean_y
         luminance = 2.0 * both + SSIM_C1

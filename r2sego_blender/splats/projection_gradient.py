@@ -288,20 +288,9 @@ def _gather(bits, chunk, starts, counts, slots, gathered):
 
 @parallel_kernel
 def project_backward(
-    chunks,
-    count,
-    chunk_bytes,
-    degree,
-    lens,
-    visible,
-    starts,
-    counts,
-    slots,
-    scratch,
-    gradients,
-    pose,
+    chunks, count, chunk_bytes, degree, lens, visible, starts, counts, slots, scratch, gradients, pose,
     threads,
-):
+):  # fmt: skip
     """Fill ``gradients``, chunks as ``chunks``, and ``pose``, a vector a chunk; all addresses.
 
     Chunks of which nothing was blended get zeros.

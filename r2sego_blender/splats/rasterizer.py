@@ -40,7 +40,7 @@ from .tiles import (
     TRANSMITTANCE_PLANE,
     planes_of,
 )
-from .vectors import LANES, VECTOR_BYTES, aligned
+from .vectors import LANES, VECTOR_BYTES, aligned, aligned_copy
 
 _SPARE = 1.25
 """Arrays that must grow get this much more than is needed now."""
@@ -279,11 +279,9 @@ class Rasterizer:
         values = self._gaussians.values
         gradients = aligned(values.shape)
         project_backward(
-            *self._backward_arguments(),
-            gradients.ctypes.data,
-            self._pose_rows.ctypes.data,
+            *self._backward_arguments(), gradients.ctypes.data, self._pose_rows.ctypes.data,
             numba.get_num_threads(),
-        )
+        )  # fmt: skip
         columns = np.empty((len(self._gaussians), values.shape[1]), np.float32)
         columns[self._gaussians.order] = unpack(gradients, len(self._gaussians))
         return Gradients(
@@ -373,6 +371,8 @@ class Rasterizer:
                 f"the background has the shape {image.shape}, the camera {self._camera.shape}",
                 cure="Give one colour or an image of the camera's size.",
             )
+        if image.ctypes.data % VECTOR_BYTES:  # planes from elsewhere; the kernels would end the process
+            image = aligned_copy(image)
         return image, (image.strides[0], image.strides[1], VECTOR_BYTES)
 
     def _reserve(self, chunks: int, shape: tuple[int, int]) -> None:

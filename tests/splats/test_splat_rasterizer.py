@@ -11,6 +11,7 @@ from r2sego_blender.errors import AssetError
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.packing import PackedGaussians
 from r2sego_blender.splats.rasterizer import Gradients, Rasterizer, render
+from r2sego_blender.splats.tiles import planes_of
 
 BACKGROUND = (0.2, 0.5, 0.3)
 GROUPS = ("means", "log_scales", "quaternions", "logit_opacities", "sh")
@@ -124,6 +125,12 @@ def test_an_image_behind_the_gaussians_is_a_background() -> None:
     over_black, over_image = render(asset, camera), render(asset, camera, behind)
     expected = over_black.colour + (1.0 - over_black.alpha)[..., None] * behind
     np.testing.assert_allclose(over_image.colour, expected, atol=1e-6)
+    # Its planes do as well, wherever they stand in memory.
+    planes = planes_of(behind)
+    elsewhere = np.empty(planes.size + 1, np.float32)[1:].reshape(planes.shape)
+    elsewhere[:] = planes
+    for same in (planes, elsewhere):
+        np.testing.assert_array_equal(render(asset, camera, same).colour, over_image.colour)
 
     leaves, upstream = parameters(asset), image_gradients(camera, 5)
     results = rasterize(*leaves, camera, behind)
