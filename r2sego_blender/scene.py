@@ -32,10 +32,17 @@ _DECLARATION = "scene.toml"
 _JOURNAL = "journal.jsonl"
 _UNFINISHED = ".unfinished-"
 
+SURFACE_BACKENDS: Mapping[str, str] = {
+    "tsdf": "embedded: TSDF of completed depth",
+    "poisson": "embedded: screened Poisson of completed depth",
+    "nksr": "NKSR",
+}
+"""What makes the surface, by the setting ``proxy.surface``."""
+
 BACKENDS: Mapping[str, str] = {
     "initial_asset": "embedded: dense stereo to splats",
     "shape_prior": "embedded: room planes",
-    "surface": "embedded: TSDF of completed depth",
+    "surface": SURFACE_BACKENDS["tsdf"],
     "controller": "embedded: reference motion tracked in MuJoCo",
     "conditions": "embedded: numba z-buffer",
     "generator": "embedded: geometry-guided blending",
@@ -49,7 +56,8 @@ class Declaration:
     """What the person declared, the content of ``scene.toml``.
 
     ``world_from_capture`` is the (4, 4) similarity, row by row, that took the frame of the
-    given poses to the world; ``scale_source`` and ``ground`` say how it was found.
+    given poses to the world; ``scale_source`` and ``ground`` say how it was found. Where a
+    setting chooses the backend of a slot, ``backends`` follows it.
     """
 
     captures_source: str
@@ -61,6 +69,10 @@ class Declaration:
     preset: str = "paper"
     overrides: Mapping[str, Any] = field(default_factory=dict)
     backends: Mapping[str, str] = field(default_factory=lambda: dict(BACKENDS))
+
+    def __post_init__(self) -> None:
+        chosen = {"surface": SURFACE_BACKENDS[self.settings.proxy.surface]}
+        object.__setattr__(self, "backends", {**self.backends, **chosen})
 
     @property
     def settings(self) -> Settings:

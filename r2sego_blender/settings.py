@@ -59,9 +59,23 @@ class StereoSettings:
 
 
 @dataclass(frozen=True)
+class PriorSettings:
+    """Shape priors of objects: retrieval from meshes and alignment."""
+
+    candidates: int = setting(3, "Meshes of a library aligned in full for an object.", 1, 100)
+    max_energy: float = setting(0.45, "Energy above which an aligned shape is rejected.", 0.0, 3.0)
+    min_iou: float = setting(0.75, "Silhouette overlap below which an aligned shape is rejected.", 0.0, 1.0)
+
+
+@dataclass(frozen=True)
 class ProxySettings:
     """Completion of room planes and fusion into the geometry proxy."""
 
+    surface: str = setting(
+        "tsdf",
+        "What makes the surface of depth: fused distances, screened Poisson or, if installed, NKSR.",
+        choices=("tsdf", "poisson", "nksr"),
+    )
     planes: int = setting(14, "Planes looked for in the observed points.", 0, 64)
     plane_tolerance_m: float = setting(0.02, "Points this near support a plane.", 0.002, 0.2)
     plane_share: float = setting(0.005, "Share of the observed points a plane needs.", 0.0005, 0.5)
@@ -258,6 +272,7 @@ class Settings:
     rounds: int = setting(3, "Refinement rounds, L.", 1, 100)
     captures: CaptureSettings = CaptureSettings()
     stereo: StereoSettings = StereoSettings()
+    priors: PriorSettings = PriorSettings()
     proxy: ProxySettings = ProxySettings()
     collision: CollisionSettings = CollisionSettings()
     rollouts: RolloutSettings = RolloutSettings()

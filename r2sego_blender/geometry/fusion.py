@@ -1,10 +1,10 @@
 """Composition of the geometry proxy M_scaf (the paper's Eq. 1).
 
-Completed depth of the captures and the current asset's depth are fused in a truncated
-distance field, weighted by the evidence for them; its surface is carved by what the
-captures saw to be free, freed of loose crumbs, replaced by aligned priors in their object
-regions and closed by the room's envelope where nothing else is. The field stands in for
-NKSR: with completed depth the mesher hardly matters.
+Completed depth of the captures and the current asset's depth, weighted by the evidence for
+them, become a surface (``surfaces``: a truncated distance field by default, in NKSR's
+place). It is carved by what the captures saw to be free, freed of loose crumbs, replaced by
+aligned priors in their object regions and closed by the room's envelope where nothing else
+is. With completed depth the mesher hardly matters.
 """
 
 from __future__ import annotations
@@ -28,9 +28,11 @@ from .completion import CompletedDepth, DepthSource
 from .envelope import envelope_polygons, tessellated
 from .evidence import KnownDepth, collect_votes
 from .observed import ObservedGeometry
+from .oriented_points import WeightedDepth
 from .planes import RoomPlanes
 from .proxy import GeometryProxy, Provenance
 from .rasterizer import MeshRasterizer
+from .surfaces import SURFACES
 from .tsdf import DistanceField
 
 _PLANE_SHARE = 3.0  # a chosen plane weighs this many times what is merely filled in
@@ -77,9 +79,9 @@ def compose_proxy(
     ]
     with progress.task("Composing the geometry proxy", 5) as task:
         field = _empty_field(completed, observed, envelope, settings)
-        _integrate(field, completed, asset_depths, settings)
         task.advance()
-        vertices, faces = field.surface()
+        views = _weighted(completed, asset_depths, settings)
+        vertices, faces = SURFACES[settings.surface](views, field)
         vertices, faces = _carved(vertices, faces, trusted, settings)
         task.advance()
         for prior in priors:
@@ -128,17 +130,18 @@ def _empty_field(completed, observed, envelope, settings) -> DistanceField:
     return DistanceField.covering(low, high, voxel_m, max(settings.truncation_m, 2 * voxel_m))
 
 
-def _integrate(field, completed, asset_depths, settings) -> None:
+def _weighted(completed, asset_depths, settings) -> list[WeightedDepth]:
+    """The captures' completed depth and the asset's, with the evidence for every pixel."""
     filled = settings.completed_weight
     of_source = np.zeros(len(DepthSource), np.float32)
     of_source[DepthSource.OBSERVED] = 1.0
     of_source[DepthSource.PLANE] = min(1.0, _PLANE_SHARE * filled)
     of_source[DepthSource.ENVELOPE] = of_source[DepthSource.FILLED] = filled
-    for view in completed:
-        field.integrate(view.camera, view.depth, of_source[view.source])
+    views = [WeightedDepth(view.camera, view.depth, of_source[view.source]) for view in completed]
     for camera, depth, alpha in asset_depths:
         weight = np.where(alpha > _ASSET_ALPHA, alpha * settings.asset_weight, 0)
-        field.integrate(camera, np.where(weight > 0, depth, 0), weight)
+        views.append(WeightedDepth(camera, np.where(weight > 0, depth, 0), weight))
+    return views
 
 
 def _carved(vertices, faces, trusted, settings):

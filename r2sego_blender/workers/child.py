@@ -33,12 +33,17 @@ def kill_children() -> None:
 
 
 def call_in_child(
-    function: Callable[[dict], dict], request: dict[str, Any], *, timeout_s: float = 1800.0
+    function: Callable[[dict], dict],
+    request: dict[str, Any],
+    *,
+    timeout_s: float = 1800.0,
+    python: str = sys.executable,
 ) -> dict[str, Any]:
     """Call ``function`` with ``request`` in a new process and return its result.
 
     ``function``, from one JSON-ready dict to another, stands at the top of an importable
-    module; large data goes through files named in the request. An R2SEgoError raised inside
+    module; large data goes through files named in the request. ``python`` is the interpreter,
+    of another environment if need be. An R2SEgoError raised inside
     is raised here again; anything else, an abort or a time-out is a NativeError that carries
     the last line the process printed.
     """
@@ -49,7 +54,7 @@ def call_in_child(
         environment = dict(os.environ)
         paths = [str(_PACKAGE_PARENT), environment.get("PYTHONPATH", "")]
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
-        command = [sys.executable, "-m", __name__, name, str(request_file), str(manifest)]
+        command = [python, "-m", __name__, name, str(request_file), str(manifest)]
         process = subprocess.Popen(
             command, env=environment, stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
