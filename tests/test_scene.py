@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from r2sego_blender.errors import SceneError, SettingsError
-from r2sego_blender.scene import Declaration, Scene, content_digest
+from r2sego_blender.scene import SURFACE_BACKENDS, Declaration, Scene, content_digest
+from r2sego_blender.settings import entries
 
 IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 DECLARATION = Declaration("photos", IDENTITY, ground="floor plane", scale_source="metric poses")
@@ -24,6 +25,16 @@ def test_open_reads_what_create_declared(tmp_path):
     changed = scene.declare(preset="preview", overrides={"training.steps_per_round": 7})
     assert Scene.open(scene.path).declaration == changed.declaration
     assert Scene.open(scene.path).declaration.settings.training.steps_per_round == 7
+
+
+def test_the_list_of_backends_follows_the_settings(tmp_path):
+    scene = make_scene(tmp_path)
+    assert scene.declaration.backends["surface"] == SURFACE_BACKENDS["tsdf"]
+    assert set(SURFACE_BACKENDS) == set(next(e for e in entries() if e.key == "proxy.surface").choices)
+    for name, told in SURFACE_BACKENDS.items():
+        scene = scene.declare(overrides={"proxy.surface": name})
+        assert Scene.open(scene.path).declaration.backends["surface"] == told
+        assert f'surface = "{told}"' in (scene.path / "scene.toml").read_text()
 
 
 def test_create_leaves_nothing_when_filling_fails(tmp_path):
