@@ -25,7 +25,8 @@ from .generation.blending import BlendingGenerator
 from .generation.conditions import ConditionRenderer
 from .generation.ego_views import PseudoObservation, ego_video_reg, load_pseudo_observations
 from .generation.registration import Landmarks
-from .geometry.collision import collision_surface, write_collision
+from .geometry.collision import collision_surface
+from .geometry.collision_files import write_collision
 from .geometry.completion import CompletedDepth, complete_depth
 from .geometry.fusion import compose_proxy
 from .geometry.observed import ObservedGeometry, observe

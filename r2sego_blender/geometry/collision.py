@@ -6,14 +6,10 @@ A mesh collides as its convex hull in MuJoCo, so the surface is exported as conv
 
 from __future__ import annotations
 
-import shutil
-import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import cv2
 import numpy as np
-import trimesh
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -23,7 +19,6 @@ from .convex import Limits, Soup, decompose
 from .proxy import GeometryProxy
 
 _FLOOR_NORMAL = 0.8  # cosine from which a face near z = 0 belongs to the floor
-_FLOOR_THICKNESS_M = 0.2
 _COARSENING = 1.3  # of the cells and the tolerance while there are too many pieces
 _SMALLEST_FLOOR_M2 = 0.05
 
@@ -74,26 +69,6 @@ def collision_surface(proxy: GeometryProxy, settings: CollisionSettings) -> Coll
             tolerance_m=limits.tolerance_m * _COARSENING,
         )
     return CollisionSurface(vertices, faces, tuple(pieces), floor, 0.0, limits.tolerance_m)
-
-
-def write_collision(surface: CollisionSurface, folder: Path) -> None:
-    """Write ``mesh.obj``, ``mesh.stl``, ``mesh.glb``, ``hulls/*.obj`` and ``scene.xml`` (MJCF).
-
-    The glTF file is Y up, as that format demands; the others are in the world frame.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
-    (folder / "mesh.obj").write_text(_obj(surface.vertices, surface.faces))
-    (folder / "mesh.stl").write_bytes(mesh.export(file_type="stl"))
-    y_up = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
-    (folder / "mesh.glb").write_bytes(mesh.copy().apply_transform(y_up).export(file_type="glb"))
-    hulls = folder / "hulls"
-    if hulls.exists():
-        shutil.rmtree(hulls)
-    hulls.mkdir()
-    for index, (vertices, faces) in enumerate(surface.pieces):
-        (hulls / f"piece_{index:04d}.obj").write_text(_obj(vertices, faces))
-    (folder / "scene.xml").write_text(_mjcf(surface))
 
 
 def _clustered(vertices: np.ndarray, faces: np.ndarray, cell_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -153,36 +128,3 @@ def _floor_rectangle(vertices, faces):
     axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (width / 2, depth / 2)
     return np.column_stack([corners @ axes + (x, y), np.zeros(4)])
-
-
-def _obj(vertices: np.ndarray, faces: np.ndarray) -> str:
-    lines = [f"v {x:.7g} {y:.7g} {z:.7g}" for x, y, z in vertices.tolist()]
-    lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
-    return "\n".join(lines) + "\n"
-
-
-def _mjcf(surface: CollisionSurface) -> str:
-    """A static MuJoCo scene: the floor's box and one mesh geom for each piece."""
-    root = ElementTree.Element("mujoco", model="room")
-    ElementTree.SubElement(root, "compiler", angle="radian", meshdir="hulls")
-    assets = ElementTree.SubElement(root, "asset")
-    world = ElementTree.SubElement(root, "worldbody")
-    if len(surface.floor):
-        right, ahead = surface.floor[1] - surface.floor[0], surface.floor[3] - surface.floor[0]
-        size = (np.linalg.norm(right) / 2, np.linalg.norm(ahead) / 2, _FLOOR_THICKNESS_M / 2)
-        centre = surface.floor.mean(0) - (0, 0, _FLOOR_THICKNESS_M / 2)
-        ElementTree.SubElement(
-            world, "geom", name="floor", type="box", size=_numbers(size), pos=_numbers(centre),
-            euler=_numbers((0, 0, np.arctan2(right[1], right[0]))), rgba="0.6 0.6 0.6 1",
-        )  # fmt: skip
-    for index in range(len(surface.pieces)):
-        name = f"piece_{index:04d}"
-        # Static pieces need no inertia; "convex" never fails on a thin one.
-        ElementTree.SubElement(assets, "mesh", name=name, file=f"piece_{index:04d}.obj", inertia="convex")
-        ElementTree.SubElement(world, "geom", name=name, type="mesh", mesh=name, rgba="0.7 0.75 0.8 1")
-    ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="unicode") + "\n"
-
-
-def _numbers(values) -> str:
-    return " ".join(f"{value:.9g}" for value in values)

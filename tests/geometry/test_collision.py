@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from r2sego_blender.errors import GeometryError
-from r2sego_blender.geometry.collision import collision_surface, write_collision
+from r2sego_blender.geometry.collision import collision_surface
+from r2sego_blender.geometry.collision_files import write_collision
 from r2sego_blender.geometry.convex import Limits, Soup, decompose
 from r2sego_blender.geometry.proxy import GeometryProxy
 from r2sego_blender.settings import CollisionSettings

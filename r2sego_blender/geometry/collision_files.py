@@ -1,0 +1,149 @@
+"""The files of a collision surface: meshes, convex pieces, and the scenes of simulators.
+
+MJCF and URDF name the pieces by paths relative to their own file, so the folder can be moved.
+Everything is in metres, Z up, in the world frame; glTF alone is Y up, as that format demands.
+"""
+
+from __future__ import annotations
+
+import shutil
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from ..errors import GeometryError
+from .collision import CollisionSurface
+
+MESH_OBJ, MESH_STL, MESH_GLB = "mesh.obj", "mesh.stl", "mesh.glb"
+HULLS = "hulls"
+SCENE_XML, SCENE_URDF, SCENE_USD = "scene.xml", "scene.urdf", "scene.usd"
+FLOOR = "floor"
+"""The name of the floor's box in every scene."""
+
+_FLOOR_THICKNESS_M = 0.2
+_FLOOR_RGBA, _PIECE_RGBA = "0.6 0.6 0.6 1", "0.7 0.75 0.8 1"
+
+
+@dataclass(frozen=True)
+class FloorBox:
+    """The floor as a box with its top at the floor's height: ``centre`` (3,), ``half`` (3,)
+    sizes along its own axes, which are the world's turned by ``yaw_rad`` about z."""
+
+    centre: np.ndarray
+    half: np.ndarray
+    yaw_rad: float
+
+    @staticmethod
+    def of(floor: np.ndarray) -> FloorBox:
+        """The box under the rectangle ``floor`` (4, 3) of a CollisionSurface."""
+        right, ahead = floor[1] - floor[0], floor[3] - floor[0]
+        half = np.array([np.linalg.norm(right), np.linalg.norm(ahead), _FLOOR_THICKNESS_M]) / 2
+        centre = floor.mean(0) - (0.0, 0.0, half[2])
+        return FloorBox(centre, half, float(np.arctan2(right[1], right[0])))
+
+
+def write_collision(surface: CollisionSurface, folder: Path) -> None:
+    """Write the surface in all its forms.
+
+    ``mesh.obj``, ``mesh.stl``, ``mesh.glb``: the simplified surface; ``hulls/*.obj``: the
+    convex pieces; ``scene.xml`` (MJCF), ``scene.urdf`` (one fixed link) and ``scene.usd``
+    (UsdPhysics): the pieces and the floor's box as static colliders.
+    """
+    from .collision_usd import write_usd
+
+    folder.mkdir(parents=True, exist_ok=True)
+    mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
+    (folder / MESH_OBJ).write_text(_obj(surface.vertices, surface.faces))
+    (folder / MESH_STL).write_bytes(mesh.export(file_type="stl"))
+    y_up = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
+    (folder / MESH_GLB).write_bytes(mesh.copy().apply_transform(y_up).export(file_type="glb"))
+    hulls = folder / HULLS
+    if hulls.exists():
+        shutil.rmtree(hulls)
+    hulls.mkdir()
+    names = [f"piece_{index:04d}" for index in range(len(surface.pieces))]
+    for name, (vertices, faces) in zip(names, surface.pieces, strict=True):
+        (hulls / f"{name}.obj").write_text(_obj(vertices, faces))
+    floor = FloorBox.of(surface.floor) if len(surface.floor) else None
+    (folder / SCENE_XML).write_text(_mjcf(names, floor))
+    (folder / SCENE_URDF).write_text(_urdf(names, floor))
+    write_usd(folder / SCENE_USD, surface, names, floor)
+
+
+def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3) float64 and faces (F, 3) int32 of an OBJ file that ``write_collision``
+    wrote. Raises GeometryError when it is missing, or is no such file."""
+    try:
+        lines = path.read_text().split("\n")
+        vertices = np.array([line.split()[1:] for line in lines if line.startswith("v ")], np.float64)
+        faces = np.array([line.split()[1:] for line in lines if line.startswith("f ")], np.int32) - 1
+        vertices, faces = vertices.reshape(-1, 3), faces.reshape(-1, 3)
+        if not np.isfinite(vertices).all() or (faces < 0).any() or (faces >= len(vertices)).any():
+            raise ValueError("a vertex is not finite, or a face names a vertex that is not there")
+    except (OSError, UnicodeDecodeError, ValueError) as error:
+        raise GeometryError(
+            f"this mesh cannot be read: {error}", where=path, cure="Make the collision surface again."
+        ) from error
+    return vertices, faces
+
+
+def _obj(vertices: np.ndarray, faces: np.ndarray) -> str:
+    lines = [f"v {x:.7g} {y:.7g} {z:.7g}" for x, y, z in vertices.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
+    return "\n".join(lines) + "\n"
+
+
+def _mjcf(names: list[str], floor: FloorBox | None) -> str:
+    """A static MuJoCo scene: the floor's box and one mesh geom for each piece."""
+    root = ElementTree.Element("mujoco", model="room")
+    ElementTree.SubElement(root, "compiler", angle="radian", meshdir=HULLS)
+    assets = ElementTree.SubElement(root, "asset")
+    world = ElementTree.SubElement(root, "worldbody")
+    if floor is not None:
+        ElementTree.SubElement(
+            world, "geom", name=FLOOR, type="box", size=_numbers(floor.half), pos=_numbers(floor.centre),
+            euler=_numbers((0, 0, floor.yaw_rad)), rgba=_FLOOR_RGBA,
+        )  # fmt: skip
+    for name in names:
+        # Static pieces need no inertia; "convex" never fails on a thin one.
+        ElementTree.SubElement(assets, "mesh", name=name, file=f"{name}.obj", inertia="convex")
+        ElementTree.SubElement(world, "geom", name=name, type="mesh", mesh=name, rgba=_PIECE_RGBA)
+    return _text(root)
+
+
+def _urdf(names: list[str], floor: FloorBox | None) -> str:
+    """A robot of one link without mass, ``room``: simulators hold it fixed.
+
+    Its visual is the whole mesh, its collision geometry the floor's box and the pieces.
+    """
+    root = ElementTree.Element("robot", name="room")
+    # For MuJoCo alone, which drops the folder of a URDF's mesh files unless told otherwise.
+    extension = ElementTree.SubElement(root, "mujoco")
+    ElementTree.SubElement(extension, "compiler", strippath="false")
+    link = ElementTree.SubElement(root, "link", name="room")
+    visual = ElementTree.SubElement(link, "visual", name="mesh")
+    ElementTree.SubElement(ElementTree.SubElement(visual, "geometry"), "mesh", filename=MESH_OBJ)
+    if floor is not None:
+        collision = ElementTree.SubElement(link, "collision", name=FLOOR)
+        ElementTree.SubElement(
+            collision, "origin", xyz=_numbers(floor.centre), rpy=_numbers((0, 0, floor.yaw_rad))
+        )
+        geometry = ElementTree.SubElement(collision, "geometry")
+        ElementTree.SubElement(geometry, "box", size=_numbers(2.0 * floor.half))
+    for name in names:
+        collision = ElementTree.SubElement(link, "collision", name=name)
+        geometry = ElementTree.SubElement(collision, "geometry")
+        ElementTree.SubElement(geometry, "mesh", filename=f"{HULLS}/{name}.obj")
+    return '<?xml version="1.0"?>\n' + _text(root)
+
+
+def _text(root: ElementTree.Element) -> str:
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _numbers(values) -> str:
+    return " ".join(f"{value:.9g}" for value in values)

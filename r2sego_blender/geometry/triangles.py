@@ -1,0 +1,93 @@
+"""Questions to triangles (T, 3, 3) in space: how far, what lies above, what a path crosses.
+
+Triangles are counter-clockwise seen from the side they face. Each question is cut down by
+bounding boxes first, so that hundreds of points meet a hundred thousand triangles in a second.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+
+_SEGMENTS = 16  # of a path that are asked together
+
+
+def distances(triangles: np.ndarray, points: np.ndarray, reach: float) -> np.ndarray:
+    """(N,) distance from points (N, 3) to the nearest triangle, inf where beyond ``reach``.
+
+    Points that are not finite are beyond it.
+    """
+    low, high = triangles.min(1), triangles.max(1)
+    found = np.full(len(points), np.inf)
+    for index, point in enumerate(points):
+        near = triangles[_touched(low, high, point - reach, point + reach)]
+        if len(near):
+            closest = trimesh.triangles.closest_point(near, np.tile(point, (len(near), 1)))
+            nearest = float(np.linalg.norm(closest - point, axis=1).min())
+            found[index] = nearest if nearest <= reach else np.inf
+    return found
+
+
+def columns(triangles: np.ndarray, places: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """What stands on the vertical line through each place (N, 2).
+
+    For each: heights (k,), ascending, and (k,) bool, which of them face up. Upright triangles
+    are not met; a line through an edge meets both its triangles.
+    """
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    normal = np.cross(b - a, c - a)
+    level = np.abs(normal[:, 2]) > 1e-12
+    triangles, normal = triangles[level], normal[level]
+    low, high = triangles[:, :, :2].min(1), triangles[:, :, :2].max(1)
+    met = []
+    for place in places:
+        near = np.flatnonzero(_touched(low, high, place, place))
+        corners, up = triangles[near], np.sign(normal[near, 2])
+        inside = np.ones(len(near), bool)
+        for first, second in ((0, 1), (1, 2), (2, 0)):
+            edge = corners[:, second, :2] - corners[:, first, :2]
+            away = place - corners[:, first, :2]
+            inside &= up * (edge[:, 0] * away[:, 1] - edge[:, 1] * away[:, 0]) >= 0.0
+        near, corners = near[inside], corners[inside]
+        slope = ((place - corners[:, 0, :2]) * normal[near, :2]).sum(1) / normal[near, 2]
+        heights = corners[:, 0, 2] - slope
+        order = np.argsort(heights, kind="stable")
+        met.append((heights[order], normal[near, 2][order] > 0.0))
+    return met
+
+
+def crossed(triangles: np.ndarray, path: np.ndarray) -> bool:
+    """Whether the path (P, 3), a chain of segments, goes through a triangle from its front."""
+    low, high = triangles.min(1), triangles.max(1)
+    for first in range(0, len(path) - 1, _SEGMENTS):
+        part = path[first : first + _SEGMENTS + 1]
+        if not np.isfinite(part).all():
+            return False
+        near = triangles[_touched(low, high, part.min(0), part.max(0))]
+        if len(near) and _crossed(near, part[:-1], part[1:] - part[:-1]):
+            return True
+    return False
+
+
+def _crossed(triangles: np.ndarray, starts: np.ndarray, steps: np.ndarray) -> bool:
+    """Moeller and Trumbore's test of all segments (S, 3) with all triangles."""
+    a, b, c = (corner[None] for corner in np.moveaxis(triangles, 1, 0))
+    starts, steps = starts[:, None], steps[:, None]
+    across = np.cross(steps, c - a)
+    determinant = ((b - a) * across).sum(-1)  # positive: from the front
+    with np.errstate(divide="ignore", invalid="ignore"):
+        away = starts - a
+        u = (away * across).sum(-1) / determinant
+        sideways = np.cross(away, b - a)
+        v = (steps * sideways).sum(-1) / determinant
+        t = ((c - a) * sideways).sum(-1) / determinant
+        hit = (determinant > 0.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t >= 0.0) & (t < 1.0)
+    return bool(hit.any())
+
+
+def _touched(low: np.ndarray, high: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """(T,) bool: boxes from ``low`` to ``high`` (T, d) that meet the box from start to end."""
+    touched = (low[:, 0] <= end[0]) & (high[:, 0] >= start[0])
+    for axis in range(1, low.shape[1]):
+        touched &= (low[:, axis] <= end[axis]) & (high[:, axis] >= start[axis])
+    return touched
