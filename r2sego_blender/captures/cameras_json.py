@@ -10,6 +10,8 @@ from typing import Any
 from ..errors import CaptureError
 from . import json_fields as fields
 from .capture import Capture
+from .distortion import COEFFICIENTS
+from .finding import find_photograph
 from .lens import Lens
 from .photographs import Photograph, upright_size, with_unique_names
 
@@ -56,7 +58,7 @@ def _photographs(
         source = f"{path}, {field}"
         places = (entry, *shared)
         if files_needed or not _says_size(places):
-            image_path = fields.find_photograph(name, (path.parent, folder), source)
+            image_path = find_photograph(name, (path.parent, folder), source)
         else:
             image_path = folder / name
         sizes = _size(places, image_path, path, field)
@@ -65,7 +67,8 @@ def _photographs(
             *sizes, fx, fields.number("fy", path, field, *places, default=fx, positive=True),
             fields.number("cx", path, field, *places, default=sizes[0] / 2),
             fields.number("cy", path, field, *places, default=sizes[1] / 2),
-            _distortion(places, path, field), _fisheye(places),
+            *_distortion(places, path, field),
+            fields.number("border_px", path, field, *places, default=0.0),
         )  # fmt: skip
         pose = fields.matrix("world_from_camera", path, field, entry)
         photographs.append(Photograph(name, image_path, lens, pose, source))
@@ -83,19 +86,24 @@ def _says_size(places) -> bool:
     return any("width" in place or "height" in place for place in places)
 
 
-def _distortion(places, path: Path, field: str) -> tuple[float, ...]:
-    found = next((place["distortion"] for place in places if "distortion" in place), ())
-    if not isinstance(found, list | tuple) or len(found) > 8:
+def _distortion(places, path: Path, field: str) -> tuple[tuple[float, ...], str]:
+    """The coefficients and the model of the distortion."""
+    fisheye = next((place["fisheye"] for place in places if "fisheye" in place), False)
+    default = "opencv_fisheye" if fisheye else "opencv"
+    model = next((place["distortion_model"] for place in places if "distortion_model" in place), default)
+    if model not in COEFFICIENTS:
         raise CaptureError(
-            "'distortion' is not a list of at most 8 numbers", where=f"{path}, {field}",
+            f"'distortion_model' is {model!r}, not one of {', '.join(COEFFICIENTS)}",
+            where=f"{path}, {field}", cure="See docs/formats.md.",
+        )  # fmt: skip
+    found = next((place["distortion"] for place in places if "distortion" in place), ())
+    if not isinstance(found, list | tuple) or len(found) > COEFFICIENTS[model]:
+        raise CaptureError(
+            f"'distortion' is not a list of at most {COEFFICIENTS[model]} numbers", where=f"{path}, {field}",
             cure="Give k1, k2, p1, p2 as OpenCV has them.",
         )  # fmt: skip
     keyed = {f"distortion[{i}]": value for i, value in enumerate(found)}
-    return tuple(fields.number(key, path, field, keyed) for key in keyed)
-
-
-def _fisheye(places) -> bool:
-    return bool(next((place["fisheye"] for place in places if "fisheye" in place), False))
+    return tuple(fields.number(key, path, field, keyed) for key in keyed), model
 
 
 def save_cameras_json(

@@ -12,29 +12,37 @@ from typing import Any
 import numpy as np
 
 from ..errors import CaptureError, NativeError
+from ..progress import SILENT, Progress
 from ..workers.child import call_in_child
-from . import json_fields as fields
 from .capture import Capture
 from .colmap import load_pycolmap
+from .colmap_files import check_cameras, check_images
+from .finding import find_photographs
 from .lens import Lens
 from .photographs import Photograph, with_unique_names
 from .sparse import SparsePoints
 
 _TIMEOUT_S = 60.0
-# The least bytes one record of cameras.bin and images.bin takes.
-_RECORD_BYTES = {"cameras.bin": 24 + 3 * 8, "images.bin": 4 + 7 * 8 + 4 + 1 + 8}
-# Places of OpenCV's (k1, k2, p1, p2, k3, k4, k5, k6) in COLMAP's parameters after the
-# focal lengths and the principal point, and whether the lens is a fisheye.
-_DISTORTIONS = {
-    "SIMPLE_PINHOLE": ((), False),
-    "PINHOLE": ((), False),
-    "SIMPLE_RADIAL": ((0,), False),
-    "RADIAL": ((0, 1), False),
-    "OPENCV": ((0, 1, 2, 3), False),
-    "FULL_OPENCV": ((0, 1, 2, 3, 4, 5, 6, 7), False),
-    "SIMPLE_RADIAL_FISHEYE": ((0,), True),
-    "RADIAL_FISHEYE": ((0, 1), True),
-    "OPENCV_FISHEYE": ((0, 1, 2, 3), True),
+# COLMAP's camera model -> the lens's (distortion.COEFFICIENTS) and how many coefficients follow
+# the focal lengths and the principal point.
+_LENSES = {
+    "SIMPLE_PINHOLE": ("opencv", 0),
+    "PINHOLE": ("opencv", 0),
+    "SIMPLE_RADIAL": ("opencv", 1),
+    "RADIAL": ("opencv", 2),
+    "OPENCV": ("opencv", 4),
+    "FULL_OPENCV": ("opencv", 8),
+    "SIMPLE_FISHEYE": ("opencv_fisheye", 0),
+    "FISHEYE": ("opencv_fisheye", 0),
+    "SIMPLE_RADIAL_FISHEYE": ("opencv_fisheye", 1),
+    "RADIAL_FISHEYE": ("opencv_fisheye", 2),
+    "OPENCV_FISHEYE": ("opencv_fisheye", 4),
+    "FOV": ("fov", 1),
+    "EUCM": ("eucm", 2),
+    "SIMPLE_DIVISION": ("division", 1),
+    "DIVISION": ("division", 1),
+    "THIN_PRISM_FISHEYE": ("thin_prism_fisheye", 8),
+    "RAD_TAN_THIN_PRISM_FISHEYE": ("rad_tan_thin_prism_fisheye", 12),
 }
 
 
@@ -66,10 +74,12 @@ def _suffix(folder: Path) -> str | None:
     return None
 
 
-def read_colmap_model(model: Path, folder: Path) -> list[Photograph]:
+def read_colmap_model(model: Path, folder: Path, progress: Progress = SILENT) -> list[Photograph]:
     """The photographs of the COLMAP model in ``model``; the image files are in ``folder``.
 
-    Its points are not needed and not read: a damaged points3D.bin takes all memory.
+    Photographs that are missing are left out with a warning. ``rigs`` and ``frames`` are not
+    needed, for ``images`` has the pose of each photograph; nor are its points: a damaged
+    points3D.bin takes all memory.
     """
     suffix = _suffix(model)
     if suffix is None:
@@ -78,8 +88,8 @@ def read_colmap_model(model: Path, folder: Path) -> list[Photograph]:
             cure="Give the folder that holds cameras.bin and images.bin, or .txt.",
         )  # fmt: skip
     if suffix == ".bin":
-        for name, least in _RECORD_BYTES.items():
-            _check_count(model / name, least)
+        check_cameras(model / "cameras.bin")
+        check_images(model / "images.bin")
     try:
         found = call_in_child(read_in_child, {"model": str(model), "suffix": suffix}, timeout_s=_TIMEOUT_S)
     except NativeError as error:
@@ -87,42 +97,35 @@ def read_colmap_model(model: Path, folder: Path) -> list[Photograph]:
             "the COLMAP model cannot be read", where=model,
             cure="It is damaged or of another format: export it again.",
         ) from error  # fmt: skip
+    names = [image["name"] for image in found["images"]]
+    paths = find_photographs(names, (folder, folder / "images"), model, progress)
     photographs = []
-    for image in found["images"]:
+    for image, path in zip(found["images"], paths, strict=True):
+        if path is None:
+            continue
         source = f"{model / ('images' + suffix)}, image {image['id']} ({image['name']})"
-        path = fields.find_photograph(image["name"], (folder, folder / "images"), source)
         pose = np.linalg.inv(np.vstack([image["camera_from_world"], [0.0, 0.0, 0.0, 1.0]]))
         lens = _lens(image["camera"], f"{model / ('cameras' + suffix)}, camera {image['camera']['id']}")
         photographs.append(Photograph(image["name"], path, lens, pose, source))
     return with_unique_names(photographs)
 
 
-def _check_count(path: Path, least_bytes: int) -> None:
-    size = path.stat().st_size
-    count = struct.unpack("<Q", path.open("rb").read(8))[0] if size >= 8 else -1
-    if count < 0 or count * least_bytes > size:
-        raise CaptureError(
-            f"the file is cut short: {size} bytes cannot hold {max(count, 0)} records", where=path,
-            cure="Export or copy the COLMAP model again.",
-        )  # fmt: skip
-
-
 def _lens(camera: dict[str, Any], where: str) -> Lens:
-    if camera["model"] not in _DISTORTIONS:
+    if camera["model"] not in _LENSES:
         raise CaptureError(
             f"the camera model {camera['model']} is not supported", where=where,
-            cure="Undistort with COLMAP's image_undistorter, or solve with the OPENCV model.",
+            cure="Give perspective photographs: cut panoramas with COLMAP's panorama_sfm.py first.",
         )  # fmt: skip
-    places, fisheye = _DISTORTIONS[camera["model"]]
+    model, count = _LENSES[camera["model"]]
     fx, fy, cx, cy = camera["focal"]
-    distortion = tuple(camera["extra"][place] for place in places)
+    distortion = tuple(camera["extra"][:count])
     numbers = np.array([fx, fy, cx, cy, *distortion])
     if not np.isfinite(numbers).all() or min(fx, fy, camera["width"], camera["height"]) <= 0:
         raise CaptureError(
             "the camera's numbers make no sense", where=where,
             cure="The model is damaged: export or copy it again.",
         )  # fmt: skip
-    return Lens(camera["width"], camera["height"], fx, fy, cx, cy, distortion, fisheye)
+    return Lens(camera["width"], camera["height"], fx, fy, cx, cy, distortion, model)
 
 
 def read_in_child(request: dict[str, Any]) -> dict[str, Any]:
@@ -135,6 +138,14 @@ def read_in_child(request: dict[str, Any]) -> dict[str, Any]:
             shutil.copyfile(model / f"{name}{suffix}", Path(folder, f"{name}{suffix}"))
         Path(folder, f"points3D{suffix}").write_bytes(struct.pack("<Q", 0) if suffix == ".bin" else b"")
         solved = pycolmap.Reconstruction(folder)
+    if suffix == ".bin":
+        # Half a file of cameras, and some with flipped bytes, are read without a word.
+        told = 8 + sum(24 + 8 * len(camera.params) for camera in solved.cameras.values())
+        if told != (model / "cameras.bin").stat().st_size:
+            raise CaptureError(
+                f"the file has not the {told} bytes of its {len(solved.cameras)} cameras",
+                where=model / "cameras.bin", cure="Export or copy the COLMAP model again.",
+            )  # fmt: skip
     images = []
     for image_id in sorted(solved.images):
         image = solved.images[image_id]
@@ -147,9 +158,13 @@ def read_in_child(request: dict[str, Any]) -> dict[str, Any]:
 
 def camera_to_json(camera) -> dict[str, Any]:
     """A pycolmap camera as a JSON-ready dict."""
-    used = {*camera.focal_length_idxs(), *camera.principal_point_idxs()}
-    return {
+    data = {
         "id": camera.camera_id, "model": camera.model.name, "width": camera.width, "height": camera.height,
+    }  # fmt: skip
+    if camera.model.name not in _LENSES:
+        return data
+    used = {*camera.focal_length_idxs(), *camera.principal_point_idxs()}
+    return data | {
         "focal": [camera.focal_length_x, camera.focal_length_y,
                   camera.principal_point_x, camera.principal_point_y],
         "extra": [float(value) for i, value in enumerate(camera.params) if i not in used],

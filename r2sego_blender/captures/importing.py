@@ -54,11 +54,11 @@ def import_captures(
                 "there is no COLMAP model in this folder", where=poses,
                 cure="Give the folder that holds cameras.bin and images.bin, or .txt.",
             )  # fmt: skip
-        photographs, metric, source = read_colmap_model(model, folder), False, "COLMAP model"
+        photographs, metric, source = read_colmap_model(model, folder, progress), False, "COLMAP model"
     else:
         data = fields.read_json(poses)
         if "frames" in data:
-            photographs, metric = read_transforms_json(poses, folder)
+            photographs, metric = read_transforms_json(poses, folder, progress)
             source = "transforms.json"
         elif "captures" in data:
             photographs, metric = read_cameras_json(poses, folder)

@@ -80,26 +80,3 @@ def matrix(key: str, path: Path, field: str, place: Mapping[str, Any]) -> np.nda
             cure="See docs/formats.md.",
         )  # fmt: skip
     return found
-
-
-def find_photograph(name: str, folders: tuple[Path, ...], where: str, guess_suffix: bool = False) -> Path:
-    """The photograph a pose file names, inside one of ``folders``.
-
-    A path that leads elsewhere (absolute, or through ``..``) is looked up by its file name.
-    Raises CaptureError when no folder has it.
-    """
-    relative = Path(name.replace("\\", "/"))
-    candidates = [folder / relative for folder in folders] + [folder / relative.name for folder in folders]
-    for candidate in candidates:
-        inside = any(candidate.resolve().is_relative_to(folder.resolve()) for folder in folders)
-        if not inside:
-            continue
-        if candidate.is_file():
-            return candidate
-        if guess_suffix and not candidate.suffix and candidate.with_suffix(".png").is_file():
-            return candidate.with_suffix(".png")
-    searched = " and ".join(sorted({str(folder) for folder in folders}))
-    raise CaptureError(
-        f"the photograph '{name}' is listed but missing from {searched}", where=where,
-        cure="Add the file, or take its entry out.",
-    )  # fmt: skip

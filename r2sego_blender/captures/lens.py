@@ -1,8 +1,4 @@
-"""Lenses with distortion, and photographs freed of it.
-
-Distortion is OpenCV's: ``(k1, k2, p1, p2, k3, k4, k5, k6)`` on normalised coordinates,
-or, for a fisheye, ``(k1, k2, k3, k4)`` on the angle. Pixel centres are half-integers.
-"""
+"""Lenses with distortion, and photographs freed of it. Pixel centres are half-integers."""
 
 from __future__ import annotations
 
@@ -14,15 +10,22 @@ import numpy as np
 
 from ..cameras import Camera
 from ..errors import CaptureError
+from .distortion import distorted, turned, undistorted
 
 # A straightened photograph may grow by this much a side to keep what the lens saw.
 _LARGEST_GROWTH = 2.0
-_ITERATIONS = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-14)
+_EDGE_SAMPLES = 65
+# How far the straightened photograph's border may lie outside the photograph.
+_BLANK_PX = 0.6
 
 
 @dataclass(frozen=True)
 class Lens:
-    """Intrinsics of a photograph as it was taken, in pixels of its upright file."""
+    """Intrinsics of a photograph as it was taken, in pixels of its upright file.
+
+    ``distortion`` holds the coefficients of ``model`` (``distortion.COEFFICIENTS``).
+    ``border_px`` pixels along each edge of the file show nothing.
+    """
 
     width: int
     height: int
@@ -31,12 +34,18 @@ class Lens:
     cx: float
     cy: float
     distortion: tuple[float, ...] = ()
-    fisheye: bool = False
+    model: str = "opencv"
+    border_px: float = 0.0
 
     @property
     def distorts(self) -> bool:
         """Whether the lens is anything but a pinhole."""
-        return self.fisheye or any(self.distortion)
+        return self.model != "opencv" or any(self.distortion)
+
+    @property
+    def plain(self) -> bool:
+        """Whether the photograph is already what a pinhole camera sees, whole."""
+        return not self.distorts and not self.border_px
 
     @property
     def matrix(self) -> np.ndarray:
@@ -49,49 +58,30 @@ class Lens:
         return replace(
             self, width=width, height=height,
             fx=self.fx * sx, fy=self.fy * sy, cx=self.cx * sx, cy=self.cy * sy,
+            border_px=self.border_px * max(sx, sy),
         )  # fmt: skip
 
     def turned(self, quarter_turns: int) -> Lens:
         """The lens of the photograph turned clockwise by quarter turns."""
         lens = self
         for _ in range(quarter_turns % 4):
-            distortion = list(lens.distortion)
-            if not lens.fisheye and len(distortion) >= 4:
-                # The tangential terms act along (p2, p1), which turns with the image.
-                distortion[2], distortion[3] = distortion[3], -distortion[2]
             lens = Lens(
                 lens.height, lens.width, lens.fy, lens.fx, lens.height - lens.cy, lens.cx,
-                tuple(distortion), lens.fisheye,
+                turned(lens.model, lens.distortion), lens.model, lens.border_px,
             )  # fmt: skip
         return lens
 
     def project(self, rays: np.ndarray) -> np.ndarray:
         """Pixels (n, 2) in the photograph of camera-frame rays (n, 2) with z = 1."""
-        points = np.asarray(rays, np.float64).reshape(-1, 1, 2)
-        if self.fisheye:
-            distorted = cv2.fisheye.distortPoints(points, np.eye(3), self._coefficients()).reshape(-1, 2)
-        else:
-            solid = np.concatenate([points, np.ones((len(points), 1, 1))], axis=2)
-            projected, _ = cv2.projectPoints(
-                solid, np.zeros(3), np.zeros(3), np.eye(3), self._coefficients()
-            )  # fmt: skip
-            distorted = projected.reshape(-1, 2)
-        return distorted * [self.fx, self.fy] + [self.cx, self.cy]
+        rays = np.asarray(rays, np.float64).reshape(-1, 2)
+        if self.distorts:
+            rays = distorted(self.model, self.distortion, rays)
+        return rays * [self.fx, self.fy] + [self.cx, self.cy]
 
     def rays(self, pixels: np.ndarray) -> np.ndarray:
         """Camera-frame rays (n, 2) with z = 1 of pixels (n, 2) in the photograph."""
-        points = np.asarray(pixels, np.float64).reshape(-1, 1, 2)
-        if not self.distorts:
-            return (points.reshape(-1, 2) - [self.cx, self.cy]) / [self.fx, self.fy]
-        if self.fisheye:
-            found = cv2.fisheye.undistortPoints(
-                points, self.matrix, self._coefficients(), criteria=_ITERATIONS
-            )  # fmt: skip
-        else:
-            found = cv2.undistortPointsIter(
-                points, self.matrix, self._coefficients(), np.eye(3), np.eye(3), _ITERATIONS
-            )
-        return found.reshape(-1, 2)
+        places = (np.asarray(pixels, np.float64).reshape(-1, 2) - [self.cx, self.cy]) / [self.fx, self.fy]
+        return undistorted(self.model, self.distortion, places) if self.distorts else places
 
     def straight(self, world_from_camera: np.ndarray) -> Camera:
         """The pinhole camera of the straightened photograph at a pose.
@@ -100,28 +90,38 @@ class Lens:
         without blank pixels, so size and principal point may differ from the photograph's.
         Raises CaptureError for a distortion that leaves no such rectangle.
         """
-        if not self.distorts:
+        if self.plain:
             return Camera(
                 self.width, self.height, self.fx, self.fy, self.cx, self.cy, world_from_camera
             )  # fmt: skip
-        x = np.linspace(0.0, self.width, 65)
-        y = np.linspace(0.0, self.height, 65)
-        left, right = self._straightened(np.zeros(65), y), self._straightened(np.full(65, self.width), y)
-        top, bottom = self._straightened(x, np.zeros(65)), self._straightened(x, np.full(65, self.height))
-        edges = (left[:, 0].max(), top[:, 1].max(), right[:, 0].min(), bottom[:, 1].min())
-        if not np.isfinite(edges).all():
-            edges = (0.0, 0.0, 0.0, 0.0)
+        margin = self.border_px
+        x = np.linspace(margin, self.width - margin, _EDGE_SAMPLES)
+        y = np.linspace(margin, self.height - margin, _EDGE_SAMPLES)
+        left, right = (self._straightened(np.full_like(y, at), y)[:, 0] for at in (x[0], x[-1]))
+        top, bottom = (self._straightened(x, np.full_like(x, at))[:, 1] for at in (y[0], y[-1]))
+        edges = np.array([left.max(), top.max(), right.min(), bottom.min()])
+        if self.model != "opencv":
+            # What a fisheye sees beyond a right angle has no place and bounds nothing.
+            edges = np.array(
+                [np.fmax.reduce(left), np.fmax.reduce(top), np.fmin.reduce(right), np.fmin.reduce(bottom)]
+            )
+            edges = np.where(np.isnan(edges), [-np.inf, -np.inf, np.inf, np.inf], edges)
+        elif not np.isfinite(edges).all():
+            edges = np.zeros(4)
         reach_x, reach_y = self.width * (_LARGEST_GROWTH - 1) / 2, self.height * (_LARGEST_GROWTH - 1) / 2
         x0 = int(np.ceil(max(edges[0], -reach_x) - 1e-6))
         y0 = int(np.ceil(max(edges[1], -reach_y) - 1e-6))
         x1 = int(np.floor(min(edges[2], self.width + reach_x) + 1e-6))
         y1 = int(np.floor(min(edges[3], self.height + reach_y) + 1e-6))
-        if x1 - x0 < self.width / 8 or y1 - y0 < self.height / 8:
+        straight = Camera(
+            x1 - x0, y1 - y0, self.fx, self.fy, self.cx - x0, self.cy - y0, world_from_camera
+        )  # fmt: skip
+        if min((x1 - x0) / self.width, (y1 - y0) / self.height) < 1 / 8 or self._leaves_blank(straight):
             raise CaptureError(
                 f"the distortion {self.distortion} cannot be undone", where="camera distortion",
                 cure="Check k1, k2, p1, p2, or give undistorted photographs.",
             )  # fmt: skip
-        return Camera(x1 - x0, y1 - y0, self.fx, self.fy, self.cx - x0, self.cy - y0, world_from_camera)
+        return straight
 
     def straightened(self, photograph: np.ndarray) -> np.ndarray:
         """The photograph (H, W, 3) as ``straight``'s camera sees it, float32."""
@@ -139,7 +139,8 @@ class Lens:
         """A JSON-ready dict; ``from_json`` reads it back without loss."""
         return {
             "width": self.width, "height": self.height, "fx": self.fx, "fy": self.fy,
-            "cx": self.cx, "cy": self.cy, "distortion": list(self.distortion), "fisheye": self.fisheye,
+            "cx": self.cx, "cy": self.cy, "distortion": list(self.distortion),
+            "distortion_model": self.model, "border_px": self.border_px,
         }  # fmt: skip
 
     @staticmethod
@@ -148,7 +149,8 @@ class Lens:
         numbers = (float(data[key]) for key in ("fx", "fy", "cx", "cy"))
         return Lens(
             int(data["width"]), int(data["height"]), *numbers,
-            tuple(float(k) for k in data.get("distortion", ())), bool(data.get("fisheye", False)),
+            tuple(float(k) for k in data.get("distortion", ())), str(data.get("distortion_model", "opencv")),
+            float(data.get("border_px", 0.0)),
         )  # fmt: skip
 
     def _straightened(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -158,6 +160,12 @@ class Lens:
         rays = np.where(honest[:, None], rays, np.nan)
         return rays * [self.fx, self.fy] + [self.cx, self.cy]
 
-    def _coefficients(self) -> np.ndarray:
-        count = 4 if self.fisheye else 8
-        return np.array((*self.distortion, *[0.0] * count)[:count], np.float64)
+    def _leaves_blank(self, straight: Camera) -> bool:
+        """Whether the border of the straightened photograph shows what the photograph does not."""
+        share = np.linspace(0.0, 1.0, _EDGE_SAMPLES)
+        ends = np.zeros_like(share), np.ones_like(share)
+        border = np.concatenate(
+            [np.stack(pair, axis=1) for end in ends for pair in ((share, end), (end, share))]
+        ) * [straight.width, straight.height]  # fmt: skip
+        pixels = self.project((border - [straight.cx, straight.cy]) / [straight.fx, straight.fy])
+        return not ((pixels > -_BLANK_PX) & (pixels < np.array([self.width, self.height]) + _BLANK_PX)).all()

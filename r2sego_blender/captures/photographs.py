@@ -104,7 +104,7 @@ def capture_of(photograph: Photograph, max_side_px: int, files_needed: bool = Tr
         camera = lens.straight(pose).fitted(max_side_px)
     except CaptureError as error:
         raise CaptureError(error.what, where=photograph.source, cure=error.cure) from error
-    return Capture(photograph.name, photograph.path, camera, lens if lens.distorts else None)
+    return Capture(photograph.name, photograph.path, camera, None if lens.plain else lens)
 
 
 def _upright(photograph: Photograph, pose: np.ndarray) -> tuple[Lens, np.ndarray]:

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import CaptureError
+from ..progress import SILENT, Progress
 from . import json_fields as fields
+from .finding import find_photographs
 from .lens import Lens
 from .photographs import Photograph, upright_size, with_unique_names
 
@@ -21,19 +23,25 @@ _RADIAL = frozenset({"OPENCV", "SIMPLE_RADIAL", "RADIAL", "FULL_OPENCV"})
 _FISHEYES = frozenset({"OPENCV_FISHEYE", "FISHEYE"})
 
 
-def read_transforms_json(path: Path, folder: Path) -> tuple[list[Photograph], bool]:
+def read_transforms_json(
+    path: Path, folder: Path, progress: Progress = SILENT
+) -> tuple[list[Photograph], bool]:  # fmt: skip
     """The photographs of a ``transforms.json``, and whether it declares its poses metric.
 
-    Intrinsics stand in the file or in each frame: ``fl_x`` or ``camera_angle_x``, and
-    optionally ``fl_y, cx, cy, w, h, k1, k2, k3, k4, p1, p2``.
+    Intrinsics stand in the file or in each frame: ``fl_x``, ``camera_angle_x`` or ``x_fov``,
+    and optionally ``fl_y, cx, cy, w, h, k1, k2, k3, k4, p1, p2``. Photographs that are
+    missing are left out with a warning.
     """
     data = fields.read_json(path)
+    frames = fields.entries(data, "frames", path)
+    names = [fields.text("file_path", path, f"frames[{i}]", frame) for i, frame in enumerate(frames)]
+    paths = find_photographs(names, (path.parent, folder), path, progress, guess_suffix=True)
     photographs = []
-    for index, frame in enumerate(fields.entries(data, "frames", path)):
+    for index, (frame, name, image_path) in enumerate(zip(frames, names, paths, strict=True)):
+        if image_path is None:
+            continue
         field = f"frames[{index}]"
         source = f"{path}, {field}"
-        name = fields.text("file_path", path, field, frame)
-        image_path = fields.find_photograph(name, (path.parent, folder), source, guess_suffix=True)
         pose = fields.matrix("transform_matrix", path, field, frame) @ _GL_FROM_CV
         lens = _lens((frame, data), image_path, path, field)
         photographs.append(Photograph(name, image_path, lens, pose, source))
@@ -59,7 +67,7 @@ def _lens(places: tuple[Mapping[str, Any], ...], image_path: Path, path: Path, f
          ("k1", "k2", "p1", "p2", "k3", "k4")}  # fmt: skip
     fisheye = model in _FISHEYES or any(place.get("is_fisheye") is True for place in places)
     if fisheye:
-        return Lens(width, height, fx, fy, cx, cy, (k["k1"], k["k2"], k["k3"], k["k4"]), fisheye=True)
+        return Lens(width, height, fx, fy, cx, cy, (k["k1"], k["k2"], k["k3"], k["k4"]), "opencv_fisheye")
     # Some exporters repeat coefficients with a model that has none: the coefficients count.
     return Lens(width, height, fx, fy, cx, cy, tuple(k.values()))
 

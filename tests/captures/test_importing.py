@@ -135,8 +135,8 @@ def test_damaged_colmap_models(tmp_path, rng, blank_photograph):
 
 def test_colmap_models_of_unsupported_lenses_and_several_models(tmp_path, rng, blank_photograph):
     _photographs(tmp_path, blank_photograph)
-    _colmap_model(tmp_path / "a" / "0", _poses(rng, 4), "FOV", [50, 50, 32, 24, 0.5], 64, 48, False)
-    with pytest.raises(CaptureError, match="FOV is not supported"):
+    _colmap_model(tmp_path / "a" / "0", _poses(rng, 4), "EQUIRECTANGULAR", [64, 48], 64, 48, False)
+    with pytest.raises(CaptureError, match="EQUIRECTANGULAR is not supported"):
         import_captures(tmp_path / "images", tmp_path / "a", SETTINGS)
     _colmap_model(tmp_path / "a" / "1", _poses(rng, 4), "PINHOLE", [50, 50, 32, 24], 64, 48, False)
     with pytest.raises(CaptureError, match="2 models"):

@@ -28,7 +28,7 @@ def test_rays_and_pixels_are_inverse(lens, seed):
 
 
 def test_fisheye_rays_and_pixels_are_inverse(rng):
-    lens = Lens(640, 480, 400.0, 410.0, 318.0, 243.0, (0.03, -0.01, 0.002, 0.0), fisheye=True)
+    lens = Lens(640, 480, 400.0, 410.0, 318.0, 243.0, (0.03, -0.01, 0.002, 0.0), "opencv_fisheye")
     pixels = rng.uniform([40, 40], [600, 440], (50, 2))
     assert np.abs(lens.project(lens.rays(pixels)) - pixels).max() < 1e-6
 
@@ -103,5 +103,5 @@ def test_a_distortion_that_folds_is_refused():
 
 
 def test_json_keeps_every_bit():
-    lens = Lens(640, 480, 500.1, 520.3, 311.7, 244.9, (0.1, -0.07, 0.001), fisheye=True)
+    lens = Lens(640, 480, 500.1, 520.3, 311.7, 244.9, (0.1, -0.07, 0.001), "opencv_fisheye")
     assert Lens.from_json(lens.to_json()) == lens

@@ -1,0 +1,83 @@
+"""Finding the photographs that a pose file names."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..errors import CaptureError
+from ..images import SUFFIXES
+from ..progress import Progress
+from .photographs import MIN_CAPTURES
+
+_LISTED = 8
+
+
+def find_photograph(name: str, folders: tuple[Path, ...], where: str, guess_suffix: bool = False) -> Path:
+    """The photograph a pose file names, inside one of ``folders``.
+
+    A path that leads elsewhere (absolute, or through ``..``) is looked up by its file name.
+    With ``guess_suffix`` the name may lack its suffix. Raises CaptureError when no folder
+    has it.
+    """
+    found = _found(name, folders, guess_suffix, by_file_name=True)
+    if found is not None:
+        return found
+    searched = " and ".join(sorted({str(folder) for folder in folders}))
+    raise CaptureError(
+        f"the photograph '{name}' is listed but missing from {searched}", where=where,
+        cure="Add the file, or take its entry out.",
+    )  # fmt: skip
+
+
+def find_photographs(
+    names: Sequence[str], folders: tuple[Path, ...], where: object, progress: Progress,
+    guess_suffix: bool = False,
+) -> list[Path | None]:  # fmt: skip
+    """The photographs a pose file names, as ``find_photograph``; None for those that are missing.
+
+    Missing ones are listed in a warning, for a model may be of more photographs than are at
+    hand. Raises CaptureError when fewer than three are left.
+    """
+    # Rigs repeat file names in a folder a camera: there only the folder tells which is meant.
+    counts = Counter(_plain(name).name for name in names)
+    found = [
+        _found(name, folders, guess_suffix, by_file_name=counts[_plain(name).name] == 1) for name in names
+    ]
+    missing = [name for name, path in zip(names, found, strict=True) if path is None]
+    if not missing:
+        return found
+    more = f" and {len(missing) - _LISTED} more" if len(missing) > _LISTED else ""
+    searched = " and ".join(sorted({str(folder) for folder in folders}))
+    what = (
+        f"{len(missing)} of the {len(names)} photographs listed are missing from {searched}: "
+        f"{', '.join(missing[:_LISTED])}{more}"
+    )
+    if len(names) - len(missing) < MIN_CAPTURES:
+        raise CaptureError(what, where=where, cure="Give the folder that holds them.")
+    progress.message(f"{what}; they are left out", level="warning")
+    return found
+
+
+def _found(name: str, folders: tuple[Path, ...], guess_suffix: bool, by_file_name: bool) -> Path | None:
+    relative = _plain(name)
+    candidates = [folder / relative for folder in folders]
+    if by_file_name:
+        candidates += [folder / relative.name for folder in folders]
+    for candidate in candidates:
+        if not any(candidate.resolve().is_relative_to(folder.resolve()) for folder in folders):
+            continue
+        if candidate.is_file():
+            return candidate
+        if guess_suffix and candidate.suffix.lower() not in SUFFIXES:
+            # Blender's scenes and instant-ngp mean .png.
+            for suffix in sorted(SUFFIXES, key=lambda suffix: (suffix != ".png", suffix)):
+                whole = candidate.with_name(candidate.name + suffix)
+                if whole.is_file():
+                    return whole
+    return None
+
+
+def _plain(name: str) -> Path:
+    return Path(name.replace("\\", "/"))
