@@ -47,6 +47,10 @@ class AssetError(R2SEgoError):
     """A splat asset or its file that cannot be used."""
 
 
+class EvaluationError(R2SEgoError):
+    """Ground truth that is missing or damaged, or something it cannot score."""
+
+
 class MachineError(R2SEgoError):
     """Something this machine lacks: a package, a system library, disk space."""
 

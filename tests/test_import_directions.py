@@ -41,7 +41,7 @@ MAY_IMPORT = {
     "status": FOUNDATION,
     "export": FOUNDATION | {"geometry", "splats"},
     "evaluation": PARTS | {"visual_asset", "steps", "pipeline"},
-    "benchmarks": FOUNDATION | {"captures", "splats", "splat_training"},
+    "benchmarks": PARTS | {"splat_training", "creation", "steps", "evaluation"},
     "splat_training": FOUNDATION | {"captures", "splats", "evaluation"},
     "cli": PARTS
     | {"steps", "pipeline", "creation", "doctor", "status", "export", "evaluation", "benchmarks"}

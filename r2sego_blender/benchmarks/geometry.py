@@ -1,0 +1,234 @@
+"""How good the geometry of a scene with ground truth is, and what it costs.
+
+The pipeline sees photographs and poses alone; the truth is carried into its world frame
+afterwards, by the similarity that registration found, and only scored against.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+import numpy as np
+
+from ..captures.store import load_captures
+from ..creation import create_scene
+from ..errors import GeometryError
+from ..evaluation.geometry_scores import depth_score, surface_score
+from ..evaluation.ground_truth import GroundTruth, load_ground_truth
+from ..geometry.proxy import GeometryProxy
+from ..geometry.stereo import DepthMap
+from ..progress import SILENT, Progress
+from ..resources import cpu_s, forget_peak_memory, peak_memory_mb
+from ..scene import Declaration, Scene
+from ..steps import BACKDROP, COMPLETED, DEPTH, INITIAL_ASSET, OBSERVED, PLANES, Steps, of_round
+from .disturbance import disturbed_captures
+from .machine import processor
+
+_PARTS = {
+    DEPTH: "stereo",
+    INITIAL_ASSET: "initial_asset",
+    OBSERVED: "observed",
+    PLANES: "planes",
+    COMPLETED: "completion",
+    BACKDROP: "backdrop",
+    of_round(0, "proxy"): "composition",
+    of_round(1, "proxy"): "refresh",
+}
+"""What a step publishes -> its name in the figures."""
+
+_TINY: Mapping[str, Any] = {
+    "stereo.max_side_px": 96,
+    "stereo.iterations": 1,
+    "stereo.geometric_rounds": 1,
+    "stereo.geometric_sweeps": 1,
+    "proxy.voxel_m": 0.1,
+    "proxy.truncation_m": 0.2,
+}
+"""Settings under which every kernel of the steps is compiled, at little cost."""
+
+_SCORING, _DISTURBANCE = 0, 1
+"""Streams of random numbers, apart from those of the pipeline."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Seconds on the clock, and of the processor: all threads and ended child processes."""
+
+    wall_s: float
+    cpu_s: float
+
+
+def bench_geometry(
+    scene: Path, seed: int = 0, noise: bool = True, progress: Progress = SILENT
+) -> dict[str, Any]:
+    """Make the geometry of the folder ``scene`` and score it; with ``noise`` also disturbed.
+
+    ``scene`` is what ``load_ground_truth`` reads, with its photographs. Everything is made
+    in a temporary bundle that is removed. Returns flat JSON-ready figures, shares in [0, 1].
+    Raises EvaluationError and CaptureError for the folder, and what the steps raise.
+    """
+    truth = load_ground_truth(scene)
+    with tempfile.TemporaryDirectory(prefix="r2sego-geometry-") as temporary:
+        folder = Path(temporary)
+        bundle, creation = _costing(lambda: _bundle(folder / "scene.r2s", scene, seed, progress))
+        _warm_up(bundle, folder / "warm.r2s")
+        forget_peak_memory()
+        _run(bundle, progress)
+        peak_mb = peak_memory_mb()  # before the arrays of what follows
+        figures = {
+            "machine": processor(),
+            "threads": numba.get_num_threads(),
+            "scene": str(scene),
+            "captures": len(truth.views),
+            "seed": seed,
+            "peak_rss_mb": peak_mb,
+        }
+        figures |= _costs(bundle.costs, creation)
+        figures |= _stereo_scores(bundle, truth) | _proxy_scores(bundle, truth, seed)
+        if noise:
+            poorer = folder / "disturbed"
+            poorer.mkdir()
+            disturbed_captures(scene, poorer, np.random.default_rng([seed, _DISTURBANCE]))
+            disturbed = _bundle(folder / "disturbed.r2s", poorer, seed, progress)
+            disturbed.begun(progress).register_inputs()
+            scores = {"stereo_wall_s": disturbed.costs[DEPTH].wall_s} | _stereo_scores(disturbed, truth)
+            figures |= {f"noisy_{name}": value for name, value in scores.items()}
+    return figures
+
+
+def lines(figures: Mapping[str, Any]) -> list[str]:
+    """The figures as lines for a person."""
+    f = figures
+    peak = "unknown" if f["peak_rss_mb"] is None else f"{f['peak_rss_mb']:.0f} MB"
+    text = [
+        f"{f['machine']}, {f['threads']} thread{'s' if f['threads'] > 1 else ''}",
+        f"{f['scene']}: {f['captures']} captures",
+        "",
+        f"{'':<24}{'seconds':>9}{'CPU':>9}",
+    ]
+    for part in ("creation", *_PARTS.values()):
+        text.append(f"{part.replace('_', ' '):<24}{f[f'{part}_wall_s']:>9.1f}{f[f'{part}_cpu_s']:>9.1f}")
+    text.append(f"{'captures to proxy':<24}{f['proxy_wall_s']:>9.1f}{f['proxy_cpu_s']:>9.1f}")
+    text += ["", _stereo_line("stereo", f)]
+    if "noisy_stereo_coverage" in f:
+        text.append(_stereo_line("noisy_stereo", f))
+    text.append(
+        f"proxy: F-score at 5 cm {f['proxy_fscore']:.1%}, precision {f['proxy_precision']:.1%}, "
+        f"recall {f['proxy_recall']:.1%}, median error {100 * f['proxy_median_error_m']:.2f} cm"
+    )
+    return [*text, f"peak memory {peak}"]
+
+
+def _stereo_line(name: str, f: Mapping[str, Any]) -> str:
+    return (
+        f"{name.replace('_', ' ')}: {f[f'{name}_coverage']:.1%} of the pixels, "
+        f"{f[f'{name}_accuracy']:.1%} of them within 3 %, {f[f'{name}_wall_s']:.1f} s"
+    )
+
+
+class _CostedScene(Scene):
+    """A bundle that keeps what each step cost, its files' digests included."""
+
+    def __init__(self, path: Path, declaration: Declaration) -> None:
+        super().__init__(path, declaration)
+        self.costs: dict[str, Cost] = {}
+
+    def step(
+        self,
+        target: str,
+        compute: Callable[[Path], None],
+        *,
+        inputs: Sequence[str | Path] = (),
+        parameters: Any = None,
+    ) -> Path:
+        make = super().step
+        place, self.costs[target] = _costing(
+            lambda: make(target, compute, inputs=inputs, parameters=parameters)
+        )
+        return place
+
+    def begun(self, progress: Progress) -> Steps:
+        """The procedures of Algorithm 1 on this bundle."""
+        return Steps(self, self.declaration.settings, progress)
+
+
+def _bundle(path: Path, captures: Path, seed: int, progress: Progress) -> _CostedScene:
+    created = create_scene(path, captures, captures / "cameras.json", progress=progress)
+    return _CostedScene(path, created.declare(overrides={"seed": seed}).declaration)
+
+
+def _run(bundle: _CostedScene, progress: Progress) -> None:
+    """Lines 1 to 6 of Algorithm 1 as ``pipeline.refine`` calls them, and line 6 once more.
+
+    The second proxy is made of the same asset: what is measured is its rebuilding.
+    """
+    step = bundle.begun(progress)
+    captures, asset = step.register_inputs()
+    observed, priors = step.observed_and_prior_geometry(captures)
+    aligned_priors = step.align_priors(observed, priors)
+    for index in range(2):
+        step.geometry_proxy(index, captures, observed, aligned_priors, asset)
+
+
+def _warm_up(bundle: Scene, path: Path) -> None:
+    """Compile the kernels, which is not counted: the same steps on tiny depth maps."""
+    shutil.copytree(bundle.path, path)
+    declaration = Scene.open(path).declare(overrides=_TINY).declaration
+    with contextlib.suppress(GeometryError):  # so little depth may make no surface
+        _run(_CostedScene(path, declaration), SILENT)
+
+
+def _costing(work: Callable[[], T]) -> tuple[T, Cost]:
+    started_s, used_s = time.perf_counter(), cpu_s()
+    result = work()
+    return result, Cost(time.perf_counter() - started_s, cpu_s() - used_s)
+
+
+def _costs(steps: Mapping[str, Cost], creation: Cost) -> dict[str, float]:
+    """Every part's seconds; ``proxy`` is all from the captures to the first proxy."""
+    parts = {"creation": creation} | {_PARTS[target]: cost for target, cost in steps.items()}
+    first = [cost for part, cost in parts.items() if part != "refresh"]
+    parts["proxy"] = Cost(sum(cost.wall_s for cost in first), sum(cost.cpu_s for cost in first))
+    return {
+        f"{part}_{clock}": round(getattr(cost, clock), 3)
+        for part, cost in parts.items()
+        for clock in ("wall_s", "cpu_s")
+    }
+
+
+def _stereo_scores(bundle: Scene, truth: GroundTruth) -> dict[str, float]:
+    """Coverage and accuracy of the reliable depth, over all captures and of each."""
+    settings = bundle.declaration.settings.stereo
+    true = [view.depth for view in truth.transformed(_world_from_capture(bundle)).views]
+    names = [capture.name for capture in load_captures(bundle.captures_folder)]
+    maps = [DepthMap.load(bundle.path / DEPTH / f"{name}.npz") for name in names]
+    found = [np.where(one.reliable(settings), one.depth, np.float32(0.0)) for one in maps]
+    scores = {"stereo": depth_score(found, true)}
+    for view, depth, true_depth in zip(truth.views, found, true, strict=True):
+        scores[f"stereo_{view.name}"] = depth_score([depth], [true_depth])
+    return {
+        f"{name}_{kind}": getattr(score, kind)
+        for name, score in scores.items()
+        for kind in ("coverage", "accuracy")
+    }
+
+
+def _proxy_scores(bundle: Scene, truth: GroundTruth, seed: int) -> dict[str, float]:
+    proxy = GeometryProxy.load(bundle.path / of_round(0, "proxy") / "proxy.npz")
+    rng = np.random.default_rng([seed, _SCORING])
+    score = surface_score(proxy.vertices, proxy.faces, truth.transformed(_world_from_capture(bundle)), rng)
+    return {f"proxy_{name}": value for name, value in vars(score).items()}
+
+
+def _world_from_capture(bundle: Scene) -> np.ndarray:
+    return np.array(bundle.declaration.world_from_capture)
