@@ -106,6 +106,26 @@ class CollisionSettings:
 
 
 @dataclass(frozen=True)
+class TextureSettings:
+    """The textured mesh of the geometry proxy."""
+
+    faces: int = setting(20000, "Faces the proxy is decimated to.", 4, 1000000)
+    size_px: int = setting(2048, "Side of the texture.", 64, 8192)
+    unwrap_seconds: float = setting(
+        60.0, "Time for xatlas; then fewer faces, and then boxes, are unwrapped.", 0.0, 3600.0
+    )
+    padding_px: int = setting(4, "Texels between charts.", 1, 32)
+    best_captures: int = setting(3, "Captures blended at a texel.", 1, 16)
+    depth_tolerance: float = setting(
+        0.015, "Relative depth difference at which a capture still sees a texel.", 0.001, 0.2
+    )
+    edge_px: int = setting(
+        2, "Background this near a capture's depth edge is not taken from it if another sees it.", 0, 16
+    )
+    border_px: float = setting(20.0, "Width over which a capture fades out at its border.", 0.0, 500.0)
+
+
+@dataclass(frozen=True)
 class RolloutSettings:
     """The robot proxy: simulated rollouts of the declared behaviour."""
 
@@ -275,6 +295,7 @@ class Settings:
     priors: PriorSettings = PriorSettings()
     proxy: ProxySettings = ProxySettings()
     collision: CollisionSettings = CollisionSettings()
+    texture: TextureSettings = TextureSettings()
     rollouts: RolloutSettings = RolloutSettings()
     selection: SelectionSettings = SelectionSettings()
     generation: GenerationSettings = GenerationSettings()
