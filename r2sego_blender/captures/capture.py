@@ -46,6 +46,23 @@ class Capture:
         rays = self.lens.scaled_to(width, height).rays(pixels)
         return rays * [self.camera.fx, self.camera.fy] + [self.camera.cx, self.camera.cy]
 
+    @property
+    def photograph_size(self) -> tuple[int, int]:
+        """(width, height) of the upright photograph as taken, or of one of its shape."""
+        source = self.camera if self.lens is None else self.lens
+        return source.width, source.height
+
+    def photograph_shares(self, pixels: np.ndarray) -> np.ndarray:
+        """Where pixels (n, 2) of the camera's image lie on the photograph as it was taken.
+
+        (n, 2) shares of the upright photograph's width and height, distortion included.
+        """
+        pixels = np.asarray(pixels, np.float64).reshape(-1, 2)
+        if self.lens is not None:
+            focal, centre = [self.camera.fx, self.camera.fy], [self.camera.cx, self.camera.cy]
+            pixels = self.lens.project((pixels - centre) / focal)
+        return pixels / self.photograph_size
+
     def transformed(self, similarity: np.ndarray) -> Capture:
         """This capture after a (4, 4) similarity of the world."""
         return replace(self, camera=self.camera.transformed(similarity))

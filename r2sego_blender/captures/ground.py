@@ -65,17 +65,21 @@ def up_guess(cameras: Sequence[Camera]) -> np.ndarray:
     return guess / np.linalg.norm(guess)
 
 
-def find_ground(points: np.ndarray, cameras: Sequence[Camera], tolerance: float) -> Ground:
+def find_ground(
+    points: np.ndarray, cameras: Sequence[Camera], tolerance: float, up: np.ndarray | None = None
+) -> Ground:  # fmt: skip
     """The lowest well-supported plane, nearly level, below all cameras, with little under it.
 
     ``points`` (P, 3) and ``tolerance`` (how far floor points may lie off) share a unit.
     The densest level plane is often a table; a floor is told by having next to nothing
     below. Where no floor is seen, gravity comes from the largest level surface or the
-    cameras, the height from the lowest points, and ``found`` is False. Deterministic.
+    cameras, the height from the lowest points, and ``found`` is False. ``up`` (3,) is the
+    direction up where it was measured; else it is guessed from the cameras. Deterministic.
     """
     points = np.asarray(points, np.float64)
     points = points[np.isfinite(points).all(axis=1)]
-    up = up_guess(cameras)
+    measured = up is not None
+    up = up / np.linalg.norm(up) if measured else up_guess(cameras)
     centres = np.array([camera.centre for camera in cameras])
     solid, level = [], up
     if len(points) >= _MIN_SUPPORT:
@@ -107,7 +111,9 @@ def find_ground(points: np.ndarray, cameras: Sequence[Camera], tolerance: float)
         )  # fmt: skip
         support = int((np.abs(points @ normal - offset) <= tolerance).sum())
         return Ground(normal, offset, support, True, f"floor plane through {support} points")
-    if solid:
+    if measured:
+        normal, how = up, "no floor seen: upright as the device measured gravity"
+    elif solid:
         normal, how = level, "no floor seen: level with the largest surface"
     else:
         normal, how = up, "no floor seen: upright as the cameras were held"

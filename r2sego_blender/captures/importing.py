@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from ..errors import CaptureError
 from ..progress import SILENT, Progress
 from ..settings import CaptureSettings
@@ -13,6 +15,8 @@ from .cameras_json import read_cameras_json
 from .capture import Capture
 from .colmap_model import find_model, read_colmap_model
 from .photographs import captures_of
+from .polycam import UP, find_keyframes, lidar_depth, read_polycam
+from .sensor_depth import SensorDepth
 from .solving import solve_poses
 from .transforms_json import read_transforms_json
 
@@ -22,12 +26,15 @@ class Imported:
     """Captures in the frame of their pose file (the capture frame).
 
     ``source`` says in words where the poses come from; ``metric`` whether they are known
-    to be in metres.
+    to be in metres. ``up`` (3,) is the direction up where the device measured gravity, and
+    ``depth`` what its depth sensor saw.
     """
 
     captures: tuple[Capture, ...]
     source: str
     metric: bool
+    up: np.ndarray | None = None
+    depth: SensorDepth | None = None
 
 
 def import_captures(
@@ -35,14 +42,20 @@ def import_captures(
 ) -> Imported:
     """The photographs in ``folder`` as undistorted captures.
 
-    ``poses`` is a ``cameras.json``, a ``transforms.json`` or a COLMAP folder
-    (docs/formats.md), or None to solve them from the photographs alone. Photographs are
+    ``poses`` is a ``cameras.json``, a ``transforms.json``, a COLMAP folder or a raw export of
+    Polycam (docs/formats.md), or None: ``folder`` is such an export, or the poses are solved
+    from the photographs alone. Photographs are
     not copied: a capture undistorts and scales its file when it is read. Raises
     CaptureError naming the file, the field and the cure.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise CaptureError("there is no such folder", where=folder, cure="Give a folder of photographs.")
+    keyframes = find_keyframes(folder if poses is None else Path(poses))
+    if keyframes is not None and (poses is None or find_model(Path(poses)) is None):
+        photographs, source = read_polycam(keyframes, progress)
+        captures = captures_of(photographs, settings.max_side_px)
+        return Imported(captures, source, True, UP, lidar_depth(keyframes))
     if poses is None:
         photographs, source = solve_poses(folder, settings, progress)
         return Imported(captures_of(photographs, settings.max_side_px), source, metric=False)
@@ -51,8 +64,8 @@ def import_captures(
         model = find_model(poses)
         if model is None:
             raise CaptureError(
-                "there is no COLMAP model in this folder", where=poses,
-                cure="Give the folder that holds cameras.bin and images.bin, or .txt.",
+                "there is no COLMAP model and no raw export of Polycam in this folder", where=poses,
+                cure="Give the folder that holds cameras.bin and images.bin, or .txt; or keyframes.",
             )  # fmt: skip
         photographs, metric, source = read_colmap_model(model, folder, progress), False, "COLMAP model"
     else:

@@ -15,9 +15,11 @@ from ..errors import CaptureError
 from ..progress import SILENT, Progress
 from ..settings import CaptureSettings
 from .capture import Capture
+from .depth_scale import depth_scale
 from .ground import Ground, find_ground
 from .importing import Imported
 from .scale import Scale, length_scale, marker_scale
+from .sensor_depth import SensorDepth
 from .sparse import SparsePoints
 
 ASSUMED_CAMERA_HEIGHT_M = 1.5
@@ -25,6 +27,9 @@ ASSUMED_CAMERA_HEIGHT_M = 1.5
 
 # Distance from a camera to what it sees indoors, for tolerances before the scale is known.
 _USUAL_DEPTH_M = 2.5
+
+# Share by which the unit of a device's poses and that of its depth sensor may differ.
+_UNIT_AGREES = 0.03
 
 # Sine of the angle from the vertical below which a camera's forward axis tells no heading.
 _MIN_HEADING = 0.05
@@ -62,10 +67,10 @@ def register(
     are reported as warnings. Raises CaptureError when what should tell the scale does not.
     """
     captures = imported.captures
-    known, source = _scale_before_ground(imported, sparse, scale)
+    known, source = _scale_before_ground(imported, sparse, scale, progress)
     unit_m = known if known is not None else _USUAL_DEPTH_M / _usual_depth(captures, sparse)
     cameras = [capture.camera for capture in captures]
-    ground = find_ground(sparse.points, cameras, settings.floor_tolerance_m / unit_m)
+    ground = find_ground(sparse.points, cameras, settings.floor_tolerance_m / unit_m, imported.up)
     if not ground.found:
         progress.message(
             f"{ground.description}: check that the room stands level on z = 0, or add a photograph "
@@ -82,7 +87,7 @@ def register(
 
 
 def _scale_before_ground(
-    imported: Imported, sparse: SparsePoints, scale: Scale
+    imported: Imported, sparse: SparsePoints, scale: Scale, progress: Progress
 ) -> tuple[float | None, str]:  # fmt: skip
     """Metres per unit where that does not depend on the floor."""
     if scale.kind == "known_length":
@@ -91,9 +96,33 @@ def _scale_before_ground(
         return marker_scale(imported.captures, scale)
     if scale.kind == "metric":
         return 1.0, "poses declared to be metric"
+    if scale.kind == "depth":
+        own = imported.depth is not None and imported.depth.folder.resolve() == scale.folder.resolve()
+        depth = imported.depth if own else SensorDepth.beside(scale.folder)
+        measured = depth_scale(imported.captures, sparse, depth)
+        return measured.metres_per_unit, str(measured)
     if scale.kind == "automatic" and imported.metric:
-        return 1.0, f"metric poses ({imported.source})"
+        return 1.0, f"metric poses ({imported.source}{_checked(imported, sparse, progress)})"
     return None, ""
+
+
+def _checked(imported: Imported, sparse: SparsePoints, progress: Progress) -> str:
+    """What the device's own depth says of its poses' unit, in words; never a change of it."""
+    if imported.depth is None:
+        return ""
+    try:
+        measured = depth_scale(imported.captures, sparse, imported.depth)
+    except CaptureError as error:
+        progress.message(f"the poses' unit is not checked by depth: {error.what}", level="warning")
+        return ""
+    difference = measured.metres_per_unit - 1.0
+    if abs(difference) > max(_UNIT_AGREES, 3.0 * measured.uncertainty):
+        progress.message(
+            f"{imported.source}: the depth sensor sees the room {difference:+.1%} larger than the poses say, "
+            f"which were taken; to take the sensor's metre give --depth {imported.depth.folder}",
+            level="warning",
+        )  # fmt: skip
+    return f"; its depth says {difference:+.1%}: {measured}"
 
 
 def _scale_from_height(
@@ -108,7 +137,7 @@ def _scale_from_height(
             cure="Give a known length or a marker instead.",
         )  # fmt: skip
     if given:
-        return scale.metres / height, f"camera height of {scale.metres:g} m"
+        return scale.metres / height, f"{scale.whose} height of {scale.metres:.4g} m"
     return (
         ASSUMED_CAMERA_HEIGHT_M / height,
         f"assumed: the cameras were held {ASSUMED_CAMERA_HEIGHT_M:g} m above the floor",

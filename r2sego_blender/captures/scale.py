@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import cv2
@@ -27,15 +28,17 @@ class Scale:
     ``automatic`` takes metric poses as they are and assumes a camera height otherwise.
     """
 
-    kind: Literal["automatic", "metric", "known_length", "marker", "camera_height"] = "automatic"
+    kind: Literal["automatic", "metric", "known_length", "marker", "camera_height", "depth"] = "automatic"
     photo: str = ""
     pixel_a: tuple[float, float] = (0.0, 0.0)
     pixel_b: tuple[float, float] = (0.0, 0.0)
     metres: float = 0.0
     marker_id: int | None = None
+    folder: Path | None = None
+    whose: str = "camera"
 
     def __post_init__(self) -> None:
-        needs_metres = self.kind not in ("automatic", "metric")
+        needs_metres = self.kind not in ("automatic", "metric", "depth")
         if needs_metres and not (np.isfinite(self.metres) and self.metres > 0):
             raise CaptureError(
                 f"{self.metres} is no length in metres", where=f"scale, {self.kind}",
@@ -68,9 +71,14 @@ class Scale:
         return Scale("marker", metres=side_m, marker_id=marker_id)
 
     @staticmethod
-    def camera_height(metres: float) -> Scale:
-        """The first photograph was taken this high above the floor."""
-        return Scale("camera_height", metres=metres)
+    def camera_height(metres: float, whose: str = "camera") -> Scale:
+        """The first photograph was taken this high above the floor; ``whose`` height it is."""
+        return Scale("camera_height", metres=metres, whose=whose)
+
+    @staticmethod
+    def depth(folder: Path) -> Scale:
+        """Depth maps of a sensor, called as the photographs are (``SensorDepth``)."""
+        return Scale("depth", folder=Path(folder))
 
 
 def length_scale(captures: Sequence[Capture], sparse: SparsePoints, scale: Scale) -> tuple[float, str]:

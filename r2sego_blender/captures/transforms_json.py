@@ -17,7 +17,7 @@ from .lens import Lens
 from .photographs import Photograph, upright_size, with_unique_names
 
 # OpenGL cameras look along -z with y up, OpenCV's along +z with y down.
-_GL_FROM_CV = np.diag([1.0, -1.0, -1.0, 1.0])
+GL_FROM_CV = np.diag([1.0, -1.0, -1.0, 1.0])
 _PINHOLES = frozenset({"", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE"})
 _RADIAL = frozenset({"OPENCV", "SIMPLE_RADIAL", "RADIAL", "FULL_OPENCV"})
 _FISHEYES = frozenset({"OPENCV_FISHEYE", "FISHEYE"})
@@ -42,7 +42,7 @@ def read_transforms_json(
             continue
         field = f"frames[{index}]"
         source = f"{path}, {field}"
-        pose = fields.matrix("transform_matrix", path, field, frame) @ _GL_FROM_CV
+        pose = fields.matrix("transform_matrix", path, field, frame) @ GL_FROM_CV
         lens = _lens((frame, data), image_path, path, field)
         photographs.append(Photograph(name, image_path, lens, pose, source))
     return with_unique_names(photographs), data.get("metric") is True

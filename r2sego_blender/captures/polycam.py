@@ -1,0 +1,81 @@
+"""Raw exports of Polycam (github.com/PolyCam/polyform, README): keyframes with ARKit's axes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import CaptureError
+from ..progress import SILENT, Progress
+from . import json_fields as fields
+from .finding import find_photographs
+from .lens import Lens
+from .photographs import Photograph, upright_size, with_unique_names
+from .sensor_depth import SensorDepth
+from .transforms_json import GL_FROM_CV
+
+# Undistorting leaves a black border of this many pixels in ``corrected_images``.
+_CORRECTED_BORDER_PX = 15.0
+# "The max range of the lidar sensor is 5M, so [...] anything larger than that is a total guess."
+_LIDAR_RANGE_M = 5.0
+UP = np.array([0.0, 1.0, 0.0])
+"""ARKit's world has gravity along -Y."""
+
+
+def find_keyframes(folder: Path) -> Path | None:
+    """The ``keyframes`` folder of a raw export in or at ``folder``, if there is one."""
+    for place in (folder / "keyframes", folder):
+        if any((place / cameras).is_dir() for cameras in ("corrected_cameras", "cameras")):
+            return place
+    return None
+
+
+def read_polycam(keyframes: Path, progress: Progress = SILENT) -> tuple[list[Photograph], str]:
+    """The photographs of a ``keyframes`` folder, in metres with +Y up, and their source in words.
+
+    The undistorted photographs with poses that Polycam optimised are taken where there are
+    both, else the original ones with ARKit's poses. Photographs that are missing are left
+    out with a warning.
+    """
+    optimised = all((keyframes / name).is_dir() for name in ("corrected_cameras", "corrected_images"))
+    kind = "corrected_" if optimised else ""
+    cameras, images = keyframes / f"{kind}cameras", keyframes / f"{kind}images"
+    # A zip packed on a Mac has a hidden file beside each.
+    files = [path for path in cameras.glob("*.json") if not path.name.startswith(".")]
+    files.sort(key=lambda path: (len(path.stem), path.stem))
+    if not files:
+        raise CaptureError("there are no camera files", where=cameras, cure="Export the raw data again.")
+    stems = [path.stem for path in files]
+    paths = find_photographs(stems, (images,), images, progress, guess_suffix=True)
+    photographs = [
+        _photograph(file, path, _CORRECTED_BORDER_PX if optimised else 0.0)
+        for file, path in zip(files, paths, strict=True)
+        if path is not None
+    ]
+    source = "Polycam, optimised poses" if optimised else "Polycam, ARKit's poses as recorded"
+    return with_unique_names(photographs), source
+
+
+def lidar_depth(keyframes: Path) -> SensorDepth | None:
+    """The LiDAR's depth maps of a raw export, if it has them."""
+    depth, confidence = keyframes / "depth", keyframes / "confidence"
+    if not depth.is_dir():
+        return None
+    return SensorDepth(depth, confidence if confidence.is_dir() else None, _LIDAR_RANGE_M)
+
+
+def _photograph(file: Path, path: Path, border_px: float) -> Photograph:
+    data = fields.read_json(file)
+    rows = [[fields.number(f"t_{i}{j}", file, "pose", data) for j in range(4)] for i in range(3)]
+    pose = np.array([*rows, [0.0, 0.0, 0.0, 1.0]]) @ GL_FROM_CV
+    numbers = {
+        key: fields.number(key, file, "intrinsics", data, positive=True) for key in ("fx", "fy", "cx", "cy")
+    }
+    width, height = upright_size(path)
+    if "width" in data:
+        width, height = (
+            int(fields.number(key, file, "intrinsics", data, positive=True)) for key in ("width", "height")
+        )
+    lens = Lens(width, height, **numbers, border_px=border_px)
+    return Photograph(path.name, path, lens, pose, str(file))
