@@ -71,11 +71,37 @@ def _settings_option(command: Callable) -> Callable:
     )(command)  # fmt: skip
 
 
+def _scale_options(command: Callable) -> Callable:
+    options = (
+        click.option(
+            "--known-length", metavar="PHOTO:X,Y:X,Y:METRES",
+            help="Scale: two pixels of one photograph and their distance.",
+        ),
+        click.option(
+            "--marker-side", type=float, metavar="METRES",
+            help="Scale: side of a printed ArUco 4x4_50 marker in the photographs.",
+        ),
+        click.option(
+            "--camera-height", metavar="METRES|robot",
+            help="Scale: height of the first photograph's camera above the floor, or of the robot's eye.",
+        ),
+        click.option(
+            "--depth", type=FOLDER,
+            help="Scale: depth maps called as the photographs are: 16-bit PNG in mm, or EXR, NPY in metres.",
+        ),
+    )  # fmt: skip
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
 @main.command()
 @click.argument("scene", type=ANY_PATH)
 @click.option("--captures", required=True, type=FOLDER, help="Folder of photographs, three at least.")
 @click.option(
-    "--poses", type=ANY_PATH, help="transforms.json, cameras.json or a COLMAP folder; else they are solved."
+    "--poses",
+    type=ANY_PATH,
+    help="transforms.json, cameras.json, a COLMAP folder or Polycam's raw export; else they are solved.",
 )
 @click.option(
     "--robot", default="embedded:humanoid", show_default=True, help="The robot: an MJCF or URDF file."
@@ -83,23 +109,7 @@ def _settings_option(command: Callable) -> Callable:
 @click.option(
     "--scope", default="walk_and_look", show_default=True, help="Behaviour scope: a name or a TOML file."
 )
-@click.option(
-    "--known-length",
-    metavar="PHOTO:X,Y:X,Y:METRES",
-    help="Scale: two pixels of one photograph and their distance.",
-)
-@click.option(
-    "--marker-side",
-    type=float,
-    metavar="METRES",
-    help="Scale: side of a printed ArUco 4x4_50 marker in the photographs.",
-)
-@click.option(
-    "--camera-height",
-    type=float,
-    metavar="METRES",
-    help="Scale: height of the first photograph's camera above the floor.",
-)
+@_scale_options
 @_json_progress
 @click.pass_context
 def new(
@@ -109,17 +119,56 @@ def new(
     poses: Path | None,
     robot: str,
     scope: str,
-    known_length: str | None,
-    marker_side: float | None,
-    camera_height: float | None,
     as_json: bool,
+    **given: Any,
 ) -> None:
     """Make the bundle SCENE from photographs."""
+    from .captures.scale import Scale
     from .creation import create_scene
 
     progress = _progress(context, as_json)
-    scale = _scale(known_length, marker_side, camera_height)
+    scale = _scale(**given, robot=robot, command="new") or Scale.automatic()
     made = create_scene(scene, captures, poses, robot, scope, scale, progress=progress)
+    _tell(progress, scene=str(made.path), ground=made.declaration.ground, scale=made.declaration.scale_source)
+
+
+@main.command()
+@click.argument("scene", type=ANY_PATH)
+@click.option(
+    "--floor",
+    multiple=True,
+    metavar="PHOTO:X,Y[=PHOTO:X,Y]",
+    help="A point of the floor in one photograph of the bundle, or the same spot in several; repeatable: "
+    "three tell the floor's tilt, one its height.",
+)
+@click.option("--up", metavar="X,Y,Z", help="The direction up, as the world is now.")
+@click.option("--floor-at", type=float, metavar="METRES", help="Where the floor lies above the z = 0 of now.")
+@_scale_options
+@_json_progress
+@click.pass_context
+def register(
+    context: click.Context,
+    scene: Path,
+    floor: tuple[str, ...],
+    up: str | None,
+    floor_at: float | None,
+    as_json: bool,
+    **given: Any,
+) -> None:
+    """Correct SCENE's ground or scale; what depends on it is redone by the next refine."""
+    from .captures.floor_points import FloorPoint
+    from .correction import correct_registration
+
+    progress = _progress(context, as_json)
+    opened = Scene.open(scene)
+    made = correct_registration(
+        opened,
+        floor=[FloorPoint.parse(text) for text in floor],
+        up=None if up is None else _direction(up),
+        floor_at_m=floor_at,
+        scale=_scale(**given, robot=opened.declaration.robot, command="register"),
+        progress=progress,
+    )
     _tell(progress, scene=str(made.path), ground=made.declaration.ground, scale=made.declaration.scale_source)
 
 
@@ -341,18 +390,34 @@ def _tell(progress: Progress, **result: Any) -> None:
             progress.message(f"{name}: {value}")
 
 
-def _scale(known_length: str | None, marker_side: float | None, camera_height: float | None) -> Any:
+def _scale(
+    known_length: str | None,
+    marker_side: float | None,
+    camera_height: str | None,
+    depth: Path | None,
+    robot: str,
+    command: str,
+) -> Any:
+    """The scale the options give; None without any."""
     from .captures.scale import Scale
 
-    given = [option for option in (known_length, marker_side, camera_height) if option is not None]
+    given = [option for option in (known_length, marker_side, camera_height, depth) if option is not None]
     if len(given) > 1:
-        raise SettingsError("the scale is given twice", where="r2sego new", cure="Give one of the options.")
+        raise SettingsError(
+            "the scale is given twice", where=f"r2sego {command}", cure="Give one of the options."
+        )
     if marker_side is not None:
         return Scale.marker(marker_side)
+    if depth is not None:
+        return Scale.depth(depth)
+    if camera_height == "robot":
+        from .robot.model import RobotModel
+
+        return Scale.camera_height(RobotModel.load(robot).eye_height_m, "robot's eye")
     if camera_height is not None:
-        return Scale.camera_height(camera_height)
+        return Scale.camera_height(_number(camera_height, "--camera-height"))
     if known_length is None:
-        return Scale.automatic()
+        return None
     try:
         photo, first, second, metres = known_length.rsplit(":", 3)
         pixels = [tuple(map(float, pixel.split(","))) for pixel in (first, second)]
@@ -363,6 +428,25 @@ def _scale(known_length: str | None, marker_side: float | None, camera_height: f
             f"'{known_length}' is not PHOTO:X,Y:X,Y:METRES", where="--known-length",
             cure="For example --known-length IMG_01:120,400:520,410:1.8",
         ) from error  # fmt: skip
+
+
+def _number(text: str, option: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise SettingsError(
+            f"'{text}' is no number of metres", where=option, cure="For example 1.5."
+        ) from error
+
+
+def _direction(text: str) -> tuple[float, ...]:
+    try:
+        x, y, z = map(float, text.split(","))
+    except ValueError as error:
+        raise SettingsError(
+            f"'{text}' is not X,Y,Z", where="--up", cure="For example --up 0.02,-0.01,1."
+        ) from error
+    return x, y, z
 
 
 def _overrides(pairs: tuple[str, ...]) -> dict[str, str]:

@@ -37,6 +37,7 @@ MAY_IMPORT = {
     "steps": PARTS | {"visual_asset"},
     "pipeline": PARTS | {"steps"},
     "creation": ABOVE_CAPTURES | {"robot"},
+    "correction": ABOVE_CAPTURES,
     "doctor": FOUNDATION,
     "status": FOUNDATION,
     "export": FOUNDATION | {"geometry", "splats"},
@@ -44,7 +45,17 @@ MAY_IMPORT = {
     "benchmarks": PARTS | {"splat_training", "creation", "steps", "evaluation"},
     "splat_training": FOUNDATION | {"captures", "splats", "evaluation"},
     "cli": PARTS
-    | {"steps", "pipeline", "creation", "doctor", "status", "export", "evaluation", "benchmarks"}
+    | {
+        "steps",
+        "pipeline",
+        "creation",
+        "correction",
+        "doctor",
+        "status",
+        "export",
+        "evaluation",
+        "benchmarks",
+    }
     | {"splat_training"},
     "__main__": {"cli"},
     "bridge": ABOVE_CAPTURES | {"geometry"},

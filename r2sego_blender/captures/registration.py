@@ -31,6 +31,9 @@ _USUAL_DEPTH_M = 2.5
 # Share by which the unit of a device's poses and that of its depth sensor may differ.
 _UNIT_AGREES = 0.03
 
+# How a scale that hangs on the floor is called.
+_HEIGHT_OF, _ASSUMED = " height of ", "assumed"
+
 # Sine of the angle from the vertical below which a camera's forward axis tells no heading.
 _MIN_HEADING = 0.05
 
@@ -86,6 +89,34 @@ def register(
     return Registration(_world_from_capture(captures[0], ground, known), ground.description, source)
 
 
+def corrected(
+    registration: Registration, captures: Sequence[Capture], sparse: SparsePoints,
+    ground: Ground | None, scale: Scale | None, progress: Progress = SILENT,
+) -> tuple[Registration, np.ndarray]:  # fmt: skip
+    """A registration with another ground or scale, and the (4, 4) similarity new from old world.
+
+    ``captures`` and ``sparse`` are in the old world. Without ``ground`` the floor stays where
+    it is, without ``scale`` the metre; a scale that came from a height above the old floor is
+    pointed out in a warning. Raises CaptureError when what should tell the scale does not.
+    """
+    if ground is None:
+        ground = Ground(np.array([0.0, 0.0, 1.0]), 0.0, 0, True, registration.ground)
+    if scale is None:
+        known, source = 1.0, registration.scale_source
+        if _HEIGHT_OF in source or source.startswith(_ASSUMED):
+            progress.message(
+                f"the scale is kept, but it is from the floor as it was ({source}): give the camera's "
+                "height again, or another scale", level="warning",
+            )  # fmt: skip
+    else:
+        known, source = _scale_before_ground(Imported(tuple(captures), "", False), sparse, scale, progress)
+        if known is None:
+            known, source = _scale_from_height(captures, ground, scale)
+    similarity = _world_from_capture(captures[0], ground, known)
+    together = similarity @ registration.world_from_capture
+    return Registration(together, ground.description, source), similarity
+
+
 def _scale_before_ground(
     imported: Imported, sparse: SparsePoints, scale: Scale, progress: Progress
 ) -> tuple[float | None, str]:  # fmt: skip
@@ -137,10 +168,10 @@ def _scale_from_height(
             cure="Give a known length or a marker instead.",
         )  # fmt: skip
     if given:
-        return scale.metres / height, f"{scale.whose} height of {scale.metres:.4g} m"
+        return scale.metres / height, f"{scale.whose}{_HEIGHT_OF}{scale.metres:.4g} m"
     return (
         ASSUMED_CAMERA_HEIGHT_M / height,
-        f"assumed: the cameras were held {ASSUMED_CAMERA_HEIGHT_M:g} m above the floor",
+        f"{_ASSUMED}: the cameras were held {ASSUMED_CAMERA_HEIGHT_M:g} m above the floor",
     )
 
 

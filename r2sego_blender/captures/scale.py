@@ -13,11 +13,9 @@ import numpy as np
 from ..errors import CaptureError
 from ..images import load_image_uint8
 from .capture import Capture
-from .photographs import upright_size
+from .lifting import intersection, lifted, pointed_at
 from .sparse import SparsePoints
 
-_NEAREST_POINTS = 12
-_LIFT_RADIUS = 0.12  # of the image's longest side
 _MARKER_DISAGREEMENT = 0.1
 
 
@@ -83,22 +81,8 @@ class Scale:
 
 def length_scale(captures: Sequence[Capture], sparse: SparsePoints, scale: Scale) -> tuple[float, str]:
     """Metres per unit from a known length, and its source in words."""
-    index = next((i for i, capture in enumerate(captures) if capture.name == scale.photo), None)
-    if index is None:
-        raise CaptureError(
-            f"there is no capture '{scale.photo}'", where="scale, known_length",
-            cure=f"Name one of {', '.join(capture.name for capture in captures)}.",
-        )  # fmt: skip
-    capture = captures[index]
-    width, height = upright_size(capture.image_path)
-    given = np.array([scale.pixel_a, scale.pixel_b], np.float64)
-    if not np.isfinite(given).all() or (given < 0).any() or (given > [width, height]).any():
-        raise CaptureError(
-            f"a pixel lies outside the {width}x{height} photograph", where=f"scale, {scale.photo}",
-            cure="Give both pixels in the upright photograph at its full size.",
-        )  # fmt: skip
-    pixels = capture.working_pixels(given, (height, width))
-    ends = np.array([_lifted(capture, sparse, index, pixel) for pixel in pixels])
+    index, pixels = pointed_at(captures, scale.photo, [scale.pixel_a, scale.pixel_b], "scale, known_length")
+    ends = np.array([lifted(captures[index], sparse, index, pixel) for pixel in pixels])
     length = float(np.linalg.norm(ends[0] - ends[1]))
     if length < 1e-9:
         raise CaptureError(
@@ -106,37 +90,6 @@ def length_scale(captures: Sequence[Capture], sparse: SparsePoints, scale: Scale
             cure="Choose two points far apart.",
         )  # fmt: skip
     return scale.metres / length, f"known length of {scale.metres:g} m in {scale.photo}"
-
-
-def _lifted(capture: Capture, sparse: SparsePoints, index: int, pixel: np.ndarray) -> np.ndarray:
-    """The point (3,) seen at a pixel, from the surface that the nearest sparse points span."""
-    camera = capture.camera
-    places, depth = camera.project(sparse.points)
-    usable = sparse.visibility[:, index] & (depth > 0)
-    distance = np.where(usable, np.linalg.norm(places - pixel, axis=1), np.inf)
-    near = np.argsort(distance, kind="stable")[:_NEAREST_POINTS]
-    near = near[distance[near] <= _LIFT_RADIUS * max(camera.width, camera.height)]
-    if len(near) < 3:
-        raise CaptureError(
-            f"nothing was measured near pixel {tuple(round(float(v)) for v in pixel)}",
-            where=f"scale, {capture.name}",
-            cure="Choose points on textured surfaces that other photographs see too.",
-        )  # fmt: skip
-    # On a plane the inverse depth is linear in the pixels.
-    offset = (places[near] - pixel) / max(camera.width, camera.height)
-    design = np.column_stack([offset, np.ones(len(near))])
-    inverse, weights = 1.0 / depth[near], np.ones(len(near))
-    for _ in range(10):
-        # The slope is held back a little, for points that lie in a row do not tell it.
-        system = design.T @ (weights[:, None] * design) + np.diag([1e-3, 1e-3, 0.0])
-        fit = np.linalg.solve(system, design.T @ (weights * inverse))
-        residual = np.abs(inverse - design @ fit)
-        weights = 1.0 / np.maximum(residual, 0.002 * np.median(inverse))
-        weights /= weights.mean()
-    lowest, highest = inverse.min() / 1.5, inverse.max() * 1.5
-    z = 1.0 / float(np.clip(fit[2], lowest, highest))
-    local = np.array([(pixel[0] - camera.cx) / camera.fx * z, (pixel[1] - camera.cy) / camera.fy * z, z])
-    return camera.world_from_camera[:3, :3] @ local + camera.centre
 
 
 def marker_scale(captures: Sequence[Capture], scale: Scale) -> tuple[float, str]:
@@ -155,7 +108,8 @@ def marker_scale(captures: Sequence[Capture], scale: Scale) -> tuple[float, str]
             cure="Use a flat marker of ArUco's DICT_4X4_50 with a white rim, large in two photographs.",
         )  # fmt: skip
     identity = next(key for key, value in seen.items() if value is views)
-    corners = np.array([_intersection(views, corner) for corner in range(4)])
+    cameras = [capture.camera for capture, _ in views]
+    corners = np.array([intersection(cameras, [seen[k] for _, seen in views]) for k in range(4)])
     sides = np.linalg.norm(corners - np.roll(corners, -1, axis=0), axis=1)
     if not sides.min() > 0 or np.ptp(sides) > _MARKER_DISAGREEMENT * sides.mean():
         raise CaptureError(
@@ -182,23 +136,3 @@ def _markers(capture: Capture) -> list[tuple[int, np.ndarray]]:
         (int(identity), capture.working_pixels(quad.reshape(4, 2) + 0.5, image.shape[:2]))
         for identity, quad in zip(identities.ravel(), corners, strict=True)
     ]
-
-
-def _intersection(views: list[tuple[Capture, np.ndarray]], corner: int) -> np.ndarray:
-    """The point (3,) nearest to the rays through one corner."""
-    system, target = np.zeros((3, 3)), np.zeros(3)
-    for capture, corners in views:
-        camera, (u, v) = capture.camera, corners[corner]
-        ray = camera.world_from_camera[:3, :3] @ [
-            (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0,
-        ]  # fmt: skip
-        ray /= np.linalg.norm(ray)
-        across = np.eye(3) - np.outer(ray, ray)
-        system += across
-        target += across @ camera.centre
-    if np.linalg.cond(system) > 1e8:
-        raise CaptureError(
-            "the marker was seen from one place only", where="scale, marker",
-            cure="Photograph it from places a step apart.",
-        )  # fmt: skip
-    return np.linalg.solve(system, target)

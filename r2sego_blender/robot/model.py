@@ -107,6 +107,11 @@ class RobotModel:
         """Height of the base above the floor in the standing posture."""
         return float(self.rest_qpos[2])
 
+    @property
+    def eye_height_m(self) -> float:
+        """Height of the head camera above the floor in the standing posture."""
+        return float(self.camera_poses(self.rest_qpos[None])[0, 2, 3])
+
     def camera_poses(self, qpos: np.ndarray, mount: CameraMount | None = None) -> np.ndarray:
         """``world_from_camera`` (T, 4, 4) float64 of configurations ``qpos`` (T, nq).
 

@@ -1,0 +1,94 @@
+"""Points that a person shows in photographs, found in the room."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..cameras import Camera
+from ..errors import CaptureError
+from .capture import Capture
+from .photographs import upright_size
+from .sparse import SparsePoints
+
+_NEAREST_POINTS = 12
+_LIFT_RADIUS = 0.12  # of the image's longest side
+_WORST_CONDITION = 1e8
+
+
+def pointed_at(
+    captures: Sequence[Capture], photo: str, pixels: Sequence[Sequence[float]], where: str
+) -> tuple[int, np.ndarray]:  # fmt: skip
+    """The capture that ``photo`` names, with or without suffix, and its working pixels (n, 2).
+
+    ``pixels`` are those of the upright file. Raises CaptureError for another name and for
+    pixels outside.
+    """
+    named = [i for i, capture in enumerate(captures) if capture.name == photo]
+    named = named or [i for i, capture in enumerate(captures) if Path(capture.name).stem == photo]
+    if len(named) != 1:
+        raise CaptureError(
+            f"there {'is no capture' if not named else 'are several captures'} '{photo}'", where=where,
+            cure=f"Name one of {', '.join(capture.name for capture in captures)}.",
+        )  # fmt: skip
+    capture = captures[named[0]]
+    width, height = upright_size(capture.image_path)
+    given = np.asarray(pixels, np.float64)
+    if not np.isfinite(given).all() or (given < 0).any() or (given > [width, height]).any():
+        raise CaptureError(
+            f"a pixel lies outside the {width}x{height} photograph", where=f"{where}, {photo}",
+            cure="Give pixels of the upright photograph at its full size.",
+        )  # fmt: skip
+    return named[0], capture.working_pixels(given, (height, width))
+
+
+def lifted(capture: Capture, sparse: SparsePoints, index: int, pixel: np.ndarray) -> np.ndarray:
+    """The point (3,) seen at a pixel, from the surface that the nearest sparse points span."""
+    camera = capture.camera
+    places, depth = camera.project(sparse.points)
+    usable = sparse.visibility[:, index] & (depth > 0)
+    distance = np.where(usable, np.linalg.norm(places - pixel, axis=1), np.inf)
+    near = np.argsort(distance, kind="stable")[:_NEAREST_POINTS]
+    near = near[distance[near] <= _LIFT_RADIUS * max(camera.width, camera.height)]
+    if len(near) < 3:
+        raise CaptureError(
+            f"nothing was measured near pixel {tuple(round(float(v)) for v in pixel)}",
+            where=capture.name,
+            cure="Choose points on textured surfaces that other photographs see too.",
+        )  # fmt: skip
+    # On a plane the inverse depth is linear in the pixels.
+    offset = (places[near] - pixel) / max(camera.width, camera.height)
+    design = np.column_stack([offset, np.ones(len(near))])
+    inverse, weights = 1.0 / depth[near], np.ones(len(near))
+    for _ in range(10):
+        # The slope is held back a little, for points that lie in a row do not tell it.
+        system = design.T @ (weights[:, None] * design) + np.diag([1e-3, 1e-3, 0.0])
+        fit = np.linalg.solve(system, design.T @ (weights * inverse))
+        residual = np.abs(inverse - design @ fit)
+        weights = 1.0 / np.maximum(residual, 0.002 * np.median(inverse))
+        weights /= weights.mean()
+    lowest, highest = inverse.min() / 1.5, inverse.max() * 1.5
+    z = 1.0 / float(np.clip(fit[2], lowest, highest))
+    local = np.array([(pixel[0] - camera.cx) / camera.fx * z, (pixel[1] - camera.cy) / camera.fy * z, z])
+    return camera.world_from_camera[:3, :3] @ local + camera.centre
+
+
+def intersection(cameras: Sequence[Camera], pixels: Sequence[np.ndarray]) -> np.ndarray:
+    """The point (3,) nearest to the rays through one pixel (2,) of each camera."""
+    system, target = np.zeros((3, 3)), np.zeros(3)
+    for camera, (u, v) in zip(cameras, pixels, strict=True):
+        ray = camera.world_from_camera[:3, :3] @ [
+            (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0,
+        ]  # fmt: skip
+        ray /= np.linalg.norm(ray)
+        across = np.eye(3) - np.outer(ray, ray)
+        system += across
+        target += across @ camera.centre
+    if np.linalg.cond(system) > _WORST_CONDITION:
+        raise CaptureError(
+            "the point was seen from one place only", where="photographs",
+            cure="Show it in photographs from places a step apart.",
+        )  # fmt: skip
+    return np.linalg.solve(system, target)
