@@ -109,7 +109,7 @@ class CollisionSettings:
 class TextureSettings:
     """The textured mesh of the geometry proxy."""
 
-    faces: int = setting(20000, "Faces the proxy is decimated to.", 4, 1000000)
+    faces: int = setting(30000, "Faces the proxy is decimated to.", 4, 1000000)
     size_px: int = setting(2048, "Side of the texture.", 64, 8192)
     unwrap_seconds: float = setting(
         60.0, "Time for xatlas; then fewer faces, and then boxes, are unwrapped.", 0.0, 3600.0

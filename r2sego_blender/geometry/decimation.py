@@ -8,20 +8,24 @@ import numpy as np
 from ..errors import GeometryError
 
 _WELD_M = 1e-4  # vertices this near are one
+_BORDERS_KEPT_ABOVE = 2  # times the faces asked for
 
 
 def decimated(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
     """The mesh with about ``most`` faces at most: vertices (V, 3) float32, faces (F, 3) int32.
 
     Vertices in one place are welded first, so that edges between patches can collapse;
-    faces without area go. Flat parts lose most faces, open borders stay where they are as
-    long as they can. Raises GeometryError for a mesh without faces, with indices out of
+    faces without area go. Flat parts lose most faces; open borders are left alone at first,
+    since cracks open where patches that only touch move apart. Raises GeometryError for a mesh without faces, with indices out of
     range or with vertices that are not finite.
     """
     vertices, faces = welded(vertices, faces)
-    if len(faces) > most:
-        vertices, faces = fast_simplification.simplify(vertices, faces, target_count=most)
-        vertices, faces = welded(vertices, faces)
+    for target, keep_border in ((_BORDERS_KEPT_ABOVE * most, True), (most, False)):
+        if len(faces) > target:
+            vertices, faces = fast_simplification.simplify(
+                vertices, faces, target_count=target, preserve_border=keep_border
+            )
+            vertices, faces = welded(vertices, faces)
     return vertices, faces
 
 

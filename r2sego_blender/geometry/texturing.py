@@ -34,6 +34,7 @@ _BEST_POWER = 4.0  # how much the best capture outweighs the next: sharp before 
 _FILL_CELL_M = 0.02
 _FILL_NEIGHBOURS = 8
 _FILL_TURN_M = 0.3  # a right angle between normals counts as this much distance and more
+_FILL_SLACK = 1.0  # the neighbours may be this share farther than the nearest: four times as fast
 
 
 def bake(
@@ -165,17 +166,27 @@ def _face_normals(vertices, faces):
 def _continued(points, normals, colours, seen):
     """Colours for the unseen points: those of the nearest seen surface that faces the same way."""
     place = np.concatenate([points, _FILL_TURN_M * normals], axis=1)
-    cells = np.floor(place / _FILL_CELL_M).astype(np.int32)[seen]
-    _, cell = np.unique(cells, axis=0, return_inverse=True)
-    cell = cell.ravel()
+    cell = _numbered(np.floor(place[seen] / _FILL_CELL_M).astype(np.int64))
     count = np.bincount(cell)
     known = np.concatenate([place, colours], axis=1)[seen]
     known = np.stack([np.bincount(cell, column) for column in known.T], axis=1) / count[:, None]
     neighbours = [*range(1, min(_FILL_NEIGHBOURS, len(known)) + 1)]
-    distance, near = cKDTree(known[:, :6]).query(place[~seen], k=neighbours)
+    distance, near = cKDTree(known[:, :6]).query(place[~seen], k=neighbours, eps=_FILL_SLACK, workers=-1)
     weight = 1.0 / (distance**2 + _FILL_CELL_M**2) ** 2
     weight /= weight.sum(1, keepdims=True)
     return np.einsum("ij,ijk->ik", weight, known[near, 6:])
+
+
+def _numbered(cells: np.ndarray) -> np.ndarray:
+    """(n,) the number of each distinct row of (n, k) integers."""
+    key = np.zeros(len(cells), np.int64)
+    for column in cells.T:  # as digits of one number, packed anew where they would overflow
+        column = column - column.min()
+        base = int(column.max()) + 1
+        if (int(key.max()) + 1) * base >= 2**62:
+            key = np.unique(key, return_inverse=True)[1].ravel()
+        key = key * base + column
+    return np.unique(key, return_inverse=True)[1].ravel()
 
 
 def filled(texture: np.ndarray, known: np.ndarray) -> np.ndarray:
