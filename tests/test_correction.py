@@ -1,0 +1,308 @@
+"""A wrong floor, tilt or metre put right by one similarity, in captures, points and declaration."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.captures.capture import Capture
+from r2sego_blender.captures.floor_points import FloorPoint, ground_of, ground_through
+from r2sego_blender.captures.scale import Scale
+from r2sego_blender.captures.sparse import SparsePoints
+from r2sego_blender.captures.store import load_captures, save_captures
+from r2sego_blender.correction import correct_registration
+from r2sego_blender.errors import CaptureError, SceneError
+from r2sego_blender.images import save_image
+from r2sego_blender.progress import Progress
+from r2sego_blender.robot.model import EMBEDDED_HUMANOID, RobotModel
+from r2sego_blender.scene import Declaration, Scene, content_digest
+
+ROOT = Path(__file__).parents[1]
+LENS = Camera(160, 120, 110.0, 112.0, 78.0, 61.0, np.eye(4))
+FLOOR = np.array([[-0.8, 1.0, 0.0], [0.9, 1.1, 0.0], [0.3, 2.4, 0.0], [-0.5, 2.0, 0.0]])
+
+
+def _truth(count=4):
+    """Cameras over a floor at z = 0, the first above the origin and heading along x."""
+    poses = [look_at([0.4 * i, 0.1 * i, 1.4 + 0.05 * i], [0.1, 1.7, 0.1]) for i in range(count)]
+    heading = poses[0][:3, 2]
+    turn = np.eye(4)
+    turn[:3, :3] = Rotation.from_euler("z", -np.arctan2(heading[1], heading[0])).as_matrix()
+    return turn, [LENS.at(turn @ pose) for pose in poses]
+
+
+def _sparse(cameras, turn):
+    x, y = np.meshgrid(np.linspace(-1.5, 1.5, 25), np.linspace(0.6, 3.0, 25))
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]) @ turn[:3, :3].T
+    pixels = np.full((len(points), len(cameras), 2), np.nan, np.float32)
+    for index, camera in enumerate(cameras):
+        place, depth = camera.project(points)
+        seen = camera.sees(place, depth)
+        pixels[seen, index] = place[seen]
+    visibility = np.isfinite(pixels[..., 0])
+    kept = visibility.sum(axis=1) >= 2
+    colours = np.zeros((kept.sum(), 3), np.uint8)
+    return SparsePoints(points[kept], colours, visibility[kept], np.zeros(kept.sum()), pixels[kept])
+
+
+def _wrong(seed=0, scale=1.0, tilt_deg=5.0):
+    """What took the true world to a wrong one."""
+    rng = np.random.default_rng(seed)
+    similarity = np.eye(4)
+    axis = rng.normal(size=3) * [1, 1, 0.2]
+    turn = Rotation.from_rotvec(np.radians(tilt_deg) * axis / np.linalg.norm(axis))
+    similarity[:3, :3] = scale * turn.as_matrix()
+    similarity[:3, 3] = rng.uniform(-0.3, 0.3, 3)
+    return similarity
+
+
+def _scene(folder, similarity, source="metric poses"):
+    turn, cameras = _truth()
+    captures = []
+    for index, camera in enumerate(cameras):
+        save_image(
+            folder / f"p{index}.png", np.random.default_rng(index).random((120, 160, 3)).astype(np.float32)
+        )
+        captures.append(Capture(f"p{index}.jpg", folder / f"p{index}.png", camera.transformed(similarity)))
+    sparse = _sparse(cameras, turn).transformed(similarity)
+
+    def fill(place: Path) -> None:
+        save_captures(place / "captures", captures, sparse)
+        (place / "captures" / "masks").mkdir()
+        (place / "captures" / "masks" / "chair.png").write_bytes(b"drawn by hand")
+
+    declared = Declaration("photographs", tuple(map(tuple, (2.0 * np.diag([1, 1, 1, 0.5])).tolist())),
+                           ground="no floor seen", scale_source=source)  # fmt: skip
+    return Scene.create(folder / "room.r2s", declared, fill), turn, cameras
+
+
+def _shown(turn, cameras, spots=FLOOR, views=(0, 2)):
+    """The pixels a person would click."""
+    spots = spots @ turn[:3, :3].T
+    return [FloorPoint(tuple((f"p{v}", tuple(cameras[v].project(spot)[0])) for v in views)) for spot in spots]
+
+
+class Remembered(Progress):
+    def __init__(self) -> None:
+        self.warnings: list[str] = []
+
+    def message(self, text: str, level: str = "info") -> None:
+        if level == "warning":
+            self.warnings.append(text)
+
+
+def _assert_true(scene, cameras, places_m=1e-6):
+    for capture, camera in zip(load_captures(scene.captures_folder), cameras, strict=True):
+        assert np.abs(capture.camera.world_from_camera - camera.world_from_camera).max() < places_m
+        assert (capture.camera.fx, capture.camera.fy, capture.camera.cx) == (110.0, 112.0, 78.0)
+
+
+@pytest.mark.parametrize("views", [(0, 2), (0, 1, 3), (1,)])
+def test_floor_points_put_a_tilted_world_right(tmp_path, views):
+    scene, turn, cameras = _scene(tmp_path, _wrong())
+    before = load_captures(scene.captures_folder)
+    made = correct_registration(scene, floor=_shown(turn, cameras, views=views))
+    # In one photograph the point is on the surface of its sparse points, whose slope is held back.
+    _assert_true(made, cameras, 1e-6 if len(views) > 1 else 3e-3)
+    points = SparsePoints.load(made.captures_folder / "sparse.npz").points
+    assert np.abs(points[:, 2]).max() < (1e-6 if len(views) > 1 else 5e-3)
+    assert "4 floor points shown" in made.declaration.ground
+    assert Scene.open(scene.path).declaration == made.declaration
+    # The declaration takes the frame of the given poses to the new world, as it did to the old.
+    from_given = np.array(made.declaration.world_from_capture)
+    old = np.array(scene.declaration.world_from_capture)
+    for capture, earlier in zip(load_captures(made.captures_folder), before, strict=True):
+        given = np.linalg.inv(old) @ [*earlier.camera.centre, 1.0]
+        assert np.abs((from_given @ given)[:3] - capture.camera.centre).max() < 1e-9
+
+
+def test_images_and_masks_stay_as_they_are(tmp_path):
+    scene, turn, cameras = _scene(tmp_path, _wrong())
+    images = content_digest(scene.captures_folder / "images")
+    made = correct_registration(scene, floor=_shown(turn, cameras))
+    assert content_digest(made.captures_folder / "images") == images
+    assert (made.captures_folder / "masks" / "chair.png").read_bytes() == b"drawn by hand"
+    assert [p.name for p in scene.path.iterdir() if p.name.startswith(".unfinished")] == []
+
+
+def test_what_depends_on_the_captures_is_redone(tmp_path):
+    scene, turn, cameras = _scene(tmp_path, _wrong())
+    runs = []
+
+    def step(made):
+        made.step("geometry/heights.txt", lambda place: (runs.append(1), place.write_text("x")),
+                  inputs=["captures"])  # fmt: skip
+
+    step(scene)
+    step(scene)
+    assert len(runs) == 1
+    step(correct_registration(scene, floor=_shown(turn, cameras)))
+    assert len(runs) == 2
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10**6), tilt_deg=st.floats(0.0, 40.0), count=st.integers(3, 4))
+def test_any_tilt_is_undone(seed, tilt_deg, count):
+    turn, cameras = _truth()
+    similarity = _wrong(seed, tilt_deg=tilt_deg)
+    captures = [Capture(f"p{i}", None, c.transformed(similarity)) for i, c in enumerate(cameras)]
+    spots = FLOOR[:count] @ turn[:3, :3].T
+    points = []
+    for spot in spots:
+        views = [(i, cameras[i].project(spot)[0]) for i in (0, 3)]
+        points.append(_Shown(captures, views))
+    ground = ground_through(captures, None, points)
+    up = similarity[:3, :3] @ [0, 0, 1]
+    assert np.degrees(np.arccos(np.clip(ground.normal @ up, -1, 1))) < 1e-4
+    assert np.abs(ground.height([similarity[:3, :3] @ s + similarity[:3, 3] for s in spots])).max() < 1e-7
+
+
+class _Shown:
+    """A floor point whose photographs are not on disk."""
+
+    def __init__(self, captures, views) -> None:
+        self.captures, self.views = captures, views
+
+    def place(self, captures, sparse):
+        from r2sego_blender.captures.lifting import intersection
+
+        return intersection([self.captures[i].camera for i, _ in self.views], [p for _, p in self.views])
+
+
+def test_one_point_tells_the_height_alone(tmp_path):
+    lowered = np.eye(4)
+    lowered[2, 3] = -0.4
+    scene, turn, cameras = _scene(tmp_path, lowered)
+    made = correct_registration(scene, floor=_shown(turn, cameras)[:1])
+    _assert_true(made, cameras)
+    assert "height of 1 floor point shown" in made.declaration.ground
+
+
+def test_up_and_height_by_hand(tmp_path):
+    similarity = _wrong(3, tilt_deg=8.0)
+    scene, _, cameras = _scene(tmp_path, similarity)
+    up = similarity[:3, :3] @ [0.0, 0.0, 1.0]
+    at = float(up @ similarity[:3, 3] / up[2])  # where the floor crosses the z-axis of now
+    made = correct_registration(scene, up=tuple(3.0 * up), floor_at_m=at)
+    _assert_true(made, cameras)
+    again = correct_registration(made, up=(0, 0, 1))
+    _assert_true(again, cameras)
+
+
+def test_a_scale_is_corrected_without_moving_the_floor(tmp_path):
+    scene, _, cameras = _scene(tmp_path, np.diag([1.7, 1.7, 1.7, 1.0]), source="assumed: held 1.5 m high")
+    made = correct_registration(scene, scale=Scale.camera_height(float(cameras[0].centre[2]), "robot's eye"))
+    _assert_true(made, cameras)
+    assert made.declaration.ground == "no floor seen"
+    assert made.declaration.scale_source == "robot's eye height of 1.4 m"
+
+
+def test_a_scale_that_hung_on_the_old_floor_is_pointed_out(tmp_path):
+    for source, warned in (
+        ("assumed: held 1.5 m", True),
+        ("camera height of 1.4 m", True),
+        ("metric", False),
+    ):
+        folder = tmp_path / source[:5]
+        folder.mkdir()
+        scene, turn, cameras = _scene(folder, _wrong(), source=source)
+        told = Remembered()
+        made = correct_registration(scene, floor=_shown(turn, cameras), progress=told)
+        assert bool(told.warnings) is warned
+        assert made.declaration.scale_source == source
+
+
+def test_floor_and_scale_together(tmp_path):
+    scene, turn, cameras = _scene(tmp_path, _wrong(5, scale=0.6))
+    scale = Scale.camera_height(float(cameras[0].centre[2]))
+    _assert_true(correct_registration(scene, floor=_shown(turn, cameras), scale=scale), cameras)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "message"),
+    [
+        ({}, "nothing is to be corrected"),
+        ({"floor": ["p0:80,60"], "up": (0, 0, 1)}, "given twice"),
+        ({"floor": ["p9:80,60"]}, "no capture 'p9'"),
+        ({"floor": ["p0:800,60"]}, "outside the 160x120"),
+        ({"floor": ["p0:80,60=p0:80,60"]}, "one place only"),
+        ({"up": (0, 0, 0)}, "no direction"),
+        ({"up": (0, 0, -1)}, "above the camera"),
+        ({"floor_at_m": 30.0}, "above the camera"),
+        ({"floor_at_m": float("nan")}, "no direction"),
+    ],
+)
+def test_what_cannot_be_corrected_changes_nothing(tmp_path, wanted, message):
+    scene, _, _ = _scene(tmp_path, _wrong())
+    before = content_digest(scene.path)
+    floor = [FloorPoint.parse(text) for text in wanted.pop("floor", ())]
+    with pytest.raises(CaptureError, match=message):
+        correct_registration(scene, floor=floor, **wanted)
+    (scene.path / ".lock").unlink(missing_ok=True)
+    assert content_digest(scene.path) == before
+
+
+def test_floor_points_in_a_line_or_off_a_plane_are_refused(tmp_path):
+    scene, turn, cameras = _scene(tmp_path, np.eye(4))
+    line = np.array([[-0.5, 1.2, 0], [0.0, 1.5, 0], [0.5, 1.8, 0]])
+    with pytest.raises(CaptureError, match="in one line"):
+        correct_registration(scene, floor=_shown(turn, cameras, line))
+    bent = FLOOR + np.array([[0, 0, 0.5], [0, 0, 0], [0, 0, 0.5], [0, 0, 0]])
+    with pytest.raises(CaptureError, match="off one plane"):
+        correct_registration(scene, floor=_shown(turn, cameras, bent))
+
+
+@pytest.mark.parametrize("text", ["p0", "p0:1", "p0:1,2,3", "p0:a,b", "p0:1,2=", "="])
+def test_floor_points_are_parsed_strictly(text):
+    with pytest.raises(CaptureError, match="floor points"):
+        FloorPoint.parse(text)
+    assert FloorPoint.parse("a:b:1,2=c:3,4").views == (("a:b", (1.0, 2.0)), ("c", (3.0, 4.0)))
+
+
+def test_a_scene_in_use_is_left_alone(tmp_path):
+    scene, turn, cameras = _scene(tmp_path, _wrong())
+    with scene.locked(), pytest.raises(SceneError, match="another process"):
+        correct_registration(scene, floor=_shown(turn, cameras))
+
+
+def test_the_ground_by_hand_says_what_was_given():
+    captures = [Capture("p", None, LENS.at(look_at([0, 0, 1.5], [1, 0, 1])))]
+    assert "up was (0.0000, 0.0000, 1.0000), -0.100 m" in ground_of(captures, None, -0.1).description
+
+
+def test_the_command_line_corrects_with_the_robots_eye(tmp_path):
+    scene, turn, cameras = _scene(tmp_path, _wrong())
+    floor = []
+    for point in _shown(turn, cameras):
+        floor += ["--floor", "=".join(f"{photo}:{x!r},{y!r}" for photo, (x, y) in
+                                      ((p, map(float, xy)) for p, xy in point.views))]  # fmt: skip
+    command = [sys.executable, "-m", "r2sego_blender", "register", str(scene.path), *floor,
+               "--camera-height", "robot", "--json-progress"]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout.splitlines()[-1])
+    robot = RobotModel.load(EMBEDDED_HUMANOID)
+    assert told["scale"] == f"robot's eye height of {robot.eye_height_m:.4g} m"
+    first = load_captures(scene.captures_folder)[0].camera
+    assert first.centre == pytest.approx([0, 0, robot.eye_height_m], abs=1e-6)
+    failed = subprocess.run([*command[:5], "--up", "north"], capture_output=True, text=True, cwd=ROOT)
+    assert failed.returncode == 1 and "'north' is not X,Y,Z" in failed.stderr
+
+
+def test_the_robots_eye_is_where_mujoco_has_it():
+    robot = RobotModel.load(EMBEDDED_HUMANOID)
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = robot.rest_qpos
+    mujoco.mj_kinematics(robot.model, data)
+    mujoco.mj_camlight(robot.model, data)
+    assert robot.eye_height_m == pytest.approx(data.cam("head_camera").xpos[2], abs=1e-9)
