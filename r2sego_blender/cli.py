@@ -310,7 +310,7 @@ def convert(source: Path, target: Path) -> None:
 
 @main.group()
 def bench() -> None:
-    """Measure how fast the kernels are on this machine, and how fast they could be."""
+    """Measure the kernels' speed on this machine, and geometry against ground truth."""
 
 
 @bench.command("splats")

@@ -1,1 +1,1 @@
-"""Benchmarks: what this machine makes of the kernels, and what it could make of them at best."""
+"""Benchmarks: what this machine makes of the kernels, and how near geometry comes to the truth."""
