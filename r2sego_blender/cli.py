@@ -23,7 +23,7 @@ from . import __version__
 from .errors import R2SEgoError, SettingsError
 from .progress import JsonProgress, Progress, TerminalProgress
 from .scene import Scene
-from .settings import MANY_PHOTOGRAPHS, PRESETS, VANILLA_3DGS
+from .settings import MANY_PHOTOGRAPHS, PRESETS, VANILLA_3DGS, with_overrides
 
 FOLDER = click.Path(file_okay=False, path_type=Path)
 ANY_PATH = click.Path(path_type=Path)
@@ -253,6 +253,39 @@ def export(scene: Path, folder: Path, splats: str) -> None:
     suffixes = [f".{name.strip().lower().lstrip('.')}" for name in splats.split(",") if name.strip()]
     for path in export_scene(Scene.open(scene), folder, suffixes):
         click.echo(path)
+
+
+@main.command()
+@click.argument("scene", type=ANY_PATH)
+@click.option("--to", "file", type=ANY_PATH, metavar="FILE.glb", help="By default the bundle's own.")
+@click.option("--faces", type=int, metavar="N", help="Short for --set texture.faces=N.")
+@click.option("--size", type=int, metavar="PX", help="Short for --set texture.size_px=PX.")
+@_settings_option
+@_json_progress
+@click.pass_context
+def texture(
+    context: click.Context,
+    scene: Path,
+    file: Path | None,
+    faces: int | None,
+    size: int | None,
+    overrides: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Write SCENE's proxy as one mesh with a texture baked from the captures."""
+    from .texture import texture_scene
+
+    progress = _progress(context, as_json)
+    opened = Scene.open(scene)
+    shorts = {"texture.faces": faces, "texture.size_px": size}
+    given = {key: value for key, value in shorts.items() if value is not None}
+    settings = with_overrides({**_overrides(overrides), **given}, opened.declaration.settings)
+    with opened.locked():
+        figures = texture_scene(opened, settings, file, progress)
+    if as_json:
+        _tell(progress, **figures.to_json())
+    else:
+        click.echo(figures.line())
 
 
 @main.command()

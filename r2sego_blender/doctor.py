@@ -36,6 +36,8 @@ PACKAGES = (
     Package("pycolmap", "pycolmap", "structure from motion and pose estimation", 50),
     Package("mujoco", "mujoco", "rollouts in simulation", 60),
     Package("trimesh", "trimesh", "mesh files and repair", 10),
+    Package("fast-simplification", "fast_simplification", "meshes with fewer faces", 1),
+    Package("xatlas", "xatlas", "texture coordinates", 1),
     Package("pillow", "PIL", "image files", 10),
     Package("usd-core", "pxr", "USD files of splats", 210),
     Package("zstandard", "zstandard", "SPZ files of version 4", 25),

@@ -41,6 +41,7 @@ MAY_IMPORT = {
     "doctor": FOUNDATION,
     "status": FOUNDATION,
     "export": FOUNDATION | {"geometry", "splats"},
+    "texture": PARTS,
     "evaluation": PARTS | {"visual_asset", "steps", "pipeline"},
     "benchmarks": PARTS | {"splat_training", "creation", "steps", "evaluation"},
     "splat_training": FOUNDATION | {"captures", "splats", "evaluation"},
@@ -53,6 +54,7 @@ MAY_IMPORT = {
         "doctor",
         "status",
         "export",
+        "texture",
         "evaluation",
         "benchmarks",
     }
