@@ -95,8 +95,11 @@ class CollisionSettings:
 
     simplification_m: float = setting(0.04, "Vertices in a cell of this side are merged.", 0.005, 0.5)
     cell_m: float = setting(0.4, "Largest cell of the convex decomposition.", 0.05, 2.0)
-    min_cell_m: float = setting(0.08, "Cells this small are cut no further.", 0.01, 1.0)
+    min_cell_m: float = setting(0.06, "Cells this small are cut no further.", 0.01, 1.0)
     tolerance_m: float = setting(0.02, "How far a convex piece may leave the surface.", 0.002, 0.2)
+    carrying_tolerance_m: float = setting(
+        0.01, "The same for its sides that face up, on which things come to rest.", 0.002, 0.2
+    )
     thickness_m: float = setting(0.05, "Depth of a piece behind its surface.", 0.005, 0.5)
     floor_tolerance_m: float = setting(0.03, "Level surfaces this near z = 0 are the floor.", 0.0, 0.2)
     min_component_m: float = setting(0.15, "Loose pieces smaller than this are dropped.", 0.0, 2.0)

@@ -60,13 +60,17 @@ def collision_surface(proxy: GeometryProxy, settings: CollisionSettings) -> Coll
     vertices[np.unique(faces[on_floor]), 2] = 0.0
     floor = _floor_rectangle(vertices, faces[on_floor])
     soup = Soup.of(vertices, faces[~on_floor])
-    limits = Limits(settings.cell_m, settings.min_cell_m, settings.tolerance_m, settings.thickness_m)
-    while (pieces := decompose(soup, limits, settings.max_pieces)) is None:
+    limits = Limits(
+        settings.cell_m, settings.min_cell_m, settings.tolerance_m, settings.carrying_tolerance_m,
+        settings.thickness_m,
+    )  # fmt: skip
+    while (pieces := decompose(soup, limits, settings.max_pieces, len(floor) > 0)) is None:
         limits = replace(
             limits,
             cell_m=limits.cell_m * _COARSENING,
             smallest_m=limits.smallest_m * _COARSENING,
             tolerance_m=limits.tolerance_m * _COARSENING,
+            carrying_m=limits.carrying_m * _COARSENING,
         )
     return CollisionSurface(vertices, faces, tuple(pieces), floor, 0.0, limits.tolerance_m)
 

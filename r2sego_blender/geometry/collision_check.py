@@ -29,7 +29,8 @@ _LONGEST_S = 6.0
 _REST_SPEED_M_S = 0.01
 _REACH_M = 0.3  # farther from the surface than this is just far
 _MASS_KG = 0.1
-_FRICTION = (1.0, 0.005, 0.005)  # sliding; turning and rolling in metres: on bumps it comes to rest
+# Sliding; turning and rolling in metres: a sphere stays on a slope of less than 20 degrees.
+_FRICTION = (1.0, 0.02, 0.02)
 _BATCH = 150  # spheres simulated together
 
 
@@ -40,7 +41,8 @@ class CollisionCheck:
     ``vertex_error_m``: the largest distance between a written vertex of a piece and the
     nearest compiled one, or the other way; ``starts`` and ``ends`` (N, 3): each sphere's
     centre before and after; ``at_rest`` (N,) bool; ``fell_through`` (N,) bool: its centre's
-    path crossed the surface, or it ended below the floor; ``gap_m`` (N,): from the sphere to
+    path crossed the mesh or the floor from the free side; ``left`` (N,) bool: it rolled off the
+    floor's edge, where the proxy has no wall; ``gap_m`` (N,): from the sphere to
     the nearest point of the mesh and the floor, positive where it floats, negative where it
     has sunk in, inf beyond 30 cm; ``proxy_gap_m`` (N,): the same to another mesh, the proxy,
     or nan; ``simulated_s``: until all were at rest, or the bound.
@@ -52,6 +54,7 @@ class CollisionCheck:
     ends: np.ndarray
     at_rest: np.ndarray
     fell_through: np.ndarray
+    left: np.ndarray
     gap_m: np.ndarray
     proxy_gap_m: np.ndarray
     simulated_s: float
@@ -87,7 +90,7 @@ def check_collision(
     error_m = max((_vertex_error(model, data, path) for path in pieces), default=0.0)
     floor = _floor_triangles(model, data)
     corners = np.concatenate([vertices[faces], floor])
-    starts = _starts(corners, floor if len(floor) else corners)
+    starts = _starts(corners, floor if len(floor) else _bounds(corners))
     paths, at_rest, simulated_s = [], [], 0.0
     batches = [starts[first : first + _BATCH] for first in range(0, len(starts), _BATCH)]
     for batch in progress.track(batches, "Dropping spheres"):
@@ -96,7 +99,7 @@ def check_collision(
         at_rest.append(rests)
         simulated_s = max(simulated_s, seconds)
     ends = np.array([path[-1] for path in paths]).reshape(-1, 3)
-    below = ends[:, 2] < SPHERE_RADIUS_M / 2 if len(floor) else np.zeros(len(ends), bool)
+    finite = np.isfinite(ends).all(1)
     through = np.array([crossed(corners, path) for path in paths], bool)
     proxy_gap_m = np.full(len(ends), np.nan)
     if proxy is not None:
@@ -104,7 +107,7 @@ def check_collision(
     return CollisionCheck(
         pieces=len(pieces), vertex_error_m=error_m, starts=starts, ends=ends,
         at_rest=np.concatenate([np.zeros(0, bool), *at_rest]),
-        fell_through=through | below | ~np.isfinite(ends).all(1),
+        fell_through=through | ~finite, left=~through & finite & (ends[:, 2] < corners[..., 2].min()),
         gap_m=distances(corners, ends, _REACH_M) - SPHERE_RADIUS_M,
         proxy_gap_m=proxy_gap_m, simulated_s=simulated_s,
     )  # fmt: skip
@@ -150,14 +153,19 @@ def _floor_triangles(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     return corners[[[0, 1, 2], [0, 2, 3]]]
 
 
+def _bounds(corners: np.ndarray) -> np.ndarray:
+    """(2, 3, 3): the level rectangle that holds the triangles, where there is no floor."""
+    (x, y, z), (right, ahead, _) = corners.min((0, 1)), corners.max((0, 1))
+    around = np.array([[x, y, z], [right, y, z], [right, ahead, z], [x, ahead, z]])
+    return around[[[0, 1, 2], [0, 2, 3]]]
+
+
 def _starts(corners: np.ndarray, floor: np.ndarray) -> np.ndarray:
-    """(N, 3) centres over a grid on the floor's bounds, each in the free space above a surface.
+    """(N, 3) centres over a grid on the floor, each in the free space above a surface.
 
     Free is what lies between a surface that faces up and the next above it, which faces down.
     """
-    low, high = floor.min((0, 1))[:2], floor.max((0, 1))[:2]
-    x, y = (np.arange(a + _SPACING_M / 2, b, _SPACING_M) for a, b in zip(low, high, strict=True))
-    places = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
+    places = _grid(floor[0, 0], floor[0, 1] - floor[0, 0], floor[1, 2] - floor[0, 0])
     margin = SPHERE_RADIUS_M + _CLEARANCE_M
     starts = []
     for place, (heights, upward) in zip(places, columns(corners, places), strict=True):
@@ -168,6 +176,14 @@ def _starts(corners: np.ndarray, floor: np.ndarray) -> np.ndarray:
             starts.append((*place, centre[np.flatnonzero(free)[-1]]))
     starts = np.array(starts).reshape(-1, 3)
     return starts[distances(corners, starts, margin) > margin]
+
+
+def _grid(origin: np.ndarray, right: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+    """(N, 2) places evenly spread over a rectangle, half a spacing from its edges."""
+    sides = np.stack([right, ahead])[:, :2]
+    counts = np.ceil(np.linalg.norm(sides, axis=1) / _SPACING_M).astype(int)
+    x, y = ((np.arange(count) + 0.5) / count for count in counts)
+    return np.stack(np.meshgrid(x, y), -1).reshape(-1, 2) @ sides + origin[:2]
 
 
 def _dropped(spec: mujoco.MjSpec, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

@@ -10,13 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull
+
+from .standing_out import FreeSide, parts_by_area, sampled
 
 _OVERLOOKED_AREA = 0.03  # share of a piece's area whose protrusion is noise, not shape
-_FACING = 0.2  # cosine from which a hull's facet counts as lying on a triangle's free side
+_UPWARD = 0.5  # cosine from which a side faces up: things come to rest on it
+_ASKED_SPACING_M = 0.04  # between points of a piece at which it is looked how far it stands out
+_THINNEST_M = 0.005
 _SAME_FLAT = 0.97  # cosine between the normals of pieces that may be one flat
 _SMALLEST_PIECE_M2 = 2e-4
-_ASKED_TRIANGLES = 200  # triangles a hull is compared with
 _JOINABLE = 2  # joining flats leaves at least one piece in this many
 _JOINED_TOLERANCE = 1.5  # thickness of a joined flat in tolerances: its noise goes both ways
 _JOINING_ROUNDS = 10
@@ -45,34 +48,84 @@ class Soup:
 @dataclass(frozen=True)
 class Limits:
     """``cell_m``: the boxes the cutting starts from; ``smallest_m``: boxes are cut no further;
-    ``tolerance_m``: protrusion into free space; ``thickness_m``: of a piece, backwards."""
+    ``tolerance_m``: how far a piece may stand out into free space; ``carrying_m``: the same
+    for its sides that face up; ``thickness_m``: of a piece, backwards, at most."""
 
     cell_m: float
     smallest_m: float
     tolerance_m: float
+    carrying_m: float
     thickness_m: float
 
 
-def decompose(soup: Soup, limits: Limits, most: int) -> list[tuple[np.ndarray, np.ndarray]] | None:
+Piece = tuple[np.ndarray, np.ndarray]
+"""A convex piece: vertices (v, 3) float64 and faces (f, 3) int32, counter-clockwise."""
+
+
+def decompose(soup: Soup, limits: Limits, most: int, floored: bool = False) -> list[Piece] | None:
     """At most ``most`` convex pieces that cover the surface, or None if these limits need more.
 
-    A piece is (vertices (v, 3) float64, faces (f, 3) int32), counter-clockwise seen from
-    outside, and has a volume. Deterministic.
+    ``floored`` says that z = 0 is a floor, on which pieces stand out as well. A piece is closed
+    and has a volume. Deterministic.
     """
-    members = _partition(soup, limits)
+    if not len(soup.areas):
+        return []
+    cutting = _Cutting(soup, FreeSide.of(soup.corners, soup.normals, floored), limits)
+    members = _partition(cutting)
     if len(members) > _JOINABLE * most:
         return None
-    members = _joined(soup, members, limits)
+    members = _joined(cutting, members)
     members = [piece for piece in members if soup.areas[piece].sum() > _SMALLEST_PIECE_M2]
     if len(members) > most:
         return None
-    return [_thick_hull(soup, piece, limits.thickness_m) for piece in members]
+    return [cutting.solid(piece) for piece in members]
 
 
-def _partition(soup: Soup, limits: Limits) -> list[np.ndarray]:
+@dataclass(frozen=True)
+class _Cutting:
+    """What pieces are cut from, and the limits they are held to."""
+
+    soup: Soup
+    free: FreeSide
+    limits: Limits
+
+    def fits(self, piece: np.ndarray) -> bool:
+        """Whether the solid of these triangles stands out no farther than the limits."""
+        vertices, faces = self.solid(piece)
+        corners = vertices[faces]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        double = np.linalg.norm(normals, axis=1)
+        carrying = normals[:, 2] > _UPWARD * double
+        points, facet = sampled(corners, parts_by_area(double, _ASKED_SPACING_M))
+        out = self.free.standing_out(points)
+        weights = (double / np.bincount(facet, minlength=len(faces)))[facet]
+        too_far = out > np.where(carrying[facet], self.limits.carrying_m, self.limits.tolerance_m)
+        return weights[too_far].sum() <= _OVERLOOKED_AREA * weights.sum()
+
+    def solid(self, piece: np.ndarray) -> Piece:
+        """The hull of the triangles and of themselves moved back, away from their free side.
+
+        They move as far as the limits say, or less where they would come out behind.
+        """
+        soup, thickness_m = self.soup, self.limits.thickness_m
+        points = np.unique(np.round(soup.corners[piece].reshape(-1, 3), 6), axis=0)
+        mean = soup.areas[piece] @ soup.normals[piece]
+        length = np.sqrt(mean @ mean)
+        if length > 0.2 * soup.areas[piece].sum():
+            back = points - thickness_m * mean / length
+            while thickness_m > _THINNEST_M and self.free.standing_out(back).max() > 0.0:
+                thickness_m /= 2
+                back = points - thickness_m * mean / length
+            points = np.concatenate([points, back])
+        else:  # seen from both sides, as a leg or a leaf: thick enough by itself, or nearly so
+            corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+            points = (points[:, None] + 0.1 * thickness_m * corners).reshape(-1, 3)
+        return convex_hull(points)
+
+
+def _partition(cutting: _Cutting) -> list[np.ndarray]:
     """The triangles' indices by piece: boxes cut until what is in them fits, or they are small."""
-    if not len(soup.areas):
-        return []
+    soup, limits = cutting.soup, cutting.limits
     cells = np.floor((soup.centroids - soup.centroids.min(0)) / limits.cell_m).astype(np.int64)
     _, cell = np.unique(cells, axis=0, return_inverse=True)
     order = np.argsort(cell.ravel(), kind="stable")
@@ -81,7 +134,7 @@ def _partition(soup: Soup, limits: Limits) -> list[np.ndarray]:
     members = []
     while pending:
         piece = pending.pop()
-        if _extent(soup, piece).max() <= limits.smallest_m or _fits(soup, piece, limits):
+        if _extent(soup, piece).max() <= limits.smallest_m or cutting.fits(piece):
             members.append(piece)
         else:
             pending.extend(_halves(soup, piece))
@@ -90,22 +143,6 @@ def _partition(soup: Soup, limits: Limits) -> list[np.ndarray]:
 
 def _extent(soup: Soup, piece: np.ndarray) -> np.ndarray:
     return np.ptp(soup.centroids[piece], axis=0)
-
-
-def _fits(soup: Soup, piece: np.ndarray, limits: Limits) -> bool:
-    """Whether the piece's hull keeps within the tolerance in front of its triangles."""
-    if _height_range(soup, piece) <= limits.tolerance_m:  # flat: no hull is needed to see that
-        return True
-    try:
-        planes = ConvexHull(soup.corners[piece].reshape(-1, 3)).equations
-    except QhullError:  # exactly flat or a line
-        return True
-    asked = piece[:: 1 + len(piece) // _ASKED_TRIANGLES]
-    depth = -(soup.centroids[asked] @ planes[:, :3].T + planes[:, 3])
-    in_front = soup.normals[asked] @ planes[:, :3].T > _FACING
-    protrusion = np.where(in_front, depth, np.inf).min(1)
-    too_far = (protrusion > limits.tolerance_m) & np.isfinite(protrusion)
-    return soup.areas[asked][too_far].sum() <= _OVERLOOKED_AREA * soup.areas[asked].sum()
 
 
 def _height_range(soup: Soup, piece: np.ndarray) -> float:
@@ -142,8 +179,9 @@ def _unevenness(points: np.ndarray, weights: np.ndarray) -> float:
     return float(max(0.0, np.linalg.eigvalsh((away * weights[:, None]).T @ away)[0]))
 
 
-def _joined(soup: Soup, members: list[np.ndarray], limits: Limits) -> list[np.ndarray]:
+def _joined(cutting: _Cutting, members: list[np.ndarray]) -> list[np.ndarray]:
     """Pieces of one flat joined with their neighbours, larger ones first."""
+    soup, limits = cutting.soup, cutting.limits
     pieces = dict(enumerate(members))
     refused: set[tuple[int, int]] = set()
     for _ in range(_JOINING_ROUNDS):
@@ -172,7 +210,7 @@ def _joined(soup: Soup, members: list[np.ndarray], limits: Limits) -> list[np.nd
                 continue
             union = np.concatenate([pieces[a], pieces[b]])
             flat_enough = _height_range(soup, union) <= _JOINED_TOLERANCE * limits.tolerance_m
-            if flat_enough and _gapless(soup, union, areas[i] + areas[j]):
+            if flat_enough and cutting.fits(union):
                 changed |= {a, b}
                 del pieces[b]
                 pieces[a] = union
@@ -184,29 +222,8 @@ def _joined(soup: Soup, members: list[np.ndarray], limits: Limits) -> list[np.nd
     return [pieces[n] for n in sorted(pieces)]
 
 
-def _gapless(soup: Soup, piece: np.ndarray, area: float) -> bool:
-    """Whether a flat piece fills its outline, so that its hull closes no opening."""
-    points = soup.corners[piece].reshape(-1, 3)
-    mean = (soup.normals[piece] * soup.areas[piece, None]).sum(0)
-    mean /= np.linalg.norm(mean)
-    axes = np.linalg.svd(mean[None])[2][1:]
-    try:
-        outline = ConvexHull(points @ axes.T).volume  # in two dimensions, the area
-    except QhullError:
-        return True
-    return outline <= 1.1 * area + 0.01
-
-
-def _thick_hull(soup: Soup, piece: np.ndarray, thickness: float) -> tuple[np.ndarray, np.ndarray]:
-    """The piece's hull with the surface moved back by ``thickness``, away from free space."""
-    points = np.unique(np.round(soup.corners[piece].reshape(-1, 3), 6), axis=0)
-    mean = (soup.normals[piece] * soup.areas[piece, None]).sum(0)
-    length = np.linalg.norm(mean)
-    if length > 0.2 * soup.areas[piece].sum():
-        points = np.concatenate([points, points - thickness * mean / length])
-    else:  # seen from both sides, as a leg or a leaf: thick enough by itself, or nearly so
-        corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        points = (points[:, None] + 0.1 * thickness * corners).reshape(-1, 3)
+def convex_hull(points: np.ndarray) -> Piece:
+    """The hull of points (N, 3) that do not lie in one plane."""
     hull = ConvexHull(points)
     used, faces = np.unique(hull.simplices, return_inverse=True)
     faces = faces.reshape(-1, 3)

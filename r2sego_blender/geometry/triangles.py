@@ -57,12 +57,18 @@ def columns(triangles: np.ndarray, places: np.ndarray) -> list[tuple[np.ndarray,
 
 
 def crossed(triangles: np.ndarray, path: np.ndarray) -> bool:
-    """Whether the path (P, 3), a chain of segments, goes through a triangle from its front."""
+    """Whether the path (P, 3), a chain of segments, goes through a triangle from its front.
+
+    The path ends before its first point that is not finite.
+    """
+    path = path[: np.argmin(np.append(np.isfinite(path).all(1), False))]
+    if len(path) < 2:
+        return False
     low, high = triangles.min(1), triangles.max(1)
+    met = np.flatnonzero(_touched(low, high, path.min(0), path.max(0)))
+    triangles, low, high = triangles[met], low[met], high[met]
     for first in range(0, len(path) - 1, _SEGMENTS):
         part = path[first : first + _SEGMENTS + 1]
-        if not np.isfinite(part).all():
-            return False
         near = triangles[_touched(low, high, part.min(0), part.max(0))]
         if len(near) and _crossed(near, part[:-1], part[1:] - part[:-1]):
             return True
