@@ -1,8 +1,10 @@
 """Distortion of lenses on normalised image coordinates, by the names COLMAP gives the models.
 
 ``opencv`` has OpenCV's coefficients ``(k1, k2, p1, p2, k3, k4, k5, k6)``, ``opencv_fisheye``
-its fisheye's ``(k1, k2, k3, k4)``; the others those of COLMAP's ``sensor/models.h`` after the
-focal lengths and the principal point. All act before focal lengths in pixels.
+its fisheye's ``(k1, k2, k3, k4)``; ``brown`` ``(k1, k2, p1, p2, k3, k4)`` with a polynomial of
+four terms, as nerfstudio and Metashape have it; the others those of COLMAP's
+``sensor/models.h`` after the focal lengths and the principal point. All act before focal
+lengths in pixels.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ _WIDEST_RAD = np.radians(89.0)
 COEFFICIENTS = {
     "opencv": 8,
     "opencv_fisheye": 4,
+    "brown": 6,
     "fov": 1,
     "division": 1,
     "eucm": 2,
@@ -47,6 +50,8 @@ def distorted(model: str, coefficients: Sequence[float], rays: np.ndarray) -> np
         return rays * 2.0 / (1.0 + np.sqrt(1.0 - 4.0 * k[0] * radius2))
     if model == "eucm":
         return rays / (k[0] * np.sqrt(k[1] * radius2 + 1.0) + 1.0 - k[0])
+    if model == "brown":
+        return _thin_prism(rays, k)
     radius = np.maximum(np.sqrt(radius2), 1e-12)
     return _ANGULAR[model](rays * np.arctan(radius) / radius, k)
 
@@ -74,6 +79,8 @@ def undistorted(model: str, coefficients: Sequence[float], places: np.ndarray) -
             inner = np.sqrt(1.0 - (2.0 * k[0] - 1.0) * k[1] * radius2)
             depth = (1.0 - k[1] * k[0] ** 2 * radius2) / (k[0] * inner + 1.0 - k[0])
             return places / np.where(depth > 0, depth, np.nan)
+        if model == "brown":
+            return _solved(lambda guess: _thin_prism(guess, k), places)
         angles = _solved(lambda guess: _ANGULAR[model](guess, k), places)
         angle = np.maximum(np.linalg.norm(angles, axis=1, keepdims=True), 1e-12)
         return angles * np.tan(np.where(angle < _WIDEST_RAD, angle, np.nan)) / angle
@@ -82,7 +89,7 @@ def undistorted(model: str, coefficients: Sequence[float], places: np.ndarray) -
 def turned(model: str, coefficients: Sequence[float]) -> tuple[float, ...]:
     """The coefficients after a clockwise quarter turn of the image: (x, y) goes to (-y, x)."""
     k = list(coefficients)
-    if model in ("opencv", "thin_prism_fisheye") and len(k) >= 4:
+    if model in ("opencv", "brown", "thin_prism_fisheye") and len(k) >= 4:
         # The tangential terms act along (p2, p1), which turns with the image.
         k[2], k[3] = k[3], -k[2]
     if model == "thin_prism_fisheye":
@@ -94,7 +101,11 @@ def turned(model: str, coefficients: Sequence[float]) -> tuple[float, ...]:
 
 
 def _thin_prism(angles: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """COLMAP's THIN_PRISM_FISHEYE of ``angle * direction`` (n, 2): k1, k2, p1, p2, k3, k4, sx1, sy1."""
+    """COLMAP's THIN_PRISM_FISHEYE of ``angle * direction`` (n, 2): k1, k2, p1, p2, k3, k4, sx1, sy1.
+
+    Without the last two, and of rays, it is the model ``brown``.
+    """
+    k = np.append(k, [0.0] * (8 - len(k)))
     x, y = angles.T
     r2 = x * x + y * y
     radial = 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * (k[4] + r2 * k[5])))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from . import json_fields as fields
 from .cameras_json import read_cameras_json
 from .capture import Capture
 from .colmap_model import find_model, read_colmap_model
-from .photographs import captures_of
+from .photographs import Photograph, captures_of
 from .polycam import UP, find_keyframes, lidar_depth, read_polycam
 from .sensor_depth import SensorDepth
 from .solving import solve_poses
@@ -43,44 +44,58 @@ def import_captures(
     """The photographs in ``folder`` as undistorted captures.
 
     ``poses`` is a ``cameras.json``, a ``transforms.json``, a COLMAP folder or a raw export of
-    Polycam (docs/formats.md), or None: ``folder`` is such an export, or the poses are solved
-    from the photographs alone. Photographs are
-    not copied: a capture undistorts and scales its file when it is read. Raises
-    CaptureError naming the file, the field and the cure.
+    Polycam (docs/formats.md), or None: then ``folder`` is such an export, or the poses are
+    solved from the photographs alone. Photographs are not copied: a capture undistorts and
+    scales its file when it is read. Raises CaptureError naming the file, the field and the
+    cure.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise CaptureError("there is no such folder", where=folder, cure="Give a folder of photographs.")
-    keyframes = find_keyframes(folder if poses is None else Path(poses))
-    if keyframes is not None and (poses is None or find_model(Path(poses)) is None):
-        photographs, source = read_polycam(keyframes, progress)
-        captures = captures_of(photographs, settings.max_side_px)
-        return Imported(captures, source, True, UP, lidar_depth(keyframes))
+    poses = find_keyframes(folder) if poses is None else Path(poses)
     if poses is None:
         photographs, source = solve_poses(folder, settings, progress)
-        return Imported(captures_of(photographs, settings.max_side_px), source, metric=False)
-    poses = Path(poses)
-    if poses.is_dir():
-        model = find_model(poses)
-        if model is None:
-            raise CaptureError(
-                "there is no COLMAP model and no raw export of Polycam in this folder", where=poses,
-                cure="Give the folder that holds cameras.bin and images.bin, or .txt; or keyframes.",
-            )  # fmt: skip
-        photographs, metric, source = read_colmap_model(model, folder, progress), False, "COLMAP model"
+        told = {"source": source, "metric": False}
+    elif poses.is_dir():
+        photographs, told = _read_folder(poses, folder, progress)
     else:
-        data = fields.read_json(poses)
-        if "frames" in data:
-            photographs, metric = read_transforms_json(poses, folder, progress)
-            source = "transforms.json"
-        elif "captures" in data:
-            photographs, metric = read_cameras_json(poses, folder)
-            source = "cameras.json"
-        else:
-            raise CaptureError(
-                "the file has neither 'captures' nor 'frames'", where=poses,
-                cure="Give a cameras.json, a transforms.json or a COLMAP folder.",
-            )  # fmt: skip
+        photographs, told = _read_file(poses, folder, progress)
     if not photographs:
         raise CaptureError("no photograph is listed", where=poses, cure="Check the export of the poses.")
-    return Imported(captures_of(photographs, settings.max_side_px), source, metric)
+    return Imported(captures_of(photographs, settings.max_side_px), **told)
+
+
+def _read_folder(
+    poses: Path, folder: Path, progress: Progress
+) -> tuple[list[Photograph], dict[str, Any]]:  # fmt: skip
+    """The photographs of a folder with poses, and what else it tells of ``Imported``."""
+    model, keyframes = find_model(poses), find_keyframes(poses)
+    if model is not None:
+        return read_colmap_model(model, folder, progress), {"source": "COLMAP model", "metric": False}
+    if keyframes is not None:
+        photographs, source = read_polycam(keyframes, progress)
+        told = {"source": source, "metric": True, "up": UP, "depth": lidar_depth(keyframes)}
+        return photographs, told
+    if (poses / "transforms.json").is_file():
+        return _read_file(poses / "transforms.json", folder, progress)
+    raise CaptureError(
+        "there is no COLMAP model, transforms.json or raw export of Polycam in this folder", where=poses,
+        cure="Give the folder that holds cameras.bin and images.bin, or .txt; or keyframes.",
+    )  # fmt: skip
+
+
+def _read_file(
+    poses: Path, folder: Path, progress: Progress
+) -> tuple[list[Photograph], dict[str, Any]]:  # fmt: skip
+    """The photographs of a pose file, and what else it tells of ``Imported``."""
+    data = fields.read_json(poses)
+    if "frames" in data:
+        photographs, metric = read_transforms_json(poses, folder, progress)
+        return photographs, {"source": "transforms.json", "metric": metric}
+    if "captures" in data:
+        photographs, metric = read_cameras_json(poses, folder)
+        return photographs, {"source": "cameras.json", "metric": metric}
+    raise CaptureError(
+        "the file has neither 'captures' nor 'frames'", where=poses,
+        cure="Give a cameras.json, a transforms.json or a COLMAP folder.",
+    )  # fmt: skip

@@ -100,7 +100,7 @@ class Lens:
         left, right = (self._straightened(np.full_like(y, at), y)[:, 0] for at in (x[0], x[-1]))
         top, bottom = (self._straightened(x, np.full_like(x, at))[:, 1] for at in (y[0], y[-1]))
         edges = np.array([left.max(), top.max(), right.min(), bottom.min()])
-        if self.model != "opencv":
+        if self.model not in ("opencv", "brown"):
             # What a fisheye sees beyond a right angle has no place and bounds nothing.
             edges = np.array(
                 [np.fmax.reduce(left), np.fmax.reduce(top), np.fmin.reduce(right), np.fmin.reduce(bottom)]

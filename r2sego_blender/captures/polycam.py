@@ -26,7 +26,7 @@ UP = np.array([0.0, 1.0, 0.0])
 def find_keyframes(folder: Path) -> Path | None:
     """The ``keyframes`` folder of a raw export in or at ``folder``, if there is one."""
     for place in (folder / "keyframes", folder):
-        if any((place / cameras).is_dir() for cameras in ("corrected_cameras", "cameras")):
+        if any(_has(place, kind) for kind in ("corrected_", "")):
             return place
     return None
 
@@ -38,7 +38,7 @@ def read_polycam(keyframes: Path, progress: Progress = SILENT) -> tuple[list[Pho
     both, else the original ones with ARKit's poses. Photographs that are missing are left
     out with a warning.
     """
-    optimised = all((keyframes / name).is_dir() for name in ("corrected_cameras", "corrected_images"))
+    optimised = _has(keyframes, "corrected_")
     kind = "corrected_" if optimised else ""
     cameras, images = keyframes / f"{kind}cameras", keyframes / f"{kind}images"
     # A zip packed on a Mac has a hidden file beside each.
@@ -63,6 +63,10 @@ def lidar_depth(keyframes: Path) -> SensorDepth | None:
     if not depth.is_dir():
         return None
     return SensorDepth(depth, confidence if confidence.is_dir() else None, _LIDAR_RANGE_M)
+
+
+def _has(keyframes: Path, kind: str) -> bool:
+    return all((keyframes / f"{kind}{name}").is_dir() for name in ("cameras", "images"))
 
 
 def _photograph(file: Path, path: Path, border_px: float) -> Photograph:

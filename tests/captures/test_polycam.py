@@ -192,7 +192,8 @@ def test_what_is_wrong_with_an_export_is_said(tmp_path, room, change, message):
 
 
 def test_an_export_without_cameras(tmp_path):
-    (tmp_path / "keyframes" / "cameras").mkdir(parents=True)
+    for name in ("cameras", "images"):
+        (tmp_path / "keyframes" / name).mkdir(parents=True)
     with pytest.raises(CaptureError, match="no camera files"):
         import_captures(tmp_path, None, SETTINGS)
 
