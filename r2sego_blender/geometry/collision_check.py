@@ -24,12 +24,12 @@ _SPACING_M = 0.2
 _DROP_FROM_M = 1.8  # above furniture; under what hangs lower, spheres start lower
 _CLEARANCE_M = 0.05  # between a sphere at its start and the surface above it
 _STEP_S = 0.004
-_STEPS_BETWEEN_LOOKS = 5
-_LONGEST_S = 6.0
+_STEPS_BETWEEN_LOOKS = 10
+_LONGEST_S = 12.0
 _REST_SPEED_M_S = 0.01
 _REACH_M = 0.3  # farther from the surface than this is just far
 _MASS_KG = 0.1
-# Sliding; turning and rolling in metres: a sphere stays on a slope of less than 20 degrees.
+# Sliding; turning and rolling in metres: a sphere stays on a slope of less than 21 degrees.
 _FRICTION = (1.0, 0.02, 0.02)
 _BATCH = 150  # spheres simulated together
 
@@ -91,22 +91,19 @@ def check_collision(
     floor = _floor_triangles(model, data)
     corners = np.concatenate([vertices[faces], floor])
     starts = _starts(corners, floor if len(floor) else _bounds(corners))
-    paths, at_rest, simulated_s = [], [], 0.0
-    batches = [starts[first : first + _BATCH] for first in range(0, len(starts), _BATCH)]
+    ends, through, at_rest, simulated_s = starts.copy(), *np.zeros((2, len(starts)), bool), 0.0
+    batches = [slice(first, first + _BATCH) for first in range(0, len(starts), _BATCH)]
     for batch in progress.track(batches, "Dropping spheres"):
-        path, rests, seconds = _dropped(spec, batch)
-        paths += list(path)
-        at_rest.append(rests)
+        paths, at_rest[batch], seconds = _dropped(spec, starts[batch])
+        ends[batch], through[batch] = paths[:, -1], crossed(corners, paths)
         simulated_s = max(simulated_s, seconds)
-    ends = np.array([path[-1] for path in paths]).reshape(-1, 3)
     finite = np.isfinite(ends).all(1)
-    through = np.array([crossed(corners, path) for path in paths], bool)
     proxy_gap_m = np.full(len(ends), np.nan)
     if proxy is not None:
         proxy_gap_m = distances(np.asarray(proxy[0], float)[proxy[1]], ends, _REACH_M) - SPHERE_RADIUS_M
     return CollisionCheck(
         pieces=len(pieces), vertex_error_m=error_m, starts=starts, ends=ends,
-        at_rest=np.concatenate([np.zeros(0, bool), *at_rest]),
+        at_rest=at_rest,
         fell_through=through | ~finite, left=~through & finite & (ends[:, 2] < corners[..., 2].min()),
         gap_m=distances(corners, ends, _REACH_M) - SPHERE_RADIUS_M,
         proxy_gap_m=proxy_gap_m, simulated_s=simulated_s,

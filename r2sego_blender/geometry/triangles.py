@@ -56,23 +56,23 @@ def columns(triangles: np.ndarray, places: np.ndarray) -> list[tuple[np.ndarray,
     return met
 
 
-def crossed(triangles: np.ndarray, path: np.ndarray) -> bool:
-    """Whether the path (P, 3), a chain of segments, goes through a triangle from its front.
+def crossed(triangles: np.ndarray, paths: np.ndarray) -> np.ndarray:
+    """(N,) whether paths (N, P, 3), chains of segments, go through a triangle from its front.
 
-    The path ends before its first point that is not finite.
+    A path ends before its first point that is not finite.
     """
-    path = path[: np.argmin(np.append(np.isfinite(path).all(1), False))]
-    if len(path) < 2:
-        return False
     low, high = triangles.min(1), triangles.max(1)
-    met = np.flatnonzero(_touched(low, high, path.min(0), path.max(0)))
-    triangles, low, high = triangles[met], low[met], high[met]
-    for first in range(0, len(path) - 1, _SEGMENTS):
-        part = path[first : first + _SEGMENTS + 1]
-        near = triangles[_touched(low, high, part.min(0), part.max(0))]
-        if len(near) and _crossed(near, part[:-1], part[1:] - part[:-1]):
-            return True
-    return False
+    found = np.zeros(len(paths), bool)
+    for index, path in enumerate(paths):
+        path = path[: np.argmin(np.append(np.isfinite(path).all(1), False))]
+        if len(path) < 2:
+            continue
+        met = np.flatnonzero(_touched(low, high, path.min(0), path.max(0)))
+        for first in range(0, len(path) - 1, _SEGMENTS):
+            part = path[first : first + _SEGMENTS + 1]
+            near = met[_touched(low[met], high[met], part.min(0), part.max(0))]
+            found[index] |= len(near) > 0 and _crossed(triangles[near], part[:-1], np.diff(part, axis=0))
+    return found
 
 
 def _crossed(triangles: np.ndarray, starts: np.ndarray, steps: np.ndarray) -> bool:
