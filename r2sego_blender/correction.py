@@ -45,7 +45,7 @@ def correct_registration(
         sparse = SparsePoints.load(scene.captures_folder / "sparse.npz")
         ground = None
         if floor:
-            ground = ground_through(captures, sparse, floor)
+            ground = ground_through(captures, sparse, floor, progress)
         elif by_hand:
             ground = ground_of(captures, up, floor_at_m or 0.0)
         declared = scene.declaration

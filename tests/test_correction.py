@@ -176,7 +176,8 @@ class _Shown:
     def place(self, captures, sparse):
         from r2sego_blender.captures.lifting import intersection
 
-        return intersection([self.captures[i].camera for i, _ in self.views], [p for _, p in self.views])
+        point = intersection([self.captures[i].camera for i, _ in self.views], [p for _, p in self.views])
+        return point, 1e-4 * np.eye(3)
 
 
 def test_one_point_tells_the_height_alone(tmp_path):
@@ -218,7 +219,7 @@ def test_a_scale_that_hung_on_the_old_floor_is_pointed_out(tmp_path):
         scene, turn, cameras = _scene(folder, _wrong(), source=source)
         told = Remembered()
         made = correct_registration(scene, floor=_shown(turn, cameras), progress=told)
-        assert bool(told.warnings) is warned
+        assert any("the scale is kept" in text for text in told.warnings) is warned
         assert made.declaration.scale_source == source
 
 
@@ -250,6 +251,35 @@ def test_what_cannot_be_corrected_changes_nothing(tmp_path, wanted, message):
         correct_registration(scene, floor=floor, **wanted)
     (scene.path / ".lock").unlink(missing_ok=True)
     assert content_digest(scene.path) == before
+
+
+def test_an_unsure_point_counts_for_little_and_an_unsure_tilt_is_said():
+    """Two photographs a hand apart hardly place a point: it must not tilt the floor."""
+    turn, cameras = _truth()
+    captures = [Capture(f"p{i}", None, camera) for i, camera in enumerate(cameras)]
+    spots = np.vstack([FLOOR, [[0.9, 2.6, 0.12]]]) @ turn[:3, :3].T
+    placed = [_Placed(spot, sigma) for spot, sigma in zip(spots, [0.004] * 4 + [0.2], strict=True)]
+    told = Remembered()
+    ground = ground_through(captures, None, placed, told)
+    assert np.degrees(np.arccos(ground.normal[2])) < 0.05 and abs(ground.offset) < 1e-3
+    assert not told.warnings
+    unsure = ground_through(captures, None, [_Placed(spot, 0.1) for spot in spots[:4]], told)
+    assert "tilt sure to" in unsure.description and any("one point alone" in text for text in told.warnings)
+
+
+class _Placed:
+    def __init__(self, point, sigma) -> None:
+        self.point, self.sigma = point, sigma
+
+    def place(self, captures, sparse):
+        return self.point, self.sigma**2 * np.eye(3)
+
+
+def test_photographs_that_show_different_points_are_told(tmp_path):
+    scene, turn, cameras = _scene(tmp_path, np.eye(4))
+    a, b = (_shown(turn, cameras, FLOOR[i : i + 1])[0].views for i in (0, 3))
+    with pytest.raises(CaptureError, match=r"do not show one point.*pixels away in p"):
+        correct_registration(scene, floor=[FloorPoint((a[0], b[1]))])
 
 
 def test_floor_points_in_a_line_or_off_a_plane_are_refused(tmp_path):

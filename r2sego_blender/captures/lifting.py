@@ -78,12 +78,8 @@ def lifted(capture: Capture, sparse: SparsePoints, index: int, pixel: np.ndarray
 def intersection(cameras: Sequence[Camera], pixels: Sequence[np.ndarray]) -> np.ndarray:
     """The point (3,) nearest to the rays through one pixel (2,) of each camera."""
     system, target = np.zeros((3, 3)), np.zeros(3)
-    for camera, (u, v) in zip(cameras, pixels, strict=True):
-        ray = camera.world_from_camera[:3, :3] @ [
-            (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0,
-        ]  # fmt: skip
-        ray /= np.linalg.norm(ray)
-        across = np.eye(3) - np.outer(ray, ray)
+    for camera, pixel in zip(cameras, pixels, strict=True):
+        across = _across(camera, pixel)
         system += across
         target += across @ camera.centre
     if np.linalg.cond(system) > _WORST_CONDITION:
@@ -92,3 +88,24 @@ def intersection(cameras: Sequence[Camera], pixels: Sequence[np.ndarray]) -> np.
             cure="Show it in photographs from places a step apart.",
         )  # fmt: skip
     return np.linalg.solve(system, target)
+
+
+def intersection_covariance(
+    cameras: Sequence[Camera], pixels: Sequence[np.ndarray], point: np.ndarray, sigma_px: float
+) -> np.ndarray:  # fmt: skip
+    """The (3, 3) covariance of an ``intersection`` whose pixels are sure to ``sigma_px``."""
+    information = np.zeros((3, 3))
+    for camera, pixel in zip(cameras, pixels, strict=True):
+        sigma = np.linalg.norm(point - camera.centre) * sigma_px / camera.fx
+        information += _across(camera, pixel) / sigma**2
+    return np.linalg.inv(information)
+
+
+def _across(camera: Camera, pixel: np.ndarray) -> np.ndarray:
+    """The (3, 3) projection onto the plane across the ray through a pixel."""
+    u, v = pixel
+    ray = camera.world_from_camera[:3, :3] @ [
+        (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0,
+    ]  # fmt: skip
+    ray /= np.linalg.norm(ray)
+    return np.eye(3) - np.outer(ray, ray)

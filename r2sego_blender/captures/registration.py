@@ -112,6 +112,12 @@ def corrected(
         known, source = _scale_before_ground(Imported(tuple(captures), "", False), sparse, scale, progress)
         if known is None:
             known, source = _scale_from_height(captures, ground, scale)
+    turn_deg = np.degrees(np.arccos(np.clip(ground.normal[2], -1.0, 1.0)))
+    moved_m = known * float(ground.height(captures[0].camera.centre)) - captures[0].camera.centre[2]
+    progress.message(
+        f"up turns by {turn_deg:.1f} degrees, a metre becomes {known:.3f} m, the first camera is "
+        f"{moved_m:+.3f} m higher above the floor"
+    )
     similarity = _world_from_capture(captures[0], ground, known)
     together = similarity @ registration.world_from_capture
     return Registration(together, ground.description, source), similarity
