@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .captures.floor_points import FloorPoint, ground_of, ground_through
+from .captures.ground_picture import GROUND_PICTURES, save_ground_pictures
 from .captures.registration import Registration, corrected
 from .captures.scale import Scale
 from .captures.sparse import SparsePoints
@@ -53,11 +54,15 @@ def correct_registration(
             np.array(declared.world_from_capture), declared.ground, declared.scale_source
         )  # fmt: skip
         after, similarity = corrected(before, captures, sparse, ground, scale, progress)
+        # A picture of the old floor must not be taken for the new one's.
+        shutil.rmtree(scene.path / GROUND_PICTURES, ignore_errors=True)
         with scene.publishing("captures") as folder:
             # What others keep there, such as masks, does not depend on the frame.
             shutil.copytree(scene.captures_folder, folder, dirs_exist_ok=True)
             moved = [capture.transformed(similarity) for capture in captures]
             save_captures(folder, moved, sparse.transformed(similarity))
+        with scene.publishing(GROUND_PICTURES) as folder:
+            save_ground_pictures(folder, load_captures(scene.captures_folder))
         return scene.declare(
             world_from_capture=tuple(map(tuple, after.world_from_capture.tolist())),
             ground=after.ground, scale_source=after.scale_source,

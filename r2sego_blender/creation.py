@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from .captures.ground_picture import GROUND_PICTURES, save_ground_pictures
 from .captures.importing import import_captures
 from .captures.registration import register
 from .captures.scale import Scale
@@ -58,10 +59,11 @@ def create_scene(
 
     def fill(folder: Path) -> None:
         (folder / "captures").mkdir()
-        save_captures(
+        stored = save_captures(
             folder / "captures",
             registration.captures(imported.captures),
             sparse.transformed(world_from_capture),
         )
+        save_ground_pictures(folder / GROUND_PICTURES, stored)
 
     return Scene.create(path, declaration, fill)

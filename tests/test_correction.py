@@ -118,6 +118,7 @@ def test_floor_points_put_a_tilted_world_right(tmp_path, views):
     assert np.abs(points[:, 2]).max() < (1e-6 if len(views) > 1 else 5e-3)
     assert "4 floor points shown" in made.declaration.ground
     assert Scene.open(scene.path).declaration == made.declaration
+    assert len(list((scene.path / "report" / "ground").glob("*.png"))) == len(cameras)
     # The declaration takes the frame of the given poses to the new world, as it did to the old.
     from_given = np.array(made.declaration.world_from_capture)
     old = np.array(scene.declaration.world_from_capture)
