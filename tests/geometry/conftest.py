@@ -40,6 +40,11 @@ class Room:
         box = np.linalg.norm(np.maximum(away, 0), axis=-1) + np.minimum(away.max(-1), 0)
         return np.minimum(np.abs(shell), np.abs(box))
 
+    @staticmethod
+    def colour(points: np.ndarray) -> np.ndarray:
+        """(..., 3) in [0, 1]: what the captures show of surface points (..., 3)."""
+        return paint(points)
+
 
 def room_mesh() -> trimesh.Trimesh:
     shell = trimesh.creation.box(SIZE_M)
