@@ -57,7 +57,7 @@ def import_captures(
         photographs, source = solve_poses(folder, settings, progress)
         told = {"source": source, "metric": False}
     elif poses.is_dir():
-        photographs, told = _read_folder(poses, folder, progress)
+        photographs, told = _read_folder(poses, folder, settings, progress)
     else:
         photographs, told = _read_file(poses, folder, progress)
     if not photographs:
@@ -66,14 +66,14 @@ def import_captures(
 
 
 def _read_folder(
-    poses: Path, folder: Path, progress: Progress
+    poses: Path, folder: Path, settings: CaptureSettings, progress: Progress
 ) -> tuple[list[Photograph], dict[str, Any]]:  # fmt: skip
     """The photographs of a folder with poses, and what else it tells of ``Imported``."""
     model, keyframes = find_model(poses), find_keyframes(poses)
     if model is not None:
         return read_colmap_model(model, folder, progress), {"source": "COLMAP model", "metric": False}
     if keyframes is not None:
-        photographs, source = read_polycam(keyframes, progress)
+        photographs, source = read_polycam(keyframes, settings.max_keyframes, progress)
         told = {"source": source, "metric": True, "up": UP, "depth": lidar_depth(keyframes)}
         return photographs, told
     if (poses / "transforms.json").is_file():

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from ..errors import CaptureError
+from ..images import load_image_uint8, resize
 from ..progress import SILENT, Progress
 from . import json_fields as fields
 from .finding import find_photographs
@@ -19,6 +21,7 @@ from .transforms_json import GL_FROM_CV
 _CORRECTED_BORDER_PX = 15.0
 # "The max range of the lidar sensor is 5M, so [...] anything larger than that is a total guess."
 _LIDAR_RANGE_M = 5.0
+_SHARPNESS_WIDTH_PX = 512
 UP = np.array([0.0, 1.0, 0.0])
 """ARKit's world has gravity along -Y."""
 
@@ -31,11 +34,14 @@ def find_keyframes(folder: Path) -> Path | None:
     return None
 
 
-def read_polycam(keyframes: Path, progress: Progress = SILENT) -> tuple[list[Photograph], str]:
+def read_polycam(
+    keyframes: Path, most: int, progress: Progress = SILENT
+) -> tuple[list[Photograph], str]:  # fmt: skip
     """The photographs of a ``keyframes`` folder, in metres with +Y up, and their source in words.
 
     The undistorted photographs with poses that Polycam optimised are taken where there are
-    both, else the original ones with ARKit's poses. Photographs that are missing are left
+    both, else the original ones with ARKit's poses. Of more than ``most``, the sharpest of
+    each ``most``-th part of the scan is taken, and said. Photographs that are missing are left
     out with a warning.
     """
     optimised = _has(keyframes, "corrected_")
@@ -48,11 +54,15 @@ def read_polycam(keyframes: Path, progress: Progress = SILENT) -> tuple[list[Pho
         raise CaptureError("there are no camera files", where=cameras, cure="Export the raw data again.")
     stems = [path.stem for path in files]
     paths = find_photographs(stems, (images,), images, progress, guess_suffix=True)
-    photographs = [
-        _photograph(file, path, _CORRECTED_BORDER_PX if optimised else 0.0)
-        for file, path in zip(files, paths, strict=True)
-        if path is not None
-    ]
+    found = [(file, path) for file, path in zip(files, paths, strict=True) if path is not None]
+    if len(found) > most:
+        progress.message(
+            f"{most} of the {len(found)} keyframes are taken, the sharpest of their neighbours "
+            "(captures.max_keyframes)"
+        )
+        found = _sharpest(found, most, progress)
+    border_px = _CORRECTED_BORDER_PX if optimised else 0.0
+    photographs = [_photograph(file, path, border_px) for file, path in found]
     source = "Polycam, optimised poses" if optimised else "Polycam, ARKit's poses as recorded"
     return with_unique_names(photographs), source
 
@@ -63,6 +73,23 @@ def lidar_depth(keyframes: Path) -> SensorDepth | None:
     if not depth.is_dir():
         return None
     return SensorDepth(depth, confidence if confidence.is_dir() else None, _LIDAR_RANGE_M)
+
+
+def _sharpest(
+    found: list[tuple[Path, Path]], count: int, progress: Progress
+) -> list[tuple[Path, Path]]:  # fmt: skip
+    """One keyframe of each of ``count`` consecutive parts of the scan.
+
+    Neighbours show the same, so that the variance of the Laplacian tells blur. The app's own
+    ``blur_score`` is not used: its two descriptions contradict each other.
+    """
+    sharpness = []
+    for _, path in progress.track(found, "Finding sharp keyframes"):
+        grey = cv2.cvtColor(load_image_uint8(path), cv2.COLOR_RGB2GRAY)
+        grey = resize(grey, _SHARPNESS_WIDTH_PX, max(1, grey.shape[0] * _SHARPNESS_WIDTH_PX // grey.shape[1]))
+        sharpness.append(float(cv2.Laplacian(grey, cv2.CV_32F).var()))
+    parts = np.array_split(np.arange(len(found)), count)
+    return [found[part[np.argmax(np.array(sharpness)[part])]] for part in parts]
 
 
 def _has(keyframes: Path, kind: str) -> bool:

@@ -171,6 +171,20 @@ def test_hidden_files_and_missing_photographs(tmp_path, room, messages):
     assert any(first.stem in text for text in messages.warnings)
 
 
+def test_of_a_long_scan_the_sharpest_of_neighbours_are_taken(tmp_path, room):
+    first = _cameras()[0]
+    poses = [look_at((-0.9 + 0.1 * i, -2.3, 1.5), (0.1, 0.6, 0.55)) for i in range(12)]
+    keyframes = _export(tmp_path, room, [first.at(pose) for pose in poses], corrected=False)
+    files = sorted((keyframes / "images").iterdir())
+    sharp = {1, 3, 8, 9}
+    for index, path in enumerate(files):
+        if index not in sharp:
+            save_image(path, cv2.GaussianBlur(load_image_uint8(path), (0, 0), 2.0))
+    imported = import_captures(tmp_path, None, CaptureSettings(max_keyframes=4))
+    assert [capture.image_path for capture in imported.captures] == [files[i] for i in sorted(sharp)]
+    assert len(import_captures(tmp_path, None, CaptureSettings(max_keyframes=12)).captures) == 12
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
