@@ -26,7 +26,8 @@ _CLEARANCE_M = 0.05  # between a sphere at its start and the surface above it
 _STEP_S = 0.004
 _STEPS_BETWEEN_LOOKS = 10
 _LONGEST_S = 12.0
-_REST_SPEED_M_S = 0.01
+# At rest: moved by less than this in so many looks, which is 1 cm/s for 0.2 s.
+_REST_M, _LOOKS_AT_REST = 0.002, 5
 _REACH_M = 0.3  # farther from the surface than this is just far
 _MASS_KG = 0.1
 # Sliding; turning and rolling in metres: a sphere stays on a slope of less than 21 degrees.
@@ -188,6 +189,8 @@ def _dropped(spec: mujoco.MjSpec, starts: np.ndarray) -> tuple[np.ndarray, np.nd
     spec = spec.copy()
     spec.option.timestep = _STEP_S
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # with stiff friction, so that none creeps downhill
+    spec.option.impratio = 10.0
     for index, start in enumerate(starts):
         body = spec.worldbody.add_body(name=f"sphere {index}", pos=start)
         body.add_freejoint()
@@ -202,8 +205,6 @@ def _dropped(spec: mujoco.MjSpec, starts: np.ndarray) -> tuple[np.ndarray, np.nd
     while data.time < _LONGEST_S and not rests.all():
         mujoco.mj_step(model, data, _STEPS_BETWEEN_LOOKS)
         path.append(data.qpos.reshape(-1, 7)[:, :3].copy())
-        rests = np.abs(data.qvel.reshape(-1, 6)[:, :3]).max(1) < _REST_SPEED_M_S
-        rests &= (
-            np.linalg.norm(path[-1] - path[-2], axis=1) < _REST_SPEED_M_S * _STEP_S * _STEPS_BETWEEN_LOOKS
-        )
+        rests = np.linalg.norm(path[-1] - path[-1 - _LOOKS_AT_REST :][0], axis=1) < _REST_M
+        rests &= len(path) > _LOOKS_AT_REST
     return np.stack(path, axis=1), rests, float(data.time)

@@ -71,8 +71,8 @@ def decompose(soup: Soup, limits: Limits, most: int, floored: bool = False) -> l
     if not len(soup.areas):
         return []
     cutting = _Cutting(soup, FreeSide.of(soup.corners, soup.normals, floored), limits)
-    members = _partition(cutting)
-    if len(members) > _JOINABLE * most:
+    members = _partition(cutting, _JOINABLE * most)
+    if members is None:
         return None
     members = _joined(cutting, members)
     members = [piece for piece in members if soup.areas[piece].sum() > _SMALLEST_PIECE_M2]
@@ -99,8 +99,9 @@ class _Cutting:
         points, facet = sampled(corners, parts_by_area(double, _ASKED_SPACING_M))
         out = self.free.standing_out(points)
         weights = (double / np.bincount(facet, minlength=len(faces)))[facet]
-        too_far = out > np.where(carrying[facet], self.limits.carrying_m, self.limits.tolerance_m)
-        return weights[too_far].sum() <= _OVERLOOKED_AREA * weights.sum()
+        if (out[carrying[facet]] > self.limits.carrying_m).any():
+            return False
+        return weights[out > self.limits.tolerance_m].sum() <= _OVERLOOKED_AREA * weights.sum()
 
     def solid(self, piece: np.ndarray) -> Piece:
         """The hull of the triangles and of themselves moved back, away from their free side.
@@ -123,8 +124,11 @@ class _Cutting:
         return convex_hull(points)
 
 
-def _partition(cutting: _Cutting) -> list[np.ndarray]:
-    """The triangles' indices by piece: boxes cut until what is in them fits, or they are small."""
+def _partition(cutting: _Cutting, most: int) -> list[np.ndarray] | None:
+    """The triangles' indices by piece: boxes cut until what is in them fits, or they are small.
+
+    None when there would be more than ``most``.
+    """
     soup, limits = cutting.soup, cutting.limits
     cells = np.floor((soup.centroids - soup.centroids.min(0)) / limits.cell_m).astype(np.int64)
     _, cell = np.unique(cells, axis=0, return_inverse=True)
@@ -138,6 +142,8 @@ def _partition(cutting: _Cutting) -> list[np.ndarray]:
             members.append(piece)
         else:
             pending.extend(_halves(soup, piece))
+        if len(members) + len(pending) > most:
+            return None
     return members
 
 

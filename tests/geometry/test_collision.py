@@ -169,7 +169,7 @@ def test_pieces_cover_the_whole_surface(seed):
     mesh = trimesh.creation.icosphere(2, 1.0)
     mesh.vertices *= rng.uniform(0.5, 1.5, 3) * (1 + 0.1 * rng.normal(size=(len(mesh.vertices), 1)))
     soup = Soup.of(mesh.vertices, mesh.faces)
-    pieces = decompose(soup, Limits(0.8, 0.1, 0.03, 0.05), 100_000)
+    pieces = decompose(soup, Limits(0.8, 0.1, 0.03, 0.03, 0.05), 100_000)
     covered = np.zeros(len(soup.areas), bool)
     for vertices, _ in pieces:
         planes = ConvexHull(vertices).equations
