@@ -288,6 +288,24 @@ def texture(
         click.echo(figures.line())
 
 
+@main.command("check-collision")
+@click.argument("scene", type=ANY_PATH)
+@click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
+@_json_progress
+@click.pass_context
+def check_collision(context: click.Context, scene: Path, as_object: bool, as_json: bool) -> None:
+    """Drop spheres on SCENE's collision surface in MuJoCo, and see that the robot stands."""
+    from .collision_report import check_scene, lines
+
+    progress = _progress(context, as_json)
+    report = check_scene(Scene.open(scene), progress)
+    if as_json:
+        _tell(progress, **report.to_json())
+    else:
+        click.echo(json.dumps(report.to_json(), indent=1) if as_object else "\n".join(lines(report)))
+    context.exit(0 if report.passed else 1)
+
+
 @main.command()
 @click.argument("captures", type=ANY_PATH)
 @click.option("--out", required=True, type=ANY_PATH, help="The asset's file; its suffix is its format.")

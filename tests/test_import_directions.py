@@ -42,6 +42,7 @@ MAY_IMPORT = {
     "status": FOUNDATION,
     "export": FOUNDATION | {"geometry", "splats"},
     "texture": PARTS,
+    "collision_report": ABOVE_CAPTURES | {"geometry", "robot"},
     "evaluation": PARTS | {"visual_asset", "steps", "pipeline"},
     "benchmarks": PARTS | {"splat_training", "creation", "steps", "evaluation"},
     "splat_training": FOUNDATION | {"captures", "splats", "evaluation"},
@@ -58,7 +59,7 @@ MAY_IMPORT = {
         "evaluation",
         "benchmarks",
     }
-    | {"splat_training"},
+    | {"splat_training", "collision_report"},
     "__main__": {"cli"},
     "bridge": ABOVE_CAPTURES | {"geometry"},
 }
