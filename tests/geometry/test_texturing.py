@@ -142,7 +142,7 @@ def test_smaller_mip_levels_show_no_seams(textured, images, cameras):
 
 
 def test_captures_of_two_exposures_pass_softly_into_each_other(room, mesh, images, cameras):
-    """Where the best capture changes on open wall, no texel differs from the next by the whole step."""
+    """On open wall texels that differ much from the next are few: only where all captures are as good."""
     grey = [np.full_like(image, 0.5 if k % 2 else 0.55) for k, image in enumerate(images)]
     steps = {}
     for best in (1, 3):
@@ -154,9 +154,10 @@ def test_captures_of_two_exposures_pass_softly_into_each_other(room, mesh, image
         points[texels.face >= 0] = texels.interpolated(mesh.vertices, mesh.faces)
         open_wall = (np.abs(points - (0, 1.5, 1.3)) < (1.8, 1e-3, 0.3)).all(2) & (texels.face >= 0)
         near = np.linalg.norm(np.diff(points, axis=1), axis=2) < 0.1  # and not of another chart
-        steps[best] = np.abs(np.diff(flat, axis=1))[near & open_wall[:, 1:] & open_wall[:, :-1]].max()
-    assert steps[1] > 0.045
-    assert steps[3] < 0.5 * steps[1]
+        step = np.abs(np.diff(flat, axis=1))[near & open_wall[:, 1:] & open_wall[:, :-1]]
+        steps[best] = (step > 0.02).sum()
+    assert steps[1] > 50
+    assert steps[3] < 0.2 * steps[1]
 
 
 def test_the_same_input_gives_the_same_bits_on_any_number_of_threads(mesh, images, cameras, textured):
