@@ -62,6 +62,20 @@ def test_new_names_the_folder_that_is_missing(tmp_path):
     assert "nowhere" in line
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--depth", ".", "--marker-side", 0.1], "the scale is given twice"),
+        (["--camera-height", "robot", "--depth", "."], "the scale is given twice"),
+        (["--camera-height", "tall"], "'tall' is no number"),
+        (["--camera-height", "robot", "--robot", "nowhere.xml"], "nowhere.xml"),
+    ],
+)
+def test_new_refuses_scales_that_make_no_sense(photographs, tmp_path, options, message):
+    line = refused(r2sego("new", tmp_path / "a.r2s", "--captures", photographs, *options))
+    assert message in line
+
+
 def test_new_names_the_image_it_cannot_read(photographs, tmp_path):
     for index in range(3):
         noise(photographs / f"{index}.png", index)

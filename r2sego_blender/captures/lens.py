@@ -10,7 +10,7 @@ import numpy as np
 
 from ..cameras import Camera
 from ..errors import CaptureError
-from .distortion import distorted, turned, undistorted
+from .distortion import COEFFICIENTS, distorted, turned, undistorted
 
 # A straightened photograph may grow by this much a side to keep what the lens saw.
 _LARGEST_GROWTH = 2.0
@@ -36,6 +36,10 @@ class Lens:
     distortion: tuple[float, ...] = ()
     model: str = "opencv"
     border_px: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.model not in COEFFICIENTS:
+            raise ValueError(f"{self.model!r} is no model of a lens")
 
     @property
     def distorts(self) -> bool:
@@ -145,11 +149,12 @@ class Lens:
 
     @staticmethod
     def from_json(data: dict[str, Any]) -> Lens:
-        """The lens of ``to_json``."""
+        """The lens of ``to_json``. Raises KeyError or ValueError for anything else."""
+        model = "opencv_fisheye" if data.get("fisheye") else "opencv"  # bundles before distortion_model
         numbers = (float(data[key]) for key in ("fx", "fy", "cx", "cy"))
         return Lens(
             int(data["width"]), int(data["height"]), *numbers,
-            tuple(float(k) for k in data.get("distortion", ())), str(data.get("distortion_model", "opencv")),
+            tuple(float(k) for k in data.get("distortion", ())), str(data.get("distortion_model", model)),
             float(data.get("border_px", 0.0)),
         )  # fmt: skip
 

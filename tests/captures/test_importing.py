@@ -12,8 +12,10 @@ from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.cameras_json import save_cameras_json
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.colmap_model import find_model
+from r2sego_blender.captures.distortion import COEFFICIENTS
 from r2sego_blender.captures.frozen import load_frozen_views
 from r2sego_blender.captures.importing import import_captures
+from r2sego_blender.captures.lens import Lens
 from r2sego_blender.errors import CaptureError
 from r2sego_blender.settings import CaptureSettings
 
@@ -156,6 +158,28 @@ def test_cameras_json_round_trip_and_frozen_views(tmp_path, rng, blank_photograp
     assert [c.camera.to_json() for c in frozen] == [c.to_json() for c in cameras[3:]]
 
 
+@pytest.mark.parametrize("model", COEFFICIENTS)
+def test_cameras_json_keeps_every_lens(tmp_path, rng, blank_photograph, model):
+    paths = _photographs(tmp_path, blank_photograph, 3)
+    lens = Lens(64, 48, 50.0, 55.0, 30.0, 25.0, tuple(rng.uniform(0, 0.01, COEFFICIENTS[model])), model, 2.0)
+    captures = [
+        Capture(p.name, p, lens.straight(pose), lens) for p, pose in zip(paths, _poses(rng, 3), strict=True)
+    ]
+    save_cameras_json(tmp_path / "cameras.json", captures)
+    imported = import_captures(tmp_path, tmp_path / "cameras.json", SETTINGS)
+    for found, capture in zip(imported.captures, captures, strict=True):
+        assert found.lens == lens
+        assert found.camera.to_json() == capture.camera.to_json()
+
+
+@pytest.mark.parametrize("fisheye", [True, False])
+def test_cameras_json_may_say_fisheye(tmp_path, rng, blank_photograph, fisheye):
+    data = _valid(tmp_path, rng, blank_photograph) | {"distortion": [0.01, 0.002], "fisheye": fisheye}
+    (tmp_path / "cameras.json").write_text(json.dumps(data))
+    lens = import_captures(tmp_path, tmp_path / "cameras.json", SETTINGS).captures[0].lens
+    assert lens.model == ("opencv_fisheye" if fisheye else "opencv")
+
+
 def test_importing_never_looks_at_frozen_views(tmp_path, rng, blank_photograph):
     _photographs(tmp_path, blank_photograph, 3)
     listed = [
@@ -229,6 +253,8 @@ def _valid(tmp_path, rng, blank_photograph):
         (lambda d: d.update(width=48, height=64), "64x48, its camera 48x64"),
         (lambda d: d.update(distortion=[-30.0]), "cannot be undone"),
         (lambda d: d.update(distortion="k1"), "at most 8 numbers"),
+        (lambda d: d.update(distortion=[0.1] * 5, fisheye=True), "at most 4 numbers"),
+        (lambda d: d.update(distortion_model="glass"), "'glass', not one of opencv"),
         (lambda d: d.update(captures={}), "not a list"),
         (lambda d: d.update(metric="yes"), "neither true nor false"),
         (lambda d: d.pop("captures"), "neither 'captures' nor 'frames'"),

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from r2sego_blender.captures.capture import Capture
+from r2sego_blender.captures.distortion import COEFFICIENTS
 from r2sego_blender.captures.lens import Lens
 from r2sego_blender.errors import CaptureError
 from r2sego_blender.images import save_image
@@ -102,6 +105,15 @@ def test_a_distortion_that_folds_is_refused():
         Lens(640, 480, 300.0, 300.0, 320.0, 240.0, (-3.0,)).straight(np.eye(4))
 
 
-def test_json_keeps_every_bit():
-    lens = Lens(640, 480, 500.1, 520.3, 311.7, 244.9, (0.1, -0.07, 0.001), "opencv_fisheye")
-    assert Lens.from_json(lens.to_json()) == lens
+@pytest.mark.parametrize("model", COEFFICIENTS)
+def test_json_keeps_every_bit(model):
+    lens = Lens(640, 480, 500.1, 520.3, 311.7, 244.9, (0.1, -0.07, 0.001), model, border_px=7.5)
+    assert Lens.from_json(json.loads(json.dumps(lens.to_json()))) == lens
+    with pytest.raises(ValueError, match="no model of a lens"):
+        Lens.from_json(lens.to_json() | {"distortion_model": "glass"})
+
+
+def test_lenses_of_older_bundles_are_read():
+    old = {"width": 64, "height": 48, "fx": 50.0, "fy": 50.0, "cx": 32.0, "cy": 24.0, "distortion": [0.1]}
+    assert Lens.from_json(old | {"fisheye": True}).model == "opencv_fisheye"
+    assert Lens.from_json(old | {"fisheye": False}).model == "opencv"
