@@ -101,11 +101,19 @@ class CollisionSettings:
     min_cell_m: float = setting(0.06, "Cells this small are cut no further.", 0.01, 1.0)
     tolerance_m: float = setting(0.02, "How far a convex piece may leave the surface.", 0.002, 0.2)
     carrying_tolerance_m: float = setting(
-        0.01, "The same for its sides that face up, on which things come to rest.", 0.002, 0.2
+        0.008, "The same for its sides that face up, on which things come to rest.", 0.002, 0.2
     )
     thickness_m: float = setting(0.05, "Depth of a piece behind its surface.", 0.005, 0.5)
     floor_tolerance_m: float = setting(0.03, "Level surfaces this near z = 0 are the floor.", 0.0, 0.2)
     min_component_m: float = setting(0.15, "Loose pieces smaller than this are dropped.", 0.0, 2.0)
+    decomposition: str = setting(
+        "planes", "What cuts the surface into convex pieces: flat pieces, or CoACD.",
+        choices=("planes", "coacd"),
+    )  # fmt: skip
+    coacd_region_m: float = setting(1.0, "Side of the regions that CoACD gets one by one.", 0.2, 10.0)
+    coacd_timeout_s: float = setting(
+        120.0, "Time for a region; one that takes longer is cut into flat pieces.", 1.0, 3600.0
+    )
     max_pieces: int = setting(
         1500, "Most convex pieces; the tolerance grows until they are few enough.", 10, 20000
     )

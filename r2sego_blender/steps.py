@@ -192,7 +192,7 @@ class Steps:
         """The simulator's collision surface, made of the current proxy."""
 
         def compute(folder: Path) -> None:
-            write_collision(collision_surface(self._proxy(proxy), self.h.collision), folder)
+            write_collision(collision_surface(self._proxy(proxy), self.h.collision, self.progress), folder)
 
         return self._step(of_round(l, "collision"), compute, inputs=[proxy], parameters=self.h.collision)
 

@@ -6,7 +6,7 @@ A mesh collides as its convex hull in MuJoCo, so the surface is exported as conv
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -14,12 +14,13 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from ..errors import GeometryError
+from ..progress import SILENT, Progress
 from ..settings import CollisionSettings
+from .coacd_regions import decompose_by_coacd
 from .convex import Limits, Soup, decompose
 from .proxy import GeometryProxy
 
 _FLOOR_NORMAL = 0.8  # cosine from which a face near z = 0 belongs to the floor
-_COARSENING = 1.3  # of the cells and the tolerance while there are too many pieces
 _SMALLEST_FLOOR_M2 = 0.05
 
 
@@ -31,7 +32,11 @@ class CollisionSurface:
     counter-clockwise from the free side, the floor included; ``pieces``: convex (vertices
     (v, 3), faces (f, 3)) pairs covering all of it but the floor; ``floor`` (4, 3): the
     corners of the flat floor's rectangle, counter-clockwise from above, (0, 3) for none;
-    ``floor_z_m``: its height, which is 0; ``tolerance_m``: how far pieces may stand out.
+    ``floor_z_m``: its height, which is 0; ``tolerance_m``: how far pieces may stand out of the
+    surface, inf where nothing bounds it.
+
+    Each piece is closed (watertight). The surface itself is as open as the proxy: it ends where
+    nothing was seen or completed.
     """
 
     vertices: np.ndarray
@@ -42,11 +47,14 @@ class CollisionSurface:
     tolerance_m: float
 
 
-def collision_surface(proxy: GeometryProxy, settings: CollisionSettings) -> CollisionSurface:
-    """Clean and simplify the proxy, and decompose it into at most ``max_pieces`` pieces.
+def collision_surface(
+    proxy: GeometryProxy, settings: CollisionSettings, progress: Progress = SILENT
+) -> CollisionSurface:
+    """Clean and simplify the proxy, and decompose it into convex pieces.
 
-    The tolerance grows until the pieces are few enough. Raises GeometryError for a proxy
-    without faces.
+    Cut into planes, they are at most ``max_pieces``: the tolerance grows until they are few
+    enough. With CoACD, their number and how far they stand out are its own. Raises
+    GeometryError for a proxy without faces.
     """
     vertices, faces = _clustered(proxy.vertices, proxy.faces, settings.simplification_m)
     vertices[:, 2] = np.maximum(vertices[:, 2], 0.0)
@@ -59,19 +67,20 @@ def collision_surface(proxy: GeometryProxy, settings: CollisionSettings) -> Coll
     on_floor = _floor_faces(vertices, faces, settings.floor_tolerance_m)
     vertices[np.unique(faces[on_floor]), 2] = 0.0
     floor = _floor_rectangle(vertices, faces[on_floor])
-    soup = Soup.of(vertices, faces[~on_floor])
     limits = Limits(
         settings.cell_m, settings.min_cell_m, settings.tolerance_m, settings.carrying_tolerance_m,
         settings.thickness_m,
     )  # fmt: skip
-    while (pieces := decompose(soup, limits, settings.max_pieces, len(floor) > 0)) is None:
-        limits = replace(
-            limits,
-            cell_m=limits.cell_m * _COARSENING,
-            smallest_m=limits.smallest_m * _COARSENING,
-            tolerance_m=limits.tolerance_m * _COARSENING,
-            carrying_m=limits.carrying_m * _COARSENING,
-        )
+    floored = len(floor) > 0
+    if settings.decomposition == "coacd":
+        pieces = decompose_by_coacd(
+            vertices, faces[~on_floor], settings.coacd_region_m, limits, settings.max_pieces,
+            timeout_s=settings.coacd_timeout_s, floored=floored, progress=progress,
+        )  # fmt: skip
+        return CollisionSurface(vertices, faces, tuple(pieces), floor, 0.0, np.inf)
+    soup = Soup.of(vertices, faces[~on_floor])
+    while (pieces := decompose(soup, limits, settings.max_pieces, floored)) is None:
+        limits = limits.coarser()
     return CollisionSurface(vertices, faces, tuple(pieces), floor, 0.0, limits.tolerance_m)
 
 

@@ -84,6 +84,10 @@ def check_collision(
     or MuJoCo refuses the scene.
     """
     vertices, faces = read_obj(folder / MESH_OBJ)
+    if not len(faces):
+        raise GeometryError(
+            "the mesh has no faces", where=folder / MESH_OBJ, cure="Make the collision surface again."
+        )
     spec, model = _compiled(folder)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

@@ -18,6 +18,8 @@ _OVERLOOKED_AREA = 0.03  # share of a piece's area whose protrusion is noise, no
 _UPWARD = 0.5  # cosine from which a side faces up: things come to rest on it
 _ASKED_SPACING_M = 0.04  # between points of a piece at which it is looked how far it stands out
 _THINNEST_M = 0.005
+_COARSENING = 1.3
+_CARRYING_SHARE = 0.25
 _SAME_FLAT = 0.97  # cosine between the normals of pieces that may be one flat
 _SMALLEST_PIECE_M2 = 2e-4
 _JOINABLE = 2  # joining flats leaves at least one piece in this many
@@ -56,6 +58,14 @@ class Limits:
     tolerance_m: float
     carrying_m: float
     thickness_m: float
+
+    def coarser(self) -> Limits:
+        """Limits that fewer pieces keep; what carries is given up last."""
+        tolerance_m = _COARSENING * self.tolerance_m
+        return Limits(
+            _COARSENING * self.cell_m, _COARSENING * self.smallest_m, tolerance_m,
+            max(self.carrying_m, _CARRYING_SHARE * tolerance_m), self.thickness_m,
+        )  # fmt: skip
 
 
 Piece = tuple[np.ndarray, np.ndarray]
