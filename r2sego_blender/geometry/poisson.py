@@ -32,7 +32,7 @@ def poisson_surface(cloud: OrientedPoints, cell_m: float) -> tuple[np.ndarray, n
     """
     points, normals = checked(cloud)
     extent = float(np.ptp(points, axis=0).max())
-    depth = int(np.clip(np.ceil(np.log2(_PADDING * extent / cell_m)), *_DEPTHS))
+    depth = int(np.clip(round(np.log2(_PADDING * extent / cell_m)), *_DEPTHS))
     with tempfile.TemporaryDirectory(prefix="r2sego-") as folder:
         source, target = Path(folder, "points.ply"), Path(folder, "surface.ply")
         _write_ply(source, points, normals)
