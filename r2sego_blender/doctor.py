@@ -39,7 +39,7 @@ PACKAGES = (
     Package("fast-simplification", "fast_simplification", "meshes with fewer faces", 1),
     Package("xatlas", "xatlas", "texture coordinates", 1),
     Package("pillow", "PIL", "image files", 10),
-    Package("usd-core", "pxr", "USD files of splats", 210),
+    Package("usd-core", "pxr", "USD files of splats and of the collision surface", 210),
     Package("zstandard", "zstandard", "SPZ files of version 4", 25),
     Package("click", "click", "the command line", 1),
     Package("rich", "rich", "progress bars", 3),

@@ -15,8 +15,8 @@ from .splats.formats import SUFFIXES, load_asset, save_asset
 def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list[Path]:
     """Write the asset, the collision surface and the coloured proxy; returns what was written.
 
-    ``asset.ply`` (3D Gaussians, Inria order), ``collision/`` (OBJ, STL, GLB, convex pieces
-    and ``scene.xml`` for MuJoCo), ``proxy.ply`` (faces coloured by provenance) and
+    ``asset.ply`` (3D Gaussians, Inria order), ``collision/`` (OBJ, STL, GLB, convex pieces,
+    ``scene.xml`` for MuJoCo, ``scene.urdf`` and ``scene.usd`` with physics), ``proxy.ply`` (faces coloured by provenance) and
     ``cameras.json`` (the captures in the world frame); the asset once more for each suffix in
     ``splats``, such as ``.spz`` (docs/splat_formats.md). Raises SceneError when the scene has
     no result yet, AssetError for a suffix that is no format of splats.

@@ -80,7 +80,7 @@ def decompose(soup: Soup, limits: Limits, most: int, floored: bool = False) -> l
     """
     if not len(soup.areas):
         return []
-    cutting = _Cutting(soup, FreeSide.of(soup.corners, soup.normals, floored), limits)
+    cutting = Cutting.of(soup, limits, floored)
     members = _partition(cutting, _JOINABLE * most)
     if members is None:
         return None
@@ -92,12 +92,20 @@ def decompose(soup: Soup, limits: Limits, most: int, floored: bool = False) -> l
 
 
 @dataclass(frozen=True)
-class _Cutting:
-    """What pieces are cut from, and the limits they are held to."""
+class Cutting:
+    """What pieces are cut from, and the limits they are held to.
+
+    A piece is given as the indices (n,) of its triangles in ``soup``.
+    """
 
     soup: Soup
     free: FreeSide
     limits: Limits
+
+    @staticmethod
+    def of(soup: Soup, limits: Limits, floored: bool) -> Cutting:
+        """All of ``soup``, at least one triangle, and z = 0 where ``floored``."""
+        return Cutting(soup, FreeSide.of(soup.corners, soup.normals, floored), limits)
 
     def fits(self, piece: np.ndarray) -> bool:
         """Whether the solid of these triangles stands out no farther than the limits."""
@@ -134,7 +142,7 @@ class _Cutting:
         return convex_hull(points)
 
 
-def _partition(cutting: _Cutting, most: int) -> list[np.ndarray] | None:
+def _partition(cutting: Cutting, most: int) -> list[np.ndarray] | None:
     """The triangles' indices by piece: boxes cut until what is in them fits, or they are small.
 
     None when there would be more than ``most``.
@@ -195,7 +203,7 @@ def _unevenness(points: np.ndarray, weights: np.ndarray) -> float:
     return float(max(0.0, np.linalg.eigvalsh((away * weights[:, None]).T @ away)[0]))
 
 
-def _joined(cutting: _Cutting, members: list[np.ndarray]) -> list[np.ndarray]:
+def _joined(cutting: Cutting, members: list[np.ndarray]) -> list[np.ndarray]:
     """Pieces of one flat joined with their neighbours, larger ones first."""
     soup, limits = cutting.soup, cutting.limits
     pieces = dict(enumerate(members))
