@@ -37,6 +37,7 @@ PACKAGES = (
     Package("mujoco", "mujoco", "rollouts in simulation", 60),
     Package("trimesh", "trimesh", "mesh files and repair", 10),
     Package("fast-simplification", "fast_simplification", "meshes with fewer faces", 1),
+    Package("coacd", "coacd", "convex decomposition, as a second choice", 10),
     Package("xatlas", "xatlas", "texture coordinates", 1),
     Package("pillow", "PIL", "image files", 10),
     Package("usd-core", "pxr", "USD files of splats and of the collision surface", 210),

@@ -16,10 +16,11 @@ def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list
     """Write the asset, the collision surface and the coloured proxy; returns what was written.
 
     ``asset.ply`` (3D Gaussians, Inria order), ``collision/`` (OBJ, STL, GLB, convex pieces,
-    ``scene.xml`` for MuJoCo, ``scene.urdf`` and ``scene.usd`` with physics), ``proxy.ply`` (faces coloured by provenance) and
-    ``cameras.json`` (the captures in the world frame); the asset once more for each suffix in
-    ``splats``, such as ``.spz`` (docs/splat_formats.md). Raises SceneError when the scene has
-    no result yet, AssetError for a suffix that is no format of splats.
+    ``scene.xml`` for MuJoCo, ``scene.urdf`` and ``scene.usd`` with physics), ``proxy.ply`` (faces
+    coloured by provenance) and ``cameras.json`` (the captures in the world frame); the asset
+    once more for each suffix in ``splats``, such as ``.spz`` (docs/splat_formats.md).
+    Raises SceneError when the scene has no result yet, AssetError for a suffix that is no
+    format of splats.
     """
     for suffix in splats:
         if suffix not in SUFFIXES:

@@ -1,0 +1,92 @@
+"""r2sego check-collision on a bundle: its verdict is the exit status, its figures are the files'."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from click.testing import CliRunner
+
+from r2sego_blender.cli import main
+from r2sego_blender.geometry.collision import CollisionSurface, collision_surface
+from r2sego_blender.geometry.collision_files import write_collision
+from r2sego_blender.geometry.proxy import GeometryProxy
+from r2sego_blender.scene import Declaration, Scene
+from r2sego_blender.settings import CollisionSettings
+
+IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
+
+
+@pytest.fixture(scope="module")
+def proxy() -> GeometryProxy:
+    """A closed room of 4 by 3 m with a box on its floor."""
+    room = trimesh.creation.box((4, 3, 2.4))
+    room.invert()
+    box = trimesh.creation.box((0.8, 0.6, 0.5))
+    room.apply_translation((0, 0, 1.2))
+    box.apply_translation((1.2, 0.8, 0.25))
+    mesh = trimesh.util.concatenate([room, box]).subdivide_to_size(0.1)
+    count = len(mesh.faces)
+    return GeometryProxy(
+        np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces, np.int32), np.zeros(count, np.uint8),
+        np.ones(count, np.uint16), np.ones(count, np.float32),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def surface(proxy) -> CollisionSurface:
+    return collision_surface(proxy, CollisionSettings())
+
+
+@pytest.fixture
+def scene(proxy, surface, tmp_path) -> Scene:
+    """As much of a refined scene as the check reads."""
+
+    def fill(folder: Path) -> None:
+        (folder / "rounds/0/proxy").mkdir(parents=True)
+        (folder / "rounds/0/asset.ply").write_text("ply\n")
+        proxy.save(folder / "rounds/0/proxy/proxy.npz")
+        write_collision(surface, folder / "collision")
+
+    declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
+    return Scene.create(tmp_path / "room.r2s", declaration, fill)
+
+
+def checked(scene: Scene) -> tuple[int, dict]:
+    done = CliRunner().invoke(main, ["check-collision", str(scene.path), "--json"])
+    return done.exit_code, json.loads(done.stdout)
+
+
+def test_a_sound_surface_passes(scene):
+    status, facts = checked(scene)
+    assert status == 0 and facts["passed"]
+    assert facts["spheres"] == facts["at_rest"] == facts["rest_within_1_cm"] > 200
+    assert facts["rest_within_1_cm_of_proxy"] == facts["spheres"]
+    assert facts["fell_through"] == facts["left_the_floor"] == 0
+    assert facts["vertex_error_m"] < 1e-5 and facts["largest_gap_m"] < 0.01
+    assert facts["robot_stands"] and np.linalg.norm(facts["robot_place_m"]) < 0.1
+
+
+def test_a_surface_that_lost_its_pieces_fails(scene):
+    for hull in (scene.collision_folder / "hulls").glob("*.obj"):
+        hull.unlink()
+    text = (scene.collision_folder / "scene.xml").read_text().splitlines()
+    kept = [line for line in text if "piece_" not in line]
+    (scene.collision_folder / "scene.xml").write_text("\n".join(kept))
+    status, facts = checked(scene)
+    assert status == 1 and not facts["passed"]
+    assert facts["fell_through"] > 5 and facts["pieces"] == 0
+
+
+def test_its_lines_say_what_was_found(scene):
+    done = CliRunner().invoke(main, ["check-collision", str(scene.path)])
+    assert done.exit_code == 0
+    assert "0 fell through" in done.stdout and "the robot stands at" in done.stdout
+
+
+def test_a_scene_that_was_not_refined_is_refused(tmp_path):
+    declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
+    Scene.create(tmp_path / "room.r2s", declaration, lambda folder: None)
+    done = CliRunner().invoke(main, ["check-collision", str(tmp_path / "room.r2s")])
+    assert done.exit_code == 1 and "no collision surface yet" in done.stderr
