@@ -44,18 +44,15 @@ def unwrapped(
     Raises GeometryError for a mesh that is damaged, or has more charts than texels.
     """
     vertices, faces = welded(vertices, faces)
-    halved = decimated(vertices, faces, max(len(faces) // 2, 4))
-    attempts = [
-        ("xatlas", (vertices, faces), _FIRST_SHARE),
-        (f"xatlas, with {len(halved[1])} faces for want of time", halved, 1 - _FIRST_SHARE),
-    ]
-    for method, mesh, share in attempts:
+    for fewer, share in ((1, _FIRST_SHARE), (2, 1 - _FIRST_SHARE)):
+        mesh = decimated(vertices, faces, max(len(faces) // fewer, 4))
+        method = "xatlas" if fewer == 1 else f"xatlas, with {len(mesh[1])} faces for want of time"
         try:
             return UnwrappedMesh(*_by_xatlas(*mesh, settings, share * settings.unwrap_seconds), method)
         except NativeError as error:
-            progress.message(f"unwrapping: {error.what}", "warning")
+            progress.message(f"unwrapping {len(mesh[1])} faces: {error.what}", "warning")
     boxes = box_unwrapped(vertices, faces, settings.size_px, settings.padding_px)
-    return UnwrappedMesh(*boxes, "boxes: xatlas did not end in time")
+    return UnwrappedMesh(*boxes, "boxes, since xatlas gave no charts")
 
 
 def _by_xatlas(vertices, faces, settings, seconds):

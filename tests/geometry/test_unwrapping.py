@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from r2sego_blender.errors import GeometryError
+from r2sego_blender.geometry import unwrapping
 from r2sego_blender.geometry.box_unwrapping import box_unwrapped
 from r2sego_blender.geometry.texels import overlapping_faces, texel_map
 from r2sego_blender.geometry.unwrapping import unwrapped
@@ -70,9 +71,20 @@ def test_the_fallback_says_why(room):
     listening = Listening()
     mesh, settings = room.mesh, replace(SETTINGS, unwrap_seconds=0.0)
     result = unwrapped(mesh.vertices, mesh.faces, settings, listening)
-    assert result.method == "boxes: xatlas did not end in time"
+    assert result.method == "boxes, since xatlas gave no charts"
     assert [level for level, _ in listening.told] == ["warning"] * 2
     assert all("took longer" in text for _, text in listening.told)
+
+
+def test_fewer_faces_are_tried_before_boxes(room, monkeypatch):
+    """All of the time is the second attempt's."""
+    monkeypatch.setattr(unwrapping, "_FIRST_SHARE", 0.0)
+    mesh = room.mesh.copy().subdivide_to_size(0.3)
+    result = unwrapped(mesh.vertices, mesh.faces, SETTINGS)
+    assert result.method == f"xatlas, with {len(result.faces)} faces for want of time"
+    assert len(result.faces) <= len(mesh.faces) // 2
+    assert trimesh.Trimesh(result.vertices, result.faces).area == pytest.approx(mesh.area, rel=0.01)
+    assert not overlapping_faces(result.uvs, result.faces, SETTINGS.size_px).any()
 
 
 @settings(max_examples=15, deadline=None)
