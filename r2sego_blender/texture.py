@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy import ndimage
 
+from .captures.capture import Capture
 from .captures.store import load_captures
 from .errors import SceneError, SettingsError
 from .generation.exposure import exposure_gains
@@ -78,13 +80,15 @@ def texture_scene(
     depths = [rasterizer.render(camera).depth for camera in cameras]
     gains = exposure_gains(images, cameras, depths, settings.generation.depth_tolerance)
     images = [image * gain for image, gain in zip(images, gains, strict=True)]
-    textured = bake(mesh, images, cameras, settings.texture, progress)
+    shown = [_on_photograph(capture) for capture in captures]
+    textured = bake(mesh, images, cameras, settings.texture, progress, shown)
     data = textured.glb()
     with publishing(target) as staging:
         staging.write_bytes(data)
     squares, pixels = 0.0, 0
-    for camera, image in zip(cameras, images, strict=True):
+    for camera, image, usable in zip(cameras, images, shown, strict=True):
         again, known = textured.render(camera)
+        known &= usable
         squares += float(((again - image)[known] ** 2).sum())
         pixels += int(known.sum())
     psnr_db = 10 * np.log10(3 * pixels / max(squares, 1e-12)) if pixels else 0.0
@@ -99,6 +103,20 @@ def texture_scene(
         covered=pixels / sum(camera.width * camera.height for camera in cameras),
         seconds=time.monotonic() - started,
     )
+
+
+def _on_photograph(capture: Capture) -> np.ndarray:
+    """(H, W) bool: the pixels that the photograph reaches, less a pixel at its border.
+
+    Straightening a strongly distorted photograph may leave blank ones.
+    """
+    height, width = capture.camera.shape
+    if capture.lens is None:
+        return np.ones((height, width), bool)
+    columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    shares = capture.photograph_shares(np.column_stack([columns.ravel(), rows.ravel()]))
+    inside = ((shares >= 0) & (shares <= 1)).all(1).reshape(height, width)
+    return ndimage.binary_erosion(inside, border_value=1)
 
 
 def _newest_proxy(scene: Scene) -> GeometryProxy:

@@ -43,26 +43,28 @@ def bake(
     cameras: Sequence[Camera],
     settings: TextureSettings,
     progress: Progress = SILENT,
+    shown: Sequence[np.ndarray] | None = None,
 ) -> TexturedMesh:
     """The mesh with a texture of ``settings.size_px`` baked from the captures.
 
     ``images`` (H, W, 3) float32 in [0, 1], with one exposure, belong to ``cameras`` one by
-    one. Raises GeometryError when no capture sees any of the mesh.
+    one, as do ``shown`` (H, W) bool: the pixels that may be used, all by default. Raises
+    GeometryError when no capture sees any of the mesh.
     """
     texels = texel_map(mesh.uvs, mesh.faces, settings.size_px, settings.padding_px / 2)
-    shown = texels.face >= 0
+    used = texels.face >= 0
     points = texels.interpolated(mesh.vertices, mesh.faces)
-    normals = _face_normals(mesh.vertices, mesh.faces)[texels.face[shown]]
-    colours, seen = seen_colours(points, normals, mesh, images, cameras, settings, progress)
+    normals = _face_normals(mesh.vertices, mesh.faces)[texels.face[used]]
+    colours, seen = seen_colours(points, normals, mesh, images, cameras, settings, progress, shown)
     if not seen.any():
         raise GeometryError(
             "no capture sees any of the mesh", where="texture", cure="Check the captures' poses."
         )
     colours[~seen] = _continued(points, normals, colours, seen)
-    texture = np.zeros((*shown.shape, 3), np.float32)
-    texture[shown] = colours
-    texture = filled(texture, shown)
-    inside = texels.inside[shown]
+    texture = np.zeros((*used.shape, 3), np.float32)
+    texture[used] = colours
+    texture = filled(texture, used)
+    inside = texels.inside[used]
     share = float((seen & inside).sum() / max(inside.sum(), 1))
     return TexturedMesh(mesh.vertices, mesh.faces, mesh.uvs, to_uint8(texture), mesh.method, share)
 
@@ -70,6 +72,7 @@ def bake(
 def seen_colours(
     points: np.ndarray, normals: np.ndarray, mesh: UnwrappedMesh, images: Sequence[np.ndarray],
     cameras: Sequence[Camera], settings: TextureSettings, progress: Progress = SILENT,
+    shown: Sequence[np.ndarray] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Colours (n, 3) float32 of surface points (n, 3) with unit normals, and which are seen (n,)."""
     rasterizer = MeshRasterizer(mesh.vertices, mesh.faces)
@@ -77,11 +80,14 @@ def seen_colours(
     quality = np.zeros((len(points), best + 1), np.float32)
     colour = np.zeros((len(points), best + 1, 3), np.float32)
     window = 2 * settings.edge_px + 1
-    for image, camera in progress.track(zip(images, cameras, strict=True), "Baking", len(cameras)):
+    shown = [np.ones(camera.shape, bool) for camera in cameras] if shown is None else shown
+    views = zip(images, cameras, shown, strict=True)
+    for image, camera, usable in progress.track(views, "Baking", len(cameras)):
         depth = rasterizer.render(camera).depth
         solid = np.where(depth > 0, depth, np.float32(np.inf))
         nearest = ndimage.minimum_filter(solid, size=window, mode="nearest")
         trust = np.where(nearest < solid * (1 - _EDGE_STEP), np.float32(_EDGE_TRUST), np.float32(1))
+        trust[~usable] = 0
         pose = camera.camera_from_world
         _see(
             points, normals, pose[:3, :3].copy(), pose[:3, 3].copy(), camera.centre.copy(),

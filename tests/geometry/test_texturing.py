@@ -171,6 +171,19 @@ def test_the_same_input_gives_the_same_bits_on_any_number_of_threads(mesh, image
     assert again.glb() == textured.glb()
 
 
+def test_pixels_that_may_not_be_used_leave_no_trace(mesh, images, cameras):
+    """A black frame around every photograph, told of, is nowhere on the mesh."""
+    shown, framed = [], []
+    for image in images:
+        usable = np.zeros(image.shape[:2], bool)
+        usable[15:-15, 15:-15] = True
+        shown.append(usable)
+        framed.append(np.where(usable[..., None], np.maximum(image, 0.2), 0).astype(np.float32))
+    texture = bake(mesh, framed, cameras, SETTINGS, shown=[np.pad(s[17:-17, 17:-17], 17) for s in shown])
+    assert texture.texture.min() >= 0.19 * 255
+    assert bake(mesh, framed, cameras, SETTINGS).texture.min() < 0.1 * 255
+
+
 def test_a_mesh_that_no_capture_sees_is_an_error(mesh, images, cameras):
     away = [camera.at(look_at((50, 50, 1), (60, 60, 1))) for camera in cameras]
     with pytest.raises(GeometryError, match="no capture sees"):
