@@ -38,6 +38,13 @@ class CaptureSettings:
         40, "Photographs taken of a scan that has hundreds, the sharpest of neighbours.", 3, 100000
     )
     floor_tolerance_m: float = setting(0.03, "Points this near belong to the floor.", 0.002, 0.5)
+    refine_poses: str = setting(
+        "auto",
+        "Whether given poses are adjusted to the photographs: where that clearly makes them agree.",
+        choices=("auto", "always", "never"),
+    )
+    pose_sigma_m: float = setting(0.01, "Standard deviation of given positions, each axis.", 0.0001, 1.0)
+    pose_sigma_deg: float = setting(0.3, "Standard deviation of given rotations, each axis.", 0.001, 10.0)
 
 
 @dataclass(frozen=True)
@@ -68,6 +75,7 @@ class PriorSettings:
     candidates: int = setting(3, "Meshes of a library aligned in full for an object.", 1, 100)
     max_energy: float = setting(0.45, "Energy above which an aligned shape is rejected.", 0.0, 3.0)
     min_iou: float = setting(0.75, "Silhouette overlap below which an aligned shape is rejected.", 0.0, 1.0)
+    min_points: int = setting(100, "Observed points an object needs before a shape is accepted.", 0, 100000)
 
 
 @dataclass(frozen=True)
@@ -126,7 +134,7 @@ class TextureSettings:
     faces: int = setting(30000, "Faces the proxy is decimated to.", 4, 1000000)
     size_px: int = setting(2048, "Side of the texture.", 64, 8192)
     unwrap_seconds: float = setting(
-        60.0, "Time for xatlas; then fewer faces, and then boxes, are unwrapped.", 0.0, 3600.0
+        120.0, "Time for xatlas; then fewer faces, and then boxes, are unwrapped.", 0.0, 3600.0
     )
     padding_px: int = setting(4, "Texels between charts.", 1, 32)
     best_captures: int = setting(3, "Captures blended at a texel.", 1, 16)
