@@ -109,7 +109,7 @@ class CollisionSettings:
     min_cell_m: float = setting(0.06, "Cells this small are cut no further.", 0.01, 1.0)
     tolerance_m: float = setting(0.02, "How far a convex piece may leave the surface.", 0.002, 0.2)
     carrying_tolerance_m: float = setting(
-        0.008, "The same for its sides that face up, on which things come to rest.", 0.002, 0.2
+        0.01, "The same for its sides that face up, on which things come to rest.", 0.002, 0.2
     )
     thickness_m: float = setting(0.05, "Depth of a piece behind its surface.", 0.005, 0.5)
     floor_tolerance_m: float = setting(0.03, "Level surfaces this near z = 0 are the floor.", 0.0, 0.2)
