@@ -14,10 +14,10 @@ _BORDERS_KEPT_ABOVE = 2  # times the faces asked for
 def decimated(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
     """The mesh with about ``most`` faces at most: vertices (V, 3) float32, faces (F, 3) int32.
 
-    Vertices in one place are welded first, so that edges between patches can collapse;
-    faces without area go. Flat parts lose most faces; open borders are left alone at first,
-    since cracks open where patches that only touch move apart. Raises GeometryError for a mesh without faces, with indices out of
-    range or with vertices that are not finite.
+    Vertices in one place are welded first, so that edges between patches can collapse; faces
+    without area go. Flat parts lose most faces; open borders are left alone at first, since
+    cracks open where patches that only touch move apart. Raises GeometryError for a mesh
+    without faces, with indices out of range or with vertices that are not finite.
     """
     vertices, faces = welded(vertices, faces)
     for target, keep_border in ((_BORDERS_KEPT_ABOVE * most, True), (most, False)):
