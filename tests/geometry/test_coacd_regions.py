@@ -7,8 +7,11 @@ import trimesh
 from r2sego_blender.errors import GeometryError, NativeError
 from r2sego_blender.geometry import coacd_regions
 from r2sego_blender.geometry.coacd_regions import Region, decompose_by_coacd, regions
+from r2sego_blender.geometry.collision import collision_surface
 from r2sego_blender.geometry.convex import Limits, convex_hull
+from r2sego_blender.geometry.proxy import GeometryProxy
 from r2sego_blender.progress import Progress
+from r2sego_blender.settings import CollisionSettings
 from r2sego_blender.workers.child import call_in_child
 
 LIMITS = Limits(0.4, 0.06, 0.02, 0.01, 0.05)
@@ -84,6 +87,22 @@ def test_what_is_convex_already_is_one_piece_without_coacd():
     box = trimesh.creation.box((0.5, 0.4, 0.3)).subdivide_to_size(0.1)
     (piece,) = decompose_by_coacd(np.asarray(box.vertices), np.asarray(box.faces), 1.0, LIMITS, 100)
     np.testing.assert_allclose(np.ptp(piece[0], axis=0), (0.5, 0.4, 0.3), atol=0.011)
+
+
+def test_the_setting_chooses_coacd():
+    """A box on a floor: the floor stays a rectangle, the box is a piece that nothing bounds."""
+    floor = trimesh.creation.box((3, 3, 0.1))
+    floor.apply_translation((0, 0, -0.05))
+    box = trimesh.creation.box((0.5, 0.4, 0.3))
+    box.apply_translation((0, 0, 0.25))
+    mesh = trimesh.util.concatenate([floor, box]).subdivide_to_size(0.1)
+    count = len(mesh.faces)
+    proxy = GeometryProxy(
+        np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces, np.int32), np.zeros(count, np.uint8),
+        np.ones(count, np.uint16), np.ones(count, np.float32),
+    )  # fmt: skip
+    surface = collision_surface(proxy, CollisionSettings(decomposition="coacd"))
+    assert len(surface.floor) == 4 and len(surface.pieces) == 1 and np.isinf(surface.tolerance_m)
 
 
 def test_a_region_out_of_time_is_cut_into_planes_and_named(angle):
