@@ -123,7 +123,7 @@ class CollisionSettings:
         120.0, "Time for a region; one that takes longer is cut into flat pieces.", 1.0, 3600.0
     )
     max_pieces: int = setting(
-        1500, "Most convex pieces; the tolerance grows until they are few enough.", 10, 20000
+        2500, "Most convex pieces; the tolerance grows until they are few enough.", 10, 20000
     )
 
 
