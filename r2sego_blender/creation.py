@@ -1,4 +1,4 @@
-"""Making a scene bundle from photographs: import, triangulate, register, declare."""
+"""Making a scene bundle from photographs: import, refine and triangulate, register, declare."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from pathlib import Path
 
 from .captures.ground_picture import GROUND_PICTURES, save_ground_pictures
 from .captures.importing import import_captures
+from .captures.refinement import triangulate_refined
 from .captures.registration import register
 from .captures.scale import Scale
-from .captures.sparse import triangulate
 from .captures.store import save_captures
 from .errors import CaptureError, SceneError
 from .progress import SILENT, Progress
@@ -45,7 +45,7 @@ def create_scene(
 
     imported = import_captures(captures, poses, settings, progress)
     progress.message(f"{len(imported.captures)} captures: {imported.source}")
-    sparse = triangulate(imported.captures, settings, progress)
+    imported, sparse = triangulate_refined(imported, settings, progress)
     registration = register(imported, sparse, scale, settings, progress)
     world_from_capture = registration.world_from_capture
     declaration = Declaration(

@@ -27,8 +27,8 @@ class Imported:
     """Captures in the frame of their pose file (the capture frame).
 
     ``source`` says in words where the poses come from; ``metric`` whether they are known
-    to be in metres. ``up`` (3,) is the direction up where the device measured gravity, and
-    ``depth`` what its depth sensor saw.
+    to be in metres, ``solved`` whether they were solved here. ``up`` (3,) is the direction up
+    where the device measured gravity, and ``depth`` what its depth sensor saw.
     """
 
     captures: tuple[Capture, ...]
@@ -36,6 +36,7 @@ class Imported:
     metric: bool
     up: np.ndarray | None = None
     depth: SensorDepth | None = None
+    solved: bool = False
 
 
 def import_captures(
@@ -55,7 +56,7 @@ def import_captures(
     poses = find_keyframes(folder) if poses is None else Path(poses)
     if poses is None:
         photographs, source = solve_poses(folder, settings, progress)
-        told = {"source": source, "metric": False}
+        told = {"source": source, "metric": False, "solved": True}
     elif poses.is_dir():
         photographs, told = _read_folder(poses, folder, settings, progress)
     else:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import combinations
 from pathlib import Path
 
@@ -44,29 +44,53 @@ def match_known_poses(
 ) -> Pairs:  # fmt: skip
     """Guided matches of every pair whose plain matches confirm the known poses.
 
-    A pair counts as overlapping when at least ``min_matches``, and a fifth, of its plain
-    matches lie within ``max_error_px`` of their epipolar lines; it is then matched again along those lines.
-    Raises CaptureError when no pair overlaps, and tells overlap with wrong poses apart.
+    Raises CaptureError when no pair does, and tells overlap with wrong poses apart.
+    """
+    plain = match_all(features, settings, progress)
+    confirmed = confirming(plain, features, cameras, settings.max_error_px, settings)
+    return match_guided(confirmed, features, cameras, names, settings, progress)
+
+
+def confirming(
+    plain: Pairs, features: Sequence[Features], cameras: Sequence[Camera], max_error_px: float,
+    settings: CaptureSettings,
+) -> Pairs:  # fmt: skip
+    """Of the matches of ``match_all`` those within ``max_error_px`` of their epipolar lines.
+
+    A pair is kept, as overlapping, when these are ``min_matches`` and a fifth of its matches
+    at least. Raises CaptureError when no pair is, and tells overlap with wrong poses apart.
     """
     pairs: Pairs = {}
     contradicting = 0
-    indices = list(combinations(range(len(features)), 2))
-    for i, j in progress.track(indices, "Matching captures"):
+    for (i, j), matches in plain.items():
+        places = features[i].keypoints[matches[:, 0]], features[j].keypoints[matches[:, 1]]
+        agree = epipolar_errors(*places, cameras[i], cameras[j]) <= max_error_px
+        if agree.sum() >= max(settings.min_matches, _MIN_AGREEING_SHARE * len(matches)):
+            pairs[i, j] = matches[agree]
+        else:
+            contradicting = max(contradicting, int(len(matches) - agree.sum()))
+    if not pairs:
+        raise _nothing_overlaps(contradicting, settings)
+    return pairs
+
+
+def match_guided(
+    overlapping: Iterable[tuple[int, int]], features: Sequence[Features], cameras: Sequence[Camera],
+    names: Sequence[str], settings: CaptureSettings, progress: Progress,
+) -> Pairs:  # fmt: skip
+    """The matches of overlapping pairs, looked for along the epipolar lines of known poses.
+
+    Captures that overlap with none are named in a warning.
+    """
+    pairs: Pairs = {}
+    for i, j in progress.track(overlapping, "Matching captures"):
         a, b = features[i], features[j]
-        plain = match(a.descriptors, b.descriptors, settings.match_ratio)
-        places = a.keypoints[plain[:, 0]], b.keypoints[plain[:, 1]]
-        agree = epipolar_errors(*places, cameras[i], cameras[j]) <= settings.max_error_px
-        if agree.sum() < max(settings.min_matches, _MIN_AGREEING_SHARE * len(plain)):
-            contradicting = max(contradicting, int(len(plain) - agree.sum()))
-            continue
         guided = match_along_epipolar_lines(
             a, b, cameras[i], cameras[j], settings.max_error_px, settings.match_ratio
         )
         difference = a.descriptors[guided[:, 0]].astype(np.float32) - b.descriptors[guided[:, 1]]
         near = np.einsum("ij,ij->i", difference, difference) <= _LARGEST_DESCRIPTOR_DISTANCE**2
         pairs[i, j] = guided[near]
-    if not pairs:
-        raise _nothing_overlaps(contradicting, settings)
     alone = sorted(set(range(len(names))) - {index for pair in pairs for index in pair})
     if alone:
         progress.message(

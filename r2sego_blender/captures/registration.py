@@ -20,13 +20,10 @@ from .ground import Ground, find_ground
 from .importing import Imported
 from .scale import Scale, length_scale, marker_scale
 from .sensor_depth import SensorDepth
-from .sparse import SparsePoints
+from .sparse import USUAL_DEPTH_M, SparsePoints, usual_depth
 
 ASSUMED_CAMERA_HEIGHT_M = 1.5
 """How high a photographer is taken to hold the camera when nothing tells the scale."""
-
-# Distance from a camera to what it sees indoors, for tolerances before the scale is known.
-_USUAL_DEPTH_M = 2.5
 
 # Share by which the unit of a device's poses and that of its depth sensor may differ.
 _UNIT_AGREES = 0.03
@@ -71,7 +68,7 @@ def register(
     """
     captures = imported.captures
     known, source = _scale_before_ground(imported, sparse, scale, progress)
-    unit_m = known if known is not None else _USUAL_DEPTH_M / _usual_depth(captures, sparse)
+    unit_m = known if known is not None else USUAL_DEPTH_M / usual_depth(captures, sparse)
     cameras = [capture.camera for capture in captures]
     ground = find_ground(sparse.points, cameras, settings.floor_tolerance_m / unit_m, imported.up)
     if not ground.found:
@@ -179,16 +176,6 @@ def _scale_from_height(
         ASSUMED_CAMERA_HEIGHT_M / height,
         f"{_ASSUMED}: the cameras were held {ASSUMED_CAMERA_HEIGHT_M:g} m above the floor",
     )
-
-
-def _usual_depth(captures: Sequence[Capture], sparse: SparsePoints) -> float:
-    """The median distance, in units of the poses, from captures to what they measured."""
-    distances = [
-        np.linalg.norm(sparse.points[sparse.visibility[:, index]] - capture.camera.centre, axis=1)
-        for index, capture in enumerate(captures)
-    ]
-    together = np.concatenate(distances)
-    return float(np.median(together)) if len(together) else 1.0
 
 
 def _world_from_capture(first: Capture, ground: Ground, scale: float) -> np.ndarray:

@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,8 +22,11 @@ from ..settings import CaptureSettings
 from ..workers.child import call_in_child
 from .capture import Capture
 from .colmap import load_pycolmap
-from .features import sift
-from .overlap import load_matches, match_known_poses, save_matches, write_database
+from .features import Features, sift
+from .overlap import Pairs, load_matches, match_known_poses, save_matches, write_database
+
+USUAL_DEPTH_M = 2.5
+"""Distance from a camera to what it sees indoors, for tolerances before the scale is known."""
 
 # With a few wide views half of all true points are seen by two rays only a little apart.
 _MIN_TRIANGULATION_ANGLE_DEG = 1.0
@@ -65,6 +68,23 @@ class SparsePoints:
             return SparsePoints(**{field.name: data[field.name] for field in fields(SparsePoints)})
 
 
+class Detected(NamedTuple):
+    """The features of captures, and the captures' images (H, W, 3) uint8."""
+
+    features: list[Features]
+    images: list[np.ndarray]
+
+
+def detect(captures: Sequence[Capture], settings: CaptureSettings, progress: Progress = SILENT) -> Detected:
+    """The SIFT features of captures."""
+    detected = Detected([], [])
+    for capture in progress.track(captures, "Finding features"):
+        image = (capture.image() * 255.0 + 0.5).astype(np.uint8)
+        detected.images.append(image)
+        detected.features.append(sift(image, settings.max_features))
+    return detected
+
+
 def triangulate(
     captures: Sequence[Capture], settings: CaptureSettings, progress: Progress = SILENT
 ) -> SparsePoints:
@@ -73,19 +93,26 @@ def triangulate(
     Points are in the frame and unit of the captures' poses, which stay as they are.
     Raises CaptureError when no two captures overlap, or their poses contradict them.
     """
-    features, images = [], []
-    for capture in progress.track(captures, "Finding features"):
-        image = (capture.image() * 255.0 + 0.5).astype(np.uint8)
-        images.append(image)
-        features.append(sift(image, settings.max_features))
+    detected = detect(captures, settings, progress)
     cameras = [capture.camera for capture in captures]
     names = [capture.name for capture in captures]
-    pairs = match_known_poses(features, cameras, names, settings, progress)
+    pairs = match_known_poses(detected.features, cameras, names, settings, progress)
+    return triangulate_matches(cameras, detected, pairs, settings.max_error_px, settings, progress)
+
+
+def triangulate_matches(
+    cameras: Sequence[Camera], detected: Detected, pairs: Pairs, max_error_px: float,
+    settings: CaptureSettings, progress: Progress = SILENT,
+) -> SparsePoints:  # fmt: skip
+    """The points of matched features, each within ``max_error_px`` of its measurements.
+
+    Raises CaptureError when there are fewer than ``min_matches``.
+    """
     with progress.task("Triangulating", total=1) as task, tempfile.TemporaryDirectory() as folder:
-        save_matches(Path(folder, "matches.npz"), features, pairs)
+        save_matches(Path(folder, "matches.npz"), detected.features, pairs)
         request = {
-            "folder": folder, "names": names, "cameras": [camera.to_json() for camera in cameras],
-            "max_error_px": settings.max_error_px,
+            "folder": folder, "cameras": [camera.to_json() for camera in cameras],
+            "max_error_px": max_error_px,
         }  # fmt: skip
         call_in_child(triangulate_in_child, request, timeout_s=_TIMEOUT_S)
         with np.load(Path(folder, "points.npz"), allow_pickle=False) as data:
@@ -99,7 +126,8 @@ def triangulate(
             "least a step apart: turning on the spot measures nothing.",
         )  # fmt: skip
     visibility = np.isfinite(pixels[..., 0])
-    return SparsePoints(points, _colours(images, pixels, visibility), visibility, error_px, pixels)
+    colours = _colours(detected.images, pixels, visibility)
+    return SparsePoints(points, colours, visibility, error_px, pixels)
 
 
 def triangulate_in_child(request: dict[str, Any]) -> dict[str, Any]:
@@ -168,6 +196,16 @@ def _colours(images, pixels: np.ndarray, visibility: np.ndarray) -> np.ndarray:
         height, width = image.shape[:2]
         total[rows] += image[np.clip(line, 0, height - 1), np.clip(column, 0, width - 1)]
     return np.rint(total / visibility.sum(axis=1, keepdims=True)).astype(np.uint8)
+
+
+def usual_depth(captures: Sequence[Capture], sparse: SparsePoints) -> float:
+    """The median distance, in units of the poses, from captures to what they measured."""
+    distances = [
+        np.linalg.norm(sparse.points[sparse.visibility[:, index]] - capture.camera.centre, axis=1)
+        for index, capture in enumerate(captures)
+    ]
+    together = np.concatenate(distances)
+    return float(np.median(together)) if len(together) else 1.0
 
 
 def depth_ranges(captures: Sequence[Capture], sparse: SparsePoints) -> list[tuple[float, float]]:
