@@ -25,6 +25,7 @@ from .generation.blending import BlendingGenerator
 from .generation.conditions import ConditionRenderer
 from .generation.ego_views import PseudoObservation, ego_video_reg, load_pseudo_observations
 from .generation.registration import Landmarks
+from .geometry.bounds import with_missing_bounds
 from .geometry.collision import collision_surface
 from .geometry.collision_files import write_collision
 from .geometry.completion import CompletedDepth, complete_depth
@@ -116,12 +117,15 @@ class Steps:
         def compute_planes(file: Path) -> None:
             cameras = tuple(capture.camera for capture in self._captures)
             rng = np.random.default_rng([self.h.seed, 0])
-            find_planes(self._observed(), cameras, self.h.proxy, rng).save(file)
+            observed = self._observed()
+            planes = find_planes(observed, cameras, self.h.proxy, rng)
+            with_missing_bounds(planes, self._captures, self._depth_maps(), observed, self.h).save(file)
 
         observed = self._step(OBSERVED, compute_observed, inputs=[captures, DEPTH], parameters=self.h.stereo)
         planes = self._step(
-            PLANES, compute_planes, inputs=[captures, observed], parameters=[self.h.proxy, self.h.seed]
-        )
+            PLANES, compute_planes, inputs=[captures, DEPTH, observed],
+            parameters=[self.h.stereo, self.h.proxy, self.h.seed],
+        )  # fmt: skip
         return observed, planes
 
     def align_priors(self, observed: str, priors: str) -> str:
