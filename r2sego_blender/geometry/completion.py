@@ -30,6 +30,7 @@ from ..settings import Settings, StereoSettings
 from .edges import aligned_to_edges
 from .evidence import KnownDepth, collect_votes
 from .planes import RoomPlanes
+from .probable import probable_depth
 from .stereo import DepthMap
 
 
@@ -80,6 +81,7 @@ _CONTRADICTION = 0.5  # cost of each capture that saw through the plane
 _FREE_MARGIN = 0.04  # relative depth beyond which another capture saw through a point
 _OUT_OF_VIEW = 2.0  # cost of a plane that cannot be seen at a pixel
 _CONVINCING = 1.0  # aggregated cost below which a plane is taken
+_SURE = 0.7  # aggregated cost above which probable depth is likelier than a plane
 _BEHIND_ENVELOPE_M = 0.05
 _NEAREST_M = 0.3
 
@@ -93,7 +95,8 @@ def complete_depth(
 ) -> tuple[CompletedDepth, ...]:
     """Every capture's depth map, completed at the size of its stereo depth."""
     trusted = trusted_depth(depth_maps, settings.stereo)
-    views = [_View.of(*view) for view in zip(captures, depth_maps, trusted, strict=True)]
+    probable = probable_depth(depth_maps, trusted, settings.stereo)
+    views = [_View.of(*view) for view in zip(captures, depth_maps, trusted, probable, strict=True)]
     with progress.task("Completing depth", len(views)) as task:
         completed = []
         for index in range(len(views)):
@@ -126,22 +129,24 @@ def trusted_depth(depth_maps: Sequence[DepthMap], settings: StereoSettings) -> t
 @dataclass(frozen=True)
 class _View:
     """A capture at the size of its depth map: ``known`` is its trusted depth aligned to the
-    image's edges, 0 elsewhere; ``likely`` what its surfaces nearby suggest, with ``votes``."""
+    image's edges, 0 elsewhere; ``probable`` its probable depth elsewhere; ``likely`` what its
+    surfaces nearby suggest, with ``votes``."""
 
     camera: Camera
     grey: np.ndarray
     known: np.ndarray
+    probable: np.ndarray
     likely: np.ndarray
     votes: np.ndarray
 
     @staticmethod
-    def of(capture: Capture, depth_map: DepthMap, trusted: KnownDepth) -> _View:
+    def of(capture: Capture, depth_map: DepthMap, trusted: KnownDepth, probable: np.ndarray) -> _View:
         camera = trusted.camera
         image = resize(capture.image(), camera.width, camera.height)
         mode, votes, own = aligned_to_edges(image, trusted.depth, depth_map.normal, camera)
         fattened = (trusted.depth > 0) & (votes > _OUTVOTED * own)
         known = np.where(fattened, mode, trusted.depth)
-        return _View(camera, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), known, mode, votes)
+        return _View(camera, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), known, probable, mode, votes)
 
 
 def _completed(index: int, views: Sequence[_View], planes: RoomPlanes, settings: Settings) -> CompletedDepth:
@@ -162,13 +167,15 @@ def _completed(index: int, views: Sequence[_View], planes: RoomPlanes, settings:
         best_cost[better], best_depth[better] = cost[better], depth[better]
     observed = view.known > 0
     nearby = ~observed & (view.votes > _SURE_VOTES)
-    on_plane = ~observed & ~nearby & (best_cost < _CONVINCING) & (best_depth > 0)
-    nearby |= ~observed & ~on_plane & (view.votes > _PROBABLE_VOTES)
-    on_envelope = ~observed & ~on_plane & ~nearby & (bound > 0)
+    agreed = ~observed & ~nearby & (view.probable > 0) & (best_cost > _SURE)
+    on_plane = ~observed & ~nearby & ~agreed & (best_cost < _CONVINCING) & (best_depth > 0)
+    nearby |= ~observed & ~agreed & ~on_plane & (view.votes > _PROBABLE_VOTES)
+    on_envelope = ~observed & ~agreed & ~on_plane & ~nearby & (bound > 0)
     source = np.full(view.camera.shape, DepthSource.FILLED, np.uint8)
     depth = np.zeros(view.camera.shape, np.float32)
     for mask, values, kind in (
         (observed, view.known, DepthSource.OBSERVED),
+        (agreed, view.probable, DepthSource.PLANE),
         (on_plane, best_depth, DepthSource.PLANE),
         (nearby, view.likely, DepthSource.PLANE),
         (on_envelope, bound, DepthSource.ENVELOPE),

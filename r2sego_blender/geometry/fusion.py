@@ -105,11 +105,18 @@ def compose_proxy(
 
 
 def _empty_field(completed, observed, envelope, settings) -> DistanceField:
-    """A field that covers what was seen, less outliers, and what the envelope lets through."""
+    """A field that covers what was seen, less outliers, and what the envelope lets through.
+
+    Pixels of the envelope count where they are no farther off than what is sure: on an open
+    side of the room they may lie anywhere.
+    """
     seen = [np.asarray(observed.points, np.float64).reshape(-1, 3)]
-    for view in completed:
-        sure = (view.source <= DepthSource.PLANE) & (view.depth > 0)
-        seen.append(view.camera.unproject(view.depth)[sure][::7])
+    sure = [(view.source <= DepthSource.PLANE) & (view.depth > 0) for view in completed]
+    depths = [view.depth[is_sure] for view, is_sure in zip(completed, sure, strict=True)]
+    farthest_m = max((np.quantile(depth, 1 - _OUTLIERS) for depth in depths if len(depth)), default=0.0)
+    for view, is_sure in zip(completed, sure, strict=True):
+        bound = (view.source == DepthSource.ENVELOPE) & (view.depth > 0) & (view.depth <= farthest_m)
+        seen.append(view.camera.unproject(view.depth)[is_sure | bound][::7])
     points = np.concatenate(seen)
     centres = np.array([view.camera.centre for view in completed])
     low, high = centres.min(0) - _MARGIN_M, centres.max(0) + _MARGIN_M
