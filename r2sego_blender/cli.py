@@ -407,16 +407,19 @@ def bench_training(context: click.Context, file: Path | None, **given: Any) -> N
 
 @bench.command("geometry")
 @click.option("--scene", required=True, type=FOLDER, help="cameras.json, captures and their ground truth.")
+@click.option("--library", type=ANY_PATH, help="Another scene's .glb: its meshes beside the true objects'.")
 @click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the pipeline and the noise.")
 @click.option("--no-noise", is_flag=True, help="Leave out the stereo of disturbed captures.")
 @click.pass_context
-def bench_geometry(context: click.Context, scene: Path, file: Path | None, seed: int, no_noise: bool) -> None:
+def bench_geometry(
+    context: click.Context, scene: Path, library: Path | None, file: Path | None, seed: int, no_noise: bool
+) -> None:
     """Time stereo and geometry proxy of a scene whose truth is known, and score them against it."""
     from .benchmarks.geometry import bench_geometry, lines
     from .benchmarks.splats import write_figures
 
-    figures = bench_geometry(scene, seed, not no_noise, _progress(context, as_json=False))
+    figures = bench_geometry(scene, library, seed, not no_noise, _progress(context, as_json=False))
     click.echo("\n".join(lines(figures)))
     if file is not None:
         write_figures(file, figures)

@@ -66,6 +66,7 @@ class Declaration:
     scale_source: str
     robot: str = "embedded:humanoid"
     scope: str = "walk_and_look"
+    mesh_library: str = ""
     preset: str = "paper"
     overrides: Mapping[str, Any] = field(default_factory=dict)
     backends: Mapping[str, str] = field(default_factory=lambda: dict(BACKENDS))
@@ -300,6 +301,7 @@ def _declaration(data: Mapping[str, Any], file: Path) -> Declaration:
             scale_source=data["registration"]["scale_source"],
             robot=data["robot"]["model"],
             scope=data["robot"]["scope"],
+            mesh_library=data.get("priors", {}).get("mesh_library", ""),
             preset=data["settings"]["preset"],
             overrides=data["settings"].get("overrides", {}),
             backends=data["backends"],
@@ -326,6 +328,7 @@ def _write_declaration(file: Path, declaration: Declaration) -> None:
             "world_from_capture": [list(row) for row in declaration.world_from_capture],
         },
         "robot": {"model": declaration.robot, "scope": declaration.scope},
+        "priors": {"mesh_library": declaration.mesh_library},
         "backends": dict(declaration.backends),
         "settings": {"preset": declaration.preset, "overrides": dict(declaration.overrides)},
     }

@@ -30,8 +30,10 @@ from .geometry.collision import collision_surface
 from .geometry.collision_files import write_collision
 from .geometry.completion import CompletedDepth, complete_depth
 from .geometry.fusion import compose_proxy
+from .geometry.objects import load_objects
 from .geometry.observed import ObservedGeometry, observe
 from .geometry.planes import RoomPlanes, find_planes
+from .geometry.priors import align_objects, load_library, load_priors, save_priors
 from .geometry.proxy import GeometryProxy
 from .geometry.seen_floor import seen_floor
 from .geometry.stereo import DepthMap, dense_stereo
@@ -57,6 +59,8 @@ DEPTH = "geometry/depth"
 OBSERVED = "geometry/observed.npz"
 PLANES = "geometry/planes.npz"
 COMPLETED = "geometry/completed"
+OBJECTS = "objects"
+PRIORS = "geometry/priors"
 BACKDROP = "geometry/backdrop.ply"
 INITIAL_ASSET = "geometry/initial_asset.ply"
 REFINED_ASSET = "asset.ply"
@@ -132,8 +136,9 @@ class Steps:
         """Priors placed in the world and carried into the captures.
 
         Room planes are born in the world frame, so their T_m* is the identity; what is
-        solved here, once, is which pixels of the captures each plane completes, and with
+        solved for them, once, is which pixels of the captures each plane completes, and with
         them the backdrop: what stands behind the asset where no photograph shows anything.
+        The declared objects' shapes are retrieved and aligned beside them.
         """
 
         def compute(folder: Path) -> None:
@@ -149,6 +154,21 @@ class Steps:
             ]
             save_ply(file, backdrop(views, self.h.training.backdrop_gaussians))
 
+        library = [Path(folder) for folder in [self.scene.declaration.mesh_library] if folder]
+
+        def compute_objects(folder: Path) -> None:
+            objects = load_objects(self.scene.path / OBJECTS, self._captures)
+            shapes = [shape for place in library if objects for shape in load_library(place, self.progress)]
+            aligned = align_objects(
+                objects, shapes, self._captures, self._observed(), self._reliable_depths(),
+                [self._completed_depth(capture) for capture in self._captures],
+                RoomPlanes.load(self.scene.path / priors).envelope, self.h.priors, self.progress,
+            )  # fmt: skip
+            for one in aligned:
+                if one.refusal:
+                    self.progress.message(f"{one.name}: no prior, {one.refusal}", "warning")
+            save_priors(folder, aligned)
+
         completed = self._step(
             COMPLETED, compute, inputs=[CAPTURES, DEPTH, observed, priors],
             parameters=[self.h.stereo, self.h.proxy],
@@ -156,6 +176,11 @@ class Steps:
         self._step(
             BACKDROP, compute_backdrop, inputs=[CAPTURES, completed],
             parameters=self.h.training.backdrop_gaussians,
+        )  # fmt: skip
+        self._step(
+            PRIORS, compute_objects,
+            inputs=[CAPTURES, DEPTH, observed, completed, OBJECTS, *library],
+            parameters=[self.h.priors, self.h.stereo],
         )  # fmt: skip
         return completed
 
@@ -183,13 +208,14 @@ class Steps:
                 asset_depths,
                 self.h.proxy,
                 self.progress,
+                load_priors(self.scene.path / PRIORS),
             )
             proxy.save(folder / "proxy.npz")
             proxy.save_ply(folder / "proxy.ply")
 
         return self._step(
             of_round(l, "proxy"), compute,
-            inputs=[captures, observed, PLANES, aligned_priors, asset], parameters=self.h.proxy,
+            inputs=[captures, observed, PLANES, aligned_priors, PRIORS, asset], parameters=self.h.proxy,
         )  # fmt: skip
 
     def replace_collision_mesh(self, l: int, proxy: str) -> str:

@@ -11,7 +11,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -23,14 +23,28 @@ from ..creation import create_scene
 from ..errors import GeometryError
 from ..evaluation.geometry_scores import depth_score, surface_score
 from ..evaluation.ground_truth import GroundTruth, load_ground_truth
+from ..geometry.objects import save_objects
+from ..geometry.priors import read_record
 from ..geometry.proxy import GeometryProxy
 from ..geometry.stereo import DepthMap
 from ..progress import SILENT, Progress
 from ..resources import cpu_s, forget_peak_memory, peak_memory_mb
 from ..scene import Declaration, Scene
-from ..steps import BACKDROP, COMPLETED, DEPTH, INITIAL_ASSET, OBSERVED, PLANES, Steps, of_round
+from ..steps import (
+    BACKDROP,
+    COMPLETED,
+    DEPTH,
+    INITIAL_ASSET,
+    OBJECTS,
+    OBSERVED,
+    PLANES,
+    PRIORS,
+    Steps,
+    of_round,
+)
 from .disturbance import disturbed_captures
 from .machine import processor
+from .true_objects import TrueObject, rough_masks, true_objects, write_library
 
 _PARTS = {
     DEPTH: "stereo",
@@ -39,6 +53,7 @@ _PARTS = {
     PLANES: "planes",
     COMPLETED: "completion",
     BACKDROP: "backdrop",
+    PRIORS: "priors",
     of_round(0, "proxy"): "composition",
     of_round(1, "proxy"): "refresh",
 }
@@ -54,8 +69,10 @@ _TINY: Mapping[str, Any] = {
 }
 """Settings under which every kernel of the steps is compiled, at little cost."""
 
-_SCORING, _DISTURBANCE = 0, 1
+_SCORING, _DISTURBANCE, _LIBRARY = 0, 1, 2
 """Streams of random numbers, apart from those of the pipeline."""
+
+_WRONG_MESHES = 22
 
 T = TypeVar("T")
 
@@ -69,9 +86,16 @@ class Cost:
 
 
 def bench_geometry(
-    scene: Path, seed: int = 0, noise: bool = True, progress: Progress = SILENT
+    scene: Path,
+    library: Path | None = None,
+    seed: int = 0,
+    noise: bool = True,
+    progress: Progress = SILENT,
 ) -> dict[str, Any]:
     """Make the geometry of the folder ``scene`` and score it; with ``noise`` also disturbed.
+
+    With ``library``, a scene's file such as a .glb whose meshes are all wrong here, it is made
+    once more with shape priors: the true objects' meshes hidden among those (``true_objects``).
 
     ``scene`` is what ``load_ground_truth`` reads, with its photographs. Everything is made
     in a temporary bundle that is removed. Returns flat JSON-ready figures, shares in [0, 1].
@@ -95,6 +119,8 @@ def bench_geometry(
         }
         figures |= _costs(bundle.costs, creation)
         figures |= _stereo_scores(bundle, truth) | _proxy_scores(bundle, truth, seed)
+        if library is not None:
+            figures |= _with_priors(bundle, truth, library, folder, seed, progress)
         if noise:
             poorer = folder / "disturbed"
             poorer.mkdir()
@@ -104,6 +130,48 @@ def bench_geometry(
             scores = {"stereo_wall_s": disturbed.costs[DEPTH].wall_s} | _stereo_scores(disturbed, truth)
             figures |= {f"noisy_{name}": value for name, value in scores.items()}
     return figures
+
+
+def _with_priors(
+    bundle: _CostedScene, truth: GroundTruth, other_scene: Path, folder: Path, seed: int, progress: Progress
+) -> dict[str, Any]:
+    """The same scene with objects declared: what became of each, and the proxy's scores."""
+    in_world = truth.transformed(_world_from_capture(bundle))
+    rng = np.random.default_rng([seed, _LIBRARY])
+    objects = true_objects(in_world, rng)
+    wrong = write_library(folder / "library", objects, other_scene, _WRONG_MESHES, rng)
+    declared = rough_masks(truth, objects, rng)
+    figures: dict[str, Any] = {"library_meshes": len(objects) + len(wrong), "objects": len(objects)}
+
+    save_objects(bundle.path / OBJECTS, declared)
+    bundle = _CostedScene(bundle.path, bundle.declare(mesh_library=str(folder / "library")).declaration)
+    _run(bundle, progress)
+    figures |= {f"with_priors_{n}": v for n, v in _proxy_scores(bundle, truth, seed).items()}
+    figures["priors_wall_s"], figures["priors_cpu_s"] = vars(bundle.costs[PRIORS]).values()
+    figures["with_priors_refresh_wall_s"] = bundle.costs[of_round(1, "proxy")].wall_s
+    figures |= _alignments(read_record(bundle.path / PRIORS), objects, seed)
+
+    for one in objects:
+        (folder / "library" / f"{one.name}.ply").unlink()
+    bundle = _CostedScene(bundle.path, bundle.declare(mesh_library=str(folder / "library")).declaration)
+    bundle.begun(progress).align_priors(OBSERVED, PLANES)
+    accepted = [one["name"] for one in read_record(bundle.path / PRIORS) if not one["refusal"]]
+    pairs = len(objects) * len(wrong)
+    return figures | {"wrong_accepted": accepted, "wrong_rejected": 1 - len(accepted) / pairs}
+
+
+def _alignments(records: list[dict[str, Any]], objects: tuple[TrueObject, ...], seed: int) -> dict[str, Any]:
+    """Each object's shape and errors; a twin's mesh is as right as its own."""
+    rng = np.random.default_rng([seed, _SCORING])
+    figures: dict[str, Any] = {}
+    for record in records:
+        told = {name: record.get(name) for name in ("refusal", "shape", "energy", "silhouette_iou")}
+        true = next(one for one in objects if one.name == record["name"])
+        used = next((one for one in objects if one.name == record.get("shape")), None)
+        if used is not None and (pose := true.pose_of(used)) is not None:
+            told |= vars(replace(used, world_from_own=pose).score(np.array(record["world_from_own"]), rng))
+        figures[record["name"]] = told
+    return {"alignment": figures}
 
 
 def lines(figures: Mapping[str, Any]) -> list[str]:
@@ -126,7 +194,24 @@ def lines(figures: Mapping[str, Any]) -> list[str]:
         f"proxy: F-score at 5 cm {f['proxy_fscore']:.1%}, precision {f['proxy_precision']:.1%}, "
         f"recall {f['proxy_recall']:.1%}, median error {100 * f['proxy_median_error_m']:.2f} cm"
     )
+    if "with_priors_proxy_fscore" in f:
+        text.append(
+            f"with priors from {f['library_meshes']} meshes: F-score {f['with_priors_proxy_fscore']:.1%}, "
+            f"{f['priors_wall_s']:.1f} s; wrong shapes rejected {f['wrong_rejected']:.1%}"
+        )
+        text += [_alignment_line(name, told) for name, told in f["alignment"].items()]
     return [*text, f"peak memory {peak}"]
+
+
+def _alignment_line(name: str, told: Mapping[str, Any]) -> str:
+    if told["refusal"]:
+        return f"  {name}: refused, {told['refusal']}"
+    if "translation_m" not in told:
+        return f"  {name}: a wrong shape, {told['shape']}, energy {told['energy']:.2f}"
+    return (
+        f"  {name}: {100 * told['translation_m']:.2f} cm, {told['rotation_deg']:.2f} deg, "
+        f"{told['scale_percent']:.2f} %, energy {told['energy']:.2f}"
+    )
 
 
 def _stereo_line(name: str, f: Mapping[str, Any]) -> str:

@@ -10,7 +10,6 @@ is. With completed depth the mesher hardly matters.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import trimesh
@@ -30,6 +29,7 @@ from .evidence import KnownDepth, collect_votes
 from .observed import ObservedGeometry
 from .oriented_points import WeightedDepth
 from .planes import RoomPlanes
+from .priors import AlignedPrior
 from .proxy import GeometryProxy, Provenance
 from .rasterizer import MeshRasterizer
 from .surfaces import SURFACES
@@ -45,15 +45,6 @@ _LARGEST_FIELD = 40_000_000  # voxels; 320 MB
 _OUTLIERS = 0.002  # share of the points at each end that the field need not cover
 _MARGIN_M = 0.5  # the field's reach beyond the captures' centres
 _ASSET_ALPHA = 0.5  # below this the asset's depth says nothing
-
-
-@dataclass(frozen=True)
-class AlignedPrior:
-    """A shape prior after its similarity T_m*: ``vertices`` (V, 3) in the world, ``faces`` (F, 3)."""
-
-    name: str
-    vertices: np.ndarray
-    faces: np.ndarray
 
 
 def compose_proxy(
@@ -80,7 +71,7 @@ def compose_proxy(
     with progress.task("Composing the geometry proxy", 5) as task:
         field = _empty_field(completed, observed, envelope, settings)
         task.advance()
-        views = _weighted(completed, asset_depths, settings)
+        views = _without_priors(_weighted(completed, asset_depths, settings), priors)
         vertices, faces = SURFACES[settings.surface](views, field)
         vertices, faces = _carved(vertices, faces, trusted, settings)
         task.advance()
@@ -151,6 +142,29 @@ def _weighted(completed, asset_depths, settings) -> list[WeightedDepth]:
     return views
 
 
+def _without_priors(views: list[WeightedDepth], priors: Sequence[AlignedPrior]) -> list[WeightedDepth]:
+    """The depth of what is no prior: the complement's input (the paper's Eq. 1).
+
+    A pixel that shows a prior says nothing of other surfaces, unless they are nearer.
+    """
+    if not priors:
+        return views
+    counts = np.cumsum([0] + [len(prior.vertices) for prior in priors])
+    rasterizer = MeshRasterizer(
+        np.concatenate([prior.vertices for prior in priors]),
+        np.concatenate([prior.faces + start for prior, start in zip(priors, counts[:-1], strict=True)]),
+    )
+    left = []
+    for view in views:
+        prior = rasterizer.render(view.camera).depth
+        hidden = (view.depth > 0) & (view.depth < prior * (1 - _CARVING_TOLERANCE))
+        shown = (prior > 0) & ~hidden
+        left.append(
+            WeightedDepth(view.camera, np.where(shown, 0, view.depth), np.where(shown, 0, view.weight))
+        )
+    return left
+
+
 def _carved(vertices, faces, trusted, settings):
     """Without the faces that captures saw through, and without loose crumbs.
 
@@ -197,19 +211,21 @@ def _compacted(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.
 def _outside_prior(vertices, faces, prior, envelope, trusted, settings):
     """The faces left once the prior takes its object region.
 
-    The region is the prior's surface within the truncation, and its convex hull but for the
-    room's bounds and for what two captures saw there (a chair pushed under a table).
+    The region is the prior's surface within half the truncation; within all of it and in its
+    convex hull, what no two captures saw there: a book on a table and a chair pushed under
+    it stay, and so do the room's bounds.
     """
     if not len(faces):
         return faces
     centroids = vertices[faces].mean(1)
-    samples, _ = trimesh.remesh.subdivide_to_size(prior.vertices, prior.faces, settings.truncation_m)
-    near = cKDTree(samples).query(centroids, distance_upper_bound=settings.truncation_m)[0]
+    samples, _ = trimesh.remesh.subdivide_to_size(prior.vertices, prior.faces, settings.truncation_m / 2)
+    away = cKDTree(samples).query(centroids, distance_upper_bound=settings.truncation_m)[0]
     hull = ConvexHull(samples).equations
     inside = (centroids @ hull[:, :3].T + hull[:, 3] < 0).all(1)
     bound = np.abs(envelope.signed_distance(centroids)) < settings.truncation_m / 2
     seen = collect_votes(centroids, trusted, _SUPPORT_TOLERANCE).agree >= 2
-    return faces[~(np.isfinite(near) | (inside & ~bound & ~seen))]
+    taken = (np.isfinite(away) | inside) & ~seen
+    return faces[~((taken | (away < settings.truncation_m / 2)) & ~bound)]
 
 
 def _closed(vertices, faces, field, envelope, trusted):

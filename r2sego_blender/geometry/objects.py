@@ -1,0 +1,183 @@
+"""The objects a person declared: their masks, perhaps a mesh and a pose of its own.
+
+They stand in the bundle's ``objects/<name>/``:
+
+    masks/<capture>.png   white where the photograph shows the object; no file, not drawn
+    mesh.glb              the shape, where the person gives one (any of ``MESH_SUFFIXES``)
+    placement.json        its pose by hand: ``world_from_own`` (4, 4), and ``locked``
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..captures.capture import Capture
+from ..errors import GeometryError
+from ..images import load_image_uint8
+from .shapes import MESH_SUFFIXES
+
+_WHITE = 128
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A pose set by hand: ``world_from_own`` (4, 4) similarity. ``locked``, it is kept as it
+    is; else the search begins there."""
+
+    world_from_own: np.ndarray
+    locked: bool
+
+
+@dataclass(frozen=True)
+class DeclaredObject:
+    """``masks``: (H, W) bool at the capture's working size, by the capture's name."""
+
+    name: str
+    masks: Mapping[str, np.ndarray]
+    mesh: Path | None = None
+    placement: Placement | None = None
+
+
+def load_objects(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObject, ...]:
+    """The objects in the bundle's folder, in the order of their names; none if it is not there.
+
+    Raises GeometryError naming the damaged file.
+    """
+    if not folder.is_dir():
+        return ()
+    return tuple(_object(place, captures) for place in sorted(folder.iterdir()) if place.is_dir())
+
+
+def save_objects(folder: Path, objects: Sequence[DeclaredObject]) -> None:
+    """Write masks and placements as ``load_objects`` reads them; a mesh is copied."""
+    for one in objects:
+        place = folder / one.name
+        (place / "masks").mkdir(parents=True, exist_ok=True)
+        for name, mask in one.masks.items():
+            cv2.imwrite(str(place / "masks" / f"{Path(name).stem}.png"), mask.astype(np.uint8) * 255)
+        if one.mesh is not None:
+            (place / f"mesh{one.mesh.suffix.lower()}").write_bytes(one.mesh.read_bytes())
+        if one.placement is not None:
+            pose = one.placement.world_from_own.tolist()
+            text = json.dumps({"world_from_own": pose, "locked": one.placement.locked}, indent=1)
+            (place / "placement.json").write_text(text + "\n", encoding="utf-8")
+
+
+def read_masks(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObject, ...]:
+    """Masks from elsewhere, of the photographs' or the captures' size.
+
+    Either a folder for each object with a black and white image for each photograph, or one
+    image for each photograph whose values number the objects, 0 for none, with a
+    ``names.json`` if they have names. Files are called as the photographs. Raises
+    GeometryError naming the file.
+    """
+    if not folder.is_dir():
+        raise GeometryError("there is no such folder", where=folder, cure="Give the folder of the masks.")
+    parts = [place for place in sorted(folder.iterdir()) if place.is_dir()]
+    if parts:
+        objects = [DeclaredObject(_plain(place.name), _masks(place, captures)) for place in parts]
+    else:
+        objects = _numbered(folder, captures)
+    objects = [one for one in objects if any(mask.any() for mask in one.masks.values())]
+    if not objects:
+        raise GeometryError(
+            "no mask belongs to a photograph of the scene", where=folder,
+            cure="Call the masks as the photographs, such as IMG_01.png.",
+        )  # fmt: skip
+    return tuple(objects)
+
+
+def _object(place: Path, captures: Sequence[Capture]) -> DeclaredObject:
+    meshes = [place / f"mesh{suffix}" for suffix in MESH_SUFFIXES]
+    mesh = next((path for path in meshes if path.is_file()), None)
+    masks = _masks(place / "masks", captures) if (place / "masks").is_dir() else {}
+    found = DeclaredObject(place.name, masks, mesh)
+    path = place / "placement.json"
+    return replace(found, placement=_placement(path)) if path.is_file() else found
+
+
+def _placement(path: Path) -> Placement:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        pose = np.array(data["world_from_own"], np.float64)
+        linear = pose[:3, :3]
+        scale = np.cbrt(np.linalg.det(linear))
+        if pose.shape != (4, 4) or not np.isfinite(pose).all() or not scale > 0:
+            raise ValueError("world_from_own is no similarity")
+        if np.abs(linear @ linear.T - scale**2 * np.eye(3)).max() > 1e-3 * scale**2:
+            raise ValueError("world_from_own stretches the shape")
+        return Placement(pose, bool(data.get("locked", False)))
+    except (OSError, KeyError, TypeError, ValueError, IndexError) as error:
+        raise GeometryError(
+            f"this is no placement ({error})", where=path, cure="Remove it, or place the shape again."
+        ) from error
+
+
+def _masks(folder: Path, captures: Sequence[Capture]) -> dict[str, np.ndarray]:
+    files = _by_stem(folder)
+    found = {}
+    for capture in captures:
+        path = files.get(_stem(capture))
+        if path is not None:
+            image = load_image_uint8(path)
+            grey = image if image.ndim == 2 else image.max(axis=2)
+            found[capture.name] = _at_working_size(grey >= _WHITE, capture)
+    return found
+
+
+def _numbered(folder: Path, captures: Sequence[Capture]) -> list[DeclaredObject]:
+    files = _by_stem(folder)
+    names_file = folder / "names.json"
+    try:
+        names = json.loads(names_file.read_text(encoding="utf-8")) if names_file.is_file() else {}
+    except ValueError as error:
+        raise GeometryError("this is no JSON", where=names_file, cure="Correct or remove it.") from error
+    masks: dict[int, dict[str, np.ndarray]] = {}
+    for capture in captures:
+        path = files.get(_stem(capture))
+        numbers = None if path is None else cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        if numbers is None:
+            continue
+        if numbers.ndim != 2:
+            raise GeometryError(
+                "the mask is coloured, so its values are no numbers of objects", where=path,
+                cure="Save it with one channel, or make a folder for each object.",
+            )  # fmt: skip
+        for number in np.unique(numbers[numbers > 0]).tolist():
+            mask = _at_working_size(numbers == number, capture)
+            masks.setdefault(number, {})[capture.name] = mask
+    return [
+        DeclaredObject(_plain(str(names.get(str(number), f"object_{number:02d}"))), found)
+        for number, found in sorted(masks.items())
+    ]
+
+
+def _at_working_size(mask: np.ndarray, capture: Capture) -> np.ndarray:
+    """A mask of the photograph, or of the undistorted capture, as the capture's camera sees it."""
+    shape = capture.camera.shape
+    if mask.shape == shape:
+        return mask
+    image = mask.astype(np.float32)
+    if capture.lens is not None and not capture.straight:
+        image = capture.lens.straightened(image)
+    return cv2.resize(image, shape[::-1], interpolation=cv2.INTER_AREA) > 0.5
+
+
+def _by_stem(folder: Path) -> dict[str, Path]:
+    return {path.stem: path for path in sorted(folder.iterdir()) if path.suffix.lower() == ".png"}
+
+
+def _stem(capture: Capture) -> str:
+    return Path(capture.name).stem
+
+
+def _plain(name: str) -> str:
+    """A name that is a file's on any system."""
+    return re.sub(r"[^A-Za-z0-9._-]", "_", name).strip("._") or "object"

@@ -1,0 +1,222 @@
+"""Aligned shape priors P_m after T_m*, solved once from the real captures and then fixed.
+
+For each declared object: the evidence is gathered, its own mesh or the library's candidates
+are aligned, and the best is kept if it explains the object. Every decision is written down
+with its figures, the refused ones too.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+
+from ..arrays import opened_arrays, save_arrays
+from ..cameras import Camera
+from ..captures.capture import Capture
+from ..errors import GeometryError
+from ..progress import SILENT, Progress
+from ..settings import PriorSettings
+from .alignment import Alignment, ObjectEvidence, rated
+from .objects import DeclaredObject
+from .observed import ObservedGeometry
+from .planes import RoomPlanes
+from .retrieval import Retrieval, retrieve
+from .shapes import Shape, load_shape, mesh_files
+
+NEARER_THAN_ANYTHING_M = 0.01
+"""The depth given to pixels where another object may stand before this one."""
+
+_RECORD = "priors.json"
+
+
+@dataclass(frozen=True)
+class AlignedPrior:
+    """A shape prior after its similarity T_m*: ``vertices`` (V, 3) in the world, ``faces`` (F, 3)."""
+
+    name: str
+    vertices: np.ndarray
+    faces: np.ndarray
+
+
+@dataclass(frozen=True)
+class ObjectPrior:
+    """What became of an object: ``prior`` is None where ``refusal`` says why."""
+
+    name: str
+    prior: AlignedPrior | None
+    refusal: str
+    record: dict[str, Any]
+
+
+def align_objects(
+    objects: Sequence[DeclaredObject],
+    library: Sequence[Shape],
+    captures: Sequence[Capture],
+    observed: ObservedGeometry,
+    reliable: Sequence[np.ndarray],
+    completed: Sequence[np.ndarray],
+    bounds: RoomPlanes,
+    settings: PriorSettings,
+    progress: Progress = SILENT,
+) -> tuple[ObjectPrior, ...]:
+    """Retrieve and align a shape for every object, two at a time.
+
+    ``reliable`` and ``completed`` are each capture's depth (H, W), at its own size; ``library``
+    serves the objects that have no mesh of their own.
+    """
+    anything = [np.zeros(capture.camera.shape, bool) for capture in captures]
+    for pixels, capture in zip(anything, captures, strict=True):
+        for one in objects:
+            pixels |= one.masks.get(capture.name, False)
+
+    def work(one: DeclaredObject) -> ObjectPrior:
+        try:
+            evidence = gather_evidence(one, captures, observed, reliable, completed, anything, bounds)
+            return _decided(one, evidence, library, settings)
+        except GeometryError as error:
+            return ObjectPrior(one.name, None, error.what, {"name": one.name, "refusal": error.what})
+
+    found = []
+    with (
+        progress.task("Aligning shape priors", len(objects)) as task,
+        ThreadPoolExecutor(numba.get_num_threads()) as pool,
+    ):
+        for result in pool.map(work, objects):
+            found.append(result)
+            task.advance()
+    return tuple(found)
+
+
+def gather_evidence(
+    one: DeclaredObject,
+    captures: Sequence[Capture],
+    observed: ObservedGeometry,
+    reliable: Sequence[np.ndarray],
+    completed: Sequence[np.ndarray],
+    anything: Sequence[np.ndarray],
+    bounds: RoomPlanes,
+) -> ObjectEvidence:
+    """The masks, the observed points they share, and what the captures know around them.
+
+    ``anything`` (H, W) bool: the pixels of any object. Where another one may be in front its
+    depth is not trusted unless stereo vouches for it.
+    """
+    shown = [k for k, capture in enumerate(captures) if capture.name in one.masks]
+    masks = [one.masks[captures[k].name] for k in shown]
+    depths = []
+    for k, mask in zip(shown, masks, strict=True):
+        other = anything[k] & ~mask & (reliable[k] == 0)
+        known = np.where(reliable[k] > 0, reliable[k], completed[k])
+        depths.append(np.where(other, np.float32(NEARER_THAN_ANYTHING_M), known))
+    cameras = [captures[k].camera for k in shown]
+    points = observed.points[_inside_masks(observed, cameras, masks, shown)]
+    return ObjectEvidence.of(one.name, cameras, masks, depths, points, bounds)
+
+
+def load_priors(folder: Path) -> tuple[AlignedPrior, ...]:
+    """The accepted priors that ``save_priors`` wrote. Raises GeometryError for a damaged file."""
+    priors = []
+    for path in sorted(folder.glob("*.npz")):
+        with opened_arrays(path, GeometryError, "this is no aligned prior") as data:
+            priors.append(AlignedPrior(path.stem, data["vertices"], data["faces"]))
+    return tuple(priors)
+
+
+def save_priors(folder: Path, priors: Sequence[ObjectPrior]) -> None:
+    """Write the accepted priors, and ``priors.json`` with the figures of all."""
+    for one in priors:
+        if one.prior is not None:
+            path = folder / f"{one.name}.npz"
+            save_arrays(path, vertices=one.prior.vertices, faces=one.prior.faces)
+    text = json.dumps([one.record for one in priors], indent=1)
+    (folder / _RECORD).write_text(text + "\n", encoding="utf-8")
+
+
+def read_record(folder: Path) -> list[dict[str, Any]]:
+    """The figures of every object, as ``save_priors`` wrote them."""
+    path = folder / _RECORD
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise GeometryError(
+            "the record of the priors is damaged", where=path, cure="Run `r2sego refine` again."
+        ) from error
+
+
+def load_library(folder: Path, progress: Progress = SILENT) -> tuple[Shape, ...]:
+    """The shapes in a folder of meshes; those that cannot be read are left out with a warning."""
+    files = mesh_files(folder)
+    shapes = []
+    with progress.task("Reading the mesh library", len(files)) as task:
+        for path in files:
+            try:
+                shapes.append(load_shape(path))
+            except GeometryError as error:
+                progress.message(f"left out: {error}", "warning")
+            task.advance()
+    return tuple(shapes)
+
+
+def _decided(
+    one: DeclaredObject, evidence: ObjectEvidence, library: Sequence[Shape], settings: PriorSettings
+) -> ObjectPrior:
+    candidates = library if one.mesh is None else (load_shape(one.mesh),)
+    if not candidates:
+        what = "there is no mesh for it and no library"
+        return ObjectPrior(one.name, None, what, {"name": one.name, "refusal": what})
+    if one.placement is not None and one.placement.locked and one.mesh is not None:
+        placed = rated(candidates[0], evidence, one.placement.world_from_own)
+        retrieval = Retrieval((placed,), {}, "")
+    else:
+        retrieval = retrieve(evidence, candidates, settings)
+    best = retrieval.best
+    record = {"name": one.name, "refusal": retrieval.refusal, "observed_points": len(evidence.points)}
+    record |= _figures(best) | {
+        "others": {a.shape: round(a.energy, 4) for a in retrieval.aligned[1:]},
+        "screening": {name: round(energy, 4) for name, energy in retrieval.screening.items()},
+    }
+    if retrieval.refusal:
+        return ObjectPrior(one.name, None, retrieval.refusal, record)
+    shape = next(shape for shape in candidates if shape.name == best.shape)
+    world = shape.vertices @ best.world_from_own[:3, :3].T + best.world_from_own[:3, 3]
+    return ObjectPrior(one.name, AlignedPrior(one.name, world, shape.faces), "", record)
+
+
+def _figures(alignment: Alignment) -> dict[str, Any]:
+    return {
+        "shape": alignment.shape,
+        "world_from_own": alignment.world_from_own.tolist(),
+        "energy": round(alignment.energy, 4),
+        "silhouette_iou": round(alignment.silhouette_iou, 4),
+        "ious": [_rounded(iou) for iou in alignment.ious],
+        "point_residual": round(alignment.point_residual, 4),
+        "point_distance_m": _rounded(alignment.point_distance_m),
+        "free_space": round(alignment.free_space, 4),
+        "outside": round(alignment.outside, 4),
+    }  # fmt: skip
+
+
+def _rounded(value: float) -> float | None:
+    """For JSON, which has no NaN."""
+    return None if np.isnan(value) else round(float(value), 4)
+
+
+def _inside_masks(
+    observed: ObservedGeometry, cameras: Sequence[Camera], masks: Sequence[np.ndarray], indices: Sequence[int]
+) -> np.ndarray:
+    """(P,) bool: the points that most of the captures that see them show within their masks."""
+    inside, seen = (np.zeros(len(observed.points)) for _ in range(2))
+    for k, camera, mask in zip(indices, cameras, masks, strict=True):
+        pixels, depth = camera.project(observed.points)
+        visible = camera.sees(pixels, depth) & observed.visibility[:, k]
+        columns, rows = pixels[visible].astype(np.int64).T
+        inside[visible] += mask[rows, columns]
+        seen[visible] += 1
+    return (inside > 0) & (2 * inside > seen)
