@@ -23,6 +23,7 @@ from ..settings import StereoSettings
 from . import matching, patchmatch
 from .consistency import support
 from .neighbours import neighbours
+from .noise import without_noise
 
 _LUMA = np.array([0.299, 0.587, 0.114], np.float32)
 # Below this longest side a half-resolution image has too few windows to be worth it.
@@ -93,7 +94,7 @@ def dense_stereo(
     _check(captures, depth_range_m)
     cameras = [capture.camera.fitted(settings.max_side_px) for capture in captures]
     greys = [
-        resize(capture.image() @ _LUMA, camera.width, camera.height)
+        without_noise(resize(capture.image() @ _LUMA, camera.width, camera.height))
         for capture, camera in zip(captures, cameras, strict=True)
     ]
     points = np.asarray(sparse_points, np.float64).reshape(-1, 3)
