@@ -33,8 +33,8 @@ _STRIDE_PX = 6  # between pixels that are asked
 _SAME_SIDE = 0.9  # cosine between normals of bounds on the same side of the room
 _SAME_DIRECTION = 0.98  # and between directions of which one need be tried
 _ALIKE = 0.5  # correlation from which a pixel speaks for an offset, and below against it
-_DISTINCT = 1.5  # times the evidence of any other offset, that of the best must be
-_APART_M = 0.15  # offsets this far apart are others
+_DISTINCT = 1.5  # times the evidence of any other peak, that of the best must be
+_WIDEST_PEAK_M = 1.0  # a peak may be this wide where it has fallen by that factor
 _LEAST_EVIDENCE = 10.0  # in pixels exactly alike; where there is no bound, hardly one is
 _HIDDEN_FROM_M = 0.03  # how far behind another bound a point is out of the room
 _PATCH_RADIUS_PX, _PATCH_STEP_PX = 6, 2
@@ -118,19 +118,22 @@ def _swept(views, envelope, normal, nearest, extent) -> float | None:
     offsets = nearest - _STEP_M * np.arange(int(extent / _STEP_M) + 1)
     evidence, through = _evidence(views, envelope, normal, offsets)
     best = int(np.argmax(evidence))
-    others = evidence[np.abs(offsets - offsets[best]) > _APART_M]
-    convincing = evidence[best] >= max(_LEAST_EVIDENCE, _DISTINCT * others.max(initial=0.0))
     # The best at the inner end is the foot of something that begins before it.
-    if best == 0 or not convincing or through[best] > evidence[best]:
+    if best == 0 or evidence[best] < _LEAST_EVIDENCE or through[best] > evidence[best]:
+        return None
+    peak = np.flatnonzero(evidence > evidence[best] / _DISTINCT)
+    if len(peak) <= np.ptp(peak) or len(peak) > _WIDEST_PEAK_M / _STEP_M:
         return None
     fine = offsets[best] + np.arange(-_STEP_M, _STEP_M + 1e-9, _FINE_STEP_M)
-    return float(fine[np.argmax(_evidence(views, envelope, normal, fine)[0])])
+    # A nearer plane hides more: the same pixels must say which offset is the best.
+    return float(fine[np.argmax(_evidence(views, envelope, normal, fine, same_pixels=True)[0])])
 
 
-def _evidence(views, envelope, normal, offsets) -> tuple[np.ndarray, np.ndarray]:
+def _evidence(views, envelope, normal, offsets, same_pixels=False) -> tuple[np.ndarray, np.ndarray]:
     """For each offset (D,) how much more alike captures look on the plane than on the bounds
     known behind it, or than ``_ALIKE``, summed over pixels; and the (D,) number of pixels
-    for which a capture's trusted depth lies beyond the plane."""
+    for which a capture's trusted depth lies beyond the plane. With ``same_pixels`` only those
+    count that are compared at every offset."""
     evidence, through = np.zeros(len(offsets)), np.zeros(len(offsets))
     candidates = np.broadcast_to(normal, (len(offsets), 3)), offsets
     for index, view in enumerate(views):
@@ -141,7 +144,10 @@ def _evidence(views, envelope, normal, offsets) -> tuple[np.ndarray, np.ndarray]
         known, _ = _likeness_on(view, others, pixels, envelope, envelope.normals, envelope.offsets)
         like, beyond = _likeness_on(view, others, pixels, envelope, *candidates)
         gain = like - np.maximum(known.max(0, initial=-2.0), _ALIKE)
-        evidence += np.where(like > -2.0, gain, 0.0).sum(1) / (1.0 - _ALIKE)
+        compared = like > -2.0
+        if same_pixels:
+            compared &= compared.all(0)
+        evidence += np.where(compared, gain, 0.0).sum(1) / (1.0 - _ALIKE)
         through += beyond.sum(1)
     return evidence, through
 
