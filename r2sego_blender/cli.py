@@ -208,6 +208,36 @@ def refine(
 
 @main.command()
 @click.argument("scene", type=ANY_PATH)
+@click.option("--masks", type=FOLDER, help="Masks of the objects: a folder each, or numbered images.")
+@click.option("--library", type=FOLDER, help="Folder of meshes that shapes are looked for in.")
+@click.option(
+    "--mesh", "meshes", multiple=True, metavar="NAME=FILE", help="An object's own mesh; repeatable."
+)
+@click.option("--lock", multiple=True, metavar="NAME", help="Hold an alignment as it is; repeatable.")
+@click.option("--unlock", multiple=True, metavar="NAME", help="Align it again; repeatable.")
+@click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
+def objects(
+    scene: Path,
+    masks: Path | None,
+    library: Path | None,
+    meshes: tuple[str, ...],
+    lock: tuple[str, ...],
+    unlock: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Declare SCENE's objects for shape priors, and say what became of them."""
+    from .object_priors import declare_objects, describe_objects, lines
+
+    opened = Scene.open(scene)
+    if masks or library or meshes or lock or unlock:
+        files = {name: Path(file) for name, file in _overrides(meshes, "--mesh").items()}
+        declare_objects(opened, masks=masks, library=library, meshes=files, lock=lock, unlock=unlock)
+    described = describe_objects(Scene.open(scene))
+    click.echo(json.dumps(described, indent=1) if as_json else "\n".join(lines(described)))
+
+
+@main.command()
+@click.argument("scene", type=ANY_PATH)
 @click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
 def status(scene: Path, as_json: bool) -> None:
     """Say what SCENE holds and how far it has come."""
@@ -503,12 +533,12 @@ def _direction(text: str) -> tuple[float, ...]:
     return x, y, z
 
 
-def _overrides(pairs: tuple[str, ...]) -> dict[str, str]:
+def _overrides(pairs: tuple[str, ...], option: str = "--set") -> dict[str, str]:
     overrides = {}
     for pair in pairs:
         key, equals, value = pair.partition("=")
         if not equals:
-            raise SettingsError(f"'{pair}' has no '='", where="--set", cure="Write --set key=value.")
+            raise SettingsError(f"'{pair}' has no '='", where=option, cure=f"Write {option} name=value.")
         overrides[key.strip()] = value.strip()
     return overrides
 

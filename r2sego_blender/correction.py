@@ -14,6 +14,7 @@ from .captures.scale import Scale
 from .captures.sparse import SparsePoints
 from .captures.store import load_captures, save_captures
 from .errors import CaptureError
+from .object_priors import move_objects
 from .progress import SILENT, Progress
 from .scene import Scene
 
@@ -61,6 +62,7 @@ def correct_registration(
             shutil.copytree(scene.captures_folder, folder, dirs_exist_ok=True)
             moved = [capture.transformed(similarity) for capture in captures]
             save_captures(folder, moved, sparse.transformed(similarity))
+        move_objects(scene, similarity)
         with scene.publishing(GROUND_PICTURES) as folder:
             save_ground_pictures(folder, load_captures(scene.captures_folder))
         return scene.declare(

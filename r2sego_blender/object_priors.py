@@ -1,0 +1,124 @@
+"""Declaring a scene's objects, and what became of them: masks, meshes, poses held by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .captures.store import load_captures
+from .errors import GeometryError
+from .geometry.objects import DeclaredObject, Placement, load_objects, read_masks, save_objects
+from .geometry.priors import read_record
+from .geometry.shapes import load_shape, mesh_files
+from .scene import Scene
+from .steps import OBJECTS, PRIORS
+
+
+def declare_objects(
+    scene: Scene,
+    *,
+    masks: Path | None = None,
+    library: Path | None = None,
+    meshes: Mapping[str, Path] | None = None,
+    lock: Sequence[str] = (),
+    unlock: Sequence[str] = (),
+) -> Scene:
+    """Write what a person says of the objects; returns the scene as declared then.
+
+    ``masks`` replaces the objects by those of a folder (``read_masks``); ``library`` is the
+    folder shapes are looked for in; ``meshes`` gives single objects a mesh of their own.
+    ``lock`` holds the last run's alignments as they are, with their meshes; ``unlock`` lets
+    them go. The next run redoes only what depends on it. Raises GeometryError, and changes
+    nothing then.
+    """
+    with scene.locked():
+        folder = scene.path / OBJECTS
+        captures = load_captures(scene.captures_folder)
+        declared = read_masks(masks, captures) if masks is not None else load_objects(folder, captures)
+        objects = {one.name: one for one in declared}
+        for name, mesh in (meshes or {}).items():
+            load_shape(mesh)  # a mesh that cannot be read is refused now, not in the next run
+            objects[name] = replace(_known(objects, name, scene), mesh=mesh, placement=None)
+        found = _library(library, scene)
+        for name in lock:
+            objects[name] = _locked(_known(objects, name, scene), scene, found)
+        for name in unlock:
+            objects[name] = replace(_known(objects, name, scene), placement=None)
+        with scene.publishing(OBJECTS) as place:
+            save_objects(place, list(objects.values()))
+        return scene if library is None else scene.declare(mesh_library=str(found))
+
+
+def move_objects(scene: Scene, similarity: np.ndarray) -> None:
+    """Carry the poses held by hand into another world frame, (4, 4) similarity."""
+    folder = scene.path / OBJECTS
+    if not folder.is_dir():
+        return
+    moved = []
+    for one in load_objects(folder, load_captures(scene.captures_folder)):
+        if (held := one.placement) is not None:
+            one = replace(one, placement=replace(held, world_from_own=similarity @ held.world_from_own))
+        moved.append(one)
+    with scene.publishing(OBJECTS) as place:
+        save_objects(place, moved)
+
+
+def describe_objects(scene: Scene) -> list[dict[str, Any]]:
+    """Every declared object with the number of its masks and, after a run, its alignment."""
+    records = {}
+    if (scene.path / PRIORS / "priors.json").is_file():
+        records = {one["name"]: one for one in read_record(scene.path / PRIORS)}
+    return [
+        {"name": one.name, "masks": sum(bool(mask.any()) for mask in one.masks.values()),
+         "own_mesh": one.mesh is not None, "locked": one.placement is not None and one.placement.locked}
+        | records.get(one.name, {})
+        for one in load_objects(scene.path / OBJECTS, load_captures(scene.captures_folder))
+    ]  # fmt: skip
+
+
+def lines(objects: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What ``describe_objects`` says, for a person."""
+    if not objects:
+        return ["no objects are declared; give masks with --masks FOLDER"]
+    text = [f"{'object':<20}{'masks':>6}  {'shape':<24}{'energy':>7}{'overlap':>9}  result"]
+    for one in objects:
+        if "shape" in one:
+            figures = f"{one['shape']:<24}{one['energy']:>7.2f}{one['silhouette_iou']:>9.2f}"
+        else:
+            figures = f"{'-':<24}{'-':>7}{'-':>9}"
+        result = one.get("refusal") or ("aligned" if "shape" in one else "not run yet")
+        result += ", locked" if one["locked"] else ""
+        text.append(f"{one['name']:<20}{one['masks']:>6}  {figures}  {result}")
+    return text
+
+
+def _known(objects: Mapping[str, DeclaredObject], name: str, scene: Scene) -> DeclaredObject:
+    if name not in objects:
+        raise GeometryError(
+            f"there is no object '{name}'", where=scene.path,
+            cure=f"Use one of {', '.join(sorted(objects)) or 'none: give masks first'}.",
+        )  # fmt: skip
+    return objects[name]
+
+
+def _library(library: Path | None, scene: Scene) -> Path | None:
+    if library is not None:
+        mesh_files(library)
+        return library.resolve()
+    return Path(scene.declaration.mesh_library) if scene.declaration.mesh_library else None
+
+
+def _locked(one: DeclaredObject, scene: Scene, library: Path | None) -> DeclaredObject:
+    record = next((r for r in describe_objects(scene) if r["name"] == one.name), {})
+    if "world_from_own" not in record:
+        raise GeometryError(
+            f"'{one.name}' has no alignment yet", where=scene.path, cure="Run `r2sego refine` first."
+        )
+    mesh = one.mesh
+    if mesh is None:
+        mesh = next((path for path in mesh_files(library) if path.stem == record["shape"]), None)
+    return replace(one, mesh=mesh, placement=Placement(np.array(record["world_from_own"]), locked=True))
