@@ -73,6 +73,9 @@ class PriorSettings:
     """Shape priors of objects: retrieval from meshes and alignment."""
 
     candidates: int = setting(3, "Meshes of a library aligned in full for an object.", 1, 100)
+    screening_margin: float = setting(
+        0.15, "Energy in small images by which a mesh may be worse than the best and be aligned.", 0.0, 3.0
+    )
     max_energy: float = setting(0.45, "Energy above which an aligned shape is rejected.", 0.0, 3.0)
     min_iou: float = setting(0.75, "Silhouette overlap below which an aligned shape is rejected.", 0.0, 1.0)
     min_points: int = setting(100, "Observed points an object needs before a shape is accepted.", 0, 100000)

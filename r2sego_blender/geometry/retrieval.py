@@ -30,10 +30,12 @@ class Retrieval:
 
 
 def retrieve(evidence: ObjectEvidence, shapes: Sequence[Shape], settings: PriorSettings) -> Retrieval:
-    """Screen ``shapes``, align the best ``settings.candidates`` and judge the winner."""
+    """Screen ``shapes``, align the best ones and judge the winner."""
     if len(shapes) > settings.candidates:
         energies = {shape.name: screened(shape, evidence)[0] for shape in shapes}
+        most = min(energies.values()) + settings.screening_margin
         shapes = sorted(shapes, key=lambda shape: energies[shape.name])[: settings.candidates]
+        shapes = [shape for shape in shapes if energies[shape.name] <= most]
     else:
         energies = {}
     aligned = sorted((align(shape, evidence) for shape in shapes), key=lambda found: found.energy)
