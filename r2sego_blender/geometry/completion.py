@@ -4,8 +4,9 @@ Where stereo is unreliable (bare walls, a single view), each pixel chooses betwe
 planes by three kinds of evidence: how alike the captures look when warped by the plane's
 homography, how well the plane agrees with reliable depth nearby (this capture's own and what
 the others saw), and whether it stays clear of space the others saw to be free. The costs are
-aggregated along the image's edges by a guided filter. Where no plane convinces, the envelope
-of the room is taken; where there is none, the nearest completed depth.
+aggregated along the image's edges by a guided filter. Where no plane is sure, depth that two
+captures agree on is taken although it matched badly; then a plane that convinces, the
+envelope of the room and, where there is none, the nearest completed depth.
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@
 Rooms are mostly planes, and where the captures saw too little to triangulate, a plane seen
 elsewhere is the likeliest surface. The *envelope* are the planes that bound the room: all
 captures and almost all points lie on their free side. Only surfaces that were seen become
-planes, so an unseen wall or ceiling is never invented: the room stays open there.
+planes, so an unseen wall or ceiling is never invented: the room stays open there. Bounds
+that were seen, but not by enough captures for stereo, are added by ``bounds``.
 """
 
 from __future__ import annotations

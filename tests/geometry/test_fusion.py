@@ -108,6 +108,22 @@ def test_the_envelope_closes_what_no_capture_saw(room, proxy):
     assert right[~unseen_wall].mean() > 0.97
 
 
+def test_the_field_reaches_a_wall_that_only_the_envelope_explains(room, completed, observed, envelope):
+    """Without any point on a wall (x = 2) it is fused as far as the captures look at it."""
+    views, walls = [], []
+    for view in completed:
+        walls.append(view.camera.unproject(view.depth)[..., 0] > 1.95)
+        views.append(dataclasses.replace(view, source=np.where(walls[-1], DepthSource.ENVELOPE, view.source)))
+    kept = observed.points[:, 0] < 1.9
+    inside = SimpleNamespace(points=observed.points[kept], normals=observed.normals[kept])
+    proxy = compose_proxy(room.captures, views, inside, envelope, (), SETTINGS)
+    rasterizer = MeshRasterizer(proxy.vertices, proxy.faces)
+    assert sum(wall.sum() for wall in walls) > 1000
+    for view, wall in zip(views, walls, strict=True):
+        near = np.abs(rasterizer.render(view.camera).depth - view.depth) < 0.05
+        assert near[wall].mean() > 0.9
+
+
 def test_an_unseen_wall_stays_open(proxy):
     camera = Camera(40, 30, 60.0, 60.0, 20.0, 15.0, look_at((0.0, -0.9, 1.3), (0.0, -2.0, 1.35)))
     assert (MeshRasterizer(proxy.vertices, proxy.faces).render(camera).face < 0).mean() > 0.9
