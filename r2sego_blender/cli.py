@@ -209,6 +209,7 @@ def refine(
 @main.command()
 @click.argument("scene", type=ANY_PATH)
 @click.option("--masks", type=FOLDER, help="Masks of the objects: a folder each, or numbered images.")
+@click.option("--find", is_flag=True, help="Take what stands free in the observed geometry for objects.")
 @click.option("--library", type=FOLDER, help="Folder of meshes that shapes are looked for in.")
 @click.option(
     "--mesh", "meshes", multiple=True, metavar="NAME=FILE", help="An object's own mesh; repeatable."
@@ -219,6 +220,7 @@ def refine(
 def objects(
     scene: Path,
     masks: Path | None,
+    find: bool,
     library: Path | None,
     meshes: tuple[str, ...],
     lock: tuple[str, ...],
@@ -229,9 +231,11 @@ def objects(
     from .object_priors import declare_objects, describe_objects, lines
 
     opened = Scene.open(scene)
-    if masks or library or meshes or lock or unlock:
+    if masks or find or library or meshes or lock or unlock:
         files = {name: Path(file) for name, file in _overrides(meshes, "--mesh").items()}
-        declare_objects(opened, masks=masks, library=library, meshes=files, lock=lock, unlock=unlock)
+        declare_objects(
+            opened, masks=masks, find=find, library=library, meshes=files, lock=lock, unlock=unlock
+        )  # fmt: skip
     described = describe_objects(Scene.open(scene))
     click.echo(json.dumps(described, indent=1) if as_json else "\n".join(lines(described)))
 

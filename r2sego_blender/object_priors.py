@@ -9,19 +9,24 @@ from typing import Any
 
 import numpy as np
 
+from .captures.capture import Capture
 from .captures.store import load_captures
 from .errors import GeometryError
+from .geometry.clusters import find_objects
+from .geometry.completion import CompletedDepth
 from .geometry.objects import DeclaredObject, Placement, load_objects, read_masks, save_objects
+from .geometry.planes import RoomPlanes
 from .geometry.priors import read_record
 from .geometry.shapes import load_shape, mesh_files
 from .scene import Scene
-from .steps import OBJECTS, PRIORS
+from .steps import COMPLETED, OBJECTS, PLANES, PRIORS
 
 
 def declare_objects(
     scene: Scene,
     *,
     masks: Path | None = None,
+    find: bool = False,
     library: Path | None = None,
     meshes: Mapping[str, Path] | None = None,
     lock: Sequence[str] = (),
@@ -29,8 +34,9 @@ def declare_objects(
 ) -> Scene:
     """Write what a person says of the objects; returns the scene as declared then.
 
-    ``masks`` replaces the objects by those of a folder (``read_masks``); ``library`` is the
-    folder shapes are looked for in; ``meshes`` gives single objects a mesh of their own.
+    ``masks`` replaces the objects by those of a folder (``read_masks``), ``find`` by what
+    geometry alone takes for objects (``clusters``); ``library`` is the folder shapes are
+    looked for in; ``meshes`` gives single objects a mesh of their own.
     ``lock`` holds the last run's alignments as they are, with their meshes; ``unlock`` lets
     them go. The next run redoes only what depends on it. Raises GeometryError, and changes
     nothing then.
@@ -38,7 +44,10 @@ def declare_objects(
     with scene.locked():
         folder = scene.path / OBJECTS
         captures = load_captures(scene.captures_folder)
-        declared = read_masks(masks, captures) if masks is not None else load_objects(folder, captures)
+        if masks is not None:
+            declared = read_masks(masks, captures)
+        else:
+            declared = _found(scene, captures) if find else load_objects(folder, captures)
         objects = {one.name: one for one in declared}
         for name, mesh in (meshes or {}).items():
             load_shape(mesh)  # a mesh that cannot be read is refused now, not in the next run
@@ -83,7 +92,7 @@ def describe_objects(scene: Scene) -> list[dict[str, Any]]:
 def lines(objects: Sequence[Mapping[str, Any]]) -> list[str]:
     """What ``describe_objects`` says, for a person."""
     if not objects:
-        return ["no objects are declared; give masks with --masks FOLDER"]
+        return ["no objects are declared; give masks with --masks FOLDER, or let --find look for some"]
     text = [f"{'object':<20}{'masks':>6}  {'shape':<24}{'energy':>7}{'overlap':>9}  result"]
     for one in objects:
         if "shape" in one:
@@ -94,6 +103,21 @@ def lines(objects: Sequence[Mapping[str, Any]]) -> list[str]:
         result += ", locked" if one["locked"] else ""
         text.append(f"{one['name']:<20}{one['masks']:>6}  {figures}  {result}")
     return text
+
+
+def _found(scene: Scene, captures: Sequence[Capture]) -> tuple[DeclaredObject, ...]:
+    if not (scene.path / COMPLETED).is_dir():
+        raise GeometryError(
+            "the captures have no depth yet", where=scene.path, cure="Run `r2sego refine` first."
+        )
+    completed = [CompletedDepth.load(scene.path / COMPLETED / f"{c.name}.npz") for c in captures]
+    found = find_objects(captures, completed, RoomPlanes.load(scene.path / PLANES).envelope)
+    if not found:
+        raise GeometryError(
+            "nothing stands free in what was observed", where=scene.path,
+            cure="Draw masks and give them with --masks.",
+        )  # fmt: skip
+    return found
 
 
 def _known(objects: Mapping[str, DeclaredObject], name: str, scene: Scene) -> DeclaredObject:
