@@ -152,7 +152,11 @@ class _View:
 
 def _completed(index: int, views: Sequence[_View], planes: RoomPlanes, settings: Settings) -> CompletedDepth:
     view = views[index]
-    others = _sources(index, views, settings.stereo.sources)
+    others = [
+        (other, *_depth_in(view.camera, other.camera))
+        for other in _sources(index, views, settings.stereo.sources)
+    ]
+    moments = _moments(view.grey)
     bound = _nearest(planes.envelope.depths(view.camera))
     anchor = _anchor(index, views)
     best_cost = np.full(view.camera.shape, np.inf, np.float32)
@@ -161,7 +165,7 @@ def _completed(index: int, views: Sequence[_View], planes: RoomPlanes, settings:
         hidden = (depth < _NEAREST_M) | ((bound > 0) & (depth > bound + _BEHIND_ENVELOPE_M))
         if hidden.all():
             continue
-        cost = _plane_cost(view, others, depth, row, anchor)
+        cost = _plane_cost(view, moments, others, depth, row, anchor)
         cost[hidden] = _OUT_OF_VIEW
         cost = _guided(view.grey, cost) + 0.15 * cost
         better = (cost < best_cost) & ~hidden
@@ -226,21 +230,22 @@ def _anchor(index: int, views: Sequence[_View]) -> np.ndarray:
     return np.where(view.known > 0, view.known, np.where(visible, seen, 0)).astype(np.float32)
 
 
-def _plane_cost(view, others, depth, row, anchor):
-    """(H, W) float32 evidence against one plane, 0 (certain) and up."""
+def _plane_cost(view, moments, others, depth, row, anchor):
+    """(H, W) float32 evidence against one plane, 0 (certain) and up; ``others`` are views
+    with what ``_depth_in`` says of them."""
     width, height = view.camera.width, view.camera.height
     first = np.full((height, width), np.inf, np.float32)
     second = first.copy()
     contradictions = np.zeros((height, width), np.float32)
-    mean, variance = _moments(view.grey)
+    mean, variance = moments
     warp = {"dsize": (width, height), "borderMode": cv2.BORDER_CONSTANT}
     linear = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     exact = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
-    for other in others:
+    for other, slope, shift in others:
         homography = _homography(view.camera, other.camera, row)
         grey = cv2.warpPerspective(other.grey, homography, flags=linear, borderValue=-1, **warp)
         known = cv2.warpPerspective(other.known, homography, flags=exact, borderValue=0, **warp)
-        reached = _depth_in(view.camera, other.camera, depth)
+        reached = depth * slope + shift
         there = (grey >= 0) & (reached > 0)
         occluded = (known > 0) & (known < reached * (1 - _FREE_MARGIN))
         contradictions += there & (known > reached * (1 + _FREE_MARGIN))
@@ -265,11 +270,10 @@ def _homography(camera: Camera, other: Camera, row: np.ndarray) -> np.ndarray:
     return np.linalg.inv(shift) @ other.matrix @ through @ np.linalg.inv(camera.matrix) @ shift
 
 
-def _depth_in(camera: Camera, other: Camera, depth: np.ndarray) -> np.ndarray:
-    """(H, W) depth in ``other`` of the points at ``depth`` in ``camera``."""
+def _depth_in(camera: Camera, other: Camera) -> tuple[np.ndarray, np.float32]:
+    """(H, W) float32 a and b: what lies at depth z in ``camera`` has depth a z + b in ``other``."""
     relative = other.camera_from_world @ camera.world_from_camera
-    ray_depth = camera.rays().astype(np.float32) @ relative[2, :3].astype(np.float32)
-    return depth * ray_depth + np.float32(relative[2, 3])
+    return (camera.rays() @ relative[2, :3]).astype(np.float32), np.float32(relative[2, 3])
 
 
 def _box(image: np.ndarray, radius: int) -> np.ndarray:

@@ -52,8 +52,9 @@ class RoomPlanes:
         side, 0 where it does not."""
         inverse = self.inverse_depth_rows(camera)
         rays = camera.rays().reshape(-1, 3)
-        values = (inverse @ rays.T).reshape(-1, *camera.shape)
-        return np.where(values > 1e-6, 1.0 / np.maximum(values, 1e-6), 0.0).astype(np.float32)
+        values = (inverse @ rays.T).astype(np.float32).reshape(-1, *camera.shape)
+        seen = values > 1e-6
+        return np.divide(np.float32(1.0), values, out=np.zeros_like(values), where=seen)
 
     def inverse_depth_rows(self, camera: Camera) -> np.ndarray:
         """(P, 3) float64 q with 1 / depth = q.ray for a pixel's camera ray (z = 1).
