@@ -110,6 +110,7 @@ def _scale_options(command: Callable) -> Callable:
     "--scope", default="walk_and_look", show_default=True, help="Behaviour scope: a name or a TOML file."
 )
 @_scale_options
+@_settings_option
 @_json_progress
 @click.pass_context
 def new(
@@ -119,6 +120,7 @@ def new(
     poses: Path | None,
     robot: str,
     scope: str,
+    overrides: tuple[str, ...],
     as_json: bool,
     **given: Any,
 ) -> None:
@@ -128,7 +130,10 @@ def new(
 
     progress = _progress(context, as_json)
     scale = _scale(**given, robot=robot, command="new") or Scale.automatic()
-    made = create_scene(scene, captures, poses, robot, scope, scale, progress=progress)
+    changes = _overrides(overrides)
+    settings = with_overrides(changes).captures
+    made = create_scene(scene, captures, poses, robot, scope, scale, settings, progress)
+    made = made.declare(overrides=changes) if changes else made
     _tell(progress, scene=str(made.path), ground=made.declaration.ground, scale=made.declaration.scale_source)
 
 

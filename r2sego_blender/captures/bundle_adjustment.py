@@ -25,7 +25,8 @@ _MAX_STEPS = 50
 # Poses have come to rest when a step moves none by this many of its standard deviations.
 _AT_REST = 1e-3
 _DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-6, 1e-12, 1e8
-_NEAREST_SHARE = 1e-6
+# Share of the usual distance below which nothing is divided by a depth.
+_NEAREST_SHARE = 1e-3
 
 
 class Tracks(NamedTuple):
@@ -108,18 +109,22 @@ class _Problem:
         self.tracks, self.given, self.sigma = tracks, given, sigma
         self.focal = np.array([[c.fx, c.fy] for c in cameras])[tracks.camera]
         self.principal = np.array([[c.cx, c.cy] for c in cameras])[tracks.camera]
+        distances = np.linalg.norm(given.points[tracks.point] - given.centres[tracks.camera], axis=1)
+        self.nearest = _NEAREST_SHARE * np.median(distances)
         count = len(tracks.camera)
         ones, order = np.ones(count), np.arange(count)
         self.of_cameras = scipy.sparse.csr_array((ones, (tracks.camera, order)), (len(cameras), count))
         self.of_points = scipy.sparse.csr_array((ones, (tracks.point, order)), (len(given.points), count))
 
     def local(self, state: _State) -> tuple[np.ndarray, np.ndarray]:
-        """Points in their cameras (m, 3), no nearer than may be divided by, and rotations (m, 3, 3)."""
+        """Points in their cameras (m, 3) and rotations (m, 3, 3).
+
+        What lies behind a camera is put close before it, where its error is large.
+        """
         rotations = state.rotations[self.tracks.camera]
         offset = state.points[self.tracks.point] - state.centres[self.tracks.camera]
         local = np.einsum("kij,ki->kj", rotations, offset)
-        nearest = _NEAREST_SHARE * np.linalg.norm(offset, axis=1)
-        local[:, 2] = np.maximum(local[:, 2], np.maximum(nearest, np.finfo(float).tiny))
+        local[:, 2] = np.maximum(local[:, 2], self.nearest)
         return local, rotations
 
     def errors_px(self, local: np.ndarray) -> np.ndarray:

@@ -76,6 +76,10 @@ def _refined(
     before_px = float(np.median(reprojection_errors(given, sparse.points, sparse.pixels)))
     after_px = float(np.median(reprojection_errors(cameras, points, sparse.pixels)))
     if settings.refine_poses == "auto" and after_px > _CLEARLY_LOWER * before_px:
+        progress.message(
+            f"the given poses are kept: {tracks} tracks agree with them to {before_px:.2f} px, and to "
+            f"{after_px:.2f} px with refined ones"
+        )  # fmt: skip
         return given, ""
     return cameras, _told(tracks, given, cameras, unit_m, before_px, after_px)
 
