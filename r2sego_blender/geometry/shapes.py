@@ -73,7 +73,10 @@ def load_shape(path: Path) -> Shape:
         raise GeometryError(
             f"the mesh cannot be read ({error})", where=path, cure="Export it again, as .glb or .obj."
         ) from error
-    return Shape.of(path.stem, vertices, faces)
+    try:
+        return Shape.of(path.stem, vertices, faces)
+    except GeometryError as error:
+        raise GeometryError(error.what, where=path, cure=error.cure) from error
 
 
 def mesh_files(folder: Path) -> list[Path]:
