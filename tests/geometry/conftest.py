@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +16,8 @@ from r2sego_blender.captures.capture import Capture
 from r2sego_blender.geometry.rasterizer import MeshRasterizer
 from r2sego_blender.geometry.stereo import DepthMap
 from r2sego_blender.images import save_image
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 SIZE_M = np.array([4.0, 3.0, 2.4])
 BOX_LOW, BOX_HIGH = np.array([0.4, 0.5, 0.0]), np.array([1.4, 1.1, 0.7])
