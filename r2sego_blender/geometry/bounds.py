@@ -21,7 +21,7 @@ from ..captures.capture import Capture
 from ..compiled import inlined, parallel_kernel, prange
 from ..images import resize
 from ..settings import Settings
-from .completion import trusted_depth
+from .completion import overlapping, trusted_depth
 from .evidence import KnownDepth
 from .observed import ObservedGeometry
 from .planes import RoomPlanes
@@ -30,6 +30,7 @@ from .stereo import DepthMap
 _STEP_M = 0.02  # between offsets that are tried
 _FINE_STEP_M = 0.005  # between those tried around the best of them
 _STRIDE_PX = 6  # between pixels that are asked
+_MOST_OTHERS = 12  # captures that each is compared with
 _SAME_SIDE = 0.9  # cosine between normals of bounds on the same side of the room
 _SAME_DIRECTION = 0.98  # and between directions of which one need be tried
 _ALIKE = 0.5  # correlation from which a pixel speaks for an offset, and below against it
@@ -66,6 +67,7 @@ def with_missing_bounds(
         for view in zip(captures, depth_maps, trusted_depth(depth_maps, settings.stereo), strict=True)
     ]
     centres = np.array([view.camera.centre for view in views])
+    compared = [(view, overlapping(index, views, _MOST_OTHERS)) for index, view in enumerate(views)]
     for normal in _directions(planes.envelope):
         if (planes.envelope.normals @ normal > _SAME_SIDE).any():
             continue
@@ -74,7 +76,7 @@ def with_missing_bounds(
             float((centres @ normal).min()) - _NEAREST_M,
         )
         extent = min(max(np.ptp(points @ normal), 1.0), _LARGEST_EXTENT_M)
-        offset = _swept(views, planes.envelope, normal, nearest + 2 * _STEP_M, extent)
+        offset = _swept(compared, planes.envelope, normal, nearest + 2 * _STEP_M, extent)
         if offset is not None:
             planes = _with_bound(planes, normal, offset, points, settings.proxy.plane_tolerance_m)
     return planes
@@ -113,10 +115,10 @@ def _with_bound(planes, normal, offset, points, tolerance_m):
     )  # fmt: skip
 
 
-def _swept(views, envelope, normal, nearest, extent) -> float | None:
+def _swept(compared, envelope, normal, nearest, extent) -> float | None:
     """The offset n.x = d, from ``nearest`` outwards, that convinces; None when none does."""
     offsets = nearest - _STEP_M * np.arange(int(extent / _STEP_M) + 1)
-    evidence, through = _evidence(views, envelope, normal, offsets)
+    evidence, through = _evidence(compared, envelope, normal, offsets)
     best = int(np.argmax(evidence))
     # The best at the inner end is the foot of something that begins before it.
     if best == 0 or evidence[best] < _LEAST_EVIDENCE or through[best] > evidence[best]:
@@ -126,28 +128,27 @@ def _swept(views, envelope, normal, nearest, extent) -> float | None:
         return None
     fine = offsets[best] + np.arange(-_STEP_M, _STEP_M + 1e-9, _FINE_STEP_M)
     # A nearer plane hides more: the same pixels must say which offset is the best.
-    return float(fine[np.argmax(_evidence(views, envelope, normal, fine, same_pixels=True)[0])])
+    return float(fine[np.argmax(_evidence(compared, envelope, normal, fine, same_pixels=True)[0])])
 
 
-def _evidence(views, envelope, normal, offsets, same_pixels=False) -> tuple[np.ndarray, np.ndarray]:
+def _evidence(compared, envelope, normal, offsets, same_pixels=False) -> tuple[np.ndarray, np.ndarray]:
     """For each offset (D,) how much more alike captures look on the plane than on the bounds
     known behind it, or than ``_ALIKE``, summed over pixels; and the (D,) number of pixels
     for which a capture's trusted depth lies beyond the plane. With ``same_pixels`` only those
     count that are compared at every offset."""
     evidence, through = np.zeros(len(offsets)), np.zeros(len(offsets))
     candidates = np.broadcast_to(normal, (len(offsets), 3)), offsets
-    for index, view in enumerate(views):
-        others = [other for j, other in enumerate(views) if j != index]
+    for view, others in compared:
         pixels = _unexplained(view)
         if not others or not len(pixels):
             continue
         known, _ = _likeness_on(view, others, pixels, envelope, envelope.normals, envelope.offsets)
         like, beyond = _likeness_on(view, others, pixels, envelope, *candidates)
         gain = like - np.maximum(known.max(0, initial=-2.0), _ALIKE)
-        compared = like > -2.0
+        counts = like > -2.0
         if same_pixels:
-            compared &= compared.all(0)
-        evidence += np.where(compared, gain, 0.0).sum(1) / (1.0 - _ALIKE)
+            counts &= counts.all(0)
+        evidence += np.where(counts, gain, 0.0).sum(1) / (1.0 - _ALIKE)
         through += beyond.sum(1)
     return evidence, through
 

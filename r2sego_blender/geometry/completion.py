@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -154,7 +155,7 @@ def _completed(index: int, views: Sequence[_View], planes: RoomPlanes, settings:
     view = views[index]
     others = [
         (other, *_depth_in(view.camera, other.camera))
-        for other in _sources(index, views, settings.stereo.sources)
+        for other in overlapping(index, views, settings.stereo.sources)
     ]
     moments = _moments(view.grey)
     bound = _nearest(planes.envelope.depths(view.camera))
@@ -189,8 +190,9 @@ def _completed(index: int, views: Sequence[_View], planes: RoomPlanes, settings:
     return CompletedDepth(_filled(depth, observed), source, view.camera)
 
 
-def _sources(index: int, views: Sequence[_View], count: int) -> list[_View]:
-    """The other captures that see this one's reliable points best, nearest centre first on ties."""
+def overlapping(index: int, views: Sequence[Any], count: int) -> list[Any]:
+    """The ``count`` other views that see this one's trusted points best, nearest centre first on
+    ties. Views have a ``camera`` and ``known`` (H, W) depth."""
     view = views[index]
     points = view.camera.unproject(view.known)[view.known > 0][::50]
     scores = []
