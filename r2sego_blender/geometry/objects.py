@@ -48,7 +48,7 @@ class DeclaredObject:
 def load_objects(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObject, ...]:
     """The objects in the bundle's folder, in the order of their names; none if it is not there.
 
-    Raises GeometryError naming the damaged file.
+    Raises GeometryError naming the damaged file, CaptureError for a mask's image.
     """
     if not folder.is_dir():
         return ()
@@ -76,7 +76,7 @@ def read_masks(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObjec
     Either a folder for each object with a black and white image for each photograph, or one
     image for each photograph whose values number the objects, 0 for none, with a
     ``names.json`` if they have names. Files are called as the photographs. Raises
-    GeometryError naming the file.
+    GeometryError or CaptureError naming the file.
     """
     if not folder.is_dir():
         raise GeometryError("there is no such folder", where=folder, cure="Give the folder of the masks.")
@@ -136,15 +136,19 @@ def _numbered(folder: Path, captures: Sequence[Capture]) -> list[DeclaredObject]
     files = _by_stem(folder)
     names_file = folder / "names.json"
     try:
-        names = json.loads(names_file.read_text(encoding="utf-8")) if names_file.is_file() else {}
-    except ValueError as error:
-        raise GeometryError("this is no JSON", where=names_file, cure="Correct or remove it.") from error
+        names = dict(json.loads(names_file.read_text(encoding="utf-8"))) if names_file.is_file() else {}
+    except (TypeError, ValueError) as error:
+        raise GeometryError(
+            "this is no JSON of names", where=names_file, cure="Correct or remove it."
+        ) from error
     masks: dict[int, dict[str, np.ndarray]] = {}
     for capture in captures:
         path = files.get(_stem(capture))
-        numbers = None if path is None else cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-        if numbers is None:
+        if path is None:
             continue
+        numbers = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        if numbers is None:
+            raise GeometryError("the mask cannot be read", where=path, cure="Replace or remove the file.")
         if numbers.ndim != 2:
             raise GeometryError(
                 "the mask is coloured, so its values are no numbers of objects", where=path,
