@@ -76,6 +76,12 @@ def test_new_refuses_scales_that_make_no_sense(photographs, tmp_path, options, m
     assert message in line
 
 
+def test_new_refuses_settings_that_are_none(photographs, tmp_path):
+    setting = "captures.refine_poses=maybe"
+    line = refused(r2sego("new", tmp_path / "a.r2s", "--captures", photographs, "--set", setting))
+    assert "auto, always, never" in line and not (tmp_path / "a.r2s").exists()
+
+
 def test_new_names_the_image_it_cannot_read(photographs, tmp_path):
     for index in range(3):
         noise(photographs / f"{index}.png", index)
