@@ -141,6 +141,14 @@ def align(shape: Shape, evidence: ObjectEvidence) -> Alignment:
     return _alignment(shape, evidence, _problem(shape, evidence, 2), poses[0])
 
 
+def realigned(shape: Shape, evidence: ObjectEvidence, world_from_own: np.ndarray) -> Alignment:
+    """The best pose near one set by hand; it is not turned over."""
+    poses = _pose_of(shape, world_from_own)[None]
+    for level in (1, 2):
+        poses, _ = _searched(shape, evidence, level, poses)
+    return _alignment(shape, evidence, _problem(shape, evidence, 2), poses[0])
+
+
 def _first(shape: Shape, evidence: ObjectEvidence, count: int) -> np.ndarray:
     """The best starts."""
     poses = _starts(shape, evidence)
@@ -162,9 +170,14 @@ def _searched(
 
 def rated(shape: Shape, evidence: ObjectEvidence, world_from_own: np.ndarray) -> Alignment:
     """A given pose, such as one set by hand, with its energy."""
-    world_from_canonical = world_from_own @ np.linalg.inv(shape.canonical_from_own)
-    pose = np.concatenate([world_from_canonical[:3, :3].ravel(), world_from_canonical[:3, 3]])
+    pose = _pose_of(shape, world_from_own)
     return _alignment(shape, evidence, _problem(shape, evidence, len(_MASK_PX) - 1), pose)
+
+
+def _pose_of(shape: Shape, world_from_own: np.ndarray) -> np.ndarray:
+    """The row of twelve that the search works on."""
+    world_from_canonical = world_from_own @ np.linalg.inv(shape.canonical_from_own)
+    return np.concatenate([world_from_canonical[:3, :3].ravel(), world_from_canonical[:3, 3]])
 
 
 def _problem(shape: Shape, evidence: ObjectEvidence, level: int) -> Problem:

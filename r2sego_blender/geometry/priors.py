@@ -23,11 +23,11 @@ from ..captures.capture import Capture
 from ..errors import GeometryError
 from ..progress import SILENT, Progress
 from ..settings import PriorSettings
-from .alignment import Alignment, ObjectEvidence, rated
+from .alignment import Alignment, ObjectEvidence, rated, realigned
 from .objects import DeclaredObject
 from .observed import ObservedGeometry
 from .planes import RoomPlanes
-from .retrieval import Retrieval, retrieve
+from .retrieval import Retrieval, refusal, retrieve
 from .shapes import Shape, load_shape, mesh_files
 
 NEARER_THAN_ANYTHING_M = 0.01
@@ -171,9 +171,12 @@ def _decided(
     if not candidates:
         what = "there is no mesh for it and no library"
         return ObjectPrior(one.name, None, what, {"name": one.name, "refusal": what})
-    if one.placement is not None and one.placement.locked and one.mesh is not None:
-        placed = rated(candidates[0], evidence, one.placement.world_from_own)
-        retrieval = Retrieval((placed,), {}, "")
+    if one.placement is not None and one.mesh is not None:
+        place = rated if one.placement.locked else realigned
+        placed = place(candidates[0], evidence, one.placement.world_from_own)
+        # What a person holds is not judged.
+        reason = "" if one.placement.locked else refusal(placed, evidence, settings)
+        retrieval = Retrieval((placed,), {}, reason)
     else:
         retrieval = retrieve(evidence, candidates, settings)
     best = retrieval.best

@@ -5,10 +5,11 @@ from dataclasses import fields
 import numpy as np
 import pytest
 from furniture import FURNITURE, cameras_around, moved, observed_object, random_similarity, standing, wider
+from scipy.spatial.transform import Rotation
 
 from r2sego_blender.errors import GeometryError
 from r2sego_blender.evaluation.geometry_scores import alignment_score
-from r2sego_blender.geometry.alignment import ObjectEvidence, align, rated, screened
+from r2sego_blender.geometry.alignment import ObjectEvidence, align, rated, realigned, screened
 from r2sego_blender.geometry.shapes import Shape
 
 CHAIR = FURNITURE["chair"]()
@@ -134,3 +135,12 @@ def test_a_mask_that_shows_too_little_has_no_overlap(aligned, seen):
 def test_an_object_that_no_mask_shows_is_an_error(seen):
     with pytest.raises(GeometryError, match="chair: no mask shows the object"):
         evidence_of(seen, masks=[np.zeros_like(mask) for mask in seen.masks])
+
+
+def test_a_pose_set_roughly_by_hand_is_made_exact(evidence):
+    shape, truth = chair_in_a_frame_of_its_own(3)
+    by_hand = np.eye(4)
+    by_hand[:3, :3] = 1.04 * Rotation.from_rotvec([0.02, -0.03, 0.1]).as_matrix()
+    by_hand[:3, 3] = WORLD_FROM_CHAIR[:3, 3] - by_hand[:3, :3] @ WORLD_FROM_CHAIR[:3, 3] + (0.03, -0.02, 0.01)
+    assert rated(shape, evidence, by_hand @ truth).energy > 0.3
+    assert_true(score(realigned(shape, evidence, by_hand @ truth), shape, truth))
