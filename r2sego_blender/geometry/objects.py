@@ -91,7 +91,20 @@ def read_masks(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObjec
             "no mask belongs to a photograph of the scene", where=folder,
             cure="Call the masks as the photographs, such as IMG_01.png.",
         )  # fmt: skip
-    return tuple(objects)
+    return _told_apart(objects)
+
+
+def _told_apart(objects: Sequence[DeclaredObject]) -> tuple[DeclaredObject, ...]:
+    """With numbers after names that are taken: a scene may have two chairs."""
+    taken: set[str] = set()
+    found = []
+    for one in objects:
+        name, number = one.name, 2
+        while name.lower() in taken:
+            name, number = f"{one.name}_{number}", number + 1
+        taken.add(name.lower())
+        found.append(replace(one, name=name))
+    return tuple(found)
 
 
 def _object(place: Path, captures: Sequence[Capture]) -> DeclaredObject:
