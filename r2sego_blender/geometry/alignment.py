@@ -35,7 +35,7 @@ _FINE_REACH_M = 0.04
 _HEADINGS = 24
 _SIZES = (0.85, 1.0, 1.15)
 _KEPT = (14, 7, 3)  # poses that go on to each scale
-_SCREENED = 5
+_SCREENED_HEADINGS, _SCREENED_SIZES, _SCREENED = 12, (0.9, 1.1), 4
 _TURNED = (0, 5, 3)  # of them, those that are the best one turned over
 _EVALUATIONS = (220, 220, 180)  # of each simplex search
 _SEARCHES = (1, 2, 2)
@@ -126,17 +126,24 @@ class Alignment:
 
 def screened(shape: Shape, evidence: ObjectEvidence) -> tuple[float, np.ndarray]:
     """The energy of the best pose (12,) in the smallest images: enough to tell shapes apart."""
-    poses, found = _searched(shape, evidence, 0, _first(shape, evidence, _SCREENED))
+    starts = _starts(shape, evidence, _SCREENED_HEADINGS, _SCREENED_SIZES)
+    poses, found = _searched(shape, evidence, 0, _first(shape, evidence, starts, _SCREENED))
     return float(found[0]), poses[0]
 
 
-def align(shape: Shape, evidence: ObjectEvidence) -> Alignment:
-    """The best pose of ``shape`` found. Deterministic."""
-    poses, _ = _searched(shape, evidence, 0, _first(shape, evidence, _KEPT[0]))
-    for level in (1, 2):
-        turned = _turned(shape, _problem(shape, evidence, level), poses[0], _TURNED[level])
-        poses = np.concatenate([turned, poses[1 : _KEPT[level] - len(turned) + 1]])
-        poses, _ = _searched(shape, evidence, level, poses)
+def roughly_aligned(shape: Shape, evidence: ObjectEvidence) -> tuple[float, np.ndarray]:
+    """The best energy in images of half the size, and poses (K, 12) worth going on with."""
+    starts = _starts(shape, evidence, _HEADINGS, _SIZES)
+    poses, _ = _searched(shape, evidence, 0, _first(shape, evidence, starts, _KEPT[0]))
+    poses, found = _searched(shape, evidence, 1, _with_turned(shape, evidence, 1, poses))
+    return float(found[0]), poses
+
+
+def align(shape: Shape, evidence: ObjectEvidence, rough: np.ndarray | None = None) -> Alignment:
+    """The best pose of ``shape`` found, from the poses of ``roughly_aligned``. Deterministic."""
+    if rough is None:
+        _, rough = roughly_aligned(shape, evidence)
+    poses, _ = _searched(shape, evidence, 2, _with_turned(shape, evidence, 2, rough))
     poses, _ = _searched(shape, evidence, 2, poses[:1], shrunk=2)
     return _alignment(shape, evidence, _problem(shape, evidence, 2), poses[0])
 
@@ -149,11 +156,16 @@ def realigned(shape: Shape, evidence: ObjectEvidence, world_from_own: np.ndarray
     return _alignment(shape, evidence, _problem(shape, evidence, 2), poses[0])
 
 
-def _first(shape: Shape, evidence: ObjectEvidence, count: int) -> np.ndarray:
+def _first(shape: Shape, evidence: ObjectEvidence, starts: np.ndarray, count: int) -> np.ndarray:
     """The best starts."""
-    poses = _starts(shape, evidence)
-    order = np.argsort(energies(_problem(shape, evidence, 0), poses), kind="stable")
-    return _distinct(shape, poses[order], count)
+    order = np.argsort(energies(_problem(shape, evidence, 0), starts), kind="stable")
+    return _distinct(shape, starts[order], count)
+
+
+def _with_turned(shape: Shape, evidence: ObjectEvidence, level: int, poses: np.ndarray) -> np.ndarray:
+    """The poses that go on to a scale: the best one turned over, and the next best."""
+    turned = _turned(shape, _problem(shape, evidence, level), poses[0], _TURNED[level])
+    return np.concatenate([turned, poses[1 : _KEPT[level] - len(turned) + 1]])
 
 
 def _searched(
@@ -209,18 +221,18 @@ def _alignment(shape: Shape, evidence: ObjectEvidence, problem: Problem, pose: n
     )  # fmt: skip
 
 
-def _starts(shape: Shape, evidence: ObjectEvidence) -> np.ndarray:
+def _starts(shape: Shape, evidence: ObjectEvidence, headings: int, sizes: Sequence[float]) -> np.ndarray:
     """(K, 12) poses: each of the six axes upright, every heading, a few sizes, on the floor or not."""
     poses = []
     for axis in range(3):
         for sign in (1.0, -1.0):
             upright = _upright(axis, sign)
-            for heading in range(_HEADINGS):
-                turn = Rotation.from_euler("z", heading * 2 * np.pi / _HEADINGS).as_matrix()
+            for heading in range(headings):
+                turn = Rotation.from_euler("z", heading * 2 * np.pi / headings).as_matrix()
                 rotation = turn @ upright
                 height = -(shape.drawn[0][0] @ rotation.T)[:, 2].min()
                 for centre, size in evidence.guesses:
-                    for scale in size * np.array(_SIZES):
+                    for scale in size * np.array(sizes):
                         for place in (centre, (*centre[:2], height * scale)):
                             poses.append(np.concatenate([scale * rotation.ravel(), place]))
     return np.array(poses)

@@ -176,13 +176,13 @@ def _decided(
         placed = place(candidates[0], evidence, one.placement.world_from_own)
         # What a person holds is not judged.
         reason = "" if one.placement.locked else refusal(placed, evidence, settings)
-        retrieval = Retrieval((placed,), {}, reason)
+        retrieval = Retrieval(placed, {}, {}, reason)
     else:
         retrieval = retrieve(evidence, candidates, settings)
     best = retrieval.best
     record = {"name": one.name, "refusal": retrieval.refusal, "observed_points": len(evidence.points)}
     record |= _figures(best) | {
-        "others": {a.shape: round(a.energy, 4) for a in retrieval.aligned[1:]},
+        "rough": {name: round(energy, 4) for name, energy in retrieval.rough.items()},
         "screening": {name: round(energy, 4) for name, energy in retrieval.screening.items()},
     }
     if retrieval.refusal:

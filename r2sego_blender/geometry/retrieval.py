@@ -1,8 +1,8 @@
 """Retrieval: the shape among candidates that explains an object best, by the energy of alignment.
 
-Every candidate is screened on small images; the best few are aligned in full. A shape is
-accepted only where points and silhouettes are explained well enough: a prior that is wrong
-is worse than none.
+Every candidate is screened on small images, the best few are aligned roughly and the winner
+in full. A shape is accepted only where points and silhouettes are explained well enough: a
+wrong prior is worse than none.
 """
 
 from __future__ import annotations
@@ -11,35 +11,35 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..settings import PriorSettings
-from .alignment import Alignment, ObjectEvidence, align, screened
+from .alignment import Alignment, ObjectEvidence, align, roughly_aligned, screened
 from .shapes import Shape
 
 
 @dataclass(frozen=True)
 class Retrieval:
-    """What was tried for an object: ``aligned``, best first, and the ``screening`` energies
-    of all candidates by name; ``refusal`` says why not even the best is accepted."""
+    """What was tried for an object: the ``best`` alignment; the energies by name of the
+    ``screening`` of all candidates and of the ``rough`` alignment of the best few;
+    ``refusal`` says why not even the best is accepted."""
 
-    aligned: tuple[Alignment, ...]
+    best: Alignment
+    rough: dict[str, float]
     screening: dict[str, float]
     refusal: str
-
-    @property
-    def best(self) -> Alignment:
-        return self.aligned[0]
 
 
 def retrieve(evidence: ObjectEvidence, shapes: Sequence[Shape], settings: PriorSettings) -> Retrieval:
     """Screen ``shapes``, align the best ones and judge the winner."""
+    screening = {}
     if len(shapes) > settings.candidates:
-        energies = {shape.name: screened(shape, evidence)[0] for shape in shapes}
-        most = min(energies.values()) + settings.screening_margin
-        shapes = sorted(shapes, key=lambda shape: energies[shape.name])[: settings.candidates]
-        shapes = [shape for shape in shapes if energies[shape.name] <= most]
-    else:
-        energies = {}
-    aligned = sorted((align(shape, evidence) for shape in shapes), key=lambda found: found.energy)
-    return Retrieval(tuple(aligned), energies, refusal(aligned[0], evidence, settings))
+        screening = {shape.name: screened(shape, evidence)[0] for shape in shapes}
+        most = min(screening.values()) + settings.screening_margin
+        shapes = sorted(shapes, key=lambda shape: screening[shape.name])[: settings.candidates]
+        shapes = [shape for shape in shapes if screening[shape.name] <= most]
+    rough = [roughly_aligned(shape, evidence) for shape in shapes]
+    winner = min(range(len(shapes)), key=lambda k: rough[k][0])
+    best = align(shapes[winner], evidence, rough[winner][1])
+    energies = {shape.name: energy for shape, (energy, _) in zip(shapes, rough, strict=True)}
+    return Retrieval(best, energies, screening, refusal(best, evidence, settings))
 
 
 def refusal(alignment: Alignment, evidence: ObjectEvidence, settings: PriorSettings) -> str:
