@@ -1,0 +1,152 @@
+"""Objects declared in a bundle: masks, a library, meshes and poses held by hand."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+from click.testing import CliRunner
+
+from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.captures.capture import Capture
+from r2sego_blender.captures.store import load_captures, save_captures
+from r2sego_blender.cli import main
+from r2sego_blender.errors import GeometryError, R2SEgoError
+from r2sego_blender.geometry.objects import load_objects
+from r2sego_blender.images import save_image
+from r2sego_blender.object_priors import declare_objects, describe_objects, lines, move_objects
+from r2sego_blender.scene import Declaration, Scene
+
+IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Scene:
+    captures = []
+    for index in range(3):
+        path = tmp_path / f"p{index}.png"
+        save_image(path, np.full((60, 80, 3), 0.5, np.float32))
+        camera = Camera(80, 60, 70.0, 70.0, 40.0, 30.0, look_at((index - 1.0, -2, 1.4), (0, 0.5, 0.4)))
+        captures.append(Capture(path.name, path, camera))
+
+    def fill(folder: Path) -> None:
+        (folder / "captures").mkdir()
+        save_captures(folder / "captures", captures)
+
+    return Scene.create(tmp_path / "room.r2s", Declaration("photographs", IDENTITY, "floor", "metric"), fill)
+
+
+@pytest.fixture
+def masks(tmp_path: Path) -> Path:
+    """A chair drawn in two photographs, a table in one."""
+    for name, views in (("chair", (0, 2)), ("table", (1,))):
+        (tmp_path / "masks" / name).mkdir(parents=True)
+        for view in views:
+            mask = np.zeros((60, 80), np.uint8)
+            mask[20 : 30 + view, 10:40] = 255
+            cv2.imwrite(str(tmp_path / "masks" / name / f"p{view}.png"), mask)
+    return tmp_path / "masks"
+
+
+@pytest.fixture
+def library(tmp_path: Path) -> Path:
+    (tmp_path / "library").mkdir()
+    trimesh.creation.box((1, 2, 3)).export(tmp_path / "library" / "box.ply")
+    return tmp_path / "library"
+
+
+def _objects(scene: Scene) -> dict:
+    return {
+        one.name: one for one in load_objects(scene.path / "objects", load_captures(scene.captures_folder))
+    }
+
+
+def _as_if_run(scene: Scene, pose: np.ndarray) -> None:
+    """The record that aligning leaves."""
+    folder = scene.path / "geometry" / "priors"
+    folder.mkdir(parents=True)
+    record = {"name": "chair", "refusal": "", "shape": "box", "energy": 0.2, "silhouette_iou": 0.9}
+    (folder / "priors.json").write_text(json.dumps([record | {"world_from_own": pose.tolist()}]))
+
+
+def test_masks_and_library_are_declared_and_told(scene, masks, library):
+    declared = declare_objects(scene, masks=masks, library=library)
+    assert Path(declared.declaration.mesh_library) == library
+    assert Scene.open(scene.path).declaration.mesh_library == str(library)
+    objects = _objects(scene)
+    assert {name: len(one.masks) for name, one in objects.items()} == {"chair": 2, "table": 1}
+    assert objects["chair"].masks["p2.png"].sum() == 12 * 30
+    told = lines(describe_objects(scene))
+    assert len(told) == 3 and all("not run yet" in line for line in told[1:])
+
+
+def test_an_alignment_is_locked_with_its_mesh_and_let_go(scene, masks, library):
+    declare_objects(scene, masks=masks, library=library)
+    pose = np.diag([0.5, 0.5, 0.5, 1.0])
+    pose[:3, 3] = 0.1, 0.2, 0.3
+    _as_if_run(scene, pose)
+    declare_objects(Scene.open(scene.path), lock=["chair"])
+    held = _objects(scene)["chair"]
+    assert held.placement.locked and held.mesh.name == "mesh.ply"
+    np.testing.assert_array_equal(held.placement.world_from_own, pose)
+    assert len(trimesh.load(held.mesh).faces) == 12
+    assert any("aligned, locked" in line for line in lines(describe_objects(scene)))
+    declare_objects(Scene.open(scene.path), unlock=["chair"])
+    assert _objects(scene)["chair"].placement is None
+
+
+def test_poses_held_by_hand_move_with_the_world(scene, masks, library):
+    declare_objects(scene, masks=masks, library=library)
+    _as_if_run(scene, np.eye(4))
+    declare_objects(Scene.open(scene.path), lock=["chair"])
+    similarity = np.diag([2.0, 2.0, 2.0, 1.0])
+    similarity[:3, 3] = 1, 0, -1
+    move_objects(scene, similarity)
+    objects = _objects(scene)
+    np.testing.assert_allclose(objects["chair"].placement.world_from_own, similarity)
+    assert objects["chair"].placement.locked and objects["table"].placement is None
+    assert len(objects["chair"].masks) == 2
+
+
+def test_a_mesh_of_its_own_is_copied_into_the_bundle(scene, masks, library):
+    declare_objects(scene, masks=masks, meshes={"table": library / "box.ply"})
+    assert _objects(scene)["table"].mesh.parent == scene.path / "objects" / "table"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"lock": ["lamp"]}, "there is no object 'lamp'.*chair, table"),
+        ({"lock": ["chair"]}, "no alignment yet.*refine"),
+        ({"library": Path("nowhere")}, "no such folder"),
+        ({"masks": Path("nowhere")}, "no such folder"),
+        ({"find": True}, "no depth yet"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_and_changes_nothing(scene, masks, wrong, message):
+    declare_objects(scene, masks=masks)
+    before = {path: path.read_bytes() for path in (scene.path / "objects").rglob("*.png")}
+    with pytest.raises(GeometryError, match=message):
+        declare_objects(Scene.open(scene.path), **wrong)
+    assert {path: path.read_bytes() for path in (scene.path / "objects").rglob("*.png")} == before
+
+
+def test_a_damaged_mesh_is_refused_before_the_next_run(scene, masks, tmp_path):
+    declare_objects(scene, masks=masks)
+    (tmp_path / "broken.glb").write_bytes(b"glTF but not really")
+    with pytest.raises(R2SEgoError, match=r"broken\.glb"):
+        declare_objects(Scene.open(scene.path), meshes={"chair": tmp_path / "broken.glb"})
+    assert _objects(scene)["chair"].mesh is None
+
+
+def test_the_command_declares_and_describes(scene, masks, library):
+    command = ["objects", str(scene.path), "--masks", str(masks), "--library", str(library), "--json"]
+    result = CliRunner().invoke(main, command)
+    assert result.exit_code == 0, result.output
+    assert [one["name"] for one in json.loads(result.output)] == ["chair", "table"]
+    refused = CliRunner().invoke(main, ["objects", str(scene.path), "--mesh", "chair"])
+    assert refused.exit_code == 1 and "--mesh name=value" in refused.output
