@@ -116,6 +116,19 @@ def test_a_bound_that_two_captures_see_a_little_of_is_found(corner, normal, offs
     assert abs(after.offsets[index] - offset) < 0.02
 
 
+def test_noise_and_gain_of_the_captures_do_not_hide_a_wall(room, tmp_path):
+    rng, noisy = np.random.default_rng(6), []
+    for capture in room.captures:
+        image = capture.image() * rng.uniform(0.95, 1.05)
+        image = np.clip(image + rng.normal(size=image.shape) * 4 / 255, 0, 1)
+        save_image(tmp_path / capture.image_path.name, image.astype(np.float32))
+        noisy.append(Capture(capture.name, tmp_path / capture.image_path.name, capture.camera))
+    maps, observed = without(room.depth_maps, *FAR)
+    _, after = planes_of(noisy, maps, observed)
+    (index,) = towards(after, FAR[0])
+    assert abs(after.offsets[index] - FAR[1]) < 0.02
+
+
 def test_known_planes_stay_as_they_are_and_an_unseen_wall_is_not_invented(room):
     maps, observed = without(room.depth_maps, *LEFT)
     before, after = planes_of(room.captures, maps, observed)
