@@ -237,7 +237,7 @@ def objects(
 
     opened = Scene.open(scene)
     if masks or find or library or meshes or lock or unlock:
-        files = {name: Path(file) for name, file in _overrides(meshes, "--mesh").items()}
+        files = {name: Path(file) for name, file in _overrides(meshes, "--mesh NAME=FILE").items()}
         declare_objects(
             opened, masks=masks, find=find, library=library, meshes=files, lock=lock, unlock=unlock
         )  # fmt: skip
@@ -542,12 +542,12 @@ def _direction(text: str) -> tuple[float, ...]:
     return x, y, z
 
 
-def _overrides(pairs: tuple[str, ...], option: str = "--set") -> dict[str, str]:
+def _overrides(pairs: tuple[str, ...], form: str = "--set key=value") -> dict[str, str]:
     overrides = {}
     for pair in pairs:
         key, equals, value = pair.partition("=")
         if not equals:
-            raise SettingsError(f"'{pair}' has no '='", where=option, cure=f"Write {option} name=value.")
+            raise SettingsError(f"'{pair}' has no '='", where=form.split()[0], cure=f"Write {form}.")
         overrides[key.strip()] = value.strip()
     return overrides
 

@@ -149,4 +149,4 @@ def test_the_command_declares_and_describes(scene, masks, library):
     assert result.exit_code == 0, result.output
     assert [one["name"] for one in json.loads(result.output)] == ["chair", "table"]
     refused = CliRunner().invoke(main, ["objects", str(scene.path), "--mesh", "chair"])
-    assert refused.exit_code == 1 and "--mesh name=value" in refused.output
+    assert refused.exit_code == 1 and "--mesh NAME=FILE" in refused.output
