@@ -179,7 +179,7 @@ class Steps:
         )  # fmt: skip
         self._step(
             PRIORS, compute_objects,
-            inputs=[CAPTURES, DEPTH, observed, completed, OBJECTS, *library],
+            inputs=[CAPTURES, DEPTH, observed, priors, completed, OBJECTS, *library],
             parameters=[self.h.priors, self.h.stereo],
         )  # fmt: skip
         return completed
