@@ -124,11 +124,24 @@ class Alignment:
         return float(np.cbrt(np.linalg.det(self.world_from_own[:3, :3])))
 
 
-def screened(shape: Shape, evidence: ObjectEvidence) -> tuple[float, np.ndarray]:
-    """The energy of the best pose (12,) in the smallest images: enough to tell shapes apart."""
-    starts = _starts(shape, evidence, _SCREENED_HEADINGS, _SCREENED_SIZES)
-    poses, found = _searched(shape, evidence, 0, _first(shape, evidence, starts, _SCREENED))
-    return float(found[0]), poses[0]
+def screened(shapes: Sequence[Shape], evidence: ObjectEvidence, count: int) -> dict[str, float]:
+    """Energies by the shapes' names in the smallest images: enough to tell them apart.
+
+    Only the best ``count`` starts of all are searched from; the others' energies are their
+    best start's.
+    """
+    starts = [
+        _first(shape, evidence, _starts(shape, evidence, _SCREENED_HEADINGS, _SCREENED_SIZES), _SCREENED)
+        for shape in shapes
+    ]
+    found = {
+        shape.name: float(energies(_problem(shape, evidence, 0), some[:1])[0])
+        for shape, some in zip(shapes, starts, strict=True)
+    }
+    order = sorted(range(len(shapes)), key=lambda k: found[shapes[k].name])
+    for k in order[:count]:
+        found[shapes[k].name] = float(_searched(shapes[k], evidence, 0, starts[k])[1][0])
+    return found
 
 
 def roughly_aligned(shape: Shape, evidence: ObjectEvidence) -> tuple[float, np.ndarray]:

@@ -75,8 +75,7 @@ def compose_proxy(
         vertices, faces = SURFACES[settings.surface](views, field)
         vertices, faces = _carved(vertices, faces, trusted, settings)
         task.advance()
-        for prior in priors:
-            faces = _outside_prior(vertices, faces, prior, envelope, trusted, settings)
+        faces = _outside_priors(vertices, faces, priors, envelope, trusted, settings)
         prior_start = len(faces)
         for prior in priors:
             faces = np.concatenate([faces, np.asarray(prior.faces, np.int32) + len(vertices)])
@@ -208,24 +207,30 @@ def _compacted(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.
     return vertices[used], faces.reshape(-1, 3).astype(np.int32)
 
 
-def _outside_prior(vertices, faces, prior, envelope, trusted, settings):
-    """The faces left once the prior takes its object region.
+def _outside_priors(vertices, faces, priors, envelope, trusted, settings):
+    """The faces left once the priors take their object regions.
 
-    The region is the prior's surface within half the truncation; within all of it and in its
+    A region is the prior's surface within half the truncation; within all of it and in its
     convex hull, what no two captures saw there: a book on a table and a chair pushed under
     it stay, and so do the room's bounds.
     """
-    if not len(faces):
+    if not len(faces) or not priors:
         return faces
+    reach = settings.truncation_m
     centroids = vertices[faces].mean(1)
-    samples, _ = trimesh.remesh.subdivide_to_size(prior.vertices, prior.faces, settings.truncation_m / 2)
-    away = cKDTree(samples).query(centroids, distance_upper_bound=settings.truncation_m)[0]
-    hull = ConvexHull(samples).equations
-    inside = (centroids @ hull[:, :3].T + hull[:, 3] < 0).all(1)
-    bound = np.abs(envelope.signed_distance(centroids)) < settings.truncation_m / 2
+    free = np.abs(envelope.signed_distance(centroids)) >= reach / 2
     seen = collect_votes(centroids, trusted, _SUPPORT_TOLERANCE).agree >= 2
-    taken = (np.isfinite(away) | inside) & ~seen
-    return faces[~((taken | (away < settings.truncation_m / 2)) & ~bound)]
+    kept = np.ones(len(faces), bool)
+    for prior in priors:
+        low, high = prior.vertices.min(0) - reach, prior.vertices.max(0) + reach
+        asked = np.flatnonzero(kept & free & ((centroids > low) & (centroids < high)).all(1))
+        samples, _ = trimesh.remesh.subdivide_to_size(prior.vertices, prior.faces, reach / 2)
+        away = cKDTree(samples).query(centroids[asked], distance_upper_bound=reach, workers=-1)[0]
+        hull = ConvexHull(prior.vertices).equations
+        inside = (centroids[asked] @ hull[:, :3].T + hull[:, 3] < 0).all(1)
+        taken = (np.isfinite(away) | inside) & ~seen[asked]
+        kept[asked[taken | (away < reach / 2)]] = False
+    return faces[kept]
 
 
 def _closed(vertices, faces, field, envelope, trusted):

@@ -27,7 +27,7 @@ from .alignment import Alignment, ObjectEvidence, rated, realigned
 from .objects import DeclaredObject
 from .observed import ObservedGeometry
 from .planes import RoomPlanes
-from .retrieval import Retrieval, refusal, retrieve
+from .retrieval import Retrieval, refusal, retrieve, too_few_points
 from .shapes import Shape, load_shape, mesh_files
 
 NEARER_THAN_ANYTHING_M = 0.01
@@ -71,6 +71,8 @@ def align_objects(
     ``reliable`` and ``completed`` are each capture's depth (H, W), at its own size; ``library``
     serves the objects that have no mesh of their own.
     """
+    if not objects:
+        return ()
     anything = [np.zeros(capture.camera.shape, bool) for capture in captures]
     for pixels, capture in zip(anything, captures, strict=True):
         for one in objects:
@@ -171,7 +173,11 @@ def _decided(
     if not candidates:
         what = "there is no mesh for it and no library"
         return ObjectPrior(one.name, None, what, {"name": one.name, "refusal": what})
-    if one.placement is not None and one.mesh is not None:
+    by_hand = one.placement is not None and one.mesh is not None
+    if not by_hand and (few := too_few_points(evidence, settings)):
+        record = {"name": one.name, "refusal": few, "observed_points": len(evidence.points)}
+        return ObjectPrior(one.name, None, few, record)
+    if by_hand:
         place = rated if one.placement.locked else realigned
         placed = place(candidates[0], evidence, one.placement.world_from_own)
         # What a person holds is not judged.

@@ -14,6 +14,8 @@ from ..settings import PriorSettings
 from .alignment import Alignment, ObjectEvidence, align, roughly_aligned, screened
 from .shapes import Shape
 
+_SEARCHED_FOR_EACH = 4  # shapes searched in the smallest images, for each that is aligned
+
 
 @dataclass(frozen=True)
 class Retrieval:
@@ -31,7 +33,7 @@ def retrieve(evidence: ObjectEvidence, shapes: Sequence[Shape], settings: PriorS
     """Screen ``shapes``, align the best ones and judge the winner."""
     screening = {}
     if len(shapes) > settings.candidates:
-        screening = {shape.name: screened(shape, evidence)[0] for shape in shapes}
+        screening = screened(shapes, evidence, _SEARCHED_FOR_EACH * settings.candidates)
         most = min(screening.values()) + settings.screening_margin
         shapes = sorted(shapes, key=lambda shape: screening[shape.name])[: settings.candidates]
         shapes = [shape for shape in shapes if screening[shape.name] <= most]
@@ -42,11 +44,18 @@ def retrieve(evidence: ObjectEvidence, shapes: Sequence[Shape], settings: PriorS
     return Retrieval(best, energies, screening, refusal(best, evidence, settings))
 
 
+def too_few_points(evidence: ObjectEvidence, settings: PriorSettings) -> str:
+    """Why nothing need be tried; empty where the object was observed well enough."""
+    points = len(evidence.points)
+    if points >= settings.min_points:
+        return ""
+    return f"only {points} observed points lie on the object, {settings.min_points} are needed"
+
+
 def refusal(alignment: Alignment, evidence: ObjectEvidence, settings: PriorSettings) -> str:
     """Why an alignment is not accepted; empty where it is."""
-    points = len(evidence.points)
-    if points < settings.min_points:
-        return f"only {points} observed points lie on the object, {settings.min_points} are needed"
+    if few := too_few_points(evidence, settings):
+        return few
     if alignment.energy > settings.max_energy:
         return f"its energy is {alignment.energy:.2f}, above {settings.max_energy:g}"
     if alignment.silhouette_iou < settings.min_iou:

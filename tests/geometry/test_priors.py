@@ -135,10 +135,17 @@ def test_objects_without_a_shape_or_a_mask_or_points_say_so(scene, chair_file):
         assert found.record["name"] == found.name and found.record["refusal"] == found.refusal
 
 
-def test_a_refused_shape_leaves_its_figures_and_no_prior(scene):
+def test_an_object_hardly_observed_is_not_tried(scene):
     lamp = Shape.of("lamp", *FURNITURE["lamp"]())
     (found,) = aligned(scene, [DeclaredObject("seat", scene.masks)], [lamp], PriorSettings(min_points=10**5))
     assert found.prior is None and "100000 are needed" in found.refusal
+    assert set(found.record) == {"name", "refusal", "observed_points"}
+
+
+def test_a_refused_shape_leaves_its_figures_and_no_prior(scene):
+    lamp = Shape.of("lamp", *FURNITURE["lamp"]())
+    (found,) = aligned(scene, [DeclaredObject("seat", scene.masks)], [lamp], PriorSettings(max_energy=0.01))
+    assert found.prior is None and "above 0.01" in found.refusal
     assert found.record["shape"] == "lamp" and found.record["energy"] > 0.3
 
 
