@@ -31,6 +31,7 @@ _POINTS = 1200
 _FEW_POINTS = 300
 _ENOUGH_POINTS = 100  # to tell where the object is
 _POINT_REACH_M = 0.10  # points further from the shape than this are another surface's
+_COARSE_REACHES = (0.10, 0.05)  # the same in shares of the object's size, where that is more
 _FINE_REACH_M = 0.04
 _HEADINGS = 24
 _SIZES = (0.85, 1.0, 1.15)
@@ -207,11 +208,16 @@ def _pose_of(shape: Shape, world_from_own: np.ndarray) -> np.ndarray:
 
 def _problem(shape: Shape, evidence: ObjectEvidence, level: int) -> Problem:
     views = evidence.views[level]
+    size_m = max(length for _, length in evidence.guesses)
+    if level == len(_MASK_PX) - 1:
+        reach_m = _FINE_REACH_M
+    else:
+        reach_m = max(_POINT_REACH_M, _COARSE_REACHES[level] * size_m)
     shown = evidence.mask_areas_px >= _LEAST_MASK_PX
     points = evidence.points if level else evidence.points[:: 1 + len(evidence.points) // _FEW_POINTS]
     return Problem(
         views, shown, float((views.masks > DRAWN).sum() / shown.sum()), np.ascontiguousarray(points),
-        _FINE_REACH_M if level == len(_MASK_PX) - 1 else _POINT_REACH_M,
+        reach_m,
         evidence.bounds.normals, evidence.bounds.offsets.astype(float), *shape.drawn[level], shape.surface,
     )  # fmt: skip
 
