@@ -120,9 +120,11 @@ def _placement(path: Path) -> Placement:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         pose = np.array(data["world_from_own"], np.float64)
+        if pose.shape != (4, 4) or not np.isfinite(pose).all():
+            raise ValueError("world_from_own is no 4x4 matrix")
         linear = pose[:3, :3]
         scale = np.cbrt(np.linalg.det(linear))
-        if pose.shape != (4, 4) or not np.isfinite(pose).all() or not scale > 0:
+        if not scale > 0:
             raise ValueError("world_from_own is no similarity")
         if np.abs(linear @ linear.T - scale**2 * np.eye(3)).max() > 1e-3 * scale**2:
             raise ValueError("world_from_own stretches the shape")
