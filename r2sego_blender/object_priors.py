@@ -78,9 +78,7 @@ def move_objects(scene: Scene, similarity: np.ndarray) -> None:
 
 def describe_objects(scene: Scene) -> list[dict[str, Any]]:
     """Every declared object with the number of its masks and, after a run, its alignment."""
-    records = {}
-    if (scene.path / PRIORS / "priors.json").is_file():
-        records = {one["name"]: one for one in read_record(scene.path / PRIORS)}
+    records = _records(scene)
     return [
         {"name": one.name, "masks": sum(bool(mask.any()) for mask in one.masks.values()),
          "own_mesh": one.mesh is not None, "locked": one.placement is not None and one.placement.locked}
@@ -120,6 +118,13 @@ def _found(scene: Scene, captures: Sequence[Capture]) -> tuple[DeclaredObject, .
     return found
 
 
+def _records(scene: Scene) -> dict[str, dict[str, Any]]:
+    """What the last run wrote of the objects, by name; empty before the first."""
+    if not (scene.path / PRIORS / "priors.json").is_file():
+        return {}
+    return {one["name"]: one for one in read_record(scene.path / PRIORS)}
+
+
 def _known(objects: Mapping[str, DeclaredObject], name: str, scene: Scene) -> DeclaredObject:
     if name not in objects:
         raise GeometryError(
@@ -137,7 +142,7 @@ def _library(library: Path | None, scene: Scene) -> Path | None:
 
 
 def _locked(one: DeclaredObject, scene: Scene, library: Path | None) -> DeclaredObject:
-    record = next((r for r in describe_objects(scene) if r["name"] == one.name), {})
+    record = _records(scene).get(one.name, {})
     if "world_from_own" not in record:
         raise GeometryError(
             f"'{one.name}' has no alignment yet", where=scene.path, cure="Run `r2sego refine` first."

@@ -158,7 +158,10 @@ class Steps:
 
         def compute_objects(folder: Path) -> None:
             objects = load_objects(self.scene.path / OBJECTS, self._captures)
-            shapes = [shape for place in library if objects for shape in load_library(place, self.progress)]
+            if not objects:  # depth maps and meshes need not be read
+                save_priors(folder, ())
+                return
+            shapes = [shape for place in library for shape in load_library(place, self.progress)]
             aligned = align_objects(
                 objects, shapes, self._captures, self._observed(), self._reliable_depths(),
                 [self._completed_depth(capture) for capture in self._captures],

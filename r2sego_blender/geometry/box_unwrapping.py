@@ -12,6 +12,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from ..errors import GeometryError
+from .meshes import normals_and_areas
 from .texels import overlapping_faces
 
 _ROUNDS = 4  # in which covering faces stay together; later each becomes a chart, so there is an end
@@ -25,7 +26,7 @@ def box_unwrapped(
 
     Raises GeometryError when there are more charts than a texture of ``size_px`` holds.
     """
-    normals = _normals(vertices, faces)
+    normals, _ = normals_and_areas(vertices, faces)
     axis = np.abs(normals).argmax(1)
     direction = 2 * axis + (np.take_along_axis(normals, axis[:, None], 1)[:, 0] > 0)
     chart = _components(faces, direction)
@@ -40,12 +41,6 @@ def box_unwrapped(
         apart = _components(faces[covering], direction[covering]) if together else np.arange(covering.sum())
         chart[covering] = chart.max() + 1 + apart
         chart = np.unique(chart, return_inverse=True)[1].ravel()
-
-
-def _normals(vertices, faces):
-    a, b, c = (vertices[faces[:, i]].astype(np.float64) for i in range(3))
-    cross = np.cross(b - a, c - a)
-    return cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-15)
 
 
 def _components(faces, direction):

@@ -18,6 +18,7 @@ from ..progress import SILENT, Progress
 from ..settings import CollisionSettings
 from .coacd_regions import decompose_by_coacd
 from .convex import Limits, Soup, decompose
+from .meshes import merged
 from .proxy import GeometryProxy
 
 _FLOOR_NORMAL = 0.8  # cosine from which a face near z = 0 belongs to the floor
@@ -87,11 +88,7 @@ def collision_surface(
 def _clustered(vertices: np.ndarray, faces: np.ndarray, cell_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Vertices in one grid cell become their mean; faces that collapse go, doubles too."""
     vertices = np.asarray(vertices, np.float64)
-    cells = np.floor(vertices / cell_m + 0.5).astype(np.int64)
-    _, cluster = np.unique(cells, axis=0, return_inverse=True)
-    cluster = cluster.ravel()
-    count = np.bincount(cluster)
-    means = np.stack([np.bincount(cluster, weights=vertices[:, k]) / count for k in range(3)], 1)
+    means, cluster = merged(vertices, np.floor(vertices / cell_m + 0.5).astype(np.int64))
     return means, _proper_faces(cluster[faces])
 
 

@@ -26,6 +26,7 @@ from ..settings import ProxySettings
 from .completion import CompletedDepth, DepthSource
 from .envelope import envelope_polygons, tessellated
 from .evidence import KnownDepth, collect_votes
+from .meshes import normals_and_areas
 from .observed import ObservedGeometry
 from .oriented_points import WeightedDepth
 from .planes import RoomPlanes
@@ -172,7 +173,7 @@ def _carved(vertices, faces, trusted, settings):
     """
     if len(faces):
         free = [KnownDepth(v.camera, ndimage.minimum_filter(v.depth, size=3)) for v in trusted]
-        centroids, normals = vertices[faces].mean(1), _normals(vertices, faces)
+        centroids, normals = vertices[faces].mean(1), normals_and_areas(vertices, faces)[0]
         through = collect_votes(centroids, free, _CARVING_TOLERANCE).through
         agree = collect_votes(centroids, trusted, _CARVING_TOLERANCE, normals, _LEAST_COSINE).agree
         faces = faces[through <= agree]
@@ -181,25 +182,13 @@ def _carved(vertices, faces, trusted, settings):
     return _compacted(vertices, faces)
 
 
-def _normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(F, 3) unit normals, zero for faces without area."""
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    cross = np.cross(b - a, c - a)
-    return cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-12)
-
-
 def _component_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(F,) square metres of the connected component each face belongs to."""
     pairs = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
     count = len(vertices)
     graph = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), (count, count))
     component = connected_components(graph, directed=False)[1][faces[:, 0]]
-    return np.bincount(component, weights=_areas(vertices, faces))[component]
-
-
-def _areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return np.bincount(component, weights=normals_and_areas(vertices, faces)[1])[component]
 
 
 def _compacted(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -236,7 +225,7 @@ def _outside_priors(vertices, faces, priors, envelope, trusted, settings):
 def _closed(vertices, faces, field, envelope, trusted):
     """With the envelope added where it is not covered yet and no capture saw an opening."""
     high = field.origin + (np.array(field.distance.shape) - 1) * field.voxel_m
-    centroids, normals = vertices[faces].mean(1), _normals(vertices, faces)
+    centroids, normals = vertices[faces].mean(1), normals_and_areas(vertices, faces)[0]
     added = []
     polygons = envelope_polygons(envelope, field.origin, high)
     for polygon, normal, offset in zip(polygons, envelope.normals, envelope.offsets, strict=True):
@@ -260,7 +249,7 @@ def _with_evidence(vertices, faces, prior_faces, completed, trusted) -> Geometry
     rasterizer = MeshRasterizer(vertices, faces)
     seen = [KnownDepth(view.camera, rasterizer.render(view.camera).depth) for view in completed]
     chosen = [KnownDepth(v.camera, np.where(v.source == DepthSource.PLANE, v.depth, 0)) for v in completed]
-    centroids, normals = vertices[faces].mean(1), _normals(vertices, faces)
+    centroids, normals = vertices[faces].mean(1), normals_and_areas(vertices, faces)[0]
     support, observed, planar = (
         collect_votes(centroids, views, _SUPPORT_TOLERANCE, normals, _LEAST_COSINE).agree
         for views in (seen, trusted, chosen)

@@ -71,8 +71,6 @@ def align_objects(
     ``reliable`` and ``completed`` are each capture's depth (H, W), at its own size; ``library``
     serves the objects that have no mesh of their own.
     """
-    if not objects:
-        return ()
     anything = [np.zeros(capture.camera.shape, bool) for capture in captures]
     for pixels, capture in zip(anything, captures, strict=True):
         for one in objects:

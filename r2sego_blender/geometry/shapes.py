@@ -14,6 +14,7 @@ import numpy as np
 import trimesh
 
 from ..errors import GeometryError
+from .meshes import merged, normals_and_areas
 from .surface_distance import SurfaceGrid
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".off", ".ply", ".stl")
@@ -105,17 +106,9 @@ def _checked(name: str, vertices: np.ndarray, faces: np.ndarray) -> tuple[np.nda
         )
     used, faces = np.unique(faces, return_inverse=True)
     vertices, faces = vertices[used], faces.reshape(-1, 3).astype(np.int32)
-    if not len(faces) or _crosses(vertices, faces)[1].sum() <= 0:
+    if not len(faces) or normals_and_areas(vertices, faces)[1].sum() <= 0:
         raise GeometryError("the mesh has no surface", where=name, cure=cure)
     return vertices, faces
-
-
-def _crosses(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normals (F, 3) and areas (F,)."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    cross = np.cross(b - a, c - a)
-    length = np.linalg.norm(cross, axis=1)
-    return cross / np.maximum(length, 1e-300)[:, None], length / 2
 
 
 def _main_axes(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -123,7 +116,7 @@ def _main_axes(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
     The own axes, where the surface looks along none.
     """
-    normals, areas = _crosses(vertices, faces)
+    normals, areas = normals_and_areas(vertices, faces)
     first = _most_common(normals, areas)
     if first is None:
         return np.eye(3)
@@ -155,11 +148,7 @@ def _most_common(directions: np.ndarray, weights: np.ndarray) -> np.ndarray | No
 
 def _lighter(vertices: np.ndarray, faces: np.ndarray, detail: float) -> tuple[np.ndarray, np.ndarray]:
     """The mesh with the vertices of each cell of a grid made one."""
-    cells = np.floor(vertices / detail).astype(np.int64)
-    _, cluster = np.unique(cells, axis=0, return_inverse=True)
-    cluster = cluster.ravel()
-    count = np.bincount(cluster)
-    means = np.stack([np.bincount(cluster, weights=vertices[:, k]) / count for k in range(3)], 1)
+    means, cluster = merged(vertices, np.floor(vertices / detail).astype(np.int64))
     faces = np.sort(cluster[faces], axis=1)
     proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2])
     return means, np.unique(faces[proper], axis=0).astype(np.int32)

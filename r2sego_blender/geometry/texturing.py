@@ -21,6 +21,7 @@ from ..errors import GeometryError
 from ..images import to_uint8
 from ..progress import SILENT, Progress
 from ..settings import TextureSettings
+from .meshes import normals_and_areas
 from .rasterizer import MeshRasterizer
 from .texels import texel_map
 from .textured_mesh import TexturedMesh
@@ -54,7 +55,7 @@ def bake(
     texels = texel_map(mesh.uvs, mesh.faces, settings.size_px, settings.padding_px / 2)
     used = texels.face >= 0
     points = texels.interpolated(mesh.vertices, mesh.faces)
-    normals = _face_normals(mesh.vertices, mesh.faces)[texels.face[used]]
+    normals = normals_and_areas(mesh.vertices, mesh.faces)[0].astype(np.float32)[texels.face[used]]
     colours, seen = seen_colours(points, normals, mesh, images, cameras, settings, progress, shown)
     if not seen.any():
         raise GeometryError(
@@ -160,13 +161,6 @@ def _blended(quality, colour, best):
     weight[:, 0] = np.maximum(weight[:, 0], 1e-6)
     weight /= weight.sum(1, keepdims=True)
     return np.einsum("ij,ijk->ik", weight, colour[:, :best])
-
-
-def _face_normals(vertices, faces):
-    a, b, c = (vertices[faces[:, i]].astype(np.float64) for i in range(3))
-    cross = np.cross(b - a, c - a)
-    unit = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-15)
-    return unit.astype(np.float32)
 
 
 def _continued(points, normals, colours, seen):
