@@ -1,8 +1,8 @@
-"""The robot embodiment: any MJCF or URDF with a free base, two feet and a camera mount."""
+"""The robot embodiment: any MJCF or URDF with a free base, legs or wheels, and a camera mount."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,21 @@ import numpy as np
 
 from ..cameras import Camera
 from ..errors import RobotError
+from .collision_shapes import colliding, highest_m, lowest_m, reach_m
 from .humanoid import REST_POSTURE_RAD, SERVOS, Servo, humanoid_mjcf
 from .mount import CameraMount, parse_mount
+from .structure import (
+    Leg,
+    Wheel,
+    ancestors,
+    find_legs,
+    find_shoulders,
+    find_wheels,
+    first_about,
+    is_hinge,
+    joints_of,
+    posed,
+)  # fmt: skip
 
 EMBEDDED_HUMANOID = "embedded:humanoid"
 
@@ -21,20 +34,7 @@ EMBEDDED_HUMANOID = "embedded:humanoid"
 _SERVO_ROBOT_MASS_KG = 35.0
 # MuJoCo's camera looks along -z with y up; OpenCV's along z with y down.
 _OPENCV_FLIP = np.diag([1.0, -1.0, -1.0])
-_HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
-_MESH, _SPHERE, _CAPSULE = (
-    int(kind)
-    for kind in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE)
-)
-
-
-@dataclass(frozen=True)
-class Leg:
-    """One leg: the foot's body and the joints from the base to it, top first."""
-
-    foot: int
-    joints: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -42,21 +42,21 @@ class RobotModel:
     """A compiled robot and what its structure says about it.
 
     Ids are MuJoCo's, into ``model``. ``rest_qpos`` (nq,) float64 is the standing posture
-    with the base's origin over the world's and the soles on z = 0. ``sole_m`` is the
-    height of a foot body's origin above its sole; ``radius_m`` the reach of the robot's
-    collision shapes around the base's vertical axis and ``height_m`` their top, at rest.
+    with the base's origin over the world's and the lowest point on z = 0. ``radius_m`` is the
+    reach of the robot's collision shapes around the base's vertical axis and ``height_m``
+    their top, at rest. A robot without legs has two wheels at least.
     """
 
     source: str
     model: mujoco.MjModel
     mount: CameraMount
     base: int
-    legs: tuple[Leg, Leg]  # left, right
+    legs: tuple[Leg, ...]  # front to back, left before right
+    wheels: tuple[Wheel, ...]  # left to right
     waist_yaw: int | None
     waist_pitch: int | None
     shoulders: tuple[int, ...]  # the joints that swing the arms, left then right
     rest_qpos: np.ndarray
-    sole_m: float
     radius_m: float
     height_m: float
 
@@ -70,7 +70,7 @@ class RobotModel:
         ``mount`` is the name of a camera in the file, ``[parent, xyz, rpy, fov]`` (see
         ``mount.parse_mount``), or None for the file's only camera or the one named
         ``head_camera``. Raises RobotError: a file that does not compile (with MuJoCo's words),
-        no free base, no two feet, an unknown camera or parent.
+        no free base, neither two legs nor two driven wheels, an unknown camera or parent.
         """
         source = str(source)
         spec = robot_spec(source)
@@ -82,25 +82,44 @@ class RobotModel:
             raise RobotError("positions or masses are not finite", where=source, cure="Correct the file.")
         base = _free_base(model, source)
         camera_mount = _find_mount(model, mount, source)
-        legs = _find_legs(model, base, source)
-        camera_chain = list(_ancestors(model, model.body(camera_mount.parent).id))
-        waist = [j for body in camera_chain for j in _joints_of(model, body) if _is_hinge(model, j)]
-        in_legs = {j for leg in legs for j in leg.joints}
-        shoulders = _find_shoulders(model, set(waist) | in_legs)
-        rest = _rest_qpos(model, base)
-        data = mujoco.MjData(model)
-        data.qpos[:] = rest
-        mujoco.mj_kinematics(model, data)
-        lowest, _, _ = _extent(model, data, base, {leg.foot for leg in legs})
-        rest[2] -= lowest
-        _, top, radius = _extent(model, data, base, None)
+        rest = _rest_qpos(model)
+        wheels = find_wheels(model, base, rest)
+        # Arms of a wheeled robot hang lowest of all its limbs, and are no legs.
+        legs = () if len(wheels) >= 2 else find_legs(model, base, rest)
+        if len(wheels) < 2 and len(legs) < 2:
+            raise RobotError(
+                f"the robot has {len(legs)} legs and {len(wheels)} driven wheels", where=source,
+                cure="Give one with two legs of three hinges or more, or with two wheels.",
+            )  # fmt: skip
+        in_legs = {joint for leg in legs for joint in leg.joints}
+        waist = [
+            joint
+            for body in ancestors(model, model.body(camera_mount.parent).id)
+            for joint in joints_of(model, body)
+            if is_hinge(model, joint) and joint not in in_legs
+        ]
+        rolling = {wheel.joint for wheel in wheels}
+        geoms = colliding(model)
+        rest[2] -= lowest_m(model, posed(model, rest), geoms)
+        data = posed(model, rest)
         return RobotModel(
-            source=source, model=model, mount=camera_mount, base=base, legs=legs,
-            waist_yaw=_about(model, waist, 2), waist_pitch=_about(model, waist, 1),
-            shoulders=shoulders, rest_qpos=rest,
-            sole_m=float(data.xpos[legs[0].foot, 2] - lowest),
-            radius_m=float(radius), height_m=float(top - lowest),
+            source=source, model=model, mount=camera_mount, base=base, legs=legs, wheels=wheels,
+            waist_yaw=first_about(model, waist, 2), waist_pitch=first_about(model, waist, 1),
+            shoulders=find_shoulders(model, in_legs | rolling | set(waist)), rest_qpos=rest,
+            radius_m=reach_m(model, data, geoms, data.xpos[base, :2]),
+            height_m=highest_m(model, data, geoms),
         )  # fmt: skip
+
+    @property
+    def is_wheeled(self) -> bool:
+        """Whether it rolls rather than walks."""
+        return not self.legs
+
+    @property
+    def foot_offsets_m(self) -> np.ndarray:
+        """(L, 2) x and y of the feet's origins in the base's frame at rest."""
+        data = posed(self.model, self.rest_qpos)
+        return data.xpos[[leg.foot for leg in self.legs], :2] - data.xpos[self.base, :2]
 
     @property
     def rest_height_m(self) -> float:
@@ -141,7 +160,7 @@ class RobotModel:
         model = self.model
         scale = float(model.body_mass.sum()) / _SERVO_ROBOT_MASS_KG
         on_leg = {j for leg in self.legs for j in leg.joints}
-        camera_chain = set(_ancestors(model, model.body(self.mount.parent).id))
+        camera_chain = set(ancestors(model, model.body(self.mount.parent).id))
         servos = {}
         for joint in range(model.njnt):
             if model.jnt_type[joint] == _FREE:
@@ -235,48 +254,7 @@ def _find_mount(model: mujoco.MjModel, mount: Any, source: str) -> CameraMount:
     return mount
 
 
-def _find_legs(model: mujoco.MjModel, base: int, source: str) -> tuple[Leg, Leg]:
-    """The two chains of hinges whose ends hang lowest below the base at qpos0."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    chains = []
-    parents = set(model.body_parentid[1:])
-    for body in range(base + 1, model.nbody):
-        if body in parents:
-            continue
-        chain = [b for b in _ancestors(model, body) if b != base]
-        joints = [j for b in chain for j in _joints_of(model, b) if _is_hinge(model, j)]
-        # The foot is the last body a hinge moves; what is fixed to it belongs to it.
-        if len(joints) >= 4:
-            foot = int(model.jnt_bodyid[joints[-1]])
-            chains.append((data.xpos[foot, 2], foot, tuple(joints)))
-    lowest = {foot: Leg(foot, joints) for _, foot, joints in sorted(chains, reverse=True)}
-    feet = sorted(lowest, key=lambda foot: data.xpos[foot, 2])[:2]
-    if len(feet) < 2 or set(lowest[feet[0]].joints) & set(lowest[feet[1]].joints):
-        raise RobotError(
-            "the robot has no two legs of four joints or more", where=source, cure="Give a biped."
-        )
-    left, right = sorted(feet, key=lambda foot: -data.xpos[foot, 1])
-    return lowest[left], lowest[right]
-
-
-def _find_shoulders(model: mujoco.MjModel, others: set[int]) -> tuple[int, ...]:
-    """The first sideways hinge of each limb that is neither leg nor waist, left then right."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    found: list[int] = []
-    for joint in range(model.njnt):
-        moved = set(_ancestors(model, int(model.jnt_bodyid[joint])))
-        beyond = any(model.jnt_bodyid[other] in moved for other in found)
-        if joint in others or beyond or not _is_hinge(model, joint):
-            continue
-        if abs(data.xaxis[joint, 1]) > 0.9:
-            found.append(joint)
-    return tuple(sorted(found[:2], key=lambda joint: -data.xanchor[joint, 1]))
-
-
-def _rest_qpos(model: mujoco.MjModel, base: int) -> np.ndarray:
+def _rest_qpos(model: mujoco.MjModel) -> np.ndarray:
     if model.nkey:
         rest = model.key_qpos[0].copy()
     else:
@@ -288,63 +266,3 @@ def _rest_qpos(model: mujoco.MjModel, base: int) -> np.ndarray:
     rest[:2] = 0.0
     rest[3:7] = (1.0, 0.0, 0.0, 0.0)
     return rest
-
-
-def _extent(
-    model: mujoco.MjModel, data: mujoco.MjData, base: int, bodies: set[int] | None
-) -> tuple[float, float, float]:
-    """Lowest and highest z, and the reach around the base's axis, of collision shapes."""
-    low, high, reach = np.inf, -np.inf, 0.0
-    colliding = (model.geom_contype | model.geom_conaffinity) != 0
-    for geom in np.flatnonzero(colliding):
-        if bodies is not None and model.geom_bodyid[geom] not in bodies:
-            continue
-        corners = _surface_points(model, geom) @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
-        round_m = _roundness(model, geom)
-        low, high = min(low, corners[:, 2].min() - round_m), max(high, corners[:, 2].max() + round_m)
-        flat = np.linalg.norm(corners[:, :2] - data.xpos[base, :2], axis=1)
-        reach = max(reach, flat.max() + round_m)
-    return low, high, reach
-
-
-def _roundness(model: mujoco.MjModel, geom: int) -> float:
-    return float(model.geom_size[geom, 0]) if model.geom_type[geom] in (_SPHERE, _CAPSULE) else 0.0
-
-
-def _surface_points(model: mujoco.MjModel, geom: int) -> np.ndarray:
-    """Points (n, 3) in the geom's frame whose hull, grown by its roundness, is its shape."""
-    kind = model.geom_type[geom]
-    if kind == _MESH:
-        mesh = model.geom_dataid[geom]
-        start = model.mesh_vertadr[mesh]
-        return model.mesh_vert[start : start + model.mesh_vertnum[mesh]].astype(np.float64)
-    if kind == _SPHERE:
-        return np.zeros((1, 3))
-    if kind == _CAPSULE:
-        return np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]) * model.geom_size[geom, 1]
-    centre, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
-    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-    return centre + signs * half
-
-
-def _ancestors(model: mujoco.MjModel, body: int) -> Iterator[int]:
-    """``body`` and the bodies above it, from the top one down; not the world."""
-    chain = []
-    while body != 0:
-        chain.append(int(body))
-        body = model.body_parentid[body]
-    return reversed(chain)
-
-
-def _joints_of(model: mujoco.MjModel, body: int) -> range:
-    start = int(model.body_jntadr[body])
-    return range(start, start + int(model.body_jntnum[body])) if start >= 0 else range(0)
-
-
-def _is_hinge(model: mujoco.MjModel, joint: int) -> bool:
-    return bool(model.jnt_type[joint] == _HINGE)
-
-
-def _about(model: mujoco.MjModel, joints: Sequence[int], axis: int) -> int | None:
-    """The first of ``joints`` that turns about its body's ``axis``."""
-    return next((j for j in joints if abs(model.jnt_axis[j, axis]) > 0.9), None)

@@ -23,8 +23,6 @@ _GAZE_RATE_RAD_S = math.radians(75.0)
 _MIN_GAZE_S = 0.4
 # Accelerations are smoothed over this many frames: footsteps begin and end abruptly.
 _SMOOTHING = 1.5
-# Where on a sole, ahead and to the left of the foot's origin, its force may act.
-_SOLE_LOW_M, _SOLE_HIGH_M = np.array([-0.03, -0.02]), np.array([0.09, 0.02])
 
 
 @dataclass(frozen=True)
@@ -54,11 +52,7 @@ def plan_motion(
     height_m = robot.rest_height_m * draw(scope.start.pelvis_height, rng)
     pitch = scope.look.camera_pitch_deg
     mount = robot.mount if pitch is None else robot.mount.pitched(draw(pitch, rng))
-    data = mujoco.MjData(robot.model)
-    data.qpos[:] = robot.rest_qpos
-    mujoco.mj_kinematics(robot.model, data)
-    feet = np.array([leg.foot for leg in robot.legs])
-    gait = plan_gait(root, data.xpos[feet, :2] - data.xpos[robot.base, :2])
+    gait = plan_gait(root, robot.foot_offsets_m)
     qpos = _upper_body(robot, root, gait, scope, rng)
     cos, sin = np.cos(root.yaw), np.sin(root.yaw)
     qpos[:, 0] = root.xy[:, 0] - sin * gait.sway_m
@@ -67,7 +61,7 @@ def plan_motion(
     qpos[:, 3:7] = 0.0
     qpos[:, 3], qpos[:, 6] = np.cos(root.yaw / 2.0), np.sin(root.yaw / 2.0)
     soles = gait.feet.copy()
-    soles[..., 2] += floor.floor_z_m + robot.sole_m
+    soles[..., 2] += floor.floor_z_m + np.array([[leg.sole_m] for leg in robot.legs])
     LegSolver(robot).solve(qpos, soles)
     qvel, torque = _inverse_dynamics(robot, qpos, gait, floor.floor_z_m)
     return ReferenceMotion(root.behaviour, qpos, qvel, torque, root.goal, mount)
@@ -148,7 +142,7 @@ def _inverse_dynamics(
         for leg, share, foot in zip(robot.legs, load, gait.feet[:, frame], strict=True):
             cos, sin = np.cos(foot[3]), np.sin(foot[3])
             turn = np.array([[cos, -sin], [sin, cos]])
-            on_sole = np.clip(turn.T @ shift, _SOLE_LOW_M, _SOLE_HIGH_M)
+            on_sole = np.clip(turn.T @ shift, leg.sole_low_m, leg.sole_high_m)
             point = np.array([*(foot[:2] + turn @ on_sole), floor_z_m + foot[2]])
             mujoco.mj_jac(model, data, jacobian, None, point, leg.foot)
             torque[frame] -= share * (jacobian.T @ force)

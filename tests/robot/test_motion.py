@@ -77,7 +77,7 @@ def test_legs_reach_their_feet(humanoid):
     soles = np.empty((2, 30, 4))
     soles[..., 0] = rng.uniform(-0.12, 0.12, (2, 30))
     soles[0, :, 1], soles[1, :, 1] = rng.uniform(0.08, 0.16, (2, 30)) * [[1.0], [-1.0]]
-    soles[..., 2] = humanoid.sole_m + rng.uniform(0.0, 0.05, (2, 30))
+    soles[..., 2] = humanoid.legs[0].sole_m + rng.uniform(0.0, 0.05, (2, 30))
     soles[..., 3] = rng.uniform(-0.2, 0.2, (2, 30))
     LegSolver(humanoid).solve(qpos, soles)
     data = mujoco.MjData(humanoid.model)

@@ -87,7 +87,7 @@ def test_structure_of_the_embedded_humanoid(humanoid):
     assert [len(left.joints), len(right.joints)] == [6, 6]
     assert humanoid.model.body(left.foot).name == "left_ankle_roll_link"
     assert humanoid.rest_height_m == pytest.approx(0.785, abs=1e-5)
-    assert humanoid.sole_m == pytest.approx(0.035, abs=1e-5)
+    assert left.sole_m == pytest.approx(0.035, abs=1e-5)
     assert 0.2 < humanoid.radius_m < 0.4
     assert humanoid.servos()["left_knee_joint"].stiffness == 150.0
 
@@ -132,7 +132,10 @@ def test_file_that_does_not_compile_says_what_mujoco_says(tmp_path):
     ("body", "says"),
     [
         ('<body><geom size="1"/></body>', "0 free bodies"),
-        ('<body name="a"><freejoint/><geom size="1"/><camera name="eye"/></body>', "no two legs"),
+        (
+            '<body name="a"><freejoint/><geom size="1"/><camera name="eye"/></body>',
+            "0 legs and 0 driven wheels",
+        ),
         ('<body><freejoint/><geom size="1"/><camera name="l"/><camera name="r"/></body>', "which camera"),
     ],
 )

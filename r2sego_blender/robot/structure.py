@@ -1,0 +1,212 @@
+"""What a robot's kinematic tree says about its body: legs and feet, wheels, shoulders."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import zip_longest
+
+import mujoco
+import numpy as np
+
+from .collision_shapes import bearing_points, colliding, is_round_about, lowest_m
+
+_HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
+_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+_ON_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
+# A leg has this many hinges of its own at least; from this many on its sole can be kept level.
+_LEG_HINGES, _LEVEL_HINGES = 3, 5
+# Feet reach down to the lowest foot, and wheels to the robot's lowest point, within this.
+_GROUND_M = 0.04
+# The points of a foot this close to its lowest one carry it.
+_SOLE_THICKNESS_M = 0.01
+# Forces are planned within this share of a sole, away from its edges.
+_SOLE_SHARE = 0.7
+# A hinge that turns farther than this can roll.
+_WIDE_TURN_RAD = 4.0 * np.pi
+_ALONG = 0.9
+
+
+@dataclass(frozen=True)
+class Leg:
+    """One leg: the foot's body and the joints from the base to it, top first.
+
+    Legs of a ``group`` (0 or 1) swing together. A foot that ``is_flat`` is kept level;
+    another is a point, and only its place is given. At rest ``base_from_foot`` (3, 3) turns
+    the foot's axes into the base's, and the foot's origin is ``sole_m`` above its sole, which
+    reaches from ``sole_low_m`` to ``sole_high_m`` (2,) around the origin in the base's x
+    and y, less a margin. ``foot_bodies``: the foot and what is fixed to it.
+    """
+
+    foot: int
+    joints: tuple[int, ...]
+    group: int
+    is_flat: bool
+    sole_m: float
+    sole_low_m: np.ndarray
+    sole_high_m: np.ndarray
+    base_from_foot: np.ndarray
+    foot_bodies: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Wheel:
+    """A driven wheel, ``offset_m`` (2,) beside the base's origin at rest, in the base's x and y.
+
+    ``forward`` is 1.0 where a growing angle rolls the robot ahead, else -1.0.
+    """
+
+    joint: int
+    radius_m: float
+    offset_m: np.ndarray
+    forward: float
+
+
+def find_wheels(model: mujoco.MjModel, base: int, rest_qpos: np.ndarray) -> tuple[Wheel, ...]:
+    """Endless hinges across the base whose round shapes touch the ground; left to right.
+
+    Where the file has actuators only driven hinges count: the others are casters.
+    """
+    data = posed(model, rest_qpos)
+    ground = lowest_m(model, data, colliding(model))
+    driven = model.actuator_trnid[model.actuator_trntype == _ON_JOINT, 0]
+    wheels = []
+    for joint in range(model.njnt):
+        low, high = model.jnt_range[joint]
+        is_endless = not model.jnt_limited[joint] or high - low > _WIDE_TURN_RAD
+        axis, anchor = data.xaxis[joint], data.xanchor[joint]
+        if not (is_hinge(model, joint) and is_endless and abs(axis[1]) > _ALONG):
+            continue
+        if model.nu and joint not in driven:
+            continue
+        geoms = _geoms_of(model, fixed_to(model, int(model.jnt_bodyid[joint])))
+        bottom = lowest_m(model, data, geoms)
+        if bottom < ground + _GROUND_M and is_round_about(model, data, geoms, anchor, axis):
+            offset = (anchor - data.xpos[base])[:2]
+            wheels.append(Wheel(joint, float(anchor[2] - bottom), offset, float(np.sign(axis[1]))))
+    return tuple(sorted(wheels, key=lambda wheel: -wheel.offset_m[1]))
+
+
+def find_legs(model: mujoco.MjModel, base: int, rest_qpos: np.ndarray) -> tuple[Leg, ...]:
+    """The limbs of three hinges or more whose ends reach lowest at rest.
+
+    Front to back, left before right; diagonal neighbours share a group, so that a biped
+    alternates, a quadruped trots and a hexapod goes on tripods.
+    """
+    data = posed(model, rest_qpos)
+    limbs = [joints for joints in _limbs(model, base) if len(joints) >= _LEG_HINGES]
+    feet = [int(model.jnt_bodyid[joints[-1]]) for joints in limbs]
+    bottoms = [lowest_m(model, data, _geoms_of(model, fixed_to(model, foot))) for foot in feet]
+    standing = [
+        (foot, joints)
+        for foot, joints, bottom in zip(feet, limbs, bottoms, strict=True)
+        if bottom < min(bottoms) + _GROUND_M
+    ]
+    # Feet side by side count as one row even where they are not quite level with each other.
+    places = {foot: data.xpos[foot] - data.xpos[base] for foot, _ in standing}
+    standing.sort(key=lambda leg: -places[leg[0]][0])
+    sides = [[leg for leg in standing if (places[leg[0]][1] >= 0.0) == left] for left in (True, False)]
+    return tuple(
+        _leg(model, data, base, *leg, group=(row + side) % 2)
+        for row, pair in enumerate(zip_longest(*sides))
+        for side, leg in enumerate(pair)
+        if leg is not None
+    )
+
+
+def find_shoulders(model: mujoco.MjModel, others: set[int]) -> tuple[int, ...]:
+    """The first sideways hinge of each limb that is not among ``others``, left then right."""
+    data = posed(model, model.qpos0)
+    found: list[int] = []
+    for joint in range(model.njnt):
+        moved = set(ancestors(model, int(model.jnt_bodyid[joint])))
+        beyond = any(model.jnt_bodyid[other] in moved for other in found)
+        if joint in others or beyond or not is_hinge(model, joint):
+            continue
+        if abs(data.xaxis[joint, 1]) > _ALONG:
+            found.append(joint)
+    return tuple(sorted(found[:2], key=lambda joint: -data.xanchor[joint, 1]))
+
+
+def posed(model: mujoco.MjModel, qpos: np.ndarray) -> mujoco.MjData:
+    """New data with the kinematics of ``qpos`` (nq,)."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    return data
+
+
+def ancestors(model: mujoco.MjModel, body: int) -> Iterator[int]:
+    """``body`` and the bodies above it, from the top one down; not the world."""
+    chain = []
+    while body != 0:
+        chain.append(int(body))
+        body = model.body_parentid[body]
+    return reversed(chain)
+
+
+def fixed_to(model: mujoco.MjModel, body: int) -> tuple[int, ...]:
+    """``body`` and the bodies below it that no joint moves against it."""
+    found = [body]
+    for other in range(body + 1, model.nbody):
+        if model.body_parentid[other] in found and model.body_jntnum[other] == 0:
+            found.append(other)
+    return tuple(found)
+
+
+def joints_of(model: mujoco.MjModel, body: int) -> range:
+    """The body's own joints."""
+    start = int(model.body_jntadr[body])
+    return range(start, start + int(model.body_jntnum[body])) if start >= 0 else range(0)
+
+
+def is_hinge(model: mujoco.MjModel, joint: int) -> bool:
+    """Whether ``joint`` is a hinge."""
+    return bool(model.jnt_type[joint] == _HINGE)
+
+
+def first_about(model: mujoco.MjModel, joints: Iterable[int], axis: int) -> int | None:
+    """The first of ``joints`` that turns about its body's ``axis``."""
+    return next((joint for joint in joints if abs(model.jnt_axis[joint, axis]) > _ALONG), None)
+
+
+def _limbs(model: mujoco.MjModel, base: int) -> list[tuple[int, ...]]:
+    """The hinges, top first, that each of the tree's longest chains of hinges has for itself."""
+    found = {
+        tuple(
+            joint
+            for body in ancestors(model, end)
+            for joint in joints_of(model, body)
+            if is_hinge(model, joint)
+        )
+        for end in range(base + 1, model.nbody)
+    }
+    chains = sorted(chain for chain in found if not any(_begins(other, chain) for other in found))
+    uses = np.bincount([joint for chain in chains for joint in chain], minlength=model.njnt)
+    return [tuple(joint for joint in chain if uses[joint] == 1) for chain in chains]
+
+
+def _begins(longer: tuple[int, ...], chain: tuple[int, ...]) -> bool:
+    return len(longer) > len(chain) and longer[: len(chain)] == chain
+
+
+def _leg(
+    model: mujoco.MjModel, data: mujoco.MjData, base: int, foot: int, joints: tuple[int, ...], group: int
+) -> Leg:
+    bodies = fixed_to(model, foot)
+    geoms = _geoms_of(model, bodies)
+    around = bearing_points(model, data, geoms, _SOLE_THICKNESS_M) - data.xpos[foot, :2]
+    middle = (around.max(axis=0) + around.min(axis=0)) / 2.0
+    half = _SOLE_SHARE * (around.max(axis=0) - around.min(axis=0)) / 2.0
+    return Leg(
+        foot=foot, joints=joints, group=group, is_flat=len(joints) >= _LEVEL_HINGES,
+        sole_m=float(data.xpos[foot, 2]) - lowest_m(model, data, geoms),
+        sole_low_m=middle - half, sole_high_m=middle + half,
+        base_from_foot=data.xmat[base].reshape(3, 3).T @ data.xmat[foot].reshape(3, 3),
+        foot_bodies=bodies,
+    )  # fmt: skip
+
+
+def _geoms_of(model: mujoco.MjModel, bodies: tuple[int, ...]) -> np.ndarray:
+    geoms = colliding(model)
+    return geoms[np.isin(model.geom_bodyid[geoms], bodies)]
