@@ -14,6 +14,14 @@ def cpu_s() -> float:
     return times.user + times.system + times.children_user + times.children_system
 
 
+def available_cores() -> int:
+    """The processor's cores that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # macOS, Windows
+        return os.cpu_count() or 1
+
+
 def forget_peak_memory() -> None:
     """Let ``peak_memory_mb`` begin anew; where the system cannot, it goes on from the start."""
     with contextlib.suppress(OSError):

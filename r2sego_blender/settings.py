@@ -156,6 +156,7 @@ class RolloutSettings:
 
     successes: int = setting(12, "Successful rollouts a round.", 1, 1000)
     max_attempts: int = setting(60, "Rollouts tried a round before giving up.", 1, 10000)
+    processes: int = setting(0, "Processes that simulate, each an attempt; 0: one a core.", 0, 256)
     step_s: float = setting(0.004, "Time step of the simulation.", 0.0005, 0.005)
     max_force_n: float = setting(120.0, "Bound of the tracking force on the pelvis, each axis.", 0.0, 5000.0)
     max_torque_nm: float = setting(

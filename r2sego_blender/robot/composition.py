@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,16 +29,21 @@ _SOLVER_TOLERANCE = 1e-6
 class Composition:
     """A simulated robot in a scene.
 
-    ``qpos`` is the robot's own, since the scene is static. The first six actuators pull
-    the base towards the mocap body ``reference`` along and about its axes, the others drive
-    a joint each; ``qpos_address`` (nu - 6,) and ``dof_address`` (nu,) int say where their
-    coordinates are, ``stiffness`` and ``damping`` (nu,) float64 how they pull.
-    ``foot_geoms``, ``scene_geoms`` are (ngeom,) bool.
+    ``qpos`` is the robot's own, since the scene is static. With the helping wrench the first
+    six actuators pull the base towards the mocap body ``reference`` along and about its axes;
+    the others drive a joint each. ``qpos_address`` (joints,) and ``dof_address`` (nu,) int say
+    where their coordinates are, ``stiffness`` and ``damping`` (nu,) float64 how they pull.
+    ``feet`` are bodies; (ngeom,) bool are ``scene_geoms``, ``foot_geoms``, which may touch
+    the floor, and ``seat_geoms``, which may touch a seat: the base and the legs above the feet.
     """
 
     model: mujoco.MjModel
+    feet: tuple[int, ...]
     foot_geoms: np.ndarray
+    seat_geoms: np.ndarray
     scene_geoms: np.ndarray
+    robot_mass_kg: float
+    has_wrench: bool
     qpos_address: np.ndarray
     dof_address: np.ndarray
     stiffness: np.ndarray
@@ -103,10 +109,19 @@ def geom_bounds(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
     return low, high
 
 
-def compose(robot: RobotModel, collision_mjcf: Path, settings: RolloutSettings) -> Composition:
-    """Attach ``robot`` to the scene of ``collision_mjcf``, ready to track a reference.
+def compose(
+    robot: RobotModel,
+    collision_mjcf: Path,
+    settings: RolloutSettings,
+    servos: Mapping[str, Servo] | None = None,
+    wrench: bool = True,
+    step_s: float | None = None,
+) -> Composition:
+    """Attach ``robot`` to the scene of ``collision_mjcf``, ready to be driven.
 
-    The robot meets the scene but not itself: its reference motions keep its limbs apart, and
+    ``servos`` by joint, in the actuators' order, replace the robot's own; ``wrench`` adds the
+    helping wrench that tracks a reference; ``step_s`` replaces the settings' time step. The
+    robot meets the scene but not itself: its reference motions keep its limbs apart, and
     convex hulls of neighbouring links would fight each other. Raises RobotError.
     """
     spec = scene_spec(collision_mjcf)
@@ -120,30 +135,40 @@ def compose(robot: RobotModel, collision_mjcf: Path, settings: RolloutSettings) 
         body.delete(element)
     spec.attach(body, prefix=_PREFIX, frame=spec.worldbody.add_frame())
     own = robot.model
-    base = _PREFIX + own.body(robot.base).name
-    gains = _add_tracking_wrench(spec, base, settings)
-    servos = robot.servos()
+    gains = _add_tracking_wrench(spec, _PREFIX + own.body(robot.base).name, settings) if wrench else []
+    servos = robot.servos() if servos is None else servos
     for name, servo in servos.items():
         actuator = spec.add_actuator(name=name, target=_PREFIX + name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         _limit(actuator, servo, _effort_nm(own, own.joint(name).id))
         gains.append(servo)
-    spec.option.timestep = settings.step_s
+    spec.option.timestep = settings.step_s if step_s is None else step_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.iterations = _SOLVER_ITERATIONS
     spec.option.tolerance = _SOLVER_TOLERANCE
     model = compile_scene(spec, collision_mjcf)
     of_robot = np.array([model.body(index).name.startswith(_PREFIX) for index in range(model.nbody)])
-    feet = [model.body(_PREFIX + own.body(leg.foot).name).id for leg in robot.legs]
     joints = [model.joint(_PREFIX + name).id for name in servos]
+    feet = tuple(_in_composition(robot, model, leg.foot) for leg in robot.legs)
+    above = {int(own.jnt_bodyid[joint]) for leg in robot.legs for joint in leg.joints}
+    above = {_in_composition(robot, model, body) for body in [robot.base, *above]} - {*feet}
+    wheels = [_in_composition(robot, model, int(own.jnt_bodyid[wheel.joint])) for wheel in robot.wheels]
     return Composition(
         model=model,
-        foot_geoms=np.isin(model.geom_bodyid, feet),
+        feet=feet,
+        foot_geoms=np.isin(model.geom_bodyid, [*feet, *wheels]),
+        seat_geoms=np.isin(model.geom_bodyid, [*above]),
         scene_geoms=~of_robot[model.geom_bodyid],
+        robot_mass_kg=float(model.body_mass[of_robot].sum()),
+        has_wrench=wrench,
         qpos_address=model.jnt_qposadr[joints],
-        dof_address=np.concatenate([np.arange(6), model.jnt_dofadr[joints]]),
+        dof_address=np.concatenate([np.arange(6 if wrench else 0), model.jnt_dofadr[joints]]),
         stiffness=np.array([servo.stiffness for servo in gains]),
         damping=np.array([servo.damping for servo in gains]),
     )
+
+
+def _in_composition(robot: RobotModel, model: mujoco.MjModel, body: int) -> int:
+    return int(model.body(_PREFIX + robot.model.body(body).name).id)
 
 
 def _add_tracking_wrench(spec: mujoco.MjSpec, base: str, settings: RolloutSettings) -> list[Servo]:

@@ -1,28 +1,27 @@
-"""Reference motions of walking and looking: joint trajectories the controller tracks."""
+"""Reference motions: joint trajectories of the declared behaviours, for a controller to track."""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
-from scipy import ndimage
 
+from .behaviours import RootTrajectory, draw, plan_root
+from .dynamics import inverse_dynamics
 from .free_floor import FreeFloor
 from .gait import Gait, plan_gait
 from .kinematics import LegSolver
 from .model import RobotModel
 from .mount import CameraMount
-from .navigation import RATE_HZ, RootTrajectory, draw, plan_root
+from .rolling import roll_wheels
 from .scope import BehaviourScope
+from .seats import STAND_OFF_M, Seat
+from .sitting import seated_height
+from .upper_body import upper_body
 
-_ARM_SWING_RAD = 0.3
-# Fastest gaze: the camera turns no quicker than an unhurried person's head.
-_GAZE_RATE_RAD_S = math.radians(75.0)
-_MIN_GAZE_S = 0.4
-# Accelerations are smoothed over this many frames: footsteps begin and end abruptly.
-_SMOOTHING = 1.5
+# The seat begins to carry the weight at this part of the way down.
+_TOUCHES = 0.97
 
 
 @dataclass(frozen=True)
@@ -31,119 +30,58 @@ class ReferenceMotion:
 
     ``qpos`` (T, nq), ``qvel`` (T, nv) and ``torque`` (T, nv) float64, MuJoCo's coordinates:
     the joints' torques of the inverse dynamics and, in the base's rows, the residual wrench;
-    ``goal`` (2,) is where it has to end; ``mount`` the camera of this rollout.
+    ``goal`` (2,) is where it has to end, None for anywhere; ``mount`` the camera of this
+    rollout; ``seat`` what it sits on, if anything.
     """
 
     behaviour: str
     qpos: np.ndarray
     qvel: np.ndarray
     torque: np.ndarray
-    goal: np.ndarray
+    goal: np.ndarray | None
     mount: CameraMount
+    seat: Seat | None = None
 
 
 def plan_motion(
-    robot: RobotModel, floor: FreeFloor, scope: BehaviourScope, rng: np.random.Generator
+    robot: RobotModel,
+    floor: FreeFloor,
+    scope: BehaviourScope,
+    rng: np.random.Generator,
+    seats: Sequence[Seat] = (),
 ) -> ReferenceMotion | None:
-    """Draw a walking-and-looking motion in the scope; None where the floor offers no goal."""
-    root = plan_root(floor, scope, rng)
+    """Draw a motion in the scope; None where the floor offers no goal."""
+    root = plan_root(floor, scope, rng, seats)
     if root is None:
         return None
     height_m = robot.rest_height_m * draw(scope.start.pelvis_height, rng)
     pitch = scope.look.camera_pitch_deg
     mount = robot.mount if pitch is None else robot.mount.pitched(draw(pitch, rng))
     gait = plan_gait(root, robot.foot_offsets_m)
-    qpos = _upper_body(robot, root, gait, scope, rng)
+    qpos = upper_body(robot, root, gait, scope, rng)
+    soles = gait.feet.copy()
+    soles[..., 2] += floor.floor_z_m + np.array([leg.sole_m for leg in robot.legs])[:, None]
+    _place_base(robot, root, gait, qpos, floor.floor_z_m + height_m, soles)
+    LegSolver(robot).solve(qpos, soles)
+    roll_wheels(robot, qpos, root.yaw)
+    seat_load = np.clip((root.sit - _TOUCHES) / (1.0 - _TOUCHES), 0.0, 1.0)
+    qvel, torque = inverse_dynamics(robot, qpos, gait, floor.floor_z_m, seat_load)
+    return ReferenceMotion(root.behaviour, qpos, qvel, torque, root.goal, mount, root.seat)
+
+
+def _place_base(
+    robot: RobotModel, root: RootTrajectory, gait: Gait, qpos: np.ndarray, standing_z_m: float,
+    soles: np.ndarray,
+) -> None:  # fmt: skip
+    """Write the base's pose into ``qpos`` (T, nq): on its way, swaying, crouching, seated."""
     cos, sin = np.cos(root.yaw), np.sin(root.yaw)
-    qpos[:, 0] = root.xy[:, 0] - sin * gait.sway_m
-    qpos[:, 1] = root.xy[:, 1] + cos * gait.sway_m
-    qpos[:, 2] = floor.floor_z_m + height_m + gait.bob_m
+    standing = 1.0 - root.sit
+    back_m = root.sit * (STAND_OFF_M + root.depth_m)
+    qpos[:, 0] = root.xy[:, 0] - sin * gait.sway_m * standing - cos * back_m
+    qpos[:, 1] = root.xy[:, 1] + cos * gait.sway_m * standing - sin * back_m
+    qpos[:, 2] = standing_z_m + gait.bob_m - root.crouch * robot.rest_height_m
     qpos[:, 3:7] = 0.0
     qpos[:, 3], qpos[:, 6] = np.cos(root.yaw / 2.0), np.sin(root.yaw / 2.0)
-    soles = gait.feet.copy()
-    soles[..., 2] += floor.floor_z_m + np.array([[leg.sole_m] for leg in robot.legs])
-    LegSolver(robot).solve(qpos, soles)
-    qvel, torque = _inverse_dynamics(robot, qpos, gait, floor.floor_z_m)
-    return ReferenceMotion(root.behaviour, qpos, qvel, torque, root.goal, mount)
-
-
-def _upper_body(
-    robot: RobotModel, root: RootTrajectory, gait: Gait, scope: BehaviourScope, rng: np.random.Generator
-) -> np.ndarray:
-    """(T, nq): the resting posture with the waist looking around and the arms swinging."""
-    model = robot.model
-    qpos = np.tile(robot.rest_qpos, (len(root.yaw), 1))
-    yaw, pitch = _gaze(len(root.yaw), scope, rng)
-    for joint, angle in ((robot.waist_yaw, yaw), (robot.waist_pitch, pitch)):
-        if joint is not None:
-            sign = np.sign(model.jnt_axis[joint][np.argmax(np.abs(model.jnt_axis[joint]))])
-            low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.inf, np.inf)
-            qpos[:, model.jnt_qposadr[joint]] = np.clip(sign * angle, low, high)
-    for joint, side in zip(robot.shoulders, (1.0, -1.0), strict=False):
-        qpos[:, model.jnt_qposadr[joint]] += side * _ARM_SWING_RAD * gait.swing
-    return qpos
-
-
-def _gaze(frames: int, scope: BehaviourScope, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Waist yaw and pitch (T,) radians: gazes drawn from the scope, held, eased between."""
-    times = np.arange(frames) / RATE_HZ
-    limits = np.radians([scope.look.waist_yaw_deg, scope.look.waist_pitch_deg])
-    gaze = rng.uniform(limits[:, 0], limits[:, 1])
-    angles = np.tile(gaze, (frames, 1))
-    at_s = 0.0
-    while at_s < times[-1]:
-        start_s = at_s + draw(scope.look.hold_s, rng)
-        target = rng.uniform(limits[:, 0], limits[:, 1])
-        # The eased turn's greatest rate is 1.875 times its mean rate.
-        moving_s = max(_MIN_GAZE_S, 1.875 * float(np.abs(target - gaze).max()) / _GAZE_RATE_RAD_S)
-        phase = np.clip((times - start_s) / moving_s, 0.0, 1.0)[:, None]
-        angles += phase**3 * (10.0 - 15.0 * phase + 6.0 * phase**2) * (target - gaze)
-        gaze, at_s = target, start_s + moving_s
-    return angles[:, 0], angles[:, 1]
-
-
-def _inverse_dynamics(
-    robot: RobotModel, qpos: np.ndarray, gait: Gait, floor_z_m: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Velocities (T, nv) and torques (T, nv) of a motion whose feet carry their loads.
-
-    The feet's forces act where they balance the body, or at the soles' nearest point; what
-    they cannot balance stays in the base's six rows, as the residual wrench.
-    """
-    model = robot.model
-    data = mujoco.MjData(model)
-    qvel = np.empty((len(qpos), model.nv))
-    after, before = (
-        np.minimum(np.arange(len(qpos)) + 1, len(qpos) - 1),
-        np.maximum(np.arange(len(qpos)) - 1, 0),
-    )
-    for frame in range(len(qpos)):
-        seconds = (after[frame] - before[frame]) / RATE_HZ
-        mujoco.mj_differentiatePos(model, qvel[frame], seconds, qpos[before[frame]], qpos[after[frame]])
-    qacc = ndimage.gaussian_filter1d(np.gradient(qvel, 1.0 / RATE_HZ, axis=0), _SMOOTHING, axis=0)
-    torque = np.empty_like(qvel)
-    jacobian = np.empty((3, model.nv))
-    for frame in range(len(qpos)):
-        data.qpos[:], data.qvel[:], data.qacc[:] = qpos[frame], qvel[frame], qacc[frame]
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_comVel(model, data)
-        mujoco.mj_rne(model, data, 1, torque[frame])
-        torque[frame] += model.dof_armature * qacc[frame]
-        force = torque[frame, :3].copy()
-        moment = data.xmat[robot.base].reshape(3, 3) @ torque[frame, 3:6]
-        drop = floor_z_m - qpos[frame, 2]
-        # The zero-moment point, where the whole force would balance the moment.
-        balance = qpos[frame, :2] + np.array(
-            [drop * force[0] - moment[1], moment[0] + drop * force[1]]
-        ) / max(force[2], 1.0)
-        load = gait.load[:, frame]
-        shift = balance - load @ gait.feet[:, frame, :2]
-        for leg, share, foot in zip(robot.legs, load, gait.feet[:, frame], strict=True):
-            cos, sin = np.cos(foot[3]), np.sin(foot[3])
-            turn = np.array([[cos, -sin], [sin, cos]])
-            on_sole = np.clip(turn.T @ shift, leg.sole_low_m, leg.sole_high_m)
-            point = np.array([*(foot[:2] + turn @ on_sole), floor_z_m + foot[2]])
-            mujoco.mj_jac(model, data, jacobian, None, point, leg.foot)
-            torque[frame] -= share * (jacobian.T @ force)
-    return qvel, torque
+    if root.seat is not None:
+        drop_m = standing_z_m - seated_height(robot, qpos[-1], soles[:, -1], root.seat)
+        qpos[:, 2] -= root.sit * drop_m

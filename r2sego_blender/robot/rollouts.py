@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
 
 from ..arrays import opened_arrays, save_arrays
 from ..errors import RobotError
 from ..progress import SILENT, Progress
 from ..settings import RolloutSettings
-from .composition import compose
-from .controller import Reason, Tracker
-from .free_floor import free_floor
+from .attempts import Attempts, Rollout, in_order
+from .failures import Reason
 from .model import RobotModel
-from .motion import plan_motion
+from .quality import Quality
 from .scope import BehaviourScope
 
 _ARRAYS, _REASONS = "rollouts.npz", "rollouts.json"
@@ -28,31 +25,13 @@ _CURES = {
     Reason.BODY_CONTACT: "Check the collision surface, or give a larger region.clearance_m.",
     Reason.LEFT_REGION: "Give the behaviour scope a larger region.",
     Reason.TIME_OUT: "Give a longer episode.duration_s or shorter walks.",
+    Reason.MISSED_TARGET: "Check the seat on the collision surface, or give other sit_on ranges.",
     Reason.FALL: "Check the floor of the collision surface and the tracking bounds.",
     Reason.JOINT_LIMIT: "Give narrower look ranges, or a higher start.pelvis_height.",
+    Reason.FOOT_SLIDE: "Give slower walks, or a larger failures.slide_m.",
+    Reason.PENETRATION: "Check the collision surface, or give a larger failures.penetration_m.",
     Reason.NON_FINITE: "Check the collision surface, or give a smaller rollouts.step_s.",
 }
-
-
-@dataclass(frozen=True)
-class Rollout:
-    """One attempt at the behaviour.
-
-    ``qpos`` (T, nq) float64, ``times_s`` (T,) float64 and ``camera_poses`` (T, 4, 4) float64
-    ``world_from_camera`` are at the scope's camera rate. A failed one carries its ``reason``,
-    what happened in ``detail``, and ends at ``frame``, the last before the failure.
-    ``seed`` is (the round's seed, the attempt): the rollout depends on nothing else.
-    """
-
-    success: bool
-    reason: str
-    frame: int
-    qpos: np.ndarray
-    times_s: np.ndarray
-    camera_poses: np.ndarray
-    seed: tuple[int, int]
-    behaviour: str = ""
-    detail: str = ""
 
 
 def successful_rollouts(
@@ -66,37 +45,21 @@ def successful_rollouts(
     """Roll the behaviour out until ``settings.successes`` have succeeded (Sec. III-B.2).
 
     Returns every attempt in order, failures included; the last one is a success. The same
-    arguments give the same bits. Raises RobotError when ``settings.max_attempts`` have not
-    sufficed, naming the most frequent reason; or where the scene has no free floor.
+    arguments give the same bits, in however many processes. Raises RobotError when
+    ``settings.max_attempts`` have not sufficed, naming the most frequent reason; or where
+    the scene has no free floor.
     """
-    floor = free_floor(model, scope, collision_mjcf)
-    composition = compose(model, collision_mjcf, settings)
-    tracker = Tracker(composition, floor, scope, model.rest_height_m)
     attempts: list[Rollout] = []
+    tried = in_order(Attempts(model.source, model.mount, scope, collision_mjcf, settings, seed))
     with progress.task("Rollouts", settings.successes) as task:
-        while task.done < settings.successes:
+        for rollout in tried:
+            attempts.append(rollout)
+            task.advance(int(rollout.success))
+            if task.done == settings.successes:
+                break
             if len(attempts) == settings.max_attempts:
                 raise _too_few(attempts, task.done, settings, collision_mjcf)
-            key = (seed, len(attempts))
-            motion = plan_motion(model, floor, scope, np.random.default_rng(key))
-            if motion is None:
-                attempts.append(_without_goal(model, key))
-                continue
-            tracked = tracker.track(motion)
-            attempts.append(
-                Rollout(
-                    success=not tracked.reason,
-                    reason=str(tracked.reason),
-                    frame=len(tracked.qpos) - 1,
-                    qpos=tracked.qpos,
-                    times_s=tracked.times_s,
-                    camera_poses=model.camera_poses(tracked.qpos, motion.mount),
-                    seed=key,
-                    behaviour=motion.behaviour,
-                    detail=tracked.detail,
-                )
-            )
-            task.advance(int(attempts[-1].success))
+    tried.close()
     return tuple(attempts)
 
 
@@ -114,7 +77,9 @@ def save_rollouts(folder: Path, rollouts: Sequence[Rollout]) -> None:
                 "frame": rollout.frame,
                 "frames": len(rollout.qpos),
                 "behaviour": rollout.behaviour,
+                "controller": rollout.controller,
                 "seed": list(rollout.seed),
+                "quality": dataclasses.asdict(rollout.quality),
             }
         )
     save_arrays(folder / _ARRAYS, **arrays)
@@ -138,17 +103,11 @@ def load_rollouts(folder: Path) -> tuple[Rollout, ...]:
                 seed=tuple(record["seed"]),
                 behaviour=record["behaviour"],
                 detail=record["detail"],
+                controller=record["controller"],
+                quality=Quality.from_json(record["quality"]),
             )
             for index, record in enumerate(records)
         )
-
-
-def _without_goal(model: RobotModel, key: tuple[int, int]) -> Rollout:
-    return Rollout(
-        success=False, reason=str(Reason.NO_GOAL), frame=0, qpos=np.empty((0, model.model.nq)),
-        times_s=np.empty(0), camera_poses=np.empty((0, 4, 4)), seed=key, behaviour="walk_to",
-        detail="no reachable place lies in the range of distances",
-    )  # fmt: skip
 
 
 def _too_few(

@@ -17,7 +17,33 @@ Range = tuple[float, float]
 """Inclusive bounds that a rollout draws from uniformly."""
 
 FREE_FLOOR = "free_floor"
+ANY_SEAT = "any"
+CONTROLLERS = ("reference", "policy", "replay")
 _PRESETS = Path(__file__).parent / "scopes"
+
+
+@dataclass(frozen=True)
+class Robot:
+    """The robot this scope is meant for; what is left out is the scene's own declaration."""
+
+    model: str = setting("", "An MJCF or URDF file, beside this one, or an embedded robot's name.")
+    mount: str | tuple | dict | None = setting(
+        None, "A camera's name, [parent, xyz, rpy, fov], or a table of these; absent: the file's own."
+    )
+
+
+@dataclass(frozen=True)
+class Control:
+    """The behaviour controller; its files lie beside the scope's."""
+
+    kind: str = setting(
+        "reference",
+        "Reference motions tracked, a learned policy, or recorded motions replayed.",
+        choices=CONTROLLERS,
+    )
+    file: str = setting("", "The policy: ONNX, or TorchScript, which can run code of its maker's.")
+    layout: str = setting("", "The policy's observation layout: a shipped one's name, or a TOML file.")
+    motions: tuple[str, ...] = setting((), "The recorded motions.")
 
 
 @dataclass(frozen=True)
@@ -36,6 +62,9 @@ class Behaviours:
 
     walk_to: float = setting(0.7, "Walk to a place, looking around.", 0.0, 1000.0)
     look_around: float = setting(0.3, "Stand, turn and look around.", 0.0, 1000.0)
+    step_around: float = setting(0.0, "Step aside, forward and back, facing one way.", 0.0, 1000.0)
+    squat: float = setting(0.0, "Stand, lower the body and look down, as for reaching.", 0.0, 1000.0)
+    sit_on: float = setting(0.0, "Walk to a seat, turn, sit down and look around.", 0.0, 1000.0)
 
 
 @dataclass(frozen=True)
@@ -63,6 +92,37 @@ class LookAround:
 
 
 @dataclass(frozen=True)
+class StepAround:
+    """Ranges of the small steps."""
+
+    step_m: Range = setting((0.15, 0.45), "Length of one displacement.", 0.05, 1.5)
+    pause_s: Range = setting((0.5, 1.5), "Standing between two.", 0.0, 60.0)
+
+
+@dataclass(frozen=True)
+class Squat:
+    """Ranges of the squat."""
+
+    height: Range = setting((0.6, 0.85), "Lowest height, share of the standing height.", 0.4, 1.0)
+    lean_deg: Range = setting((10.0, 25.0), "Lean of the waist, forward.", -25.0, 60.0)
+    hold_s: Range = setting((0.5, 2.0), "How long it stays low.", 0.0, 60.0)
+
+
+@dataclass(frozen=True)
+class SitOn:
+    """Where and how to sit."""
+
+    target: str | tuple[float, float] = setting(
+        ANY_SEAT, "Any seat, an object's name, or (x, y) in metres: the seat nearest to it."
+    )
+    height_m: Range = setting((0.28, 0.6), "Heights of the surfaces that are seats.", 0.1, 1.2)
+    depth_m: Range = setting((0.08, 0.16), "From the seat's front edge to the pelvis.", 0.0, 0.6)
+    lean_deg: Range = setting((20.0, 28.0), "Lean of the waist while sitting down.", 0.0, 60.0)
+    down_s: Range = setting((1.6, 2.4), "How long sitting down takes.", 0.5, 10.0)
+    hold_s: float = setting(3.0, "Seated this long at the end, or the target is missed.", 0.0, 600.0)
+
+
+@dataclass(frozen=True)
 class Look:
     """Ranges of the gaze; ``camera_pitch_deg`` absent means the mount as it is."""
 
@@ -78,6 +138,9 @@ class Episode:
 
     duration_s: float = setting(8.0, "Length of a rollout.", 0.5, 600.0)
     camera_rate_hz: float = setting(5.0, "Camera frames a second.", 0.5, 50.0)
+    max_turn_deg_s: float = setting(
+        0.0, "Frames during which the camera turns faster are no candidates; 0: all are.", 0.0, 3600.0
+    )
 
 
 @dataclass(frozen=True)
@@ -90,6 +153,8 @@ class Failures:
     leaving_region: bool = setting(True, "The pelvis outside the region.")
     goal_distance_m: float = setting(0.3, "Time-out: farther from the goal at the end.", 0.02, 10.0)
     joint_limit_deg: float = setting(3.0, "A joint beyond its limit by more than this.", 0.0, 90.0)
+    slide_m: float = setting(0.03, "A foot that carries weight slides farther; 0: not judged.", 0.0, 10.0)
+    penetration_m: float = setting(0.01, "Sunk deeper into the scene; 0: not judged.", 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -97,11 +162,16 @@ class BehaviourScope:
     """A declared behaviour scope; what a file leaves out has the defaults above."""
 
     name: str
+    robot: Robot = Robot()
+    controller: Control = Control()
     region: Region = Region()
     behaviours: Behaviours = Behaviours()
     start: Start = Start()
     walk_to: WalkTo = WalkTo()
     look_around: LookAround = LookAround()
+    step_around: StepAround = StepAround()
+    squat: Squat = Squat()
+    sit_on: SitOn = SitOn()
     look: Look = Look()
     episode: Episode = Episode()
     failures: Failures = Failures()
@@ -145,7 +215,7 @@ class _Reader:
         self._reject_unknown(data, sections, "")
         parts = {key: self._section(type(sections[key]), key, table) for key, table in data.items()}
         scope = BehaviourScope(name=name, **parts)
-        if scope.behaviours.walk_to + scope.behaviours.look_around <= 0.0:
+        if sum(dataclasses.astuple(scope.behaviours)) <= 0.0:
             raise self._error("behaviours", "are all zero", "Give one of them a weight above 0.")
         return scope
 
@@ -160,6 +230,16 @@ class _Reader:
         place, low, high = f"{section}.{field.name}", field.metadata["low"], field.metadata["high"]
         if field.name == "within":
             return self._within(place, value)
+        if field.name == "mount":
+            return value  # the robot's loader knows its forms
+        if field.name == "target":
+            return self._target(place, value)
+        if field.name == "motions":
+            if not isinstance(value, list):
+                raise self._error(place, f"is {value!r}", 'Write a list of files: ["walk.csv"].')
+            return tuple(self._file(place, one) for one in value)
+        if isinstance(field.default, str):
+            return self._text(field, place, value)
         if isinstance(field.default, bool):
             if not isinstance(value, bool):
                 raise self._error(place, f"is {value!r}", "Write true or false.")
@@ -175,6 +255,26 @@ class _Reader:
         if is_range and numbers[0] > numbers[1]:
             raise self._error(place, f"is {value!r}", "Write the smaller number first.")
         return tuple(float(number) for number in numbers) if is_range else float(value)
+
+    def _text(self, field: dataclasses.Field, place: str, value: Any) -> str:
+        choices = field.metadata["choices"]
+        if choices and value not in choices:
+            raise self._error(place, f"is {value!r}", f"Give one of: {', '.join(choices)}.")
+        return value if choices else self._file(place, value)
+
+    def _file(self, place: str, value: Any) -> str:
+        """A file beside the scope's; a name that is no file there stays a name."""
+        if not isinstance(value, str):
+            raise self._error(place, f"is {value!r}", "Write a file's name in quotes.")
+        beside = self.path.parent / value
+        return str(beside.resolve()) if value and beside.exists() else value
+
+    def _target(self, place: str, value: Any) -> str | tuple[float, float]:
+        if isinstance(value, str) and value:
+            return value
+        if isinstance(value, list) and len(value) == 2 and all(map(_is_number, value)):
+            return float(value[0]), float(value[1])
+        raise self._error(place, f"is {value!r}", f"Write '{ANY_SEAT}', an object's name, or [x, y].")
 
     def _within(self, place: str, value: Any) -> Any:
         if value == FREE_FLOOR:

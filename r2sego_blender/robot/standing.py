@@ -9,12 +9,12 @@ import numpy as np
 
 from ..errors import RobotError
 from ..settings import RolloutSettings
-from .composition import compose
-from .controller import Tracker
+from .failures import Judge
 from .free_floor import FreeFloor, free_floor
 from .model import RobotModel
-from .motion import plan_motion
 from .scope import Behaviours, BehaviourScope, Episode, Look, LookAround, Start
+from .simulation import simulate
+from .tracking import TrackingController
 
 STANDS_WITHIN_M = 0.05
 """How far the pelvis may leave its height."""
@@ -62,16 +62,17 @@ def stand(
         look=Look(camera_pitch_deg=None, waist_yaw_deg=_STILL, waist_pitch_deg=_STILL, hold_s=(1.0, 1.0)),
         episode=Episode(duration_s=_HELD_S, camera_rate_hz=_SEEN_HZ),
     )
-    motion = plan_motion(robot, floor, still, np.random.default_rng(0))
-    if motion is None:
+    controller = TrackingController(robot, floor, still, collision_mjcf, settings)
+    drive = controller.draw(np.random.default_rng(0))
+    if drive is None:
         raise RobotError("the robot finds no place to stand", where=collision_mjcf, cure="Check the floor.")
-    tracker = Tracker(compose(robot, collision_mjcf, settings), floor, still, robot.rest_height_m)
-    tracked = tracker.track(motion)
-    offset_m = np.abs(tracked.qpos[:, 2] - motion.qpos[0, 2]).max()
-    place = motion.qpos[0, :2]
+    judge = Judge(controller.composition, floor, still, robot.rest_height_m)
+    held = simulate(controller.composition, drive, judge, _SEEN_HZ)
+    offset_m = np.abs(held.qpos[:, 2] - drive.qpos[2]).max()
+    place = drive.qpos[:2]
     return Standing(
-        (float(place[0]), float(place[1])), float(tracked.times_s[-1]), float(offset_m),
-        str(tracked.reason), tracked.detail,
+        (float(place[0]), float(place[1])), float(held.times_s[-1]), float(offset_m),
+        str(held.reason), held.detail,
     )  # fmt: skip
 
 

@@ -8,11 +8,12 @@ import mujoco
 import numpy as np
 import pytest
 
+from r2sego_blender.robot.behaviours import RootTrajectory, plan_root
 from r2sego_blender.robot.free_floor import FreeFloor, free_floor
 from r2sego_blender.robot.gait import plan_gait
 from r2sego_blender.robot.kinematics import LegSolver
 from r2sego_blender.robot.motion import plan_motion
-from r2sego_blender.robot.navigation import RATE_HZ, RootTrajectory, plan_root
+from r2sego_blender.robot.navigation import RATE_HZ
 from r2sego_blender.robot.scope import BehaviourScope
 
 SCOPE = BehaviourScope.load("walk_and_look")

@@ -1,0 +1,145 @@
+"""Attempts at the behaviour, simulated in several processes and handed out in their order.
+
+An attempt depends on the round's seed and its own number alone, so the number of processes
+changes nothing but the time.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import threading
+from collections import deque
+from collections.abc import Generator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import count
+from multiprocessing.connection import wait
+from pathlib import Path
+
+import numpy as np
+
+from ..resources import available_cores
+from ..settings import RolloutSettings
+from .controller import Controller, make_controller
+from .failures import Judge, Reason
+from .free_floor import FreeFloor, free_floor
+from .model import RobotModel
+from .mount import CameraMount
+from .quality import Quality
+from .scope import BehaviourScope
+from .simulation import simulate
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """One attempt at the behaviour.
+
+    ``qpos`` (T, nq) float64, ``times_s`` (T,) float64 and ``camera_poses`` (T, 4, 4) float64
+    ``world_from_camera`` are at the scope's camera rate. A failed one carries its ``reason``,
+    what happened in ``detail``, and ends at ``frame``, the last before the failure.
+    ``seed`` is (the round's seed, the attempt): the rollout depends on nothing else.
+    ``controller`` names what drove it; ``quality`` is what the simulation measured.
+    """
+
+    success: bool
+    reason: str
+    frame: int
+    qpos: np.ndarray
+    times_s: np.ndarray
+    camera_poses: np.ndarray
+    seed: tuple[int, int]
+    behaviour: str = ""
+    detail: str = ""
+    controller: str = ""
+    quality: Quality = Quality()
+
+
+@dataclass(frozen=True)
+class Attempts:
+    """What an attempt needs to know; small, so that processes can be told."""
+
+    robot: str
+    mount: CameraMount
+    scope: BehaviourScope
+    collision_mjcf: Path
+    settings: RolloutSettings
+    seed: int
+
+    def run(self, number: int) -> Rollout:
+        """Attempt ``number``."""
+        key = (self.seed, number)
+        controller, robot = self._controller, self._model
+        drive = controller.draw(np.random.default_rng(key))
+        if drive is None:
+            return Rollout(
+                success=False, reason=str(Reason.NO_GOAL), frame=0, qpos=np.empty((0, robot.model.nq)),
+                times_s=np.empty(0), camera_poses=np.empty((0, 4, 4)), seed=key, controller=controller.name,
+                detail="no reachable place lies in the scope's ranges",
+            )  # fmt: skip
+        done = simulate(controller.composition, drive, self._judge, self.scope.episode.camera_rate_hz)
+        poses = robot.camera_poses(done.qpos, drive.mount)
+        return Rollout(
+            success=not done.reason, reason=str(done.reason), frame=len(done.qpos) - 1, qpos=done.qpos,
+            times_s=done.times_s, camera_poses=poses, seed=key, behaviour=drive.behaviour,
+            detail=done.detail, controller=controller.name, quality=done.meter.quality(poses),
+        )  # fmt: skip
+
+    @cached_property
+    def _model(self) -> RobotModel:
+        return RobotModel.load(self.robot, self.mount)
+
+    @cached_property
+    def _floor(self) -> FreeFloor:
+        return free_floor(self._model, self.scope, self.collision_mjcf)
+
+    @cached_property
+    def _controller(self) -> Controller:
+        return make_controller(self._model, self._floor, self.scope, self.collision_mjcf, self.settings)
+
+    @cached_property
+    def _judge(self) -> Judge:
+        return Judge(self._controller.composition, self._floor, self.scope, self._model.rest_height_m)
+
+    def prepare(self) -> None:
+        """Load the robot and compose the scene; raises RobotError where that cannot be."""
+        assert self._judge
+
+
+def in_order(attempts: Attempts) -> Generator[Rollout]:
+    """Attempt after attempt without end; close the generator when there are enough.
+
+    Raises RobotError where the scene has no free floor, or does not compile with the robot.
+    """
+    processes = attempts.settings.processes or available_cores()
+    if processes == 1:
+        yield from map(attempts.run, count())
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes, context, _begin, (attempts,)) as pool:
+        numbers = count()
+        ahead = deque(pool.submit(_run, next(numbers)) for _ in range(2 * processes))
+        try:
+            # Here too, beside the others: what cannot be composed is told from here.
+            replace(attempts).prepare()
+            while True:
+                ahead.append(pool.submit(_run, next(numbers)))
+                yield ahead.popleft().result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+_attempts: Attempts
+
+
+def _begin(attempts: Attempts) -> None:
+    """A process's own copy, which composes the scene once; it ends with its parent."""
+    global _attempts
+    _attempts = attempts
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=lambda: (wait([parent.sentinel]), os._exit(1)), daemon=True).start()
+
+
+def _run(number: int) -> Rollout:
+    return _attempts.run(number)
