@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .navigation import RATE_HZ, RootTrajectory
+from .behaviours import RootTrajectory
+from .navigation import RATE_HZ
 
 STEP_S = 0.5
 _DOUBLE_SUPPORT_S = 0.12
