@@ -1,99 +1,151 @@
-"""Differential inverse kinematics of the legs: feet to their references, base given."""
+"""Inverse kinematics of the legs, all frames of a motion at once: feet to their references, base given."""
 
 from __future__ import annotations
 
-import math
+from typing import Protocol
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from .model import Leg, RobotModel
+from .structure import Leg, ancestors, is_hinge, joints_of
 
-_ITERATIONS = 12
-_TOLERANCE_M = 2e-4
-_DAMPING = 1e-4
-# Rotation errors count as metres at this arm, about a foot's half length.
-_ARM_M = 0.1
+_ITERATIONS = 40
+_STILL_RAD = 1e-7
+_LONGEST_STEP_RAD = 0.5
+_DAMPING, _ERROR_DAMPING = 1e-8, 0.02
+# Rotation errors count as metres at this arm, about a foot's half length; at a short one where
+# the leg cannot turn its foot in every way, so that its place is kept all the same.
+_ARM_M, _SHORT_ARM_M = 0.1, 0.03
+_EVERY_WAY_HINGES = 6
 # References keep this far inside the joints' limits.
 _LIMIT_MARGIN_RAD = 0.02
-# A straight knee is singular: solutions start from one bent by this much.
-_KNEE_BEND_RAD = 0.3
-_ONE_SIDED_RAD = 0.6
+
+
+class Legged(Protocol):
+    """What the solver asks of a robot; see ``model.RobotModel``."""
+
+    model: mujoco.MjModel
+    base: int
+    legs: tuple[Leg, ...]
+    rest_qpos: np.ndarray
 
 
 class LegSolver:
-    """Damped least squares on each leg's own joints, started from the frame before."""
+    """Every leg's inverse kinematics, each frame started from the robot's rest posture.
 
-    def __init__(self, robot: RobotModel) -> None:
-        self._robot = robot
-        self._model = robot.model
-        self._data = mujoco.MjData(robot.model)
-        self._jacobian = np.zeros((6, robot.model.nv))
+    So a frame's solution depends on that frame alone, and a smooth motion stays smooth.
+    """
 
-    def solve(self, qpos: np.ndarray, soles: np.ndarray) -> None:
+    def __init__(self, robot: Legged) -> None:
+        self._chains = [LegChain(robot.model, robot.base, leg) for leg in robot.legs]
+        self._rest_qpos = robot.rest_qpos
+
+    def solve(self, qpos: np.ndarray, soles: np.ndarray) -> np.ndarray:
         """Write the legs' joints into ``qpos`` (T, nq) in place.
 
-        ``soles`` (2, T, 4): x, y, z (m) of each foot body's origin and its yaw (rad), the
-        foot kept level. Where a foot cannot be reached the nearest posture is taken.
+        ``soles`` (L, T, 4): x, y, z (m) of each foot body's origin and its yaw (rad), flat
+        feet kept level. Where a foot cannot be reached the nearest posture is taken: returns
+        (L, T) float64, the metres by which each foot's origin misses its place.
         """
-        model = self._model
-        legs = [(leg, *self._addresses(leg)) for leg in self._robot.legs]
-        seeds = [self._seed(leg) for leg in self._robot.legs]
-        for frame, configuration in enumerate(qpos):
-            self._data.qpos[:] = configuration
-            for (_, address, _, _), seed in zip(legs, seeds, strict=True):
-                self._data.qpos[address] = seed
-            for _ in range(_ITERATIONS):
-                mujoco.mj_kinematics(model, self._data)
-                mujoco.mj_comPos(model, self._data)
-                worst = 0.0
-                for (leg, address, dof, limits), target in zip(legs, soles[:, frame], strict=True):
-                    worst = max(worst, self._step(leg, address, dof, limits, target))
-                if worst < _TOLERANCE_M:
-                    break
-            for index, (_, address, _, _) in enumerate(legs):
-                seeds[index] = configuration[address] = self._data.qpos[address]
+        missed_m = np.empty(soles.shape[:2])
+        for chain, sole, missed in zip(self._chains, soles, missed_m, strict=True):
+            seeds = np.tile(self._rest_qpos[chain.address], (len(qpos), 1))
+            qpos[:, chain.address], missed[:] = chain.solve(qpos, sole, seeds)
+        return missed_m
 
-    def _step(
-        self, leg: Leg, address: np.ndarray, dof: np.ndarray, limits: np.ndarray, target: np.ndarray
-    ) -> float:
-        """One Gauss-Newton step of one leg; the error before it, metres."""
-        data = self._data
-        mujoco.mj_jacBody(self._model, data, self._jacobian[:3], self._jacobian[3:], leg.foot)
-        jacobian = self._jacobian[:, dof]
-        error = np.empty(6)
-        error[:3] = target[:3] - data.xpos[leg.foot]
-        error[3:] = _ARM_M * _turn_to_level(data.xmat[leg.foot], target[3])
-        jacobian[3:] *= _ARM_M
-        size = math.sqrt(error @ error)
-        if size >= _TOLERANCE_M:
-            damped = jacobian @ jacobian.T
-            damped[np.diag_indices(6)] += _DAMPING
-            moved = data.qpos[address] + jacobian.T @ np.linalg.solve(damped, error)
-            data.qpos[address] = np.clip(moved, limits[0], limits[1])
-        return size
 
-    def _addresses(self, leg: Leg) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+class LegChain:
+    """One leg from the base to its foot: damped least squares (Levenberg-Marquardt) on its own joints.
+
+    ``address`` (n,) int of the joints in qpos; ``low`` and ``high`` (n,) their limits, radians.
+    """
+
+    def __init__(self, model: mujoco.MjModel, base: int, leg: Leg) -> None:
+        self._model, self._leg = model, leg
+        self._bodies = [body for body in ancestors(model, leg.foot) if body != base]
+        quaternions = model.body_quat[self._bodies]
+        self._turns = Rotation.from_quat(quaternions, scalar_first=True).as_matrix()
         joints = list(leg.joints)
-        limited = self._model.jnt_limited[joints].astype(bool)
-        low = np.where(limited, self._model.jnt_range[joints, 0] + _LIMIT_MARGIN_RAD, -np.inf)
-        high = np.where(limited, self._model.jnt_range[joints, 1] - _LIMIT_MARGIN_RAD, np.inf)
-        return self._model.jnt_qposadr[joints], self._model.jnt_dofadr[joints], np.stack([low, high])
+        self.address = model.jnt_qposadr[joints]
+        limited = model.jnt_limited[joints].astype(bool)
+        self.low = np.where(limited, model.jnt_range[joints, 0] + _LIMIT_MARGIN_RAD, -np.inf)
+        self.high = np.where(limited, model.jnt_range[joints, 1] - _LIMIT_MARGIN_RAD, np.inf)
+        self._arm_m = _ARM_M if len(joints) >= _EVERY_WAY_HINGES else _SHORT_ARM_M
 
-    def _seed(self, leg: Leg) -> np.ndarray:
-        """The leg's resting joints with the knee bent the way its limits allow."""
-        model, joints = self._model, list(leg.joints)
-        seed = self._robot.rest_qpos[model.jnt_qposadr[joints]].copy()
-        middle = model.jnt_range[joints].mean(axis=1)
-        bends = (np.abs(model.jnt_axis[joints, 1]) > 0.9) & (np.abs(middle) > _ONE_SIDED_RAD)
-        return np.where(bends, np.sign(middle) * _KNEE_BEND_RAD, seed)
+    def solve(self, qpos: np.ndarray, sole: np.ndarray, seeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Joints (T, n) that take the foot to ``sole`` (T, 4), and by how many metres (T,) it misses.
+
+        ``qpos`` (T, nq) gives the base's pose and the joints between it and the leg;
+        ``seeds`` (T, n) are where the search begins.
+        """
+        base = Rotation.from_quat(qpos[:, 3:7], scalar_first=True)
+        place = base.inv().apply(sole[:, :3] - qpos[:, :3])
+        level = (base.inv() * Rotation.from_euler("z", sole[:, 3:])).as_matrix() @ self._leg.base_from_foot
+        joints = np.clip(seeds, self.low, self.high)
+        moving = np.arange(len(qpos))
+        for _ in range(_ITERATIONS):
+            angles = joints[moving]
+            step = self._step(qpos[moving], angles, place[moving], level[moving])
+            joints[moving] = np.clip(angles + step, self.low, self.high)
+            moving = moving[np.abs(joints[moving] - angles).max(axis=1) > _STILL_RAD]
+            if not len(moving):
+                break
+        foot = self._forward(qpos, joints)[0]
+        return joints, np.linalg.norm(place - foot, axis=1)
+
+    def _step(self, qpos: np.ndarray, angles: np.ndarray, place: np.ndarray, level: np.ndarray) -> np.ndarray:
+        """(T, n) one bounded Gauss-Newton step; joints that press against a limit rest."""
+        foot, turn, anchors, axes = self._forward(qpos, angles)
+        error = place - foot
+        jacobian = np.cross(axes, foot[:, None] - anchors)
+        if self._leg.is_flat:
+            off = level @ turn.transpose(0, 2, 1)
+            off = off - off.transpose(0, 2, 1)
+            rotated = 0.5 * np.stack([off[:, 2, 1], off[:, 0, 2], off[:, 1, 0]], axis=1)
+            error = np.concatenate([error, self._arm_m * rotated], axis=1)
+            jacobian = np.concatenate([jacobian, self._arm_m * axes], axis=2)
+        downhill = np.einsum("tnk,tk->tn", jacobian, error)
+        pressed = ((angles <= self.low) & (downhill < 0.0)) | ((angles >= self.high) & (downhill > 0.0))
+        jacobian[pressed], downhill[pressed] = 0.0, 0.0
+        normal = jacobian @ jacobian.transpose(0, 2, 1)
+        damping = _DAMPING + _ERROR_DAMPING * (error**2).sum(axis=1)
+        normal += damping[:, None, None] * np.eye(angles.shape[1])
+        step = np.linalg.solve(normal, downhill[..., None])[..., 0]
+        longest = np.abs(step).max(axis=1, keepdims=True)
+        return step * np.minimum(1.0, _LONGEST_STEP_RAD / np.maximum(longest, _LONGEST_STEP_RAD))
+
+    def _forward(
+        self, qpos: np.ndarray, angles: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """In the base's frame: the foot's origin (T, 3) and axes (T, 3, 3), the joints' anchors and
+        axes (T, n, 3)."""
+        model = self._model
+        place, turn = np.zeros((len(qpos), 3)), np.tile(np.eye(3), (len(qpos), 1, 1))
+        anchors, axes = np.empty((*angles.shape, 3)), np.empty((*angles.shape, 3))
+        for body, body_turn in zip(self._bodies, self._turns, strict=True):
+            place = place + turn @ model.body_pos[body]
+            turn = turn @ body_turn
+            for joint in joints_of(model, body):
+                address = model.jnt_qposadr[joint]
+                anchor, axis = place + turn @ model.jnt_pos[joint], turn @ model.jnt_axis[joint]
+                value = qpos[:, address]
+                if joint in self._leg.joints:
+                    column = self._leg.joints.index(joint)
+                    value = angles[:, column]
+                    anchors[:, column], axes[:, column] = anchor, axis
+                value = value - model.qpos0[address]
+                if is_hinge(model, joint):
+                    turn = turn @ _turns_about(model.jnt_axis[joint], value)
+                    place = anchor - turn @ model.jnt_pos[joint]
+                else:
+                    place = place + axis * value[:, None]
+        return place, turn, anchors, axes
 
 
-def _turn_to_level(matrix: np.ndarray, yaw: float) -> np.ndarray:
-    """(3,) the small world rotation that takes a body's axes (9,) to level with ``yaw``."""
-    (ax, bx, cx), (ay, by, cy), (az, bz, _) = matrix.reshape(3, 3)
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    # Half the sum of the cross products of each axis with its target.
-    return 0.5 * np.array(
-        [-az * sin - bz * cos + cy, az * cos - bz * sin - cx, ax * sin - ay * cos + bx * cos + by * sin]
-    )
+def _turns_about(axis: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """(T, 3, 3) rotations about one unit ``axis`` (3,) by ``angles`` (T,), Rodrigues' formula."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    sin, cos = np.sin(angles)[:, None, None], np.cos(angles)[:, None, None]
+    return np.eye(3) + sin * cross + (1.0 - cos) * (cross @ cross)

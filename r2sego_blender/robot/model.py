@@ -12,9 +12,10 @@ import numpy as np
 
 from ..cameras import Camera
 from ..errors import RobotError
-from .collision_shapes import colliding, highest_m, lowest_m, reach_m
-from .humanoid import REST_POSTURE_RAD, SERVOS, Servo, humanoid_mjcf
+from .collision_shapes import colliding, highest_m, reach_m
+from .humanoid import SERVOS, Servo, humanoid_mjcf
 from .mount import CameraMount, parse_mount
+from .rest_posture import declared_posture, standing_posture
 from .structure import (
     Leg,
     Wheel,
@@ -26,6 +27,7 @@ from .structure import (
     is_hinge,
     joints_of,
     posed,
+    standing_leg,
 )  # fmt: skip
 
 EMBEDDED_HUMANOID = "embedded:humanoid"
@@ -82,10 +84,10 @@ class RobotModel:
             raise RobotError("positions or masses are not finite", where=source, cure="Correct the file.")
         base = _free_base(model, source)
         camera_mount = _find_mount(model, mount, source)
-        rest = _rest_qpos(model)
-        wheels = find_wheels(model, base, rest)
+        declared = declared_posture(model)
+        wheels = find_wheels(model, base, declared)
         # Arms of a wheeled robot hang lowest of all its limbs, and are no legs.
-        legs = () if len(wheels) >= 2 else find_legs(model, base, rest)
+        legs = () if len(wheels) >= 2 else find_legs(model, base, declared)
         if len(wheels) < 2 and len(legs) < 2:
             raise RobotError(
                 f"the robot has {len(legs)} legs and {len(wheels)} driven wheels", where=source,
@@ -100,7 +102,8 @@ class RobotModel:
         ]
         rolling = {wheel.joint for wheel in wheels}
         geoms = colliding(model)
-        rest[2] -= lowest_m(model, posed(model, rest), geoms)
+        rest = standing_posture(model, base, legs, declared)
+        legs = tuple(standing_leg(model, base, leg, rest) for leg in legs)
         data = posed(model, rest)
         return RobotModel(
             source=source, model=model, mount=camera_mount, base=base, legs=legs, wheels=wheels,
@@ -252,17 +255,3 @@ def _find_mount(model: mujoco.MjModel, mount: Any, source: str) -> CameraMount:
             f"the robot has no body '{mount.parent}'", where=source, cure=f"It has: {', '.join(bodies)}."
         )
     return mount
-
-
-def _rest_qpos(model: mujoco.MjModel) -> np.ndarray:
-    if model.nkey:
-        rest = model.key_qpos[0].copy()
-    else:
-        rest = model.qpos0.copy()
-        for name, angle in REST_POSTURE_RAD.items():
-            joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
-            if joint >= 0:
-                rest[model.jnt_qposadr[joint]] = angle
-    rest[:2] = 0.0
-    rest[3:7] = (1.0, 0.0, 0.0, 0.0)
-    return rest

@@ -107,11 +107,16 @@ def find_legs(model: mujoco.MjModel, base: int, rest_qpos: np.ndarray) -> tuple[
     standing.sort(key=lambda leg: -places[leg[0]][0])
     sides = [[leg for leg in standing if (places[leg[0]][1] >= 0.0) == left] for left in (True, False)]
     return tuple(
-        _leg(model, data, base, *leg, group=(row + side) % 2)
+        _leg(model, data, base, foot=leg[0], joints=leg[1], group=(row + side) % 2)
         for row, pair in enumerate(zip_longest(*sides))
         for side, leg in enumerate(pair)
         if leg is not None
     )
+
+
+def standing_leg(model: mujoco.MjModel, base: int, leg: Leg, rest_qpos: np.ndarray) -> Leg:
+    """``leg`` as it stands in ``rest_qpos`` (nq,)."""
+    return _leg(model, posed(model, rest_qpos), base, leg.foot, leg.joints, leg.group)
 
 
 def find_shoulders(model: mujoco.MjModel, others: set[int]) -> tuple[int, ...]:
