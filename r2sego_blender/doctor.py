@@ -35,6 +35,7 @@ PACKAGES = (
     Package("opencv-python-headless", "cv2", "resampling, markers", 130),
     Package("pycolmap", "pycolmap", "structure from motion and pose estimation", 50),
     Package("mujoco", "mujoco", "rollouts in simulation", 60),
+    Package("onnxruntime", "onnxruntime", "learned policies of robots", 70),
     Package("trimesh", "trimesh", "mesh files and repair", 10),
     Package("fast-simplification", "fast_simplification", "meshes with fewer faces", 1),
     Package("coacd", "coacd", "convex decomposition, as a second choice", 10),
