@@ -19,8 +19,6 @@ _STEP_SPEED_M_S = 0.22
 _CROUCH_S = 1.4
 # Standing before a squat, before sitting down, and what is seated longer than asked for.
 _STILL_S, _SEATED_MARGIN_S = 0.4, 0.6
-# The farthest from the seat's edge that a robot turns and steps back from.
-_APPROACH_M = np.arange(0.2, 1.01, 0.025)
 _TRIES = 40
 
 
@@ -160,14 +158,12 @@ def _approach(
     down_s = draw(scope.sit_on.down_s, rng)
     lean_rad = math.radians(draw(scope.sit_on.lean_deg, rng))
     start = draw_cell(floor.free, rng)
-    before = next((d for d in _APPROACH_M if floor.is_free(seat.ahead(d))), None)
-    if before is None:
-        return None
-    rows, columns = floor.cells(seat.ahead(before))
-    path = path_between(floor, start, (int(rows), int(columns)))
+    turning = seat.ahead(seat.approach_m)
+    row, column = floor.cells(turning)
+    path = path_between(floor, start, (int(row), int(column)))
     if path is None:
         return None
-    path[-1] = seat.ahead(before)
+    path[-1] = turning
     heading = _first_heading(path, scope, rng) if len(path) > 1 else rng.uniform(-math.pi, math.pi)
     way = pursue(
         path, heading, lambda at: at + math.remainder(seat.yaw_rad - at, math.tau), speed_m_s, turn_rate,

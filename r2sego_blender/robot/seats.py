@@ -22,15 +22,20 @@ _HEADINGS = 24
 # A surface is level where neighbouring cells differ by less than this.
 _STEP_M = 0.02
 # Room for the hips: half the width of a seat, how deep it is, and its smallest area.
-_HALF_WIDTH_M, _DEPTH_M, _MIN_AREA_M2 = 0.16, 0.2, 0.06
-# Room for the feet, before the front edge.
-_FEET_M, _FLOOR_M = 0.35, 0.05
+_HALF_WIDTH_M, _DEPTH_M, _MIN_AREA_M2 = 0.14, 0.2, 0.06
+# A seat's rim may be round or worn for this much before its front edge.
+_RIM_M = 0.1
+# What is lower than this is floor; the way to the seat is free for the arms to either side.
+_FLOOR_M, _HALF_BODY_M = 0.06, 0.24
+# Beside the seated body, as deep as it, nothing rises above the seat by more than this.
+_ELBOW_M, _HALF_ARMS_M, _TORSO_M = 0.08, 0.3, 0.3
 # A backrest rises by this much within this distance behind the seated pelvis.
 _BACK_RISE_M, _BACK_REACH_M = 0.15, 0.55
 STAND_OFF_M = 0.14
 """From the seat's front edge to the pelvis that stands before it, about to sit down."""
 _HOLDS_M, _HOLDS_ABOVE_M = 0.45, 0.08
-_NEAR_M = 0.75
+# The farthest that a robot steps back to a seat.
+_APPROACHES_M = np.arange(0.2, 1.001, 0.025)
 # A target named by a place means a seat no farther away than this.
 _TARGET_M = 0.8
 
@@ -40,13 +45,15 @@ class Seat:
     """A place to sit, looking along ``yaw_rad``, away from the backrest where there is one.
 
     ``edge_m`` (2,) is the point of the front edge in the middle before the seated robot,
-    world x and y, metres; ``height_m`` the world z of the surface; ``surface`` numbers the
+    world x and y, metres; ``height_m`` the world z of the surface; ``approach_m`` how far
+    before the edge the free floor begins, where a robot can turn; ``surface`` numbers the
     surfaces: a sofa is one, with many places.
     """
 
     edge_m: tuple[float, float]
     height_m: float
     yaw_rad: float
+    approach_m: float
     surface: int = 0
 
     def ahead(self, distance_m: float) -> np.ndarray:
@@ -60,7 +67,7 @@ class Seat:
 
     def is_near(self, point: np.ndarray) -> bool:
         """Whether (2,) is on the seat or on the last step towards it."""
-        return bool(np.linalg.norm(np.asarray(point) - self.edge_m) < _NEAR_M)
+        return bool(np.linalg.norm(np.asarray(point) - self.edge_m) < self.approach_m + 0.1)
 
 
 def find_seats(floor: FreeFloor, sit_on: SitOn, collision_mjcf: Path) -> tuple[Seat, ...]:
@@ -112,7 +119,6 @@ def _seats(heights: np.ndarray, origin: np.ndarray, floor: FreeFloor, sit_on: Si
     known = np.nan_to_num(heights, nan=-1.0)
     rise = ndimage.maximum_filter(known, 3) - ndimage.minimum_filter(known, 3)
     level = (known >= low) & (known <= high) & (rise < _STEP_M)
-    # What a level cell touches is its surface up to the edge.
     surface, _ = ndimage.label(level)
     enough = np.bincount(surface.ravel()) * _CELL_M**2 >= _MIN_AREA_M2
     enough[0] = False
@@ -120,9 +126,9 @@ def _seats(heights: np.ndarray, origin: np.ndarray, floor: FreeFloor, sit_on: Si
     if not len(rows):
         return ()
     points = origin + _CELL_M * np.stack([columns, rows], axis=1)
-    level_m, labels = known[rows, columns], surface[rows, columns]
+    level_m = known[rows, columns]
     found = [
-        _facing(known, origin, points, level_m, labels, yaw, floor)
+        _facing(known, surface, origin, points, level_m, yaw, floor)
         for yaw in np.linspace(0.0, 2.0 * np.pi, _HEADINGS, endpoint=False)
     ]
     seats = [seat for group, _ in found for seat in group]
@@ -134,37 +140,55 @@ def _seats(heights: np.ndarray, origin: np.ndarray, floor: FreeFloor, sit_on: Si
 
 
 def _facing(
-    heights: np.ndarray, origin: np.ndarray, points: np.ndarray, level_m: np.ndarray, labels: np.ndarray,
-    yaw: float, floor: FreeFloor,
+    heights: np.ndarray, surface: np.ndarray, origin: np.ndarray, points: np.ndarray,
+    level_m: np.ndarray, yaw: float, floor: FreeFloor,
 ) -> tuple[list[Seat], list[bool]]:  # fmt: skip
     """The front edges that face along ``yaw``, and whether a backrest is behind each."""
     ahead = np.array([np.cos(yaw), np.sin(yaw)])
     aside = np.array([-ahead[1], ahead[0]])
 
-    def at(forward_m: float, left_m: float) -> np.ndarray:
-        place = points + forward_m * ahead + left_m * aside
+    def at(forward_m: float | np.ndarray, left_m: float, values: np.ndarray = heights) -> np.ndarray:
+        """``values`` (n,) beside the points, of the map of heights or another."""
+        place = points + np.multiply.outer(forward_m, ahead) + left_m * aside
         index = np.rint((place - origin) / _CELL_M).astype(int)
         inside = ((index >= 0) & (index < np.array(heights.shape)[::-1])).all(axis=1)
         clipped = np.clip(index, 0, np.array(heights.shape)[::-1] - 1)
-        return np.where(inside, heights[clipped[:, 1], clipped[:, 0]], -1.0)
+        return np.where(inside, values[clipped[:, 1], clipped[:, 0]], -1.0)
 
-    across = np.arange(-_HALF_WIDTH_M, _HALF_WIDTH_M + 1e-9, 0.04)
-    is_seat = np.ones(len(points), bool)
-    # The front edge is the last seat cell: before it, over the hips' width, is floor.
-    for forward_m in np.arange(2 * _CELL_M, _FEET_M, _CELL_M):
-        for left_m in across:
-            is_seat &= np.abs(at(forward_m, left_m)) < _FLOOR_M
-    for back_m in np.arange(_CELL_M, _DEPTH_M, _CELL_M):
-        for left_m in across:
-            is_seat &= np.abs(at(-back_m, left_m) - level_m) < _STEP_M
-    approach = points + (STAND_OFF_M + _FEET_M) * ahead
-    is_seat &= floor.in_region(approach)
+    labels = at(0.0, 0.0, surface)
+    hips = np.arange(-_HALF_WIDTH_M, _HALF_WIDTH_M + 1e-9, 0.04)
+    body = np.arange(-_HALF_BODY_M, _HALF_BODY_M + 1e-9, 0.04)
+    # Only the foremost level cells; before them the rim, then floor.
+    is_seat = at(_CELL_M, 0.0, surface) != labels
+    for back_m in np.arange(0.0, _DEPTH_M, _CELL_M):
+        for left_m in hips:
+            is_seat &= np.abs(at(-back_m, left_m) - level_m) < 2.0 * _STEP_M
+    rim_m = np.full(len(points), np.inf)
+    for forward_m in np.arange(0.0, _RIM_M + 1e-9, _CELL_M)[::-1]:
+        is_floor = np.max([at(forward_m + _CELL_M, left_m) for left_m in hips], axis=0) < _FLOOR_M
+        rim_m[is_floor] = forward_m
+        is_seat &= np.max([at(forward_m, left_m) for left_m in hips], axis=0) < level_m + 2.0 * _STEP_M
+    is_seat &= np.isfinite(rim_m)
+    for back_m in np.arange(0.0, _TORSO_M, 2.0 * _CELL_M):
+        for left_m in (-_HALF_ARMS_M, -0.5 * _HALF_ARMS_M, 0.5 * _HALF_ARMS_M, _HALF_ARMS_M):
+            is_seat &= at(-back_m, left_m) < level_m + _ELBOW_M
+    edge_m = np.where(is_seat, rim_m, 0.0) + 0.5 * _CELL_M
+    approach_m = np.full(len(points), np.inf)
+    is_open = is_seat.copy()
+    for before_m in np.arange(_CELL_M, _APPROACHES_M[-1], _CELL_M):
+        is_open &= np.max([at(edge_m + before_m, left_m) for left_m in body], axis=0) < _FLOOR_M
+        is_free = floor.is_free(points + (edge_m + before_m)[:, None] * ahead) & is_open
+        approach_m = np.where(
+            is_free & (before_m >= _APPROACHES_M[0]), np.minimum(approach_m, before_m), approach_m
+        )
+    is_seat &= np.isfinite(approach_m)
     behind = [at(-back_m, 0.0) for back_m in np.arange(_DEPTH_M, _BACK_REACH_M, _CELL_M)]
     backed = np.max(behind, axis=0) > level_m + _BACK_RISE_M
     chosen = np.flatnonzero(is_seat)
+    edges = points + edge_m[:, None] * ahead
     seats = [
-        Seat(tuple((points[one] + 1.5 * _CELL_M * ahead).tolist()), float(level_m[one] + floor.floor_z_m),
-             float(yaw), int(labels[one]))
+        Seat(tuple(edges[one].tolist()), float(level_m[one] + floor.floor_z_m), float(yaw),
+             float(approach_m[one]), int(labels[one]))
         for one in chosen
     ]  # fmt: skip
     return seats, backed[chosen].tolist()
