@@ -40,6 +40,8 @@ _SCREENED_HEADINGS, _SCREENED_SIZES, _SCREENED = 12, (0.9, 1.1), 4
 _TURNED = (0, 5, 3)  # of them, those that are the best one turned over
 _EVALUATIONS = (220, 220, 180)  # of each simplex search
 _SEARCHES = (1, 2, 2)
+_SETTLING = (1, 2)  # halvings of the first step in the last searches
+_LEAST_RESIDUAL = 1e-3
 _NEAR_TURN = np.radians(25.0)
 _SAME_SURFACE = 0.012  # of the size: mean distance of the surfaces in poses that are one
 _COMPARED = 150  # samples of each surface
@@ -158,8 +160,7 @@ def align(shape: Shape, evidence: ObjectEvidence, rough: np.ndarray | None = Non
     if rough is None:
         _, rough = roughly_aligned(shape, evidence)
     poses, _ = _searched(shape, evidence, 2, _with_turned(shape, evidence, 2, rough))
-    poses, _ = _searched(shape, evidence, 2, poses[:1], shrunk=2)
-    return _alignment(shape, evidence, _problem(shape, evidence, 2), poses[0])
+    return _settled(shape, evidence, poses[0])
 
 
 def realigned(shape: Shape, evidence: ObjectEvidence, world_from_own: np.ndarray) -> Alignment:
@@ -167,7 +168,7 @@ def realigned(shape: Shape, evidence: ObjectEvidence, world_from_own: np.ndarray
     poses = _pose_of(shape, world_from_own)[None]
     for level in (1, 2):
         poses, _ = _searched(shape, evidence, level, poses)
-    return _alignment(shape, evidence, _problem(shape, evidence, 2), poses[0])
+    return _settled(shape, evidence, poses[0])
 
 
 def _first(shape: Shape, evidence: ObjectEvidence, starts: np.ndarray, count: int) -> np.ndarray:
@@ -182,16 +183,44 @@ def _with_turned(shape: Shape, evidence: ObjectEvidence, level: int, poses: np.n
     return np.concatenate([turned, poses[1 : _KEPT[level] - len(turned) + 1]])
 
 
+def _settled(shape: Shape, evidence: ObjectEvidence, pose: np.ndarray) -> Alignment:
+    """The pose where points and masks pull by how well each of them fits.
+
+    How large the errors of either are nobody knows: stereo makes leaves thicker than they are,
+    people draw outlines loosely. If they are Laplacian, the likeliest pose has the least product
+    of the mean errors, so each term weighs by the inverse of what is left of it, and points
+    never more than in the search. The energy told is the search's.
+    """
+    problem, poses = _problem(shape, evidence, 2), pose[None]
+    for shrunk in _SETTLING:
+        misfit, distance, _ = _parts(problem, poses[0])[0]
+        weight = min(1.0, misfit / max(distance, _LEAST_RESIDUAL))
+        poses, _ = refined(
+            problem._replace(point_weight=float(weight)), poses, _steps(2, shrunk), _EVALUATIONS[2]
+        )
+    return _alignment(shape, evidence, problem, poses[0])
+
+
 def _searched(
-    shape: Shape, evidence: ObjectEvidence, level: int, poses: np.ndarray, shrunk: int = 0
+    shape: Shape, evidence: ObjectEvidence, level: int, poses: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The poses after searches, best first, and their energies."""
-    steps = np.stack(
-        [0.5 ** (max(0, level - 1) + search + shrunk) * _STEPS for search in range(_SEARCHES[level])]
-    )
-    poses, found = refined(_problem(shape, evidence, level), poses, steps, _EVALUATIONS[level])
+    poses, found = refined(_problem(shape, evidence, level), poses, _steps(level), _EVALUATIONS[level])
     order = np.argsort(found, kind="stable")
     return poses[order], found[order]
+
+
+def _steps(level: int, shrunk: int = 0) -> np.ndarray:
+    """(S, 7) the first steps of a scale's searches."""
+    return np.stack(
+        [0.5 ** (max(0, level - 1) + search + shrunk) * _STEPS for search in range(_SEARCHES[level])]
+    )
+
+
+def _parts(problem: Problem, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(3,) the energy's parts, and (V, 3, 4) the pixels counted for them."""
+    counts = np.empty((len(problem.shown), 3, 4), np.int64)
+    return energy_parts(problem, pose, *scratch(problem.views.sizes, len(problem.vertices)), counts), counts
 
 
 def rated(shape: Shape, evidence: ObjectEvidence, world_from_own: np.ndarray) -> Alignment:
@@ -223,8 +252,7 @@ def _problem(shape: Shape, evidence: ObjectEvidence, level: int) -> Problem:
 
 
 def _alignment(shape: Shape, evidence: ObjectEvidence, problem: Problem, pose: np.ndarray) -> Alignment:
-    counts = np.empty((len(problem.shown), 3, 4), np.int64)
-    parts = energy_parts(problem, pose, *scratch(problem.views.sizes, len(problem.vertices)), counts)
+    parts, counts = _parts(problem, pose)
     misfits = np.array([view_misfit(problem, counts, v) for v in range(len(counts))])
     world_from_canonical = np.eye(4)
     world_from_canonical[:3, :3], world_from_canonical[:3, 3] = pose[:9].reshape(3, 3), pose[9:]

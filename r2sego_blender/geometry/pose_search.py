@@ -39,7 +39,7 @@ class Problem(NamedTuple):
     ``views``, with ``shown`` (V,) bool where the mask is large enough for an IoU, and the
     ``mean_area_px`` of those; ``points`` (P, 3) world metres, held at ``reach_m``; ``normals``
     (B, 3) and ``offsets`` (B,): n.x >= d inside the room; ``vertices`` and ``faces`` are drawn,
-    and ``surface`` is measured to, in the canonical frame.
+    and ``surface`` is measured to, in the canonical frame. ``point_weight``: of POINTS in the sum.
     """
 
     views: MaskViews
@@ -52,6 +52,7 @@ class Problem(NamedTuple):
     vertices: np.ndarray
     faces: np.ndarray
     surface: SurfaceGrid
+    point_weight: float = 1.0
 
 
 def energies(problem: Problem, poses: np.ndarray) -> np.ndarray:
@@ -90,7 +91,7 @@ def _energies(problem, poses, chosen, found):
     local, buffer = scratch(problem.views.sizes, problem.vertices.shape[0])
     counts = np.empty((problem.views.sizes.shape[0], 3, 4), np.int64)
     for k in chosen:
-        found[k] = energy_parts(problem, poses[k], local, buffer, counts).sum()
+        found[k] = _energy(problem, poses[k], local, buffer, counts)
 
 
 @kernel
@@ -99,6 +100,12 @@ def _simplex_searches(problem, pose, steps, evaluations):
     for s in range(steps.shape[0]):
         energy = _simplex_search(problem, pose, steps[s], evaluations)
     return energy
+
+
+@kernel
+def _energy(problem, pose, local, buffer, counts):
+    parts = energy_parts(problem, pose, local, buffer, counts)
+    return parts[MISFIT] + problem.point_weight * parts[POINTS] + parts[OUTSIDE]
 
 
 @kernel
@@ -181,7 +188,7 @@ def _simplex_search(problem, pose, steps, evaluations):
         if i > 0:
             corners[i, i - 1] = steps[i - 1]
         _moved(pose, corners[i], trial_pose)
-        values[i] = energy_parts(problem, trial_pose, local, buffer, counts).sum()
+        values[i] = _energy(problem, trial_pose, local, buffer, counts)
     used = size + 1
     while used < evaluations:
         order = np.argsort(values, kind="mergesort")
@@ -190,7 +197,7 @@ def _simplex_search(problem, pose, steps, evaluations):
         # Reflection first; then expansion, or contraction towards the better of the two ends.
         x = 2.0 * middle - corners[size]
         _moved(pose, x, trial_pose)
-        value = energy_parts(problem, trial_pose, local, buffer, counts).sum()
+        value = _energy(problem, trial_pose, local, buffer, counts)
         used += 1
         if values[0] <= value < values[size - 1]:
             corners[size], values[size] = x, value
@@ -202,7 +209,7 @@ def _simplex_search(problem, pose, steps, evaluations):
         else:
             further = middle - (0.75 - 0.5 / size) * (middle - corners[size])
         _moved(pose, further, trial_pose)
-        other = energy_parts(problem, trial_pose, local, buffer, counts).sum()
+        other = _energy(problem, trial_pose, local, buffer, counts)
         used += 1
         if other < min(value, values[size]):
             corners[size], values[size] = further, other
@@ -212,7 +219,7 @@ def _simplex_search(problem, pose, steps, evaluations):
             for i in range(1, size + 1):
                 corners[i] = corners[0] + (1.0 - 1.0 / size) * (corners[i] - corners[0])
                 _moved(pose, corners[i], trial_pose)
-                values[i] = energy_parts(problem, trial_pose, local, buffer, counts).sum()
+                values[i] = _energy(problem, trial_pose, local, buffer, counts)
             used += size
     best = np.argmin(values)
     _moved(pose, corners[best], trial_pose)

@@ -142,3 +142,14 @@ def test_a_pose_set_roughly_by_hand_is_made_exact(evidence):
     by_hand[:3, 3] = WORLD_FROM_CHAIR[:3, 3] - by_hand[:3, :3] @ WORLD_FROM_CHAIR[:3, 3] + (0.03, -0.02, 0.01)
     assert rated(shape, evidence, by_hand @ truth).energy > 0.3
     assert_true(score(realigned(shape, evidence, by_hand @ truth), shape, truth))
+
+
+def test_points_that_are_all_a_little_wrong_turn_nothing(seen):
+    """Points a centimetre thick, of a chair turned by 6 degrees: by fixed weights it turns by 3."""
+    shape, truth = chair_in_a_frame_of_its_own(4)
+    rng, middle = np.random.default_rng(9), seen.points.mean(0)
+    turn = Rotation.from_euler("z", 6.0, degrees=True).as_matrix()
+    fattened = (seen.points - middle) @ turn.T + middle + rng.uniform(-0.01, 0.01, seen.points.shape)
+    evidence = evidence_of(seen, points=fattened)
+    found = score(realigned(shape, evidence, truth), shape, truth)
+    assert_true(found, limit_deg=0.5)

@@ -199,3 +199,11 @@ def test_one_thread_and_two_find_the_same_bits(problem, starts):
         numba.set_num_threads(before)
     for one, two in zip(*found, strict=True):
         np.testing.assert_array_equal(one, two)
+
+
+def test_points_weigh_what_the_problem_says(problem, chair):
+    pose = pose_of(standing(82.0, (0.22, -0.1)), chair)
+    parts = parts_of(problem, pose)
+    assert parts[POINTS] > 0.1
+    lighter = problem._replace(point_weight=0.25)
+    assert energies(lighter, pose[None])[0] == pytest.approx(parts.sum() - 0.75 * parts[POINTS], abs=1e-12)
