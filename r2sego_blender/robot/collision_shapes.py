@@ -80,6 +80,20 @@ def bearing_points(
     )
 
 
+def farthest_point(
+    model: mujoco.MjModel, data: mujoco.MjData, geoms: np.ndarray, start: np.ndarray, thickness_m: float
+) -> np.ndarray:
+    """World (3,) middle of the core points of ``geoms`` within ``thickness_m`` of the farthest from
+    ``start`` (3,)."""
+    points, reach = [], []
+    for geom in geoms:
+        core, radius_m = core_points(model, data, geom)
+        points.append(core)
+        reach.append(np.linalg.norm(core - start, axis=1) + radius_m)
+    distances = np.concatenate(reach)
+    return np.concatenate(points)[distances > distances.max() - thickness_m].mean(axis=0)
+
+
 def is_round_about(
     model: mujoco.MjModel, data: mujoco.MjData, geoms: np.ndarray, centre: np.ndarray, axis: np.ndarray
 ) -> bool:

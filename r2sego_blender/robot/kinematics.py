@@ -44,9 +44,9 @@ class LegSolver:
     def solve(self, qpos: np.ndarray, soles: np.ndarray) -> np.ndarray:
         """Write the legs' joints into ``qpos`` (T, nq) in place.
 
-        ``soles`` (L, T, 4): x, y, z (m) of each foot body's origin and its yaw (rad), flat
-        feet kept level. Where a foot cannot be reached the nearest posture is taken: returns
-        (L, T) float64, the metres by which each foot's origin misses its place.
+        ``soles`` (L, T, 4): x, y, z (m) of each foot's tip (see ``structure.Leg``) and its yaw
+        (rad), flat feet kept level. Where a foot cannot be reached the nearest posture is
+        taken: returns (L, T) float64, the metres by which each tip misses its place.
         """
         missed_m = np.empty(soles.shape[:2])
         for chain, sole, missed in zip(self._chains, soles, missed_m, strict=True):
@@ -118,7 +118,7 @@ class LegChain:
     def _forward(
         self, qpos: np.ndarray, angles: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """In the base's frame: the foot's origin (T, 3) and axes (T, 3, 3), the joints' anchors and
+        """In the base's frame: the foot's tip (T, 3) and axes (T, 3, 3), the joints' anchors and
         axes (T, n, 3)."""
         model = self._model
         place, turn = np.zeros((len(qpos), 3)), np.tile(np.eye(3), (len(qpos), 1, 1))
@@ -140,7 +140,7 @@ class LegChain:
                     place = anchor - turn @ model.jnt_pos[joint]
                 else:
                     place = place + axis * value[:, None]
-        return place, turn, anchors, axes
+        return place + turn @ self._leg.tip, turn, anchors, axes
 
 
 def _turns_about(axis: np.ndarray, angles: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,8 +30,10 @@ from .structure import (
     posed,
     standing_leg,
 )  # fmt: skip
+from .wheeled_base import wheeled_base_mjcf
 
 EMBEDDED_HUMANOID = "embedded:humanoid"
+EMBEDDED_WHEELED = "embedded:wheeled"
 
 # The servo gains above belong to a robot of this mass; other robots' gains scale with theirs.
 _SERVO_ROBOT_MASS_KG = 35.0
@@ -120,9 +123,16 @@ class RobotModel:
 
     @property
     def foot_offsets_m(self) -> np.ndarray:
-        """(L, 2) x and y of the feet's origins in the base's frame at rest."""
+        """(L, 2) x and y of the feet's tips in the base's frame at rest."""
         data = posed(self.model, self.rest_qpos)
-        return data.xpos[[leg.foot for leg in self.legs], :2] - data.xpos[self.base, :2]
+        places = np.array([leg.tip_place(data) for leg in self.legs]).reshape(-1, 3)
+        return places[:, :2] - data.xpos[self.base, :2]
+
+    @property
+    def leg_m(self) -> float:
+        """From the root of a leg to its foot at rest; the shortest of all."""
+        data = posed(self.model, self.rest_qpos)
+        return min(math.dist(data.xanchor[leg.joints[0]], leg.tip_place(data)) for leg in self.legs)
 
     @property
     def rest_height_m(self) -> float:
@@ -191,6 +201,8 @@ def robot_spec(source: str) -> mujoco.MjSpec:
     """
     if source == EMBEDDED_HUMANOID:
         return mujoco.MjSpec.from_string(humanoid_mjcf())
+    if source == EMBEDDED_WHEELED:
+        return mujoco.MjSpec.from_string(wheeled_base_mjcf())
     path = Path(source)
     if not path.is_file():
         raise RobotError(

@@ -57,7 +57,7 @@ def plan_motion(
     height_m = robot.rest_height_m * draw(scope.start.pelvis_height, rng)
     pitch = scope.look.camera_pitch_deg
     mount = robot.mount if pitch is None else robot.mount.pitched(draw(pitch, rng))
-    gait = plan_gait(root, robot.foot_offsets_m)
+    gait = plan_gait(root, robot)
     qpos = upper_body(robot, root, gait, scope, rng)
     soles = gait.feet.copy()
     soles[..., 2] += floor.floor_z_m + np.array([leg.sole_m for leg in robot.legs])[:, None]

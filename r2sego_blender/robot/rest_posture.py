@@ -17,6 +17,8 @@ _PARALLEL = 0.95
 _STRAIGHT = 0.04
 _DRAWN_IN = 0.01
 _BEND_RAD = 0.3
+# A leg that its limits keep from the declared posture stands below its root, a little bent.
+_BENT = 0.95
 # A leg whose foot is not this share of its length below its root does not carry the body; it is
 # stood up on a foot this far down and out.
 _LEAST_DROP, _DROP, _SPREAD, _SPREAD_BEND_RAD = 0.2, 0.45, 0.6, 1.2
@@ -66,7 +68,7 @@ def _stand_leg(
 ) -> None:  # fmt: skip
     """Write one leg's joints into ``rest`` where the posture in ``data`` does not stand on it."""
     hip, knee = _hip_and_knee(data, leg)
-    root, joint, foot = data.xanchor[hip], data.xanchor[knee], data.xpos[leg.foot]
+    root, joint, foot = data.xanchor[hip], data.xanchor[knee], leg.tip_place(data)
     length_m = float(np.linalg.norm(joint - root) + np.linalg.norm(foot - joint))
     drop_m = root[2] - foot[2]
     address = model.jnt_qposadr[list(leg.joints)]
@@ -78,7 +80,7 @@ def _stand_leg(
         place[:2] = root[:2] + _SPREAD * length_m * out / np.linalg.norm(out)
         place[2], bend_rad = root[2] - _DROP * length_m, _SPREAD_BEND_RAD
     elif np.abs(rest[address] - declared[address]).max() > 0.0:
-        place[0], place[2] = root[0], root[2] - np.linalg.norm((foot - root)[[0, 2]])
+        place[0], place[2] = root[0], root[2] - _BENT * np.linalg.norm((foot - root)[[0, 2]])
     elif _lever_m(data, hip, knee, foot) < _STRAIGHT * length_m:
         place[2] += _DRAWN_IN * drop_m
     else:

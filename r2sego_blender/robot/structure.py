@@ -9,7 +9,7 @@ from itertools import zip_longest
 import mujoco
 import numpy as np
 
-from .collision_shapes import bearing_points, colliding, is_round_about, lowest_m
+from .collision_shapes import bearing_points, colliding, farthest_point, is_round_about, lowest_m
 
 _HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
@@ -32,21 +32,27 @@ class Leg:
     """One leg: the foot's body and the joints from the base to it, top first.
 
     Legs of a ``group`` (0 or 1) swing together. A foot that ``is_flat`` is kept level;
-    another is a point, and only its place is given. At rest ``base_from_foot`` (3, 3) turns
-    the foot's axes into the base's, and the foot's origin is ``sole_m`` above its sole, which
-    reaches from ``sole_low_m`` to ``sole_high_m`` (2,) around the origin in the base's x
-    and y, less a margin. ``foot_bodies``: the foot and what is fixed to it.
+    another is a point, and only its place is given. ``tip`` (3,) is the point of the foot,
+    in its own frame, that is placed: a flat foot's origin, a point foot's end. At rest
+    ``base_from_foot`` (3, 3) turns the foot's axes into the base's, and the tip is ``sole_m``
+    above the sole, which reaches from ``sole_low_m`` to ``sole_high_m`` (2,) around the tip
+    in the base's x and y, less a margin. ``foot_bodies``: the foot and what is fixed to it.
     """
 
     foot: int
     joints: tuple[int, ...]
     group: int
     is_flat: bool
+    tip: np.ndarray
     sole_m: float
     sole_low_m: np.ndarray
     sole_high_m: np.ndarray
     base_from_foot: np.ndarray
     foot_bodies: tuple[int, ...]
+
+    def tip_place(self, data: mujoco.MjData) -> np.ndarray:
+        """(3,) where the tip is in the world, in ``data`` with its kinematics done."""
+        return data.xpos[self.foot] + data.xmat[self.foot].reshape(3, 3) @ self.tip
 
 
 @dataclass(frozen=True)
@@ -200,15 +206,20 @@ def _leg(
 ) -> Leg:
     bodies = fixed_to(model, foot)
     geoms = _geoms_of(model, bodies)
-    around = bearing_points(model, data, geoms, _SOLE_THICKNESS_M) - data.xpos[foot, :2]
-    middle = (around.max(axis=0) + around.min(axis=0)) / 2.0
-    half = _SOLE_SHARE * (around.max(axis=0) - around.min(axis=0)) / 2.0
+    is_flat = len(joints) >= _LEVEL_HINGES
+    turn, tip, low, high = data.xmat[foot].reshape(3, 3), np.zeros(3), np.zeros(2), np.zeros(2)
+    if is_flat:
+        around = bearing_points(model, data, geoms, _SOLE_THICKNESS_M) - data.xpos[foot, :2]
+        low, high = around.min(axis=0), around.max(axis=0)
+    else:
+        end = farthest_point(model, data, geoms, data.xanchor[joints[-1]], _SOLE_THICKNESS_M)
+        tip = turn.T @ (end - data.xpos[foot])
+    middle, half = (high + low) / 2.0, _SOLE_SHARE * (high - low) / 2.0
     return Leg(
-        foot=foot, joints=joints, group=group, is_flat=len(joints) >= _LEVEL_HINGES,
-        sole_m=float(data.xpos[foot, 2]) - lowest_m(model, data, geoms),
+        foot=foot, joints=joints, group=group, is_flat=is_flat, tip=tip,
+        sole_m=float((data.xpos[foot] + turn @ tip)[2]) - lowest_m(model, data, geoms),
         sole_low_m=middle - half, sole_high_m=middle + half,
-        base_from_foot=data.xmat[base].reshape(3, 3).T @ data.xmat[foot].reshape(3, 3),
-        foot_bodies=bodies,
+        base_from_foot=data.xmat[base].reshape(3, 3).T @ turn, foot_bodies=bodies,
     )  # fmt: skip
 
 

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from r2sego_blender.robot.model import RobotModel
+from r2sego_blender.robot.model import EMBEDDED_WHEELED, RobotModel
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from legged_robots import hexapod_mjcf, quadruped_mjcf
 
 ROBOTS = Path(__file__).resolve().parents[3] / "shared" / "robots"
 _HALF_ROOM_M = (2.2, 2.0)
@@ -47,6 +52,21 @@ def humanoid() -> RobotModel:
 
 
 @pytest.fixture(scope="session")
+def quadruped(tmp_path_factory: pytest.TempPathFactory) -> RobotModel:
+    return _written(tmp_path_factory, "quadruped.xml", quadruped_mjcf())
+
+
+@pytest.fixture(scope="session")
+def hexapod(tmp_path_factory: pytest.TempPathFactory) -> RobotModel:
+    return _written(tmp_path_factory, "hexapod.xml", hexapod_mjcf())
+
+
+@pytest.fixture(scope="session")
+def wheeled() -> RobotModel:
+    return RobotModel.load(EMBEDDED_WHEELED)
+
+
+@pytest.fixture(scope="session")
 def shared_robot() -> Callable[[str], Path]:
     """The path of a shared robot's file, or a skip."""
 
@@ -72,3 +92,9 @@ def distance_to_obstacles() -> Callable[[np.ndarray], np.ndarray]:
         return np.min(found, axis=0)
 
     return distance
+
+
+def _written(folders: pytest.TempPathFactory, name: str, text: str) -> RobotModel:
+    path = folders.mktemp("robot") / name
+    path.write_text(text)
+    return RobotModel.load(path)

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 
-import mujoco
 import numpy as np
 import pytest
 
 from r2sego_blender.robot.behaviours import RootTrajectory, plan_root
 from r2sego_blender.robot.free_floor import FreeFloor, free_floor
-from r2sego_blender.robot.gait import plan_gait
-from r2sego_blender.robot.kinematics import LegSolver
 from r2sego_blender.robot.motion import plan_motion
 from r2sego_blender.robot.navigation import RATE_HZ
 from r2sego_blender.robot.scope import BehaviourScope
@@ -50,46 +47,6 @@ def test_roots_arrive(roots):
     for root in roots:
         if root.behaviour == "look_around":
             np.testing.assert_array_equal(root.xy, np.broadcast_to(root.xy[0], root.xy.shape))
-
-
-def test_loaded_feet_do_not_slide_and_swings_clear(roots):
-    offsets = np.array([[0.0, 0.12], [0.0, -0.12]])
-    for root in roots:
-        gait = plan_gait(root, offsets)
-        np.testing.assert_allclose(gait.load.sum(axis=0), 1.0)
-        assert (gait.load >= 0.0).all()
-        assert (gait.feet[..., 2] >= 0.0).all()
-        for foot in range(2):
-            on_floor = gait.feet[foot, :, 2] < 1e-9
-            both = on_floor[1:] & on_floor[:-1]
-            slide = np.abs(np.diff(gait.feet[foot], axis=0))[both]
-            assert slide.max() < 2e-3
-            swinging = gait.feet[foot, :, 2] > 0.01
-            assert gait.load[foot][swinging].max() < 1e-9
-        # Some foot is always down, and each stays below the body.
-        assert (gait.feet[..., 2].min(axis=0) < 1e-9).all()
-        assert np.linalg.norm(gait.feet[..., :2] - root.xy, axis=-1).max() < 0.45
-
-
-def test_legs_reach_their_feet(humanoid):
-    rng = np.random.default_rng(1)
-    qpos = np.tile(humanoid.rest_qpos, (30, 1))
-    qpos[:, 2] -= 0.04
-    soles = np.empty((2, 30, 4))
-    soles[..., 0] = rng.uniform(-0.12, 0.12, (2, 30))
-    soles[0, :, 1], soles[1, :, 1] = rng.uniform(0.08, 0.16, (2, 30)) * [[1.0], [-1.0]]
-    soles[..., 2] = humanoid.legs[0].sole_m + rng.uniform(0.0, 0.05, (2, 30))
-    soles[..., 3] = rng.uniform(-0.2, 0.2, (2, 30))
-    LegSolver(humanoid).solve(qpos, soles)
-    data = mujoco.MjData(humanoid.model)
-    for frame in range(30):
-        data.qpos[:] = qpos[frame]
-        mujoco.mj_kinematics(humanoid.model, data)
-        for leg, target in zip(humanoid.legs, soles[:, frame], strict=True):
-            np.testing.assert_allclose(data.xpos[leg.foot], target[:3], atol=1e-3)
-            axes = data.xmat[leg.foot].reshape(3, 3)
-            assert math.atan2(axes[1, 0], axes[0, 0]) == pytest.approx(target[3], abs=1e-2)
-            assert axes[2, 2] > 1.0 - 1e-4
 
 
 def test_motion_keeps_limits_floor_and_look(humanoid, floor):
