@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
@@ -13,6 +13,7 @@ from ..errors import RobotError
 from ..settings import RolloutSettings
 from .humanoid import Servo
 from .model import RobotModel, robot_spec
+from .structure import Leg
 
 _PREFIX = "robot/"
 _REFERENCE, _TRACKED = "tracking reference", "tracked base"
@@ -33,12 +34,13 @@ class Composition:
     six actuators pull the base towards the mocap body ``reference`` along and about its axes;
     the others drive a joint each. ``qpos_address`` (joints,) and ``dof_address`` (nu,) int say
     where their coordinates are, ``stiffness`` and ``damping`` (nu,) float64 how they pull.
-    ``feet`` are bodies; (ngeom,) bool are ``scene_geoms``, ``foot_geoms``, which may touch
-    the floor, and ``seat_geoms``, which may touch a seat: the base and the legs above the feet.
+    ``legs`` are the robot's, with the bodies and joints of ``model``. (ngeom,) bool are
+    ``scene_geoms``, ``foot_geoms``, which may touch the floor, and ``seat_geoms``, which may
+    touch a seat: the base and the legs above the feet.
     """
 
     model: mujoco.MjModel
-    feet: tuple[int, ...]
+    legs: tuple[Leg, ...]
     foot_geoms: np.ndarray
     seat_geoms: np.ndarray
     scene_geoms: np.ndarray
@@ -148,14 +150,15 @@ def compose(
     model = compile_scene(spec, collision_mjcf)
     of_robot = np.array([model.body(index).name.startswith(_PREFIX) for index in range(model.nbody)])
     joints = [model.joint(_PREFIX + name).id for name in servos]
-    feet = tuple(_in_composition(robot, model, leg.foot) for leg in robot.legs)
+    legs = tuple(_in_composition(robot, model, leg) for leg in robot.legs)
     above = {int(own.jnt_bodyid[joint]) for leg in robot.legs for joint in leg.joints}
-    above = {_in_composition(robot, model, body) for body in [robot.base, *above]} - {*feet}
-    wheels = [_in_composition(robot, model, int(own.jnt_bodyid[wheel.joint])) for wheel in robot.wheels]
+    above = {_body(robot, model, body) for body in [robot.base, *above]}
+    above -= {body for leg in legs for body in leg.foot_bodies}
+    grounded = [_body(robot, model, body) for body in robot.ground_bodies]
     return Composition(
         model=model,
-        feet=feet,
-        foot_geoms=np.isin(model.geom_bodyid, [*feet, *wheels]),
+        legs=legs,
+        foot_geoms=np.isin(model.geom_bodyid, grounded),
         seat_geoms=np.isin(model.geom_bodyid, [*above]),
         scene_geoms=~of_robot[model.geom_bodyid],
         robot_mass_kg=float(model.body_mass[of_robot].sum()),
@@ -167,8 +170,16 @@ def compose(
     )
 
 
-def _in_composition(robot: RobotModel, model: mujoco.MjModel, body: int) -> int:
+def _body(robot: RobotModel, model: mujoco.MjModel, body: int) -> int:
     return int(model.body(_PREFIX + robot.model.body(body).name).id)
+
+
+def _in_composition(robot: RobotModel, model: mujoco.MjModel, leg: Leg) -> Leg:
+    return replace(
+        leg, foot=_body(robot, model, leg.foot),
+        joints=tuple(model.joint(_PREFIX + robot.model.joint(joint).name).id for joint in leg.joints),
+        foot_bodies=tuple(_body(robot, model, body) for body in leg.foot_bodies),
+    )  # fmt: skip
 
 
 def _add_tracking_wrench(spec: mujoco.MjSpec, base: str, settings: RolloutSettings) -> list[Servo]:

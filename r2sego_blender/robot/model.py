@@ -13,7 +13,7 @@ import numpy as np
 
 from ..cameras import Camera
 from ..errors import RobotError
-from .collision_shapes import colliding, highest_m, reach_m
+from .collision_shapes import colliding, highest_m, lowest_m, reach_m
 from .humanoid import SERVOS, Servo, humanoid_mjcf
 from .mount import CameraMount, parse_mount
 from .rest_posture import declared_posture, standing_posture
@@ -25,6 +25,7 @@ from .structure import (
     find_shoulders,
     find_wheels,
     first_about,
+    fixed_to,
     is_hinge,
     joints_of,
     posed,
@@ -39,6 +40,8 @@ EMBEDDED_WHEELED = "embedded:wheeled"
 _SERVO_ROBOT_MASS_KG = 35.0
 # MuJoCo's camera looks along -z with y up; OpenCV's along z with y down.
 _OPENCV_FLIP = np.diag([1.0, -1.0, -1.0])
+# Casters and skids of a wheeled robot come this close to the floor at rest.
+_RESTS_M = 0.01
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 
 
@@ -120,6 +123,20 @@ class RobotModel:
     def is_wheeled(self) -> bool:
         """Whether it rolls rather than walks."""
         return not self.legs
+
+    @property
+    def ground_bodies(self) -> tuple[int, ...]:
+        """The bodies that stand or roll on the floor: feet, wheels, and casters."""
+        model = self.model
+        found = {body for leg in self.legs for body in leg.foot_bodies}
+        for wheel in self.wheels:
+            found |= {*fixed_to(model, int(model.jnt_bodyid[wheel.joint]))}
+        if self.is_wheeled:
+            data = posed(model, self.rest_qpos)
+            for geom in colliding(model):
+                if lowest_m(model, data, np.array([geom])) < _RESTS_M:
+                    found.add(int(model.geom_bodyid[geom]))
+        return tuple(sorted(found))
 
     @property
     def foot_offsets_m(self) -> np.ndarray:

@@ -57,12 +57,13 @@ class Meter:
         composition = self._composition
         self.penetration_m = max(self.penetration_m, contacts.depth_m.max(initial=0.0))
         bodies = composition.model.geom_bodyid[contacts.robot]
-        for foot in composition.feet:
-            if contacts.force_n[bodies == foot].sum() < _STANCE_LOAD * self._weight_n:
-                self._planted.pop(foot, None)
+        for leg in composition.legs:
+            on_foot = np.isin(bodies, leg.foot_bodies)
+            if contacts.force_n[on_foot].sum() < _STANCE_LOAD * self._weight_n:
+                self._planted.pop(leg.foot, None)
                 continue
-            place = data.xpos[foot, :2].copy()
-            start = self._planted.setdefault(foot, place)
+            place = leg.tip_place(data)[:2]
+            start = self._planted.setdefault(leg.foot, place)
             self.foot_slide_m = max(self.foot_slide_m, float(np.linalg.norm(place - start)))
         if self._seat is not None:
             on_seat = composition.seat_geoms[contacts.robot] & self._seat.holds(contacts.position_m)
