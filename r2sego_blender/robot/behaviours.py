@@ -19,6 +19,8 @@ _STEP_SPEED_M_S = 0.22
 _CROUCH_S = 1.4
 # Standing before a squat, before sitting down, and what is seated longer than asked for.
 _STILL_S, _SEATED_MARGIN_S = 0.4, 0.6
+# How far the arms are lifted forward, for balance.
+_REACH_RAD = 0.8
 _TRIES = 40
 
 
@@ -28,9 +30,9 @@ class RootTrajectory:
 
     ``xy`` (T, 2) metres, ``yaw`` (T,) radians, not wrapped, ``speed`` (T,) m/s: where the
     robot stands and walks. ``crouch`` (T,) is the lowering, as a share of the standing
-    height; ``lean`` (T,) radians of the waist, forward; ``sit`` (T,) from 0, standing, to 1,
-    on the ``seat``, ``depth_m`` behind its front edge. ``goal`` (2,) is where the base has
-    to end.
+    height; ``lean`` and ``reach`` (T,) radians of the waist and of the arms, forward; ``sit``
+    (T,) from 0, standing, to 1, on the ``seat``, ``depth_m`` behind its front edge. ``goal``
+    (2,) is where the base has to end.
     """
 
     behaviour: str
@@ -40,6 +42,7 @@ class RootTrajectory:
     goal: np.ndarray
     crouch: np.ndarray
     lean: np.ndarray
+    reach: np.ndarray
     sit: np.ndarray
     seat: Seat | None = None
     depth_m: float = 0.0
@@ -127,7 +130,7 @@ def _squat(floor: FreeFloor, scope: BehaviourScope, rng: np.random.Generator) ->
     still = np.zeros(len(times))
     return RootTrajectory(
         "squat", np.tile(place, (len(times), 1)), np.full(len(times), heading), still, place,
-        crouch, lean, still,
+        crouch, lean, _REACH_RAD * lean / max(lean.max(), 1e-9), still,
     )  # fmt: skip
 
 
@@ -183,13 +186,14 @@ def _approach(
     frame = np.minimum(np.arange(len(times)), way.arrived)
     back = eased((times - walked_s) / back_s)
     sit = eased((times - down_at_s) / down_s)
-    # Lean into the movement, and come upright again once seated.
+    # Arms forward, lean into the movement, and come upright again once seated.
+    reach = eased((times - down_at_s + 0.6) / (0.6 * down_s))
     lean = lean_rad * (eased((times - down_at_s + 0.4) / (0.6 * down_s)) - eased(
         (times - down_at_s - 0.7 * down_s) / (0.8 * down_s)
     ))  # fmt: skip
     return RootTrajectory(
         "sit_on", way.xy[frame] + back[:, None] * (stand - here), way.yaw[frame], way.speed[frame],
-        seated, np.zeros(len(times)), lean, sit, seat, depth_m,
+        seated, np.zeros(len(times)), lean, _REACH_RAD * reach, sit, seat, depth_m,
     )  # fmt: skip
 
 
@@ -197,7 +201,7 @@ def _upright(
     behaviour: str, xy: np.ndarray, yaw: np.ndarray, speed: np.ndarray, goal: np.ndarray
 ) -> RootTrajectory:
     nothing = np.zeros(len(yaw))
-    return RootTrajectory(behaviour, xy, yaw, speed, goal, nothing, nothing, nothing)
+    return RootTrajectory(behaviour, xy, yaw, speed, goal, nothing, nothing, nothing, nothing)
 
 
 def _pace(scope: BehaviourScope, rng: np.random.Generator) -> tuple[float, float]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..cameras import Camera
 from ..errors import RobotError
-from .collision_shapes import colliding, highest_m, lowest_m, reach_m
+from .collision_shapes import colliding, core_points, highest_m, lowest_m, reach_m
 from .humanoid import SERVOS, Servo, humanoid_mjcf
 from .mount import CameraMount, parse_mount
 from .rest_posture import declared_posture, standing_posture
@@ -155,6 +155,14 @@ class RobotModel:
     def rest_height_m(self) -> float:
         """Height of the base above the floor in the standing posture."""
         return float(self.rest_qpos[2])
+
+    @property
+    def half_width_m(self) -> float:
+        """How far the standing robot reaches to either side."""
+        data = posed(self.model, self.rest_qpos)
+        shapes = [core_points(self.model, data, geom) for geom in colliding(self.model)]
+        aside = [np.abs(points[:, 1] - data.xpos[self.base, 1]).max() + round_m for points, round_m in shapes]
+        return float(max(aside))
 
     @property
     def eye_height_m(self) -> float:

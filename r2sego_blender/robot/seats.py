@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,24 +19,26 @@ _CELL_M = 0.025
 # Heights are looked for downwards from here: what hangs higher is above a seated head.
 _FROM_M = 1.25
 _MARGIN_M = 0.6
-_HEADINGS = 24
+_HEADINGS = 72
 # A surface is level where neighbouring cells differ by less than this.
 _STEP_M = 0.02
-# Room for the hips: half the width of a seat, how deep it is, and its smallest area.
-_HALF_WIDTH_M, _DEPTH_M, _MIN_AREA_M2 = 0.14, 0.2, 0.06
+# The seated body, in shares of the robot's half width: hips, and arms held forward.
+_HIPS, _ARMS = 0.5, 0.83
+# How deep a seat is at least, its smallest area, and how deep the body beside its edge.
+_DEPTH_M, _MIN_AREA_M2, _TORSO_M = 0.2, 0.06, 0.24
+# Beside the seated body nothing rises above the seat by more than this.
+_ELBOW_M = 0.08
 # A seat's rim may be round or worn for this much before its front edge.
 _RIM_M = 0.1
-# What is lower than this is floor; the way to the seat is free for the arms to either side.
-_FLOOR_M, _HALF_BODY_M = 0.06, 0.24
-# Beside the seated body, as deep as it, nothing rises above the seat by more than this.
-_ELBOW_M, _HALF_ARMS_M, _TORSO_M = 0.08, 0.3, 0.3
+# What is lower than this is floor.
+_FLOOR_M = 0.06
 # A backrest rises by this much within this distance behind the seated pelvis.
 _BACK_RISE_M, _BACK_REACH_M = 0.15, 0.55
 STAND_OFF_M = 0.14
 """From the seat's front edge to the pelvis that stands before it, about to sit down."""
+# From here a robot turns and steps back to a seat.
+_APPROACH_M = (0.2, 1.0)
 _HOLDS_M, _HOLDS_ABOVE_M = 0.45, 0.08
-# The farthest that a robot steps back to a seat.
-_APPROACHES_M = np.arange(0.2, 1.001, 0.025)
 # A target named by a place means a seat no farther away than this.
 _TARGET_M = 0.8
 
@@ -70,15 +73,18 @@ class Seat:
         return bool(np.linalg.norm(np.asarray(point) - self.edge_m) < self.approach_m + 0.1)
 
 
-def find_seats(floor: FreeFloor, sit_on: SitOn, collision_mjcf: Path) -> tuple[Seat, ...]:
-    """Every seat that ``sit_on`` admits and that the free floor leads to.
+def find_seats(
+    half_width_m: float, floor: FreeFloor, sit_on: SitOn, collision_mjcf: Path
+) -> tuple[Seat, ...]:
+    """Every seat that ``sit_on`` admits for a robot and that the free floor leads to.
 
-    A seat is a level surface of an admitted height, as wide as the hips, whose front falls
-    to open floor; where a surface has backrests only places before one are taken. Raises
-    RobotError when there is none.
+    ``half_width_m`` is the standing robot's, to either side. A seat is a level surface of an
+    admitted height, as wide as the hips, whose front falls to open floor; where a surface has
+    backrests only places before one are taken, if any is open. Raises RobotError when there
+    is none.
     """
     heights, origin = _height_map(floor, collision_mjcf)
-    seats = _seats(heights - floor.floor_z_m, origin, floor, sit_on)
+    seats = _seats(heights - floor.floor_z_m, origin, half_width_m, floor, sit_on)
     if sit_on.target != ANY_SEAT and seats:
         away = np.array([np.linalg.norm(np.subtract(seat.edge_m, sit_on.target)) for seat in seats])
         wanted = seats[int(away.argmin())].surface if away.min() <= _TARGET_M else -1
@@ -113,82 +119,90 @@ def _height_map(floor: FreeFloor, collision_mjcf: Path) -> tuple[np.ndarray, np.
     return heights, origin
 
 
-def _seats(heights: np.ndarray, origin: np.ndarray, floor: FreeFloor, sit_on: SitOn) -> tuple[Seat, ...]:
+@dataclass(frozen=True)
+class _Map:
+    """Values on the grid of heights; -1 beyond it."""
+
+    values: np.ndarray
+    origin: np.ndarray
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """The values (...,) at world points (..., 2)."""
+        index = np.rint((points - self.origin) / _CELL_M).astype(int)
+        last = np.array(self.values.shape)[::-1] - 1
+        inside = ((index >= 0) & (index <= last)).all(axis=-1)
+        index = np.clip(index, 0, last)
+        return np.where(inside, self.values[index[..., 1], index[..., 0]], -1.0)
+
+
+def _seats(
+    heights: np.ndarray, origin: np.ndarray, half_width_m: float, floor: FreeFloor, sit_on: SitOn
+) -> tuple[Seat, ...]:
     """Seats on a map of heights above the floor: every place on a front edge, every heading."""
     low, high = sit_on.height_m
     known = np.nan_to_num(heights, nan=-1.0)
     rise = ndimage.maximum_filter(known, 3) - ndimage.minimum_filter(known, 3)
-    level = (known >= low) & (known <= high) & (rise < _STEP_M)
-    surface, _ = ndimage.label(level)
+    surface, _ = ndimage.label((known >= low) & (known <= high) & (rise < _STEP_M))
     enough = np.bincount(surface.ravel()) * _CELL_M**2 >= _MIN_AREA_M2
     enough[0] = False
     rows, columns = np.nonzero(enough[surface])
     if not len(rows):
         return ()
     points = origin + _CELL_M * np.stack([columns, rows], axis=1)
-    level_m = known[rows, columns]
     found = [
-        _facing(known, surface, origin, points, level_m, yaw, floor)
+        pair
         for yaw in np.linspace(0.0, 2.0 * np.pi, _HEADINGS, endpoint=False)
+        for pair in _facing(_Map(known, origin), _Map(surface, origin), points, yaw, half_width_m, floor)
     ]
-    seats = [seat for group, _ in found for seat in group]
-    backed = np.array([backed for _, group in found for backed in group], bool)
-    with_back = {seat.surface for seat, back in zip(seats, backed, strict=True) if back}
-    return tuple(
-        seat for seat, back in zip(seats, backed, strict=True) if back or seat.surface not in with_back
-    )
+    with_back = {seat.surface for seat, backed in found if backed}
+    return tuple(seat for seat, backed in found if backed or seat.surface not in with_back)
 
 
 def _facing(
-    heights: np.ndarray, surface: np.ndarray, origin: np.ndarray, points: np.ndarray,
-    level_m: np.ndarray, yaw: float, floor: FreeFloor,
-) -> tuple[list[Seat], list[bool]]:  # fmt: skip
-    """The front edges that face along ``yaw``, and whether a backrest is behind each."""
+    height: _Map, surface: _Map, points: np.ndarray, yaw: float, half_width_m: float, floor: FreeFloor
+) -> Iterator[tuple[Seat, bool]]:
+    """The seats among ``points`` (n, 2) that face along ``yaw``, and whether a backrest is behind."""
     ahead = np.array([np.cos(yaw), np.sin(yaw)])
     aside = np.array([-ahead[1], ahead[0]])
 
-    def at(forward_m: float | np.ndarray, left_m: float, values: np.ndarray = heights) -> np.ndarray:
-        """``values`` (n,) beside the points, of the map of heights or another."""
-        place = points + np.multiply.outer(forward_m, ahead) + left_m * aside
-        index = np.rint((place - origin) / _CELL_M).astype(int)
-        inside = ((index >= 0) & (index < np.array(heights.shape)[::-1])).all(axis=1)
-        clipped = np.clip(index, 0, np.array(heights.shape)[::-1] - 1)
-        return np.where(inside, values[clipped[:, 1], clipped[:, 0]], -1.0)
+    def beside(forward_m: np.ndarray, half_m: float) -> np.ndarray:
+        """Heights (n, forward, across) around ``points``; ``forward_m`` (f,) or (n, f)."""
+        across_m = np.linspace(-half_m, half_m, 2 * round(half_m / _CELL_M) + 1)
+        forward_m = np.broadcast_to(forward_m, (len(points), np.shape(forward_m)[-1]))
+        place = points[:, None] + forward_m[..., None] * ahead
+        return height(place[:, :, None] + across_m[:, None] * aside)
 
-    labels = at(0.0, 0.0, surface)
-    hips = np.arange(-_HALF_WIDTH_M, _HALF_WIDTH_M + 1e-9, 0.04)
-    body = np.arange(-_HALF_BODY_M, _HALF_BODY_M + 1e-9, 0.04)
-    # Only the foremost level cells; before them the rim, then floor.
-    is_seat = at(_CELL_M, 0.0, surface) != labels
-    for back_m in np.arange(0.0, _DEPTH_M, _CELL_M):
-        for left_m in hips:
-            is_seat &= np.abs(at(-back_m, left_m) - level_m) < 2.0 * _STEP_M
-    rim_m = np.full(len(points), np.inf)
-    for forward_m in np.arange(0.0, _RIM_M + 1e-9, _CELL_M)[::-1]:
-        is_floor = np.max([at(forward_m + _CELL_M, left_m) for left_m in hips], axis=0) < _FLOOR_M
-        rim_m[is_floor] = forward_m
-        is_seat &= np.max([at(forward_m, left_m) for left_m in hips], axis=0) < level_m + 2.0 * _STEP_M
-    is_seat &= np.isfinite(rim_m)
-    for back_m in np.arange(0.0, _TORSO_M, 2.0 * _CELL_M):
-        for left_m in (-_HALF_ARMS_M, -0.5 * _HALF_ARMS_M, 0.5 * _HALF_ARMS_M, _HALF_ARMS_M):
-            is_seat &= at(-back_m, left_m) < level_m + _ELBOW_M
-    edge_m = np.where(is_seat, rim_m, 0.0) + 0.5 * _CELL_M
-    approach_m = np.full(len(points), np.inf)
-    is_open = is_seat.copy()
-    for before_m in np.arange(_CELL_M, _APPROACHES_M[-1], _CELL_M):
-        is_open &= np.max([at(edge_m + before_m, left_m) for left_m in body], axis=0) < _FLOOR_M
-        is_free = floor.is_free(points + (edge_m + before_m)[:, None] * ahead) & is_open
-        approach_m = np.where(
-            is_free & (before_m >= _APPROACHES_M[0]), np.minimum(approach_m, before_m), approach_m
+    # The foremost level cells alone; behind them the surface goes on under the hips.
+    points = points[surface(points + _CELL_M * ahead) != surface(points)]
+    hips_m, arms_m = _HIPS * half_width_m, _ARMS * half_width_m
+    level_m = height(points)[:, None, None]
+    under = beside(-np.arange(0.0, _DEPTH_M, _CELL_M), hips_m)
+    around = beside(-np.arange(0.0, _TORSO_M, _CELL_M), arms_m)
+    points = points[
+        (np.abs(under - level_m) < 2.0 * _STEP_M).all(axis=(1, 2))
+        & (around < level_m + _ELBOW_M).all(axis=(1, 2))
+    ]
+    # Before them the rim, then floor as far as the robot steps back, with room for its arms.
+    level_m = height(points)
+    rim_m = np.arange(0.0, _RIM_M + 1e-9, _CELL_M)
+    front = beside(rim_m + _CELL_M, hips_m).max(axis=2, initial=-1.0)
+    is_floor = front < _FLOOR_M
+    edge_m = rim_m[is_floor.argmax(axis=1)] + 0.5 * _CELL_M
+    has_edge = is_floor.any(axis=1) & (front < level_m[:, None] + 2.0 * _STEP_M).all(axis=1)
+    points, level_m, edge_m = points[has_edge], level_m[has_edge], edge_m[has_edge]
+    steps_m = np.arange(_CELL_M, _APPROACH_M[1], _CELL_M)
+    before = edge_m[:, None] + steps_m
+    is_open = beside(before, arms_m).max(axis=2, initial=-1.0) < _FLOOR_M
+    is_open = np.logical_and.accumulate(is_open, axis=1) & (steps_m >= _APPROACH_M[0])
+    is_open &= floor.is_free(points[:, None] + before[..., None] * ahead)
+    behind = beside(-np.arange(_DEPTH_M, _BACK_REACH_M, _CELL_M), 0.0).max(axis=(1, 2), initial=-1.0)
+    for index in np.flatnonzero(is_open.any(axis=1)):
+        edge = points[index] + edge_m[index] * ahead
+        seat = Seat(
+            edge_m=(float(edge[0]), float(edge[1])),
+            height_m=float(level_m[index] + floor.floor_z_m),
+            yaw_rad=float(yaw),
+            approach_m=float(steps_m[is_open[index].argmax()]),
+            surface=int(surface(points[index])),
         )
-    is_seat &= np.isfinite(approach_m)
-    behind = [at(-back_m, 0.0) for back_m in np.arange(_DEPTH_M, _BACK_REACH_M, _CELL_M)]
-    backed = np.max(behind, axis=0) > level_m + _BACK_RISE_M
-    chosen = np.flatnonzero(is_seat)
-    edges = points + edge_m[:, None] * ahead
-    seats = [
-        Seat(tuple(edges[one].tolist()), float(level_m[one] + floor.floor_z_m), float(yaw),
-             float(approach_m[one]), int(labels[one]))
-        for one in chosen
-    ]  # fmt: skip
-    return seats, backed[chosen].tolist()
+        yield seat, bool(behind[index] > level_m[index] + _BACK_RISE_M)

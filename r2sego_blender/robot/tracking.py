@@ -36,7 +36,7 @@ class TrackingController:
     ) -> None:  # fmt: skip
         self._robot, self._floor, self._scope = robot, floor, scope
         sits = scope.behaviours.sit_on > 0.0
-        self._seats = find_seats(floor, scope.sit_on, collision_mjcf) if sits else ()
+        self._seats = find_seats(robot.half_width_m, floor, scope.sit_on, collision_mjcf) if sits else ()
         self.composition = compose(robot, collision_mjcf, settings)
 
     def draw(self, rng: np.random.Generator) -> TrackingDrive | None:

@@ -11,6 +11,7 @@ from .gait import Gait
 from .model import RobotModel
 from .navigation import RATE_HZ
 from .scope import BehaviourScope
+from .structure import posed
 
 _ARM_SWING_RAD = 0.3
 # Fastest gaze: the camera turns no quicker than an unhurried person's head.
@@ -34,8 +35,10 @@ def upper_body(
             qpos[:, model.jnt_qposadr[joint]] = np.clip(
                 sign * angle, low + _LIMIT_MARGIN_RAD, high - _LIMIT_MARGIN_RAD
             )
+    axes = posed(model, robot.rest_qpos).xaxis
     for joint, side in zip(robot.shoulders, (1.0, -1.0), strict=False):
-        qpos[:, model.jnt_qposadr[joint]] += side * _ARM_SWING_RAD * gait.swing
+        lifted = -np.sign(axes[joint, 1]) * root.reach  # about the left, an arm falls
+        qpos[:, model.jnt_qposadr[joint]] += side * _ARM_SWING_RAD * gait.swing + lifted
     return qpos
 
 
