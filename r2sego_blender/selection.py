@@ -1,4 +1,4 @@
-"""Which candidate views to generate, and from which capture (the paper's Eq. 2).
+"""Which candidate views to generate: Eq. 2 of the paper, as a function of their scores.
 
 A candidate's score is ``s = u * g``: the asset deficit ``u`` times the geometry
 availability ``g``. Temporal non-maximum suppression collapses each run of near-identical
@@ -8,7 +8,7 @@ candidates into one keyframe, and the Top-K keyframes become the round's target 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,8 +20,10 @@ from .errors import GenerationError
 from .progress import SILENT, Progress
 from .settings import SelectionSettings
 
-# Depth differences below a centimetre are the proxy's own roughness, at any distance.
-_TOLERANCE_FLOOR_M = 0.01
+_ARRAYS = (
+    "rollout", "frame", "deficit", "availability", "score", "survived", "rank", "chosen", "reference",
+    "overlaps",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -32,8 +34,11 @@ class Selection:
     ``deficit`` (u), ``availability`` (g) and ``score`` (s) are float64 in [0, 1];
     ``survived`` bool says whether it is a temporal local maximum; ``rank`` int64 counts the
     eligible survivors from the best, 0, and is -1 elsewhere; ``chosen`` bool marks the
-    target views. ``reason`` says it in words; ``budget`` is K; ``note`` is empty, or says
-    why fewer than K target views were chosen.
+    target views. ``reference`` int64 is the capture i(v), and ``overlaps`` (M, N) float64
+    what of the view each of the N captures sees; -1 and 0 where they were not asked for.
+    ``reason`` says it in words; ``budget`` is K; ``note`` is empty, or says why fewer than
+    K target views were chosen; ``ablations`` names the settings that leave a part of the
+    method out.
     """
 
     rollout: np.ndarray
@@ -44,9 +49,12 @@ class Selection:
     survived: np.ndarray
     rank: np.ndarray
     chosen: np.ndarray
+    reference: np.ndarray
+    overlaps: np.ndarray
     reason: tuple[str, ...]
     budget: int
     note: str
+    ablations: tuple[str, ...] = ()
 
     @property
     def ranked(self) -> np.ndarray:
@@ -64,9 +72,9 @@ class Selection:
         folder.mkdir(parents=True, exist_ok=True)
         save_arrays(folder / "selection.npz", **{name: getattr(self, name) for name in _ARRAYS})
         words = {
-            "budget": self.budget, "note": self.note,
+            "budget": self.budget, "note": self.note, "ablations": list(self.ablations),
             "candidates": len(self.score), "survived": int(self.survived.sum()),
-            "targets": [self._described(index) for index in self.targets],
+            "targets": [self.described(index) for index in self.targets],
             "reasons": list(self.reason),
         }  # fmt: skip
         (folder / "selection.json").write_text(json.dumps(words, indent=1) + "\n")
@@ -79,18 +87,22 @@ class Selection:
             arrays = {name: data[name] for name in _ARRAYS}
             words = json.loads((folder / "selection.json").read_text())
             reason, budget, note = tuple(words["reasons"]), int(words["budget"]), str(words["note"])
-        if {array.shape for array in arrays.values()} != {(len(reason),)}:
+            ablations = tuple(words["ablations"])
+        if {array.shape[:1] for array in arrays.values()} != {(len(reason),)}:
             raise GenerationError(
                 "selection.npz and selection.json do not belong together",
                 where=folder, cure="Run the round again.",
             )  # fmt: skip
-        return Selection(**arrays, reason=reason, budget=budget, note=note)
+        return Selection(**arrays, reason=reason, budget=budget, note=note, ablations=ablations)
 
-    def _described(self, index: int) -> dict[str, object]:
+    def described(self, index: int) -> dict[str, object]:
+        """A candidate's entries, JSON-ready."""
         return {
             "candidate": int(index), "rollout": int(self.rollout[index]), "frame": int(self.frame[index]),
             "deficit": float(self.deficit[index]), "availability": float(self.availability[index]),
-            "score": float(self.score[index]), "reason": self.reason[index],
+            "score": float(self.score[index]), "rank": int(self.rank[index]),
+            "chosen": bool(self.chosen[index]), "reference": int(self.reference[index]),
+            "overlaps": self.overlaps[index].tolist(), "reason": self.reason[index],
         }  # fmt: skip
 
 
@@ -111,54 +123,24 @@ def load_candidates(folder: Path) -> list[Camera]:
         return [Camera.from_json({**lens, "world_from_camera": pose}) for pose in data["poses"]]
 
 
-_ARRAYS = (
-    "rollout", "frame", "deficit", "availability", "score", "survived", "rank", "chosen",
-)  # fmt: skip
-
-
-def support_scores(
-    cameras: Sequence[Camera],
-    alpha_of: Callable[[Camera], np.ndarray],
-    validity_of: Callable[[Camera], np.ndarray],
-    settings: SelectionSettings,
-    progress: Progress = SILENT,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Asset deficit u (M,) and geometry availability g (M,) of each camera, float64 in [0, 1].
-
-    ``alpha_of`` renders the current asset's alpha (H, W) and ``validity_of`` the proxy's
-    validity (H, W), both in [0, 1]; both are called at the settings' scoring scale. u is
-    the share of pixels whose alpha is below its threshold, g the share whose validity
-    reaches its own.
-    """
-    deficit, availability = np.empty(len(cameras)), np.empty(len(cameras))
-    with progress.task("Scoring candidates", len(cameras)) as task:
-        for index, camera in enumerate(cameras):
-            small = camera.scaled(settings.scoring_scale)
-            deficit[index] = np.mean(alpha_of(small) < settings.alpha_threshold)
-            availability[index] = np.mean(validity_of(small) >= settings.validity_threshold)
-            task.advance()
-    return deficit, availability
-
-
-def temporal_nms(score: np.ndarray, rollout: np.ndarray, frame: np.ndarray, window: int) -> np.ndarray:
+def temporal_nms(priority: np.ndarray, rollout: np.ndarray, frame: np.ndarray, window: int) -> np.ndarray:
     """(M,) int64: the candidate that suppresses each one, or its own index if it survives.
 
-    A candidate survives when no other of its rollout within ``window`` frames, half to
-    either side, scores higher, or equally high and earlier (in ``frame``, then in the
-    stream). So a run of equal scores keeps its first frame alone. The suppressor named is
-    the best candidate of the window.
+    A candidate survives when no other of its rollout, at most ``window`` frames before or
+    after it, has a higher priority, or an equal one and comes earlier. So a run of equal
+    ones keeps its first frame alone, and two survivors of a rollout are more than ``window``
+    frames apart. The suppressor named is the best candidate within reach.
     """
-    suppressor = np.arange(len(score))
-    reach = window // 2
-    stream = np.lexsort((np.arange(len(score)), frame, rollout))
+    suppressor = np.arange(len(priority))
+    stream = np.lexsort((frame, rollout))
     bounds = np.flatnonzero(np.diff(rollout[stream])) + 1
     for members in np.split(stream, bounds):
         times = frame[members]
-        first = np.searchsorted(times, times - reach, side="left")
-        last = np.searchsorted(times, times + reach, side="right")
+        first = np.searchsorted(times, times - window, side="left")
+        last = np.searchsorted(times, times + window, side="right")
         for position, (start, stop) in enumerate(zip(first, last, strict=True)):
             # argmax takes the first of equals, and members are in temporal order
-            suppressor[members[position]] = members[start + np.argmax(score[members[start:stop]])]
+            suppressor[members[position]] = members[start + np.argmax(priority[members[start:stop]])]
     return suppressor
 
 
@@ -169,11 +151,15 @@ def select_targets(
     frame: np.ndarray,
     settings: SelectionSettings,
     progress: Progress = SILENT,
+    rng: np.random.Generator | None = None,
 ) -> Selection:
     """Eq. 2: score, temporal non-maximum suppression and Top-K; all inputs are (M,).
 
-    A survivor is eligible when its score is above zero; equal scores rank in the stream's
-    order. When fewer than K are eligible, all of them are chosen and ``note`` says so.
+    A survivor is eligible when its score is above zero; equal scores rank by rollout and
+    frame. When fewer than K are eligible, all of them are chosen and ``note`` says so.
+    The candidates may come in any order. With ``settings.ranking`` "random" a number that
+    ``rng`` draws for each candidate stands in for the score, and all survivors are eligible.
+    Raises ValueError for candidates named twice or scores that are not finite.
     """
     deficit, availability = np.asarray(deficit, np.float64), np.asarray(availability, np.float64)
     rollout, frame = np.asarray(rollout, np.int64), np.asarray(frame, np.int64)
@@ -182,10 +168,16 @@ def select_targets(
     score = deficit * availability
     if not np.isfinite(score).all():
         raise ValueError("scores must be finite")
-    suppressor = temporal_nms(score, rollout, frame, settings.nms_window)
+    stream = np.lexsort((frame, rollout))
+    if len(np.unique(np.stack([rollout, frame]), axis=1).T) < len(score):
+        raise ValueError("a rollout's frame must stand once among the candidates")
+    at_random = settings.ranking == "random"
+    priority = _drawn(stream, rng) if at_random else score
+    suppressor = temporal_nms(priority, rollout, frame, settings.nms_window)
     survived = suppressor == np.arange(len(score))
-    order = np.argsort(-score, kind="stable")
-    order = order[(survived & (score > 0.0))[order]]
+    eligible = survived & (at_random | (score > 0.0))
+    order = stream[np.argsort(-priority[stream], kind="stable")]
+    order = order[eligible[order]]
     rank = np.full(len(score), -1, np.int64)
     rank[order] = np.arange(len(order))
     chosen = (rank >= 0) & (rank < settings.target_views)
@@ -193,72 +185,61 @@ def select_targets(
     if len(order) < settings.target_views:
         note = (
             f"{len(order)} target views instead of {settings.target_views}: of {len(score)} candidates, "
-            f"{int(survived.sum())} survive temporal suppression and {len(order)} of these score above zero"
+            f"{int(survived.sum())} survive temporal suppression"
         )
+        note += "" if at_random else f" and {len(order)} of these score above zero"
         progress.message(note, level="warning")
     reason = tuple(
-        _reason(index, deficit, availability, score, suppressor, frame, rank, settings.target_views)
+        _reason(index, deficit, availability, priority, suppressor, frame, rank, settings)
         for index in range(len(score))
     )
     return Selection(
         rollout, frame, deficit, availability, score, survived, rank, chosen,
-        reason, settings.target_views, note,
+        reference=np.full(len(score), -1, np.int64), overlaps=np.zeros((len(score), 0)),
+        reason=reason, budget=settings.target_views, note=note, ablations=ablations(settings),
     )  # fmt: skip
 
 
+def ablations(settings: SelectionSettings) -> tuple[str, ...]:
+    """The settings that leave a part of the method out, as ``key = value``."""
+    whole = SelectionSettings()
+    keys = ("candidates", "ranking", "geometry")
+    return tuple(
+        f"selection.{key} = {getattr(settings, key)}"
+        for key in keys
+        if getattr(settings, key) != getattr(whole, key)
+    )
+
+
+def _drawn(stream: np.ndarray, rng: np.random.Generator | None) -> np.ndarray:
+    """(M,) a random priority for each candidate, which does not depend on their order."""
+    if rng is None:
+        raise ValueError("a random ranking needs a random generator")
+    priority = np.empty(len(stream))
+    priority[stream] = rng.random(len(stream))
+    return priority
+
+
 def _reason(
-    index: int, deficit: np.ndarray, availability: np.ndarray, score: np.ndarray,
-    suppressor: np.ndarray, frame: np.ndarray, rank: np.ndarray, budget: int,
+    index: int, deficit: np.ndarray, availability: np.ndarray, priority: np.ndarray,
+    suppressor: np.ndarray, frame: np.ndarray, rank: np.ndarray, settings: SelectionSettings,
 ) -> str:  # fmt: skip
-    better = suppressor[index]
+    better, budget, at_random = suppressor[index], settings.target_views, settings.ranking == "random"
+    if better != index and at_random:
+        return f"passed over: frame {frame[better]} of this rollout was drawn before"
     if better != index:
-        relation = "scores higher" if score[better] > score[index] else "scores the same, earlier"
+        relation = "scores higher" if priority[better] > priority[index] else "scores the same, earlier"
         return f"suppressed: frame {frame[better]} of this rollout {relation}"
+    shares = f"{deficit[index]:.0%} of the pixels missing, {availability[index]:.0%} available"
+    place = rank[index] + 1
+    if at_random:
+        if place <= budget:
+            return f"drawn at random, number {place} of {budget}: {shares}"
+        return f"not drawn: number {place} is beyond the budget of {budget}; {shares}"
     if deficit[index] == 0.0:
         return "not eligible: the asset renders every pixel"
     if availability[index] == 0.0:
         return "not eligible: the proxy renders no pixel"
-    shares = f"{deficit[index]:.0%} of the pixels missing, {availability[index]:.0%} available"
-    if rank[index] < budget:
-        return f"chosen, rank {rank[index] + 1} of {budget}: {shares}"
-    return f"not chosen: rank {rank[index] + 1} is beyond the budget of {budget}; {shares}"
-
-
-def select_reference(
-    target: Camera,
-    captures: Sequence[Camera],
-    depth_of: Callable[[Camera], np.ndarray],
-    capture_depths: Sequence[np.ndarray],
-    settings: SelectionSettings,
-) -> tuple[int, np.ndarray]:
-    """The target's reference capture i(v) and each capture's overlap (N,) in [0, 1].
-
-    The overlap is the share of the proxy points visible at the target (one a pixel of
-    ``depth_of`` at the scoring scale) that are also visible in the capture: inside its
-    image and not occluded, tested against the proxy's depth there, ``capture_depths``
-    (each (H, W) float32 m, at any resolution of the capture's view). The first of equals
-    is taken. Raises GenerationError when there are no captures.
-    """
-    if not captures:
-        raise GenerationError("there are no captures to refer to", cure="Import the photographs again.")
-    small = target.scaled(settings.scoring_scale)
-    depth = depth_of(small)
-    points = small.unproject(depth)[depth > 0.0]
-    overlaps = np.zeros(len(captures))
-    if len(points):
-        for index, (camera, capture_depth) in enumerate(zip(captures, capture_depths, strict=True)):
-            overlaps[index] = _visible(points, camera, capture_depth, settings.overlap_tolerance).mean()
-    return int(np.argmax(overlaps)), overlaps
-
-
-def _visible(points: np.ndarray, camera: Camera, depth: np.ndarray, tolerance: float) -> np.ndarray:
-    """(P,) bool: the world points (P, 3) that ``camera``, with its depth map, sees."""
-    pixels, z = camera.project(points)
-    visible = camera.sees(pixels, z)
-    height, width = depth.shape
-    columns = (pixels[visible, 0] * (width / camera.width)).astype(np.int64)
-    rows = (pixels[visible, 1] * (height / camera.height)).astype(np.int64)
-    seen = depth[np.minimum(rows, height - 1), np.minimum(columns, width - 1)]
-    z = z[visible]
-    visible[visible] = (seen > 0.0) & (z <= seen * (1.0 + tolerance) + _TOLERANCE_FLOOR_M)
-    return visible
+    if place <= budget:
+        return f"chosen, rank {place} of {budget}: {shares}"
+    return f"not chosen: rank {place} is beyond the budget of {budget}; {shares}"

@@ -169,15 +169,35 @@ class SelectionSettings:
     """Scoring and selection of target views (the paper's Eq. 2)."""
 
     target_views: int = setting(12, "Target views a round, the paper's K.", 1, 500)
-    nms_window: int = setting(15, "Temporal window of non-maximum suppression, frames.", 1, 1000)
+    nms_window: int = setting(
+        15, "Target views of a rollout are more frames apart than this, by suppression.", 1, 1000
+    )
     alpha_threshold: float = setting(0.8, "A pixel whose asset alpha is lower is missing.", 0.0, 1.0)
     validity_threshold: float = setting(
         0.8, "A pixel whose proxy validity is at least this is available.", 0.0, 1.0
     )
-    scoring_scale: float = setting(0.25, "Image scale at which candidates are scored.", 0.05, 1.0)
+    scoring_scale: float = setting(
+        1.0, "Candidates are scored on a sample of the pixels, this share a side.", 0.05, 1.0
+    )
+    overlap_scale: float = setting(
+        0.25, "Image scale at which a target's overlap with the captures is measured.", 0.05, 1.0
+    )
     overlap_tolerance: float = setting(
         0.03, "Relative depth difference at which a capture still sees a proxy point.", 0.001, 0.2
     )
+    candidates: str = setting(
+        "rollouts",
+        "Candidate views: of the robot's rollouts, or of cameras flying freely (ablation).",
+        choices=("rollouts", "flight"),
+    )
+    ranking: str = setting(
+        "score", "How targets are ranked: by their score, or at random (ablation).",
+        choices=("score", "random"),
+    )  # fmt: skip
+    geometry: str = setting(
+        "proxy", "Geometry availability: the proxy's, or 1 everywhere (ablation).",
+        choices=("proxy", "ignored"),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -368,7 +388,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
     "paper": {},
     "preview": {
         "rounds": 2,
-        "selection.scoring_scale": 0.125,
+        "selection.scoring_scale": 0.25,
         "generation.clip_frames": 7,
         "training.steps_per_round": 900,
         "training.max_gaussians": 120000,

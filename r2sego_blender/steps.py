@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from .allocation import allocate_views
 from .cameras import Camera
 from .captures.capture import Capture
 from .captures.sparse import SparsePoints, depth_ranges
@@ -44,7 +45,7 @@ from .robot.model import RobotModel
 from .robot.rollouts import load_rollouts, save_rollouts, successful_rollouts
 from .robot.scope import FREE_FLOOR, BehaviourScope
 from .scene import Scene
-from .selection import Selection, load_candidates, save_candidates, select_targets, support_scores
+from .selection import Selection, load_candidates, save_candidates
 from .settings import Settings
 from .splats.asset import SplatAsset
 from .splats.backdrop import backdrop
@@ -255,34 +256,30 @@ class Steps:
         )  # fmt: skip
 
     def robot_proxy(self, l: int, candidates: str, proxy: str, asset: str) -> str:
-        """V^l, Eq. 2: deficit times availability, temporal NMS and Top-K, with every reason."""
+        """V^l, Eq. 2: deficit times availability, temporal NMS and Top-K, with every reason, and
+        the targets' references i(v): line 9 is done here, for the best ranked alone."""
 
         def compute(folder: Path) -> None:
             stream = candidate_stream(load_rollouts(self.scene.path / candidates))
-            cameras = [self._ego_camera.at(pose) for pose in stream.poses]
-            current, conditions = self._asset(asset), ConditionRenderer(self._proxy(proxy))
-            deficit, availability = support_scores(
-                cameras, lambda camera: render(current, camera).alpha, conditions.validity,
-                self.h.selection, self.progress,
+            selection = allocate_views(
+                stream, self._ego_camera, self._asset(asset), self._proxy(proxy),
+                [capture.camera for capture in self._captures], self.h.selection, [self._seed_of(l), 1],
+                self.h.generation.max_replacements, self.progress,
             )  # fmt: skip
-            selection = select_targets(
-                deficit, availability, stream.rollout, stream.frame, self.h.selection, self.progress
-            )
             selection.save(folder)
-            save_candidates(folder, cameras)
+            save_candidates(folder, [self._ego_camera.at(pose) for pose in stream.poses])
 
         return self._step(
             of_round(l, "selection"), compute, inputs=[CAPTURES, candidates, proxy, asset],
-            parameters=[self.h.selection, self.scene.declaration.robot],
+            parameters=[
+                self.h.selection, self._seed_of(l), self.h.generation.max_replacements,
+                self.scene.declaration.robot,
+            ],
         )  # fmt: skip
 
     def ego_video_reg(self, l: int, captures: str, proxy: str, targets: str) -> tuple[str, ...]:
         """D_ego^l, Eq. 3: for each target a clip along the path from its reference i(v), whose
-        last frame is kept and registered to the captures.
-
-        The reference is chosen here by the paper's rule (line 9), for the ranked targets
-        alone: it depends on nothing but the target and the proxy.
-        """
+        last frame is kept and registered to the captures."""
 
         def compute(folder: Path) -> None:
             renderer = ConditionRenderer(self._proxy(proxy))

@@ -21,7 +21,6 @@ NO_PROVENANCE = 255
 
 _MILLIMETRES = 1000.0
 _NORMAL_STEPS = 127.0  # unit normals are stored as int8
-_VALIDITY_SAMPLES = 2  # a side of a pixel, so that its validity is a share and not a coin
 
 
 @dataclass(frozen=True)
@@ -58,13 +57,6 @@ class ConditionRenderer:
     def depth(self, camera: Camera) -> np.ndarray:
         """The proxy's planar depth (H, W) float32, metres, 0 where there is no surface."""
         return self._rasterizer.render(camera).depth
-
-    def validity(self, camera: Camera) -> np.ndarray:
-        """The share (H, W) float32 of each pixel that shows a supported surface's free side."""
-        fine = self.condition(camera.scaled(_VALIDITY_SAMPLES)).validity
-        height, width = camera.shape
-        blocks = fine.reshape(height, _VALIDITY_SAMPLES, width, _VALIDITY_SAMPLES)
-        return blocks.mean(axis=(1, 3))
 
     def condition(self, camera: Camera) -> Condition:
         """The structural condition at one camera."""

@@ -16,7 +16,7 @@ from ..captures.capture import Capture
 from ..errors import CaptureError, GenerationError
 from ..images import load_image, save_image, to_uint8
 from ..progress import SILENT, Progress
-from ..selection import Selection, select_reference
+from ..selection import Selection
 from ..settings import Settings
 from .conditions import Condition, ConditionRenderer, render_conditions, save_conditions
 from .generator import Frame, Generator
@@ -57,7 +57,8 @@ def ego_video_reg(
 ) -> tuple[PseudoObservation, ...]:
     """Generate and register the selection's target views; write each as ``folder/<rank>/``.
 
-    ``candidates`` are the M cameras the selection was made from. A frame that cannot be
+    ``candidates`` are the M cameras the selection was made from; it has references for the
+    targets and as many more as may replace them. A frame that cannot be
     generated or registered is rejected, with its reason in ``pose.json``, and the
     next-ranked survivor takes its place, at most ``generation.max_replacements`` times.
     Returns the accepted ones in rank order, as ``load_pseudo_observations`` reads them.
@@ -65,19 +66,17 @@ def ego_video_reg(
     wanted = len(selection.targets)
     ranked = selection.ranked[: wanted + settings.generation.max_replacements]
     cameras = [capture.camera for capture in captures]
-    small_depths = [renderer.depth(c.scaled(settings.selection.scoring_scale)) for c in cameras]
     accepted = 0
     with progress.task("Generating ego views", wanted) as task:
         for rank, candidate in enumerate(ranked):
             if accepted == wanted:
                 break
             target = candidates[candidate]
-            reference, overlaps = select_reference(
-                target, cameras, renderer.depth, small_depths, settings.selection
-            )
+            reference = int(selection.reference[candidate])
             view = _View(
                 rank, int(candidate), int(selection.rollout[candidate]), int(selection.frame[candidate]),
-                reference, captures[reference].name, float(overlaps[reference]),
+                reference, captures[reference].name,
+                float(selection.overlaps[candidate, reference]),
             )  # fmt: skip
             reason = _generate(
                 view, target, cameras[reference], renderer, generator, landmarks, settings,

@@ -233,7 +233,7 @@ def _tiles(code: Code, centre: Value, extent: Value, size: Value) -> Value:
 
 
 @vector_kernel(int64(int64, int64, int64, int64))
-def _project_chunk(code: Code, chunk: Value, degree: Value, lens_address: Value, records: Value) -> Value:
+def project_chunk(code: Code, chunk: Value, degree: Value, lens_address: Value, records: Value) -> Value:
     """Write the records of a chunk; returns the visible Gaussians as bits."""
     lens = Lens.load(code, lens_address)
     at = point_on_screen(code, lens, chunk)
@@ -275,7 +275,7 @@ def project(chunks, count, chunk_bytes, degree, lens, records, visible, threads)
         block = dealt(number, each, 1, threads)
         state = flush_denormals()
         for i in range(block * BLOCK, min(count, (block + 1) * BLOCK)):
-            visible[i] = _project_chunk(
+            visible[i] = project_chunk(
                 chunks + i * chunk_bytes, degree, lens, records + i * 16 * RECORD_BYTES
             )
         restore_denormals(state)

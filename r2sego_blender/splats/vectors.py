@@ -338,6 +338,10 @@ class Code:
         """The bits of int32 lanes, to be stored beside floats."""
         return Value(self, self.builder.bitcast(x.llvm, _FLOATS))
 
+    def as_integers(self, x: Value) -> Value:
+        """The bits of floats, as int32 lanes; of positive ones they have the floats' order."""
+        return Value(self, self.builder.bitcast(x.llvm, _INTS))
+
     def to_int(self, x: Value) -> Value:
         """The low half of an int64, to stand beside int32 lanes."""
         return Value(self, self.builder.trunc(x.llvm, _INT))

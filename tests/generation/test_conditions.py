@@ -52,12 +52,6 @@ def test_surfaces_seen_from_behind_are_not_valid(box_room):
     assert not condition.normal[~shown].any()
 
 
-def test_validity_of_a_pixel_is_the_share_that_is_covered(box_room):
-    camera = lens(40, 30).at(look_at([0.3, -1.7, 1.4], [0.0, 0.5, 0.6]))
-    assert (box_room.renderer.validity(camera) == 1.0).all()
-    assert box_room.renderer.validity(camera).shape == camera.shape
-
-
 def test_conditions_survive_the_disk(tmp_path, conditions):
     save_conditions(tmp_path, conditions)
     depth = cv2.imread(str(tmp_path / "000_depth.png"), cv2.IMREAD_UNCHANGED)

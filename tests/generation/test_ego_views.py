@@ -15,6 +15,7 @@ from r2sego_blender.generation.conditions import load_conditions
 from r2sego_blender.generation.ego_views import ego_video_reg, load_pseudo_observations
 from r2sego_blender.generation.generator import Frame
 from r2sego_blender.generation.registration import Landmarks
+from r2sego_blender.references import with_references
 from r2sego_blender.selection import select_targets
 from r2sego_blender.settings import Settings
 
@@ -34,9 +35,14 @@ def scene(room_a):
     selection = select_targets(
         np.linspace(0.8, 0.5, count), np.ones(count), np.arange(count), np.zeros(count), SETTINGS.selection
     )
+    candidates = [view.camera for view in room_a.frozen[:count]]
+    selection = with_references(
+        selection, candidates, [capture.camera for capture in room_a.captures], room_a.renderer.depth,
+        SETTINGS.selection, count,
+    )  # fmt: skip
     return SimpleNamespace(
         selection=selection,
-        candidates=[view.camera for view in room_a.frozen[:count]],
+        candidates=candidates,
         generator=BlendingGenerator(room_a.captures, room_a.depths, SETTINGS.generation),
         landmarks=Landmarks.build(room_a.captures, room_a.depths, None, SETTINGS.registration),
     )

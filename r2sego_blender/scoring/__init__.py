@@ -1,0 +1,1 @@
+"""The scores of candidate views: what the asset cannot show there, and what the proxy can."""
