@@ -129,7 +129,7 @@ def new(
     from .creation import create_scene
 
     progress = _progress(context, as_json)
-    scale = _scale(**given, robot=robot, command="new") or Scale.automatic()
+    scale = _scale(**given, robot=robot, scope=scope, command="new") or Scale.automatic()
     changes = _overrides(overrides)
     settings = with_overrides(changes).captures
     made = create_scene(scene, captures, poses, robot, scope, scale, settings, progress)
@@ -171,7 +171,9 @@ def register(
         floor=[FloorPoint.parse(text) for text in floor],
         up=None if up is None else _direction(up),
         floor_at_m=floor_at,
-        scale=_scale(**given, robot=opened.declaration.robot, command="register"),
+        scale=_scale(
+            **given, robot=opened.declaration.robot, scope=opened.declaration.scope, command="register"
+        ),
         progress=progress,
     )
     _tell(progress, scene=str(made.path), ground=made.declaration.ground, scale=made.declaration.scale_source)
@@ -489,6 +491,7 @@ def _scale(
     camera_height: str | None,
     depth: Path | None,
     robot: str,
+    scope: str,
     command: str,
 ) -> Any:
     """The scale the options give; None without any."""
@@ -505,8 +508,10 @@ def _scale(
         return Scale.depth(depth)
     if camera_height == "robot":
         from .robot.model import RobotModel
+        from .robot.scope import BehaviourScope
 
-        return Scale.camera_height(RobotModel.load(robot).eye_height_m, "robot's eye")
+        eye = RobotModel.load(*BehaviourScope.load(scope).robot_for(robot))
+        return Scale.camera_height(eye.eye_height_m, "robot's eye")
     if camera_height is not None:
         return Scale.camera_height(_number(camera_height, "--camera-height"))
     if known_length is None:

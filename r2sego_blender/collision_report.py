@@ -68,8 +68,9 @@ def check_scene(scene: Scene, progress: Progress = SILENT) -> CollisionReport:
     proxy = GeometryProxy.load(scene.round_folder(rounds - 1) / "proxy" / "proxy.npz")
     surface = check_collision(scene.collision_folder, (proxy.vertices, proxy.faces), progress)
     declared = scene.declaration
+    scope = BehaviourScope.load(declared.scope)
     standing = stand(
-        RobotModel.load(declared.robot), BehaviourScope.load(declared.scope),
+        RobotModel.load(*scope.robot_for(declared.robot)), scope,
         scene.collision_folder / "scene.xml", declared.settings.rollouts,
     )  # fmt: skip
     return CollisionReport(surface, standing)

@@ -38,10 +38,9 @@ def create_scene(
         raise SceneError("it exists already", where=path, cure="Choose another name, or remove it.")
     if not captures.is_dir():
         raise CaptureError("there is no such folder", where=captures, cure="Give the folder of photographs.")
-    robot = robot if robot == EMBEDDED_HUMANOID else str(Path(robot).resolve())
+    robot = robot if robot.startswith("embedded:") else str(Path(robot).resolve())
     scope = scope if scope in shipped_scopes() else str(Path(scope).resolve())
-    RobotModel.load(robot)
-    BehaviourScope.load(scope)
+    RobotModel.load(*BehaviourScope.load(scope).robot_for(robot))
 
     imported = import_captures(captures, poses, settings, progress)
     progress.message(f"{len(imported.captures)} captures: {imported.source}")

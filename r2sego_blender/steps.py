@@ -34,7 +34,7 @@ from .geometry.fusion import compose_proxy
 from .geometry.objects import load_objects
 from .geometry.observed import ObservedGeometry, observe
 from .geometry.planes import RoomPlanes, find_planes
-from .geometry.priors import align_objects, load_library, load_priors, save_priors
+from .geometry.priors import align_objects, load_library, load_priors, object_place, save_priors
 from .geometry.proxy import GeometryProxy
 from .geometry.seen_floor import seen_floor
 from .geometry.stereo import DepthMap, dense_stereo
@@ -43,7 +43,7 @@ from .progress import Progress
 from .robot.candidates import candidate_stream, ego_camera
 from .robot.model import RobotModel
 from .robot.rollouts import load_rollouts, save_rollouts, successful_rollouts
-from .robot.scope import FREE_FLOOR, BehaviourScope
+from .robot.scope import ANY_SEAT, FREE_FLOOR, BehaviourScope
 from .scene import Scene
 from .selection import Selection, load_candidates, save_candidates
 from .settings import Settings
@@ -235,24 +235,31 @@ class Steps:
 
         A scope that asks for the free floor gets the part of it that captures vouch for.
         """
-        declared = self.scene.declaration
-        scope = BehaviourScope.load(declared.scope)
+        scope, declared = self._scope, self.scene.declaration.robot
+        target = scope.sit_on.target
+        names_object = isinstance(target, str) and target != ANY_SEAT
 
         def compute(folder: Path) -> None:
             within = scope.region.within
             if within == FREE_FLOOR:
                 corners = seen_floor(self._proxy(proxy), [c.camera for c in self._captures])
                 within = tuple(map(tuple, corners.tolist()))
+            placed = replace(scope, region=replace(scope.region, within=within))
+            if names_object:
+                place = object_place(self.scene.path / PRIORS, target)
+                placed = replace(placed, sit_on=replace(scope.sit_on, target=place))
             rollouts = successful_rollouts(
-                self._robot, replace(scope, region=replace(scope.region, within=within)),
-                self.scene.path / collision / "scene.xml", self.h.rollouts, self._seed_of(l), self.progress,
+                self._robot, placed, self.scene.path / collision / "scene.xml", self.h.rollouts,
+                self._seed_of(l), self.progress,
             )  # fmt: skip
             save_rollouts(folder, rollouts)
 
-        robot_file = [Path(declared.robot)] if Path(declared.robot).is_file() else []
+        robot_file = [Path(declared)] if Path(declared).is_file() else []
+        objects = [PRIORS] if names_object else []
         return self._step(
-            of_round(l, "rollouts"), compute, inputs=[CAPTURES, proxy, collision, *robot_file],
-            parameters=[self.h.rollouts, self._seed_of(l), declared.robot, scope],
+            of_round(l, "rollouts"), compute,
+            inputs=[CAPTURES, proxy, collision, *objects, *robot_file, *scope.files],
+            parameters=[self.h.rollouts, self._seed_of(l), declared, scope],
         )  # fmt: skip
 
     def robot_proxy(self, l: int, candidates: str, proxy: str, asset: str) -> str:
@@ -260,7 +267,9 @@ class Steps:
         the targets' references i(v): line 9 is done here, for the best ranked alone."""
 
         def compute(folder: Path) -> None:
-            stream = candidate_stream(load_rollouts(self.scene.path / candidates))
+            stream = candidate_stream(
+                load_rollouts(self.scene.path / candidates), self._scope.episode.max_turn_deg_s
+            )
             selection = allocate_views(
                 stream, self._ego_camera, self._asset(asset), self._proxy(proxy),
                 [capture.camera for capture in self._captures], self.h.selection, [self._seed_of(l), 1],
@@ -273,7 +282,7 @@ class Steps:
             of_round(l, "selection"), compute, inputs=[CAPTURES, candidates, proxy, asset],
             parameters=[
                 self.h.selection, self._seed_of(l), self.h.generation.max_replacements,
-                self.scene.declaration.robot,
+                self.scene.declaration.robot, self._scope.robot, self._scope.episode,
             ],
         )  # fmt: skip
 
@@ -356,7 +365,11 @@ class Steps:
 
     @cached_property
     def _robot(self) -> RobotModel:
-        return RobotModel.load(self.scene.declaration.robot)
+        return RobotModel.load(*self._scope.robot_for(self.scene.declaration.robot))
+
+    @cached_property
+    def _scope(self) -> BehaviourScope:
+        return BehaviourScope.load(self.scene.declaration.scope)
 
     @cached_property
     def _ego_camera(self) -> Camera:

@@ -129,6 +129,16 @@ def load_priors(folder: Path) -> tuple[AlignedPrior, ...]:
     return tuple(priors)
 
 
+def object_place(folder: Path, name: str) -> tuple[float, float]:
+    """World x and y of the middle of the accepted prior ``name``. Raises GeometryError: there is none."""
+    priors = {prior.name: prior for prior in load_priors(folder)}
+    if name not in priors:
+        known = f"Known: {', '.join(priors)}." if priors else "Declare objects with `r2sego objects`."
+        raise GeometryError(f"there is no aligned object '{name}'", where=folder, cure=known)
+    x, y, _ = 0.5 * (priors[name].vertices.min(axis=0) + priors[name].vertices.max(axis=0))
+    return float(x), float(y)
+
+
 def save_priors(folder: Path, priors: Sequence[ObjectPrior]) -> None:
     """Write the accepted priors, and ``priors.json`` with the figures of all."""
     for one in priors:

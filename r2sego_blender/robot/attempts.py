@@ -24,7 +24,7 @@ from ..resources import available_cores
 from ..settings import RolloutSettings
 from .controller import Controller, make_controller
 from .failures import Judge, Reason
-from .free_floor import FreeFloor, free_floor
+from .free_floor import FreeFloor
 from .model import RobotModel
 from .mount import CameraMount
 from .quality import Quality
@@ -63,6 +63,7 @@ class Attempts:
     robot: str
     mount: CameraMount
     scope: BehaviourScope
+    floor: FreeFloor
     collision_mjcf: Path
     settings: RolloutSettings
     seed: int
@@ -91,16 +92,12 @@ class Attempts:
         return RobotModel.load(self.robot, self.mount)
 
     @cached_property
-    def _floor(self) -> FreeFloor:
-        return free_floor(self._model, self.scope, self.collision_mjcf)
-
-    @cached_property
     def _controller(self) -> Controller:
-        return make_controller(self._model, self._floor, self.scope, self.collision_mjcf, self.settings)
+        return make_controller(self._model, self.floor, self.scope, self.collision_mjcf, self.settings)
 
     @cached_property
     def _judge(self) -> Judge:
-        return Judge(self._controller.composition, self._floor, self.scope, self._model.rest_height_m)
+        return Judge(self._controller.composition, self.floor, self.scope, self._model.rest_height_m)
 
     def prepare(self) -> None:
         """Load the robot and compose the scene; raises RobotError where that cannot be."""
@@ -110,7 +107,7 @@ class Attempts:
 def in_order(attempts: Attempts) -> Generator[Rollout]:
     """Attempt after attempt without end; close the generator when there are enough.
 
-    Raises RobotError where the scene has no free floor, or does not compile with the robot.
+    Raises RobotError where the scene does not compile with the robot, or has no seat to sit on.
     """
     processes = attempts.settings.processes or available_cores()
     if processes == 1:

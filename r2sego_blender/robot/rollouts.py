@@ -14,6 +14,7 @@ from ..progress import SILENT, Progress
 from ..settings import RolloutSettings
 from .attempts import Attempts, Rollout, in_order
 from .failures import Reason
+from .free_floor import free_floor
 from .model import RobotModel
 from .quality import Quality
 from .scope import BehaviourScope
@@ -50,7 +51,8 @@ def successful_rollouts(
     the scene has no free floor.
     """
     attempts: list[Rollout] = []
-    tried = in_order(Attempts(model.source, model.mount, scope, collision_mjcf, settings, seed))
+    floor = free_floor(model, scope, collision_mjcf)
+    tried = in_order(Attempts(model.source, model.mount, scope, floor, collision_mjcf, settings, seed))
     with progress.task("Rollouts", settings.successes) as task:
         for rollout in tried:
             attempts.append(rollout)

@@ -176,6 +176,16 @@ class BehaviourScope:
     episode: Episode = Episode()
     failures: Failures = Failures()
 
+    def robot_for(self, declared: str) -> tuple[str, Any]:
+        """The robot's source and mount, as ``RobotModel.load`` takes them: its own, else the declared."""
+        return self.robot.model or declared, self.robot.mount
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files it names that are there."""
+        named = (self.robot.model, self.controller.file, self.controller.layout, *self.controller.motions)
+        return tuple(Path(name) for name in named if name and Path(name).is_file())
+
     @staticmethod
     def load(source: str | Path) -> BehaviourScope:
         """Read a scope from a TOML file, or a shipped one by its name.
