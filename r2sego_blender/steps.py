@@ -40,6 +40,8 @@ from .geometry.seen_floor import seen_floor
 from .geometry.stereo import DepthMap, dense_stereo
 from .images import resize_nearest
 from .progress import Progress
+from .robot.attempts import Rollout
+from .robot.camera_flight import FreeSpace, camera_flights
 from .robot.candidates import candidate_stream, ego_camera
 from .robot.model import RobotModel
 from .robot.rollouts import load_rollouts, save_rollouts, successful_rollouts
@@ -244,6 +246,9 @@ class Steps:
             if within == FREE_FLOOR:
                 corners = seen_floor(self._proxy(proxy), [c.camera for c in self._captures])
                 within = tuple(map(tuple, corners.tolist()))
+            if self.h.selection.candidates == "flight":
+                save_rollouts(folder, self._flights(l, proxy, np.array(within)))
+                return
             placed = replace(scope, region=replace(scope.region, within=within))
             if names_object:
                 place = object_place(self.scene.path / PRIORS, target)
@@ -259,7 +264,7 @@ class Steps:
         return self._step(
             of_round(l, "rollouts"), compute,
             inputs=[CAPTURES, proxy, collision, *objects, *robot_file, *scope.files],
-            parameters=[self.h.rollouts, self._seed_of(l), declared, scope],
+            parameters=[self.h.rollouts, self.h.selection.candidates, self._seed_of(l), declared, scope],
         )  # fmt: skip
 
     def robot_proxy(self, l: int, candidates: str, proxy: str, asset: str) -> str:
@@ -417,6 +422,13 @@ class Steps:
         depth = renderer.depth(camera)
         view = DepthView(camera, depth, observation.image, self._stride_px)
         return PseudoView(view, observation.confidence)
+
+    def _flights(self, l: int, proxy: str, outline: np.ndarray) -> tuple[Rollout, ...]:
+        """As many free flights above the outline (n, 2) as there would be rollouts."""
+        surface = self._proxy(proxy)
+        places = np.array([capture.camera.centre for capture in self._captures])
+        space = FreeSpace(surface.vertices, surface.faces, outline, places)
+        return camera_flights(space, self._scope, self.h.rollouts.successes, self._seed_of(l))
 
     def _seed_of(self, l: int) -> int:
         """A seed of its own for each round, so that initial conditions are resampled."""
