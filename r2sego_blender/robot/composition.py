@@ -12,7 +12,8 @@ import numpy as np
 from ..errors import RobotError
 from ..settings import RolloutSettings
 from .humanoid import Servo
-from .model import RobotModel, robot_spec
+from .model import RobotModel
+from .robot_file import robot_spec
 from .structure import Leg
 
 _PREFIX = "robot/"

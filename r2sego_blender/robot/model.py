@@ -14,9 +14,10 @@ import numpy as np
 from ..cameras import Camera
 from ..errors import RobotError
 from .collision_shapes import colliding, core_points, highest_m, lowest_m, reach_m
-from .humanoid import SERVOS, Servo, humanoid_mjcf
+from .humanoid import SERVOS, Servo
 from .mount import CameraMount, parse_mount
 from .rest_posture import declared_posture, standing_posture
+from .robot_file import EMBEDDED_HUMANOID, does_not_compile, robot_spec
 from .structure import (
     Leg,
     Wheel,
@@ -31,10 +32,6 @@ from .structure import (
     posed,
     standing_leg,
 )  # fmt: skip
-from .wheeled_base import wheeled_base_mjcf
-
-EMBEDDED_HUMANOID = "embedded:humanoid"
-EMBEDDED_WHEELED = "embedded:wheeled"
 
 # The servo gains above belong to a robot of this mass; other robots' gains scale with theirs.
 _SERVO_ROBOT_MASS_KG = 35.0
@@ -85,9 +82,15 @@ class RobotModel:
         try:
             model = spec.compile()
         except (ValueError, mujoco.FatalError) as error:
-            raise _does_not_compile(source, error) from error
+            raise does_not_compile(source, error) from error
         if not (np.isfinite(model.body_pos).all() and np.isfinite(model.body_mass).all()):
             raise RobotError("positions or masses are not finite", where=source, cure="Correct the file.")
+        geoms = colliding(model)
+        if not len(geoms):
+            raise RobotError(
+                "the robot has no shape that can touch anything", where=source,
+                cure="Give it collision shapes.",
+            )  # fmt: skip
         base = _free_base(model, source)
         camera_mount = _find_mount(model, mount, source)
         declared = declared_posture(model)
@@ -107,7 +110,6 @@ class RobotModel:
             if is_hinge(model, joint) and joint not in in_legs
         ]
         rolling = {wheel.joint for wheel in wheels}
-        geoms = colliding(model)
         rest = standing_posture(model, base, legs, declared)
         legs = tuple(standing_leg(model, base, leg, rest) for leg in legs)
         data = posed(model, rest)
@@ -217,40 +219,6 @@ class RobotModel:
                 name = model.joint(model.actuator_trnid[actuator, 0]).name
                 servos[name] = Servo(float(stiffness), float(damping))
         return servos
-
-
-def robot_spec(source: str) -> mujoco.MjSpec:
-    """The robot alone, editable: without the floor, lights and cameras of its file's world.
-
-    A URDF gets a free base. Raises RobotError when the file is missing or not readable.
-    """
-    if source == EMBEDDED_HUMANOID:
-        return mujoco.MjSpec.from_string(humanoid_mjcf())
-    if source == EMBEDDED_WHEELED:
-        return mujoco.MjSpec.from_string(wheeled_base_mjcf())
-    path = Path(source)
-    if not path.is_file():
-        raise RobotError(
-            "there is no such robot file", where=path, cure=f"Give an MJCF, a URDF or '{EMBEDDED_HUMANOID}'."
-        )
-    try:
-        spec = mujoco.MjSpec.from_file(str(path))
-    except (ValueError, mujoco.FatalError) as error:
-        raise _does_not_compile(source, error) from error
-    for element in [*spec.worldbody.geoms, *spec.worldbody.lights, *spec.worldbody.cameras]:
-        spec.delete(element)
-    if path.suffix.lower() == ".urdf" and spec.worldbody.bodies:
-        spec.compiler.fusestatic = False
-        if not any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in spec.joints):
-            spec.worldbody.bodies[0].add_freejoint()
-    return spec
-
-
-def _does_not_compile(source: str, error: Exception) -> RobotError:
-    words = " ".join(str(error).split()).rstrip(".")
-    return RobotError(
-        f"the robot does not compile: {words}", where=source, cure="Correct the file or give another robot."
-    )
 
 
 def _free_base(model: mujoco.MjModel, source: str) -> int:
