@@ -71,6 +71,13 @@ def _settings_option(command: Callable) -> Callable:
     )(command)  # fmt: skip
 
 
+def _round_option(command: Callable) -> Callable:
+    return click.option(
+        "--round", "round_index", type=int, metavar="L",
+        help="The round, from 0; by default the one under way, or the last.",
+    )(command)  # fmt: skip
+
+
 def _scale_options(command: Callable) -> Callable:
     options = (
         click.option(
@@ -256,6 +263,46 @@ def status(scene: Path, as_json: bool) -> None:
 
     state = describe(Scene.open(scene))
     click.echo(json.dumps(state, indent=1) if as_json else "\n".join(lines(state)))
+
+
+@main.command()
+@click.argument("scene", type=ANY_PATH)
+@_round_option
+@click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
+@_json_progress
+@click.pass_context
+def rollouts(
+    context: click.Context, scene: Path, round_index: int | None, as_object: bool, as_json: bool
+) -> None:
+    """Bring SCENE to a round's rollouts, and say what became of every attempt."""
+    from .rollouts_report import describe_rollouts, lines
+
+    progress = _progress(context, as_json)
+    opened, index = _advance(scene, round_index, "rollouts", progress)
+    _show(progress, describe_rollouts(opened, index), lines, as_object)
+
+
+@main.command()
+@click.argument("scene", type=ANY_PATH)
+@_round_option
+@click.option("--explain", is_flag=True, help="Every candidate with its scores, and why it is no target.")
+@click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
+@_json_progress
+@click.pass_context
+def select(
+    context: click.Context,
+    scene: Path,
+    round_index: int | None,
+    explain: bool,
+    as_object: bool,
+    as_json: bool,
+) -> None:
+    """Bring SCENE to a round's target views, and say what they are and why."""
+    from .selection_report import describe_selection, lines
+
+    progress = _progress(context, as_json)
+    opened, index = _advance(scene, round_index, "selection", progress)
+    _show(progress, describe_selection(opened, index, explain), lines, as_object)
 
 
 @main.command()
@@ -475,6 +522,32 @@ def doctor(as_json: bool) -> None:
     findings = examine()
     click.echo(json.dumps(findings, indent=1) if as_json else "\n".join(lines(findings)))
     sys.exit(0 if findings["ready"] else 1)
+
+
+def _advance(scene: Path, round_index: int | None, name: str, progress: Progress) -> tuple[Scene, int]:
+    """The scene brought as far as ``name`` of the round, and the round."""
+    opened = Scene.open(scene)
+    rounds = opened.declaration.settings.rounds
+    index = min(opened.rounds_done(), rounds - 1) if round_index is None else round_index
+    if not 0 <= index < rounds:
+        raise SettingsError(
+            f"there is no round {index}", where="--round",
+            cure=f"Give 0 to {rounds - 1}; the scene declares {rounds} rounds.",
+        )  # fmt: skip
+    from .pipeline import refine as run
+    from .steps import of_round
+
+    with opened.locked():
+        run(opened, progress, until=of_round(index, name))
+    return opened, index
+
+
+def _show(progress: Progress, result: dict[str, Any], lines: Callable, as_object: bool) -> None:
+    """A result as a progress event, as one JSON object, or in lines."""
+    if isinstance(progress, JsonProgress):
+        _tell(progress, **result)
+    else:
+        click.echo(json.dumps(result, indent=1) if as_object else "\n".join(lines(result)))
 
 
 def _tell(progress: Progress, **result: Any) -> None:

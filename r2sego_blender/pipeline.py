@@ -12,12 +12,13 @@ from .scene import Scene
 from .steps import Steps
 
 
-def refine(scene: Scene, progress: Progress = SILENT) -> None:
+def refine(scene: Scene, progress: Progress = SILENT, until: str = "") -> None:
     """R2S-EGO dual-proxy scene refinement: the refined asset and collision surface of a scene.
 
     The captures were registered in the world frame when the bundle was made; the rounds
     L, the budget K and the rest of H come from the scene's declaration. The numbers are
-    the lines of Algorithm 1.
+    the lines of Algorithm 1. With ``until``, the bundle's name of a round's rollouts or
+    selection, it ends when that is there.
     """
     h = scene.declaration.settings
     step = Steps(scene, h, progress)
@@ -31,8 +32,12 @@ def refine(scene: Scene, progress: Progress = SILENT) -> None:
         proxy = step.geometry_proxy(l, captures, observed, aligned_priors, asset)  # 6
         collision = step.replace_collision_mesh(l, proxy)  # 7
         candidates = step.successful_ego_poses(l, proxy, collision)  # 8
-        targets = step.robot_proxy(l, candidates, proxy, asset)  # 10
-        generated = step.ego_video_reg(l, captures, proxy, targets)  # 9, 11
+        if candidates == until:
+            return
+        targets = step.robot_proxy(l, candidates, proxy, asset)  # 9, 10
+        if targets == until:
+            return
+        generated = step.ego_video_reg(l, captures, proxy, targets)  # 11
         pseudo_observations += generated  # 12
         asset = step.update_visual_asset(l, asset, captures, proxy, pseudo_observations)  # 13
     step.publish_refined_scene(collision, asset)  # 14

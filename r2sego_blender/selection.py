@@ -126,21 +126,29 @@ def load_candidates(folder: Path) -> list[Camera]:
 def temporal_nms(priority: np.ndarray, rollout: np.ndarray, frame: np.ndarray, window: int) -> np.ndarray:
     """(M,) int64: the candidate that suppresses each one, or its own index if it survives.
 
-    A candidate survives when no other of its rollout, at most ``window`` frames before or
-    after it, has a higher priority, or an equal one and comes earlier. So a run of equal
-    ones keeps its first frame alone, and two survivors of a rollout are more than ``window``
-    frames apart. The suppressor named is the best candidate within reach.
+    A temporal local maximum is a candidate whose priority no other of its rollout, half a
+    ``window`` to either side, exceeds; of equal ones the earliest is, so that a run of them
+    keeps its first frame alone. A rollout's maxima survive from the best on, but for those
+    at most ``window`` frames from one that has survived. The suppressor named is the best
+    there is within reach.
     """
     suppressor = np.arange(len(priority))
     stream = np.lexsort((frame, rollout))
     bounds = np.flatnonzero(np.diff(rollout[stream])) + 1
     for members in np.split(stream, bounds):
         times = frame[members]
-        first = np.searchsorted(times, times - window, side="left")
-        last = np.searchsorted(times, times + window, side="right")
+        first = np.searchsorted(times, times - window // 2, side="left")
+        last = np.searchsorted(times, times + window // 2, side="right")
         for position, (start, stop) in enumerate(zip(first, last, strict=True)):
             # argmax takes the first of equals, and members are in temporal order
             suppressor[members[position]] = members[start + np.argmax(priority[members[start:stop]])]
+        maxima = members[suppressor[members] == members]
+        kept: list[int] = []
+        for index in maxima[np.argsort(-priority[maxima], kind="stable")]:
+            near = (other for other in kept if abs(frame[other] - frame[index]) <= window)
+            suppressor[index] = next(near, index)
+            if suppressor[index] == index:
+                kept.append(index)
     return suppressor
 
 

@@ -79,6 +79,14 @@ class PriorSettings:
     max_energy: float = setting(0.45, "Energy above which an aligned shape is rejected.", 0.0, 3.0)
     min_iou: float = setting(0.75, "Silhouette overlap below which an aligned shape is rejected.", 0.0, 1.0)
     min_points: int = setting(100, "Observed points an object needs before a shape is accepted.", 0, 100000)
+    symmetry: str = setting(
+        "never",
+        "Whether an object that no mesh fits is completed by its own mirror symmetry.",
+        choices=("never", "unmatched"),
+    )
+    max_mirror_energy: float = setting(
+        0.4, "Energy above which a mirror plane of an object is rejected.", 0.0, 1.0
+    )
 
 
 @dataclass(frozen=True)
@@ -170,7 +178,7 @@ class SelectionSettings:
 
     target_views: int = setting(12, "Target views a round, the paper's K.", 1, 500)
     nms_window: int = setting(
-        15, "Target views of a rollout are more frames apart than this, by suppression.", 1, 1000
+        15, "Window of temporal suppression; a rollout's targets are more frames apart.", 1, 1000
     )
     alpha_threshold: float = setting(0.8, "A pixel whose asset alpha is lower is missing.", 0.0, 1.0)
     validity_threshold: float = setting(

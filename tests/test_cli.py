@@ -195,3 +195,12 @@ def test_a_full_disk_is_said_and_nothing_is_left(tmp_path):
         assert list(disk.iterdir()) == []
     finally:
         subprocess.run(["umount", disk], check=True)
+
+
+@pytest.mark.parametrize("command", ["rollouts", "select"])
+@pytest.mark.parametrize("index", ["-1", "3"])
+def test_rounds_that_are_not_declared_are_refused(tmp_path, command, index):
+    scene = bundle(tmp_path)
+    line = refused(r2sego(command, scene.path, "--round", index))
+    assert f"no round {index}" in line and "0 to 2" in line
+    assert scene.journal() == []

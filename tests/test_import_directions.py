@@ -45,6 +45,8 @@ MAY_IMPORT = {
     "doctor": FOUNDATION,
     "status": FOUNDATION,
     "export": FOUNDATION | {"geometry", "splats"},
+    "rollouts_report": FOUNDATION | {"robot", "selection", "steps"},
+    "selection_report": FOUNDATION | {"captures", "selection", "steps"},
     "texture": PARTS,
     "collision_report": ABOVE_CAPTURES | {"geometry", "robot"},
     "evaluation": PARTS | {"visual_asset", "steps", "pipeline"},
@@ -64,7 +66,7 @@ MAY_IMPORT = {
         "evaluation",
         "benchmarks",
     }
-    | {"splat_training", "collision_report"},
+    | {"splat_training", "collision_report", "rollouts_report", "selection_report"},
     "__main__": {"cli"},
     "bridge": ABOVE_CAPTURES | {"geometry"},
 }

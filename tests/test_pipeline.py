@@ -7,14 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from r2sego_blender.captures.store import load_captures
+from r2sego_blender.cli import main
 from r2sego_blender.creation import create_scene
 from r2sego_blender.evaluation.scene_evaluation import evaluate_scene
 from r2sego_blender.export import export_scene
 from r2sego_blender.geometry.proxy import GeometryProxy
 from r2sego_blender.pipeline import refine
 from r2sego_blender.scene import Scene, content_digest
+from r2sego_blender.selection import Selection
 from r2sego_blender.settings import CaptureSettings
 from r2sego_blender.splats.ply import load_ply
 from r2sego_blender.splats.rasterizer import render
@@ -105,6 +108,44 @@ def test_refining_again_does_nothing_and_an_edit_redoes_what_depends_on_it(small
     redone = {record["step"] for record in scene.journal()[ran:]}
     assert "rounds/1/collision" in redone and "rounds/1/asset.ply" in redone
     assert not any(step.startswith(("geometry/", "rounds/0/")) for step in redone)
+
+
+def test_the_commands_of_a_round_stop_there_and_do_nothing_twice(small_room, tmp_path):
+    ran = len(small_room.journal())
+    for command in ("rollouts", "select"):
+        said = CliRunner().invoke(main, [command, str(small_room.path), "--round", "0", "--json"])
+        assert said.exit_code == 0, said.output
+        assert json.loads(said.output[said.output.index("{\n") :])["round"] == 0
+    assert len(small_room.journal()) == ran
+    again = create_scene(
+        tmp_path / "room.r2s", ROOM / "captures", ROOM / "cameras.json",
+        settings=CaptureSettings(max_side_px=240),
+    ).declare(overrides=SMALL)  # fmt: skip
+    refine(again, until="rounds/0/selection")
+    assert [record["step"] for record in again.journal()][-2:] == ["rounds/0/rollouts", "rounds/0/selection"]
+    for name in ("rollouts", "selection"):
+        first, second = (scene.round_folder(0) / name for scene in (again, small_room))
+        assert content_digest(first) == content_digest(second)
+
+
+def test_the_ablations_stand_in_the_bundle(small_room, tmp_path):
+    scene = Scene.open(shutil.copytree(small_room.path, tmp_path / "copy.r2s"))
+    switches = {
+        "selection.candidates": "flight",
+        "selection.ranking": "random",
+        "selection.geometry": "ignored",
+    }
+    scene = scene.declare(overrides=SMALL | switches)
+    refine(scene, until="rounds/0/selection")
+    rollouts = json.loads((scene.round_folder(0) / "rollouts" / "rollouts.json").read_text())["rollouts"]
+    assert [rollout["controller"] for rollout in rollouts] == ["camera_flight"] * 2
+    selection = Selection.load(scene.round_folder(0) / "selection")
+    whole = Selection.load(small_room.round_folder(0) / "selection")
+    assert selection.ablations == tuple(f"{key} = {value}" for key, value in switches.items())
+    assert whole.ablations == ()
+    assert len(selection.score) == len(whole.score)
+    assert (selection.availability == 1.0).all()
+    assert len(selection.targets) == 3
 
 
 def test_the_same_seed_gives_the_same_bundle(small_room, tmp_path):

@@ -37,15 +37,22 @@ streams = st.lists(
 )  # fmt: skip
 
 
-def survives(index, score, rollout, frame, reach):
-    """The definition: nothing near scores higher, nothing near and earlier scores the same."""
-    for other in range(len(score)):
-        if rollout[other] == rollout[index] and 0 < abs(frame[other] - frame[index]) <= reach:
-            if score[other] > score[index]:
-                return False
-            if score[other] == score[index] and frame[other] < frame[index]:
-                return False
-    return True
+def survivors(score, rollout, frame, window):
+    """The definition, by looking at all pairs: local maxima of the window, then the best of near ones."""
+
+    def better(a, b):
+        return (-score[a], frame[a]) < (-score[b], frame[b])
+
+    def apart(a, b):
+        return abs(frame[a] - frame[b]) if rollout[a] == rollout[b] else np.inf
+
+    every = range(len(score))
+    maxima = [i for i in every if not any(apart(i, k) <= window // 2 and better(k, i) for k in every)]
+    kept = []
+    for i in sorted(maxima, key=lambda i: (-score[i], frame[i])):
+        if all(apart(i, k) > window for k in kept):
+            kept.append(i)
+    return [i in kept for i in every]
 
 
 @given(streams, st.integers(1, 20), st.integers(1, 8))
@@ -54,7 +61,7 @@ def test_nms_and_top_k_are_their_definitions(stream, window, budget):
     settings = SelectionSettings(target_views=budget, nms_window=window)
     selection = select_targets(deficit, availability, rollout, frame, settings)
     score = deficit * availability
-    expected = [survives(i, score, rollout, frame, window) for i in range(len(score))]
+    expected = survivors(score, rollout, frame, window)
     assert selection.survived.tolist() == expected
     eligible = sorted(
         (i for i in range(len(score)) if expected[i] and score[i] > 0),

@@ -62,6 +62,7 @@ def selection() -> Selection:
         rollout=np.arange(CANDIDATES) // 10, frame=np.arange(CANDIDATES) % 10,
         deficit=deficit, availability=available, score=deficit * available,
         survived=(rng.random(CANDIDATES) < 0.5) | chosen, rank=rank, chosen=chosen,
+        reference=np.where(chosen, 1, -1), overlaps=np.outer(chosen, [0.2, 0.7, 0.0]),
         reason=("because",) * CANDIDATES, budget=3, note="",
     )  # fmt: skip
 
