@@ -28,6 +28,8 @@ _EMBEDDED = {EMBEDDED_HUMANOID: humanoid_mjcf, EMBEDDED_WHEELED: wheeled_base_mj
 _MOST_INCLUDES = 50
 _MOST_COPIES, _DEEPEST = 20_000, 150
 _MESH_FILES = {".stl", ".obj", ".msh"}
+# URDF has no word for the inertia of gears and rotors, without which light links jitter.
+_URDF_ARMATURE_KG_M2 = 0.01
 
 # What a robot is made of, by the root's tag; the rest is left out.
 _KEPT = {
@@ -53,9 +55,10 @@ _REFUSED_SHAPES = {"hfield": "height fields", "sdf": "distance fields"}
 def robot_spec(source: str) -> mujoco.MjSpec:
     """The robot alone, editable: without the floor, lights and cameras of its file's world.
 
-    Every body and joint has a name; a URDF gets a free base. ``source`` is an embedded
-    robot's name or a path. Raises RobotError, before MuJoCo sees anything, where the file is
-    missing, unreadable or not to be trusted; and with MuJoCo's words where it is no robot.
+    Every body and joint has a name; a URDF gets a free base, and joints with some armature.
+    ``source`` is an embedded robot's name or a path. Raises RobotError, before MuJoCo sees
+    anything, where the file is missing, unreadable or not to be trusted; and with MuJoCo's
+    words where it is no robot.
     """
     if source in _EMBEDDED:
         return mujoco.MjSpec.from_string(_EMBEDDED[source]())
@@ -72,6 +75,9 @@ def robot_spec(source: str) -> mujoco.MjSpec:
         raise does_not_compile(source, error) from error
     if root.tag == "robot" and spec.worldbody.bodies:
         spec.compiler.fusestatic = False
+        for joint in spec.joints:
+            if joint.type != mujoco.mjtJoint.mjJNT_FREE:
+                joint.armature = _URDF_ARMATURE_KG_M2
         if not any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in spec.joints):
             spec.worldbody.bodies[0].add_freejoint()
     for kind, elements in (("body", spec.bodies[1:]), ("joint", spec.joints)):
