@@ -27,15 +27,18 @@ class Contacts:
     force_n: np.ndarray
 
 
-def scene_contacts(composition: Composition, data: mujoco.MjData) -> Contacts:
-    """The contacts in ``data``; those that only come near have no depth and are left out."""
+def scene_contacts(composition: Composition, data: mujoco.MjData, with_forces: bool = True) -> Contacts:
+    """The contacts in ``data``; those that only come near have no depth and are left out.
+
+    Without forces, which a simulation step has to have computed, they are zero.
+    """
     contact = data.contact
     touching = np.flatnonzero(contact.dist < 0.0) if data.ncon else np.empty(0, int)
     pairs = contact.geom[touching].reshape(-1, 2)
     scene_first = composition.scene_geoms[pairs[:, 0]]
     wrench = np.zeros(6)
     force_n = np.zeros(len(touching))
-    for index, one in enumerate(touching):
+    for index, one in enumerate(touching if with_forces else ()):
         mujoco.mj_contactForce(composition.model, data, int(one), wrench)
         force_n[index] = wrench[0]
     return Contacts(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .behaviours import RootTrajectory, draw, plan_root
+from .composition import Composition
 from .dynamics import inverse_dynamics
 from .free_floor import FreeFloor
 from .gait import Gait, plan_gait
@@ -22,6 +23,7 @@ from .upper_body import upper_body
 
 # The seat begins to carry the weight at this part of the way down.
 _TOUCHES = 0.97
+_SHALLOWER_M = 0.02
 
 
 @dataclass(frozen=True)
@@ -49,8 +51,12 @@ def plan_motion(
     scope: BehaviourScope,
     rng: np.random.Generator,
     seats: Sequence[Seat] = (),
+    composition: Composition | None = None,
 ) -> ReferenceMotion | None:
-    """Draw a motion in the scope; None where the floor offers no goal."""
+    """Draw a motion in the scope; None where the floor offers no goal.
+
+    To sit down on one of ``seats`` takes the ``composition`` with the scene.
+    """
     root = plan_root(floor, scope, rng, seats)
     if root is None:
         return None
@@ -61,7 +67,13 @@ def plan_motion(
     qpos = upper_body(robot, root, gait, scope, rng)
     soles = gait.feet.copy()
     soles[..., 2] += floor.floor_z_m + np.array([leg.sole_m for leg in robot.legs])[:, None]
-    _place_base(robot, root, gait, qpos, floor.floor_z_m + height_m, soles)
+    standing_z_m = floor.floor_z_m + height_m
+    _place_base(robot, root, gait, qpos, standing_z_m)
+    if root.seat is not None and composition is not None:
+        seated_m = _sit(robot, composition, root, root.seat, qpos, soles[:, -1])
+        if seated_m is None:
+            return None
+        qpos[:, 2] -= root.sit * (standing_z_m - seated_m)
     LegSolver(robot).solve(qpos, soles)
     roll_wheels(robot, qpos, root.yaw)
     seat_load = np.clip((root.sit - _TOUCHES) / (1.0 - _TOUCHES), 0.0, 1.0)
@@ -70,18 +82,31 @@ def plan_motion(
 
 
 def _place_base(
-    robot: RobotModel, root: RootTrajectory, gait: Gait, qpos: np.ndarray, standing_z_m: float,
-    soles: np.ndarray,
-) -> None:  # fmt: skip
-    """Write the base's pose into ``qpos`` (T, nq): on its way, swaying, crouching, seated."""
+    robot: RobotModel, root: RootTrajectory, gait: Gait, qpos: np.ndarray, standing_z_m: float
+) -> None:
+    """Write the base's pose into ``qpos`` (T, nq): on its way, swaying, crouching."""
     cos, sin = np.cos(root.yaw), np.sin(root.yaw)
-    standing = 1.0 - root.sit
-    back_m = root.sit * (STAND_OFF_M + root.depth_m)
-    qpos[:, 0] = root.xy[:, 0] - sin * gait.sway_m * standing - cos * back_m
-    qpos[:, 1] = root.xy[:, 1] + cos * gait.sway_m * standing - sin * back_m
+    sway_m = gait.sway_m * (1.0 - root.sit)
+    qpos[:, 0] = root.xy[:, 0] - sin * sway_m
+    qpos[:, 1] = root.xy[:, 1] + cos * sway_m
     qpos[:, 2] = standing_z_m + gait.bob_m - root.crouch * robot.rest_height_m
     qpos[:, 3:7] = 0.0
     qpos[:, 3], qpos[:, 6] = np.cos(root.yaw / 2.0), np.sin(root.yaw / 2.0)
-    if root.seat is not None:
-        drop_m = standing_z_m - seated_height(robot, qpos[-1], soles[:, -1], root.seat)
-        qpos[:, 2] -= root.sit * drop_m
+
+
+def _sit(
+    robot: RobotModel, composition: Composition, root: RootTrajectory, seat: Seat, qpos: np.ndarray,
+    soles: np.ndarray,
+) -> float | None:  # fmt: skip
+    """Move the base in ``qpos`` (T, nq) back onto ``seat``; the height it comes to rest at.
+
+    Where the legs are too short to sit as deep as drawn it sits nearer to the edge; None
+    where they are too short for that too.
+    """
+    standing = qpos[:, :2].copy()
+    for depth_m in np.arange(root.depth_m, 0.0, -_SHALLOWER_M):
+        qpos[:, :2] = standing + root.sit[:, None] * (seat.ahead(-depth_m) - seat.ahead(STAND_OFF_M))
+        height_m = seated_height(robot, composition, qpos[-1], soles, seat)
+        if height_m is not None:
+            return height_m
+    return None

@@ -1,48 +1,53 @@
-"""The seated posture: how low the base comes to rest on a seat."""
+"""The seated posture: how low the base comes to rest on a seat, asked of MuJoCo's collisions."""
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
 
-from .collision_shapes import colliding, core_points
+from .composition import Composition
+from .contacts import scene_contacts
 from .kinematics import LegSolver
 from .model import RobotModel
 from .seats import Seat
-from .structure import posed
 
-_ITERATIONS = 8
-_TOLERANCE_M = 5e-4
 # References press this far into the seat, so that it carries the weight.
 _PRESS_M = 0.006
-_ALONG = np.linspace(0.0, 1.0, 9)[:, None]
+_TOLERANCE_M = 1e-3
+# Feet that would have to leave their place by more are out of reach.
+_REACH_M = 0.005
+# The base is looked for from here above the seat, downwards.
+_LOWEST_M = 0.02
 
 
-def seated_height(robot: RobotModel, qpos: np.ndarray, soles: np.ndarray, seat: Seat) -> float:
-    """World z of the base that sits on ``seat``, metres.
+def seated_height(
+    robot: RobotModel, composition: Composition, qpos: np.ndarray, soles: np.ndarray, seat: Seat
+) -> float | None:
+    """World z of the base that sits on ``seat``, metres; None where the legs are too short for it.
 
-    ``qpos`` (nq,) is the posture with the base's place and heading on the seat; ``soles``
-    (L, 4) where the feet stay, as ``LegSolver.solve`` takes them. What may touch the seat is
-    the base and the legs above the feet.
+    ``qpos`` (nq,) is the standing posture with the base's place and heading on the seat;
+    ``soles`` (L, 4) where the feet stay, as ``LegSolver.solve`` takes them. The deeper a robot
+    sits, the steeper its thighs press on the seat's edge, and a short-legged one cannot.
     """
-    model, solver = robot.model, LegSolver(robot)
-    above = {int(model.jnt_bodyid[joint]) for leg in robot.legs for joint in leg.joints}
-    above = (above | {robot.base}) - {leg.foot for leg in robot.legs}
-    geoms = [geom for geom in colliding(model) if int(model.geom_bodyid[geom]) in above]
-    ahead = np.array([np.cos(seat.yaw_rad), np.sin(seat.yaw_rad)])
+    solver, data = LegSolver(robot), mujoco.MjData(composition.model)
     posture = qpos[None].copy()
-    posture[0, 2] = seat.height_m + 0.15
-    for _ in range(_ITERATIONS):
+
+    def is_held_at(height_m: float) -> bool:
+        posture[0, 2] = height_m
         solver.solve(posture, soles[:, None])
-        data = posed(model, posture[0])
-        bottom_m = np.inf
-        for geom in geoms:
-            points, radius_m = core_points(model, data, geom)
-            if len(points) == 2:  # a capsule's ends: what lies between them matters
-                points = points[0] + _ALONG * (points[1] - points[0])
-            over = (points[:, :2] - seat.edge_m) @ ahead <= 0.0
-            bottom_m = min(bottom_m, points[over, 2].min(initial=np.inf) - radius_m)
-        missing_m = seat.height_m - _PRESS_M - bottom_m
-        if not np.isfinite(missing_m) or abs(missing_m) < _TOLERANCE_M:
-            break
-        posture[0, 2] += missing_m
-    return float(posture[0, 2])
+        data.qpos[:] = posture[0]
+        mujoco.mj_kinematics(composition.model, data)
+        mujoco.mj_collision(composition.model, data)
+        touching = scene_contacts(composition, data, with_forces=False)
+        on_seat = composition.seat_geoms[touching.robot] & seat.holds(touching.position_m)
+        return bool(touching.depth_m[on_seat].max(initial=0.0) > _PRESS_M)
+
+    high_m, low_m = float(qpos[2]), seat.height_m + _LOWEST_M
+    if is_held_at(high_m) or not is_held_at(low_m):
+        return None
+    while high_m - low_m > _TOLERANCE_M:
+        middle_m = 0.5 * (high_m + low_m)
+        high_m, low_m = (high_m, middle_m) if is_held_at(middle_m) else (middle_m, low_m)
+    posture[0, 2] = high_m
+    missed_m = solver.solve(posture, soles[:, None])
+    return high_m if missed_m.max() < _REACH_M else None

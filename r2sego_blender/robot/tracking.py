@@ -41,7 +41,7 @@ class TrackingController:
 
     def draw(self, rng: np.random.Generator) -> TrackingDrive | None:
         """A drawn motion; None where the floor offers no goal."""
-        motion = plan_motion(self._robot, self._floor, self._scope, rng, self._seats)
+        motion = plan_motion(self._robot, self._floor, self._scope, rng, self._seats, self.composition)
         return None if motion is None else TrackingDrive(self.composition, motion)
 
 
