@@ -93,11 +93,14 @@ def lines(objects: Sequence[Mapping[str, Any]]) -> list[str]:
         return ["no objects are declared; give masks with --masks FOLDER, or let --find look for some"]
     text = [f"{'object':<20}{'masks':>6}  {'shape':<24}{'energy':>7}{'overlap':>9}  result"]
     for one in objects:
-        if "shape" in one:
+        if one.get("backend") == "symmetry":
+            figures = f"{'(symmetry)':<24}{one['energy']:>7.2f}{'-':>9}"
+        elif "shape" in one:
             figures = f"{one['shape']:<24}{one['energy']:>7.2f}{one['silhouette_iou']:>9.2f}"
         else:
             figures = f"{'-':<24}{'-':>7}{'-':>9}"
-        result = one.get("refusal") or ("aligned" if "shape" in one else "not run yet")
+        by_symmetry = "completed by symmetry, without a mesh" if one.get("backend") == "symmetry" else ""
+        result = one.get("refusal") or by_symmetry or ("aligned" if "shape" in one else "not run yet")
         result += ", locked" if one["locked"] else ""
         text.append(f"{one['name']:<20}{one['masks']:>6}  {figures}  {result}")
     return text
@@ -143,6 +146,11 @@ def _library(library: Path | None, scene: Scene) -> Path | None:
 
 def _locked(one: DeclaredObject, scene: Scene, library: Path | None) -> DeclaredObject:
     record = _records(scene).get(one.name, {})
+    if record.get("backend") == "symmetry":
+        raise GeometryError(
+            f"'{one.name}' was completed by its symmetry and has no mesh to hold", where=scene.path,
+            cure=f"Give it one with --mesh {one.name}=FILE.",
+        )  # fmt: skip
     if "world_from_own" not in record:
         raise GeometryError(
             f"'{one.name}' has no alignment yet", where=scene.path, cure="Run `r2sego refine` first."

@@ -69,7 +69,8 @@ def _as_if_run(scene: Scene, pose: np.ndarray) -> None:
     """The record that aligning leaves."""
     folder = scene.path / "geometry" / "priors"
     folder.mkdir(parents=True)
-    record = {"name": "chair", "refusal": "", "shape": "box", "energy": 0.2, "silhouette_iou": 0.9}
+    record = {"name": "chair", "refusal": "", "backend": "mesh", "shape": "box", "energy": 0.2}
+    record["silhouette_iou"] = 0.9
     (folder / "priors.json").write_text(json.dumps([record | {"world_from_own": pose.tolist()}]))
 
 
@@ -97,6 +98,17 @@ def test_an_alignment_is_locked_with_its_mesh_and_let_go(scene, masks, library):
     assert any("aligned, locked" in line for line in lines(describe_objects(scene)))
     declare_objects(Scene.open(scene.path), unlock=["chair"])
     assert _objects(scene)["chair"].placement is None
+
+
+def test_what_symmetry_completed_is_called_so_and_cannot_be_held(scene, masks, library):
+    declare_objects(scene, masks=masks, library=library)
+    _as_if_run(scene, np.eye(4))
+    record = {"name": "chair", "refusal": "", "backend": "symmetry", "no_mesh": "none fits", "energy": 0.2}
+    (scene.path / "geometry" / "priors" / "priors.json").write_text(json.dumps([record]))
+    told = next(line for line in lines(describe_objects(scene)) if line.startswith("chair"))
+    assert "(symmetry)" in told and "without a mesh" in told and "aligned" not in told
+    with pytest.raises(GeometryError, match="completed by its symmetry"):
+        declare_objects(Scene.open(scene.path), lock=["chair"])
 
 
 def test_poses_held_by_hand_move_with_the_world(scene, masks, library):

@@ -14,8 +14,6 @@ from collections.abc import Sequence
 import numpy as np
 import trimesh
 from scipy import ndimage
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, cKDTree
 
 from ..cameras import Camera
@@ -26,7 +24,7 @@ from ..settings import ProxySettings
 from .completion import CompletedDepth, DepthSource
 from .envelope import envelope_polygons, tessellated
 from .evidence import KnownDepth, collect_votes
-from .meshes import normals_and_areas
+from .meshes import component_areas, normals_and_areas
 from .observed import ObservedGeometry
 from .oriented_points import WeightedDepth
 from .planes import RoomPlanes
@@ -178,17 +176,8 @@ def _carved(vertices, faces, trusted, settings):
         agree = collect_votes(centroids, trusted, _CARVING_TOLERANCE, normals, _LEAST_COSINE).agree
         faces = faces[through <= agree]
     if len(faces):
-        faces = faces[_component_areas(vertices, faces) >= settings.min_component_m2]
+        faces = faces[component_areas(vertices, faces) >= settings.min_component_m2]
     return _compacted(vertices, faces)
-
-
-def _component_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(F,) square metres of the connected component each face belongs to."""
-    pairs = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
-    count = len(vertices)
-    graph = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), (count, count))
-    component = connected_components(graph, directed=False)[1][faces[:, 0]]
-    return np.bincount(component, weights=normals_and_areas(vertices, faces)[1])[component]
 
 
 def _compacted(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,8 +1,10 @@
-"""What many modules ask of a triangle mesh: normals, areas, vertices that become one."""
+"""What many modules ask of a triangle mesh: normals, areas, parts, vertices that become one."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 
 def normals_and_areas(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -11,6 +13,15 @@ def normals_and_areas(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarr
     cross = np.cross(b - a, c - a)
     length = np.linalg.norm(cross, axis=1)
     return cross / np.maximum(length, 1e-300)[:, None], length / 2
+
+
+def component_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(F,) the area of the connected part that each face belongs to."""
+    pairs = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
+    count = len(vertices)
+    graph = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), (count, count))
+    component = connected_components(graph, directed=False)[1][faces[:, 0]]
+    return np.bincount(component, weights=normals_and_areas(vertices, faces)[1])[component]
 
 
 def merged(vertices: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

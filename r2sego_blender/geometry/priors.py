@@ -1,8 +1,9 @@
 """Aligned shape priors P_m after T_m*, solved once from the real captures and then fixed.
 
 For each declared object: the evidence is gathered, its own mesh or the library's candidates
-are aligned, and the best is kept if it explains the object. Every decision is written down
-with its figures, the refused ones too.
+are aligned, and the best is kept if it explains the object. If asked for, an object without
+such a mesh gets what its own mirror symmetry adds. Every decision is written down with its
+figures, the refused ones too.
 """
 
 from __future__ import annotations
@@ -24,11 +25,13 @@ from ..errors import GeometryError
 from ..progress import SILENT, Progress
 from ..settings import PriorSettings
 from .alignment import Alignment, ObjectEvidence, rated, realigned
+from .mirrored_surface import mirrored_surface
 from .objects import DeclaredObject
 from .observed import ObservedGeometry
 from .planes import RoomPlanes
 from .retrieval import Retrieval, refusal, retrieve, too_few_points
 from .shapes import Shape, load_shape, mesh_files
+from .symmetry import ObjectSight, find_mirror_planes
 
 NEARER_THAN_ANYTHING_M = 0.01
 """The depth given to pixels where another object may stand before this one."""
@@ -38,7 +41,10 @@ _RECORD = "priors.json"
 
 @dataclass(frozen=True)
 class AlignedPrior:
-    """A shape prior after its similarity T_m*: ``vertices`` (V, 3) in the world, ``faces`` (F, 3)."""
+    """A shape prior after its similarity T_m*: ``vertices`` (V, 3) in the world, ``faces`` (F, 3).
+
+    By symmetry it is only what the object's mirror image adds.
+    """
 
     name: str
     vertices: np.ndarray
@@ -47,7 +53,10 @@ class AlignedPrior:
 
 @dataclass(frozen=True)
 class ObjectPrior:
-    """What became of an object: ``prior`` is None where ``refusal`` says why."""
+    """What became of an object: ``prior`` is None where ``refusal`` says why.
+
+    ``record`` has all figures; its ``backend`` says whence the prior is: "mesh" or "symmetry".
+    """
 
     name: str
     prior: AlignedPrior | None
@@ -78,8 +87,8 @@ def align_objects(
 
     def work(one: DeclaredObject) -> ObjectPrior:
         try:
-            evidence = gather_evidence(one, captures, observed, reliable, completed, anything, bounds)
-            return _decided(one, evidence, library, settings)
+            known = _gathered(one, captures, observed, reliable, completed, anything)
+            return _decided(one, known.evidence(bounds), library, settings)
         except GeometryError as error:
             return ObjectPrior(one.name, None, error.what, {"name": one.name, "refusal": error.what})
 
@@ -91,7 +100,29 @@ def align_objects(
         for result in pool.map(work, objects):
             found.append(result)
             task.advance()
+    if settings.symmetry == "unmatched":
+        # One after the other: the kernels of fusion share threads of their own.
+        for k, one in enumerate(objects):
+            if found[k].prior is None:
+                known = _gathered(one, captures, observed, reliable, completed, anything)
+                found[k] = _completed_by_symmetry(found[k], known, settings)
     return tuple(found)
+
+
+@dataclass(frozen=True)
+class _Gathered:
+    """Of the captures that have a mask of an object: ``cameras``, ``masks`` (H, W) bool, ``depths``
+    and ``reliable`` (H, W) metres, 0 = unknown; ``points`` (P, 3) were observed on it."""
+
+    name: str
+    cameras: list[Camera]
+    masks: list[np.ndarray]
+    depths: list[np.ndarray]
+    reliable: list[np.ndarray]
+    points: np.ndarray
+
+    def evidence(self, bounds: RoomPlanes) -> ObjectEvidence:
+        return ObjectEvidence.of(self.name, self.cameras, self.masks, self.depths, self.points, bounds)
 
 
 def gather_evidence(
@@ -108,6 +139,10 @@ def gather_evidence(
     ``anything`` (H, W) bool: the pixels of any object. Where another one may be in front its
     depth is not trusted unless stereo vouches for it.
     """
+    return _gathered(one, captures, observed, reliable, completed, anything).evidence(bounds)
+
+
+def _gathered(one, captures, observed, reliable, completed, anything) -> _Gathered:
     shown = [k for k, capture in enumerate(captures) if capture.name in one.masks]
     masks = [one.masks[captures[k].name] for k in shown]
     depths = []
@@ -116,8 +151,8 @@ def gather_evidence(
         known = np.where(reliable[k] > 0, reliable[k], completed[k])
         depths.append(np.where(other, np.float32(NEARER_THAN_ANYTHING_M), known))
     cameras = [captures[k].camera for k in shown]
-    points = observed.points[_inside_masks(observed, cameras, masks, shown)]
-    return ObjectEvidence.of(one.name, cameras, masks, depths, points, bounds)
+    points = observed.points[_inside_masks(observed, cameras, masks, shown)].astype(np.float64)
+    return _Gathered(one.name, cameras, masks, depths, [reliable[k] for k in shown], points)
 
 
 def load_priors(folder: Path) -> tuple[AlignedPrior, ...]:
@@ -206,8 +241,34 @@ def _decided(
     return ObjectPrior(one.name, AlignedPrior(one.name, world, shape.faces), "", record)
 
 
+def _completed_by_symmetry(refused: ObjectPrior, known: _Gathered, settings: PriorSettings) -> ObjectPrior:
+    """The object with what its mirror image adds; as it was, where that is nothing."""
+    if len(known.points) < settings.min_points:
+        return refused
+    sight = ObjectSight.of(known.cameras, known.masks, known.depths, known.reliable)
+    planes = find_mirror_planes(known.points, sight, settings.max_mirror_energy)
+    if not planes:
+        return refused
+    vertices, faces = mirrored_surface(planes, known.points, known.masks, known.reliable, sight)
+    if not len(faces):
+        return refused
+    record = {
+        "name": refused.name, "refusal": "", "backend": "symmetry", "no_mesh": refused.refusal,
+        "energy": round(planes[0].energy, 4), "observed_points": len(known.points),
+        "mirror_planes": [
+            {
+                "normal": plane.normal.tolist(), "offset_m": plane.offset,
+                "energy": round(plane.energy, 4), "confirmed": round(plane.confirmed, 4),
+            }
+            for plane in planes
+        ],
+    }  # fmt: skip
+    return ObjectPrior(refused.name, AlignedPrior(refused.name, vertices, faces), "", record)
+
+
 def _figures(alignment: Alignment) -> dict[str, Any]:
     return {
+        "backend": "mesh",
         "shape": alignment.shape,
         "world_from_own": alignment.world_from_own.tolist(),
         "energy": round(alignment.energy, 4),

@@ -9,12 +9,14 @@ import pytest
 import trimesh
 from furniture import (
     FURNITURE,
+    boxes,
     cameras_around,
     moved,
     observed_object,
     random_similarity,
     standing,
 )
+from scipy.spatial import cKDTree
 
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.errors import GeometryError
@@ -56,8 +58,12 @@ def scene() -> SimpleNamespace:
     """Three captures of the chair, with the points they observed on it and elsewhere."""
     vertices, faces = FURNITURE["chair"]()
     cameras = cameras_around((0.1, 0.3, 0.5), count=3, width=240)
-    rng = np.random.default_rng(9)
-    seen = observed_object(moved(vertices, WORLD_FROM_CHAIR), faces, cameras, rng)
+    return scene_of(moved(vertices, WORLD_FROM_CHAIR), faces, cameras, 900)
+
+
+def scene_of(vertices, faces, cameras, count) -> SimpleNamespace:
+    """What three ``cameras`` know of an object, ``count`` points on it among it."""
+    seen = observed_object(vertices, faces, cameras, np.random.default_rng(9), count=count)
     views = zip(cameras, seen.depths, seen.masks, strict=True)
     behind = np.concatenate([camera.unproject(depth)[~mask][::200] for camera, depth, mask in views])
     points = np.concatenate([seen.points, behind]).astype(np.float32)
@@ -147,6 +153,31 @@ def test_a_refused_shape_leaves_its_figures_and_no_prior(scene):
     (found,) = aligned(scene, [DeclaredObject("seat", scene.masks)], [lamp], PriorSettings(max_energy=0.01))
     assert found.prior is None and "above 0.01" in found.refusal
     assert found.record["shape"] == "lamp" and found.record["energy"] > 0.3
+
+
+def test_symmetry_completes_what_no_mesh_fits_only_if_asked():
+    """Three captures see two sides of a crate and its top."""
+    vertices, faces = boxes(((-0.35, -0.28, 0), (0.35, 0.28, 0.6)))
+    vertices = moved(vertices, standing(42.0, (0.1, 0.3)))
+    scene = scene_of(vertices, faces, cameras_around((0.1, 0.3, 0.3), count=7, width=240)[2:5], 3000)
+    one = DeclaredObject("crate", scene.masks)
+    asked = PriorSettings(symmetry="unmatched")
+    (refused,) = aligned(scene, [one])
+    (found,) = aligned(scene, [one], settings=asked)
+    assert refused.prior is None and refused.record.keys() == {"name", "refusal"}
+    record = found.record
+    assert record["backend"] == "symmetry" and record["no_mesh"] == refused.refusal
+    assert "shape" not in record and record["energy"] <= asked.max_mirror_energy
+    assert len(record["mirror_planes"]) == 2
+    true = trimesh.sample.sample_surface(trimesh.Trimesh(vertices, faces), 20_000, seed=0)[0]
+    assert (cKDTree(true).query(found.prior.vertices)[0] < 0.05).mean() > 0.95
+    json.dumps(record, allow_nan=False)
+
+
+def test_a_mesh_that_fits_is_not_replaced_by_symmetry(scene, chair_file):
+    one = DeclaredObject("seat", scene.masks, chair_file)
+    (found,) = aligned(scene, [one], settings=PriorSettings(symmetry="unmatched"))
+    assert found.record["backend"] == "mesh" and found.record["shape"] == "chair"
 
 
 def test_evidence_is_the_points_within_most_masks(scene):
