@@ -123,10 +123,10 @@ def _squat(floor: FreeFloor, scope: BehaviourScope, rng: np.random.Generator) ->
         depth = 1.0 - draw(scope.squat.height, rng)
         lean_rad = math.radians(draw(scope.squat.lean_deg, rng))
         rise_s = at_s + _CROUCH_S + draw(scope.squat.hold_s, rng)
+        if rise_s + _CROUCH_S > times[-1]:
+            break
         low = eased((times - at_s) / _CROUCH_S) - eased((times - rise_s) / _CROUCH_S)
         crouch, lean, at_s = crouch + depth * low, lean + lean_rad * low, rise_s + _CROUCH_S + _STILL_S
-        if at_s + 2.0 * _CROUCH_S > times[-1]:
-            break
     still = np.zeros(len(times))
     return RootTrajectory(
         "squat", np.tile(place, (len(times), 1)), np.full(len(times), heading), still, place,

@@ -19,7 +19,7 @@ def load(tmp_path):
 
 
 def test_shipped_scope_covers_the_ego_views():
-    assert shipped_scopes() == ("walk_and_look",)
+    assert shipped_scopes() == ("sit_down", "walk_and_look")
     scope = BehaviourScope.load("walk_and_look")
     pitch, lean = scope.look.camera_pitch_deg, scope.look.waist_pitch_deg
     assert pitch[0] + lean[0] <= 20.0
@@ -33,6 +33,27 @@ def test_left_out_fields_have_defaults(load):
     assert scope.walk_to.speed_m_s == (0.2, 0.3)
     assert scope.walk_to.distance_m == BehaviourScope("other").walk_to.distance_m
     assert scope.look.camera_pitch_deg is None
+
+
+def test_files_lie_beside_the_scope(load, tmp_path):
+    (tmp_path / "walk.csv").write_text("")
+    (tmp_path / "h1.xml").write_text("")
+    scope = load("""
+        [robot]
+        model = "h1.xml"
+        mount = ["torso", [0, 0, 0.6], [0, 0.7, 0], {hfov_deg = 69}]
+        [controller]
+        kind = "replay"
+        motions = ["walk.csv", "absent.csv"]
+    """)
+    assert scope.robot_for("embedded:humanoid") == (str(tmp_path / "h1.xml"), scope.robot.mount)
+    assert scope.controller.motions == (str(tmp_path / "walk.csv"), "absent.csv")
+    assert set(scope.files) == {tmp_path / "h1.xml", tmp_path / "walk.csv"}
+
+
+def test_the_scene_s_robot_serves_where_the_scope_names_none(load):
+    assert load("").robot_for("embedded:wheeled") == ("embedded:wheeled", None)
+    assert load("[robot]\nmount = 'eye'").robot_for("a.xml") == ("a.xml", "eye")
 
 
 def test_polygon(load):
@@ -56,6 +77,11 @@ def test_polygon(load):
         ("[region]\nwithin = [[0, 0], [1, 1]]", r"region\.within"),
         ("[behaviours]\nwalk_to = 0\nlook_around = 0", "behaviours are all zero"),
         ("look = 3", "look is not a table"),
+        ("[sit_on]\ntarget = [1, 2, 3]", r"sit_on\.target .*an object's name, or \[x, y\]"),
+        ("[sit_on]\ntarget = 4", r"sit_on\.target .*'any'"),
+        ("[controller]\nkind = 'magic'", r"controller\.kind .*reference, policy, replay"),
+        ("[controller]\nfile = 3", r"controller\.file .*in quotes"),
+        ("[controller]\nmotions = 'walk.csv'", r"controller\.motions .*a list of files"),
         ("name = 3", "name is not a text"),
         ("[look", "no TOML"),
     ],

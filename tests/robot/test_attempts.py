@@ -1,0 +1,61 @@
+"""Attempts in several processes: the same bits in the same order, and errors that come back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from r2sego_blender.errors import RobotError
+from r2sego_blender.robot.candidates import candidate_stream
+from r2sego_blender.robot.rollouts import successful_rollouts
+from r2sego_blender.robot.scope import BehaviourScope, Episode, WalkTo
+from r2sego_blender.settings import RolloutSettings
+
+SCOPE = replace(
+    BehaviourScope.load("walk_and_look"),
+    episode=Episode(duration_s=2.0), walk_to=WalkTo(distance_m=(0.1, 1.0)),
+)  # fmt: skip
+
+
+def test_the_number_of_processes_changes_nothing(humanoid, box_room):
+    room = box_room()
+    one, two = (
+        successful_rollouts(humanoid, SCOPE, room, RolloutSettings(successes=4, processes=count), seed=5)
+        for count in (1, 2)
+    )
+    assert len(one) == len(two)
+    for first, second in zip(one, two, strict=True):
+        np.testing.assert_array_equal(first.qpos, second.qpos)
+        np.testing.assert_array_equal(first.camera_poses, second.camera_poses)
+        arrays = {"qpos": 0, "times_s": 0, "camera_poses": 0}
+        assert replace(first, **arrays) == replace(second, **arrays)
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_a_scene_without_seats_is_told(humanoid, box_room, processes):
+    sit_down = replace(BehaviourScope.load("sit_down"), region=SCOPE.region)
+    settings = RolloutSettings(successes=1, processes=processes)
+    with pytest.raises(RobotError, match="there is no seat"):
+        successful_rollouts(humanoid, sit_down, box_room(()), settings, seed=0)
+
+
+def test_blurred_frames_are_no_candidates(humanoid, box_room):
+    attempts = successful_rollouts(
+        humanoid, SCOPE, box_room(), RolloutSettings(successes=3, processes=1), seed=1
+    )
+    every, steady = candidate_stream(attempts), candidate_stream(attempts, max_turn_deg_s=20.0)
+    assert 0 < len(steady) < len(every)
+    kept = {(int(r), int(f)) for r, f in zip(steady.rollout, steady.frame, strict=True)}
+    accepted = [attempt for attempt in attempts if attempt.success]
+    for rollout, attempt in enumerate(accepted):
+        for frame in range(len(attempt.times_s) - 1):
+            turn = attempt.camera_poses[frame, :3, :3].T @ attempt.camera_poses[frame + 1, :3, :3]
+            seconds = attempt.times_s[frame + 1] - attempt.times_s[frame]
+            rate = np.degrees(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0))) / seconds
+            if rate > 20.0 + 1e-6:
+                assert (rollout, frame) not in kept and (rollout, frame + 1) not in kept
+    for index in range(len(steady)):
+        pose = accepted[steady.rollout[index]].camera_poses[steady.frame[index]]
+        np.testing.assert_array_equal(steady.poses[index], pose)

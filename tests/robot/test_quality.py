@@ -1,0 +1,151 @@
+"""What a simulation measures of a rollout, and when it is a failure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from r2sego_blender.robot.composition import Composition, compose
+from r2sego_blender.robot.contacts import scene_contacts
+from r2sego_blender.robot.failures import Judge, Reason
+from r2sego_blender.robot.free_floor import free_floor
+from r2sego_blender.robot.mount import CameraMount
+from r2sego_blender.robot.quality import Meter
+from r2sego_blender.robot.scope import BehaviourScope
+from r2sego_blender.robot.seats import Seat
+from r2sego_blender.robot.simulation import simulate
+from r2sego_blender.robot.structure import posed
+from r2sego_blender.robot.tracking import TrackingController
+from r2sego_blender.settings import RolloutSettings
+
+SCOPE = BehaviourScope.load("walk_and_look")
+
+
+@pytest.fixture(scope="module")
+def room(box_room):
+    return box_room(((1.2, 0.0, 0.3, 0.3, 0.22),))
+
+
+@pytest.fixture(scope="module")
+def composition(humanoid, room) -> Composition:
+    return compose(humanoid, room, RolloutSettings())
+
+
+@pytest.fixture(scope="module")
+def judge(humanoid, room, composition) -> Judge:
+    return Judge(composition, free_floor(humanoid, SCOPE, room), SCOPE, humanoid.rest_height_m)
+
+
+@dataclass
+class Pushed:
+    """Stands, with its base dragged sideways at a speed."""
+
+    composition: Composition
+    qpos: np.ndarray
+    mount: CameraMount
+    speed_m_s: float
+    duration_s: float = 1.5
+    behaviour: str = "pushed"
+    goal: np.ndarray | None = None
+    seat: Seat | None = None
+
+    def apply(self, data: mujoco.MjData, step: int) -> None:
+        data.ctrl[6:] = self.qpos[self.composition.qpos_address]
+        data.mocap_pos[0] = self.qpos[:3]
+        data.mocap_pos[0, 1] += self.speed_m_s * step * self.composition.model.opt.timestep
+        data.mocap_quat[0] = self.qpos[3:7]
+
+
+def test_dragged_feet_slide_and_standing_ones_do_not(humanoid, room):
+    """On ice the feet follow the base; the meter sees how far."""
+    icy = room.with_name("icy.xml")
+    icy.write_text(room.read_text().replace('name="floor"', 'name="floor" priority="1" friction="0.005"'))
+    composition = compose(humanoid, icy, RolloutSettings())
+    free = replace(SCOPE, failures=replace(SCOPE.failures, slide_m=0.0))
+    judge = Judge(composition, free_floor(humanoid, SCOPE, icy), free, humanoid.rest_height_m)
+    place = humanoid.rest_qpos.copy()
+    dragged = simulate(composition, Pushed(composition, place, humanoid.mount, 0.1), judge, 5.0)
+    assert not dragged.reason
+    feet = [leg.foot for leg in humanoid.legs]
+    first, last = (posed(humanoid.model, qpos).xpos[feet, :2] for qpos in dragged.qpos[[0, -1]])
+    moved_m = np.linalg.norm(last - first, axis=1).max()
+    assert moved_m > 0.05
+    assert dragged.meter.foot_slide_m == pytest.approx(moved_m, abs=0.02)
+    strict = Judge(composition, free_floor(humanoid, SCOPE, icy), SCOPE, humanoid.rest_height_m)
+    failed = simulate(composition, Pushed(composition, place, humanoid.mount, 0.1), strict, 5.0)
+    assert failed.reason == Reason.FOOT_SLIDE
+    rough = compose(humanoid, room, RolloutSettings())
+    still = simulate(rough, Pushed(rough, place, humanoid.mount, 0.0), strict, 5.0)
+    assert not still.reason
+    assert still.meter.foot_slide_m < 0.005
+
+
+def test_penetration_is_as_deep_as_the_robot_was_put(humanoid, composition, judge):
+    data = mujoco.MjData(composition.model)
+    for depth_m in (0.004, 0.03):
+        data.qpos[:] = humanoid.rest_qpos
+        data.qpos[2] -= depth_m
+        mujoco.mj_forward(composition.model, data)
+        meter = Meter(composition, None, 0.02)
+        contacts = scene_contacts(composition, data)
+        meter.read(data, contacts)
+        assert meter.penetration_m == pytest.approx(depth_m, abs=1e-3)
+        reason, _ = judge.state(data, contacts, None, meter)
+        assert reason == (Reason.PENETRATION if depth_m > 0.01 else Reason.NONE)
+
+
+def test_a_seat_may_be_touched_by_who_sits_on_it(humanoid, composition, judge):
+    """The same contact of pelvis and box is sitting with a seat there, and a failure without."""
+    seat = Seat(edge_m=(1.2, -0.3), height_m=0.44, yaw_rad=-np.pi / 2, approach_m=0.4)
+    data = mujoco.MjData(composition.model)
+    data.qpos[:] = humanoid.rest_qpos
+    data.qpos[:2] = 1.2, 0.0
+    # Legs and arms folded up, so that the pelvis alone comes down on the box.
+    for side in ("left", "right"):
+        for name, angle in (("hip_pitch", -2.4), ("shoulder_pitch", -1.6)):
+            data.qpos[composition.model.joint(f"robot/{side}_{name}_joint").qposadr[0]] = angle
+    contacts = None
+    for height_m in np.arange(0.7, 0.44, -0.002):
+        data.qpos[2] = height_m
+        mujoco.mj_forward(composition.model, data)
+        contacts = scene_contacts(composition, data)
+        if contacts.depth_m.max(initial=0.0) > 0.003:
+            break
+    assert contacts is not None and composition.seat_geoms[contacts.robot].all()
+    meter = Meter(composition, seat, 0.02)
+    meter.read(data, contacts)
+    assert meter.seated_s == pytest.approx(0.02)
+    assert judge.state(data, contacts, seat, meter)[0] == Reason.NONE
+    reason, detail = judge.state(data, contacts, None, Meter(composition, None, 0.02))
+    assert reason == Reason.BODY_CONTACT and "touched box0" in detail
+    elsewhere = replace(seat, edge_m=(-1.0, -1.0))
+    assert judge.state(data, contacts, elsewhere, meter)[0] == Reason.BODY_CONTACT
+    assert judge.end(data, None, seat, meter)[0] == Reason.MISSED_TARGET
+
+
+def test_help_is_measured(humanoid, room, judge, composition):
+    """A base that is pulled off its feet needs more help than one that stands."""
+    place = humanoid.rest_qpos.copy()
+    pulled = place.copy()
+    pulled[2] += 0.05
+    drives = [Pushed(composition, start, humanoid.mount, 0.0, 0.6) for start in (place, pulled)]
+    helped = [simulate(composition, drive, judge, 5.0) for drive in drives]
+    assist = [one.meter.quality(humanoid.camera_poses(one.qpos)).assist_n for one in helped]
+    assert assist[1] > assist[0] + 20.0
+
+
+def test_camera_ranges_are_those_of_the_poses(humanoid, room, composition, judge):
+    controller = TrackingController(
+        humanoid, free_floor(humanoid, SCOPE, room), SCOPE, room, RolloutSettings()
+    )
+    drive = controller.draw(np.random.default_rng(3))
+    done = simulate(controller.composition, drive, judge, 5.0)
+    poses = humanoid.camera_poses(done.qpos, drive.mount)
+    quality = done.meter.quality(poses)
+    assert quality.camera_height_m == (poses[:, 2, 3].min(), poses[:, 2, 3].max())
+    forward = poses[:, :3, 2]
+    down = np.degrees(np.arctan2(-forward[:, 2], np.linalg.norm(forward[:, :2], axis=1)))
+    np.testing.assert_allclose(quality.camera_pitch_deg, (down.min(), down.max()), atol=1e-6)
