@@ -73,7 +73,8 @@ def test_dragged_feet_slide_and_standing_ones_do_not(humanoid, room):
     first, last = (posed(humanoid.model, qpos).xpos[feet, :2] for qpos in dragged.qpos[[0, -1]])
     moved_m = np.linalg.norm(last - first, axis=1).max()
     assert moved_m > 0.05
-    assert dragged.meter.foot_slide_m == pytest.approx(moved_m, abs=0.02)
+    # A foot that is unloaded for a moment begins a new stance.
+    assert 0.5 * moved_m < dragged.meter.foot_slide_m < moved_m + 0.02
     strict = Judge(composition, free_floor(humanoid, SCOPE, icy), SCOPE, humanoid.rest_height_m)
     failed = simulate(composition, Pushed(composition, place, humanoid.mount, 0.1), strict, 5.0)
     assert failed.reason == Reason.FOOT_SLIDE
