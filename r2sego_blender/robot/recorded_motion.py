@@ -14,11 +14,13 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from scipy import ndimage
 from scipy.spatial.transform import Rotation, Slerp
 
 from ..errors import RobotError
 from .model import RobotModel
 from .navigation import RATE_HZ
+from .planting import foot_places, plant_feet
 
 DEFAULT_RATE_HZ = 30.0
 """Rate of recordings that declare none: the usual one of motion capture."""
@@ -30,6 +32,7 @@ _DECLARED = re.compile(r"(\w+)\s*=\s*\"?([\w.]+)\"?")
 # A motion that leaves a joint's range by more is another robot's.
 _BEYOND_RAD = 0.5
 _LIMIT_MARGIN_RAD = 0.005
+_LEVELLING_S = 0.03
 # The mean up axis tells the readings of a quaternion apart where they differ by more.
 _UPRIGHT_BY = 0.05
 _CURE = "Give a CSV or NPZ of the robot's joints, or the bodies of a human; see docs/controllers.md."
@@ -97,8 +100,9 @@ def read_recording(path: str | Path) -> RobotRecording | HumanRecording:
 def robot_motion(recording: RobotRecording, robot: RobotModel) -> np.ndarray:
     """(T, nq) float64 at ``RATE_HZ``: the recording on ``robot``, its soles on z = 0.
 
-    Joints that were not recorded rest; joints beyond their limits stop there. Raises
-    RobotError where the joints are not this robot's.
+    The legs are corrected so that feet stand still and clear the floor in between. Joints
+    that were not recorded rest; joints beyond their limits stop there. Raises RobotError
+    where the joints are not this robot's.
     """
     model, count = robot.model, len(recording.joints)
     own = [joint for joint in range(model.njnt) if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE]
@@ -133,10 +137,10 @@ def robot_motion(recording: RobotRecording, robot: RobotModel) -> np.ndarray:
         order = [0, 1, 2, 3] if scalar_first else [3, 0, 1, 2]
         qpos[:, 3:7] = recording.quaternion[:, order]
     qpos = resampled(qpos, recording.rate_hz)
-    lowest = sole_heights(robot, qpos).min(axis=0)
-    # Without a recorded root the robot stands on whichever foot is lower.
-    qpos[:, 2] -= lowest if recording.root_m is None else np.quantile(lowest, 0.1)
-    return qpos
+    # Some foot always stands: the base is as high as the lower one has it.
+    lowest = foot_places(robot, qpos)[1].min(axis=0)
+    qpos[:, 2] -= ndimage.gaussian_filter1d(lowest, _LEVELLING_S * RATE_HZ, mode="nearest")
+    return plant_feet(robot, qpos)
 
 
 def resampled(qpos: np.ndarray, rate_hz: float) -> np.ndarray:
@@ -151,17 +155,6 @@ def resampled(qpos: np.ndarray, rate_hz: float) -> np.ndarray:
     return between
 
 
-def sole_heights(robot: RobotModel, qpos: np.ndarray) -> np.ndarray:
-    """(L, T) heights of the feet's soles, were they level, in configurations (T, nq); metres."""
-    data = mujoco.MjData(robot.model)
-    heights = np.empty((len(robot.legs), len(qpos)))
-    for frame, configuration in enumerate(qpos):
-        data.qpos[:] = configuration
-        mujoco.mj_kinematics(robot.model, data)
-        heights[:, frame] = [data.xpos[leg.foot, 2] - leg.sole_m for leg in robot.legs]
-    return heights
-
-
 def _is_scalar_first(robot: RobotModel, qpos: np.ndarray, quaternion: np.ndarray) -> bool:
     """Whether read as wxyz the base is more upright than as xyzw; turned by 180 degrees both
     readings stand, and the one that keeps the lower foot on one level is right."""
@@ -173,7 +166,7 @@ def _is_scalar_first(robot: RobotModel, qpos: np.ndarray, quaternion: np.ndarray
     for reading in readings:
         posed = qpos.copy()
         posed[:, 3:7] = reading
-        wanders.append(float(np.std(sole_heights(robot, posed).min(axis=0))))
+        wanders.append(float(np.std(foot_places(robot, posed)[1].min(axis=0))))
     return wanders[0] <= wanders[1]
 
 

@@ -18,14 +18,14 @@ from scipy.spatial.transform import Rotation, Slerp
 from ..errors import RobotError
 from .model import RobotModel
 from .navigation import RATE_HZ
+from .planting import planted, stances
 from .recorded_motion import HUMAN_BODIES, HumanRecording
 from .structure import Leg, ancestors, fixed_to, is_hinge, joints_of
 
 _BODY = {name: index for index, name in enumerate(HUMAN_BODIES)}
 _SIDES = ("left", "right")
-# A foot stands while its ankle is slower and no higher above its lowest than this.
-_STANCE_M_S, _STANCE_M = 0.25, 0.05
-_SHORTEST_STANCE_S, _LONGEST_GAP_S = 0.1, 0.08
+# A foot that stands has its ankle no higher above its lowest than this.
+_STANCE_M = 0.05
 _SMOOTHING_S = 0.04
 # Costs of the tasks: metres, radians and unit vectors weigh alike.
 _FOOT_COST, _BASE_COST, _TURN_COST, _LIMB_COST, _POSTURE_COST = 20.0, 2.0, 1.0, 1.0, 0.02
@@ -92,7 +92,9 @@ def retarget(human: HumanRecording, robot: RobotModel) -> np.ndarray:
     feet[..., 2] += base[:, 2, 3]
     yaws = [np.unwrap(_heading(rotation[:, _BODY[f"{side}_ankle"]])) for side in _SIDES]
     for foot, yaw, leg, side in zip(feet, yaws, robot.legs, _SIDES, strict=True):
-        _plant(foot, yaw, standing(position[:, _BODY[f"{side}_ankle"]]), leg.sole_m)
+        place = np.column_stack([foot - [0.0, 0.0, leg.sole_m], yaw])
+        place = planted(place, standing(position[:, _BODY[f"{side}_ankle"]]))
+        foot[:], yaw[:] = place[:, :3] + [0.0, 0.0, leg.sole_m], place[:, 3]
     return _solve(robot, base, rotation[:, _BODY["chest"]], feet, yaws, position)
 
 
@@ -109,15 +111,8 @@ def segments(robot: RobotModel) -> tuple[Segment, ...]:
 
 def standing(ankle_m: np.ndarray) -> np.ndarray:
     """(T,) bool: the frames in which a human's ankle (T, 3) rests on the floor."""
-    smooth = ndimage.gaussian_filter1d(ankle_m, _SMOOTHING_S * RATE_HZ, axis=0, mode="nearest")
-    speed = np.linalg.norm(np.gradient(smooth, 1.0 / RATE_HZ, axis=0), axis=1)
-    low = smooth[:, 2] < np.quantile(smooth[:, 2], 0.05) + _STANCE_M
-    rests = (speed < _STANCE_M_S) & low
-    gap, shortest = (np.ones(round(span * RATE_HZ)) for span in (_LONGEST_GAP_S, _SHORTEST_STANCE_S))
-    padded = np.pad(rests, len(gap), mode="edge")
-    closed = ndimage.binary_closing(padded, gap)[len(gap) : -len(gap)]
-    padded = np.pad(closed, len(shortest), mode="edge")
-    return ndimage.binary_opening(padded, shortest)[len(shortest) : -len(shortest)]
+    height = ndimage.gaussian_filter1d(ankle_m[:, 2], _SMOOTHING_S * RATE_HZ, mode="nearest")
+    return stances(ankle_m, height - np.quantile(height, 0.05), _STANCE_M)
 
 
 def _resampled(human: HumanRecording) -> tuple[np.ndarray, np.ndarray]:
@@ -138,26 +133,6 @@ def _chain_foot(chain: _Chain, side: str, base: np.ndarray, position: np.ndarray
     knee_m = base[:, :3, 3] + base[:, :3, :3] @ chain.hip_m + chain.thigh_m * _directions(hip, knee)
     # The foot stays level: what is below the ankle is there in the world, too.
     return knee_m + chain.shin_m * _directions(knee, ankle) + chain.foot_m
-
-
-def _plant(foot: np.ndarray, yaw: np.ndarray, stands: np.ndarray, sole_m: float) -> None:
-    """Hold ``foot`` (T, 3) and ``yaw`` (T,) still in place wherever it stands; between two stances
-    the correction goes over from one to the other."""
-    frames = np.arange(len(foot))
-    edges = np.flatnonzero(np.diff(np.pad(stands.astype(int), 1)))
-    at, moves = [], []
-    wanted = np.column_stack([foot, yaw])
-    for begin, end in edges.reshape(-1, 2):
-        place = wanted[begin:end].mean(axis=0)
-        place[2] = sole_m
-        at.append(frames[begin:end])
-        moves.append(place - wanted[begin:end])
-    if at:
-        known, correction = np.concatenate(at), np.concatenate(moves)
-        for column in range(4):
-            wanted[:, column] += np.interp(frames, known, correction[:, column])
-    foot[:], yaw[:] = wanted[:, :3], wanted[:, 3]
-    foot[:, 2] = np.maximum(foot[:, 2], sole_m)
 
 
 def _solve(
