@@ -33,12 +33,12 @@ def stances(place_m: np.ndarray, height_m: np.ndarray, within_m: float = _STANCE
     return ndimage.binary_opening(padded, shortest)[len(shortest) : -len(shortest)]
 
 
-def planted(foot: np.ndarray, stands: np.ndarray) -> np.ndarray:
+def planted(foot: np.ndarray, stands: np.ndarray, brisk: bool = False) -> np.ndarray:
     """``foot`` (T, n), whose third column is the height above the ground, held wherever it
     ``stands`` (T,) at the mean of its place and on the ground.
 
     Between two stances the correction goes over from one to the other, and the foot clears
-    the ground.
+    the ground; a ``brisk`` swing goes forward while it is high, so that it does not skim.
     """
     frames, found = np.arange(len(foot)), foot.copy()
     at, moves = [], []
@@ -52,10 +52,14 @@ def planted(foot: np.ndarray, stands: np.ndarray) -> np.ndarray:
         for column, values in zip(found.T, correction.T, strict=True):
             column += np.interp(frames, known, values)
     for begin, end in spans(~stands):
-        clearance_m = min(_CLEARANCE_M, _CLEARANCE_M_S * (end - begin) / RATE_HZ)
         phase = (np.arange(begin, end) - begin + 1.0) / (end - begin + 1.0)
-        lifted = clearance_m * np.sin(np.pi * phase) ** 2
-        found[begin:end, 2] = np.maximum(found[begin:end, 2], lifted)
+        if brisk and begin > 0 and end < len(foot):
+            at = begin - 1.0 + (end - begin + 1.0) * phase**2 * (3.0 - 2.0 * phase)
+            swing = found[begin - 1 : end + 1].copy()
+            for column in (0, 1):
+                found[begin:end, column] = np.interp(at, np.arange(begin - 1, end + 1), swing[:, column])
+        clearance_m = min(_CLEARANCE_M, _CLEARANCE_M_S * (end - begin) / RATE_HZ)
+        found[begin:end, 2] = np.maximum(found[begin:end, 2], clearance_m * np.sin(np.pi * phase))
     return found
 
 

@@ -93,7 +93,7 @@ def retarget(human: HumanRecording, robot: RobotModel) -> np.ndarray:
     yaws = [np.unwrap(_heading(rotation[:, _BODY[f"{side}_ankle"]])) for side in _SIDES]
     for foot, yaw, leg, side in zip(feet, yaws, robot.legs, _SIDES, strict=True):
         place = np.column_stack([foot - [0.0, 0.0, leg.sole_m], yaw])
-        place = planted(place, standing(position[:, _BODY[f"{side}_ankle"]]))
+        place = planted(place, standing(position[:, _BODY[f"{side}_ankle"]]), brisk=True)
         foot[:], yaw[:] = place[:, :3] + [0.0, 0.0, leg.sole_m], place[:, 3]
     return _solve(robot, base, rotation[:, _BODY["chest"]], feet, yaws, position)
 
