@@ -224,10 +224,12 @@ def refine(
 @click.argument("scene", type=ANY_PATH)
 @click.option("--masks", type=FOLDER, help="Masks of the objects: a folder each, or numbered images.")
 @click.option("--find", is_flag=True, help="Take what stands free in the observed geometry for objects.")
+@click.option("--segment", metavar="WORDS", help="Let SAM 3 mask what WORDS, with commas between, name.")
 @click.option("--library", type=FOLDER, help="Folder of meshes that shapes are looked for in.")
 @click.option(
     "--mesh", "meshes", multiple=True, metavar="NAME=FILE", help="An object's own mesh; repeatable."
 )
+@click.option("--generate", multiple=True, metavar="NAME", help="Let SAM 3D make its mesh; repeatable.")
 @click.option("--lock", multiple=True, metavar="NAME", help="Hold an alignment as it is; repeatable.")
 @click.option("--unlock", multiple=True, metavar="NAME", help="Align it again; repeatable.")
 @click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
@@ -235,8 +237,10 @@ def objects(
     scene: Path,
     masks: Path | None,
     find: bool,
+    segment: str | None,
     library: Path | None,
     meshes: tuple[str, ...],
+    generate: tuple[str, ...],
     lock: tuple[str, ...],
     unlock: tuple[str, ...],
     as_json: bool,
@@ -245,10 +249,11 @@ def objects(
     from .object_priors import declare_objects, describe_objects, lines
 
     opened = Scene.open(scene)
-    if masks or find or library or meshes or lock or unlock:
+    if masks or find or segment or library or meshes or generate or lock or unlock:
         files = {name: Path(file) for name, file in _overrides(meshes, "--mesh NAME=FILE").items()}
         declare_objects(
-            opened, masks=masks, find=find, library=library, meshes=files, lock=lock, unlock=unlock
+            opened, masks=masks, find=find, vocabulary=(segment or "").split(","), library=library,
+            meshes=files, generate=generate, lock=lock, unlock=unlock,
         )  # fmt: skip
     described = describe_objects(Scene.open(scene))
     click.echo(json.dumps(described, indent=1) if as_json else "\n".join(lines(described)))
@@ -508,6 +513,30 @@ def bench_geometry(
     from .benchmarks.splats import write_figures
 
     figures = bench_geometry(scene, library, seed, not no_noise, _progress(context, as_json=False))
+    click.echo("\n".join(lines(figures)))
+    if file is not None:
+        write_figures(file, figures)
+
+
+@bench.command("rollouts")
+@click.option("--scene", type=FOLDER, help="A bundle, or photographs and cameras.json; else a made-up room.")
+@click.option("--robot", help="The robot: an MJCF or URDF file; by default the scene's own.")
+@click.option(
+    "--scope", "scopes", multiple=True, metavar="NAME|FILE",
+    help="Behaviour scope; repeatable. By default walk_and_look and sit_down.",
+)  # fmt: skip
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the rollouts.")
+@click.option("--candidates", type=int, help="Views that are scored.")
+@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
+@click.pass_context
+def bench_rollouts(context: click.Context, scopes: tuple[str, ...], file: Path | None, **given: Any) -> None:
+    """Time successful rollouts of a scope, and the scoring of a round's candidate views."""
+    from .benchmarks.rollouts import bench_rollouts, lines
+    from .benchmarks.splats import write_figures
+
+    chosen = {name: value for name, value in given.items() if value is not None}
+    chosen |= {"scopes": scopes} if scopes else {}
+    figures = bench_rollouts(**chosen, progress=_progress(context, as_json=False))
     click.echo("\n".join(lines(figures)))
     if file is not None:
         write_figures(file, figures)

@@ -40,7 +40,8 @@ MAY_IMPORT = {
     "steps": PARTS | {"visual_asset", "allocation"},
     "pipeline": PARTS | {"steps"},
     "creation": ABOVE_CAPTURES | {"robot"},
-    "object_priors": ABOVE_CAPTURES | {"geometry", "steps"},
+    "object_backends": ABOVE_CAPTURES | {"geometry"},
+    "object_priors": ABOVE_CAPTURES | {"geometry", "steps", "object_backends"},
     "correction": ABOVE_CAPTURES | {"object_priors"},
     "doctor": FOUNDATION,
     "status": FOUNDATION,
@@ -50,7 +51,7 @@ MAY_IMPORT = {
     "texture": PARTS,
     "collision_report": ABOVE_CAPTURES | {"geometry", "robot"},
     "evaluation": PARTS | {"visual_asset", "steps", "pipeline"},
-    "benchmarks": PARTS | {"splat_training", "creation", "steps", "evaluation"},
+    "benchmarks": PARTS | {"splat_training", "creation", "steps", "evaluation", "scoring"},
     "splat_training": FOUNDATION | {"captures", "splats", "evaluation"},
     "cli": PARTS
     | {

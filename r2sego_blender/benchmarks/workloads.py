@@ -14,6 +14,8 @@ from ..captures.capture import Capture
 from ..captures.json_fields import read_json
 from ..captures.photographs import capture_of
 from ..errors import SettingsError
+from ..geometry.collision import CollisionSurface
+from ..geometry.proxy import GeometryProxy, Provenance
 from ..images import resize
 from ..splats.asset import SH_BAND_0, SplatAsset
 from ..splats.formats import load_asset
@@ -27,6 +29,8 @@ _FURNITURE_M = (
     ((1.9, 0.4, 0.0), (2.4, 1.6, 1.2)),
 )
 """Opposite corners of the room and of the boxes that stand in it."""
+
+_WALL_M = 0.1
 
 _CAMERA_M, _LOOKS_AT_M = (-1.9, 1.6, 1.5), (0.6, -0.5, 0.8)
 _FIELD_OF_VIEW = 1.2
@@ -168,6 +172,73 @@ def _room(count: int, rng: np.random.Generator) -> SplatAsset:
         logit_opacities=rng.normal(_LOGIT, _LOGIT_SPREAD, count),
         sh=sh,
     )
+
+
+def made_up_proxy(triangles: int) -> GeometryProxy:
+    """The same room as a geometry proxy of about ``triangles`` equal triangles, all seen by a capture."""
+    corners, edges = _faces()
+    sizes_m = np.linalg.norm(edges, axis=2)
+    spacing_m = np.sqrt(2.0 * np.prod(sizes_m, axis=1).sum() / triangles)
+    vertices, faces, count = [], [], 0
+    for number, (corner, (first, second), sizes) in enumerate(zip(corners, edges, sizes_m, strict=True)):
+        rows, columns = (max(1, round(size / spacing_m)) for size in sizes)
+        a, b = np.meshgrid(np.linspace(0.0, 1.0, rows + 1), np.linspace(0.0, 1.0, columns + 1), indexing="ij")
+        vertices.append((corner + a[..., None] * first + b[..., None] * second).reshape(-1, 3))
+        place = count + np.arange((rows + 1) * (columns + 1)).reshape(rows + 1, columns + 1)
+        quads = np.stack([place[:-1, :-1], place[1:, :-1], place[1:, 1:], place[:-1, 1:]], -1).reshape(-1, 4)
+        faces_in = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+        # A face's normal is first x second: of the axes in turn, + - +; boxes are seen from outside.
+        axis, is_high, is_room = number % 6 // 2, number % 2, number < 6
+        points_up = axis != 1
+        faces.append(faces_in if points_up != (is_high == is_room) else faces_in[:, ::-1])
+        count += place.size
+    whole = np.concatenate(faces)
+    return GeometryProxy(
+        np.concatenate(vertices).astype(np.float32), np.ascontiguousarray(whole, np.int32),
+        np.full(len(whole), Provenance.OBSERVED, np.uint8), np.ones(len(whole), np.uint16),
+        np.ones(len(whole), np.float32),
+    )  # fmt: skip
+
+
+def made_up_collision() -> CollisionSurface:
+    """The same room as a robot meets it: walls, ceiling and furniture as boxes on a flat floor."""
+    proxy = made_up_proxy(1)
+    low, high = (np.array(corner) for corner in _ROOM_M)
+    boxes = list(_FURNITURE_M)
+    for axis in range(3):
+        for side in ((high, high + _WALL_M), (low - _WALL_M, low)):
+            if axis == 2 and side[0] is not high:
+                continue
+            near, far = low.copy(), high.copy()
+            near[axis], far[axis] = side[0][axis], side[1][axis]
+            boxes.append((near, far))
+    floor = np.array([[x, y, 0.0] for x, y in _around(low, high)])
+    pieces = tuple(_box(np.array(a), np.array(b)) for a, b in boxes)
+    return CollisionSurface(
+        proxy.vertices.astype(np.float64), proxy.faces, pieces, floor, floor_z_m=0.0, tolerance_m=0.0
+    )
+
+
+def made_up_path(lens: Camera, count: int) -> list[Camera]:
+    """``count`` views from a robot's height, around the room's middle, looking down and about."""
+    turn = np.linspace(0.0, 8.0 * np.pi, count)
+    centres = np.stack([1.6 * np.cos(turn), 1.2 * np.sin(turn), np.full(count, 1.25)], axis=1)
+    gaze = turn + np.pi + 1.2 * np.sin(7.0 * turn)
+    ahead = np.stack([np.cos(gaze), np.sin(gaze), -0.6 + 0.3 * np.sin(11.0 * turn)], axis=1)
+    return [lens.at(look_at(centre, centre + to)) for centre, to in zip(centres, ahead, strict=True)]
+
+
+def _around(low: np.ndarray, high: np.ndarray) -> list[tuple[float, float]]:
+    """The corners of a rectangle, counter-clockwise."""
+    return [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
+
+
+def _box(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A closed box, its faces counter-clockwise from outside."""
+    around = _around(low, high)
+    vertices = np.array([(x, y, z) for z in (low[2], high[2]) for x, y in around])
+    sides = [[3, 2, 1, 0], [4, 5, 6, 7], *([k, (k + 1) % 4, (k + 1) % 4 + 4, k + 4] for k in range(4))]
+    return vertices, np.array([[a, *pair] for a, b, c, d in sides for pair in ((b, c), (c, d))], np.int32)
 
 
 def _faces() -> tuple[np.ndarray, np.ndarray]:

@@ -196,37 +196,43 @@ def _clear(code: Code, plane: Value, vectors: Value) -> None:
         code.store(plane + k * VECTOR_BYTES, code.vector(0.0))
 
 
-@vector_kernel(void(*[int64] * 7, *[float32] * 12))
+@vector_kernel(void(*[int64] * 7, *[float32] * 14))
 def _fill(
     code: Code, corner: Value, pitch: Value, x: Value, y: Value, columns: Value, rows: Value, valid: Value,
     ax: Value, ay: Value, az: Value, bx: Value, by: Value, bz: Value, cx: Value, cy: Value, cz: Value,
-    scale: Value, farthest: Value, closest: Value,
+    dx: Value, dy: Value, dz: Value, farthest: Value, closest: Value,
 ) -> None:  # fmt: skip
-    """Draw a face into the samples from ``corner``: sixteen columns are one vector.
+    """Draw a face into the samples from ``corner``, sixteen columns at a time.
 
-    The edge functions are a x + b y + c; two faces of an edge have exactly opposite ones.
+    The edge functions and the inverse depth are z + x right + y down; two faces of an edge
+    have exactly opposite edge functions, and so exactly opposite values at a sample.
     """
     lanes = code.vector([float(lane) for lane in range(LANES)])
     tag = code.spread(code.to_int(valid))
-    with code.loop(rows) as row:
-        slope = code.load_float(y + row * 4)
-        ends = [code.fma(slope, down, start) for down, start in ((ay, az), (by, bz), (cy, cz))]
-        done = code.variable(code.long(0))
-        with code.loop_while(lambda: done.get() < columns):
-            across = code.load(x + done.get() * 4, aligned=False)
-            edges = [code.fma(across, right, end) for right, end in zip((ax, bx, cx), ends, strict=True)]
-            inside = lanes < code.to_floats(columns - done.get())
+    planes = ((ax, ay, az), (bx, by, bz), (cx, cy, cz), (dx, dy, dz))
+    downs = [code.spread(down) for _, down, _ in planes]
+    done = code.variable(code.long(0))
+    with code.loop_while(lambda: done.get() < columns):
+        across = code.load(x + done.get() * 4, aligned=False)
+        starts = [code.fma(across, right, start) for right, _, start in planes]
+        present = lanes < code.to_floats(columns - done.get())
+        top = corner + done.get() * 4
+        with code.loop(rows) as row:
+            slope = code.spread(code.load_float(y + row * 4))
+            *edges, inverse = (
+                code.fma(slope, down, start) for down, start in zip(downs, starts, strict=True)
+            )
+            inside = present
             for edge in edges:
                 inside = inside & (edge >= 0.0)
             # A face seen edge-on is ill-conditioned, but never leaves its corners' range.
-            inverse = (edges[0] + edges[1] + edges[2]) * scale
             inverse = code.minimum(code.maximum(inverse, farthest), closest)
             key = (code.as_integers(inverse) & -2) | tag
-            place = corner + row * pitch + done.get() * 4
+            place = top + row * pitch
             before = code.as_integers(code.load(place, aligned=False))
             drawn = inside & (inverse <= 1.0 / NEAR_M) & (key > before)
             code.store(place, code.as_floats(code.select(drawn, key, before)), aligned=False)
-            done.add(code.long(LANES))
+        done.add(code.long(LANES))
 
 
 @kernel
@@ -271,7 +277,8 @@ def _draw(local, screen, face, supported, lens, width, height, offsets, x, y, pl
         end_column - first_column, end_row - first_row, valid,
         np.float32(ax), np.float32(ay), np.float32(az), np.float32(bx), np.float32(by), np.float32(bz),
         np.float32(cx), np.float32(cy), np.float32(cz),
-        np.float32(scale), np.float32(1.0 / high), np.float32(closest),
+        np.float32((ax + bx + cx) * scale), np.float32((ay + by + cy) * scale),
+        np.float32((az + bz + cz) * scale), np.float32(1.0 / high), np.float32(closest),
     )  # fmt: skip
 
 
