@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,11 +16,13 @@ from .errors import GeometryError
 from .geometry.clusters import find_objects
 from .geometry.completion import CompletedDepth
 from .geometry.objects import DeclaredObject, Placement, load_objects, read_masks, save_objects
+from .geometry.observed import ObservedGeometry
 from .geometry.planes import RoomPlanes
 from .geometry.priors import read_record
 from .geometry.shapes import load_shape, mesh_files
+from .object_backends import generated_meshes, segmented_objects
 from .scene import Scene
-from .steps import COMPLETED, OBJECTS, PLANES, PRIORS
+from .steps import COMPLETED, OBJECTS, OBSERVED, PLANES, PRIORS
 
 
 def declare_objects(
@@ -27,31 +30,41 @@ def declare_objects(
     *,
     masks: Path | None = None,
     find: bool = False,
+    vocabulary: Sequence[str] = (),
     library: Path | None = None,
     meshes: Mapping[str, Path] | None = None,
+    generate: Sequence[str] = (),
     lock: Sequence[str] = (),
     unlock: Sequence[str] = (),
 ) -> Scene:
     """Write what a person says of the objects; returns the scene as declared then.
 
     ``masks`` replaces the objects by those of a folder (``read_masks``), ``find`` by what
-    geometry alone takes for objects (``clusters``); ``library`` is the folder shapes are
-    looked for in; ``meshes`` gives single objects a mesh of their own.
+    geometry alone takes for objects (``clusters``), words in ``vocabulary`` by what SAM 3 finds
+    for them; ``library`` is the folder shapes are looked for in; ``meshes`` gives single objects
+    a mesh of their own, ``generate`` one that SAM 3D makes.
     ``lock`` holds the last run's alignments as they are, with their meshes; ``unlock`` lets
     them go. The next run redoes only what depends on it. Raises GeometryError, and changes
-    nothing then.
+    nothing then; MachineError and NativeError where a learned backend is missing or fails.
     """
-    with scene.locked():
+    words = [word.strip() for word in vocabulary if word.strip()]
+    with scene.locked(), tempfile.TemporaryDirectory(prefix="r2sego-") as temporary:
         folder = scene.path / OBJECTS
         captures = load_captures(scene.captures_folder)
         if masks is not None:
             declared = read_masks(masks, captures)
+        elif words:
+            declared = segmented_objects(words, captures, _observed(scene))
         else:
             declared = _found(scene, captures) if find else load_objects(folder, captures)
         objects = {one.name: one for one in declared}
         for name, mesh in (meshes or {}).items():
             load_shape(mesh)  # a mesh that cannot be read is refused now, not in the next run
-            objects[name] = replace(_known(objects, name, scene), mesh=mesh, placement=None)
+            one = _known(objects, name, scene)
+            objects[name] = replace(one, mesh=mesh, placement=None, backends=_but_mesh(one))
+        asked = [_known(objects, name, scene) for name in generate]
+        for one in generated_meshes(asked, captures, Path(temporary)):
+            objects[one.name] = one
         found = _library(library, scene)
         for name in lock:
             objects[name] = _locked(_known(objects, name, scene), scene, found)
@@ -81,7 +94,8 @@ def describe_objects(scene: Scene) -> list[dict[str, Any]]:
     records = _records(scene)
     return [
         {"name": one.name, "masks": sum(bool(mask.any()) for mask in one.masks.values()),
-         "own_mesh": one.mesh is not None, "locked": one.placement is not None and one.placement.locked}
+         "own_mesh": one.mesh is not None, "backends": dict(one.backends),
+         "locked": one.placement is not None and one.placement.locked}
         | records.get(one.name, {})
         for one in load_objects(scene.path / OBJECTS, load_captures(scene.captures_folder))
     ]  # fmt: skip
@@ -102,8 +116,25 @@ def lines(objects: Sequence[Mapping[str, Any]]) -> list[str]:
         by_symmetry = "completed by symmetry, without a mesh" if one.get("backend") == "symmetry" else ""
         result = one.get("refusal") or by_symmetry or ("aligned" if "shape" in one else "not run yet")
         result += ", locked" if one["locked"] else ""
+        made = ", ".join(f"{part} by {name}" for part, name in one.get("backends", {}).items())
+        result += f" ({made})" if made else ""
         text.append(f"{one['name']:<20}{one['masks']:>6}  {figures}  {result}")
     return text
+
+
+def _but_mesh(one: DeclaredObject) -> dict[str, str]:
+    """The backends of an object whose mesh a person gives."""
+    return {part: name for part, name in one.backends.items() if part != "mesh"}
+
+
+def _observed(scene: Scene) -> ObservedGeometry:
+    path = scene.path / OBSERVED
+    if not path.is_file():
+        raise GeometryError(
+            "nothing is observed yet, by which the photographs' masks could be joined",
+            where=scene.path, cure="Run `r2sego refine` first.",
+        )  # fmt: skip
+    return ObservedGeometry.load(path)
 
 
 def _found(scene: Scene, captures: Sequence[Capture]) -> tuple[DeclaredObject, ...]:

@@ -17,6 +17,7 @@ from r2sego_blender.captures.store import load_captures, save_captures
 from r2sego_blender.cli import main
 from r2sego_blender.errors import GeometryError, R2SEgoError
 from r2sego_blender.geometry.objects import load_objects
+from r2sego_blender.geometry.observed import ObservedGeometry
 from r2sego_blender.images import save_image
 from r2sego_blender.object_priors import declare_objects, describe_objects, lines, move_objects
 from r2sego_blender.scene import Declaration, Scene
@@ -109,6 +110,35 @@ def test_what_symmetry_completed_is_called_so_and_cannot_be_held(scene, masks, l
     assert "(symmetry)" in told and "without a mesh" in told and "aligned" not in told
     with pytest.raises(GeometryError, match="completed by its symmetry"):
         declare_objects(Scene.open(scene.path), lock=["chair"])
+
+
+def test_backends_are_told_and_a_mesh_by_hand_replaces_a_made_one(scene, masks, library):
+    declare_objects(scene, masks=masks)
+    made = {"masks": "SAM 3 0.1.0", "mesh": "SAM 3D Objects 0.0.1"}
+    (scene.path / "objects" / "chair" / "backends.json").write_text(json.dumps(made))
+    told = next(line for line in lines(describe_objects(scene)) if line.startswith("chair"))
+    assert "masks by SAM 3 0.1.0, mesh by SAM 3D Objects 0.0.1" in told
+    declare_objects(Scene.open(scene.path), meshes={"chair": library / "box.ply"})
+    assert dict(_objects(scene)["chair"].backends) == {"masks": "SAM 3 0.1.0"}
+
+
+@pytest.mark.parametrize("options", [["--segment", "chair, table"], ["--generate", "chair"]])
+def test_a_learned_backend_that_is_not_set_up_changes_nothing(scene, masks, monkeypatch, options):
+    for variable in ("R2SEGO_SAM3_PYTHON", "R2SEGO_SAM3D_PYTHON"):
+        monkeypatch.delenv(variable, raising=False)
+    declare_objects(scene, masks=masks)
+    (scene.path / "geometry").mkdir()
+    empty = np.zeros((1, 3), np.float32)
+    observed = ObservedGeometry(empty, empty, empty, np.ones((1, 3), bool), np.ones(1, np.float32))
+    observed.save(scene.path / "geometry" / "observed.npz")
+    result = CliRunner().invoke(main, ["objects", str(scene.path), *options])
+    assert result.exit_code != 0 and "is not set up on this machine" in result.output
+    assert set(_objects(scene)) == {"chair", "table"}
+
+
+def test_words_need_observed_points(scene):
+    with pytest.raises(GeometryError, match="nothing is observed yet"):
+        declare_objects(scene, vocabulary=["chair"])
 
 
 def test_poses_held_by_hand_move_with_the_world(scene, masks, library):

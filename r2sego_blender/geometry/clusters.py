@@ -97,5 +97,6 @@ def _objects(
                 mask[:] = 0
             masks[capture.name] = resize_nearest(mask, *capture.camera.shape) > 0
         if sum(mask.any() for mask in masks.values()) >= 2:
-            objects.append(DeclaredObject(f"cluster_{len(objects):02d}", masks))
+            name = f"cluster_{len(objects):02d}"
+            objects.append(DeclaredObject(name, masks, backends={"masks": "clusters"}))
     return tuple(objects)

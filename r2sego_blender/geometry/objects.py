@@ -5,6 +5,7 @@ They stand in the bundle's ``objects/<name>/``:
     masks/<capture>.png   white where the photograph shows the object; no file, not drawn
     mesh.glb              the shape, where the person gives one (any of ``MESH_SUFFIXES``)
     placement.json        its pose by hand: ``world_from_own`` (4, 4), and ``locked``
+    backends.json         whence ``masks`` and ``mesh`` are, where no person made them
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import cv2
@@ -37,12 +38,16 @@ class Placement:
 
 @dataclass(frozen=True)
 class DeclaredObject:
-    """``masks``: (H, W) bool at the capture's working size, by the capture's name."""
+    """``masks``: (H, W) bool at the capture's working size, by the capture's name.
+
+    ``backends``: what made the "masks" and the "mesh", such as "SAM 3 0.1.0"; nothing for a person.
+    """
 
     name: str
     masks: Mapping[str, np.ndarray]
     mesh: Path | None = None
     placement: Placement | None = None
+    backends: Mapping[str, str] = field(default_factory=dict)
 
 
 def load_objects(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObject, ...]:
@@ -68,6 +73,9 @@ def save_objects(folder: Path, objects: Sequence[DeclaredObject]) -> None:
             pose = one.placement.world_from_own.tolist()
             text = json.dumps({"world_from_own": pose, "locked": one.placement.locked}, indent=1)
             (place / "placement.json").write_text(text + "\n", encoding="utf-8")
+        if one.backends:
+            text = json.dumps(dict(one.backends), indent=1)
+            (place / "backends.json").write_text(text + "\n", encoding="utf-8")
 
 
 def read_masks(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObject, ...]:
@@ -82,7 +90,7 @@ def read_masks(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObjec
         raise GeometryError("there is no such folder", where=folder, cure="Give the folder of the masks.")
     parts = [place for place in sorted(folder.iterdir()) if place.is_dir()]
     if parts:
-        objects = [DeclaredObject(_plain(place.name), _masks(place, captures)) for place in parts]
+        objects = [DeclaredObject(plain_name(place.name), _masks(place, captures)) for place in parts]
     else:
         objects = _numbered(folder, captures)
     objects = [one for one in objects if any(mask.any() for mask in one.masks.values())]
@@ -91,10 +99,10 @@ def read_masks(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObjec
             "no mask belongs to a photograph of the scene", where=folder,
             cure="Call the masks as the photographs, such as IMG_01.png.",
         )  # fmt: skip
-    return _told_apart(objects)
+    return told_apart(objects)
 
 
-def _told_apart(objects: Sequence[DeclaredObject]) -> tuple[DeclaredObject, ...]:
+def told_apart(objects: Sequence[DeclaredObject]) -> tuple[DeclaredObject, ...]:
     """With numbers after names that are taken: a scene may have two chairs."""
     taken: set[str] = set()
     found = []
@@ -111,9 +119,20 @@ def _object(place: Path, captures: Sequence[Capture]) -> DeclaredObject:
     meshes = [place / f"mesh{suffix}" for suffix in MESH_SUFFIXES]
     mesh = next((path for path in meshes if path.is_file()), None)
     masks = _masks(place / "masks", captures) if (place / "masks").is_dir() else {}
-    found = DeclaredObject(place.name, masks, mesh)
+    found = DeclaredObject(place.name, masks, mesh, backends=_backends(place / "backends.json"))
     path = place / "placement.json"
     return replace(found, placement=_placement(path)) if path.is_file() else found
+
+
+def _backends(path: Path) -> dict[str, str]:
+    if not path.is_file():
+        return {}
+    try:
+        return {str(part): str(name) for part, name in json.loads(path.read_text(encoding="utf-8")).items()}
+    except (OSError, AttributeError, ValueError) as error:
+        raise GeometryError(
+            "this is no record of backends", where=path, cure="Remove it; the object is then a person's."
+        ) from error
 
 
 def _placement(path: Path) -> Placement:
@@ -173,7 +192,7 @@ def _numbered(folder: Path, captures: Sequence[Capture]) -> list[DeclaredObject]
             mask = _at_working_size(numbers == number, capture)
             masks.setdefault(number, {})[capture.name] = mask
     return [
-        DeclaredObject(_plain(str(names.get(str(number), f"object_{number:02d}"))), found)
+        DeclaredObject(plain_name(str(names.get(str(number), f"object_{number:02d}"))), found)
         for number, found in sorted(masks.items())
     ]
 
@@ -197,6 +216,6 @@ def _stem(capture: Capture) -> str:
     return Path(capture.name).stem
 
 
-def _plain(name: str) -> str:
+def plain_name(name: str) -> str:
     """A name that is a file's on any system."""
     return re.sub(r"[^A-Za-z0-9._-]", "_", name).strip("._") or "object"

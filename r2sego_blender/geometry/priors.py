@@ -230,6 +230,8 @@ def _decided(
         retrieval = retrieve(evidence, candidates, settings)
     best = retrieval.best
     record = {"name": one.name, "refusal": retrieval.refusal, "observed_points": len(evidence.points)}
+    if one.mesh is not None and "mesh" in one.backends:
+        record["mesh_by"] = one.backends["mesh"]
     record |= _figures(best) | {
         "rough": {name: round(energy, 4) for name, energy in retrieval.rough.items()},
         "screening": {name: round(energy, 4) for name, energy in retrieval.screening.items()},

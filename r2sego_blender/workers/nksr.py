@@ -8,11 +8,11 @@ mesh out. Its code and weights are under a licence of their own, which forbids m
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from ..errors import MachineError
 from .child import call_in_child
+from .elsewhere import named_python, require_gpu
 
 PYTHON_VARIABLE = "R2SEGO_NKSR_PYTHON"
 _CURE = (
@@ -27,11 +27,7 @@ def reconstruct_elsewhere(cloud: Path, surface: Path, voxel_m: float) -> None:
     Raises MachineError when there is no such environment or NKSR is not in it, NativeError
     when it ends without a result.
     """
-    python = os.environ.get(PYTHON_VARIABLE, "")
-    if not python:
-        raise MachineError("NKSR is not set up on this machine", where="proxy.surface", cure=_CURE)
-    if not Path(python).is_file():
-        raise MachineError(f"{PYTHON_VARIABLE} names no file", where=python, cure=_CURE)
+    python = named_python(PYTHON_VARIABLE, "NKSR", "proxy.surface", _CURE)
     request = {"cloud": str(cloud), "surface": str(surface), "voxel_m": voxel_m}
     call_in_child(_reconstruct, request, python=python)
 
@@ -44,8 +40,7 @@ def _reconstruct(request: dict) -> dict:
         import torch
     except ImportError as error:
         raise MachineError(f"NKSR is not there: {error}", where=PYTHON_VARIABLE, cure=_CURE) from error
-    if not torch.cuda.is_available():
-        raise MachineError("NKSR needs an NVIDIA GPU", where=PYTHON_VARIABLE, cure=_CURE)
+    require_gpu(torch, "NKSR", PYTHON_VARIABLE, _CURE)
     device = torch.device("cuda:0")
     with np.load(request["cloud"]) as data:
         points, normals = (torch.from_numpy(data[name]).float().to(device) for name in ("points", "normals"))
