@@ -7,6 +7,7 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from .composition import Composition
 from .free_floor import CELL_M, FreeFloor
 from .kinematics import LegSolver
 from .model import RobotModel
@@ -42,22 +43,31 @@ def placed_on_floor(qpos: np.ndarray, floor: FreeFloor, rng: np.random.Generator
 
 
 def placed_on_seat(
-    qpos: np.ndarray, robot: RobotModel, floor: FreeFloor, seat: Seat, depth_m: float
-) -> np.ndarray | None:
+    qpos: np.ndarray, robot: RobotModel, composition: Composition, floor: FreeFloor, seat: Seat,
+    depth_m: float, shortest: int,
+) -> np.ndarray | None:  # fmt: skip
     """``qpos`` (T, nq), which ends seated, moved so that it ends ``depth_m`` behind the seat's edge.
 
     The base is lowered or lifted to the seat's height as it sits down, the feet staying where
-    they are. None where the way to the seat leaves the free floor.
+    they are. What comes before the base is for good on the free floor or the seat is left out;
+    None where fewer than ``shortest`` frames remain, or the feet do not reach.
     """
     turn = seat.yaw_rad - heading_rad(qpos[-1])
     turned = moved(qpos, turn, np.zeros(2))
     found = moved(qpos, turn, seat.ahead(-depth_m) - turned[-1, :2], floor.floor_z_m)
     near = np.array([seat.is_near(place) for place in found[:, :2]])
-    if not (floor.is_free(found[:, :2]) | near).all():
+    outside = np.flatnonzero(~(floor.is_free(found[:, :2]) | near))
+    found = found[outside[-1] + 1 :] if len(outside) else found
+    if len(found) < shortest:
         return None
     soles, _ = foot_places(robot, found)
-    lift_m = seated_height(robot, found[-1], soles[:, -1], seat) - found[-1, 2]
     standing_m = floor.floor_z_m + robot.rest_height_m
+    upright = found[-1].copy()
+    upright[2] = standing_m
+    seated_m = seated_height(robot, composition, upright, soles[:, -1], seat)
+    if seated_m is None:
+        return None
+    lift_m = seated_m - found[-1, 2]
     share = np.clip((standing_m - found[:, 2]) / (standing_m - found[-1, 2]), 0.0, 1.0)
     found[:, 2] += share * lift_m
     _keep_feet(robot, found, soles, share)

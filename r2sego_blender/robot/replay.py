@@ -36,7 +36,9 @@ _LOAD_SMOOTHING_S = 0.04
 _ON_SEAT_M, _SEAT_LOAD_S = 0.02, 0.1
 # Seated longer than asked for, so that settling on the seat does not count.
 _SEATED_MARGIN_S = 0.6
-_TRIED_WINDOWS, _TRIED_SEATS = 8, 40
+# The way to a seat lasts this long at least.
+_APPROACH_S = 2.0
+_TRIED_WINDOWS, _TRIED_SEATS = 24, 12
 _SHORTEST_S = 0.5
 
 
@@ -83,6 +85,7 @@ class ReplayController:
         self.name = (
             f"replay {Path(motions[0]).name}" if len(motions) == 1 else f"replay {len(motions)} motions"
         )
+        self._lowest_m = scope.failures.fall_height * robot.rest_height_m
         self._takes = [load_take(path, robot) for path in motions]
         self._sits = scope.behaviours.sit_on / sum(astuple(scope.behaviours))
         self._seats: tuple[Seat, ...] = ()
@@ -106,19 +109,24 @@ class ReplayController:
         for _ in range(_TRIED_WINDOWS):
             take = self._takes[int(rng.integers(len(self._takes)))]
             start = int(rng.integers(max(1, len(take.qpos) - frames + 1)))
-            qpos = placed_on_floor(take.qpos[start : start + frames], self._floor, rng)
+            part = take.qpos[start : start + frames]
+            if part[:, 2].min() < self._lowest_m:  # sits or lies, and would be judged fallen
+                continue
+            qpos = placed_on_floor(part, self._floor, rng)
             if qpos is not None:
                 return self._reference(take, qpos, None, rng)
         return None
 
     def _drawn_on_seat(self, rng: np.random.Generator) -> ReferenceMotion | None:
         take = self._seated[int(rng.integers(len(self._seated)))]
-        end = take.seated[0] + round((self._scope.sit_on.hold_s + _SEATED_MARGIN_S) * RATE_HZ)
+        seated = round((self._scope.sit_on.hold_s + _SEATED_MARGIN_S) * RATE_HZ)
+        end, shortest = take.seated[0] + seated, seated + round(_APPROACH_S * RATE_HZ)
         start = max(0, end - round(self._scope.episode.duration_s * RATE_HZ))
         for _ in range(_TRIED_SEATS):
             seat = self._seats[int(rng.integers(len(self._seats)))]
             depth_m = rng.uniform(*self._scope.sit_on.depth_m)
-            qpos = placed_on_seat(take.qpos[start : end + 1], self._robot, self._floor, seat, depth_m)
+            part = take.qpos[start : end + 1]
+            qpos = placed_on_seat(part, self._robot, self.composition, self._floor, seat, depth_m, shortest)
             if qpos is not None:
                 return self._reference(take, qpos, seat, rng)
         return None
