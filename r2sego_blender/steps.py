@@ -23,7 +23,7 @@ from .captures.capture import Capture
 from .captures.sparse import SparsePoints, depth_ranges
 from .captures.store import load_captures
 from .generation.blending import BlendingGenerator
-from .generation.conditions import ConditionRenderer
+from .generation.conditions import ZBufferRenderer
 from .generation.ego_views import PseudoObservation, ego_video_reg, load_pseudo_observations
 from .generation.registration import Landmarks
 from .geometry.bounds import with_missing_bounds
@@ -296,7 +296,7 @@ class Steps:
         last frame is kept and registered to the captures."""
 
         def compute(folder: Path) -> None:
-            renderer = ConditionRenderer(self._proxy(proxy))
+            renderer = ZBufferRenderer(self._proxy(proxy))
             depths = [renderer.depth(capture.camera) for capture in self._captures]
             observed = self._reliable_depths()
             generator = BlendingGenerator(self._captures, depths, self.h.generation, observed)
@@ -322,7 +322,7 @@ class Steps:
         """
 
         def compute(file: Path) -> None:
-            renderer = ConditionRenderer(self._proxy(proxy))
+            renderer = ZBufferRenderer(self._proxy(proxy))
             real = [self._capture_view(capture, renderer) for capture in self._captures]
             observations = [
                 observation
@@ -405,7 +405,7 @@ class Steps:
     def _asset(self, name: str) -> SplatAsset:
         return load_ply(self.scene.path / name)
 
-    def _capture_view(self, capture: Capture, renderer: ConditionRenderer) -> DepthView:
+    def _capture_view(self, capture: Capture, renderer: ZBufferRenderer) -> DepthView:
         """A capture with the proxy's depth and, where its rays leave the proxy, its completed
         one: every photographed pixel is of something."""
         depth = renderer.depth(capture.camera)
@@ -417,7 +417,7 @@ class Steps:
         completed = CompletedDepth.load(self.scene.path / COMPLETED / f"{capture.name}.npz")
         return resize_nearest(completed.depth, *capture.camera.shape)
 
-    def _pseudo_view(self, observation: PseudoObservation, renderer: ConditionRenderer) -> PseudoView:
+    def _pseudo_view(self, observation: PseudoObservation, renderer: ZBufferRenderer) -> PseudoView:
         camera = observation.camera
         depth = renderer.depth(camera)
         view = DepthView(camera, depth, observation.image, self._stride_px)

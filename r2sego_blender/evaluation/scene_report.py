@@ -11,7 +11,7 @@ import numpy as np
 
 from ..captures.capture import Capture
 from ..captures.store import load_captures
-from ..generation.conditions import load_conditions
+from ..generation.condition_files import load_conditions
 from ..geometry.proxy import GeometryProxy, Provenance
 from ..robot.rollouts import load_rollouts
 from ..scene import Scene

@@ -1,58 +1,89 @@
-"""Structural conditions z_v: the geometry proxy rendered along a camera path."""
+"""Structural conditions z_v: the geometry proxy rendered along a camera path.
+
+Renderers differ in where they run (a z-buffer here, Cycles and EEVEE in a Blender), not in
+what they return.
+"""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Protocol
 
-import cv2
 import numpy as np
 
-from ..arrays import opened_arrays
 from ..cameras import Camera
-from ..errors import GenerationError
+from ..compiled import parallel_kernel, prange
+from ..geometry.meshes import normals_and_areas
 from ..geometry.proxy import GeometryProxy
 from ..geometry.rasterizer import MeshRasterizer
 
-NO_PROVENANCE = 255
-"""The provenance of a pixel that shows no proxy surface."""
-
-_MILLIMETRES = 1000.0
-_NORMAL_STEPS = 127.0  # unit normals are stored as int8
+NOTHING = 0
+"""The provenance of a pixel that shows no proxy surface; elsewhere it is ``Provenance`` + 1."""
 
 
 @dataclass(frozen=True)
 class Condition:
-    """What the proxy looks like from one camera of a path.
+    """What the proxy looks like from one camera of a path, z_v,t.
 
-    ``depth`` (H, W) float32 planar metres, 0 where there is no surface; ``validity``
+    ``depth`` (H, W) float32 planar z in metres, 0 where nothing is seen; ``normal``
+    (H, W, 3) float32, unit, in the world frame and towards the camera, 0 where nothing is
+    seen; ``provenance`` (H, W) uint8, ``NOTHING`` or ``Provenance`` + 1; ``validity``
     (H, W) float32 in [0, 1], 1 where the free side of a surface that some capture saw is
-    shown (a surface none saw anchors nothing); ``provenance``
-    (H, W) uint8 of ``Provenance`` or ``NO_PROVENANCE``; ``normal`` (H, W, 3) float32, the
-    unit face normal in the world, zero where there is no surface.
+    shown (a surface none saw anchors nothing); ``instance`` (H, W) int32, the number of the
+    object in the proxy, 0 for the room and for nothing.
     """
 
     camera: Camera
     depth: np.ndarray
-    validity: np.ndarray
-    provenance: np.ndarray
     normal: np.ndarray
+    provenance: np.ndarray
+    validity: np.ndarray
+    instance: np.ndarray
+
+    @property
+    def distance(self) -> np.ndarray:
+        """(H, W) float32: the length of each pixel's ray to the surface, metres, 0 for nothing."""
+        return self.depth * np.linalg.norm(self.camera.rays(), axis=-1).astype(np.float32)
+
+    @property
+    def normal_camera(self) -> np.ndarray:
+        """(H, W, 3) float32: the normal in the camera's frame (OpenCV axes), 0 for nothing."""
+        return self.normal @ self.camera.world_from_camera[:3, :3].astype(np.float32)
 
 
-class ConditionRenderer:
-    """Renders structural conditions of one geometry proxy."""
+class Renderer(Protocol):
+    """Renders structural conditions of one geometry proxy.
+
+    ``name`` is what the bundle, the panels and the report call it, such as "z-buffer" or
+    "Cycles 4.5.15".
+    """
+
+    name: str
+
+    def render(self, path: Sequence[Camera]) -> list[Condition]:
+        """One condition a camera, at the camera's size."""
+        ...
+
+
+class ZBufferRenderer:
+    """The default: the library's own z-buffer on the processor."""
+
+    name = "z-buffer"
 
     def __init__(self, proxy: GeometryProxy, rasterizer: MeshRasterizer | None = None) -> None:
         """``rasterizer``, when given, is one made of the proxy's own vertices and faces."""
         self._rasterizer = rasterizer or MeshRasterizer(proxy.vertices, proxy.faces)
-        self._provenance = proxy.provenance
-        self._supported = proxy.support > 0
-        corners = proxy.vertices[proxy.faces].astype(np.float64)
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        length = np.linalg.norm(normal, axis=1, keepdims=True)
-        self._normal = (normal / np.maximum(length, np.finfo(np.float64).tiny)).astype(np.float32)
+        self._faces = (
+            normals_and_areas(proxy.vertices, proxy.faces)[0].astype(np.float32),
+            proxy.provenance.astype(np.uint8),
+            np.ascontiguousarray(proxy.support > 0),
+            proxy.instance.astype(np.int32),
+        )
+
+    def render(self, path: Sequence[Camera]) -> list[Condition]:
+        """See ``Renderer``."""
+        return [self.condition(camera) for camera in path]
 
     def depth(self, camera: Camera) -> np.ndarray:
         """The proxy's planar depth (H, W) float32, metres, 0 where there is no surface."""
@@ -61,64 +92,38 @@ class ConditionRenderer:
     def condition(self, camera: Camera) -> Condition:
         """The structural condition at one camera."""
         buffers = self._rasterizer.render(camera)
-        normal = buffers.of_face(self._normal)
-        ray = camera.rays().astype(np.float32) @ camera.world_from_camera[:3, :3].T.astype(np.float32)
-        facing = np.einsum("hwc,hwc->hw", normal, ray) < 0.0
-        return Condition(
-            camera=camera,
-            depth=buffers.depth,
-            validity=(facing & buffers.of_face(self._supported, False)).astype(np.float32),
-            provenance=buffers.of_face(self._provenance.astype(np.uint8), NO_PROVENANCE),
-            normal=normal,
-        )
+        lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+        rotation = np.ascontiguousarray(camera.world_from_camera[:3, :3])
+        return Condition(camera, buffers.depth, *_passes(buffers.face, lens, rotation, *self._faces))
 
 
-def render_conditions(renderer: ConditionRenderer, path: Sequence[Camera]) -> tuple[Condition, ...]:
-    """The proxy rendered along a path, one condition a camera."""
-    return tuple(renderer.condition(camera) for camera in path)
+ConditionRenderer = ZBufferRenderer
 
 
-def save_conditions(folder: Path, conditions: Sequence[Condition]) -> None:
-    """Write each condition as two files that together are small.
-
-    ``000_depth.png``: 16-bit depth in millimetres, 0 = unknown (also beyond 65 m);
-    ``000.npz``: the camera, validity (uint8 of 255), provenance and normal (int8 of 127).
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    for index, condition in enumerate(conditions):
-        millimetres = np.rint(condition.depth * _MILLIMETRES)
-        millimetres[millimetres > np.iinfo(np.uint16).max] = 0
-        _, png = cv2.imencode(".png", millimetres.astype(np.uint16), [cv2.IMWRITE_PNG_COMPRESSION, 2])
-        (folder / f"{index:03d}_depth.png").write_bytes(png.tobytes())
-        np.savez_compressed(
-            folder / f"{index:03d}.npz",
-            camera=json.dumps(condition.camera.to_json()),
-            validity=np.rint(condition.validity * 255.0).astype(np.uint8),
-            provenance=condition.provenance,
-            normal=np.rint(condition.normal * _NORMAL_STEPS).astype(np.int8),
-        )
-
-
-def load_conditions(folder: Path) -> tuple[Condition, ...]:
-    """Read what ``save_conditions`` wrote: depths to half a millimetre, normals to half a degree.
-
-    Raises GenerationError when a file is missing or damaged.
-    """
-    conditions = []
-    for path in sorted(folder.glob("[0-9][0-9][0-9].npz")):
-        with opened_arrays(path, GenerationError, "this structural condition is damaged") as data:
-            camera = Camera.from_json(json.loads(str(data["camera"])))
-            validity = data["validity"].astype(np.float32) / 255.0
-            provenance, normal = data["provenance"], data["normal"].astype(np.float32)
-            png = np.frombuffer(path.with_name(f"{path.stem}_depth.png").read_bytes(), np.uint8)
-            depth = cv2.imdecode(png, cv2.IMREAD_UNCHANGED) if len(png) else None
-            if depth is None or depth.shape != camera.shape or depth.dtype != np.uint16:
-                raise ValueError("the depth is not a 16-bit PNG of the camera's size")
-        length = np.linalg.norm(normal, axis=-1, keepdims=True)
-        normal = normal / np.maximum(length, np.float32(1.0))
-        conditions.append(
-            Condition(camera, depth.astype(np.float32) / _MILLIMETRES, validity, provenance, normal)
-        )
-    if not conditions:
-        raise GenerationError("there are no conditions here", where=folder, cure="Run the round again.")
-    return tuple(conditions)
+@parallel_kernel
+def _passes(face, lens, rotation, normals, provenances, supported, instances):
+    """Normal, provenance, validity and instance of the face at every pixel."""
+    height, width = face.shape
+    normal = np.zeros((height, width, 3), np.float32)
+    provenance = np.zeros((height, width), np.uint8)
+    validity = np.zeros((height, width), np.float32)
+    instance = np.zeros((height, width), np.int32)
+    for row in prange(height):
+        y = (row + 0.5 - lens[3]) / lens[1]
+        for column in range(width):
+            f = face[row, column]
+            if f < 0:
+                continue
+            x = (column + 0.5 - lens[2]) / lens[0]
+            along = 0.0  # the ray's direction along the face's free side
+            for axis in range(3):
+                ray = rotation[axis, 0] * x + rotation[axis, 1] * y + rotation[axis, 2]
+                along += normals[f, axis] * ray
+            sign = np.float32(1.0) if along <= 0.0 else np.float32(-1.0)
+            for axis in range(3):
+                normal[row, column, axis] = sign * normals[f, axis]
+            provenance[row, column] = provenances[f] + 1
+            if along < 0.0 and supported[f]:
+                validity[row, column] = 1.0
+            instance[row, column] = instances[f]
+    return normal, provenance, validity, instance

@@ -18,7 +18,8 @@ from ..images import load_image, save_image, to_uint8
 from ..progress import SILENT, Progress
 from ..selection import Selection
 from ..settings import Settings
-from .conditions import Condition, ConditionRenderer, render_conditions, save_conditions
+from .condition_files import save_conditions
+from .conditions import Condition, Renderer
 from .generator import Frame, Generator
 from .paths import camera_path, reference_from_frame
 from .registration import Landmarks, RegisteredFrame, register_frame
@@ -48,7 +49,7 @@ def ego_video_reg(
     selection: Selection,
     candidates: Sequence[Camera],
     captures: Sequence[Capture],
-    renderer: ConditionRenderer,
+    renderer: Renderer,
     generator: Generator,
     landmarks: Landmarks,
     settings: Settings,
@@ -135,7 +136,7 @@ class _View:
 
 
 def _generate(
-    view: _View, target: Camera, reference: Camera, renderer: ConditionRenderer, generator: Generator,
+    view: _View, target: Camera, reference: Camera, renderer: Renderer, generator: Generator,
     landmarks: Landmarks, settings: Settings, folder: Path,
 ) -> str | None:  # fmt: skip
     """Make and write one view; None when it is accepted, else the reason why not."""
@@ -143,7 +144,7 @@ def _generate(
     path = camera_path(reference, target, settings.generation.clip_frames)
     path = (*(camera.scaled(settings.generation.clip_scale) for camera in path[:-1]), path[-1])
     _write_path(folder / "path.json", view, reference, path)
-    conditions = render_conditions(renderer, path)
+    conditions = renderer.render(path)
     save_conditions(folder / "conditions", conditions)
     try:
         clip = generator.generate(view.reference, conditions)

@@ -28,13 +28,18 @@ PROVENANCE_COLOURS = {
 """Capture grey and prior teal as in the paper's figures, completed amber; sRGB in [0, 1]."""
 
 
+_INSTANCES = ("instance", "instance_names")
+
+
 @dataclass(frozen=True)
 class GeometryProxy:
     """A triangle mesh in the world frame, metres, with the evidence for each face.
 
     ``vertices`` (V, 3) float32; ``faces`` (F, 3) int32, counter-clockwise from the free
     side; ``provenance`` (F,) uint8 of ``Provenance``; ``support`` (F,) uint16, the number
-    of captures that saw the face; ``confidence`` (F,) float32 in [0, 1].
+    of captures that saw the face; ``confidence`` (F,) float32 in [0, 1]; ``instance`` (F,)
+    int32, 0 for the room and k for the object ``instance_names[k - 1]`` whose prior the
+    face is of (by default all are the room's).
     """
 
     vertices: np.ndarray
@@ -42,10 +47,17 @@ class GeometryProxy:
     provenance: np.ndarray
     support: np.ndarray
     confidence: np.ndarray
+    instance: np.ndarray | None = None
+    instance_names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.instance is None:
+            object.__setattr__(self, "instance", np.zeros(len(self.faces), np.int32))
 
     def save(self, path: Path) -> None:
         """Write the arrays as an uncompressed ``.npz``."""
-        save_arrays(path, **{field.name: getattr(self, field.name) for field in fields(self)})
+        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
+        save_arrays(path, **arrays | {"instance_names": np.array(self.instance_names, np.str_)})
 
     def save_ply(self, path: Path) -> None:
         """Write the mesh as a binary PLY whose faces are coloured by their provenance."""
@@ -59,6 +71,13 @@ class GeometryProxy:
 
     @staticmethod
     def load(path: Path) -> GeometryProxy:
-        """Read what ``save`` wrote. Raises GeometryError when the file is no proxy."""
+        """Read what ``save`` wrote, or an older file, without instances.
+
+        Raises GeometryError when the file is no proxy.
+        """
         with opened_arrays(path, GeometryError, "this is not a geometry proxy") as data:
-            return GeometryProxy(**{field.name: data[field.name] for field in fields(GeometryProxy)})
+            names = [field.name for field in fields(GeometryProxy)]
+            arrays = {name: data[name] for name in names if name in data or name not in _INSTANCES}
+            if "instance_names" in arrays:
+                arrays["instance_names"] = tuple(arrays["instance_names"].tolist())
+            return GeometryProxy(**arrays)

@@ -18,11 +18,11 @@ def box_room(tmp_path_factory):
     """Four photographs of the box room with exact depths, and its condition renderer."""
     import box_room
 
-    from r2sego_blender.generation.conditions import ConditionRenderer
+    from r2sego_blender.generation.conditions import ZBufferRenderer
 
     folder = tmp_path_factory.mktemp("box_room")
     captures, depths = box_room.write_captures(folder, box_room.arc(4))
-    return SimpleNamespace(captures=captures, depths=depths, renderer=ConditionRenderer(box_room.proxy()))
+    return SimpleNamespace(captures=captures, depths=depths, renderer=ZBufferRenderer(box_room.proxy()))
 
 
 @pytest.fixture(scope="session")
@@ -30,7 +30,7 @@ def room_a():
     """The furnished room: captures and frozen views with their true depths, and its mesh."""
     from r2sego_blender.cameras import Camera
     from r2sego_blender.captures.capture import Capture
-    from r2sego_blender.generation.conditions import ConditionRenderer
+    from r2sego_blender.generation.conditions import ZBufferRenderer
     from r2sego_blender.geometry.proxy import GeometryProxy
 
     if not (ROOM_A / "cameras.json").is_file():
@@ -58,5 +58,5 @@ def room_a():
     )  # fmt: skip
     return SimpleNamespace(
         captures=captures, depths=depths, frozen=frozen, frozen_depths=frozen_depths,
-        renderer=ConditionRenderer(proxy),
+        renderer=ZBufferRenderer(proxy),
     )  # fmt: skip

@@ -10,7 +10,7 @@ from box_room import arc, lens, proxy, psnr, render, write_captures
 from r2sego_blender.cameras import look_at
 from r2sego_blender.errors import GenerationError
 from r2sego_blender.generation.blending import BlendingGenerator
-from r2sego_blender.generation.conditions import ConditionRenderer
+from r2sego_blender.generation.conditions import ZBufferRenderer
 from r2sego_blender.generation.visibility import capture_trust
 from r2sego_blender.settings import GenerationSettings
 
@@ -70,7 +70,7 @@ def test_the_kernel_is_its_plain_reference_on_random_scenes(tmp_path, seed):
     captures, depths = write_captures(tmp_path, cameras[1:])
     depths = [d * rng.uniform(0.98, 1.02, d.shape).astype(np.float32) for d in depths]
     generator = BlendingGenerator(captures, depths, settings)
-    condition = ConditionRenderer(proxy()).condition(cameras[0])
+    condition = ZBufferRenderer(proxy()).condition(cameras[0])
     condition.depth[rng.random(condition.depth.shape) < 0.05] = 0.0
     images = [c.image() * g for c, g in zip(captures, generator.gains, strict=True)]
     expected, count = reference(condition, captures, images, depths, settings)
@@ -129,7 +129,7 @@ def test_no_foreground_colour_on_the_background(tmp_path, shift_px):
     depths = [render(camera, (screen,))[1] for camera in moved]
     generator = BlendingGenerator(captures, depths, SETTINGS)
     camera = lens(320, 240).at(look_at([0.0, -1.5, 1.3], [0.0, 1.0, 1.2]))
-    condition = ConditionRenderer(proxy((screen,))).condition(camera)
+    condition = ZBufferRenderer(proxy((screen,))).condition(camera)
     frame = generator.blend(condition)
     background = condition.depth > 2.0
     assert background.mean() > 0.3

@@ -7,18 +7,14 @@ from box_room import TABLE, arc, lens, render
 
 from r2sego_blender.cameras import look_at
 from r2sego_blender.errors import GenerationError
-from r2sego_blender.generation.conditions import (
-    NO_PROVENANCE,
-    load_conditions,
-    render_conditions,
-    save_conditions,
-)
+from r2sego_blender.generation.condition_files import load_conditions, save_conditions
+from r2sego_blender.generation.conditions import NOTHING
 from r2sego_blender.geometry.proxy import Provenance
 
 
 @pytest.fixture(scope="module")
 def conditions(box_room):
-    return render_conditions(box_room.renderer, arc(2))
+    return box_room.renderer.render(arc(2))
 
 
 def test_depth_and_normals_are_those_of_ray_casting(conditions):
@@ -37,8 +33,8 @@ def test_provenance_and_validity_follow_the_faces(conditions):
         table = np.all((points > TABLE[0] - 1e-3) & (points < TABLE[1] + 1e-3), axis=-1)
         inside = cv2.erode(table.astype(np.uint8), np.ones((3, 3))) > 0
         assert inside.any()
-        assert (condition.provenance[inside] == Provenance.OBSERVED).all()
-        assert (condition.provenance[~table & (points[..., 2] > 1e-3)] == Provenance.COMPLETED).all()
+        assert (condition.provenance[inside] == Provenance.OBSERVED + 1).all()
+        assert (condition.provenance[~table & (points[..., 2] > 1e-3)] == Provenance.COMPLETED + 1).all()
         assert condition.validity.all()
 
 
@@ -48,7 +44,7 @@ def test_surfaces_seen_from_behind_are_not_valid(box_room):
     shown = condition.depth > 0
     assert 0.05 < shown.mean() < 1.0
     assert not condition.validity.any()
-    assert (condition.provenance[~shown] == NO_PROVENANCE).all()
+    assert (condition.provenance[~shown] == NOTHING).all()
     assert not condition.normal[~shown].any()
 
 

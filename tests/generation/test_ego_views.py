@@ -11,7 +11,7 @@ from PIL import Image
 from r2sego_blender.cameras import rotation_angle_rad
 from r2sego_blender.errors import GenerationError
 from r2sego_blender.generation.blending import BlendingGenerator
-from r2sego_blender.generation.conditions import load_conditions
+from r2sego_blender.generation.condition_files import load_conditions
 from r2sego_blender.generation.ego_views import ego_video_reg, load_pseudo_observations
 from r2sego_blender.generation.generator import Frame
 from r2sego_blender.generation.registration import Landmarks

@@ -6,7 +6,7 @@ import pytest
 
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.errors import GeometryError
-from r2sego_blender.generation.conditions import ConditionRenderer
+from r2sego_blender.generation.conditions import ZBufferRenderer
 from r2sego_blender.geometry.proxy import GeometryProxy
 from r2sego_blender.scoring.availability import SAMPLES, ValidityRenderer
 
@@ -52,7 +52,7 @@ def cameras_inside(rng, count):
 
 def expected_shares(proxy, cameras, threshold):
     """A pixel's validity is the share of its samples that the conditions call valid."""
-    renderer, shares = ConditionRenderer(proxy), []
+    renderer, shares = ZBufferRenderer(proxy), []
     for camera in cameras:
         fine = renderer.condition(camera.scaled(SAMPLES)).validity
         blocks = fine.reshape(camera.height, SAMPLES, camera.width, SAMPLES)
