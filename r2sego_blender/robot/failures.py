@@ -51,7 +51,10 @@ class Judge:
         self._floor = floor
         self._failures = scope.failures
         self._seated_s = scope.sit_on.hold_s
-        self._lowest_m = floor.floor_z_m + scope.failures.fall_height * rest_height_m
+        # A wheeled base has its origin anywhere, even on the floor: it falls over, it does not sink.
+        self._lowest_m = -np.inf
+        if composition.legs:
+            self._lowest_m = floor.floor_z_m + scope.failures.fall_height * rest_height_m
         _, high = geom_bounds(composition.model)
         self._floor_geoms = composition.scene_geoms & (high[:, 2] < floor.floor_z_m + FLATNESS_M)
 

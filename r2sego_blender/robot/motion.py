@@ -60,7 +60,8 @@ def plan_motion(
     root = plan_root(floor, scope, rng, seats)
     if root is None:
         return None
-    height_m = robot.rest_height_m * draw(scope.start.pelvis_height, rng)
+    share = draw(scope.start.pelvis_height, rng)
+    height_m = robot.rest_height_m * (1.0 if robot.is_wheeled else share)
     pitch = scope.look.camera_pitch_deg
     mount = robot.mount if pitch is None else robot.mount.pitched(draw(pitch, rng))
     gait = plan_gait(root, robot)
