@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from pathlib import Path
 from typing import Protocol
 
@@ -110,7 +111,9 @@ class PolicyFile:
         import torch
 
         try:
-            module = torch.jit.load(io.BytesIO(self._content), map_location="cpu").eval()
+            with warnings.catch_warnings():  # torch would rather have policies exported anew
+                warnings.simplefilter("ignore", DeprecationWarning)
+                module = torch.jit.load(io.BytesIO(self._content), map_location="cpu").eval()
         except Exception as error:  # RuntimeError, and what its reader of archives raises
             raise self._error(
                 f"this is no TorchScript file: {_first_line(error)}", "Export it with torch.jit.save."
