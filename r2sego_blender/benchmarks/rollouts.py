@@ -18,7 +18,7 @@ import numpy as np
 from ..captures.capture import Capture
 from ..captures.store import save_captures
 from ..creation import create_scene
-from ..errors import SettingsError
+from ..errors import RobotError, SettingsError
 from ..geometry.collision_files import write_collision
 from ..images import save_image
 from ..progress import SILENT, Progress
@@ -58,8 +58,9 @@ def bench_rollouts(
     ``scene`` is a bundle with a geometry proxy, a folder with photographs and cameras.json,
     or None for a made-up room; it is copied and left as it is. ``robot`` and ``scopes`` are
     as ``r2sego new`` takes them; the robot is the bundle's own if it is not given. Returns
-    JSON-ready figures, docs/behaviour-scope.md says what each means. Raises SettingsError
-    for a scene without a proxy, and what the steps raise.
+    JSON-ready figures, docs/behaviour-scope.md says what each means; a scope that cannot be
+    rolled out here has its error among them. Raises SettingsError for a bundle without a
+    collision surface, and what making one raises.
     """
     figures: dict[str, Any] = {
         "machine": processor(), "cores": available_cores(), "threads": numba.get_num_threads(),
@@ -86,11 +87,15 @@ def lines(figures: dict[str, Any]) -> list[str]:
 
 
 def _summary(s: dict[str, Any]) -> str:
+    if "error" in s:
+        return s["error"]
     seconds = f"{s['wall_s']:.1f} s ({s['cpu_s']:.1f} s CPU)"
     return f"{s['succeeded']} rollouts of {s['attempts']} attempts in {seconds}, by {s['controller']}"
 
 
 def _details(s: dict[str, Any]) -> list[str]:
+    if "error" in s:
+        return []
     failed = ", ".join(f"{count} {reason}" for reason, count in s["failures"].items()) or "none"
     (low_m, high_m), (low_deg, high_deg) = s["camera_height_m"], s["camera_pitch_deg"]
     text = [
@@ -154,10 +159,13 @@ def _made_up_bundle(place: Path) -> Scene:
 
 
 def _rolled_out(bundle: Scene, scope: str, seed: int, progress: Progress) -> dict[str, Any]:
-    """The figures of a scope's rollouts."""
+    """The figures of a scope's rollouts; ``error`` alone where there are none."""
     scene = Scene(bundle.path, replace(bundle.declaration, scope=scope))
     step = Steps(scene, replace(scene.declaration.settings, seed=seed), progress)
-    name, costs = _costing(lambda: step.successful_ego_poses(0, _PROXY, _COLLISION))
+    try:
+        name, costs = _costing(lambda: step.successful_ego_poses(0, _PROXY, _COLLISION))
+    except RobotError as error:
+        return {"error": str(error)}
     return costs | quality_figures(load_rollouts(scene.path / name))
 
 
