@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import math
 
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from legged_robots import quadruped_mjcf
+from scipy.spatial import ConvexHull
 
 from r2sego_blender.errors import RobotError
+from r2sego_blender.robot.collision_shapes import colliding, lowest_m
 from r2sego_blender.robot.model import RobotModel
 from r2sego_blender.robot.mount import parse_mount
+from r2sego_blender.robot.structure import posed
 
 PUBLISHED_MOUNT = ["torso_link", [0.0576235, 0.01753, 0.42987], [0.0, 0.8307767, 0.0], {"hfov_deg": 69.0}]
 
@@ -111,6 +116,138 @@ def test_h1_loads_from_mjcf_and_urdf(shared_robot, file):
     assert robot.waist_yaw is None
     assert robot.rest_height_m == pytest.approx(1.04, abs=0.02)
     assert robot.camera(640, 480).centre[2] == pytest.approx(robot.rest_height_m + 0.69317, abs=1e-6)
+
+
+def test_h1_s_arms_and_torso_are_no_legs(shared_robot):
+    robot = RobotModel.load(shared_robot("h1/h1/urdf/h1.urdf"), ["torso_link", [0, 0, 0.7], [0, 0, 0], 60])
+    assert [robot.model.body(leg.foot).name for leg in robot.legs] == ["left_ankle_link", "right_ankle_link"]
+    assert [leg.is_flat for leg in robot.legs] == [True, True]
+
+
+def test_legs_of_a_quadruped(quadruped):
+    feet = [quadruped.model.body(leg.foot).name for leg in quadruped.legs]
+    assert feet == ["front_left_calf", "front_right_calf", "rear_left_calf", "rear_right_calf"]
+    assert [leg.group for leg in quadruped.legs] == [0, 1, 1, 0]
+    assert [len(leg.joints) for leg in quadruped.legs] == [3, 3, 3, 3]
+    assert not any(leg.is_flat for leg in quadruped.legs)
+    for leg in quadruped.legs:
+        assert [quadruped.model.body(body).name[-4:] for body in leg.foot_bodies] == ["calf", "foot"]
+        np.testing.assert_allclose(leg.tip, (0.0, 0.0, -0.22), atol=1e-9)  # the middle of the foot's ball
+        assert leg.sole_m == pytest.approx(0.022)
+
+
+def test_legs_of_a_hexapod_go_on_tripods(hexapod):
+    sides = [hexapod.model.body(leg.foot).name.removesuffix("_tibia") for leg in hexapod.legs]
+    assert sides == [
+        "front_left", "front_right", "middle_left", "middle_right", "rear_left", "rear_right",
+    ]  # fmt: skip
+    assert [leg.group for leg in hexapod.legs] == [0, 1, 1, 0, 0, 1]
+    np.testing.assert_allclose(
+        [leg.tip for leg in hexapod.legs], np.tile([0.16, 0.0, 0.0], (6, 1)), atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("name", ["humanoid", "quadruped", "hexapod", "wheeled"])
+def test_resting_robot_stands_on_all_its_feet(name, request):
+    robot = request.getfixturevalue(name)
+    model, data = robot.model, posed(robot.model, robot.rest_qpos)
+    np.testing.assert_array_equal(robot.rest_qpos[[0, 1, 3, 4, 5, 6]], (0, 0, 1, 0, 0, 0))
+    geoms = colliding(model)
+    assert lowest_m(model, data, geoms) == pytest.approx(0.0, abs=1e-6)
+    for leg in robot.legs:
+        assert leg.tip_place(data)[2] == pytest.approx(leg.sole_m, abs=1e-4)
+    above = geoms[~np.isin(model.geom_bodyid[geoms], robot.ground_bodies)]
+    assert lowest_m(model, data, above) > 0.02
+    limited = model.jnt_limited.astype(bool)
+    angles = robot.rest_qpos[model.jnt_qposadr[limited]]
+    assert (angles >= model.jnt_range[limited, 0]).all()
+    assert (angles <= model.jnt_range[limited, 1]).all()
+    # The middle of the mass is over the feet or wheels, with room to sway.
+    mujoco.mj_comPos(model, data)
+    points = [leg.tip_place(data)[:2] for leg in robot.legs] or [(0.15, 0), (-0.15, 0), (0, 0.17), (0, -0.17)]
+    if len(points) > 2:
+        edges = ConvexHull(points).equations  # the distance to an edge, negative inside
+        assert (edges[:, :2] @ data.subtree_com[robot.base, :2] + edges[:, 2] < -0.05).all()
+
+
+@pytest.mark.parametrize("name", ["humanoid", "quadruped", "hexapod"])
+def test_resting_legs_are_bent(name, request):
+    """Every foot can be raised and lowered: the legs' inverse kinematics is not singular."""
+    robot = request.getfixturevalue(name)
+    data = posed(robot.model, robot.rest_qpos)
+    mujoco.mj_comPos(robot.model, data)
+    for leg in robot.legs:
+        jacobian = np.zeros((3, robot.model.nv))
+        mujoco.mj_jac(robot.model, data, jacobian, None, leg.tip_place(data), leg.foot)
+        own = jacobian[:, robot.model.jnt_dofadr[list(leg.joints)]]
+        assert np.linalg.svd(own)[1][-1] > 0.04 * robot.leg_m
+
+
+def test_soles_reach_as_far_as_their_shapes_less_a_margin(humanoid):
+    for leg in humanoid.legs:
+        np.testing.assert_allclose(leg.sole_low_m, (-0.0245, -0.021), atol=0.01)
+        np.testing.assert_allclose(leg.sole_high_m, (0.0945, 0.021), atol=0.01)
+        assert leg.sole_low_m[0] > -0.05
+        assert leg.sole_high_m[0] < 0.12
+
+
+def test_keyframe_is_the_resting_posture(tmp_path):
+    key = '<keyframe><key qpos="1 2 0.3 1 0 0 0  0 0.9 -1.8 0 0.9 -1.8 0 0.9 -1.8 0 0.9 -1.8"/></keyframe>'
+    text = quadruped_mjcf().replace("</mujoco>", f"{key}</mujoco>")
+    robot = RobotModel.load(write(tmp_path, text))
+    np.testing.assert_allclose(robot.rest_qpos[7:], [0.0, 0.9, -1.8] * 4)
+    assert robot.rest_height_m == pytest.approx(0.44 * math.cos(0.9) + 0.022, abs=1e-6)
+
+
+def test_casters_are_no_wheels_and_an_arm_is_no_leg(tmp_path):
+    wheel = (
+        '<body name="{n}" pos="{x} {y} 0"><joint name="{n}" axis="0 {a} 0"/>'
+        '<geom type="cylinder" size="0.1 0.02" zaxis="0 1 0"/></body>'
+    )
+    wheels = "".join(
+        wheel.format(n=n, x=x, y=y, a=a)
+        for n, x, y, a in (("left", 0, 0.2, 1), ("right", 0, -0.2, -1), ("caster", 0.2, 0, 1))
+    )
+    arm = "<body pos='0 0 {z}'><joint axis='0 1 0'/><geom size='0.03'/>{inner}</body>"
+    arms = "".join(
+        f'<body pos="0 {y} 0.3"><geom size="0.02"/>'
+        f"{arm.format(z=0, inner=arm.format(z=-0.1, inner=arm.format(z=-0.1, inner='')))}</body>"
+        for y in (0.1, -0.1)
+    )
+    drives = '<actuator><motor joint="left"/><motor joint="right"/></actuator>'
+    text = (
+        f'<mujoco><worldbody><body name="base"><freejoint/><geom type="box" size=".2 .1 .05"/>'
+        f'<camera name="eye"/>{wheels}{arms}</body></worldbody>{drives}</mujoco>'
+    )
+    robot = RobotModel.load(write(tmp_path, text))
+    assert names(robot, [wheel.joint for wheel in robot.wheels]) == ["left", "right"]
+    assert [wheel.forward for wheel in robot.wheels] == [1.0, -1.0]
+    assert [wheel.radius_m for wheel in robot.wheels] == pytest.approx([0.1, 0.1], rel=0.01)
+    assert robot.legs == ()
+    assert "caster" in {robot.model.body(body).name for body in robot.ground_bodies}
+
+
+def test_wheels_of_a_urdf_without_actuators(tmp_path):
+    """As ROS writes differential drives: continuous joints about a turned frame's z axis."""
+    inertia = '<inertia ixx=".01" iyy=".01" izz=".01" ixy="0" ixz="0" iyz="0"/>'
+    inertial = f'<inertial><mass value="1"/>{inertia}</inertial>'
+    text = (
+        f'<robot name="r"><link name="footprint"/><link name="body">{inertial}<collision><origin '
+        'xyz="0 0 .1"/><geometry><box size=".2 .2 .1"/></geometry></collision></link><joint name="fixed" '
+        'type="fixed"><parent link="footprint"/><child link="body"/><origin xyz="0 0 .033"/></joint>'
+    )
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        text += (
+            f'<link name="{side}">{inertial}<collision><geometry><cylinder length=".02" radius=".033"/>'
+            f'</geometry></collision></link><joint name="{side}" type="continuous"><parent link="body"/>'
+            f'<child link="{side}"/><origin xyz="0 {y} 0" rpy="-1.5708 0 0"/><axis xyz="0 0 1"/></joint>'
+        )
+    path = tmp_path / "robot.urdf"
+    path.write_text(f"{text}</robot>")
+    robot = RobotModel.load(path, ["body", [0, 0, 0.2], [0, 0.3, 0], 60])
+    assert names(robot, [wheel.joint for wheel in robot.wheels]) == ["left", "right"]
+    np.testing.assert_allclose([wheel.offset_m for wheel in robot.wheels], [[0, 0.1], [0, -0.1]], atol=1e-6)
+    assert [wheel.forward for wheel in robot.wheels] == [1.0, 1.0]
 
 
 def write(tmp_path, text: str) -> str:
