@@ -518,6 +518,26 @@ def bench_geometry(
         write_figures(file, figures)
 
 
+@bench.command("generation")
+@click.option("--scene", required=True, type=FOLDER, help="cameras.json, captures and their ground truth.")
+@click.option("--bundle", type=FOLDER, help="A bundle of these captures with a proxy, to save making it.")
+@click.option("--library", type=ANY_PATH, help="Another scene's .glb: its meshes beside the true objects'.")
+@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the pipeline.")
+@click.option("--clips", type=int, help="Whole clips made to see how steady they are.")
+@click.pass_context
+def bench_generation(context: click.Context, file: Path | None, **given: Any) -> None:
+    """Time the embedded generator, and score it at the frozen poses of a scene with known truth."""
+    from .benchmarks.generation import bench_generation, lines
+    from .benchmarks.splats import write_figures
+
+    chosen = {name: value for name, value in given.items() if value is not None}
+    figures = bench_generation(**chosen, progress=_progress(context, as_json=False))
+    click.echo("\n".join(lines(figures)))
+    if file is not None:
+        write_figures(file, figures)
+
+
 @bench.command("rollouts")
 @click.option("--scene", type=FOLDER, help="A bundle, or photographs and cameras.json; else a made-up room.")
 @click.option("--robot", help="The robot: an MJCF or URDF file; by default the scene's own.")

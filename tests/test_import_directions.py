@@ -51,7 +51,7 @@ MAY_IMPORT = {
     "texture": PARTS,
     "collision_report": ABOVE_CAPTURES | {"geometry", "robot"},
     "evaluation": PARTS | {"visual_asset", "steps", "pipeline"},
-    "benchmarks": PARTS | {"splat_training", "creation", "steps", "evaluation", "scoring"},
+    "benchmarks": PARTS | {"splat_training", "creation", "steps", "evaluation", "scoring", "references"},
     "splat_training": FOUNDATION | {"captures", "splats", "evaluation"},
     "cli": PARTS
     | {

@@ -23,7 +23,6 @@ from ..creation import create_scene
 from ..errors import GeometryError
 from ..evaluation.geometry_scores import depth_score, surface_score
 from ..evaluation.ground_truth import GroundTruth, load_ground_truth
-from ..geometry.objects import save_objects
 from ..geometry.priors import read_record
 from ..geometry.proxy import GeometryProxy
 from ..geometry.stereo import DepthMap
@@ -35,7 +34,6 @@ from ..steps import (
     COMPLETED,
     DEPTH,
     INITIAL_ASSET,
-    OBJECTS,
     OBSERVED,
     PLANES,
     PRIORS,
@@ -44,7 +42,7 @@ from ..steps import (
 )
 from .disturbance import disturbed_captures
 from .machine import processor
-from .true_objects import TrueObject, rough_masks, true_objects, write_library
+from .true_objects import TrueObject, declare_true_objects
 
 _PARTS = {
     DEPTH: "stereo",
@@ -71,8 +69,6 @@ _TINY: Mapping[str, Any] = {
 
 _SCORING, _DISTURBANCE, _LIBRARY = 0, 1, 2
 """Streams of random numbers, apart from those of the pipeline."""
-
-_WRONG_MESHES = 22
 
 T = TypeVar("T")
 
@@ -138,12 +134,8 @@ def _with_priors(
     """The same scene with objects declared: what became of each, and the proxy's scores."""
     in_world = truth.transformed(_world_from_capture(bundle))
     rng = np.random.default_rng([seed, _LIBRARY])
-    objects = true_objects(in_world, rng)
-    wrong = write_library(folder / "library", objects, other_scene, _WRONG_MESHES, rng)
-    declared = rough_masks(truth, objects, rng)
+    objects, wrong = declare_true_objects(bundle, in_world, other_scene, folder / "library", rng)
     figures: dict[str, Any] = {"library_meshes": len(objects) + len(wrong), "objects": len(objects)}
-
-    save_objects(bundle.path / OBJECTS, declared)
     bundle = _CostedScene(bundle.path, bundle.declare(mesh_library=str(folder / "library")).declaration)
     _run(bundle, progress)
     figures |= {f"with_priors_{n}": v for n, v in _proxy_scores(bundle, truth, seed).items()}

@@ -19,8 +19,10 @@ from scipy.spatial.transform import Rotation
 
 from ..evaluation.geometry_scores import AlignmentScore, alignment_score
 from ..evaluation.ground_truth import GroundTruth
-from ..geometry.objects import DeclaredObject
+from ..geometry.objects import DeclaredObject, save_objects
 from ..geometry.shapes import Shape
+from ..scene import Scene
+from ..steps import OBJECTS
 
 _LARGEST_M, _LEAST_THICK_M = 3.0, 0.1
 _ON_FLOOR_M = 0.05
@@ -29,6 +31,7 @@ _FLATTEST = 0.02  # thickness over size; flatter is a picture or a carpet
 _SYMMETRIC = 0.004  # of the size: mean distance of a shape to itself when turned
 _TWIN_M = 1e-3
 _SCALES = (0.3, 3.0)
+_WRONG_MESHES = 22
 
 
 @dataclass(frozen=True)
@@ -88,6 +91,21 @@ def write_library(
         mesh.export(folder / f"other_{name}.ply")
         wrong.append(f"other_{name}")
     return wrong
+
+
+def declare_true_objects(
+    bundle: Scene, truth: GroundTruth, other_scene: Path, folder: Path, rng: np.random.Generator
+) -> tuple[tuple[TrueObject, ...], list[str]]:
+    """Declare the true objects in a bundle and fill ``folder`` with its library of meshes.
+
+    ``truth`` is in the bundle's world; ``_WRONG_MESHES`` of ``other_scene`` stand in the
+    library too. Returns the objects and the names of the wrong meshes. Which folder the
+    library is remains to be declared.
+    """
+    objects = true_objects(truth, rng)
+    wrong = write_library(folder, objects, other_scene, _WRONG_MESHES, rng)
+    save_objects(bundle.path / OBJECTS, rough_masks(truth, objects, rng))
+    return objects, wrong
 
 
 def rough_masks(
