@@ -58,7 +58,7 @@ def bench_rollouts(
     ``scene`` is a bundle with a geometry proxy, a folder with photographs and cameras.json,
     or None for a made-up room; it is copied and left as it is. ``robot`` and ``scopes`` are
     as ``r2sego new`` takes them; the robot is the bundle's own if it is not given. Returns
-    JSON-ready figures, docs/behaviour-scope.md says what each means; a scope that cannot be
+    JSON-ready figures, docs/selection.md says what each means; a scope that cannot be
     rolled out here has its error among them. Raises SettingsError for a bundle without a
     collision surface, and what making one raises.
     """

@@ -28,7 +28,7 @@ SAMPLES = 2
 _CLUSTER = 128  # faces: few enough for their vertices to stay in a core's own memory
 _ROUNDING_PX = 1e-6  # bounds are widened by this, so that rounding never loses a sample
 _SIDES = 4  # planes that bound a view beside the near one
-_GREATEST = 1e30
+_GREATEST = 1e30  # inverse depth at the camera plane
 
 
 class ValidityRenderer:

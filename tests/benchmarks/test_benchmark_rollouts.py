@@ -1,7 +1,6 @@
 """The bench of rollouts: a sound room, the rollouts' own figures, and a scene that is left alone."""
 
 import json
-from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -9,10 +8,11 @@ import pytest
 
 from r2sego_blender.benchmarks import rollouts as bench
 from r2sego_blender.benchmarks.workloads import made_up_collision, made_up_path, made_up_proxy, made_up_room
+from r2sego_blender.errors import SettingsError
 from r2sego_blender.geometry.collision_files import write_collision
 from r2sego_blender.robot.attempts import Rollout
 from r2sego_blender.robot.quality import Quality
-from r2sego_blender.scene import Scene, content_digest
+from r2sego_blender.scene import Declaration, Scene, content_digest
 from r2sego_blender.scoring.scores import support_scores
 from r2sego_blender.settings import SelectionSettings
 
@@ -76,6 +76,13 @@ def test_figures_are_the_extremes_of_the_successes():
     }  # fmt: skip
 
 
+def test_a_bundle_that_was_not_refined_is_told(tmp_path):
+    declaration = Declaration("photographs", tuple(map(tuple, np.eye(4))), "floor", "metric")
+    made = Scene.create(tmp_path / "room.r2s", declaration, lambda folder: (folder / "captures").mkdir())
+    with pytest.raises(SettingsError, match="no collision surface"):
+        bench.bench_rollouts(made.path)
+
+
 @pytest.mark.slow
 def test_a_bundle_is_rolled_out_and_left_as_it_is(tmp_path):
     made = bench._made_up_bundle(tmp_path / "room.r2s")
@@ -93,4 +100,3 @@ def test_a_bundle_is_rolled_out_and_left_as_it_is(tmp_path):
     assert figures["scoring"]["candidates"] == 8
     text = "\n".join(bench.lines(figures))
     assert "walk_and_look: 2 rollouts of" in text and "scoring 8 candidates at 640x480" in text
-    assert Scene.open(made.path).declaration == replace(made.declaration)
