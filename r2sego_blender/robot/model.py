@@ -85,13 +85,13 @@ class RobotModel:
             raise does_not_compile(source, error) from error
         if not (np.isfinite(model.body_pos).all() and np.isfinite(model.body_mass).all()):
             raise RobotError("positions or masses are not finite", where=source, cure="Correct the file.")
+        base = _free_base(model, source)
         geoms = colliding(model)
         if not len(geoms):
             raise RobotError(
                 "the robot has no shape that can touch anything", where=source,
                 cure="Give it collision shapes.",
             )  # fmt: skip
-        base = _free_base(model, source)
         camera_mount = _find_mount(model, mount, source)
         declared = declared_posture(model)
         wheels = find_wheels(model, base, declared)

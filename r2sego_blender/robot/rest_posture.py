@@ -23,11 +23,15 @@ _BENT = 0.95
 # stood up on a foot this far down and out.
 _LEAST_DROP, _DROP, _SPREAD, _SPREAD_BEND_RAD = 0.2, 0.45, 0.6, 1.2
 _REACHED_M = 1e-3
+_LIMIT_SLACK_RAD = 0.02
 
 
 def declared_posture(model: mujoco.MjModel) -> np.ndarray:
-    """(nq,) the file's first keyframe, or its zero posture with hanging arms; upright at x = y = 0."""
-    if model.nkey:
+    """(nq,) the file's first keyframe, or its zero posture with hanging arms; upright at x = y = 0.
+
+    A keyframe that breaks the joints' limits was not meant to stand in.
+    """
+    if model.nkey and _keeps_limits(model, model.key_qpos[0]):
         rest = model.key_qpos[0].copy()
     else:
         rest = model.qpos0.copy()
@@ -38,6 +42,13 @@ def declared_posture(model: mujoco.MjModel) -> np.ndarray:
     rest[:2] = 0.0
     rest[3:7] = (1.0, 0.0, 0.0, 0.0)
     return rest
+
+
+def _keeps_limits(model: mujoco.MjModel, qpos: np.ndarray) -> bool:
+    limited = model.jnt_limited.astype(bool) & (model.jnt_type != _FREE)
+    angles = qpos[model.jnt_qposadr[limited]]
+    low, high = model.jnt_range[limited].T
+    return bool((np.maximum(low - angles, angles - high) < _LIMIT_SLACK_RAD).all())
 
 
 def standing_posture(

@@ -181,7 +181,7 @@ def _folders(folder: RobotFolder, root: Element) -> dict[str, Path]:
 
 
 def _leave_out(root: Element) -> None:
-    """Drop pictures, the world's own shapes, and settings that only a simulation needs."""
+    """Drop pictures, the world's own shapes and fixed bodies, and what only a simulation needs."""
     for asset in root.findall("asset"):
         asset[:] = [child for child in asset if child.tag not in _LEFT_OUT_ASSETS]
     for material in root.iter("material"):
@@ -189,11 +189,24 @@ def _leave_out(root: Element) -> None:
         material[:] = [child for child in material if child.tag not in {"texture", "layer"}]
     for compiler in root.iter("compiler"):
         compiler[:] = []
+    has_robot = any(_moves(body) for body in root.iter("body"))
     frames = root.findall("worldbody")
     while frames:
         frame = frames.pop()
-        frame[:] = [child for child in frame if child.tag not in _OF_THE_WORLD]
+        frame[:] = [
+            child
+            for child in frame
+            if child.tag not in _OF_THE_WORLD and (child.tag != "body" or _moves(child) or not has_robot)
+        ]
         frames.extend(child for child in frame if child.tag in _WORLD_FRAMES)
+    for key in root.iter("key"):  # poses of bodies left out
+        for attribute in ("mpos", "mquat"):
+            key.attrib.pop(attribute, None)
+
+
+def _moves(body: Element) -> bool:
+    """Whether a body of the world, or one below it, has a joint."""
+    return any(element.tag in {"joint", "freejoint"} for element in body.iter())
 
 
 def _check_size(root: Element) -> None:

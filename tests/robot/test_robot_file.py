@@ -215,7 +215,8 @@ def test_left_out_is_what_a_robot_does_not_need(folder):
     text = mjcf(
         '<mesh file="part.stl"/><texture name="t" type="2d" builtin="flat" width="1" height="1"/>'
         '<material name="m" texture="t"/><hfield name="h" nrow="9" ncol="9" size="1 1 1 1"/>',
-        body=f'<geom type="plane" size="1 1 1"/><geom type="hfield" hfield="h"/><light/>{_BODY}',
+        body='<geom type="plane" size="1 1 1"/><geom type="hfield" hfield="h"/><light/>'
+        f'<body name="table"><geom size="1"/></body>{_BODY}',
         before='<option timestep="5"/><size memory="900G"/><sensor><clock/></sensor>'
         '<custom><numeric name="n" size="99999999"/></custom>',
     )  # fmt: skip
@@ -223,6 +224,7 @@ def test_left_out_is_what_a_robot_does_not_need(folder):
     assert (model.ngeom, model.ntex, model.nhfield, model.nlight, model.nsensor, model.nnumeric) == (
         1, 0, 0, 0, 0, 0,
     )  # fmt: skip
+    assert model.nbody == 2
     assert model.opt.timestep == mujoco.MjModel.from_xml_string("<mujoco/>").opt.timestep
 
 

@@ -7,7 +7,7 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from legged_robots import quadruped_mjcf
 from scipy.spatial import ConvexHull
@@ -60,6 +60,7 @@ def test_field_of_view_is_69_degrees_across_the_vga_image(humanoid):
     assert parse_mount(PUBLISHED_MOUNT, "test").camera(640, 480).fx == pytest.approx(expected, rel=1e-12)
 
 
+@settings(deadline=None)
 @given(st.floats(-30.0, 89.0))
 def test_pitched_mount_looks_that_far_down_and_keeps_its_place(down_deg):
     mount = parse_mount(PUBLISHED_MOUNT, "test").pitched(down_deg)
