@@ -66,10 +66,11 @@ class MeshRasterizer:
     def render(self, camera: Camera, attributes: Sequence[np.ndarray] = ()) -> MeshBuffers:
         """The mesh as ``camera`` sees it; ``attributes`` are (V,) or (V, C) per-vertex values."""
         pose = camera.camera_from_world
-        local = _to_camera(self._vertices, pose[:3, :3].copy(), pose[:3, 3].copy())
         lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
-        bounds = _screen_bounds(local, self._faces, lens, camera.width, camera.height)
-        inverse, face = _draw(local, self._faces, bounds, lens, camera.width, camera.height)
+        local, screen = _project(self._vertices, pose[:3, :3].copy(), pose[:3, 3].copy(), lens)
+        bounds = _screen_bounds(local, screen, self._faces, lens, camera.width, camera.height)
+        starts, listed = _in_bands(bounds, camera.height)
+        inverse, face = _draw(local, self._faces, bounds, starts, listed, lens, camera.width, camera.height)
         interpolated = tuple(
             _interpolate(local, self._faces, face, lens, np.ascontiguousarray(values, np.float32))
             for values in (np.reshape(a, (len(self._vertices), -1)) for a in attributes)
@@ -80,8 +81,10 @@ class MeshRasterizer:
 
 
 @parallel_kernel
-def _to_camera(vertices, rotation, translation):
+def _project(vertices, rotation, translation, lens):
+    """(V, 3) in the camera's frame and (V, 2) pixels, the latter only beyond the near plane."""
     local = np.empty_like(vertices)
+    screen = np.empty((vertices.shape[0], 2))
     for i in prange(vertices.shape[0]):
         for axis in range(3):
             local[i, axis] = (
@@ -90,39 +93,73 @@ def _to_camera(vertices, rotation, translation):
                 + rotation[axis, 2] * vertices[i, 2]
                 + translation[axis]
             )
-    return local
+        if local[i, 2] >= NEAR_M:
+            inverse = 1.0 / local[i, 2]
+            screen[i, 0] = local[i, 0] * inverse * lens[0] + lens[2]
+            screen[i, 1] = local[i, 1] * inverse * lens[1] + lens[3]
+    return local, screen
 
 
 @parallel_kernel
-def _screen_bounds(local, faces, lens, width, height):
+def _screen_bounds(local, screen, faces, lens, width, height):
     """(F, 4) int16: first and end column and row of the pixels a face may cover in front of
     the near plane; an empty range where it covers none."""
     count = faces.shape[0]
     bounds = np.empty((count, 4), np.int16)
     for chunk in prange((count + _CHUNK - 1) // _CHUNK):
         for f in range(chunk * _CHUNK, min(count, (chunk + 1) * _CHUNK)):
-            low_u = low_v = np.inf
-            high_u = high_v = -np.inf
-            for corner in range(3):
-                a, b = faces[f, corner], faces[f, (corner + 1) % 3]
-                za, zb = local[a, 2], local[b, 2]
-                if za >= NEAR_M:
-                    u = local[a, 0] / za * lens[0] + lens[2]
-                    v = local[a, 1] / za * lens[1] + lens[3]
-                    low_u, high_u = min(low_u, u), max(high_u, u)
-                    low_v, high_v = min(low_v, v), max(high_v, v)
-                if (za >= NEAR_M) != (zb >= NEAR_M):
-                    t = (NEAR_M - za) / (zb - za)
-                    u = (local[a, 0] + t * (local[b, 0] - local[a, 0])) / NEAR_M * lens[0] + lens[2]
-                    v = (local[a, 1] + t * (local[b, 1] - local[a, 1])) / NEAR_M * lens[1] + lens[3]
-                    low_u, high_u = min(low_u, u), max(high_u, u)
-                    low_v, high_v = min(low_v, v), max(high_v, v)
+            i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+            if min(local[i, 2], local[j, 2], local[k, 2]) >= NEAR_M:
+                low_u = min(screen[i, 0], screen[j, 0], screen[k, 0])
+                high_u = max(screen[i, 0], screen[j, 0], screen[k, 0])
+                low_v = min(screen[i, 1], screen[j, 1], screen[k, 1])
+                high_v = max(screen[i, 1], screen[j, 1], screen[k, 1])
+            else:
+                low_u, high_u, low_v, high_v = _cut_bounds(local, screen, faces[f], lens)
             # Clamped while still floats: a vertex may project millions of pixels away.
             bounds[f, 0] = np.int16(np.ceil(min(max(low_u - 0.5 - _ROUNDING_PX, 0.0), float(width))))
             bounds[f, 1] = np.int16(np.floor(min(max(high_u + 0.5 + _ROUNDING_PX, 0.0), float(width))))
             bounds[f, 2] = np.int16(np.ceil(min(max(low_v - 0.5 - _ROUNDING_PX, 0.0), float(height))))
             bounds[f, 3] = np.int16(np.floor(min(max(high_v + 0.5 + _ROUNDING_PX, 0.0), float(height))))
     return bounds
+
+
+@kernel
+def _cut_bounds(local, screen, face, lens):
+    """Bounds on the screen, pixels, of what of a face lies in front of the near plane."""
+    low_u = low_v = np.inf
+    high_u = high_v = -np.inf
+    for corner in range(3):
+        a, b = face[corner], face[(corner + 1) % 3]
+        za, zb = local[a, 2], local[b, 2]
+        if za >= NEAR_M:
+            u, v = screen[a, 0], screen[a, 1]
+            low_u, high_u, low_v, high_v = min(low_u, u), max(high_u, u), min(low_v, v), max(high_v, v)
+        if (za >= NEAR_M) != (zb >= NEAR_M):
+            t = (NEAR_M - za) / (zb - za)
+            u = (local[a, 0] + t * (local[b, 0] - local[a, 0])) / NEAR_M * lens[0] + lens[2]
+            v = (local[a, 1] + t * (local[b, 1] - local[a, 1])) / NEAR_M * lens[1] + lens[3]
+            low_u, high_u, low_v, high_v = min(low_u, u), max(high_u, u), min(low_v, v), max(high_v, v)
+    return low_u, high_u, low_v, high_v
+
+
+@kernel
+def _in_bands(bounds, height):
+    """The faces that each band of rows may show, in order: band b has listed[starts[b]:starts[b + 1]]."""
+    starts = np.zeros((height + _BAND_ROWS - 1) // _BAND_ROWS + 1, np.int64)
+    for f in range(bounds.shape[0]):
+        if bounds[f, 0] < bounds[f, 1] and bounds[f, 2] < bounds[f, 3]:
+            for band in range(bounds[f, 2] // _BAND_ROWS, (bounds[f, 3] - 1) // _BAND_ROWS + 1):
+                starts[band + 1] += 1
+    starts = np.cumsum(starts)
+    listed = np.empty(starts[-1], np.int32)
+    filled = starts.copy()
+    for f in range(bounds.shape[0]):
+        if bounds[f, 0] < bounds[f, 1] and bounds[f, 2] < bounds[f, 3]:
+            for band in range(bounds[f, 2] // _BAND_ROWS, (bounds[f, 3] - 1) // _BAND_ROWS + 1):
+                listed[filled[band]] = f
+                filled[band] += 1
+    return starts, listed
 
 
 @inlined
@@ -141,15 +178,14 @@ def _edge(local, i, j):
 
 
 @parallel_kernel
-def _draw(local, faces, bounds, lens, width, height):
+def _draw(local, faces, bounds, starts, listed, lens, width, height):
     """(H, W) float32 inverse depth and (H, W) int32 face of the nearest surface."""
     inverse = np.zeros((height, width), np.float32)
     face = np.full((height, width), -1, np.int32)
     for band in prange((height + _BAND_ROWS - 1) // _BAND_ROWS):
         first, end = band * _BAND_ROWS, min(height, (band + 1) * _BAND_ROWS)
-        for f in range(faces.shape[0]):
-            if bounds[f, 2] < end and bounds[f, 3] > first and bounds[f, 0] < bounds[f, 1]:
-                _draw_face(local, faces, bounds, lens, f, first, end, inverse, face)
+        for k in range(starts[band], starts[band + 1]):
+            _draw_face(local, faces, bounds, lens, listed[k], first, end, inverse, face)
     return inverse, face
 
 
