@@ -18,6 +18,10 @@ from .sitting import seated_height
 from .velocity_pursuit import heading_rad
 
 _HEADINGS = 16
+# Who cannot sit as deep as drawn sits nearer to the edge, by steps of this.
+_SHALLOWER_M = 0.03
+# The legs are solved anew in full once the base is lower by a tenth of the way.
+_FROM_SHARE = 10.0
 # A base that rests this low, as a share of its standing height, is seated.
 _SEATED, _SEATED_M_S, _SEATED_S = 0.75, 0.15, 1.0
 
@@ -49,29 +53,36 @@ def placed_on_seat(
     """``qpos`` (T, nq), which ends seated, moved so that it ends ``depth_m`` behind the seat's edge.
 
     The base is lowered or lifted to the seat's height as it sits down, the feet staying where
-    they are. What comes before the base is for good on the free floor or the seat is left out;
-    None where fewer than ``shortest`` frames remain, or the feet do not reach.
+    they are; where they would not reach the floor it sits nearer to the edge. What comes
+    before the base is for good on the free floor or the seat is left out. None where fewer
+    than ``shortest`` frames remain, or the feet do not reach at all.
     """
-    turn = seat.yaw_rad - heading_rad(qpos[-1])
-    turned = moved(qpos, turn, np.zeros(2))
-    found = moved(qpos, turn, seat.ahead(-depth_m) - turned[-1, :2], floor.floor_z_m)
-    near = np.array([seat.is_near(place) for place in found[:, :2]])
-    outside = np.flatnonzero(~(floor.is_free(found[:, :2]) | near))
-    found = found[outside[-1] + 1 :] if len(outside) else found
-    if len(found) < shortest:
-        return None
-    soles, _ = foot_places(robot, found)
-    standing_m = floor.floor_z_m + robot.rest_height_m
-    upright = found[-1].copy()
-    upright[2] = standing_m
+    turned = moved(qpos, seat.yaw_rad - heading_rad(qpos[-1]), np.zeros(2), floor.floor_z_m)
+    for shallower_m in np.arange(depth_m, 0.0, -_SHALLOWER_M):
+        found = moved(turned, 0.0, seat.ahead(-shallower_m) - turned[-1, :2])
+        near = np.array([seat.is_near(place) for place in found[:, :2]])
+        outside = np.flatnonzero(~(floor.is_free(found[:, :2]) | near))
+        found = found[outside[-1] + 1 :] if len(outside) else found
+        if len(found) >= shortest and _sit(found, robot, composition, floor, seat):
+            return found
+    return None
+
+
+def _sit(qpos: np.ndarray, robot: RobotModel, composition: Composition, floor: FreeFloor, seat: Seat) -> bool:
+    """Bring the base of ``qpos`` (T, nq) to the seat's height as it sits down; False: out of reach."""
+    soles, _ = foot_places(robot, qpos)
+    upright = qpos[-1].copy()
+    upright[2] = standing_m = floor.floor_z_m + robot.rest_height_m
     seated_m = seated_height(robot, composition, upright, soles[:, -1], seat)
     if seated_m is None:
-        return None
-    lift_m = seated_m - found[-1, 2]
-    share = np.clip((standing_m - found[:, 2]) / (standing_m - found[-1, 2]), 0.0, 1.0)
-    found[:, 2] += share * lift_m
-    _keep_feet(robot, found, soles, share)
-    return found
+        return False
+    share = np.clip((standing_m - qpos[:, 2]) / (standing_m - qpos[-1, 2]), 0.0, 1.0)
+    qpos[:, 2] += share * (seated_m - qpos[-1, 2])
+    solved = qpos.copy()
+    LegSolver(robot).solve(solved, soles)
+    part = np.clip(_FROM_SHARE * share, 0.0, 1.0)[:, None]
+    qpos[:] = (1.0 - part) * qpos + part * solved
+    return True
 
 
 def seated_span(qpos: np.ndarray, robot: RobotModel) -> tuple[int, int] | None:
@@ -103,12 +114,3 @@ def _shifted(free: np.ndarray, rows: int, columns: int) -> np.ndarray:
     into = (slice(max(0, -rows), height - max(0, rows)), slice(max(0, -columns), width - max(0, columns)))
     found[into] = free[max(0, rows) : height + min(0, rows), max(0, columns) : width + min(0, columns)]
     return found
-
-
-def _keep_feet(robot: RobotModel, qpos: np.ndarray, soles: np.ndarray, share: np.ndarray) -> None:
-    """Bring the legs' joints of ``qpos`` (T, nq) to ``soles`` where the base has been moved."""
-
-    solved = qpos.copy()
-    LegSolver(robot).solve(solved, soles)
-    part = np.clip(share * 10.0, 0.0, 1.0)[:, None]
-    qpos[:] = (1.0 - part) * qpos + part * solved
