@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import bpy
 import numpy as np
 
@@ -17,8 +19,8 @@ _PART = "Geometry proxy"
 def show_proxy(scene: bpy.types.Scene, bundle: Bundle, round_index: int) -> bpy.types.Object:
     """The proxy of a round, in place of the one shown before.
 
-    Faces carry the attributes ``provenance``, ``support`` and ``confidence``, and one of
-    three materials by provenance. Raises SceneError when that round has none.
+    Faces carry the attributes ``provenance``, ``support``, ``confidence`` and ``instance``,
+    and one of three materials by provenance. Raises SceneError when that round has none.
     """
     proxy = bundle.proxy(round_index)
     collection = fresh_collection(scene, bundle.name, _PART)
@@ -34,6 +36,8 @@ def proxy_mesh(proxy: GeometryProxy, name: str) -> bpy.types.Mesh:
     add_attribute(mesh, "provenance", proxy.provenance)
     add_attribute(mesh, "support", proxy.support)
     add_attribute(mesh, "confidence", proxy.confidence)
+    add_attribute(mesh, "instance", proxy.instance)
+    mesh["instance_names"] = json.dumps(proxy.instance_names)
     materials = [provenance_material(kind) for kind in Provenance]
     assign_materials(mesh, materials, proxy.provenance)
     return mesh
@@ -54,4 +58,6 @@ def proxy_of(mesh: bpy.types.Mesh) -> GeometryProxy:
         read_attribute(mesh, "provenance").astype(np.uint8),
         read_attribute(mesh, "support").astype(np.uint16),
         read_attribute(mesh, "confidence"),
+        read_attribute(mesh, "instance"),
+        tuple(json.loads(mesh["instance_names"])),
     )  # fmt: skip

@@ -75,11 +75,11 @@ def compose_proxy(
         vertices, faces = _carved(vertices, faces, trusted, settings)
         task.advance()
         faces = _outside_priors(vertices, faces, priors, envelope, trusted, settings)
-        prior_start = len(faces)
-        for prior in priors:
+        instance = np.zeros(len(faces), np.int32)
+        for number, prior in enumerate(priors, 1):
             faces = np.concatenate([faces, np.asarray(prior.faces, np.int32) + len(vertices)])
             vertices = np.concatenate([vertices, np.asarray(prior.vertices, np.float64)])
-        prior_end = len(faces)
+            instance = np.append(instance, np.full(len(prior.faces), number, np.int32))
         task.advance()
         vertices, faces = _closed(vertices, faces, field, envelope, trusted)
         if not len(faces):
@@ -88,7 +88,9 @@ def compose_proxy(
                 cure="Take more photographs that overlap, or check their poses.",
             )  # fmt: skip
         task.advance()
-        proxy = _with_evidence(vertices, faces, slice(prior_start, prior_end), completed, trusted)
+        instance = np.pad(instance, (0, len(faces) - len(instance)))  # the envelope is the room's
+        names = tuple(prior.name for prior in priors)
+        proxy = _with_evidence(vertices, faces, instance, names, completed, trusted)
         task.advance()
     return proxy
 
@@ -234,7 +236,7 @@ def _closed(vertices, faces, field, envelope, trusted):
     return np.concatenate([vertices, added.reshape(-1, 3)]), np.concatenate([faces, new])
 
 
-def _with_evidence(vertices, faces, prior_faces, completed, trusted) -> GeometryProxy:
+def _with_evidence(vertices, faces, instance, names, completed, trusted) -> GeometryProxy:
     rasterizer = MeshRasterizer(vertices, faces)
     seen = [KnownDepth(view.camera, rasterizer.render(view.camera).depth) for view in completed]
     chosen = [KnownDepth(v.camera, np.where(v.source == DepthSource.PLANE, v.depth, 0)) for v in completed]
@@ -244,7 +246,7 @@ def _with_evidence(vertices, faces, prior_faces, completed, trusted) -> Geometry
         for views in (seen, trusted, chosen)
     )
     provenance = np.where(observed > 0, Provenance.OBSERVED, Provenance.COMPLETED).astype(np.uint8)
-    provenance[prior_faces] = Provenance.PRIOR
+    provenance[instance > 0] = Provenance.PRIOR
     # Each capture whose stereo lies on a face halves the doubt, each chosen plane takes a fifth.
     confidence = 1.0 - 0.9 * 0.5 ** observed.astype(float) * 0.8 ** planar.astype(float)
     return GeometryProxy(
@@ -253,4 +255,6 @@ def _with_evidence(vertices, faces, prior_faces, completed, trusted) -> Geometry
         provenance,
         support,
         confidence.astype(np.float32),
+        instance,
+        names,
     )

@@ -60,13 +60,14 @@ class GeometryProxy:
         save_arrays(path, **arrays | {"instance_names": np.array(self.instance_names, np.str_)})
 
     def save_ply(self, path: Path) -> None:
-        """Write the mesh as a binary PLY whose faces are coloured by their provenance."""
+        """Write the mesh as a binary PLY: faces coloured by provenance, and their ``instance``."""
         import trimesh  # the engine's; Blender's Python reads proxies without it
 
         palette = np.rint(np.array([PROVENANCE_COLOURS[p] for p in Provenance]) * 255).astype(np.uint8)
         mesh = trimesh.Trimesh(
             self.vertices, self.faces, face_colors=palette[self.provenance], process=False
         )  # fmt: skip
+        mesh.face_attributes["instance"] = self.instance
         path.write_bytes(mesh.export(file_type="ply"))
 
     @staticmethod

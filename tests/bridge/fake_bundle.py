@@ -38,6 +38,7 @@ def proxy(round_index: int = 0) -> GeometryProxy:
         vertices.astype(np.float32), np.array(faces, np.int32),
         (np.arange(count) % 3).astype(np.uint8), np.arange(count, dtype=np.uint16),
         np.linspace(0.0, 1.0, count, dtype=np.float32),
+        np.where(np.arange(count) < count - 1, 0, 2).astype(np.int32), ("chair", "table"),
     )  # fmt: skip
 
 

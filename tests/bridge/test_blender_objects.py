@@ -121,9 +121,9 @@ def test_the_proxy_comes_back_exactly(scene, bundle, round_index):
     expected = fake_bundle.proxy(round_index)
     back = proxy_of(shown.data)
     for part in dataclasses.fields(expected):
-        value = getattr(expected, part.name)
-        np.testing.assert_array_equal(getattr(back, part.name), value)
-        assert getattr(back, part.name).dtype == value.dtype
+        value, read = (np.asarray(getattr(one, part.name)) for one in (expected, back))
+        np.testing.assert_array_equal(read, value)
+        assert read.dtype == value.dtype
 
 
 def test_the_proxy_is_coloured_by_provenance(scene, bundle):

@@ -131,3 +131,13 @@ def test_two_priors_keep_all_their_faces():
     kept = proxy.vertices[proxy.faces[proxy.provenance == Provenance.PRIOR]]
     expected = np.concatenate([one.vertices[one.faces] for one in (first, second)])
     np.testing.assert_allclose(kept, expected, atol=1e-6)
+
+
+def test_faces_know_which_objects_prior_they_are_of():
+    stool = AlignedPrior("stool", *boxes(((1.0, -1.0, 0.0), (1.3, -0.7, 0.4))))
+    proxy = composed([TABLE], [prior_of(TABLE), stool])
+    assert proxy.instance_names == ("table", "stool")
+    np.testing.assert_array_equal(proxy.instance > 0, proxy.provenance == Provenance.PRIOR)
+    corners = proxy.vertices[proxy.faces[proxy.instance == 2]].reshape(-1, 3)
+    np.testing.assert_allclose(corners.min(0), [1.0, -1.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(corners.max(0), [1.3, -0.7, 0.4], atol=1e-6)
