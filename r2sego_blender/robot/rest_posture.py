@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+
 import mujoco
 import numpy as np
 
@@ -11,7 +14,7 @@ from .kinematics import LegChain
 from .structure import Leg, posed
 
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
-_PARALLEL = 0.95
+_PARALLEL = 0.8
 # A knee nearer to the line from hip to foot, as a share of its length, is straight: the inverse
 # kinematics would be singular. Drawing the leg in by a hundredth bends it by 16 degrees.
 _STRAIGHT = 0.04
@@ -23,6 +26,8 @@ _BENT = 0.95
 # stood up on a foot this far down and out.
 _LEAST_DROP, _DROP, _SPREAD, _SPREAD_BEND_RAD = 0.2, 0.45, 0.6, 1.2
 _REACHED_M = 1e-3
+# A knee bent a little the wrong way soon meets its limit: legs must draw in by this share.
+_CROUCH = 0.1
 _LIMIT_SLACK_RAD = 0.02
 
 
@@ -92,23 +97,31 @@ def _stand_leg(
         place[2], bend_rad = root[2] - _DROP * length_m, _SPREAD_BEND_RAD
     elif np.abs(rest[address] - declared[address]).max() > 0.0:
         place[0], place[2] = root[0], root[2] - _BENT * np.linalg.norm((foot - root)[[0, 2]])
-    elif _lever_m(data, hip, knee, foot) < _STRAIGHT * length_m:
+    elif _lever_m(data, hip, knee, foot) < _STRAIGHT * length_m or not _can_crouch(
+        model, base, leg, rest, place, rest[address]
+    ):
         place[2] += _DRAWN_IN * drop_m
     else:
         return
     solutions = _solutions(model, base, leg, rest, place, hip, knee, bend_rad)
+    crouching = [joints for joints in solutions if _can_crouch(model, base, leg, rest, place, joints)]
     if solutions:
-        rest[address] = max(solutions, key=lambda joints: _knee_height(model, rest, address, joints, knee))
+        rest[address] = max(
+            crouching or solutions, key=lambda joints: _knee_height(model, rest, address, joints, knee)
+        )
 
 
 def _hip_and_knee(data: mujoco.MjData, leg: Leg) -> tuple[int, int]:
-    """The first two parallel joints of the leg; they change its length."""
-    for index, hip in enumerate(leg.joints):
-        for knee in leg.joints[index + 1 :]:
-            apart = np.cross(data.xaxis[hip], data.xanchor[knee] - data.xanchor[hip])
-            if abs(data.xaxis[hip] @ data.xaxis[knee]) > _PARALLEL and np.linalg.norm(apart) > 0.0:
-                return hip, knee
-    return leg.joints[0], leg.joints[1]
+    """The two joints, about parallel, with the longest links after each: they change the leg's length."""
+    foot = leg.tip_place(data)
+
+    def length_m(pair: tuple[int, int]) -> float:
+        hip, knee = pair
+        along = abs(float(data.xaxis[hip] @ data.xaxis[knee]))
+        links_m = math.dist(data.xanchor[hip], data.xanchor[knee]), math.dist(data.xanchor[knee], foot)
+        return along * min(links_m) if along > _PARALLEL else 0.0
+
+    return max(itertools.combinations(leg.joints, 2), key=length_m)
 
 
 def _lever_m(data: mujoco.MjData, hip: int, knee: int, foot: np.ndarray) -> float:
@@ -132,6 +145,16 @@ def _solutions(
     seeds[:, leg.joints.index(hip)] -= 0.5 * same * np.array([bend_rad, -bend_rad])
     joints, missed_m = chain.solve(np.tile(rest, (2, 1)), np.tile([*place, 0.0], (2, 1)), seeds)
     return [solution for solution, missed in zip(joints, missed_m, strict=True) if missed < _REACHED_M]
+
+
+def _can_crouch(
+    model: mujoco.MjModel, base: int, leg: Leg, rest: np.ndarray, place: np.ndarray, joints: np.ndarray
+) -> bool:
+    """Whether the leg can draw its foot up from ``place`` without bending its knee the other way."""
+    chain = LegChain(model, base, leg)
+    up_m = _CROUCH * (rest[2] - place[2])
+    _, missed_m = chain.solve(rest[None], np.array([[*place[:2], place[2] + up_m, 0.0]]), joints[None])
+    return bool(missed_m[0] < _REACHED_M)
 
 
 def _knee_height(

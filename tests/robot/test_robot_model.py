@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import mujoco
 import numpy as np
@@ -14,6 +15,7 @@ from scipy.spatial import ConvexHull
 
 from r2sego_blender.errors import RobotError
 from r2sego_blender.robot.collision_shapes import colliding, lowest_m
+from r2sego_blender.robot.humanoid import humanoid_mjcf
 from r2sego_blender.robot.model import RobotModel
 from r2sego_blender.robot.mount import parse_mount
 from r2sego_blender.robot.structure import posed
@@ -182,6 +184,21 @@ def test_resting_legs_are_bent(name, request):
         mujoco.mj_jac(robot.model, data, jacobian, None, leg.tip_place(data), leg.foot)
         own = jacobian[:, robot.model.jnt_dofadr[list(leg.joints)]]
         assert np.linalg.svd(own)[1][-1] > 0.04 * robot.leg_m
+
+
+@pytest.mark.parametrize("ankle_ahead_m", [0.0, 0.025])
+def test_biped_without_a_keyframe_bends_its_knees_ahead(tmp_path, ankle_ahead_m):
+    """Straight at zero, or with knees pressed through, as some robots' zero postures have them."""
+    text = re.sub(r"<keyframe>.*</keyframe>", "", humanoid_mjcf(), flags=re.DOTALL)
+    text = text.replace('pos="0.0 -9.4445e-05 -0.30001"', f'pos="{ankle_ahead_m} 0 -0.30001"')
+    text = text.replace('pos="0.0 9.4445e-05 -0.30001"', f'pos="{ankle_ahead_m} 0 -0.30001"')
+    robot = RobotModel.load(write(tmp_path, text))
+    knees = [robot.model.joint(f"{side}_knee_joint").qposadr[0] for side in ("left", "right")]
+    assert (robot.rest_qpos[knees] > 0.2).all()
+    data = posed(robot.model, robot.rest_qpos)
+    for leg in robot.legs:
+        assert data.xmat[leg.foot].reshape(3, 3)[2, 2] > 1.0 - 1e-6
+        assert data.xanchor[leg.joints[3], 0] > leg.tip_place(data)[0]
 
 
 def test_soles_reach_as_far_as_their_shapes_less_a_margin(humanoid):
