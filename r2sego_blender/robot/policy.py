@@ -17,7 +17,7 @@ import numpy as np
 from ..errors import RobotError
 from ..settings import RolloutSettings
 from .composition import Composition, compose
-from .free_floor import FreeFloor
+from .free_floor import FLATNESS_M, FreeFloor
 from .humanoid import Servo
 from .model import RobotModel
 from .mount import CameraMount
@@ -32,6 +32,7 @@ from .velocity_pursuit import Stage, VelocityPursuit, straight
 _BEHAVIOURS = ("walk_to", "look_around", "step_around", "squat")
 _LOOK_AHEAD = 4  # points of a path that say where it begins to go
 _TRIED_STEPS = 20
+_LIFTS = 4
 # Stood before anything else, and between two squats: a policy's first steps are its worst.
 _STANDS_S = 0.5
 
@@ -133,6 +134,19 @@ class PolicyController:
         soles_m = [float(data.xpos[leg.foot, 2]) - leg.sole_m for leg in self._robot.legs]
         lowest_m = min(soles_m, default=-self._robot.rest_height_m)
         qpos[2] = self._floor.floor_z_m - lowest_m
+        return self._lifted(qpos)
+
+    def _lifted(self, qpos: np.ndarray) -> np.ndarray:
+        """``qpos`` (nq,), higher where the floor is: a start inside a bump would be a fault of ours."""
+        model, data = self.composition.model, mujoco.MjData(self.composition.model)
+        for _ in range(_LIFTS):
+            data.qpos[:] = qpos
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_collision(model, data)
+            depth_m = -float(data.contact.dist.min(initial=0.0))
+            if depth_m <= 0.0 or depth_m > FLATNESS_M:  # what is deeper is no floor: let it be judged
+                break
+            qpos[2] += depth_m
         return qpos
 
 
