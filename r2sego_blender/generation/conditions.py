@@ -97,9 +97,6 @@ class ZBufferRenderer:
         return Condition(camera, buffers.depth, *_passes(buffers.face, lens, rotation, *self._faces))
 
 
-ConditionRenderer = ZBufferRenderer
-
-
 @parallel_kernel
 def _passes(face, lens, rotation, normals, provenances, supported, instances):
     """Normal, provenance, validity and instance of the face at every pixel."""
