@@ -39,6 +39,11 @@ _SERVO_ROBOT_MASS_KG = 35.0
 _OPENCV_FLIP = np.diag([1.0, -1.0, -1.0])
 # Casters and skids of a wheeled robot come this close to the floor at rest.
 _RESTS_M = 0.01
+# What must be finite in a compiled robot; the XML's own numbers are, but not all that follows.
+_TABLES = (
+    "qpos0", "key_qpos", "body_pos", "body_quat", "body_mass", "body_inertia", "jnt_pos", "jnt_axis",
+    "jnt_range", "dof_armature", "dof_damping", "geom_pos", "geom_size", "mesh_vert",
+)  # fmt: skip
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 
 
@@ -83,8 +88,9 @@ class RobotModel:
             model = spec.compile()
         except (ValueError, mujoco.FatalError) as error:
             raise does_not_compile(source, error) from error
-        if not (np.isfinite(model.body_pos).all() and np.isfinite(model.body_mass).all()):
-            raise RobotError("positions or masses are not finite", where=source, cure="Correct the file.")
+        for table in _TABLES:
+            if not np.isfinite(getattr(model, table)).all():
+                raise RobotError(f"{table} is not finite", where=source, cure="Correct the file.")
         base = _free_base(model, source)
         geoms = colliding(model)
         if not len(geoms):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.parsers import expat
@@ -11,6 +12,7 @@ from ..errors import RobotError
 
 _MOST_ELEMENTS = 50_000
 _DEEPEST = 100
+_C_NAN = re.compile(r"[+-]?nan\(\w*\)", re.IGNORECASE)
 
 
 class Element(ElementTree.Element):
@@ -87,13 +89,14 @@ class _Reader:
 
 
 def _is_finite(value: str) -> bool:
-    """Whether no word of ``value`` is a number that is not finite."""
+    """Whether no word of ``value`` is a number that is not finite, as C or Python write it."""
     for word in value.split():
         try:
             if not math.isfinite(float(word)):
                 return False
         except ValueError:
-            continue
+            if _C_NAN.fullmatch(word):
+                return False
     return True
 
 

@@ -161,6 +161,7 @@ REFUSED = {
     "missing include": (include("gone.xml"), "<include file>: there is no file"),
     "mesh of another kind": (mjcf('<mesh name="part" file="robot.xml"/>'), "no STL, OBJ or MSH"),
     "NaN": (mjcf(body='<body pos="0 nan 0"/>'), r"<body pos>: '0 nan 0' is not finite"),
+    "NaN of C": (mjcf(body='<body pos="0 -NAN(1) 0"/>'), "<body pos>: .* is not finite"),
     "infinity": (mjcf(body='<body><joint range="0 INF"/></body>'), r"<joint range>: '0 INF' is not finite"),
     "overflow": (mjcf(body='<body><geom size="1e999"/></body>'), "<geom size>: '1e999' is not finite"),
     "plugin": (mjcf(before='<extension><plugin plugin="mujoco.pid"/></extension>'), "<extension>: .*plugins"),
@@ -291,29 +292,31 @@ def test_real_urdf_opens_its_package_alone(shared_robot):
     assert all(file.is_relative_to(package) for file in opened)
 
 
-@settings(max_examples=150, deadline=None)
-@given(st.recursive(
-    st.sampled_from(["..", ".", "part.stl", "a", "secret", "/", "//", "file:", "package://", "~", "%2e%2e"]),
-    lambda parts: st.lists(parts, min_size=1, max_size=4).map("/".join), max_leaves=6,
-))  # fmt: skip
-def test_no_name_opens_a_file_outside(tmp_path_factory, name):
+@pytest.fixture(scope="module")
+def meshes_everywhere(tmp_path_factory) -> Path:
+    """A robot's folder where the folders around it and in it have meshes of one name."""
     base = tmp_path_factory.mktemp("fuzz")
     (base / "robot" / "a").mkdir(parents=True)
     (base / "secret").mkdir()
     for place in (base, base / "robot", base / "robot" / "a", base / "secret"):
         trimesh.creation.box((1, 1, 1)).export(place / "part.stl")
-    for text in (
-        mjcf(f'<mesh name="part" file="{name}"/>'),
-        urdf(name),
-        f'<mujoco><include file="{name}"/></mujoco>',
-    ):
-        opened = opened_by(write(base / "robot", text))
-        assert all(path.is_relative_to(base / "robot") for path in opened)
+    return base / "robot"
+
+
+@settings(max_examples=150, deadline=None)
+@given(name=st.recursive(
+    st.sampled_from(["..", ".", "part.stl", "a", "secret", "/", "//", "file:", "package://", "~", "%2e%2e"]),
+    lambda parts: st.lists(parts, min_size=1, max_size=4).map("/".join), max_leaves=6,
+))  # fmt: skip
+def test_no_name_opens_a_file_outside(meshes_everywhere, name):
+    for text in (mjcf(f'<mesh name="part" file="{name}"/>'), urdf(name), include(name)):
+        opened = opened_by(write(meshes_everywhere, text))
+        assert all(path.is_relative_to(meshes_everywhere) for path in opened)
 
 
 @settings(max_examples=200, deadline=None)
 @given(st.binary(max_size=200))
-def test_any_bytes_are_a_tree_or_refused(tmp_path_factory, data):
+def test_any_bytes_are_a_tree_or_refused(data):
     source = Path("robot.xml")
     try:
         tree = parse_xml(data, source)
