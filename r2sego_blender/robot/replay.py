@@ -54,6 +54,10 @@ class Take:
 
 def load_take(path: str | Path, robot: RobotModel) -> Take:
     """Read a recorded motion and bring it onto ``robot``. Raises RobotError."""
+    if not robot.legs:
+        raise RobotError(
+            "the robot has no legs to replay a motion with", where=robot.source, cure="Give one."
+        )
     recording = read_recording(path)
     if isinstance(recording, HumanRecording):
         qpos = retarget(recording, robot)

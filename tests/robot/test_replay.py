@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from r2sego_blender.errors import RobotError
 from r2sego_blender.robot.attempts import Attempts, Rollout
+from r2sego_blender.robot.composition import compose
 from r2sego_blender.robot.free_floor import CELL_M, FreeFloor, free_floor
 from r2sego_blender.robot.model import RobotModel
 from r2sego_blender.robot.motion import plan_motion
@@ -22,6 +23,7 @@ from r2sego_blender.robot.motion_placement import moved, placed_on_floor, seated
 from r2sego_blender.robot.navigation import RATE_HZ
 from r2sego_blender.robot.replay import ReplayController, gait_of, load_take
 from r2sego_blender.robot.scope import Behaviours, BehaviourScope, Control, Episode, Failures
+from r2sego_blender.robot.seats import find_seats
 from r2sego_blender.settings import RolloutSettings
 
 SCOPE = BehaviourScope.load("walk_and_look")
@@ -201,6 +203,42 @@ def test_motions_that_do_not_fit_have_no_goal(humanoid, walk, box_room):
     scope = replace(scope, region=replace(scope.region, within=corner))
     (rollout,) = rollouts(humanoid, box_room(()), scope, 1)
     assert (rollout.success, rollout.reason) == (False, "no_goal")
+
+
+def test_a_robot_without_legs_replays_nothing(wheeled, walk):
+    with pytest.raises(RobotError, match=r"the robot has no legs to replay a motion with"):
+        load_take(walk[0], wheeled)
+
+
+@pytest.mark.slow
+def test_a_recorded_sitting_down_ends_on_the_scene_s_seat(humanoid, box_room, tmp_path):
+    """A motion planned for one chair, recorded, is replayed on another of another height."""
+    sits = Behaviours(walk_to=0.0, look_around=0.0, sit_on=1.0)
+
+    def chair(height_m: float) -> Path:
+        half = height_m / 2.0
+        return box_room(((1.2, 1.2, 0.3, 0.35, half), (1.2, 1.62, 0.3, 0.07, 0.4)))
+
+    planned = replace(SCOPE, behaviours=sits, episode=Episode(duration_s=14.0))
+    first = chair(0.40)
+    floor = free_floor(humanoid, planned, first)
+    seats = find_seats(humanoid.half_width_m, floor, planned.sit_on, first)
+    composition = compose(humanoid, first, RolloutSettings())
+    drawn = (
+        plan_motion(humanoid, floor, planned, np.random.default_rng(seed), seats, composition)
+        for seed in range(20)
+    )
+    motion = next(motion for motion in drawn if motion is not None)
+    path = tmp_path / "sit.csv"
+    np.savetxt(path, motion.qpos, delimiter=",", header=f"rate_hz = {RATE_HZ}, quaternion = wxyz")
+    scope = replace(replaying(path, duration_s=12.0), behaviours=sits)
+    found = rollouts(humanoid, chair(0.36), scope, 4)
+    succeeded = [rollout for rollout in found if rollout.success]
+    assert succeeded, [rollout.detail for rollout in found]
+    for rollout in succeeded:
+        assert rollout.quality.seated_s >= 3.0
+        assert rollout.behaviour == "sit"
+        assert rollout.qpos[-1, 2] < motion.qpos[-1, 2] - 0.02
 
 
 def test_what_cannot_be_replayed_is_refused(humanoid, walk, box_room, tmp_path):
