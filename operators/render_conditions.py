@@ -12,7 +12,7 @@ from .base import ReportingOperator, needs_round
 
 
 class R2SEGO_OT_render_conditions(ReportingOperator, bpy.types.Operator):
-    """Render depth, normals and provenance of the proxy along a target view's camera path (EXR)"""
+    """Render depth, normals, provenance and objects of the proxy along a target view's path (EXR)"""
 
     bl_idname = "r2sego.render_conditions"
     bl_label = "Render Conditions"

@@ -216,6 +216,12 @@ class GenerationSettings:
     clip_scale: float = setting(
         0.5, "Image scale of the clip's frames before the last, for the embedded generator.", 0.1, 1.0
     )
+    renderer: str = setting(
+        "z-buffer",
+        "Who renders the structural conditions: the library itself, or an engine of Blender.",
+        choices=("z-buffer", "cycles", "eevee"),
+    )
+    blender: str = setting("", "The Blender program that renders conditions; empty for pip's bpy.")
     max_replacements: int = setting(
         12, "Rejected frames a round replaced by the next-ranked candidates.", 0, 500
     )

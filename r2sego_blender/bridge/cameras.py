@@ -31,17 +31,23 @@ def pixel_aspect(camera: Camera) -> tuple[float, float]:
 def create_camera(name: str, camera: Camera) -> bpy.types.Object:
     """A camera object with this lens and pose, not linked to any collection yet."""
     data = bpy.data.cameras.new(name)
+    data.clip_start, data.clip_end = 0.01, 1000.0
+    created = bpy.data.objects.new(name, data)
+    set_camera(created, camera)
+    return created
+
+
+def set_camera(camera_object: bpy.types.Object, camera: Camera) -> None:
+    """Give an object made by ``create_camera`` another lens and pose."""
+    data = camera_object.data
     data.sensor_fit = "HORIZONTAL"
     data.sensor_width = SENSOR_WIDTH_MM
     data.lens = camera.fx * SENSOR_WIDTH_MM / camera.width
     data.shift_x = 0.5 - camera.cx / camera.width
     # Both shifts are in units of the width; rows are fx / fy wide pixels high.
     data.shift_y = (camera.cy - 0.5 * camera.height) * (camera.fx / camera.fy) / camera.width
-    data.clip_start, data.clip_end = 0.01, 1000.0
     data[_LENS_KEY] = [camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy]
-    created = bpy.data.objects.new(name, data)
-    created.matrix_world = object_pose(camera.world_from_camera).T.tolist()
-    return created
+    camera_object.matrix_world = object_pose(camera.world_from_camera).T.tolist()
 
 
 def has_lens(candidate: bpy.types.Object | None) -> bool:
@@ -67,7 +73,8 @@ def camera_of(camera_object: bpy.types.Object) -> Camera:
 def use_frame_of(camera_object: bpy.types.Object, scene: bpy.types.Scene) -> None:
     """Make the object the scene's camera, with the size and pixel aspect its lens needs."""
     camera = camera_of(camera_object)
-    scene.camera = camera_object
+    if scene.camera != camera_object:  # setting it again would make renders load the whole scene anew
+        scene.camera = camera_object
     scene.render.resolution_x, scene.render.resolution_y = camera.width, camera.height
     scene.render.resolution_percentage = 100
     scene.render.pixel_aspect_x, scene.render.pixel_aspect_y = pixel_aspect(camera)

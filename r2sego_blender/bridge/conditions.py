@@ -1,75 +1,204 @@
-"""Structural conditions in Cycles: what the proxy looks like along a camera path."""
+"""Structural conditions in Cycles and EEVEE: what the proxy looks like along a camera path.
+
+Every pixel's ray goes through its centre, as in the z-buffer: an antialiased depth has
+flying points. What the faces carry reaches the pixels by shader outputs (AOVs), which both
+engines have and which, unlike material and object indices, take any number of objects.
+"""
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Sequence
+import json
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from ..cameras import Camera
+from ..errors import GenerationError
 from ..geometry.proxy import GeometryProxy
 from . import versions
-from .cameras import create_camera, object_pose, use_frame_of
+from .cameras import create_camera, set_camera, use_frame_of
+from .meshes import add_attribute, assign_materials, mesh_from_arrays
 from .outliner import clear
-from .show_proxy import proxy_mesh
 
-# The ray of every pixel goes through its centre: an antialiased depth has flying points.
-_CENTRE_FILTER = 0.01
+MANIFEST = "manifest.json"
+"""Written last: a folder without it holds no complete path."""
+
+PASSES = ("Depth", "Distance", "NormalWorld", "NormalCamera", "Provenance", "Instance", "Validity")
+"""The passes of each EXR, in metres, unit vectors and numbers, as in ``generation.conditions``.
+
+Provenance tells where nothing is seen (0); Depth and Distance mean nothing there.
+"""
+
+NEAR_M = 0.02
+"""Surfaces nearer to the camera plane than this are not drawn, as in the z-buffer."""
+
+_NAMES = {"cycles": "Cycles", "eevee": "EEVEE"}
+_NAME = "R2S-EGO conditions"
+_EXACT_HALF = 2048  # EEVEE keeps AOVs as 16-bit floats: whole numbers up to here
 
 
-def render_conditions(proxy: GeometryProxy, path: Sequence[Camera], folder: Path) -> list[Path]:
-    """Render ``proxy`` from every camera of ``path``, all with one lens.
+def renderer_name(engine: str) -> str:
+    """What results call ``engine`` ("cycles" or "eevee") of this Blender: "Cycles 4.5.15"."""
+    return f"{_NAMES[engine]} {versions.VERSION}"
 
-    Writes, for frame n from 1, ``depth_000n.exr`` (planar z, metres), ``normal_000n.exr``
-    (world frame) and ``provenance_000n.exr`` (0 = nothing seen, so it is the validity
-    mask, else ``Provenance`` + 1) in 32-bit floats. Returns them in the order written.
+
+class ConditionScene:
+    """A Blender scene of its own with one proxy, which renders from any number of cameras.
+
+    The mesh goes to the render engine with the first frame and stays there.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    scene = bpy.data.scenes.new("R2S-EGO conditions")
+
+    def __init__(self, proxy: GeometryProxy, engine: str = "cycles") -> None:
+        """Raises GenerationError for more objects than EEVEE can number."""
+        if engine == "eevee" and proxy.instance.max(initial=0) > _EXACT_HALF:
+            raise GenerationError(
+                f"EEVEE tells at most {_EXACT_HALF} objects apart", where="generation.renderer",
+                cure="Choose the z-buffer or Cycles.",
+            )  # fmt: skip
+        self._scene = bpy.data.scenes.new(_NAME)
+        self._material = _condition_material()
+        self._camera: bpy.types.Object | None = None
+        mesh = mesh_from_arrays(_NAME, proxy.vertices, proxy.faces)
+        add_attribute(mesh, "provenance", proxy.provenance.astype(np.int32) + 1)
+        add_attribute(mesh, "instance", proxy.instance)
+        add_attribute(mesh, "supported", (proxy.support > 0).astype(np.int32))
+        assign_materials(mesh, [self._material], np.zeros(len(proxy.faces), np.int32))
+        self._scene.collection.objects.link(bpy.data.objects.new(_NAME, mesh))
+        _declare_passes(self._scene)
+        _settle(self._scene, engine)
+        versions.write_multilayer(self._scene)
+
+    def render(self, camera: Camera, file: Path) -> None:
+        """Write the passes seen from ``camera`` as the multilayer EXR ``file``."""
+        scene = self._scene
+        if self._camera is None:
+            self._camera = create_camera(_NAME, camera)
+            self._camera.data.clip_start = NEAR_M
+            scene.collection.objects.link(self._camera)
+        else:
+            set_camera(self._camera, camera)
+        use_frame_of(self._camera, scene)
+        scene.render.filepath = str(file)
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+
+    def remove(self) -> None:
+        """Take the scene and all that is in it out of Blender."""
+        clear(self._scene.collection)
+        bpy.data.materials.remove(self._material)
+        bpy.data.scenes.remove(self._scene)
+
+
+def render_conditions(
+    proxy: GeometryProxy, path: Sequence[Camera], folder: Path, engine: str = "cycles"
+) -> list[Path]:
+    """Render ``proxy`` from every camera of ``path``: ``000.exr`` and on, and a manifest.
+
+    Returns the images. Raises GenerationError when Blender could not render one.
+    """
+    scene = ConditionScene(proxy, engine)
     try:
-        mesh = proxy_mesh(proxy, scene.name)
-        scene.collection.objects.link(bpy.data.objects.new(scene.name, mesh))
-        _animate(scene, path)
-        _settle(scene)
-        versions.write_passes(
-            scene, folder,
-            {"depth": "Depth", "normal": "Normal", "provenance": versions.MATERIAL_INDEX_PASS},
-        )  # fmt: skip
-        # An animation always writes the combined image too; nobody wants it.
-        with tempfile.TemporaryDirectory(prefix="r2sego-") as unwanted:
-            scene.render.filepath = str(Path(unwanted, "image_"))
-            bpy.ops.render.render(animation=True, scene=scene.name)
+        return render_path(scene, path, folder, engine)
     finally:
-        versions.remove_passes(scene)
-        clear(scene.collection)
-        bpy.data.scenes.remove(scene)
-    frames = range(1, len(path) + 1)
-    return [folder / f"{name}_{n:04d}.exr" for n in frames for name in ("depth", "normal", "provenance")]
+        scene.remove()
 
 
-def _animate(scene: bpy.types.Scene, path: Sequence[Camera]) -> None:
-    camera = create_camera("R2S-EGO path", path[0])
-    scene.collection.objects.link(camera)
-    use_frame_of(camera, scene)
-    camera.rotation_mode = "QUATERNION"
-    for frame, view in enumerate(path, start=1):
-        camera.matrix_world = object_pose(view.world_from_camera).T.tolist()
-        camera.keyframe_insert("location", frame=frame)
-        camera.keyframe_insert("rotation_quaternion", frame=frame)
-    scene.frame_start, scene.frame_end = 1, len(path)
+def render_path(
+    scene: ConditionScene, path: Sequence[Camera], folder: Path, engine: str,
+    on_frame: Callable[[int], None] = lambda index: None,
+) -> list[Path]:  # fmt: skip
+    """``render_conditions`` with a scene that is there already; ``on_frame`` hears of each frame."""
+    folder.mkdir(parents=True, exist_ok=True)
+    manifest = folder / MANIFEST
+    manifest.unlink(missing_ok=True)
+    files = [folder / f"{index:03d}.exr" for index in range(len(path))]
+    for index, (camera, file) in enumerate(zip(path, files, strict=True)):
+        on_frame(index)
+        try:
+            scene.render(camera, file)
+        except RuntimeError as error:
+            raise GenerationError(f"Blender could not render: {error}", where=file) from error
+        if not file.is_file():
+            raise GenerationError("Blender wrote no image", where=file, cure="Is the disk full?")
+    frames = [{"file": f.name, "camera": c.to_json()} for f, c in zip(files, path, strict=True)]
+    content = {"complete": True, "renderer": renderer_name(engine), "passes": PASSES, "frames": frames}
+    unfinished = folder / (MANIFEST + ".tmp")
+    unfinished.write_text(json.dumps(content, indent=1), encoding="utf-8")
+    unfinished.replace(manifest)
+    return files
 
 
-def _settle(scene: bpy.types.Scene) -> None:
-    scene.render.engine = "CYCLES"
-    scene.cycles.device = "CPU"
-    scene.cycles.samples = 1
-    scene.cycles.use_adaptive_sampling = False
-    scene.cycles.use_denoising = False
-    scene.cycles.max_bounces = 0
-    scene.cycles.pixel_filter_type = "BOX"
-    scene.cycles.filter_width = _CENTRE_FILTER
-    scene.render.use_motion_blur = False
+def _declare_passes(scene: bpy.types.Scene) -> None:
     layer = scene.view_layers[0]
-    layer.use_pass_z = layer.use_pass_normal = layer.use_pass_material_index = True
+    layer.name = "Condition"
+    layer.use_pass_combined = False
+    layer.use_pass_z = True
+    for name in PASSES[1:]:
+        aov = layer.aovs.add()
+        aov.name = name
+        aov.type = "COLOR" if name.startswith("Normal") else "VALUE"
+
+
+def _settle(scene: bpy.types.Scene, engine: str) -> None:
+    """One exact sample: no antialiasing, denoising, light, blur or colour transform."""
+    scene.render.engine = versions.RENDER_ENGINES[engine]
+    scene.render.use_persistent_data = True
+    scene.render.use_motion_blur = False
+    scene.render.use_compositing = scene.render.use_sequencer = False
+    scene.view_settings.view_transform = "Raw"
+    if engine == "cycles":
+        # The first sample of Cycles goes through the pixel's centre whatever the filter.
+        scene.cycles.device = "CPU"
+        scene.cycles.samples = 1
+        scene.cycles.use_adaptive_sampling = False
+        scene.cycles.use_denoising = False
+        scene.cycles.max_bounces = 0
+    else:
+        scene.eevee.taa_render_samples = 1
+        scene.render.filter_size = 0.0
+
+
+def _condition_material() -> bpy.types.Material:
+    material = bpy.data.materials.new(_NAME)
+    if not material.use_nodes:
+        material.use_nodes = True
+    nodes, link = material.node_tree.nodes, material.node_tree.links.new
+    nodes.clear()
+    # Cycles takes a surface without a shader, or with a black emission, for transparent.
+    surface, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
+    link(surface.outputs[0], output.inputs["Surface"])
+    geometry, view = nodes.new("ShaderNodeNewGeometry"), nodes.new("ShaderNodeCameraData")
+    normal = geometry.outputs["True Normal"]  # towards the camera; EEVEE packs the other normals coarsely
+    to_camera, to_opencv = nodes.new("ShaderNodeVectorTransform"), nodes.new("ShaderNodeVectorMath")
+    to_camera.vector_type, to_camera.convert_from, to_camera.convert_to = "NORMAL", "WORLD", "CAMERA"
+    to_opencv.operation = "MULTIPLY"
+    to_opencv.inputs[1].default_value = (1.0, -1.0, 1.0)  # shaders' camera space: y up, z forward
+    link(normal, to_camera.inputs[0])
+    link(to_camera.outputs[0], to_opencv.inputs[0])
+    valid = nodes.new("ShaderNodeMath")
+    valid.operation = "GREATER_THAN"
+    link(_attribute(material, "supported"), valid.inputs[0])
+    link(geometry.outputs["Backfacing"], valid.inputs[1])
+    for name, value in (
+        ("Distance", view.outputs["View Distance"]),
+        ("NormalWorld", normal),
+        ("NormalCamera", to_opencv.outputs[0]),
+        ("Provenance", _attribute(material, "provenance")),
+        ("Instance", _attribute(material, "instance")),
+        ("Validity", valid.outputs[0]),
+    ):
+        aov = nodes.new("ShaderNodeOutputAOV")
+        aov.aov_name = name
+        link(value, aov.inputs["Color" if name.startswith("Normal") else "Value"])
+    return material
+
+
+def _attribute(material: bpy.types.Material, name: str) -> bpy.types.NodeSocket:
+    """A face's whole number; rounded, since EEVEE interpolates it between the corners."""
+    nodes = material.node_tree.nodes
+    attribute, rounded = nodes.new("ShaderNodeAttribute"), nodes.new("ShaderNodeMath")
+    attribute.attribute_name = name
+    rounded.operation = "ROUND"
+    material.node_tree.links.new(attribute.outputs["Fac"], rounded.inputs[0])
+    return rounded.outputs[0]

@@ -2,52 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-
 import bpy
 
 _FROM_5_0 = bpy.app.version >= (5, 0, 0)
 
-MATERIAL_INDEX_PASS = "Material Index" if _FROM_5_0 else "IndexMA"
-"""The render layer's socket of the material-index pass."""
+VERSION = ".".join(map(str, bpy.app.version))
+"""This Blender's version, such as 4.5.15."""
+
+RENDER_ENGINES = {"cycles": "CYCLES", "eevee": "BLENDER_EEVEE" if _FROM_5_0 else "BLENDER_EEVEE_NEXT"}
+"""Blender's names of the engines."""
 
 
-def write_passes(scene: bpy.types.Scene, folder: Path, passes: Mapping[str, str]) -> None:
-    """Have renders of ``scene`` write each pass as ``folder/<name>_####.exr``, 32-bit floats.
-
-    ``passes`` names, for each file, the socket of the render layer.
-    """
-    tree = _compositor(scene)
-    layers = tree.nodes.new("CompositorNodeRLayers")
-    layers.scene = scene
-    for name, socket in passes.items():
-        output = tree.nodes.new("CompositorNodeOutputFile")
-        if _FROM_5_0:
-            output.format.media_type = "IMAGE"
-        output.format.file_format = "OPEN_EXR"
-        output.format.color_depth = "32"
-        if _FROM_5_0:
-            output.directory, output.file_name = str(folder), f"{name}_"
-            output.file_output_items.clear()
-            output.file_output_items.new("VECTOR" if name == "normal" else "FLOAT", "")
-        else:
-            output.base_path = str(folder)
-            output.file_slots[0].path = f"{name}_"
-        tree.links.new(layers.outputs[socket], output.inputs[0])
-    scene.render.use_sequencer = False
-
-
-def remove_passes(scene: bpy.types.Scene) -> None:
-    """Take away what ``write_passes`` made outside the scene."""
-    if _FROM_5_0 and scene.compositing_node_group is not None:
-        bpy.data.node_groups.remove(scene.compositing_node_group)
-
-
-def _compositor(scene: bpy.types.Scene) -> bpy.types.NodeTree:
+def write_multilayer(scene: bpy.types.Scene) -> None:
+    """Have renders of ``scene`` write all passes into one EXR of 32-bit floats."""
+    image = scene.render.image_settings
     if _FROM_5_0:
-        scene.compositing_node_group = bpy.data.node_groups.new(scene.name, "CompositorNodeTree")
-        return scene.compositing_node_group
-    scene.use_nodes = True
-    scene.node_tree.nodes.clear()
-    return scene.node_tree
+        image.media_type = "MULTI_LAYER_IMAGE"
+    image.file_format = "OPEN_EXR_MULTILAYER"
+    image.color_depth = "32"
+    image.exr_codec = "ZIP"
+    if _FROM_5_0:
+        image.use_exr_interleave = True  # one part, as before; many readers open only the first

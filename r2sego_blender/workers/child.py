@@ -22,13 +22,13 @@ from ..errors import NativeError, R2SEgoError
 _PACKAGE = __package__.rpartition(".")[0]
 _PACKAGE_PARENT = Path(__file__).resolve().parents[1 + _PACKAGE.count(".") + 1]
 
-
-_RUNNING: set[subprocess.Popen] = set()
+RUNNING: set[subprocess.Popen] = set()
+"""The processes that ``kill_children`` ends."""
 
 
 def kill_children() -> None:
-    """End every native call under way; for a process that is being cancelled."""
-    for process in tuple(_RUNNING):
+    """End every native call and worker under way; for a process that is being cancelled."""
+    for process in tuple(RUNNING):
         process.kill()
 
 
@@ -59,7 +59,7 @@ def call_in_child(
             command, env=environment, stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
         )  # fmt: skip
-        _RUNNING.add(process)
+        RUNNING.add(process)
         try:
             printed, _ = process.communicate(timeout=timeout_s)
         except subprocess.TimeoutExpired as error:
@@ -69,7 +69,7 @@ def call_in_child(
         finally:
             process.kill()
             process.wait()
-            _RUNNING.discard(process)
+            RUNNING.discard(process)
         outcome = json.loads(manifest.read_text()) if manifest.is_file() else {}
         if "error" in outcome:
             raise _error_class(outcome["error"])(

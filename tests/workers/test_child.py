@@ -67,4 +67,4 @@ def test_an_error_of_the_family_is_raised_again_as_itself(call):
 def test_a_call_that_takes_too_long_is_ended(call):
     with pytest.raises(NativeError, match="longer than 1 s"):
         call(hang, {}, timeout_s=1.0)
-    assert not child._RUNNING
+    assert not child.RUNNING

@@ -1,0 +1,84 @@
+"""The renderer of structural conditions that the settings ask for."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..cameras import Camera
+from ..errors import GenerationError
+from ..geometry.proxy import GeometryProxy
+from ..settings import GenerationSettings
+from ..workers.blender_renderer import BlenderWorker, shared_worker
+from .conditions import NOTHING, Condition, Renderer, ZBufferRenderer
+
+_ENGINES = {"cycles": "Cycles", "eevee": "EEVEE"}
+
+
+def make_renderer(proxy: GeometryProxy, settings: GenerationSettings) -> Renderer:
+    """The renderer of ``proxy`` that ``generation.renderer`` names.
+
+    Raises MachineError when the Blender it needs is not there.
+    """
+    if settings.renderer == "z-buffer":
+        return ZBufferRenderer(proxy)
+    return BlenderRenderer(proxy, settings.renderer, shared_worker(settings.blender))
+
+
+class BlenderRenderer:
+    """Renders conditions in a Blender process that stays, with Cycles or EEVEE.
+
+    Blender reads the proxy once, with the first path.
+    """
+
+    def __init__(self, proxy: GeometryProxy, engine: str, worker: BlenderWorker) -> None:
+        """``engine`` is "cycles" or "eevee". Raises MachineError when Blender cannot be started."""
+        self._engine, self._worker = engine, worker
+        self._folder = tempfile.TemporaryDirectory(prefix="r2sego-proxy-")
+        self._proxy_file = Path(self._folder.name, "proxy.npz")
+        proxy.save(self._proxy_file)
+        self.name = f"{_ENGINES[engine]} {worker.version}"
+
+    def render(self, path: Sequence[Camera]) -> list[Condition]:
+        """See ``Renderer``. Raises GenerationError or NativeError when Blender cannot."""
+        with tempfile.TemporaryDirectory(prefix="r2sego-conditions-") as folder:
+            files = self._worker.render(self._proxy_file, path, self._engine, Path(folder))
+            return [read_condition(file, camera) for file, camera in zip(files, path, strict=True)]
+
+
+def read_condition(file: Path, camera: Camera) -> Condition:
+    """The condition in a multilayer EXR that ``bridge.conditions`` wrote for ``camera``.
+
+    Raises GenerationError when the file is damaged, or of another size.
+    """
+    import OpenEXR
+
+    try:
+        # The last word of a channel's name is its component: Condition.NormalWorld.X.
+        with OpenEXR.File(str(file), separate_channels=True) as image:
+            channels = {name.partition(".")[2]: c.pixels for name, c in image.channels().items()}
+        provenance = channels["Provenance.X"]
+        if provenance.shape != camera.shape:
+            raise ValueError(f"its size is {provenance.shape[1]} x {provenance.shape[0]}")
+        seen = provenance > NOTHING
+        normal = np.stack([channels[f"NormalWorld.{axis}"] for axis in "RGB"], axis=-1)
+        return Condition(
+            camera=camera,
+            depth=np.where(seen, channels["Depth.Z"], np.float32(0.0)),
+            normal=_unit(np.where(seen[..., None], normal, np.float32(0.0))),
+            provenance=provenance.astype(np.uint8),
+            validity=np.where(seen, channels["Validity.X"], np.float32(0.0)),
+            instance=np.where(seen, channels["Instance.X"], 0.0).astype(np.int32),
+        )
+    except (OSError, RuntimeError, KeyError, ValueError) as error:
+        raise GenerationError(
+            f"this is not a rendered condition: {error}", where=file, cure="Render it again."
+        ) from error  # fmt: skip
+
+
+def _unit(normal: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    return normal / np.where(length > 0.0, length, np.float32(1.0))
