@@ -1,4 +1,9 @@
-"""Structural conditions on disk."""
+"""Structural conditions on disk: exact multilayer EXRs, and PNGs that every tool reads.
+
+An EXR holds float32 channels ``ViewLayer.<pass>.<channel>``, as Blender names those of a
+render layer, so Blender and Nuke open its passes by name; its header has the camera.
+docs/conditions.md lists passes, files and conventions.
+"""
 
 from __future__ import annotations
 
@@ -8,57 +13,129 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import OpenEXR
 
-from ..arrays import opened_arrays
 from ..cameras import Camera
-from ..errors import GenerationError
+from ..errors import CaptureError, GenerationError
+from ..images import to_uint8
 from .conditions import Condition
+from .point_condition import PointCondition
 
+_LAYER = "ViewLayer"
+_CAMERA = "r2sego:camera"
 _MILLIMETRES = 1000.0
-_NORMAL_STEPS = 127.0  # unit normals are stored as int8
+_OPENGL = np.array([1.0, -1.0, -1.0], np.float32)  # x right, y up, z towards the camera
+_PNG = [cv2.IMWRITE_PNG_COMPRESSION, 4]
+_DAMAGE = (OSError, RuntimeError, KeyError, TypeError, ValueError, CaptureError)
+"""What OpenEXR raises for a file that is missing, cut off or no EXR, and a header that is not ours."""
 
 
-def save_conditions(folder: Path, conditions: Sequence[Condition]) -> None:
-    """Write each condition as two files that together are small.
+def save_conditions(
+    folder: Path,
+    conditions: Sequence[Condition],
+    points: Sequence[PointCondition] = (),
+    derived: bool = False,
+) -> None:
+    """Write frame n as ``<n>.exr`` and PNGs beside it, n in three digits from 000.
 
-    ``000_depth.png``: 16-bit depth in millimetres, 0 = unknown (also beyond 65 m);
-    ``000.npz``: the camera, validity (uint8 of 255), provenance, instance and normal (int8 of 127).
+    ``points``, when given, has one point condition a condition: its colours become
+    ``<n>_points.png`` and its counts the EXR's pass ``Visibility``. ``derived`` adds what
+    follows from the rest, for other tools: the passes ``Distance``, ``NormalCamera`` and,
+    with points, ``Combined``, scene-linear.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    for index, condition in enumerate(conditions):
-        millimetres = np.rint(condition.depth * _MILLIMETRES)
-        millimetres[millimetres > np.iinfo(np.uint16).max] = 0
-        _, png = cv2.imencode(".png", millimetres.astype(np.uint16), [cv2.IMWRITE_PNG_COMPRESSION, 2])
-        (folder / f"{index:03d}_depth.png").write_bytes(png.tobytes())
-        np.savez_compressed(
-            folder / f"{index:03d}.npz",
-            camera=json.dumps(condition.camera.to_json()),
-            validity=np.rint(condition.validity * 255.0).astype(np.uint8),
-            provenance=condition.provenance,
-            instance=condition.instance,
-            normal=np.rint(condition.normal * _NORMAL_STEPS).astype(np.int8),
-        )
+    coloured = points or [None] * len(conditions)
+    for index, (condition, point) in enumerate(zip(conditions, coloured, strict=True)):
+        _save_exr(folder / f"{index:03d}.exr", condition, point, derived)
+        for name, image in _encoded(condition, point).items():
+            _, png = cv2.imencode(".png", image, _PNG)
+            (folder / f"{index:03d}_{name}.png").write_bytes(png.tobytes())
 
 
 def load_conditions(folder: Path) -> tuple[Condition, ...]:
-    """Read what ``save_conditions`` wrote: depths to half a millimetre, normals to half a degree.
+    """What ``save_conditions`` wrote, to the bit, in the frames' order.
 
     Raises GenerationError when a file is missing or damaged.
     """
-    conditions = []
-    for path in sorted(folder.glob("[0-9][0-9][0-9].npz")):
-        with opened_arrays(path, GenerationError, "this structural condition is damaged") as data:
-            camera = Camera.from_json(json.loads(str(data["camera"])))
-            validity = data["validity"].astype(np.float32) / 255.0
-            provenance, instance = data["provenance"], data["instance"]
-            normal = data["normal"].astype(np.float32)
-            png = np.frombuffer(path.with_name(f"{path.stem}_depth.png").read_bytes(), np.uint8)
-            depth = cv2.imdecode(png, cv2.IMREAD_UNCHANGED) if len(png) else None
-            if depth is None or depth.shape != camera.shape or depth.dtype != np.uint16:
-                raise ValueError("the depth is not a 16-bit PNG of the camera's size")
-        normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), np.float32(1.0))
-        depth = depth.astype(np.float32) / _MILLIMETRES
-        conditions.append(Condition(camera, depth, normal, provenance, validity, instance))
-    if not conditions:
+    files = sorted(folder.glob("[0-9][0-9][0-9].exr"))
+    if not files:
         raise GenerationError("there are no conditions here", where=folder, cure="Run the round again.")
-    return tuple(conditions)
+    if [file.stem for file in files] != [f"{index:03d}" for index in range(len(files))]:
+        raise GenerationError("conditions are missing here", where=folder, cure="Run the round again.")
+    return tuple(map(_load_exr, files))
+
+
+def _save_exr(path: Path, condition: Condition, point: PointCondition | None, derived: bool) -> None:
+    passes = {
+        "Depth.V": condition.depth, "Validity.V": condition.validity,
+        "Provenance.V": condition.provenance, "Instance.V": condition.instance,
+        **_split("Normal", condition.normal, "XYZ"),
+    }  # fmt: skip
+    if point is not None:
+        passes["Visibility.V"] = point.visibility
+    if derived:
+        passes |= {"Distance.V": condition.distance} | _split("NormalCamera", condition.normal_camera, "XYZ")
+        if point is not None:
+            passes |= _split("Combined", _linear(point.colour), "RGB") | {"Combined.A": point.known}
+    header = {
+        "compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage,
+        _CAMERA: json.dumps(condition.camera.to_json()),
+    }  # fmt: skip
+    channels = {
+        f"{_LAYER}.{name}": np.ascontiguousarray(values, np.float32) for name, values in passes.items()
+    }
+    with OpenEXR.File(header, channels) as file:
+        file.write(str(path))
+
+
+def _load_exr(path: Path) -> Condition:
+    try:
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            camera = Camera.from_json(json.loads(file.header()[_CAMERA]))
+            channels = {name: channel.pixels for name, channel in file.channels().items()}
+        passes = {
+            name: channels[f"{_LAYER}.{name}"]
+            for name in (
+                "Depth.V", "Normal.X", "Normal.Y", "Normal.Z", "Provenance.V", "Validity.V", "Instance.V",
+            )
+        }  # fmt: skip
+        if any(values.shape != camera.shape or values.dtype != np.float32 for values in passes.values()):
+            raise ValueError("a pass is not of the camera's size")
+    except _DAMAGE as error:
+        raise GenerationError(
+            "this structural condition is damaged", where=path, cure="Run the round again."
+        ) from error
+    return Condition(
+        camera,
+        passes["Depth.V"],
+        np.stack([passes[f"Normal.{axis}"] for axis in "XYZ"], axis=-1),
+        passes["Provenance.V"].astype(np.uint8),
+        passes["Validity.V"],
+        passes["Instance.V"].astype(np.int32),
+    )
+
+
+def _encoded(condition: Condition, point: PointCondition | None) -> dict[str, np.ndarray]:
+    """The PNGs by name, as OpenCV takes them (blue first)."""
+    millimetres = np.rint(condition.depth * _MILLIMETRES)
+    millimetres[millimetres > np.iinfo(np.uint16).max] = 0  # beyond 65 m: unknown
+    normal = to_uint8(0.5 + 0.5 * condition.normal_camera * _OPENGL)
+    normal[condition.depth <= 0] = 0
+    images = {
+        "depth": millimetres.astype(np.uint16),
+        "normal": np.ascontiguousarray(normal[..., ::-1]),
+        "provenance": condition.provenance,
+        "instance": np.minimum(condition.instance, np.iinfo(np.uint8).max).astype(np.uint8),
+        "validity": to_uint8(condition.validity),
+    }
+    if point is not None:
+        images["points"] = np.ascontiguousarray(to_uint8(point.colour)[..., ::-1])
+    return images
+
+
+def _split(name: str, values: np.ndarray, channels: str) -> dict[str, np.ndarray]:
+    return {f"{name}.{channel}": values[..., k] for k, channel in enumerate(channels)}
+
+
+def _linear(srgb: np.ndarray) -> np.ndarray:
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
