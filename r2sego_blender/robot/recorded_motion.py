@@ -209,13 +209,17 @@ def _read_csv(path: Path) -> RobotRecording:
 
 def _read_npz(path: Path) -> dict[str, np.ndarray]:
     try:
-        with zipfile.ZipFile(path) as archive:
-            if sum(entry.file_size for entry in archive.infolist()) > _MAX_BYTES:
-                raise _error(path, "the motion is larger than 256 MB unpacked", "Cut it.")
+        _check_unpacked(path)
         with np.load(path, allow_pickle=False) as arrays:
             return {name: arrays[name] for name in arrays.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError) as error:
         raise _error(path, f"this NPZ cannot be read: {str(error).splitlines()[0]}", _CURE) from error
+
+
+def _check_unpacked(path: Path) -> None:
+    with zipfile.ZipFile(path) as archive:
+        if sum(entry.file_size for entry in archive.infolist()) > _MAX_BYTES:
+            raise _error(path, "the motion is larger than 256 MB unpacked", "Cut it.")
 
 
 def _read_tensors(path: Path) -> dict[str, np.ndarray]:
@@ -223,7 +227,11 @@ def _read_tensors(path: Path) -> dict[str, np.ndarray]:
     import torch
 
     try:
+        if zipfile.is_zipfile(path):
+            _check_unpacked(path)
         content = torch.load(path, map_location="cpu", weights_only=True)
+    except RobotError:
+        raise
     except Exception as error:  # its unpickler and its archives raise many kinds
         raise _error(path, "this holds more than tensors, or is damaged", "Save tensors alone.") from error
     if not isinstance(content, Mapping):

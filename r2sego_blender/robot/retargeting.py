@@ -95,7 +95,7 @@ def retarget(human: HumanRecording, robot: RobotModel) -> np.ndarray:
         place = np.column_stack([foot - [0.0, 0.0, leg.sole_m], yaw])
         place = planted(place, standing(position[:, _BODY[f"{side}_ankle"]]), brisk=True)
         foot[:], yaw[:] = place[:, :3] + [0.0, 0.0, leg.sole_m], place[:, 3]
-    return _solve(robot, base, rotation[:, _BODY["chest"]], feet, yaws, position)
+    return _solve(robot, base, rotation[:, _BODY["chest"]], feet, yaws, position, human.where)
 
 
 def segments(robot: RobotModel) -> tuple[Segment, ...]:
@@ -137,7 +137,7 @@ def _chain_foot(chain: _Chain, side: str, base: np.ndarray, position: np.ndarray
 
 def _solve(
     robot: RobotModel, base: np.ndarray, chest: np.ndarray, feet: np.ndarray, yaws: list[np.ndarray],
-    position: np.ndarray,
+    position: np.ndarray, where: str,
 ) -> np.ndarray:  # fmt: skip
     """(T, nq): each frame's inverse kinematics, begun from the frame before."""
     model = robot.model
@@ -171,7 +171,12 @@ def _solve(
             start[3:7] = Rotation.from_matrix(base[0, :3, :3]).as_quat(scalar_first=True)
             configuration.update(start)
         for _ in range(_ITERATIONS if frame else _FIRST_ITERATIONS):
-            velocity = mink.solve_ik(configuration, tasks, 1.0, "daqp", damping=_DAMPING, limits=limits)
+            try:
+                velocity = mink.solve_ik(configuration, tasks, 1.0, "daqp", damping=_DAMPING, limits=limits)
+            except mink.MinkError as error:
+                raise RobotError(
+                    f"the motion cannot be retargeted at frame {frame}", where=where, cure="Cut it there."
+                ) from error
             configuration.integrate_inplace(velocity, 1.0)
         qpos[frame] = configuration.q
     return qpos

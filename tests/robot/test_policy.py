@@ -509,6 +509,18 @@ def test_twelve_walks_of_the_29_joint_policy_in_a_furnished_room(g1, shared_robo
         assert (rollout.qpos[:, 2] > 0.7).all()
 
 
+def test_what_the_planner_cannot_see_is_a_bump_with_its_frame(g1, shared_robot, box_room):
+    """Studs, thin between the floor's rays and lower than the ankles, catch the walking feet."""
+    grid = np.arange(-1.9, 1.9, 0.2) + 0.025
+    studs = box_room([(x, y, 0.01, 0.01, 0.026) for x in grid for y in grid[1:-1]])
+    for rollout in rollouts(g1, studs, shared_robot(RL_LAB[0]), RL_LAB[1], only(SCOPE, walk_to=1.0), 3):
+        assert rollout.reason in {"body_contact", "fall"}
+        assert rollout.detail
+        assert (
+            rollout.frame == len(rollout.qpos) - 1 < SCOPE.episode.duration_s * SCOPE.episode.camera_rate_hz
+        )
+
+
 def test_squats_in_a_room(g1, shared_robot, box_room):
     scope = replace(only(SCOPE, squat=1.0), failures=Failures(penetration_m=0.03, slide_m=0.05))
     (rollout,) = rollouts(g1, box_room(), shared_robot(FALCON[0]), FALCON[1], scope, 1)
