@@ -242,10 +242,12 @@ def test_nothing_in_a_file_is_run(tmp_path):
 
 @pytest.mark.parametrize("name", ["m.npz", "m.motion"])
 def test_a_small_file_that_unpacks_to_much_is_refused(tmp_path, name):
-    with zipfile.ZipFile(tmp_path / name, "w", zipfile.ZIP_DEFLATED) as archive:
-        with archive.open("joint_pos.npy", "w", force_zip64=True) as entry:
-            for _ in range(300):
-                entry.write(bytes(1024 * 1024))
+    with (
+        zipfile.ZipFile(tmp_path / name, "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("joint_pos.npy", "w", force_zip64=True) as entry,
+    ):
+        for _ in range(300):
+            entry.write(bytes(1024 * 1024))
     assert (tmp_path / name).stat().st_size < 1_000_000
     with pytest.raises(RobotError, match=r"the motion is larger than 256 MB unpacked"):
         read_recording(tmp_path / name)
