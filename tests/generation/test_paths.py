@@ -56,6 +56,20 @@ def test_relative_motions_compose_with_the_reference():
         np.testing.assert_allclose(reference.world_from_camera @ motion, one.world_from_camera, atol=1e-12)
 
 
+def test_a_way_is_followed_with_the_same_easing():
+    reference, target = camera(1), camera(2)
+    middle = np.array([[3.0, 0.0, 1.0], [3.0, 4.0, 1.0]])
+    way = np.concatenate([[reference.centre], middle, [target.centre]])
+    path, straight = camera_path(reference, target, 9, way), camera_path(reference, target, 9)
+    np.testing.assert_array_equal(path[0].world_from_camera, reference.world_from_camera)
+    np.testing.assert_array_equal(path[-1].world_from_camera, target.world_from_camera)
+    for one, other in zip(path, straight, strict=True):
+        np.testing.assert_array_equal(one.world_from_camera[:3, :3], other.world_from_camera[:3, :3])
+    lengths = np.linalg.norm(np.diff(way, axis=0), axis=1)
+    halfway = middle[0] + (lengths.sum() / 2 - lengths[0]) * np.array([0.0, 1.0, 0.0])
+    np.testing.assert_allclose(path[4].centre, halfway)
+
+
 def test_one_frame_is_no_path():
     with pytest.raises(ValueError, match="two"):
         camera_path(camera(1), camera(2), 1)
