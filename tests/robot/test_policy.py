@@ -9,8 +9,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from tiny_policies import onnx_policy, torchscript_policy
 
 from r2sego_blender.errors import RobotError
@@ -18,19 +16,13 @@ from r2sego_blender.robot.attempts import Attempts, Rollout
 from r2sego_blender.robot.free_floor import free_floor
 from r2sego_blender.robot.model import RobotModel
 from r2sego_blender.robot.policy import PolicyController, PolicyDrive
-from r2sego_blender.robot.policy_layout import Commands, PolicyLayout
+from r2sego_blender.robot.policy_layout import PolicyLayout
 from r2sego_blender.robot.policy_observation import Command, Observer
 from r2sego_blender.robot.policy_runtime import PolicyFile
 from r2sego_blender.robot.scope import Behaviours, BehaviourScope, Control, Episode, Failures
-from r2sego_blender.robot.velocity_pursuit import Stage, VelocityPursuit, heading_rad, straight
 from r2sego_blender.settings import RolloutSettings
 
 SCOPE = BehaviourScope.load("walk_and_look")
-G1 = "g1/unitree_mujoco_g1/g1_29dof.xml"
-G1_MOUNT = ["torso_link", [0.0576235, 0.01753, 0.42987], [0.0, 0.8307767, 0.0], {"hfov_deg": 69.0}]
-H1_MOUNT = ["pelvis", [0.10848, 0.0325, 0.69317], [0.0, 0.8, 0.0], {"hfov_deg": 69.0}]
-RL_LAB = ("g1/policies/rl_lab_velocity.onnx", "unitree_rl_lab_g1_29dof")
-FALCON = ("g1/policies/falcon_g1.onnx", "falcon_g1_29dof")
 KNEES = """
 rate_hz = 50.0
 step_s = 0.005
@@ -52,11 +44,6 @@ yaw_rate_rad_s = [-1.0, 1.0]
 def knees(tmp_path) -> PolicyLayout:
     (tmp_path / "knees.toml").write_text(KNEES)
     return PolicyLayout.load(tmp_path / "knees.toml")
-
-
-@pytest.fixture(scope="module")
-def g1(shared_robot) -> RobotModel:
-    return RobotModel.load(shared_robot(G1), G1_MOUNT)
 
 
 def controller(robot, scene, file, layout, scope=SCOPE) -> PolicyController:
@@ -337,197 +324,12 @@ def test_what_does_not_fit_the_robot_or_the_policy_is_refused(humanoid, box_room
         controller(humanoid, box_room(), "", knees.where)
 
 
-# Where the commands lead a base that obeys them
-
-LIMITS = Commands((-0.5, 1.0), (-0.3, 0.3), (-0.8, 0.8), None, math.nan, 0.0, 0.0)
-
-
-def obeyed(pursuit: VelocityPursuit, qpos: np.ndarray, seconds: float) -> tuple[np.ndarray, list[Command]]:
-    """(T, 3) x, y, heading of a base that does as it is told."""
-    x, y, angle = qpos[0], qpos[1], heading_rad(qpos)
-    track, commands = [], []
-    for _ in range(round(seconds * 50.0)):
-        qpos = np.array([x, y, 0.8, math.cos(angle / 2.0), 0.0, 0.0, math.sin(angle / 2.0)])
-        command = pursuit.command(qpos, 0.02)
-        x += 0.02 * (command.vx_m_s * math.cos(angle) - command.vy_m_s * math.sin(angle))
-        y += 0.02 * (command.vx_m_s * math.sin(angle) + command.vy_m_s * math.cos(angle))
-        angle += 0.02 * command.yaw_rate_rad_s
-        track.append((x, y, angle))
-        commands.append(command)
-    return np.array(track), commands
-
-
-def start(heading: float) -> np.ndarray:
-    return np.array([0.0, 0.0, 0.8, math.cos(heading / 2.0), 0.0, 0.0, math.sin(heading / 2.0)])
-
-
-@settings(max_examples=40, deadline=None)
-@given(
-    heading=st.floats(-3.1, 3.1),
-    corner=st.tuples(st.floats(0.5, 1.5), st.floats(-1.0, 1.0)),
-    speed=st.floats(0.3, 0.8),
-)
-def test_walks_keep_to_their_way_and_limits_and_end_standing_at_the_goal(heading, corner, speed):
-    corner, end = np.array(corner), np.array([corner[0] + 1.0, corner[1]])
-    path = np.concatenate([straight(np.zeros(2), corner), straight(corner, end)])
-    track, commands = obeyed(VelocityPursuit([Stage(path)], LIMITS, speed, 1.0), start(heading), 20.0)
-    assert np.linalg.norm(track[-1, :2] - end) < 0.1
-    away = np.linalg.norm(track[:, None, :2] - path[None], axis=2).min(axis=1)
-    assert away.max() < 0.2
-    for command in commands:
-        assert math.hypot(command.vx_m_s, command.vy_m_s) <= speed + 1e-9
-        assert -0.5 - 1e-9 <= command.vx_m_s <= 1.0 and abs(command.vy_m_s) <= 0.3 + 1e-9
-        assert abs(command.yaw_rate_rad_s) <= 0.8
-    assert not commands[-1].walks
-    assert (commands[-1].vx_m_s, commands[-1].vy_m_s, commands[-1].yaw_rate_rad_s) == (0.0, 0.0, 0.0)
-
-
-@settings(max_examples=20, deadline=None)
-@given(heading=st.floats(-3.1, 3.1), turn=st.floats(-3.0, 3.0))
-def test_turns_end_at_their_heading(heading, turn):
-    stage = Stage(np.zeros((1, 2)), heading + turn)
-    track, _ = obeyed(VelocityPursuit([stage], LIMITS, 0.5, 1.0), start(heading), 12.0)
-    assert abs(math.remainder(track[-1, 2] - heading - turn, math.tau)) < math.radians(7.0)
-    assert np.abs(track[:, :2]).max() < 1e-9
-
-
-def test_too_slow_commands_are_not_given():
-    limits = replace(LIMITS, slowest_m_s=0.3, slowest_turn_rad_s=0.6)
-    path = straight(np.zeros(2), np.array([1.0, 0.5]))
-    _, commands = obeyed(VelocityPursuit([Stage(path)], limits, 0.5, 0.3), start(0.0), 10.0)
-    walking = [math.hypot(command.vx_m_s, command.vy_m_s) for command in commands if command.walks]
-    assert min(walking) > 0.29
-    _, commands = obeyed(VelocityPursuit([Stage(np.zeros((1, 2)), 1.0)], limits, 0.5, 0.3), start(0.0), 5.0)
-    assert all(abs(c.yaw_rate_rad_s) >= 0.6 - 1e-9 for c in commands if c.walks)
-
-
-def test_heights_change_steadily_and_are_held_while_standing():
-    limits = replace(LIMITS, base_height_m=(0.5, 0.75), walking_height_m=0.75)
-    place = np.zeros((1, 2))
-    stages = [Stage(place, 0.0, 0.75, 0.5), Stage(place, 0.0, 0.55, 1.0), Stage(place, 0.0, 0.75)]
-    _, commands = obeyed(VelocityPursuit(stages, limits, 0.5, 1.0), start(0.0), 6.0)
-    heights = np.array([command.base_height_m for command in commands])
-    assert np.abs(np.diff(heights)).max() <= 0.25 * 0.02 + 1e-9
-    assert np.all(heights[:25] == 0.75)
-    assert (np.abs(heights - 0.55) < 1e-9).sum() * 0.02 == pytest.approx(1.0, abs=0.05)
-    assert heights[-1] == 0.75
-    assert not any(command.walks for command in commands)
-
-
-# The public policies
-
-
-class Told:
-    """A pursuit that says the same all the time, or what ``command`` says."""
-
-    def __init__(self, command) -> None:
-        self._command, self._time_s = command, 0.0
-
-    def command(self, qpos: np.ndarray, period_s: float) -> Command:
-        self._time_s += period_s
-        return self._command(self._time_s) if callable(self._command) else self._command
-
-
-def walked(robot: RobotModel, policy: Path, layout: str, command, seconds: float, folder: Path) -> np.ndarray:
-    """(T, 7) the base's poses, each step, of a robot on a wide floor that is told ``command``."""
-    scene = folder / "floor.xml"
-    scene.write_text(
-        '<mujoco><worldbody><geom type="box" pos="0 0 -0.05" size="9 9 0.05"/></worldbody></mujoco>'
-    )
-    scope = replace(
-        SCOPE, region=replace(SCOPE.region, within=((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)))
-    )
-    made = controller(robot, scene, policy, layout, scope)
-    drawn = made.draw(np.random.default_rng(0))
-    drawn._pursuit = Told(command)
-    data = mujoco.MjData(made.composition.model)
-    data.qpos[:] = drawn.qpos
-    data.qpos[:2], data.qpos[3:7] = 0.0, (1.0, 0.0, 0.0, 0.0)
-    poses = []
-    for step in range(round(seconds / made.composition.model.opt.timestep)):
-        drawn.apply(data, step)
-        mujoco.mj_step(made.composition.model, data)
-        poses.append(data.qpos[:7].copy())
-    return np.array(poses)
-
-
-def tilt_deg(poses: np.ndarray) -> np.ndarray:
-    return np.degrees(np.arccos(1.0 - 2.0 * (poses[:, 4] ** 2 + poses[:, 5] ** 2)))
-
-
-def test_the_29_joint_policy_walks_as_measured_elsewhere(g1, shared_robot, tmp_path):
-    """shared/robots/README.md: 4.69 m in 10 s at 0.5 m/s, tilted by 2.2 degrees at most."""
-    poses = walked(g1, shared_robot(RL_LAB[0]), RL_LAB[1], Command(0.5, 0.0, 0.0, True), 10.0, tmp_path)
-    assert np.linalg.norm(poses[-1, :2]) == pytest.approx(4.69, abs=0.1)
-    assert tilt_deg(poses).max() < 2.5
-
-
-@pytest.mark.parametrize(
-    ("robot", "mount", "policy", "layout"),
-    [
-        (G1, G1_MOUNT, "g1/policies/rl_gym_g1_12dof.pt", "unitree_rl_gym_g1_12dof"),
-        ("h1/h1/h1.xml", H1_MOUNT, "h1/motion.pt", "unitree_rl_gym_h1"),
-        (G1, G1_MOUNT, *FALCON),
-    ],
-)
-def test_public_policies_walk(robot, mount, policy, layout, shared_robot, tmp_path):
-    model = RobotModel.load(shared_robot(robot), mount)
-    poses = walked(model, shared_robot(policy), layout, Command(0.5, 0.0, 0.0, True, 0.75), 6.0, tmp_path)
-    assert 2.0 < np.linalg.norm(poses[-1, :2]) < 3.4
-    assert tilt_deg(poses).max() < 12.0
-    assert poses[:, 2].min() > 0.85 * poses[0, 2]
-
-
-def test_the_height_command_squats(g1, shared_robot, tmp_path):
-    def lower(time_s: float) -> Command:
-        return Command(base_height_m=max(0.55, 0.75 - 0.2 * max(0.0, time_s - 1.0)))
-
-    poses = walked(g1, shared_robot(FALCON[0]), FALCON[1], lower, 5.0, tmp_path)
-    assert poses[-200:, 2] == pytest.approx(0.555, abs=0.03)
-    assert np.linalg.norm(poses[-1, :2]) < 0.3
-    assert tilt_deg(poses).max() < 12.0
-
-
 def rollouts(robot, scene, policy, layout, scope, count) -> list[Rollout]:
     scope = replace(scope, controller=Control(kind="policy", file=str(policy), layout=layout))
     attempts = Attempts(
         robot.source, robot.mount, scope, free_floor(robot, scope, scene), scene, RolloutSettings(), 5
     )
     return [attempts.run(number) for number in range(count)]
-
-
-@pytest.mark.slow
-def test_twelve_walks_of_the_29_joint_policy_in_a_furnished_room(g1, shared_robot, box_room):
-    found = rollouts(g1, box_room(), shared_robot(RL_LAB[0]), RL_LAB[1], only(SCOPE, walk_to=1.0), 14)
-    succeeded = [rollout for rollout in found if rollout.success]
-    assert len(succeeded) >= 12
-    for rollout in succeeded:
-        assert rollout.controller == "policy rl_lab_velocity.onnx"
-        assert rollout.quality.foot_slide_m < 0.03
-        assert rollout.quality.assist_n == 0.0
-        assert np.linalg.norm(rollout.qpos[-1, :2] - rollout.qpos[0, :2]) > 0.3
-        assert (rollout.qpos[:, 2] > 0.7).all()
-
-
-def test_what_the_planner_cannot_see_is_a_bump_with_its_frame(g1, shared_robot, box_room):
-    """Studs, thin between the floor's rays and lower than the ankles, catch the walking feet."""
-    grid = np.arange(-1.9, 1.9, 0.2) + 0.025
-    studs = box_room([(x, y, 0.01, 0.01, 0.026) for x in grid for y in grid[1:-1]])
-    for rollout in rollouts(g1, studs, shared_robot(RL_LAB[0]), RL_LAB[1], only(SCOPE, walk_to=1.0), 3):
-        assert rollout.reason in {"body_contact", "fall"}
-        assert rollout.detail
-        assert (
-            rollout.frame == len(rollout.qpos) - 1 < SCOPE.episode.duration_s * SCOPE.episode.camera_rate_hz
-        )
-
-
-def test_squats_in_a_room(g1, shared_robot, box_room):
-    scope = replace(only(SCOPE, squat=1.0), failures=Failures(penetration_m=0.03, slide_m=0.05))
-    (rollout,) = rollouts(g1, box_room(), shared_robot(FALCON[0]), FALCON[1], scope, 1)
-    assert rollout.success and rollout.behaviour == "squat"
-    low, high = (share * g1.rest_height_m for share in scope.squat.height)
-    assert max(low, 0.5) - 0.02 < rollout.qpos[:, 2].min() < high + 0.02
-    assert rollout.qpos[:, 2].max() > 0.72
 
 
 def test_a_policy_that_is_no_walker_falls_and_the_frame_is_kept(humanoid, box_room, tmp_path):
