@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 
 class R2SEgoError(Exception):
     """Base of every error this library raises on purpose.
@@ -17,6 +19,14 @@ class R2SEgoError(Exception):
         self.cure = cure
         place = f"{self.where}: " if self.where else ""
         super().__init__(" ".join(f"{place}{what}. {cure}".split()))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """As it is told to another process, which makes the message anew."""
+        return _again, (type(self), self.what, self.where, self.cure)
+
+
+def _again(kind: type[R2SEgoError], what: str, where: str | None, cure: str) -> R2SEgoError:
+    return kind(what, where=where, cure=cure)
 
 
 class CaptureError(R2SEgoError):
