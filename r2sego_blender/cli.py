@@ -518,6 +518,24 @@ def bench_geometry(
         write_figures(file, figures)
 
 
+@bench.command("conditions")
+@click.option("--triangles", type=int, help="Triangles of a made-up room.")
+@click.option("--size", metavar="WxH", help="Size of the images.")
+@click.option("--repeats", type=int, help="Times each pass is measured.")
+@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
+@click.pass_context
+def bench_conditions(context: click.Context, file: Path | None, **given: Any) -> None:
+    """Time the structural conditions of a clip: each pass, the colours of the captures, the files."""
+    from .benchmarks.conditions import bench_conditions, lines
+    from .benchmarks.splats import write_figures
+
+    chosen = {name: value for name, value in given.items() if value is not None}
+    figures = bench_conditions(**chosen, progress=_progress(context, as_json=False))
+    click.echo("\n".join(lines(figures)))
+    if file is not None:
+        write_figures(file, figures)
+
+
 @bench.command("generation")
 @click.option("--scene", required=True, type=FOLDER, help="cameras.json, captures and their ground truth.")
 @click.option("--bundle", type=FOLDER, help="A bundle of these captures with a proxy, to save making it.")
