@@ -32,7 +32,7 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
     )  # fmt: skip
     robot: StringProperty(
         name="Robot", default="embedded:humanoid",
-        description="The robot: embedded:humanoid, or an MJCF or URDF file",
+        description="The robot: embedded:humanoid, embedded:wheeled, or an MJCF or URDF file",
     )  # fmt: skip
     scope: StringProperty(
         name="Behaviour Scope", default="walk_and_look",

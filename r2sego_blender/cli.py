@@ -111,7 +111,10 @@ def _scale_options(command: Callable) -> Callable:
     help="transforms.json, cameras.json, a COLMAP folder or Polycam's raw export; else they are solved.",
 )
 @click.option(
-    "--robot", default="embedded:humanoid", show_default=True, help="The robot: an MJCF or URDF file."
+    "--robot",
+    default="embedded:humanoid",
+    show_default=True,
+    help="The robot: embedded:humanoid, embedded:wheeled, or an MJCF or URDF file.",
 )
 @click.option(
     "--scope", default="walk_and_look", show_default=True, help="Behaviour scope: a name or a TOML file."
