@@ -193,11 +193,14 @@ def _command(blender: str) -> list[str]:
                 cure="Name a Blender 4.3 or later, or use the z-buffer.",
             )  # fmt: skip
         return [sys.executable, "-c", serve]
-    found = shutil.which(str(Path(blender).expanduser()))
+    program = Path(blender).expanduser()
+    # A bundle may come from elsewhere: what it names must be installed here, not brought along.
+    named_safely = program.is_absolute() or len(program.parts) == 1
+    found = shutil.which(str(program)) if named_safely else None
     if found is None:
         raise MachineError(
             "this Blender is not there or cannot be run", where=blender,
-            cure=f"Name the program itself in {_SETTING}, or use the z-buffer.",
+            cure=f"Give its whole path in {_SETTING}, or use the z-buffer.",
         )  # fmt: skip
     return [
         found, "--background", "--factory-startup", "-noaudio",
