@@ -3,13 +3,15 @@
 from dataclasses import replace
 
 import cv2
+import numba
 import numpy as np
 import pytest
 from box_room import TABLE, arc, lens, proxy, render
 
 from r2sego_blender.cameras import look_at
 from r2sego_blender.generation.conditions import NOTHING, ZBufferRenderer
-from r2sego_blender.geometry.proxy import Provenance
+from r2sego_blender.geometry.proxy import GeometryProxy, Provenance
+from r2sego_blender.geometry.rasterizer import MeshRasterizer
 
 
 @pytest.fixture(scope="module")
@@ -64,3 +66,36 @@ def test_instances_are_the_proxys_objects():
     (condition,) = ZBufferRenderer(with_table).render(arc(1))
     assert set(np.unique(condition.instance)) == {0, 7}
     np.testing.assert_array_equal(condition.instance == 7, condition.provenance == Provenance.OBSERVED + 1)
+
+
+def test_passes_are_those_of_the_face_at_each_pixel_for_any_number_of_threads():
+    """Random triangles, both sides of them, against look-ups in numpy."""
+    rng = np.random.default_rng(7)
+    count = 30
+    loose = GeometryProxy(
+        rng.normal(size=(3 * count, 3)).astype(np.float32),
+        np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
+        rng.integers(0, 3, count).astype(np.uint8), rng.integers(0, 2, count).astype(np.uint16),
+        np.ones(count, np.float32), rng.integers(0, 9, count).astype(np.int32),
+    )  # fmt: skip
+    camera = lens().at(look_at([0.2, 0.1, 0.0], rng.normal(size=3)))
+    face = MeshRasterizer(loose.vertices, loose.faces).render(camera).face
+    seen = face >= 0
+    assert 0.3 < seen.mean() < 1.0
+    a, b, c = (loose.vertices[loose.faces[face, k]].astype(float) for k in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    rays = camera.rays() @ camera.world_from_camera[:3, :3].T
+    free = (normal * rays).sum(-1) < 0
+    before, rendered = numba.get_num_threads(), []
+    for threads in (1, before):
+        numba.set_num_threads(threads)
+        rendered += ZBufferRenderer(loose).render([camera])
+    numba.set_num_threads(before)
+    for one in rendered:
+        towards = np.where(free[..., None], normal, -normal)
+        np.testing.assert_allclose(one.normal, np.where(seen[..., None], towards, 0.0), atol=1e-6)
+        np.testing.assert_array_equal(one.provenance, np.where(seen, loose.provenance[face] + 1, 0))
+        np.testing.assert_array_equal(one.validity, seen & free & (loose.support[face] > 0))
+        np.testing.assert_array_equal(one.instance, np.where(seen, loose.instance[face], 0))
+        np.testing.assert_array_equal(one.depth, rendered[0].depth)

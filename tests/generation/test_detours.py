@@ -5,8 +5,9 @@ import pytest
 from box_room import proxy
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scipy import ndimage
 
-from r2sego_blender.generation.detours import CLEARANCE_M, ClearSpace, along
+from r2sego_blender.generation.detours import CLEARANCE_M, ClearSpace, _occupied, along
 from r2sego_blender.generation.paths import eased
 
 WALL = (np.array([-0.1, -2.0, 0.0]), np.array([0.1, 0.9, 2.5]))  # it leaves a door at y > 0.9
@@ -114,3 +115,19 @@ def test_cuts_are_those_of_the_triangles():
         beside = np.array([1.2, -0.1, -0.1]) @ corners
         assert not space.cuts(np.stack([beside - offset, beside + offset]))
         assert space.cuts(np.stack([through + 2 * offset, through + offset, through - offset]))
+
+
+def test_occupied_voxels_are_those_with_a_surface():
+    rng = np.random.default_rng(5)
+    corners = rng.uniform(0.0, 1.0, (30, 3, 3))
+    shape = np.array([11, 11, 11])
+    occupied = _occupied(corners, np.zeros(3), 0.1, shape)
+    weights = rng.dirichlet(np.ones(3), (30, 4000))
+    points = np.einsum("fpk,fkc->fpc", weights, corners).reshape(-1, 3)
+    index = (points / 0.1).astype(int)
+    grown = ndimage.binary_dilation(occupied, np.ones((3, 3, 3)))
+    assert occupied[tuple(index.T)].mean() > 0.95
+    assert grown[tuple(index.T)].all()
+    hit = np.zeros_like(occupied)
+    hit[tuple(index.T)] = True
+    assert not (occupied & ~ndimage.binary_dilation(hit, np.ones((3, 3, 3)))).any()

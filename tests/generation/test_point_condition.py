@@ -49,6 +49,24 @@ def test_points_have_the_colours_of_the_surface_and_are_black_where_none_sees_th
     assert not frame.colour[~frame.known].any()
 
 
+def test_the_reference_colours_a_point_or_else_the_capture_that_shows_it_largest(box_room, tmp_path):
+    """Photographs of one grey each, so that a pixel tells its capture, against numpy."""
+    greys = np.array([0.2, 0.4, 0.6, 0.8])
+    captures, depths = write_captures(tmp_path, arc(4), colour=np.ones_like, gains=greys)
+    (condition,) = box_room.renderer.render([CORNER])
+    (frame,) = PointConditions(captures, depths, SETTINGS).render(1, [condition])
+    world, seen = condition.camera.unproject(condition.depth), seen_by(condition, captures, depths)
+    size = np.full(seen.shape, -np.inf)
+    for k, capture in enumerate(captures):
+        turned = np.abs(((world - capture.camera.centre) * condition.normal).sum(-1))
+        z = capture.camera.project(world)[1]
+        size[k] = np.where(seen[k], np.inf if k == 1 else turned / np.maximum(z, 1e-3) ** 3, -np.inf)
+    expected = size.argmax(axis=0)[frame.known]
+    assert set(expected) == {0, 1, 2, 3}
+    chosen = np.abs(frame.colour[frame.known][:, :1] - greys).argmin(axis=1)
+    assert np.mean(chosen == expected) > 0.995
+
+
 def test_at_the_references_pose_the_frame_is_its_photograph(box_room, points):
     camera = box_room.captures[2].camera
     frame, half = points.render(2, box_room.renderer.render([camera, camera.scaled(0.5)]))
