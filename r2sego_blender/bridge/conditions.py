@@ -25,7 +25,7 @@ from .outliner import clear
 MANIFEST = "manifest.json"
 """Written last: a folder without it holds no complete path."""
 
-PASSES = ("Depth", "Distance", "NormalWorld", "NormalCamera", "Provenance", "Instance", "Validity")
+PASSES = ("Depth", "Distance", "Normal", "NormalCamera", "Provenance", "Instance", "Validity")
 """The passes of each EXR, in metres, unit vectors and numbers, as in ``generation.conditions``.
 
 Provenance tells where nothing is seen (0); Depth and Distance mean nothing there.
@@ -131,7 +131,6 @@ def render_path(
 
 def _declare_passes(scene: bpy.types.Scene) -> None:
     layer = scene.view_layers[0]
-    layer.name = "Condition"
     layer.use_pass_combined = False
     layer.use_pass_z = True
     for name in PASSES[1:]:
@@ -165,8 +164,9 @@ def _condition_material() -> bpy.types.Material:
         material.use_nodes = True
     nodes, link = material.node_tree.nodes, material.node_tree.links.new
     nodes.clear()
-    # Cycles takes a surface without a shader, or with a black emission, for transparent.
-    surface, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
+    # Cycles takes a surface without a shader, or a black one, for transparent, and a glowing one for a lamp.
+    surface, output = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeOutputMaterial")
+    material.cycles.emission_sampling = "NONE"
     link(surface.outputs[0], output.inputs["Surface"])
     geometry, view = nodes.new("ShaderNodeNewGeometry"), nodes.new("ShaderNodeCameraData")
     normal = geometry.outputs["True Normal"]  # towards the camera; EEVEE packs the other normals coarsely
@@ -182,7 +182,7 @@ def _condition_material() -> bpy.types.Material:
     link(geometry.outputs["Backfacing"], valid.inputs[1])
     for name, value in (
         ("Distance", view.outputs["View Distance"]),
-        ("NormalWorld", normal),
+        ("Normal", normal),
         ("NormalCamera", to_opencv.outputs[0]),
         ("Provenance", _attribute(material, "provenance")),
         ("Instance", _attribute(material, "instance")),

@@ -57,14 +57,14 @@ def read_condition(file: Path, camera: Camera) -> Condition:
     import OpenEXR
 
     try:
-        # The last word of a channel's name is its component: Condition.NormalWorld.X.
+        # ViewLayer.Normal.R: the layer, the pass and its component as this Blender calls it.
         with OpenEXR.File(str(file), separate_channels=True) as image:
             channels = {name.partition(".")[2]: c.pixels for name, c in image.channels().items()}
         provenance = channels["Provenance.X"]
         if provenance.shape != camera.shape:
             raise ValueError(f"its size is {provenance.shape[1]} x {provenance.shape[0]}")
         seen = provenance > NOTHING
-        normal = np.stack([channels[f"NormalWorld.{axis}"] for axis in "RGB"], axis=-1)
+        normal = np.stack([channels[f"Normal.{axis}"] for axis in "RGB"], axis=-1)
         return Condition(
             camera=camera,
             depth=np.where(seen, channels["Depth.Z"], np.float32(0.0)),
