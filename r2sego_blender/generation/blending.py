@@ -4,7 +4,10 @@ A pixel of a structural condition is a point of the proxy. Each capture that see
 point, by its own depth, offers a colour; the best few are averaged with weights that fall
 to zero where a capture drops out (the penalties of the Unstructured Lumigraph, Buehler et
 al. 2001). So at a capture's own pose its photograph comes back, and elsewhere there are no
-seams. Points that no capture saw are filled from the surface around them.
+seams. Photographs are read bicubically (Catmull and Rom): bilinear reading blurs.
+
+Points that no capture saw have the colour of their surface, continued in 3D
+(``surface_colours``) and joined to the colours seen around them.
 """
 
 from __future__ import annotations
@@ -15,13 +18,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..captures.capture import Capture
-from ..compiled import parallel_kernel, prange
+from ..compiled import inlined, parallel_kernel, prange
 from ..errors import GenerationError
 from ..settings import GenerationSettings
 from .conditions import Condition
 from .exposure import exposure_gains
 from .generator import Frame
 from .hole_filling import fill_holes
+from .surface_colours import SurfaceColours
 from .visibility import capture_trust
 
 # Depth differences below a centimetre are the proxy's own roughness, at any distance.
@@ -34,6 +38,9 @@ _SMALLEST_WEIGHT = np.float32(1e-6)  # when the best captures and the next are e
 _DISAGREEMENT = np.float32(0.15)
 # A capture twice as coarse as the target costs as much as an angle of about six degrees.
 _COARSENESS_PENALTY = np.float32(0.1)
+# How far a pixel that no capture saw is known by its surface's colour elsewhere: colours seen
+# within some sixteen pixels on its own plane join it to them.
+_GUESS = np.float32(0.05)
 
 
 @dataclass(frozen=True)
@@ -84,7 +91,9 @@ class BlendingGenerator:
             capture_trust(depth, seen, settings) for depth, seen in zip(capture_depths, observed, strict=True)
         ]
         areas = [camera.width * camera.height for camera in cameras]
+        even = [image * gain for image, gain in zip(images, gains, strict=True)]
         self._settings = settings
+        self._surface = SurfaceColours(even, cameras, capture_depths, trusts)
         self.gains = gains
         self._photographs = _Photographs(
             pose=np.stack([c.camera_from_world[:3] for c in cameras]).astype(np.float32),
@@ -92,7 +101,7 @@ class BlendingGenerator:
             lens=np.array([[c.fx, c.fy, c.cx, c.cy] for c in cameras], np.float32),
             size=np.array([[c.width, c.height] for c in cameras], np.int64),
             start=np.concatenate([[0], np.cumsum(areas)[:-1]]).astype(np.int64),
-            colour=np.concatenate([(i * g).reshape(-1, 3) for i, g in zip(images, gains, strict=True)]),
+            colour=np.concatenate([image.reshape(-1, 3) for image in even]),
             depth=np.concatenate([np.ravel(d) for d in capture_depths]).astype(np.float32),
             trust=np.concatenate([np.ravel(t) for t in trusts]),
         )
@@ -117,11 +126,26 @@ class BlendingGenerator:
                 "no capture sees anything of the target view", cure="Photograph that side of the room."
             )
         points = (camera.rays() * condition.depth[..., None]) @ camera.world_from_camera[:3, :3].T
-        image = fill_holes(image, known, points, condition.normal)
+        guessed = ~known & (condition.depth > 0.0)
+        image[guessed] = self._surface.at(camera.centre + points[guessed], condition.normal[guessed])
+        image = fill_holes(image, known + _GUESS * guessed, points, condition.normal)
         confidence = np.where(
             known, np.maximum(confidence, settings.hole_confidence), settings.hole_confidence
         )
         return Frame(np.clip(image, 0.0, 1.0), confidence.astype(np.float32))
+
+
+@inlined
+def _catmull_rom(f):
+    """The shares of four neighbours at ``f`` from the second to the third."""
+    half, one = np.float32(0.5), np.float32(1.0)
+    g = one - f
+    return (
+        -half * f * g * g,
+        one - half * f * f * (np.float32(5.0) - np.float32(3.0) * f),
+        one - half * g * g * (np.float32(5.0) - np.float32(3.0) * g),
+        -half * g * f * f,
+    )
 
 
 @parallel_kernel
@@ -198,17 +222,22 @@ def _blend(
                 a = min(max(place[k, 0] - np.float32(0.5), np.float32(0.0)), np.float32(wide - 1))
                 b = min(max(place[k, 1] - np.float32(0.5), np.float32(0.0)), np.float32(high - 1))
                 a0, b0 = min(np.int64(a), wide - 2), min(np.int64(b), high - 2)
-                fa, fb = a - np.float32(a0), b - np.float32(b0)
-                corner = starts[j] + b0 * wide + a0
+                across, down = _catmull_rom(a - np.float32(a0)), _catmull_rom(b - np.float32(b0))
                 weight = np.float32(1.0) / penalty[k]
                 if found > best:
                     weight -= np.float32(1.0) / penalty[best]
                 weight += _SMALLEST_WEIGHT
                 total += weight
                 for c in range(3):
-                    upper = colours[corner, c] * (1 - fa) + colours[corner + 1, c] * fa
-                    lower = colours[corner + wide, c] * (1 - fa) + colours[corner + wide + 1, c] * fa
-                    colour[k, c] = upper * (1 - fb) + lower * fb
+                    colour[k, c] = np.float32(0.0)
+                for i in range(4):
+                    line = starts[j] + min(max(b0 + i - 1, 0), high - 1) * wide
+                    for m in range(4):
+                        share = down[i] * across[m]
+                        pixel = line + min(max(a0 + m - 1, 0), wide - 1)
+                        for c in range(3):
+                            colour[k, c] += share * colours[pixel, c]
+                for c in range(3):
                     image[row, column, c] += weight * colour[k, c]
             for c in range(3):
                 image[row, column, c] /= total

@@ -23,12 +23,13 @@ _SMALLEST_WEIGHT = np.float32(1e-8)  # of a cell that knows anything: ten levels
 def fill_holes(image: np.ndarray, known: np.ndarray, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """(H, W, 3) float32: ``image`` where ``known``, continued into where it is not.
 
-    ``image`` (H, W, 3) float32 and ``known`` (H, W) bool; ``points`` and ``normals``
+    ``image`` (H, W, 3) float32; ``known`` (H, W), bool or in [0, 1], how far each pixel is:
+    between, it is a guess, and the known colours near it prevail. ``points`` and ``normals``
     (H, W, 3) float32 are the surface seen at each pixel, relative to the camera's centre;
     normals are zero where there is no surface. An image that is wholly unknown comes back
     as it is.
     """
-    if known.all() or not known.any():
+    if np.all(known == 1.0) or not np.any(known):
         return image
     surface = np.concatenate([points, normals], axis=2).astype(np.float32)
     source = np.concatenate([image, surface], axis=2).astype(np.float32)

@@ -17,6 +17,24 @@ from r2sego_blender.settings import GenerationSettings
 SETTINGS = GenerationSettings()
 
 
+def bicubic(image, column, row, across, down):
+    """Catmull-Rom: the cubic through two pixels with half the difference of their neighbours as slope."""
+    height, width = image.shape[:2]
+
+    def cubic(p, f):
+        slope, next_slope = (p[2] - p[0]) / 2, (p[3] - p[1]) / 2
+        rise = p[2] - p[1]
+        return p[1] + f * (
+            slope + f * (3 * rise - 2 * slope - next_slope + f * (slope + next_slope - 2 * rise))
+        )
+
+    def line(r):
+        r = np.clip(r, 0, height - 1)
+        return cubic([image[r, np.clip(column + i, 0, width - 1)] for i in (-1, 0, 1, 2)], across)
+
+    return cubic([line(row + i) for i in (-1, 0, 1, 2)], down)
+
+
 def reference(condition, captures, images, depths, settings):
     """The blend by its definition, for whole images in numpy: colour, number of captures."""
     camera = condition.camera
@@ -43,10 +61,7 @@ def reference(condition, captures, images, depths, settings):
         a, b = np.clip(u - 0.5, 0, lens_.width - 1), np.clip(v - 0.5, 0, lens_.height - 1)
         a0, b0 = np.minimum(a.astype(int), lens_.width - 2), np.minimum(b.astype(int), lens_.height - 2)
         fa, fb = (a - a0)[..., None], (b - b0)[..., None]
-        colours.append(
-            (image[b0, a0] * (1 - fa) + image[b0, a0 + 1] * fa) * (1 - fb)
-            + (image[b0 + 1, a0] * (1 - fa) + image[b0 + 1, a0 + 1] * fa) * fb
-        )
+        colours.append(bicubic(image, a0, b0, fa, fb))
     penalties, colours = np.stack(penalties), np.stack(colours)
     ordered = np.sort(penalties, axis=0)
     best = settings.best_captures
