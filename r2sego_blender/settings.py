@@ -166,9 +166,11 @@ class RolloutSettings:
     max_attempts: int = setting(60, "Rollouts tried a round before giving up.", 1, 10000)
     processes: int = setting(0, "Processes that simulate, each an attempt; 0: one a core.", 0, 256)
     step_s: float = setting(0.004, "Time step of the simulation.", 0.0005, 0.005)
-    max_force_n: float = setting(120.0, "Bound of the tracking force on the pelvis, each axis.", 0.0, 5000.0)
+    max_force_n: float = setting(
+        120.0, "Bound of the helping force on the base, each axis, of a 35 kg robot.", 0.0, 5000.0
+    )
     max_torque_nm: float = setting(
-        60.0, "Bound of the tracking torque on the pelvis, each axis.", 0.0, 2000.0
+        60.0, "Bound of the helping torque on the base, each axis, of a 35 kg robot.", 0.0, 2000.0
     )
 
 
@@ -238,16 +240,33 @@ class GenerationSettings:
 
 @dataclass(frozen=True)
 class RegistrationSettings:
-    """Estimation of a generated frame's pose from its features."""
+    """Estimation of a generated frame's pose from patches of the captures found in it."""
 
-    max_features: int = setting(6000, "SIFT features a frame.", 200, 50000)
-    match_ratio: float = setting(0.8, "Nearest to second nearest descriptor distance of a match.", 0.1, 1.0)
+    max_captures: int = setting(
+        6, "Captures a frame is compared with: its reference, then the best seen.", 1, 64
+    )
     search_radius_px: float = setting(
-        40.0, "How far from where the query would see it a landmark is looked for.", 4.0, 2000.0
+        48.0, "How far from where the query would see it a patch of a capture is looked for.", 8.0, 500.0
+    )
+    min_correlation: float = setting(0.6, "Correlation below which a patch is not found.", 0.1, 0.99)
+    match_ratio: float = setting(
+        0.85, "Distance of a patch to the best place and to the second best one.", 0.1, 1.0
     )
     max_error_px: float = setting(4.0, "Reprojection error of an inlier.", 0.5, 20.0)
-    min_inliers: int = setting(15, "Inliers below which a frame is rejected.", 6, 10000)
+    focal_sigma: float = setting(
+        0.005, "Relative standard deviation of a frame's focal length about the query's.", 1e-5, 1.0
+    )
+    min_inliers: int = setting(30, "Inliers below which a frame is rejected.", 6, 10000)
+    min_agreement: float = setting(
+        0.25, "Share of the patches to be seen that must be inliers; in wrong places 0.1 are.", 0.0, 1.0
+    )
     min_spread: float = setting(0.25, "Share of the image's 4 x 3 cells that must hold inliers.", 0.0, 1.0)
+    max_sigma_m: float = setting(
+        0.03, "Standard deviation of the camera's centre beyond which a frame is rejected.", 0.0001, 5.0
+    )
+    max_sigma_deg: float = setting(
+        1.0, "Standard deviation of its rotation beyond which a frame is rejected.", 0.001, 90.0
+    )
     max_offset_m: float = setting(
         0.1, "Distance from the query pose beyond which a frame is rejected.", 0.001, 5.0
     )

@@ -300,14 +300,15 @@ class Steps:
             depths = [renderer.depth(capture.camera) for capture in self._captures]
             observed = self._reliable_depths()
             generator = BlendingGenerator(self._captures, depths, self.h.generation, observed)
-            landmarks = Landmarks.build(self._captures, observed, None, self.h.registration, self.progress)
+            completed = [self._completed_depth(capture) for capture in self._captures]
+            landmarks = Landmarks.build(self._captures, observed, completed, self.progress)
             ego_video_reg(
                 Selection.load(self.scene.path / targets), load_candidates(self.scene.path / targets),
                 self._captures, renderer, generator, landmarks, self.h, folder, self.progress,
             )  # fmt: skip
 
         views = self._step(
-            of_round(l, "views"), compute, inputs=[captures, DEPTH, proxy, targets],
+            of_round(l, "views"), compute, inputs=[captures, DEPTH, COMPLETED, proxy, targets],
             parameters=[self.h.generation, self.h.registration, self.h.selection, self.h.seed],
         )  # fmt: skip
         return (views,)

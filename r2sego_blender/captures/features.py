@@ -86,23 +86,6 @@ def match_along_epipolar_lines(
     return _best_pairs(a.descriptors, b.descriptors, ratio, True, only_near)
 
 
-def match_near(
-    a: Features, desc_b: np.ndarray, places_b: np.ndarray, max_distance_px: float, ratio: float = 0.8
-) -> np.ndarray:
-    """Like ``match``, looking only within ``max_distance_px`` of where ``b`` is expected.
-
-    ``places_b`` (k, 2) are pixels in the image of ``a``, NaN where ``b`` cannot be seen.
-    """
-    places = np.where(np.isfinite(places_b), places_b, np.inf).astype(np.float32)
-
-    def only_near(rows: slice, squared: np.ndarray) -> np.ndarray:
-        apart = np.abs(a.keypoints[rows, None, :] - places[None]).max(axis=2)
-        squared[apart > max_distance_px] = np.inf
-        return squared
-
-    return _best_pairs(a.descriptors, desc_b, ratio, True, only_near)
-
-
 def epipolar_lines(keypoints: np.ndarray, camera: Camera, other: Camera) -> np.ndarray:
     """(n, 3) float32: the lines in ``other``'s image on which ``camera``'s keypoints lie.
 

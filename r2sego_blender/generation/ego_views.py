@@ -206,10 +206,14 @@ def _write_pose(
         "query": query.to_json(), "estimate": None,
     }  # fmt: skip
     if registered is not None:
-        record |= {"matches": registered.matches, "inliers": registered.inliers, "spread": registered.spread}
+        record |= {
+            "expected": registered.expected, "matches": registered.matches, "inliers": registered.inliers,
+            "spread": registered.spread,
+        }  # fmt: skip
     if registered is not None and registered.estimate is not None:
         record |= {
             "estimate": registered.estimate.to_json(), "offset_m": registered.offset_m,
             "turn_deg": registered.turn_deg, "focal_px": registered.focal_px,
+            "sigma_m": registered.sigma_m, "sigma_deg": registered.sigma_deg,
         }  # fmt: skip
     file.write_text(json.dumps(record, indent=1) + "\n")

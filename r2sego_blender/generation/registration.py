@@ -1,100 +1,71 @@
-"""Where a generated frame really is: its pose and focal length, from its own features.
+"""Where a generated frame really is: its pose and focal length, from the captures' patches.
 
-The captures' features, lifted by depth, are landmarks. A generated frame's features are
-matched to them and its pose is solved relative to the fixed reference capture, whose
+The captures' photographs, moved to the query camera by their own depth, differ from the
+frame by the frame's own drift. Their patches are found in it, first coarsely and as far off
+as the gates allow, then finely about the pose that came of it (LO-RANSAC), and pose and
+focal length are refined. All is solved relative to the fixed reference capture, whose
 registered world pose it is composed with (Sec. 3.3). The query pose never becomes the
-training pose: it only bounds how far off a frame may be before it is rejected.
+training pose and is no prior: it only says where to look, and bounds how far off a frame
+may be before it is rejected.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 from ..cameras import Camera, rotation_angle_rad
-from ..captures.capture import Capture
-from ..captures.features import match_near, sift
-from ..captures.pnp import PoseEstimate, estimate_pose
-from ..errors import GenerationError
-from ..progress import SILENT, Progress
+from ..captures.pnp import estimate_pose
+from ..captures.pose_refinement import RefinedPose, refine_pose
 from ..settings import RegistrationSettings
+from .capture_surfaces import CaptureSurface
+from .landmarks import FoundLandmarks, Landmarks, find_landmarks
 
+_COARSE_SIDE_PX, _FINE_SIDE_PX = 320, 640
+_COARSE_INLIERS = 8  # fewer are found in any frame by chance
+_COARSE_ERROR = 2.0  # of the fine one: the coarse pose only has to bring patches within reach
+_FINE_REACH = 2.5  # of the largest error
+_FINE_CORRELATION = 0.7
+_FINE_RATIO = 0.95  # in a small reach even repeated texture has one place
+_FINE_PASSES = 4
+_SETTLED = 0.5  # of the fine reach: what moved less was found where it belongs
 _SPREAD_CELLS = (3, 4)  # rows, columns
-# A feature on a depth edge has no depth of its own: its four pixels must agree this well.
-_EDGE_JUMP = 0.05
-
-
-@dataclass(frozen=True)
-class Landmarks:
-    """The captures' features as points of the world.
-
-    ``points`` (L, 3) float64 metres; ``descriptors`` (L, 128) uint8; ``capture`` (L,) int64,
-    the capture each was seen in, rising.
-    """
-
-    points: np.ndarray
-    descriptors: np.ndarray
-    capture: np.ndarray
-
-    @staticmethod
-    def build(
-        captures: Sequence[Capture],
-        capture_depths: Sequence[np.ndarray],
-        reliable: Sequence[np.ndarray] | None,
-        settings: RegistrationSettings,
-        progress: Progress = SILENT,
-    ) -> Landmarks:
-        """Lift every capture's SIFT features by its depth (H, W), metres, 0 = unknown.
-
-        ``reliable``, when given, are (H, W) bool masks of the depths to trust. Features on
-        depth edges or without depth are left out. Raises GenerationError when none is left.
-        """
-        if [depth.shape for depth in capture_depths] != [one.camera.shape for one in captures]:
-            raise ValueError("each capture needs one depth map of its camera's size")
-        points, descriptors, capture = [], [], []
-        masks = [depth > 0.0 for depth in capture_depths] if reliable is None else reliable
-        with progress.task("Lifting capture features", len(captures)) as task:
-            for index, (one, depth, mask) in enumerate(zip(captures, capture_depths, masks, strict=True)):
-                features = sift(one.image(), settings.max_features)
-                z = _depth_at(features.keypoints, np.where(mask, depth, 0.0))
-                lifted = z > 0.0
-                points.append(_lift(one.camera, features.keypoints[lifted], z[lifted]))
-                descriptors.append(features.descriptors[lifted])
-                capture.append(np.full(int(lifted.sum()), index))
-                task.advance()
-        if not sum(map(len, points)):
-            raise GenerationError(
-                "no capture has features on reliable depth",
-                cure="Check the captures' depth maps, or photograph the room with more texture in view.",
-            )
-        return Landmarks(np.concatenate(points), np.concatenate(descriptors), np.concatenate(capture))
+_ERROR_CELLS = 8  # to a row: matches nearer than that share their surface's error
 
 
 @dataclass(frozen=True)
 class RegisteredFrame:
     """The outcome of registering one frame.
 
-    ``camera`` is the estimate that may be trained on, None when the frame is rejected;
-    ``estimate`` is what was estimated in either case, None when nothing was. ``matches``
-    and ``inliers`` count features; ``spread`` is the share of the image's 4 x 3 cells that
-    hold inliers; ``offset_m`` and ``turn_deg`` lead from the query to the estimate;
-    ``focal_px`` is the focal length that fits the inliers best. ``reason`` says in words
-    why the frame is accepted or rejected.
+    ``camera`` is the estimate that may be trained on, with the frame's own focal length,
+    None when the frame is rejected; ``estimate`` is what was estimated in either case, None
+    when nothing was. ``expected`` counts the patches to be seen, ``matches`` those found,
+    ``inliers`` those that agree with the estimate; ``spread`` is the share of the image's
+    4 x 3 cells that hold inliers; ``sigma_m`` and ``sigma_deg`` are the estimate's standard
+    deviations; ``offset_m`` and ``turn_deg`` lead from the query to the estimate;
+    ``focal_px`` is its focal length. ``reason`` says in words why it is accepted or rejected.
     """
 
     camera: Camera | None
     estimate: Camera | None
+    expected: int
     matches: int
     inliers: int
     spread: float
+    sigma_m: float
+    sigma_deg: float
     offset_m: float
     turn_deg: float
     focal_px: float
     reason: str
+
+    @property
+    def agreement(self) -> float:
+        """The share of the patches to be seen that agree with the estimate."""
+        return self.inliers / max(1, self.expected)
 
 
 def register_frame(
@@ -108,88 +79,140 @@ def register_frame(
     """Estimate the pose of a generated frame (H, W, 3) float32 made for the ``query`` camera.
 
     The pose is solved in the frame of the fixed ``reference`` capture and composed with its
-    world pose. The query's lens is used; its pose says where landmarks are looked for,
-    as far off as the gates allow, and never is the frame's pose.
+    world pose. The query's pose and lens say where the captures' patches are looked for.
+    The same seed gives the same bits.
     """
-    pixels, points = _matches(image, query, landmarks, settings)
-    reference_from_world = reference.camera_from_world
-    local = points @ reference_from_world[:3, :3].T + reference_from_world[:3, 3]
-    found = estimate_pose(pixels, local, query, settings.max_error_px, seed)
-    if found is None:
-        nothing = f"rejected: no pose fits the {len(pixels)} matches with the captures"
-        return RegisteredFrame(None, None, len(pixels), 0, 0.0, np.inf, np.inf, np.nan, nothing)
-    estimate = query.at(reference.world_from_camera @ found.camera.world_from_camera)
-    inliers = found.inlier_count
-    spread = _spread(pixels[found.inliers], query)
-    offset_m = float(np.linalg.norm(estimate.centre - query.centre))
-    turn_deg = float(np.degrees(rotation_angle_rad(estimate.world_from_camera, query.world_from_camera)))
-    focal_px = _focal(found, pixels[found.inliers], local[found.inliers], settings.max_error_px)
+    grey = cv2.cvtColor(np.ascontiguousarray(image[..., :3], np.float32), cv2.COLOR_RGB2GRAY)
+    surfaces = landmarks.seen_best(query, reference, settings.max_captures)
+    found = find_landmarks(
+        grey, query, surfaces, _COARSE_SIDE_PX, settings.search_radius_px,
+        settings.min_correlation, settings.match_ratio,
+    )  # fmt: skip
+    coarse = _coarse_pose(found, query, reference, settings, seed)
+    if coarse is None:
+        return _nothing(found, f"no pose fits the {len(found.pixels)} of {found.expected} patches found")
+    strayed = _strayed(coarse, query, settings, 2.0)
+    if strayed:
+        return _nothing(found, f"{len(found.pixels)} of {found.expected} patches found, {strayed}")
+    found, refined = _fine_pose(grey, coarse, reference, surfaces, settings)
+    if refined is None:
+        return _nothing(found, f"no pose fits the {len(found.pixels)} of {found.expected} patches found")
+    return _judged(found, refined, query, settings)
+
+
+def _coarse_pose(
+    found: FoundLandmarks, query: Camera, reference: Camera, settings: RegistrationSettings, seed: int
+) -> Camera | None:
+    points = _transformed(reference.camera_from_world, found.points)
+    pose = estimate_pose(found.pixels, points, query, _COARSE_ERROR * settings.max_error_px, seed)
+    if pose is None or pose.inlier_count < _COARSE_INLIERS:
+        return None
+    return _composed(reference, pose.camera)
+
+
+def _fine_pose(
+    grey: np.ndarray, start: Camera, reference: Camera, surfaces: Sequence[CaptureSurface],
+    settings: RegistrationSettings,
+) -> tuple[FoundLandmarks, RefinedPose | None]:  # fmt: skip
+    """Find and refine until patches are found about where the pose has them."""
+    reach_px = _FINE_REACH * settings.max_error_px
+    camera = start
+    for _ in range(_FINE_PASSES):
+        found = find_landmarks(
+            grey, camera, surfaces, _FINE_SIDE_PX, reach_px, _FINE_CORRELATION, _FINE_RATIO
+        )
+        refined = _refined(found, camera, start.fx, reference, settings)
+        if refined is None:
+            return found, None
+        before, after = camera.project(found.points)[0], refined.camera.project(found.points)[0]
+        camera = refined.camera
+        if np.median(np.abs(after - before).max(axis=1)) < _SETTLED * reach_px:
+            break
+    return found, refined
+
+
+def _refined(
+    found: FoundLandmarks, camera: Camera, focal_px: float, reference: Camera, settings: RegistrationSettings
+) -> RefinedPose | None:
+    local = camera.at(reference.camera_from_world @ camera.world_from_camera)
+    points = _transformed(reference.camera_from_world, found.points)
+    spreads = found.spreads @ reference.world_from_camera[:3, :3]
+    sigma_px = max(camera.width, camera.height) / _FINE_SIDE_PX
+    refined = refine_pose(
+        local, found.pixels, points, spreads, max(1.0, sigma_px), settings.max_error_px,
+        focal_px, settings.focal_sigma, camera.width / _ERROR_CELLS,
+    )  # fmt: skip
+    return refined and replace(refined, camera=_composed(reference, refined.camera))
+
+
+def _judged(
+    found: FoundLandmarks, refined: RefinedPose, query: Camera, settings: RegistrationSettings
+) -> RegisteredFrame:
+    """The gate: the estimate is accepted, or rejected with the first reason."""
+    estimate = refined.camera
+    inliers = int(refined.inliers.sum())
+    spread = _spread(found.pixels[refined.inliers], query)
+    agreement = inliers / max(1, found.expected)
+    said = f"{inliers} of {found.expected} patches agree"
     failed = ""
     if inliers < settings.min_inliers:
-        failed = f"{inliers} of {len(pixels)} matches agree, {settings.min_inliers} are needed"
+        failed = f"{said}, {settings.min_inliers} are needed"
+    elif agreement < settings.min_agreement:
+        failed = f"{said}, {settings.min_agreement:.0%} are needed"
     elif spread < settings.min_spread:
-        failed = f"the matches cover {spread:.0%} of the image, {settings.min_spread:.0%} are needed"
-    elif offset_m > settings.max_offset_m:
-        failed = f"it lies {offset_m:.3f} m from its query, {settings.max_offset_m:g} m are allowed"
-    elif turn_deg > settings.max_turn_deg:
-        failed = f"it is turned {turn_deg:.1f} deg from its query, {settings.max_turn_deg:g} are allowed"
-    elif abs(focal_px / query.fx - 1.0) > settings.max_focal_error:
-        failed = f"its focal length is {focal_px:.0f} px instead of {query.fx:.0f}"
-    reason = f"rejected: {failed}" if failed else f"registered: {inliers} of {len(pixels)} matches agree"
+        failed = f"the patches cover {spread:.0%} of the image, {settings.min_spread:.0%} are needed"
+    elif refined.sigma_m > settings.max_sigma_m:
+        failed = f"its place is uncertain by {refined.sigma_m:.3f} m, {settings.max_sigma_m:g} are allowed"
+    elif refined.sigma_deg > settings.max_sigma_deg:
+        failed = (
+            f"its turn is uncertain by {refined.sigma_deg:.1f} deg, {settings.max_sigma_deg:g} are allowed"
+        )
+    elif abs(estimate.fx / query.fx - 1.0) > settings.max_focal_error:
+        failed = f"its focal length is {estimate.fx:.0f} px instead of {query.fx:.0f}"
+    else:
+        failed = _strayed(estimate, query, settings)
     return RegisteredFrame(
-        None if failed else estimate, estimate, len(pixels), inliers,
-        spread, offset_m, turn_deg, focal_px, reason,
+        camera=None if failed else estimate, estimate=estimate, expected=found.expected,
+        matches=len(found.pixels), inliers=inliers, spread=spread,
+        sigma_m=refined.sigma_m, sigma_deg=refined.sigma_deg,
+        offset_m=_offset_m(estimate, query), turn_deg=_turn_deg(estimate, query), focal_px=estimate.fx,
+        reason=f"rejected: {failed}" if failed else f"registered: {said}",
     )  # fmt: skip
 
 
-def _matches(
-    image: np.ndarray, query: Camera, landmarks: Landmarks, settings: RegistrationSettings
-) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels (m, 2) and landmark points (m, 3), matched with each capture by itself.
-
-    Apart, because the same point in two captures would fail the ratio test against itself.
-    Only landmarks that the query would see near a feature are compared with it: planks,
-    tiles and book spines are all alike elsewhere.
-    """
-    features = sift(image, settings.max_features)
-    places, depth = query.project(landmarks.points)
-    places[~query.sees(places, depth, -settings.search_radius_px)] = np.nan
-    pixels, points = [np.empty((0, 2))], [np.empty((0, 3))]
-    for index in np.unique(landmarks.capture):
-        members = np.flatnonzero(landmarks.capture == index)
-        pairs = match_near(
-            features, landmarks.descriptors[members], places[members],
-            settings.search_radius_px, settings.match_ratio,
-        )  # fmt: skip
-        pixels.append(features.keypoints[pairs[:, 0]])
-        points.append(landmarks.points[members[pairs[:, 1]]])
-    return np.concatenate(pixels).astype(np.float64), np.concatenate(points)
+def _nothing(found: FoundLandmarks, failed: str) -> RegisteredFrame:
+    return RegisteredFrame(
+        camera=None, estimate=None, expected=found.expected, matches=len(found.pixels), inliers=0, spread=0.0,
+        sigma_m=np.inf, sigma_deg=np.inf, offset_m=np.inf, turn_deg=np.inf, focal_px=np.nan,
+        reason=f"rejected: {failed}",
+    )  # fmt: skip
 
 
-def _depth_at(keypoints: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """(n,) float64: depth bilinear in its inverse, exact on planes; 0 at edges and unknowns."""
-    height, width = depth.shape
-    place = keypoints.astype(np.float64) - 0.5
-    column = np.clip(place[:, 0], 0.0, width - 1.001)
-    row = np.clip(place[:, 1], 0.0, height - 1.001)
-    c, r = column.astype(np.int64), row.astype(np.int64)
-    corners = np.stack([depth[r, c], depth[r, c + 1], depth[r + 1, c], depth[r + 1, c + 1]]).astype(
-        np.float64
-    )
-    a, b = column - c, row - r
-    shares = np.stack([(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b])
-    nearest, farthest = corners.min(axis=0), corners.max(axis=0)
-    smooth = (nearest > 0.0) & (farthest - nearest < _EDGE_JUMP * farthest)
-    z = np.zeros(len(keypoints))
-    z[smooth] = 1.0 / np.sum(shares[:, smooth] / corners[:, smooth], axis=0)
-    return z
+def _strayed(estimate: Camera, query: Camera, settings: RegistrationSettings, leeway: float = 1.0) -> str:
+    """Why the estimate is too far from its query, "" when it is not."""
+    offset_m, turn_deg = _offset_m(estimate, query), _turn_deg(estimate, query)
+    if offset_m > leeway * settings.max_offset_m:
+        return f"it lies {offset_m:.3f} m from its query, {settings.max_offset_m:g} m are allowed"
+    if turn_deg > leeway * settings.max_turn_deg:
+        return f"it is turned {turn_deg:.1f} deg from its query, {settings.max_turn_deg:g} are allowed"
+    return ""
 
 
-def _lift(camera: Camera, pixels: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """(n, 3) float64 world points of pixels (n, 2) at planar depths (n,)."""
-    x = (pixels[:, 0] - camera.cx) / camera.fx * z
-    y = (pixels[:, 1] - camera.cy) / camera.fy * z
-    return np.stack([x, y, z], axis=1) @ camera.world_from_camera[:3, :3].T + camera.centre
+def _offset_m(a: Camera, b: Camera) -> float:
+    return float(np.linalg.norm(a.centre - b.centre))
+
+
+def _turn_deg(a: Camera, b: Camera) -> float:
+    return float(np.degrees(rotation_angle_rad(a.world_from_camera, b.world_from_camera)))
+
+
+def _composed(reference: Camera, relative: Camera) -> Camera:
+    """A camera in the frame of ``reference``, in the world."""
+    return relative.at(reference.world_from_camera @ relative.world_from_camera)
+
+
+def _transformed(transform: np.ndarray, points: np.ndarray) -> np.ndarray:
+    return points @ transform[:3, :3].T + transform[:3, 3]
 
 
 def _spread(pixels: np.ndarray, camera: Camera) -> float:
@@ -197,19 +220,3 @@ def _spread(pixels: np.ndarray, camera: Camera) -> float:
     row = np.clip(pixels[:, 1] / camera.height * rows, 0, rows - 1).astype(np.int64)
     column = np.clip(pixels[:, 0] / camera.width * columns, 0, columns - 1).astype(np.int64)
     return len(np.unique(row * columns + column)) / (rows * columns)
-
-
-def _focal(found: PoseEstimate, pixels: np.ndarray, points: np.ndarray, error_px: float) -> float:
-    """The focal length (fx, px) that fits best together with the pose, from the pose found."""
-    camera = found.camera
-    start = camera.camera_from_world
-
-    def residuals(unknowns: np.ndarray) -> np.ndarray:
-        turned = Rotation.from_rotvec(unknowns[:3]).as_matrix() @ start[:3, :3]
-        local = points @ turned.T + start[:3, 3] + unknowns[3:6]
-        scale = np.exp(unknowns[6]) / np.maximum(local[:, 2:], 1e-6)
-        projected = local[:, :2] * scale * [camera.fx, camera.fy] + [camera.cx, camera.cy]
-        return (projected - pixels).ravel()
-
-    solved = least_squares(residuals, np.zeros(7), loss="soft_l1", f_scale=error_px / 2.0, max_nfev=30)
-    return float(camera.fx * np.exp(solved.x[6]))

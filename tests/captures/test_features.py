@@ -12,7 +12,6 @@ from r2sego_blender.captures.features import (
     epipolar_errors,
     match,
     match_along_epipolar_lines,
-    match_near,
     sift,
 )
 
@@ -104,15 +103,3 @@ def test_true_projections_lie_on_their_epipolar_lines(rng):
         camera_a.project(points)[0], camera_b.project(points)[0], camera_a, camera_b
     )  # fmt: skip
     assert errors.max() < 1e-3
-
-
-def test_matching_near_finds_what_repeats_elsewhere() -> None:
-    rng = np.random.default_rng(3)
-    descriptors = rng.integers(0, 256, (40, 128), dtype=np.uint8)
-    places = rng.uniform(0, 400, (40, 2)).astype(np.float32)
-    twice = np.concatenate([descriptors, descriptors])  # every descriptor has a twin far away
-    expected = np.concatenate([places + 3.0, places + 5000.0])
-    expected[7] = np.nan  # cannot be seen
-    pairs = match_near(Features(places, descriptors), twice, expected, max_distance_px=4.0)
-    assert set(map(tuple, pairs.tolist())) == {(i, i) for i in range(40) if i != 7}
-    assert len(match(descriptors, twice)) == 0

@@ -24,7 +24,6 @@ SETTINGS = replace(
     SETTINGS,
     selection=replace(SETTINGS.selection, target_views=2),
     generation=replace(SETTINGS.generation, clip_frames=3, clip_scale=0.25, max_replacements=2),
-    registration=replace(SETTINGS.registration, max_features=2000),
 )
 
 
@@ -44,7 +43,7 @@ def scene(room_a):
         selection=selection,
         candidates=candidates,
         generator=BlendingGenerator(room_a.captures, room_a.depths, SETTINGS.generation),
-        landmarks=Landmarks.build(room_a.captures, room_a.depths, None, SETTINGS.registration),
+        landmarks=Landmarks.build(room_a.captures, room_a.depths),
     )
 
 

@@ -1,0 +1,39 @@
+"""Generated views accepted or rejected by hand: ``decision.json`` beside a view's ``pose.json``.
+
+It says ``{"accepted": true, "by": "hand"}`` or false, and overrules the gate; the pose stays
+the estimated one. ``pose.json`` is the pipeline's and is not edited.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from ..errors import GenerationError
+
+DECISION = "decision.json"
+_CURE = 'Delete the file, or write {"accepted": true, "by": "hand"} or false into it.'
+
+
+def save_decision(view: Path, accepted: bool) -> None:
+    """Accept or reject the view in the folder ``view`` by hand."""
+    partial = view / f"{DECISION}.partial"
+    partial.write_text(json.dumps({"accepted": bool(accepted), "by": "hand"}) + "\n", encoding="utf-8")
+    partial.replace(view / DECISION)
+
+
+def is_accepted(view: Path, by_gate: bool) -> bool:
+    """Whether the view in the folder ``view`` counts: as decided by hand, else ``by_gate``.
+
+    Raises GenerationError when the decision is damaged.
+    """
+    path = view / DECISION
+    if not path.exists():
+        return by_gate
+    try:
+        accepted = json.loads(path.read_text(encoding="utf-8"))["accepted"]
+        if not isinstance(accepted, bool):
+            raise TypeError("'accepted' is neither true nor false")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise GenerationError("this decision is damaged", where=path, cure=_CURE) from error
+    return accepted
