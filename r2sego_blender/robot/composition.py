@@ -18,9 +18,12 @@ from .structure import Leg
 
 _PREFIX = "robot/"
 _REFERENCE, _TRACKED = "tracking reference", "tracked base"
-# The tracking wrench: a 35 kg body on these follows its reference to about a centimetre.
+# The tracking wrench of a 35 kg robot, which follows its reference to about a centimetre.
 _FORCE = Servo(3000.0, 600.0)  # N/m, N s/m
 _TORQUE = Servo(800.0, 60.0)  # N m/rad, N m s/rad
+# Stiffer contacts than MuJoCo's, which let feet sink in by half a centimetre.
+_SOLREF, _SOLIMP = (0.01, 1.0), (0.95, 0.99)
+_MUJOCO_SOLREF = (0.02, 1.0)
 _ROBOT_BIT, _SCENE_BIT = 1, 2
 # Contact forces settle well below a millimetre at these; the default is twice as slow.
 _SOLVER_ITERATIONS = 20
@@ -130,15 +133,21 @@ def compose(
     spec = scene_spec(collision_mjcf)
     for geom in spec.geoms:
         geom.contype, geom.conaffinity = _SCENE_BIT, _ROBOT_BIT
+        if wrench and np.array_equal(geom.solref, _MUJOCO_SOLREF):  # else it says how soft it is
+            _stiffen(geom)
     body = robot_spec(robot.source)
     for geom in body.geoms:
         if geom.contype or geom.conaffinity:
             geom.contype, geom.conaffinity = _ROBOT_BIT, _SCENE_BIT
+        if wrench:
+            _stiffen(geom)
     for element in [*body.sensors, *body.actuators, *body.keys]:
         body.delete(element)
     spec.attach(body, prefix=_PREFIX, frame=spec.worldbody.add_frame())
     own = robot.model
-    gains = _add_tracking_wrench(spec, _PREFIX + own.body(robot.base).name, settings) if wrench else []
+    gains = []
+    if wrench:
+        gains = _add_tracking_wrench(spec, _PREFIX + own.body(robot.base).name, robot.mass_scale, settings)
     servos = robot.servos() if servos is None else servos
     for name, servo in servos.items():
         actuator = spec.add_actuator(name=name, target=_PREFIX + name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
@@ -183,20 +192,27 @@ def _in_composition(robot: RobotModel, model: mujoco.MjModel, leg: Leg) -> Leg:
     )  # fmt: skip
 
 
-def _add_tracking_wrench(spec: mujoco.MjSpec, base: str, settings: RolloutSettings) -> list[Servo]:
+def _add_tracking_wrench(
+    spec: mujoco.MjSpec, base: str, scale: float, settings: RolloutSettings
+) -> list[Servo]:
     """Six bounded servos between the base and a mocap body that carries the reference."""
     spec.worldbody.add_body(name=_REFERENCE, mocap=True).add_site(name=_REFERENCE)
     spec.body(base).add_site(name=_TRACKED)
     gains = []
     for axis in range(6):
-        servo, bound = (_FORCE, settings.max_force_n) if axis < 3 else (_TORQUE, settings.max_torque_nm)
+        gain, bound = (_FORCE, settings.max_force_n) if axis < 3 else (_TORQUE, settings.max_torque_nm)
+        servo = Servo(gain.stiffness * scale, gain.damping * scale)
         actuator = spec.add_actuator(
             name=f"tracking {axis}", target=_TRACKED, refsite=_REFERENCE,
             trntype=mujoco.mjtTrn.mjTRN_SITE, gear=np.eye(6)[axis],
         )  # fmt: skip
-        _limit(actuator, servo, bound)
+        _limit(actuator, servo, bound * scale)
         gains.append(servo)
     return gains
+
+
+def _stiffen(geom: mujoco.MjsGeom) -> None:
+    geom.solref, geom.solimp[:2] = _SOLREF, _SOLIMP
 
 
 def _limit(actuator: mujoco.MjsActuator, servo: Servo, bound: float) -> None:

@@ -33,7 +33,7 @@ from .structure import (
     standing_leg,
 )  # fmt: skip
 
-# The servo gains above belong to a robot of this mass; other robots' gains scale with theirs.
+# Gains and bounds belong to a robot of this mass; other robots' scale with theirs.
 _SERVO_ROBOT_MASS_KG = 35.0
 # MuJoCo's camera looks along -z with y up; OpenCV's along z with y down.
 _OPENCV_FLIP = np.diag([1.0, -1.0, -1.0])
@@ -165,6 +165,11 @@ class RobotModel:
         return float(self.rest_qpos[2])
 
     @property
+    def mass_scale(self) -> float:
+        """Its mass over that of the robot whose gains and bounds the library states."""
+        return float(self.model.body_mass.sum()) / _SERVO_ROBOT_MASS_KG
+
+    @property
     def half_width_m(self) -> float:
         """How far the standing robot reaches to either side."""
         data = posed(self.model, self.rest_qpos)
@@ -204,7 +209,7 @@ class RobotModel:
         this robot's mass.
         """
         model = self.model
-        scale = float(model.body_mass.sum()) / _SERVO_ROBOT_MASS_KG
+        scale = self.mass_scale
         on_leg = {j for leg in self.legs for j in leg.joints}
         camera_chain = set(ancestors(model, model.body(self.mount.parent).id))
         servos = {}

@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..errors import RobotError
 from ..settings import RolloutSettings
 from .composition import Composition, compose
 from .free_floor import FreeFloor
@@ -35,6 +36,12 @@ class TrackingController:
         settings: RolloutSettings,
     ) -> None:  # fmt: skip
         self._robot, self._floor, self._scope = robot, floor, scope
+        for name in ("squat", "sit_on"):
+            if robot.is_wheeled and getattr(scope.behaviours, name) > 0.0:
+                raise RobotError(
+                    f"behaviours.{name} takes legs, and {robot.source} has none", where=scope.name,
+                    cure="Set it to 0, or give a robot with legs.",
+                )  # fmt: skip
         sits = scope.behaviours.sit_on > 0.0
         self._seats = find_seats(robot.half_width_m, floor, scope.sit_on, collision_mjcf) if sits else ()
         self.composition = compose(robot, collision_mjcf, settings)

@@ -74,7 +74,7 @@ def test_dragged_feet_slide_and_standing_ones_do_not(humanoid, room):
     moved_m = np.linalg.norm(last - first, axis=1).max()
     assert moved_m > 0.05
     # A foot that is unloaded for a moment begins a new stance.
-    assert 0.5 * moved_m < dragged.meter.foot_slide_m < moved_m + 0.02
+    assert 0.03 < dragged.meter.foot_slide_m < moved_m + 0.02
     strict = Judge(composition, free_floor(humanoid, SCOPE, icy), SCOPE, humanoid.rest_height_m)
     failed = simulate(composition, Pushed(composition, place, humanoid.mount, 0.1), strict, 5.0)
     assert failed.reason == Reason.FOOT_SLIDE

@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from legged_robots import hexapod_mjcf, quadruped_mjcf
 
+from r2sego_blender.errors import RobotError
 from r2sego_blender.robot.model import RobotModel
 from r2sego_blender.robot.rollouts import successful_rollouts
 from r2sego_blender.robot.scope import BehaviourScope
@@ -65,3 +67,9 @@ def test_wheeled_base(tmp_path, box_room):
 def test_biped_whose_feet_cannot_roll(tmp_path, box_room, shared_robot):
     urdf = shared_robot("h1/h1/urdf/h1.urdf")
     assert_walked(walks_of(tmp_path, box_room(), f'model = "{urdf}"\n{_H1_MOUNT}'), (1.55, 1.75))
+
+
+def test_what_takes_legs_is_refused_to_wheels(box_room):
+    robot = RobotModel.load("embedded:wheeled")
+    with pytest.raises(RobotError, match=r"behaviours\.sit_on takes legs, and embedded:wheeled has none"):
+        successful_rollouts(robot, BehaviourScope.load("sit_down"), box_room(), _SETTINGS, seed=0)
