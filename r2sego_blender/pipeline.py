@@ -7,36 +7,36 @@ refinement again therefore goes on where it stopped.
 
 from __future__ import annotations
 
+import contextlib
+
 from .progress import SILENT, Progress
 from .scene import Scene
-from .steps import Steps
+from .steps import Reached, Steps
 
 
 def refine(scene: Scene, progress: Progress = SILENT, until: str = "") -> None:
     """R2S-EGO dual-proxy scene refinement: the refined asset and collision surface of a scene.
 
     The captures were registered in the world frame when the bundle was made; the rounds
-    L, the budget K and the rest of H come from the scene's declaration. The numbers are
-    the lines of Algorithm 1. With ``until``, the bundle's name of a round's rollouts or
-    selection, it ends when that is there.
+    L, the budget K and the rest of H come from the scene's declaration. With ``until``, the
+    bundle's name of what a step publishes, it ends when that is there.
     """
-    h = scene.declaration.settings
-    step = Steps(scene, h, progress)
+    with contextlib.suppress(Reached):
+        _algorithm_1(Steps(scene, scene.declaration.settings, progress, until))
 
+
+def _algorithm_1(step: Steps) -> None:
+    """The numbers are the paper's lines."""
     captures, asset = step.register_inputs()  # 1
     observed, priors = step.observed_and_prior_geometry(captures)  # 2
     aligned_priors = step.align_priors(observed, priors)  # 3, fixed in all rounds
     pseudo_observations = ()  # 4
-    for l in range(h.rounds):  # 5
-        progress.message(f"Round {l + 1} of {h.rounds}")
+    for l in range(step.h.rounds):  # 5
+        step.progress.message(f"Round {l + 1} of {step.h.rounds}")
         proxy = step.geometry_proxy(l, captures, observed, aligned_priors, asset)  # 6
         collision = step.replace_collision_mesh(l, proxy)  # 7
         candidates = step.successful_ego_poses(l, proxy, collision)  # 8
-        if candidates == until:
-            return
         targets = step.robot_proxy(l, candidates, proxy, asset)  # 9, 10
-        if targets == until:
-            return
         generated = step.ego_video_reg(l, captures, proxy, targets)  # 11
         pseudo_observations += generated  # 12
         asset = step.update_visual_asset(l, asset, captures, proxy, pseudo_observations)  # 13

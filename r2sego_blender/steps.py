@@ -75,13 +75,21 @@ def of_round(index: int, name: str) -> str:
     return f"rounds/{index}/{name}"
 
 
+class Reached(Exception):  # noqa: N818  (the end of the way, no error)
+    """What the steps were to go on to is published."""
+
+
 @dataclass(frozen=True)
 class Steps:
-    """The procedures of Algorithm 1 on one scene, under the fixed configuration H."""
+    """The procedures of Algorithm 1 on one scene, under the fixed configuration H.
+
+    A step that has published ``until`` raises Reached.
+    """
 
     scene: Scene
     h: Settings
     progress: Progress
+    until: str = ""
 
     # ---- lines 1 to 3: once
 
@@ -460,4 +468,6 @@ class Steps:
         parameters: Any = None,
     ) -> str:
         self.scene.step(target, compute, inputs=inputs, parameters=parameters)
+        if target == self.until:
+            raise Reached
         return target
