@@ -51,14 +51,14 @@ class ConditionScene:
     """
 
     def __init__(self, proxy: GeometryProxy, engine: str = "cycles") -> None:
-        """Raises GenerationError for more objects than EEVEE can number."""
+        """Raises GenerationError for an engine this Blender lacks, or more objects than EEVEE can number."""
         if engine == "eevee" and proxy.instance.max(initial=0) > _EXACT_HALF:
             raise GenerationError(
                 f"EEVEE tells at most {_EXACT_HALF} objects apart", where="generation.renderer",
                 cure="Choose the z-buffer or Cycles.",
             )  # fmt: skip
-        self._scene = bpy.data.scenes.new(_NAME)
-        self._material = _condition_material()
+        self._scene = _scene_of(engine)
+        self._material = _condition_material(engine)
         self._camera: bpy.types.Object | None = None
         mesh = mesh_from_arrays(_NAME, proxy.vertices, proxy.faces)
         add_attribute(mesh, "provenance", proxy.provenance.astype(np.int32) + 1)
@@ -67,7 +67,6 @@ class ConditionScene:
         assign_materials(mesh, [self._material], np.zeros(len(proxy.faces), np.int32))
         self._scene.collection.objects.link(bpy.data.objects.new(_NAME, mesh))
         _declare_passes(self._scene)
-        _settle(self._scene, engine)
         versions.write_multilayer(self._scene)
 
     def render(self, camera: Camera, file: Path) -> None:
@@ -139,9 +138,16 @@ def _declare_passes(scene: bpy.types.Scene) -> None:
         aov.type = "COLOR" if name.startswith("Normal") else "VALUE"
 
 
-def _settle(scene: bpy.types.Scene, engine: str) -> None:
-    """One exact sample: no antialiasing, denoising, light, blur or colour transform."""
-    scene.render.engine = versions.RENDER_ENGINES[engine]
+def _scene_of(engine: str) -> bpy.types.Scene:
+    """A scene with one exact sample: no antialiasing, denoising, light, blur or colour transform."""
+    scene = bpy.data.scenes.new(_NAME)
+    try:
+        scene.render.engine = versions.RENDER_ENGINES[engine]
+    except TypeError as error:
+        bpy.data.scenes.remove(scene)
+        raise GenerationError(
+            f"{_NAMES[engine]} is not enabled in this Blender", where=engine, cure="Enable its add-on."
+        ) from error
     scene.render.use_persistent_data = True
     scene.render.use_motion_blur = False
     scene.render.use_compositing = scene.render.use_sequencer = False
@@ -156,9 +162,10 @@ def _settle(scene: bpy.types.Scene, engine: str) -> None:
     else:
         scene.eevee.taa_render_samples = 1
         scene.render.filter_size = 0.0
+    return scene
 
 
-def _condition_material() -> bpy.types.Material:
+def _condition_material(engine: str) -> bpy.types.Material:
     material = bpy.data.materials.new(_NAME)
     if not material.use_nodes:
         material.use_nodes = True
@@ -166,7 +173,8 @@ def _condition_material() -> bpy.types.Material:
     nodes.clear()
     # Cycles takes a surface without a shader, or a black one, for transparent, and a glowing one for a lamp.
     surface, output = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeOutputMaterial")
-    material.cycles.emission_sampling = "NONE"
+    if engine == "cycles":
+        material.cycles.emission_sampling = "NONE"
     link(surface.outputs[0], output.inputs["Surface"])
     geometry, view = nodes.new("ShaderNodeNewGeometry"), nodes.new("ShaderNodeCameraData")
     normal = geometry.outputs["True Normal"]  # towards the camera; EEVEE packs the other normals coarsely

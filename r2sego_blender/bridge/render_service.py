@@ -28,6 +28,8 @@ from .conditions import ConditionScene, render_path
 PROTOCOL = 1
 """Version of requests and answers; the first line names it."""
 
+_MARGIN_S = 10
+
 
 def serve() -> None:
     """Answer requests until standard input ends."""
@@ -62,14 +64,15 @@ class _Service:
     def render(self, request: Mapping[str, Any]) -> None:
         wanted = (request["proxy"], request["engine"])
         path = [Camera.from_json(camera) for camera in request["cameras"]]
-        limit_s = int(request["frame_limit_s"])
+        # Whoever asks counts too and ends this process; this is for when they cannot any more.
+        limit_s = int(request["frame_limit_s"]) + _MARGIN_S
 
         def on_frame(index: int) -> None:
             _die_after(limit_s)
             _say(self._answers, {"frame": index})
 
         try:
-            on_frame(0)
+            _die_after(limit_s)
             if self._shown != wanted:
                 self._show(*wanted)
             render_path(self._scene, path, Path(request["folder"]), request["engine"], on_frame)

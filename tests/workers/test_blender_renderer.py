@@ -43,9 +43,11 @@ def proxy_file(tmp_path_factory):
 
 @pytest.fixture
 def blender():
-    """A worker of pip bpy."""
-    pytest.importorskip("bpy", reason="pip bpy is not installed")
-    worker = BlenderWorker()
+    """A worker of pip bpy, or of the Blender that R2SEGO_TEST_BLENDER names."""
+    program = os.environ.get("R2SEGO_TEST_BLENDER", "")
+    if not program:
+        pytest.importorskip("bpy", reason="pip bpy is not installed")
+    worker = BlenderWorker(program)
     yield worker
     worker.close()
     assert worker.process_id is None
