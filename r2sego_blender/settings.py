@@ -223,16 +223,18 @@ class GenerationSettings:
         "Who renders the structural conditions: the library itself, or an engine of Blender.",
         choices=("z-buffer", "cycles", "eevee"),
     )
-    blender: str = setting("", "The Blender program that renders conditions; empty for pip's bpy.")
+    kept_conditions: str = setting(
+        "clip", "Structural conditions that stay in the bundle.", choices=("clip", "target")
+    )
     max_replacements: int = setting(
         12, "Rejected frames a round replaced by the next-ranked candidates.", 0, 500
     )
     depth_tolerance: float = setting(
-        0.03, "Relative depth difference at which a capture still sees a point.", 0.001, 0.2
+        0.02, "Relative depth difference at which a capture still sees a point.", 0.001, 0.2
     )
-    best_captures: int = setting(3, "Captures blended at a pixel.", 1, 16)
+    best_captures: int = setting(5, "Captures blended at a pixel.", 1, 16)
     edge_erosion_px: int = setting(
-        2, "Background this near a capture's depth edge is not taken from that capture.", 0, 16
+        1, "Background this near a capture's depth edge is not taken from that capture.", 0, 16
     )
     border_px: float = setting(40.0, "Width over which a capture fades out at its border.", 0.0, 500.0)
     hole_confidence: float = setting(0.1, "Confidence of a pixel that no capture saw.", 0.0, 1.0)
@@ -423,6 +425,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "rounds": 2,
         "selection.scoring_scale": 0.25,
         "generation.clip_frames": 7,
+        "generation.kept_conditions": "target",
         "training.steps_per_round": 900,
         "training.max_gaussians": 120000,
         "training.sh_degree": 1,

@@ -24,8 +24,11 @@ from .captures.sparse import SparsePoints, depth_ranges
 from .captures.store import load_captures
 from .generation.blending import BlendingGenerator
 from .generation.conditions import ZBufferRenderer
+from .generation.detours import ClearSpace
 from .generation.ego_views import PseudoObservation, ego_video_reg, load_pseudo_observations
+from .generation.point_condition import PointConditions
 from .generation.registration import Landmarks
+from .generation.renderers import make_renderer
 from .geometry.bounds import with_missing_bounds
 from .geometry.collision import collision_surface
 from .geometry.collision_files import write_collision
@@ -304,15 +307,17 @@ class Steps:
         last frame is kept and registered to the captures."""
 
         def compute(folder: Path) -> None:
-            renderer = ZBufferRenderer(self._proxy(proxy))
-            depths = [renderer.depth(capture.camera) for capture in self._captures]
+            current = self._proxy(proxy)
+            depths = self._depths_of(current)
             observed = self._reliable_depths()
             generator = BlendingGenerator(self._captures, depths, self.h.generation, observed)
             completed = [self._completed_depth(capture) for capture in self._captures]
             landmarks = Landmarks.build(self._captures, observed, completed, self.progress)
             ego_video_reg(
                 Selection.load(self.scene.path / targets), load_candidates(self.scene.path / targets),
-                self._captures, renderer, generator, landmarks, self.h, folder, self.progress,
+                self._captures, make_renderer(current, self.h.generation), generator, landmarks, self.h,
+                folder, self.progress, ClearSpace(current.vertices, current.faces),
+                PointConditions(self._captures, depths, self.h.generation),
             )  # fmt: skip
 
         views = self._step(
@@ -394,6 +399,11 @@ class Steps:
     @cached_property
     def _stride_px(self) -> int:
         return disc_stride_px([capture.camera for capture in self._captures], self.h.training)
+
+    def _depths_of(self, proxy: GeometryProxy) -> list[np.ndarray]:
+        """The proxy's depth in each capture, (H, W) float32 metres."""
+        renderer = ZBufferRenderer(proxy)
+        return [renderer.depth(capture.camera) for capture in self._captures]
 
     def _depth_maps(self) -> list[DepthMap]:
         return [DepthMap.load(self.scene.path / DEPTH / f"{c.name}.npz") for c in self._captures]

@@ -20,8 +20,8 @@ from r2sego_blender.bridge.bundle import Bundle
 from r2sego_blender.bridge.script import run_script
 from r2sego_blender.cameras import Camera
 from r2sego_blender.generation.conditions import Condition, ZBufferRenderer
-from r2sego_blender.generation.renderers import make_renderer
-from r2sego_blender.settings import GenerationSettings
+from r2sego_blender.generation.renderers import BlenderRenderer
+from r2sego_blender.workers.blender_renderer import BlenderWorker
 
 EQUAL = ("provenance", "validity", "instance")
 
@@ -58,8 +58,8 @@ def main(arguments: list[str]) -> int:
     captures = bundle.captures()
     chosen = captures[:: max(1, len(captures) // options.captures)][: options.captures]
     path = [camera for view in chosen for camera in off_centre(view.camera, *options.size)]
-    settings = GenerationSettings(renderer=options.renderer, blender=options.blender)
-    renderer, z_buffer = make_renderer(proxy, settings), ZBufferRenderer(proxy)
+    worker = BlenderWorker(options.blender)
+    renderer, z_buffer = BlenderRenderer(proxy, options.renderer, worker), ZBufferRenderer(proxy)
     print(f"{renderer.name}, {len(proxy.faces)} faces")
     print(
         f"{'lens':>10} {'depth':>9} {'normal':>9} " + " ".join(f"{name:>10}" for name in EQUAL) + "  seconds"

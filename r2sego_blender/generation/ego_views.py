@@ -20,8 +20,10 @@ from ..selection import Selection
 from ..settings import Settings
 from .condition_files import save_conditions
 from .conditions import Condition, Renderer
+from .detours import ClearSpace
 from .generator import Frame, Generator
 from .paths import camera_path, reference_from_frame
+from .point_condition import PointConditions
 from .registration import Landmarks, RegisteredFrame, register_frame
 
 _CLIP_FRAME_MS = 80
@@ -55,12 +57,15 @@ def ego_video_reg(
     settings: Settings,
     folder: Path,
     progress: Progress = SILENT,
+    space: ClearSpace | None = None,
+    colours: PointConditions | None = None,
 ) -> tuple[PseudoObservation, ...]:
     """Generate and register the selection's target views; write each as ``folder/<rank>/``.
 
     ``candidates`` are the M cameras the selection was made from; it has references for the
-    targets and as many more as may replace them. A frame that cannot be
-    generated or registered is rejected, with its reason in ``pose.json``, and the
+    targets and as many more as may replace them. Paths go around what ``space`` has in their
+    way; with ``colours`` the captures' colours stay beside the conditions. A frame that cannot
+    be generated or registered is rejected, with its reason in ``pose.json``, and the
     next-ranked survivor takes its place, at most ``generation.max_replacements`` times.
     Returns the accepted ones in rank order, as ``load_pseudo_observations`` reads them.
     """
@@ -81,7 +86,7 @@ def ego_video_reg(
             )  # fmt: skip
             reason = _generate(
                 view, target, cameras[reference], renderer, generator, landmarks, settings,
-                folder / f"{rank:03d}",
+                folder / f"{rank:03d}", space, colours,
             )  # fmt: skip
             if reason is None:
                 accepted += 1
@@ -137,15 +142,19 @@ class _View:
 
 def _generate(
     view: _View, target: Camera, reference: Camera, renderer: Renderer, generator: Generator,
-    landmarks: Landmarks, settings: Settings, folder: Path,
+    landmarks: Landmarks, settings: Settings, folder: Path, space: ClearSpace | None,
+    colours: PointConditions | None,
 ) -> str | None:  # fmt: skip
     """Make and write one view; None when it is accepted, else the reason why not."""
     folder.mkdir(parents=True, exist_ok=True)
-    path = camera_path(reference, target, settings.generation.clip_frames)
+    way = None if space is None else space.way(reference.centre, target.centre)
+    path = camera_path(reference, target, settings.generation.clip_frames, way and way.points)
     path = (*(camera.scaled(settings.generation.clip_scale) for camera in path[:-1]), path[-1])
-    _write_path(folder / "path.json", view, reference, path)
+    _write_path(folder / "path.json", view, reference, path, way.note if way else "")
     conditions = renderer.render(path)
-    save_conditions(folder / "conditions", conditions)
+    kept = conditions if settings.generation.kept_conditions == "clip" else conditions[-1:]
+    points = () if colours is None else colours.render(view.reference, kept)
+    save_conditions(folder / "conditions", kept, points)
     try:
         clip = generator.generate(view.reference, conditions)
         _check_clip(clip, conditions, generator.name)
@@ -170,9 +179,9 @@ def _check_clip(clip: Sequence[Frame], conditions: Sequence[Condition], generato
         raise GenerationError(f"{generator} returned pixels that are no numbers", cure="Check the generator.")
 
 
-def _write_path(file: Path, view: _View, reference: Camera, path: Sequence[Camera]) -> None:
+def _write_path(file: Path, view: _View, reference: Camera, path: Sequence[Camera], note: str) -> None:
     record = {
-        "reference": view.reference, "reference_name": view.reference_name,
+        "reference": view.reference, "reference_name": view.reference_name, "note": note,
         "cameras": [camera.to_json() for camera in path],
         "reference_from_frame": reference_from_frame(reference, path).tolist(),
     }  # fmt: skip

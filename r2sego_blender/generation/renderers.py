@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +13,7 @@ from ..cameras import Camera
 from ..errors import GenerationError
 from ..geometry.proxy import GeometryProxy
 from ..settings import GenerationSettings
-from ..workers.blender_renderer import BlenderWorker, shared_worker
+from ..workers.blender_renderer import BLENDER_VARIABLE, BlenderWorker, shared_worker
 from .conditions import NOTHING, Condition, Renderer, ZBufferRenderer
 
 _ENGINES = {"cycles": "Cycles", "eevee": "EEVEE"}
@@ -21,11 +22,13 @@ _ENGINES = {"cycles": "Cycles", "eevee": "EEVEE"}
 def make_renderer(proxy: GeometryProxy, settings: GenerationSettings) -> Renderer:
     """The renderer of ``proxy`` that ``generation.renderer`` names.
 
-    Raises MachineError when the Blender it needs is not there.
+    The Blender is the one that the environment variable ``R2SEGO_BLENDER`` names, else pip's
+    bpy. Raises MachineError when it is not there.
     """
     if settings.renderer == "z-buffer":
         return ZBufferRenderer(proxy)
-    return BlenderRenderer(proxy, settings.renderer, shared_worker(settings.blender))
+    blender = os.environ.get(BLENDER_VARIABLE, "")
+    return BlenderRenderer(proxy, settings.renderer, shared_worker(blender))
 
 
 class BlenderRenderer:

@@ -32,7 +32,8 @@ FRAME_LIMIT_S = 600.0
 _PROTOCOL = 1
 _LIBRARY = Path(__file__).resolve().parents[1]
 _REMEMBERED_LINES = 20
-_SETTING = "generation.blender"
+BLENDER_VARIABLE = "R2SEGO_BLENDER"
+"""Names the Blender program: this machine's affair, which no bundle from elsewhere decides."""
 
 
 class BlenderWorker:
@@ -113,7 +114,7 @@ class BlenderWorker:
         except OSError as error:
             raise MachineError(
                 f"Blender could not be started: {error}", where=command[0],
-                cure=f"Name another in {_SETTING}.",
+                cure=f"Name another in {BLENDER_VARIABLE}.",
             ) from error  # fmt: skip
         RUNNING.add(self._process)
         self._lines: SimpleQueue[Mapping[str, Any] | None] = SimpleQueue()
@@ -189,18 +190,17 @@ def _command(blender: str) -> list[str]:
     if not blender:
         if importlib.util.find_spec("bpy") is None:
             raise MachineError(
-                "no Blender is chosen, and this Python has no bpy", where=_SETTING,
+                "no Blender is chosen, and this Python has no bpy", where=BLENDER_VARIABLE,
                 cure="Name a Blender 4.3 or later, or use the z-buffer.",
             )  # fmt: skip
         return [sys.executable, "-c", serve]
     program = Path(blender).expanduser()
-    # A bundle may come from elsewhere: what it names must be installed here, not brought along.
     named_safely = program.is_absolute() or len(program.parts) == 1
     found = shutil.which(str(program)) if named_safely else None
     if found is None:
         raise MachineError(
             "this Blender is not there or cannot be run", where=blender,
-            cure=f"Give its whole path in {_SETTING}, or use the z-buffer.",
+            cure=f"Give its whole path in {BLENDER_VARIABLE}, or use the z-buffer.",
         )  # fmt: skip
     return [
         found, "--background", "--factory-startup", "-noaudio",

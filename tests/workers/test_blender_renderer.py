@@ -194,13 +194,14 @@ def test_another_protocol_is_refused(stand_in):
 
 @pytest.mark.parametrize("blender", ["/no/such/blender", "bin/blender"])
 def test_a_blender_that_is_not_there_is_told(blender):
-    with pytest.raises(MachineError, match=r"generation\.blender"):
+    with pytest.raises(MachineError, match="R2SEGO_BLENDER"):
         _ = BlenderWorker(blender).version
 
 
-def test_settings_choose_the_renderer():
+def test_settings_choose_the_renderer(monkeypatch):
     from r2sego_blender.generation.renderers import make_renderer
 
     assert make_renderer(ground(), GenerationSettings()).name == "z-buffer"
-    with pytest.raises(MachineError, match="blender"):
-        make_renderer(ground(), GenerationSettings(renderer="eevee", blender="/no/such/blender"))
+    monkeypatch.setenv("R2SEGO_BLENDER", "/no/such/blender")
+    with pytest.raises(MachineError, match="/no/such/blender"):
+        make_renderer(ground(), GenerationSettings(renderer="eevee"))
