@@ -26,6 +26,9 @@ from .landmarks import FoundLandmarks, Landmarks, find_landmarks
 
 _COARSE_SIDE_PX, _FINE_SIDE_PX = 320, 640
 _COARSE_INLIERS = 8  # fewer are found in any frame by chance
+# Coarsely, patches are unmistakable. Where few of those to be seen are, texture repeats, and a
+# pose off by one repetition would be confirmed finely. Frames that are placed rightly reach 0.3.
+_COARSE_AGREEMENT = 0.15
 _COARSE_ERROR = 2.0  # of the fine one: the coarse pose only has to bring patches within reach
 _FINE_REACH = 2.5  # of the largest error
 _FINE_CORRELATION = 0.7
@@ -105,7 +108,7 @@ def _coarse_pose(
 ) -> Camera | None:
     points = _transformed(reference.camera_from_world, found.points)
     pose = estimate_pose(found.pixels, points, query, _COARSE_ERROR * settings.max_error_px, seed)
-    if pose is None or pose.inlier_count < _COARSE_INLIERS:
+    if pose is None or pose.inlier_count < max(_COARSE_INLIERS, _COARSE_AGREEMENT * found.expected):
         return None
     return _composed(reference, pose.camera)
 

@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 
+import box_room
 import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from r2sego_blender.cameras import rotation_angle_rad
+from r2sego_blender.cameras import look_at, rotation_angle_rad
 from r2sego_blender.errors import GenerationError
 from r2sego_blender.generation.blending import BlendingGenerator
 from r2sego_blender.generation.landmarks import Landmarks
@@ -119,6 +120,44 @@ def test_mirrored_shuffled_and_meaningless_frames_are_rejected(room_a, landmarks
         assert registered(room_a, landmarks, frame.astype(np.float32), view.camera).camera is None, name
 
 
+def checks(side_m):
+    """Squares that repeat for ever, on all surfaces alike."""
+
+    def colour(points):
+        odd = np.floor(points / side_m + 1e-3).sum(axis=-1) % 2.0
+        return 0.25 + 0.5 * np.repeat(odd[..., None], 3, axis=-1)
+
+    return colour
+
+
+ALIKE = {
+    "checked room": (checks(0.25), [0.0, -1.7, 1.4]),
+    "finely checked wall": (checks(0.06), [0.0, 0.9, 1.2]),
+    "checked wall": (checks(0.12), [0.0, 0.9, 1.2]),
+    "bare wall": (lambda points: np.full(points.shape, 0.6), [0.0, 0.9, 1.2]),
+}
+
+
+@pytest.mark.parametrize("name", ALIKE)
+def test_where_all_looks_alike_frames_are_placed_rightly_or_not_at_all(tmp_path, name):
+    colour, centre = ALIKE[name]
+    lens = box_room.lens(320, 240)
+    cameras = [
+        lens.at(look_at(np.add(centre, [aside, 0.0, 0.0]), [0.0, 2.0, 1.2])) for aside in (-0.3, 0.0, 0.3)
+    ]
+    captures, depths = box_room.write_captures(tmp_path, cameras, boxes=(), colour=colour)
+    landmarks = Landmarks.build(captures, depths)
+    for seed in range(8):
+        query = perturbed(cameras[1], 50 + seed, 0.1, 3.0)
+        drifted = perturbed(query, seed, 0.09, 3.5)
+        image, _ = box_room.render(drifted, (), colour)
+        frame = register_frame(image, query, cameras[1], landmarks, SETTINGS)
+        if frame.camera is not None:
+            centimetres, degrees = error_of(frame.camera, drifted)
+            assert centimetres < 1.5
+            assert degrees < 0.5
+
+
 def test_each_gate_says_why(room_a, landmarks):
     view = room_a.frozen[0]
     image = view.image()
@@ -190,9 +229,10 @@ def test_completed_depth_leaves_the_pose_less_certain(room_a, landmarks):
     assert unsure.sigma_m > 1.2 * sure.sigma_m
 
 
-def test_captures_without_depth_give_no_landmarks(box_room):
-    nothing = [np.zeros_like(depth) for depth in box_room.depths]
+def test_captures_without_depth_give_no_landmarks(request):
+    room = request.getfixturevalue("box_room")  # the module has the fixture's name
+    nothing = [np.zeros_like(depth) for depth in room.depths]
     with pytest.raises(GenerationError, match="no capture has any reliable depth"):
-        Landmarks.build(box_room.captures, nothing)
+        Landmarks.build(room.captures, nothing)
     with pytest.raises(ValueError, match="its camera's size"):
-        Landmarks.build(box_room.captures, box_room.depths, box_room.depths[:2])
+        Landmarks.build(room.captures, room.depths, room.depths[:2])
