@@ -13,20 +13,31 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
 from . import __version__
+from .cli_bench import bench
+from .cli_options import (
+    ANY_PATH,
+    FOLDER,
+    direction_of,
+    json_progress,
+    overrides_of,
+    progress_of,
+    round_option,
+    scale_of,
+    scale_options,
+    settings_option,
+    show,
+    tell,
+)
 from .errors import R2SEgoError, SettingsError
-from .progress import JsonProgress, Progress, TerminalProgress
+from .progress import JsonProgress, Progress
 from .scene import Scene
 from .settings import MANY_PHOTOGRAPHS, PRESETS, VANILLA_3DGS, with_overrides
-
-FOLDER = click.Path(file_okay=False, path_type=Path)
-ANY_PATH = click.Path(path_type=Path)
 
 
 class _Commands(click.Group):
@@ -53,55 +64,6 @@ def main(context: click.Context) -> None:
     _cancel_at_once()
 
 
-def _progress(context: click.Context, as_json: bool) -> Progress:
-    context.obj["json"] = as_json
-    return JsonProgress() if as_json else TerminalProgress()
-
-
-def _json_progress(command: Callable) -> Callable:
-    return click.option("--json-progress", "as_json", is_flag=True, help="Tell progress as JSON lines.")(
-        command
-    )
-
-
-def _settings_option(command: Callable) -> Callable:
-    return click.option(
-        "--set", "overrides", multiple=True, metavar="KEY=VALUE",
-        help="One setting, as in docs/settings.md; repeatable.",
-    )(command)  # fmt: skip
-
-
-def _round_option(command: Callable) -> Callable:
-    return click.option(
-        "--round", "round_index", type=int, metavar="L",
-        help="The round, from 0; by default the one under way, or the last.",
-    )(command)  # fmt: skip
-
-
-def _scale_options(command: Callable) -> Callable:
-    options = (
-        click.option(
-            "--known-length", metavar="PHOTO:X,Y:X,Y:METRES",
-            help="Scale: two pixels of one photograph and their distance.",
-        ),
-        click.option(
-            "--marker-side", type=float, metavar="METRES",
-            help="Scale: side of a printed ArUco 4x4_50 marker in the photographs.",
-        ),
-        click.option(
-            "--camera-height", metavar="METRES|robot",
-            help="Scale: height of the first photograph's camera above the floor, or of the robot's eye.",
-        ),
-        click.option(
-            "--depth", type=FOLDER,
-            help="Scale: depth maps called as the photographs are: 16-bit PNG in mm, or EXR, NPY in metres.",
-        ),
-    )  # fmt: skip
-    for option in reversed(options):
-        command = option(command)
-    return command
-
-
 @main.command()
 @click.argument("scene", type=ANY_PATH)
 @click.option("--captures", required=True, type=FOLDER, help="Folder of photographs, three at least.")
@@ -119,9 +81,9 @@ def _scale_options(command: Callable) -> Callable:
 @click.option(
     "--scope", default="walk_and_look", show_default=True, help="Behaviour scope: a name or a TOML file."
 )
-@_scale_options
-@_settings_option
-@_json_progress
+@scale_options
+@settings_option
+@json_progress
 @click.pass_context
 def new(
     context: click.Context,
@@ -138,13 +100,13 @@ def new(
     from .captures.scale import Scale
     from .creation import create_scene
 
-    progress = _progress(context, as_json)
-    scale = _scale(**given, robot=robot, scope=scope, command="new") or Scale.automatic()
-    changes = _overrides(overrides)
+    progress = progress_of(context, as_json)
+    scale = scale_of(**given, robot=robot, scope=scope, command="new") or Scale.automatic()
+    changes = overrides_of(overrides)
     settings = with_overrides(changes).captures
     made = create_scene(scene, captures, poses, robot, scope, scale, settings, progress)
     made = made.declare(overrides=changes) if changes else made
-    _tell(progress, scene=str(made.path), ground=made.declaration.ground, scale=made.declaration.scale_source)
+    tell(progress, scene=str(made.path), ground=made.declaration.ground, scale=made.declaration.scale_source)
 
 
 @main.command()
@@ -158,8 +120,8 @@ def new(
 )
 @click.option("--up", metavar="X,Y,Z", help="The direction up, as the world is now.")
 @click.option("--floor-at", type=float, metavar="METRES", help="Where the floor lies above the z = 0 of now.")
-@_scale_options
-@_json_progress
+@scale_options
+@json_progress
 @click.pass_context
 def register(
     context: click.Context,
@@ -174,19 +136,19 @@ def register(
     from .captures.floor_points import FloorPoint
     from .correction import correct_registration
 
-    progress = _progress(context, as_json)
+    progress = progress_of(context, as_json)
     opened = Scene.open(scene)
     made = correct_registration(
         opened,
         floor=[FloorPoint.parse(text) for text in floor],
-        up=None if up is None else _direction(up),
+        up=None if up is None else direction_of(up),
         floor_at_m=floor_at,
-        scale=_scale(
+        scale=scale_of(
             **given, robot=opened.declaration.robot, scope=opened.declaration.scope, command="register"
         ),
         progress=progress,
     )
-    _tell(progress, scene=str(made.path), ground=made.declaration.ground, scale=made.declaration.scale_source)
+    tell(progress, scene=str(made.path), ground=made.declaration.ground, scale=made.declaration.scale_source)
 
 
 @main.command()
@@ -194,9 +156,9 @@ def register(
 @click.option(
     "--preset", type=click.Choice(list(PRESETS)), help="Named settings; 'paper' are the paper's own."
 )
-@_settings_option
+@settings_option
 @click.option("--rounds", type=int, help="Refinement rounds; short for --set rounds=L.")
-@_json_progress
+@json_progress
 @click.pass_context
 def refine(
     context: click.Context,
@@ -207,9 +169,9 @@ def refine(
     as_json: bool,
 ) -> None:
     """Run Algorithm 1 on SCENE; started again, it goes on where it stopped."""
-    progress = _progress(context, as_json)
+    progress = progress_of(context, as_json)
     opened = Scene.open(scene)
-    changes = _overrides(overrides) | ({} if rounds is None else {"rounds": rounds})
+    changes = overrides_of(overrides) | ({} if rounds is None else {"rounds": rounds})
     with opened.locked():
         if preset is not None and preset != opened.declaration.preset:
             opened = opened.declare(preset=preset, overrides=changes)
@@ -220,7 +182,7 @@ def refine(
 
         run(opened, progress)
         report = write_scene_report(opened)
-    _tell(progress, asset=str(opened.asset_file), collision=str(opened.collision_folder), report=str(report))
+    tell(progress, asset=str(opened.asset_file), collision=str(opened.collision_folder), report=str(report))
 
 
 @main.command()
@@ -253,7 +215,7 @@ def objects(
 
     opened = Scene.open(scene)
     if masks or find or segment or library or meshes or generate or lock or unlock:
-        files = {name: Path(file) for name, file in _overrides(meshes, "--mesh NAME=FILE").items()}
+        files = {name: Path(file) for name, file in overrides_of(meshes, "--mesh NAME=FILE").items()}
         declare_objects(
             opened, masks=masks, find=find, vocabulary=(segment or "").split(","), library=library,
             meshes=files, generate=generate, lock=lock, unlock=unlock,
@@ -275,9 +237,9 @@ def status(scene: Path, as_json: bool) -> None:
 
 @main.command()
 @click.argument("scene", type=ANY_PATH)
-@_round_option
+@round_option
 @click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
-@_json_progress
+@json_progress
 @click.pass_context
 def rollouts(
     context: click.Context, scene: Path, round_index: int | None, as_object: bool, as_json: bool
@@ -285,17 +247,17 @@ def rollouts(
     """Bring SCENE to a round's rollouts, and say what became of every attempt."""
     from .rollouts_report import describe_rollouts, lines
 
-    progress = _progress(context, as_json)
+    progress = progress_of(context, as_json)
     opened, index = _advance(scene, round_index, "rollouts", progress)
-    _show(progress, describe_rollouts(opened, index), lines, as_object)
+    show(progress, describe_rollouts(opened, index), lines, as_object)
 
 
 @main.command()
 @click.argument("scene", type=ANY_PATH)
-@_round_option
+@round_option
 @click.option("--explain", is_flag=True, help="Every candidate with its scores, and why it is no target.")
 @click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
-@_json_progress
+@json_progress
 @click.pass_context
 def select(
     context: click.Context,
@@ -308,9 +270,9 @@ def select(
     """Bring SCENE to a round's target views, and say what they are and why."""
     from .selection_report import describe_selection, lines
 
-    progress = _progress(context, as_json)
+    progress = progress_of(context, as_json)
     opened, index = _advance(scene, round_index, "selection", progress)
-    _show(progress, describe_selection(opened, index, explain), lines, as_object)
+    show(progress, describe_selection(opened, index, explain), lines, as_object)
 
 
 @main.command()
@@ -321,18 +283,18 @@ def select(
     type=ANY_PATH,
     help="cameras.json with a 'frozen' list, or a folder of held-out photographs.",
 )
-@_json_progress
+@json_progress
 @click.pass_context
 def evaluate(context: click.Context, scene: Path, frozen: Path, as_json: bool) -> None:
     """Score SCENE on frozen views against vanilla 3DGS; writes report/metrics.json."""
     from .evaluation.scene_evaluation import evaluate_scene, table
 
-    progress = _progress(context, as_json)
+    progress = progress_of(context, as_json)
     opened = Scene.open(scene)
     with opened.locked():
         metrics = evaluate_scene(opened, frozen, progress)
     if as_json:
-        _tell(progress, metrics=metrics)
+        tell(progress, metrics=metrics)
     else:
         click.echo(table(metrics))
         click.echo(f"report: {opened.report_folder / 'index.html'}")
@@ -356,8 +318,8 @@ def export(scene: Path, folder: Path, splats: str) -> None:
 @click.option("--to", "file", type=ANY_PATH, metavar="FILE.glb", help="By default the bundle's own.")
 @click.option("--faces", type=int, metavar="N", help="Short for --set texture.faces=N.")
 @click.option("--size", type=int, metavar="PX", help="Short for --set texture.size_px=PX.")
-@_settings_option
-@_json_progress
+@settings_option
+@json_progress
 @click.pass_context
 def texture(
     context: click.Context,
@@ -371,15 +333,15 @@ def texture(
     """Write SCENE's proxy as one mesh with a texture baked from the captures."""
     from .texture import texture_scene
 
-    progress = _progress(context, as_json)
+    progress = progress_of(context, as_json)
     opened = Scene.open(scene)
     shorts = {"texture.faces": faces, "texture.size_px": size}
     given = {key: value for key, value in shorts.items() if value is not None}
-    settings = with_overrides({**_overrides(overrides), **given}, opened.declaration.settings)
+    settings = with_overrides({**overrides_of(overrides), **given}, opened.declaration.settings)
     with opened.locked():
         figures = texture_scene(opened, settings, file, progress)
     if as_json:
-        _tell(progress, **figures.to_json())
+        tell(progress, **figures.to_json())
     else:
         click.echo(figures.line())
 
@@ -387,16 +349,16 @@ def texture(
 @main.command("check-collision")
 @click.argument("scene", type=ANY_PATH)
 @click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
-@_json_progress
+@json_progress
 @click.pass_context
 def check_collision(context: click.Context, scene: Path, as_object: bool, as_json: bool) -> None:
     """Drop spheres on SCENE's collision surface in MuJoCo, and see that the robot stands."""
     from .collision_report import check_scene, lines
 
-    progress = _progress(context, as_json)
+    progress = progress_of(context, as_json)
     report = check_scene(Scene.open(scene), progress)
     if as_json:
-        _tell(progress, **report.to_json())
+        tell(progress, **report.to_json())
     else:
         click.echo(json.dumps(report.to_json(), indent=1) if as_object else "\n".join(lines(report)))
     context.exit(0 if report.passed else 1)
@@ -410,12 +372,12 @@ def check_collision(context: click.Context, scene: Path, as_object: bool, as_jso
 @click.option("--steps", type=int, help="Short for --set training.steps_per_round=N.")
 @click.option("--gaussians", type=int, help="Short for --set training.max_gaussians=N.")
 @click.option("--seed", type=int, help="Short for --set seed=N.")
-@_settings_option
+@settings_option
 @click.option("--vanilla", is_flag=True, help="The original 3DGS: its settings and densification.")
 @click.option("--frozen", type=ANY_PATH, help="cameras.json with a 'frozen' list to score on.")
 @click.option("--hold-out", type=int, metavar="K", help="Score on every K-th image, and do not train on it.")
 @click.option("--json", "as_object", is_flag=True, help="The result as one JSON object.")
-@_json_progress
+@json_progress
 @click.pass_context
 def train(
     context: click.Context,
@@ -428,17 +390,17 @@ def train(
     """Train splats on the photographs CAPTURES alone: no scene, no robot."""
     from .splat_training import settings_of, train_on_photographs
 
-    progress = _progress(context, as_json)
+    progress = progress_of(context, as_json)
     short = {"training.steps_per_round": "steps", "training.max_gaussians": "gaussians", "seed": "seed"}
     shorts = {key: value for key, name in short.items() if (value := given.pop(name)) is not None}
     base = VANILLA_3DGS if vanilla else MANY_PHOTOGRAPHS
     training = {f"training.{key}": value for key, value in base.items()}
-    settings = settings_of({**training, **_overrides(overrides), **shorts})
+    settings = settings_of({**training, **overrides_of(overrides), **shorts})
     trained = train_on_photographs(**given, settings=settings, progress=progress)
     if as_object and not as_json:
         click.echo(json.dumps(trained.to_json(), indent=1))
     elif as_json:
-        _tell(progress, **trained.to_json())
+        tell(progress, **trained.to_json())
     else:
         click.echo(trained.line())
 
@@ -455,134 +417,6 @@ def convert(source: Path, target: Path) -> None:
     click.echo(f"{target}: {len(asset)} Gaussians of degree {asset.degree}")
 
 
-@main.group()
-def bench() -> None:
-    """Measure the kernels' speed on this machine, and geometry against ground truth."""
-
-
-@bench.command("splats")
-@click.option("--gaussians", type=int, help="Gaussians of a made-up room.")
-@click.option("--asset", type=ANY_PATH, help="Splats to measure in its place, with --cameras.")
-@click.option("--cameras", type=ANY_PATH, help="cameras.json: its frozen views, or its captures.")
-@click.option("--size", metavar="WxH", help="Size of the images.")
-@click.option("--threads", type=int, help="Threads to use; all by default.")
-@click.option("--repeats", type=int, help="Times each step is measured.")
-@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
-@click.pass_context
-def bench_splats(context: click.Context, file: Path | None, **given: Any) -> None:
-    """Time rendering and a training step of splats, beside the least they could take."""
-    from .benchmarks.splats import bench_splats, lines, write_figures
-
-    chosen = {name: value for name, value in given.items() if value is not None}
-    figures = bench_splats(**chosen, progress=_progress(context, as_json=False))
-    click.echo("\n".join(lines(figures)))
-    if file is not None:
-        write_figures(file, figures)
-
-
-@bench.command("training")
-@click.argument("captures", type=ANY_PATH)
-@click.option("--poses", type=ANY_PATH, help="As for train.")
-@click.option("--points", type=ANY_PATH, help="PLY both trainings start from; as for train.")
-@click.option("--hold-out", type=int, metavar="K", help="Score on every K-th image.")
-@click.option("--gaussians", type=int, help="Gaussians of the plain training.")
-@click.option("--steps", type=int, help="Steps of the plain training.")
-@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
-@click.pass_context
-def bench_training(context: click.Context, file: Path | None, **given: Any) -> None:
-    """Train on CAPTURES plainly, then as usual until the held-out views are as good."""
-    from .benchmarks.splats import write_figures
-    from .benchmarks.training import bench_training, lines
-
-    chosen = {name: value for name, value in given.items() if value is not None}
-    figures = bench_training(**chosen, progress=_progress(context, as_json=False))
-    click.echo("\n".join(lines(figures)))
-    if file is not None:
-        write_figures(file, figures)
-
-
-@bench.command("geometry")
-@click.option("--scene", required=True, type=FOLDER, help="cameras.json, captures and their ground truth.")
-@click.option("--library", type=ANY_PATH, help="Another scene's .glb: its meshes beside the true objects'.")
-@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the pipeline and the noise.")
-@click.option("--no-noise", is_flag=True, help="Leave out the stereo of disturbed captures.")
-@click.pass_context
-def bench_geometry(
-    context: click.Context, scene: Path, library: Path | None, file: Path | None, seed: int, no_noise: bool
-) -> None:
-    """Time stereo and geometry proxy of a scene whose truth is known, and score them against it."""
-    from .benchmarks.geometry import bench_geometry, lines
-    from .benchmarks.splats import write_figures
-
-    figures = bench_geometry(scene, library, seed, not no_noise, _progress(context, as_json=False))
-    click.echo("\n".join(lines(figures)))
-    if file is not None:
-        write_figures(file, figures)
-
-
-@bench.command("conditions")
-@click.option("--triangles", type=int, help="Triangles of a made-up room.")
-@click.option("--size", metavar="WxH", help="Size of the images.")
-@click.option("--repeats", type=int, help="Times each pass is measured.")
-@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
-@click.pass_context
-def bench_conditions(context: click.Context, file: Path | None, **given: Any) -> None:
-    """Time the structural conditions of a clip: each pass, the colours of the captures, the files."""
-    from .benchmarks.conditions import bench_conditions, lines
-    from .benchmarks.splats import write_figures
-
-    chosen = {name: value for name, value in given.items() if value is not None}
-    figures = bench_conditions(**chosen, progress=_progress(context, as_json=False))
-    click.echo("\n".join(lines(figures)))
-    if file is not None:
-        write_figures(file, figures)
-
-
-@bench.command("generation")
-@click.option("--scene", required=True, type=FOLDER, help="cameras.json, captures and their ground truth.")
-@click.option("--bundle", type=FOLDER, help="A bundle of these captures with a proxy, to save making it.")
-@click.option("--library", type=ANY_PATH, help="Another scene's .glb: its meshes beside the true objects'.")
-@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the pipeline.")
-@click.option("--clips", type=int, help="Whole clips made to see how steady they are.")
-@click.pass_context
-def bench_generation(context: click.Context, file: Path | None, **given: Any) -> None:
-    """Time the embedded generator, and score it at the frozen poses of a scene with known truth."""
-    from .benchmarks.generation import bench_generation, lines
-    from .benchmarks.splats import write_figures
-
-    chosen = {name: value for name, value in given.items() if value is not None}
-    figures = bench_generation(**chosen, progress=_progress(context, as_json=False))
-    click.echo("\n".join(lines(figures)))
-    if file is not None:
-        write_figures(file, figures)
-
-
-@bench.command("rollouts")
-@click.option("--scene", type=FOLDER, help="A bundle, or photographs and cameras.json; else a made-up room.")
-@click.option("--robot", help="The robot: an MJCF or URDF file; by default the scene's own.")
-@click.option(
-    "--scope", "scopes", multiple=True, metavar="NAME|FILE",
-    help="Behaviour scope; repeatable. By default walk_and_look and sit_down.",
-)  # fmt: skip
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the rollouts.")
-@click.option("--candidates", type=int, help="Views that are scored.")
-@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
-@click.pass_context
-def bench_rollouts(context: click.Context, scopes: tuple[str, ...], file: Path | None, **given: Any) -> None:
-    """Time successful rollouts of a scope, and the scoring of a round's candidate views."""
-    from .benchmarks.rollouts import bench_rollouts, lines
-    from .benchmarks.splats import write_figures
-
-    chosen = {name: value for name, value in given.items() if value is not None}
-    chosen |= {"scopes": scopes} if scopes else {}
-    figures = bench_rollouts(**chosen, progress=_progress(context, as_json=False))
-    click.echo("\n".join(lines(figures)))
-    if file is not None:
-        write_figures(file, figures)
-
-
 @main.command()
 @click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
 def doctor(as_json: bool) -> None:
@@ -592,6 +426,9 @@ def doctor(as_json: bool) -> None:
     findings = examine()
     click.echo(json.dumps(findings, indent=1) if as_json else "\n".join(lines(findings)))
     sys.exit(0 if findings["ready"] else 1)
+
+
+main.add_command(bench)
 
 
 def _advance(scene: Path, round_index: int | None, name: str, progress: Progress) -> tuple[Scene, int]:
@@ -610,94 +447,6 @@ def _advance(scene: Path, round_index: int | None, name: str, progress: Progress
     with opened.locked():
         run(opened, progress, until=of_round(index, name))
     return opened, index
-
-
-def _show(progress: Progress, result: dict[str, Any], lines: Callable, as_object: bool) -> None:
-    """A result as a progress event, as one JSON object, or in lines."""
-    if isinstance(progress, JsonProgress):
-        _tell(progress, **result)
-    else:
-        click.echo(json.dumps(result, indent=1) if as_object else "\n".join(lines(result)))
-
-
-def _tell(progress: Progress, **result: Any) -> None:
-    if isinstance(progress, JsonProgress):
-        progress.emit(event="result", **result)
-    else:
-        for name, value in result.items():
-            progress.message(f"{name}: {value}")
-
-
-def _scale(
-    known_length: str | None,
-    marker_side: float | None,
-    camera_height: str | None,
-    depth: Path | None,
-    robot: str,
-    scope: str,
-    command: str,
-) -> Any:
-    """The scale the options give; None without any."""
-    from .captures.scale import Scale
-
-    given = [option for option in (known_length, marker_side, camera_height, depth) if option is not None]
-    if len(given) > 1:
-        raise SettingsError(
-            "the scale is given twice", where=f"r2sego {command}", cure="Give one of the options."
-        )
-    if marker_side is not None:
-        return Scale.marker(marker_side)
-    if depth is not None:
-        return Scale.depth(depth)
-    if camera_height == "robot":
-        from .robot.model import RobotModel
-        from .robot.scope import BehaviourScope
-
-        eye = RobotModel.load(*BehaviourScope.load(scope).robot_for(robot))
-        return Scale.camera_height(eye.eye_height_m, "robot's eye")
-    if camera_height is not None:
-        return Scale.camera_height(_number(camera_height, "--camera-height"))
-    if known_length is None:
-        return None
-    try:
-        photo, first, second, metres = known_length.rsplit(":", 3)
-        pixels = [tuple(map(float, pixel.split(","))) for pixel in (first, second)]
-        (_, _), (_, _) = pixels
-        return Scale.known_length(photo, *pixels, float(metres))
-    except ValueError as error:
-        raise SettingsError(
-            f"'{known_length}' is not PHOTO:X,Y:X,Y:METRES", where="--known-length",
-            cure="For example --known-length IMG_01:120,400:520,410:1.8",
-        ) from error  # fmt: skip
-
-
-def _number(text: str, option: str) -> float:
-    try:
-        return float(text)
-    except ValueError as error:
-        raise SettingsError(
-            f"'{text}' is no number of metres", where=option, cure="For example 1.5."
-        ) from error
-
-
-def _direction(text: str) -> tuple[float, ...]:
-    try:
-        x, y, z = map(float, text.split(","))
-    except ValueError as error:
-        raise SettingsError(
-            f"'{text}' is not X,Y,Z", where="--up", cure="For example --up 0.02,-0.01,1."
-        ) from error
-    return x, y, z
-
-
-def _overrides(pairs: tuple[str, ...], form: str = "--set key=value") -> dict[str, str]:
-    overrides = {}
-    for pair in pairs:
-        key, equals, value = pair.partition("=")
-        if not equals:
-            raise SettingsError(f"'{pair}' has no '='", where=form.split()[0], cure=f"Write {form}.")
-        overrides[key.strip()] = value.strip()
-    return overrides
 
 
 def _cancel_at_once() -> None:

@@ -53,8 +53,12 @@ MAY_IMPORT = {
     "evaluation": PARTS | {"visual_asset", "steps", "pipeline"},
     "benchmarks": PARTS | {"splat_training", "creation", "steps", "evaluation", "scoring", "references"},
     "splat_training": FOUNDATION | {"captures", "splats", "evaluation"},
+    "cli_options": ABOVE_CAPTURES | {"robot"},
+    "cli_bench": FOUNDATION | {"benchmarks", "cli_options"},
     "cli": PARTS
     | {
+        "cli_options",
+        "cli_bench",
         "steps",
         "pipeline",
         "creation",

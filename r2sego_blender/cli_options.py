@@ -1,0 +1,161 @@
+"""Options that several commands share, and how results are told."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .errors import SettingsError
+from .progress import JsonProgress, Progress, TerminalProgress
+
+FOLDER = click.Path(file_okay=False, path_type=Path)
+ANY_PATH = click.Path(path_type=Path)
+
+
+def progress_of(context: click.Context, as_json: bool) -> Progress:
+    """Where a command tells how far it is: on the terminal, or as JSON lines, errors too."""
+    context.obj["json"] = as_json
+    return JsonProgress() if as_json else TerminalProgress()
+
+
+def json_progress(command: Callable) -> Callable:
+    """The option ``--json-progress``, given as ``as_json``."""
+    return click.option("--json-progress", "as_json", is_flag=True, help="Tell progress as JSON lines.")(
+        command
+    )
+
+
+def settings_option(command: Callable) -> Callable:
+    """The option ``--set``, given as ``overrides``."""
+    return click.option(
+        "--set", "overrides", multiple=True, metavar="KEY=VALUE",
+        help="One setting, as in docs/settings.md; repeatable.",
+    )(command)  # fmt: skip
+
+
+def round_option(command: Callable) -> Callable:
+    """The option ``--round``, given as ``round_index``."""
+    return click.option(
+        "--round", "round_index", type=int, metavar="L",
+        help="The round, from 0; by default the one under way, or the last.",
+    )(command)  # fmt: skip
+
+
+def scale_options(command: Callable) -> Callable:
+    """The options that say how large the scene is; ``scale_of`` reads them."""
+    options = (
+        click.option(
+            "--known-length", metavar="PHOTO:X,Y:X,Y:METRES",
+            help="Scale: two pixels of one photograph and their distance.",
+        ),
+        click.option(
+            "--marker-side", type=float, metavar="METRES",
+            help="Scale: side of a printed ArUco 4x4_50 marker in the photographs.",
+        ),
+        click.option(
+            "--camera-height", metavar="METRES|robot",
+            help="Scale: height of the first photograph's camera above the floor, or of the robot's eye.",
+        ),
+        click.option(
+            "--depth", type=FOLDER,
+            help="Scale: depth maps called as the photographs are: 16-bit PNG in mm, or EXR, NPY in metres.",
+        ),
+    )  # fmt: skip
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def show(progress: Progress, result: dict[str, Any], lines: Callable, as_object: bool) -> None:
+    """A result as a progress event, as one JSON object, or in lines."""
+    if isinstance(progress, JsonProgress):
+        tell(progress, **result)
+    else:
+        click.echo(json.dumps(result, indent=1) if as_object else "\n".join(lines(result)))
+
+
+def tell(progress: Progress, **result: Any) -> None:
+    """A result as a progress event, or as lines of names and values."""
+    if isinstance(progress, JsonProgress):
+        progress.emit(event="result", **result)
+    else:
+        for name, value in result.items():
+            progress.message(f"{name}: {value}")
+
+
+def scale_of(
+    known_length: str | None,
+    marker_side: float | None,
+    camera_height: str | None,
+    depth: Path | None,
+    robot: str,
+    scope: str,
+    command: str,
+) -> Any:
+    """The scale the options give; None without any."""
+    from .captures.scale import Scale
+
+    given = [option for option in (known_length, marker_side, camera_height, depth) if option is not None]
+    if len(given) > 1:
+        raise SettingsError(
+            "the scale is given twice", where=f"r2sego {command}", cure="Give one of the options."
+        )
+    if marker_side is not None:
+        return Scale.marker(marker_side)
+    if depth is not None:
+        return Scale.depth(depth)
+    if camera_height == "robot":
+        from .robot.model import RobotModel
+        from .robot.scope import BehaviourScope
+
+        eye = RobotModel.load(*BehaviourScope.load(scope).robot_for(robot))
+        return Scale.camera_height(eye.eye_height_m, "robot's eye")
+    if camera_height is not None:
+        return Scale.camera_height(_number(camera_height, "--camera-height"))
+    if known_length is None:
+        return None
+    try:
+        photo, first, second, metres = known_length.rsplit(":", 3)
+        pixels = [tuple(map(float, pixel.split(","))) for pixel in (first, second)]
+        (_, _), (_, _) = pixels
+        return Scale.known_length(photo, *pixels, float(metres))
+    except ValueError as error:
+        raise SettingsError(
+            f"'{known_length}' is not PHOTO:X,Y:X,Y:METRES", where="--known-length",
+            cure="For example --known-length IMG_01:120,400:520,410:1.8",
+        ) from error  # fmt: skip
+
+
+def _number(text: str, option: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise SettingsError(
+            f"'{text}' is no number of metres", where=option, cure="For example 1.5."
+        ) from error
+
+
+def direction_of(text: str) -> tuple[float, ...]:
+    """The direction in a text X,Y,Z. Raises SettingsError."""
+    try:
+        x, y, z = map(float, text.split(","))
+    except ValueError as error:
+        raise SettingsError(
+            f"'{text}' is not X,Y,Z", where="--up", cure="For example --up 0.02,-0.01,1."
+        ) from error
+    return x, y, z
+
+
+def overrides_of(pairs: tuple[str, ...], form: str = "--set key=value") -> dict[str, str]:
+    """The settings of ``KEY=VALUE`` texts, or other pairs. Raises SettingsError."""
+    overrides = {}
+    for pair in pairs:
+        key, equals, value = pair.partition("=")
+        if not equals:
+            raise SettingsError(f"'{pair}' has no '='", where=form.split()[0], cure=f"Write {form}.")
+        overrides[key.strip()] = value.strip()
+    return overrides
