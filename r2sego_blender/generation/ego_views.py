@@ -20,6 +20,7 @@ from ..selection import Selection
 from ..settings import Settings
 from .condition_files import save_conditions
 from .conditions import Condition, Renderer
+from .decisions import is_accepted
 from .detours import ClearSpace
 from .generator import Frame, Generator
 from .paths import camera_path, reference_from_frame
@@ -101,7 +102,7 @@ def ego_video_reg(
 
 
 def load_pseudo_observations(folder: Path) -> tuple[PseudoObservation, ...]:
-    """The accepted views under ``folder``, in rank order.
+    """The accepted views under ``folder``, in rank order; what a person decided goes first.
 
     Raises GenerationError when a view's files are damaged.
     """
@@ -109,7 +110,9 @@ def load_pseudo_observations(folder: Path) -> tuple[PseudoObservation, ...]:
     for view in sorted(folder.glob("*/pose.json")):
         try:
             record = json.loads(view.read_text())
-            if record["accepted"]:
+            if is_accepted(view.parent, record["accepted"]):
+                if record["estimate"] is None:
+                    raise ValueError("it was accepted by hand, but has no estimated pose")
                 image = load_image(view.with_name("frame.png"))
                 confidence = load_image(view.with_name("confidence.png"))[..., 0]
                 camera = Camera.from_json(record["estimate"])
@@ -122,7 +125,9 @@ def load_pseudo_observations(folder: Path) -> tuple[PseudoObservation, ...]:
                 )
         except (OSError, KeyError, TypeError, ValueError, CaptureError) as error:
             raise GenerationError(
-                "this generated view is damaged", where=view.parent, cure="Run the round again."
+                f"this generated view cannot be used: {error}",
+                where=view.parent,
+                cure="Run the round again, or delete its decision.json.",
             ) from error
     return tuple(observations)
 

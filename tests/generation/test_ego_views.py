@@ -12,6 +12,7 @@ from r2sego_blender.cameras import rotation_angle_rad
 from r2sego_blender.errors import GenerationError
 from r2sego_blender.generation.blending import BlendingGenerator
 from r2sego_blender.generation.condition_files import load_conditions
+from r2sego_blender.generation.decisions import save_decision
 from r2sego_blender.generation.ego_views import ego_video_reg, load_pseudo_observations
 from r2sego_blender.generation.generator import Frame
 from r2sego_blender.generation.registration import Landmarks
@@ -100,8 +101,21 @@ def test_views_are_written_registered_and_read_back(tmp_path, room_a, scene):
         with Image.open(folder / "clip.webp") as clip:
             assert (clip.n_frames, clip.size) == (3, (160, 120))
     (tmp_path / "001/frame.png").write_bytes(b"")
-    with pytest.raises(GenerationError, match="damaged"):
+    with pytest.raises(GenerationError, match=r"001: this generated view cannot be used"):
         load_pseudo_observations(tmp_path)
+
+
+def test_what_a_person_decided_overrules_the_gate(tmp_path, room_a, scene):
+    generator = FailingAt(scene.generator, noise=(0,))
+    assert [o.rank for o in views_of(room_a, scene, generator, tmp_path)] == [1, 2]
+    save_decision(tmp_path / "001", False)
+    assert [o.rank for o in load_pseudo_observations(tmp_path)] == [2]
+    save_decision(tmp_path / "000", True)
+    with pytest.raises(GenerationError, match="accepted by hand, but has no estimated pose"):
+        load_pseudo_observations(tmp_path)
+    pose = json.loads((tmp_path / "000/pose.json").read_text())
+    (tmp_path / "000/pose.json").write_text(json.dumps({**pose, "estimate": pose["query"]}))
+    assert [o.rank for o in load_pseudo_observations(tmp_path)] == [0, 2]
 
 
 def test_rejected_views_are_replaced_by_the_next_ranked(tmp_path, room_a, scene):
