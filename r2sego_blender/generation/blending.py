@@ -38,9 +38,11 @@ _SMALLEST_WEIGHT = np.float32(1e-6)  # when the best captures and the next are e
 _DISAGREEMENT = np.float32(0.15)
 # A capture twice as coarse as the target costs as much as an angle of about six degrees.
 _COARSENESS_PENALTY = np.float32(0.1)
+# A capture's depth that differs as far as it may costs as much as twelve degrees.
+_DEPTH_PENALTY = np.float32(0.2)
 # How far a pixel that no capture saw is known by its surface's colour elsewhere: colours seen
-# within some sixteen pixels on its own plane join it to them.
-_GUESS = np.float32(0.05)
+# within some eight pixels on its own plane join it to them.
+_GUESS = np.float32(0.1)
 
 
 @dataclass(frozen=True)
@@ -189,7 +191,8 @@ def _blend(
                     continue
                 pixel = starts[j] + np.int64(v) * wide + np.int64(u)
                 trust = trusts[pixel]
-                if trust <= 0.0 or abs(depths[pixel] - cz) > tolerance * cz + _TOLERANCE_FLOOR_M:
+                apart = abs(depths[pixel] - cz) / (tolerance * cz + _TOLERANCE_FLOOR_M)
+                if trust <= 0.0 or apart > 1.0:
                     continue
                 if border_px > 0.0:
                     margin = min(min(u, wide - u), min(v, high - v))
@@ -199,7 +202,8 @@ def _blend(
                 cosine = (ox * dx + oy * dy + oz * dz) / (far * length)
                 angle = np.sqrt(max(np.float32(2.0) * (np.float32(1.0) - cosine), np.float32(0.0)))
                 coarse = max(cz * lens[0] / (z * lenses[j, 0]) - np.float32(1.0), np.float32(0.0))
-                p = (angle + _COARSENESS_PENALTY * coarse + _SMALLEST_PENALTY) / trust
+                p = angle + _COARSENESS_PENALTY * coarse + _DEPTH_PENALTY * apart + _SMALLEST_PENALTY
+                p /= trust
                 position = min(found, best)
                 if found > best and p >= penalty[best]:
                     continue

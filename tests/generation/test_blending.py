@@ -50,14 +50,16 @@ def reference(condition, captures, images, depths, settings):
         seen = depth[v.astype(int), u.astype(int)]
         trust = capture_trust(depth, None, settings)[v.astype(int), u.astype(int)]
         visible = inside & (condition.depth > 0) & (trust > 0)
-        visible &= np.abs(seen - z) <= settings.depth_tolerance * z + 0.01
+        apart = np.abs(seen - z) / (settings.depth_tolerance * z + 0.01)
+        visible &= apart <= 1.0
         margin = np.minimum(np.minimum(u, lens_.width - u), np.minimum(v, lens_.height - v))
         trust = trust * np.clip(margin / settings.border_px, 0.02, 1.0)
         back = points - lens_.centre
         back /= np.linalg.norm(back, axis=-1, keepdims=True)
         chord = np.linalg.norm(forth - back, axis=-1)
         coarse = np.maximum(z * camera.fx / (np.maximum(condition.depth, 1e-9) * lens_.fx) - 1.0, 0.0)
-        penalties.append(np.where(visible, (chord + 0.1 * coarse + 2e-3) / np.maximum(trust, 1e-9), np.inf))
+        penalty = (chord + 0.1 * coarse + 0.2 * apart + 2e-3) / np.maximum(trust, 1e-9)
+        penalties.append(np.where(visible, penalty, np.inf))
         a, b = np.clip(u - 0.5, 0, lens_.width - 1), np.clip(v - 0.5, 0, lens_.height - 1)
         a0, b0 = np.minimum(a.astype(int), lens_.width - 2), np.minimum(b.astype(int), lens_.height - 2)
         fa, fb = (a - a0)[..., None], (b - b0)[..., None]
@@ -126,9 +128,9 @@ def test_exposures_are_matched(tmp_path):
     np.testing.assert_allclose(even / even.mean(), 1.0, atol=0.02)
 
 
-@pytest.mark.parametrize("shift_px", [0.0, 1.0])
-def test_no_foreground_colour_on_the_background(tmp_path, shift_px):
-    """Two planes: a red screen before a blue wall; the photographs' outlines may be a pixel off."""
+@pytest.mark.parametrize(("shift_px", "erosion_px"), [(0.0, SETTINGS.edge_erosion_px), (1.0, 2)])
+def test_no_foreground_colour_on_the_background(tmp_path, shift_px, erosion_px):
+    """Two planes: a red screen before a blue wall. Outlines a pixel off take a pixel more."""
     screen = (np.array([-0.5, 0.0, 0.6]), np.array([0.5, 0.02, 1.8]))
 
     def colour(points):
@@ -142,7 +144,7 @@ def test_no_foreground_colour_on_the_background(tmp_path, shift_px):
     moved = [c.camera.at(c.camera.world_from_camera) for c in captures]
     moved = [replace(camera, cx=camera.cx + shift_px) for camera in moved]
     depths = [render(camera, (screen,))[1] for camera in moved]
-    generator = BlendingGenerator(captures, depths, SETTINGS)
+    generator = BlendingGenerator(captures, depths, replace(SETTINGS, edge_erosion_px=erosion_px))
     camera = lens(320, 240).at(look_at([0.0, -1.5, 1.3], [0.0, 1.0, 1.2]))
     condition = ZBufferRenderer(proxy((screen,))).condition(camera)
     frame = generator.blend(condition)
@@ -174,10 +176,10 @@ def test_a_view_nobody_saw_is_an_error(box_room):
         generator.blend(away)
 
 
-def test_true_geometry_gives_thirty_decibels_in_the_furnished_room(room_a):
+def test_true_geometry_gives_nearly_thirty_one_decibels_in_the_furnished_room(room_a):
     generator = BlendingGenerator(room_a.captures, room_a.depths, SETTINGS)
     scores = []
     for view, depth in zip(room_a.frozen, room_a.frozen_depths, strict=True):
         condition = replace(room_a.renderer.condition(view.camera), depth=depth)
         scores.append(psnr(generator.blend(condition).image, view.image()))
-    assert np.mean(scores) > 30.0
+    assert np.mean(scores) > 30.8
