@@ -115,7 +115,7 @@ def _screen_bounds(local, screen, faces, lens, width, height):
                 low_v = min(screen[i, 1], screen[j, 1], screen[k, 1])
                 high_v = max(screen[i, 1], screen[j, 1], screen[k, 1])
             else:
-                low_u, high_u, low_v, high_v = _cut_bounds(local, screen, faces[f], lens)
+                low_u, high_u, low_v, high_v = cut_bounds(local, screen, faces[f], lens)
             # Clamped while still floats: a vertex may project millions of pixels away.
             bounds[f, 0] = np.int16(np.ceil(min(max(low_u - 0.5 - _ROUNDING_PX, 0.0), float(width))))
             bounds[f, 1] = np.int16(np.floor(min(max(high_u + 0.5 + _ROUNDING_PX, 0.0), float(width))))
@@ -125,7 +125,7 @@ def _screen_bounds(local, screen, faces, lens, width, height):
 
 
 @kernel
-def _cut_bounds(local, screen, face, lens):
+def cut_bounds(local, screen, face, lens):
     """Bounds on the screen, pixels, of what of a face lies in front of the near plane."""
     low_u = low_v = np.inf
     high_u = high_v = -np.inf
@@ -163,7 +163,7 @@ def _in_bands(bounds, height):
 
 
 @inlined
-def _edge(local, i, j):
+def edge_plane(local, i, j):
     """The normal of the plane through the camera and the edge i-j.
 
     Taken in the order of the vertex indices, so that the two faces of an edge get exactly
@@ -192,9 +192,9 @@ def _draw(local, faces, bounds, starts, listed, lens, width, height):
 @kernel
 def _draw_face(local, faces, bounds, lens, f, first, end, inverse, face):
     i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-    ax, ay, az = _edge(local, j, k)
-    bx, by, bz = _edge(local, k, i)
-    cx, cy, cz = _edge(local, i, j)
+    ax, ay, az = edge_plane(local, j, k)
+    bx, by, bz = edge_plane(local, k, i)
+    cx, cy, cz = edge_plane(local, i, j)
     det = local[i, 0] * ax + local[i, 1] * ay + local[i, 2] * az
     if det == 0.0:
         return
@@ -239,9 +239,9 @@ def _interpolate(local, faces, face, lens, values):
                 continue
             x = (column + 0.5 - lens[2]) / lens[0]
             i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-            ax, ay, az = _edge(local, j, k)
-            bx, by, bz = _edge(local, k, i)
-            cx, cy, cz = _edge(local, i, j)
+            ax, ay, az = edge_plane(local, j, k)
+            bx, by, bz = edge_plane(local, k, i)
+            cx, cy, cz = edge_plane(local, i, j)
             a, b, c = ax * x + ay * y + az, bx * x + by * y + bz, cx * x + cy * y + cz
             total = a + b + c
             for channel in range(channels):

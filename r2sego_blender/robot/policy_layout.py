@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import math
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import RobotError
+from .declarations import read_declaration, shipped_names
 from .humanoid import Servo
 from .scope import Range
 
@@ -130,25 +130,13 @@ class PolicyLayout:
         Raises RobotError naming the file and the field: an unknown field, a value of another
         kind, size or range.
         """
-        shipped = shipped_layouts()
-        path = _PRESETS / f"{source}.toml" if str(source) in shipped else Path(source)
-        try:
-            data = tomllib.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise RobotError(
-                "this observation layout cannot be read", where=path,
-                cure=f"Give a TOML file or one of: {', '.join(shipped)}.",
-            ) from error  # fmt: skip
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-            raise RobotError(
-                f"this observation layout is no TOML: {error}", where=path, cure="See docs/controllers.md."
-            ) from error
+        path, data = read_declaration(source, _PRESETS, "observation layout", "docs/controllers.md")
         return _Reader(path).layout(data)
 
 
 def shipped_layouts() -> tuple[str, ...]:
     """Names of the layouts that come with the library."""
-    return tuple(sorted(file.stem for file in _PRESETS.glob("*.toml")))
+    return shipped_names(_PRESETS)
 
 
 _REQUIRED = object()

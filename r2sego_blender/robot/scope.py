@@ -5,13 +5,13 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..errors import RobotError
 from ..settings import setting
+from .declarations import read_declaration, shipped_names
 
 Range = tuple[float, float]
 """Inclusive bounds that a rollout draws from uniformly."""
@@ -193,24 +193,13 @@ class BehaviourScope:
         Raises RobotError naming the file and the field: an unknown field, a value of
         another kind or out of its range.
         """
-        path = _PRESETS / f"{source}.toml" if str(source) in shipped_scopes() else Path(source)
-        try:
-            data = tomllib.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise RobotError(
-                "this behaviour scope cannot be read", where=path,
-                cure=f"Give a TOML file or one of: {', '.join(shipped_scopes())}.",
-            ) from error  # fmt: skip
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise RobotError(
-                f"this behaviour scope is no TOML: {error}", where=path, cure="See docs/behaviour-scope.md."
-            ) from error
+        path, data = read_declaration(source, _PRESETS, "behaviour scope", "docs/behaviour-scope.md")
         return _Reader(path).scope(data)
 
 
 def shipped_scopes() -> tuple[str, ...]:
     """Names of the scopes that come with the library."""
-    return tuple(sorted(file.stem for file in _PRESETS.glob("*.toml")))
+    return shipped_names(_PRESETS)
 
 
 @dataclass(frozen=True)

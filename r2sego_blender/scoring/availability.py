@@ -18,7 +18,7 @@ from ..cameras import Camera
 from ..compiled import inlined, kernel, parallel_kernel, prange
 from ..errors import GeometryError
 from ..geometry.proxy import GeometryProxy
-from ..geometry.rasterizer import NEAR_M
+from ..geometry.rasterizer import NEAR_M, cut_bounds, edge_plane
 from ..splats.packing import morton_order
 from ..splats.vectors import LANES, VECTOR_BYTES, Code, Value, aligned, vector_kernel
 
@@ -105,17 +105,6 @@ def _spheres(vertices: np.ndarray, starts: np.ndarray) -> np.ndarray:
 def _pitch_bytes(columns):
     """From row to row: room for a vector that begins at the last column."""
     return (columns + 2 * LANES - 1) // LANES * VECTOR_BYTES
-
-
-@inlined
-def _edge(local, i, j):
-    """The normal of the plane through the camera and the edge i-j, in the vertices' order."""
-    a, b, sign = (i, j, 1.0) if i < j else (j, i, -1.0)
-    return (
-        sign * (local[a, 1] * local[b, 2] - local[a, 2] * local[b, 1]),
-        sign * (local[a, 2] * local[b, 0] - local[a, 0] * local[b, 2]),
-        sign * (local[a, 0] * local[b, 1] - local[a, 1] * local[b, 0]),
-    )
 
 
 @parallel_kernel
@@ -248,7 +237,7 @@ def _draw(local, screen, face, supported, lens, width, height, offsets, x, y, pl
         low_v = min(screen[i, 1], screen[j, 1], screen[k, 1])
         high_v = max(screen[i, 1], screen[j, 1], screen[k, 1])
     else:
-        low_u, high_u, low_v, high_v = _cut_bounds(local, screen, face, lens)
+        low_u, high_u, low_v, high_v = cut_bounds(local, screen, face, lens)
     low_u, high_u = max(low_u - _ROUNDING_PX, 0.0), min(high_u + _ROUNDING_PX, float(width))
     low_v, high_v = max(low_v - _ROUNDING_PX, 0.0), min(high_v + _ROUNDING_PX, float(height))
     if low_u >= high_u or low_v >= high_v:
@@ -257,9 +246,9 @@ def _draw(local, screen, face, supported, lens, width, height, offsets, x, y, pl
     first_row, end_row = _first_sample(low_v, offsets), _first_sample(high_v, offsets)
     if first_column >= end_column or first_row >= end_row:
         return
-    ax, ay, az = _edge(local, j, k)
-    bx, by, bz = _edge(local, k, i)
-    cx, cy, cz = _edge(local, i, j)
+    ax, ay, az = edge_plane(local, j, k)
+    bx, by, bz = edge_plane(local, k, i)
+    cx, cy, cz = edge_plane(local, i, j)
     det = local[i, 0] * ax + local[i, 1] * ay + local[i, 2] * az
     if det == 0.0:
         return
@@ -280,25 +269,6 @@ def _draw(local, screen, face, supported, lens, width, height, offsets, x, y, pl
         np.float32((ax + bx + cx) * scale), np.float32((ay + by + cy) * scale),
         np.float32((az + bz + cz) * scale), np.float32(1.0 / high), np.float32(closest),
     )  # fmt: skip
-
-
-@kernel
-def _cut_bounds(local, screen, face, lens):
-    """Bounds on the screen, pixels, of what of a face lies in front of the near plane."""
-    low_u = low_v = np.inf
-    high_u = high_v = -np.inf
-    for corner in range(3):
-        a, b = face[corner], face[(corner + 1) % 3]
-        za, zb = local[a, 2], local[b, 2]
-        if za >= NEAR_M:
-            u, v = screen[a, 0], screen[a, 1]
-            low_u, high_u, low_v, high_v = min(low_u, u), max(high_u, u), min(low_v, v), max(high_v, v)
-        if (za >= NEAR_M) != (zb >= NEAR_M):
-            t = (NEAR_M - za) / (zb - za)
-            u = (local[a, 0] + t * (local[b, 0] - local[a, 0])) / NEAR_M * lens[0] + lens[2]
-            v = (local[a, 1] + t * (local[b, 1] - local[a, 1])) / NEAR_M * lens[1] + lens[3]
-            low_u, high_u, low_v, high_v = min(low_u, u), max(high_u, u), min(low_v, v), max(high_v, v)
-    return low_u, high_u, low_v, high_v
 
 
 @parallel_kernel
