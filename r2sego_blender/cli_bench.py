@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,18 @@ def bench() -> None:
     """Measure the kernels' speed on this machine, and geometry against ground truth."""
 
 
+def _measure(name: str, context: click.Context, file: Path | None, **given: Any) -> None:
+    """Run ``benchmarks.<name>`` with the options given, tell its figures, and write them to ``file``."""
+    from .benchmarks.figures import write_figures
+
+    benchmark = importlib.import_module(f".benchmarks.{name}", __package__)
+    chosen = {option: value for option, value in given.items() if value is not None}
+    figures = getattr(benchmark, f"bench_{name}")(**chosen, progress=progress_of(context, as_json=False))
+    click.echo("\n".join(benchmark.lines(figures)))
+    if file is not None:
+        write_figures(file, figures)
+
+
 @bench.command("splats")
 @click.option("--gaussians", type=int, help="Gaussians of a made-up room.")
 @click.option("--asset", type=ANY_PATH, help="Splats to measure in its place, with --cameras.")
@@ -26,13 +39,7 @@ def bench() -> None:
 @click.pass_context
 def bench_splats(context: click.Context, file: Path | None, **given: Any) -> None:
     """Time rendering and a training step of splats, beside the least they could take."""
-    from .benchmarks.splats import bench_splats, lines, write_figures
-
-    chosen = {name: value for name, value in given.items() if value is not None}
-    figures = bench_splats(**chosen, progress=progress_of(context, as_json=False))
-    click.echo("\n".join(lines(figures)))
-    if file is not None:
-        write_figures(file, figures)
+    _measure("splats", context, file, **given)
 
 
 @bench.command("training")
@@ -46,14 +53,7 @@ def bench_splats(context: click.Context, file: Path | None, **given: Any) -> Non
 @click.pass_context
 def bench_training(context: click.Context, file: Path | None, **given: Any) -> None:
     """Train on CAPTURES plainly, then as usual until the held-out views are as good."""
-    from .benchmarks.splats import write_figures
-    from .benchmarks.training import bench_training, lines
-
-    chosen = {name: value for name, value in given.items() if value is not None}
-    figures = bench_training(**chosen, progress=progress_of(context, as_json=False))
-    click.echo("\n".join(lines(figures)))
-    if file is not None:
-        write_figures(file, figures)
+    _measure("training", context, file, **given)
 
 
 @bench.command("geometry")
@@ -67,13 +67,7 @@ def bench_geometry(
     context: click.Context, scene: Path, library: Path | None, file: Path | None, seed: int, no_noise: bool
 ) -> None:
     """Time stereo and geometry proxy of a scene whose truth is known, and score them against it."""
-    from .benchmarks.geometry import bench_geometry, lines
-    from .benchmarks.splats import write_figures
-
-    figures = bench_geometry(scene, library, seed, not no_noise, progress_of(context, as_json=False))
-    click.echo("\n".join(lines(figures)))
-    if file is not None:
-        write_figures(file, figures)
+    _measure("geometry", context, file, scene=scene, library=library, seed=seed, noise=not no_noise)
 
 
 @bench.command("conditions")
@@ -84,14 +78,7 @@ def bench_geometry(
 @click.pass_context
 def bench_conditions(context: click.Context, file: Path | None, **given: Any) -> None:
     """Time the structural conditions of a clip: each pass, the colours of the captures, the files."""
-    from .benchmarks.conditions import bench_conditions, lines
-    from .benchmarks.splats import write_figures
-
-    chosen = {name: value for name, value in given.items() if value is not None}
-    figures = bench_conditions(**chosen, progress=progress_of(context, as_json=False))
-    click.echo("\n".join(lines(figures)))
-    if file is not None:
-        write_figures(file, figures)
+    _measure("conditions", context, file, **given)
 
 
 @bench.command("generation")
@@ -104,14 +91,7 @@ def bench_conditions(context: click.Context, file: Path | None, **given: Any) ->
 @click.pass_context
 def bench_generation(context: click.Context, file: Path | None, **given: Any) -> None:
     """Time the embedded generator, and score it at the frozen poses of a scene with known truth."""
-    from .benchmarks.generation import bench_generation, lines
-    from .benchmarks.splats import write_figures
-
-    chosen = {name: value for name, value in given.items() if value is not None}
-    figures = bench_generation(**chosen, progress=progress_of(context, as_json=False))
-    click.echo("\n".join(lines(figures)))
-    if file is not None:
-        write_figures(file, figures)
+    _measure("generation", context, file, **given)
 
 
 @bench.command("rollouts")
@@ -127,12 +107,4 @@ def bench_generation(context: click.Context, file: Path | None, **given: Any) ->
 @click.pass_context
 def bench_rollouts(context: click.Context, scopes: tuple[str, ...], file: Path | None, **given: Any) -> None:
     """Time successful rollouts of a scope, and the scoring of a round's candidate views."""
-    from .benchmarks.rollouts import bench_rollouts, lines
-    from .benchmarks.splats import write_figures
-
-    chosen = {name: value for name, value in given.items() if value is not None}
-    chosen |= {"scopes": scopes} if scopes else {}
-    figures = bench_rollouts(**chosen, progress=progress_of(context, as_json=False))
-    click.echo("\n".join(lines(figures)))
-    if file is not None:
-        write_figures(file, figures)
+    _measure("rollouts", context, file, scopes=scopes or None, **given)

@@ -7,7 +7,6 @@ rates this machine was measured to have.
 
 from __future__ import annotations
 
-import json
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -162,17 +161,6 @@ def floor_ms(work: Work, camera: Camera, rows: int, rates: Rates) -> dict[str, f
         "floor_traffic_cpu_ms": touched * _FLOAT_BYTES / rates.bytes_per_s,
     }
     return {name: 1e3 * value for name, value in {"floor_cpu_ms": sum(seconds.values()), **seconds}.items()}
-
-
-def write_figures(path: Path, figures: dict[str, Any]) -> None:
-    """Write the figures as JSON. Raises SettingsError when the disk refuses."""
-    try:
-        path.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise SettingsError(
-            f"the file cannot be written: {error.strerror or error}", where=path,
-            cure="Check that the folder is there, can be written and has room.",
-        ) from error  # fmt: skip
 
 
 def lines(figures: dict[str, Any]) -> list[str]:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from r2sego_blender.benchmarks.figures import write_figures
 from r2sego_blender.benchmarks.generation import bench_generation, lines
-from r2sego_blender.benchmarks.splats import write_figures
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.cameras_json import save_cameras_json
 from r2sego_blender.captures.capture import Capture
