@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from . import __version__
+from .backends import BACKENDS, chosen_backends, controller_backend
 from .errors import SceneError
 from .settings import Settings, preset, with_overrides
 
@@ -31,24 +32,6 @@ FORMAT = 1
 _DECLARATION = "scene.toml"
 _JOURNAL = "journal.jsonl"
 _UNFINISHED = ".unfinished-"
-
-SURFACE_BACKENDS: Mapping[str, str] = {
-    "tsdf": "embedded: TSDF of completed depth",
-    "poisson": "embedded: screened Poisson of completed depth",
-    "nksr": "NKSR",
-}
-"""What makes the surface, by the setting ``proxy.surface``."""
-
-BACKENDS: Mapping[str, str] = {
-    "initial_asset": "embedded: dense stereo to splats",
-    "shape_prior": "embedded: room planes",
-    "surface": SURFACE_BACKENDS["tsdf"],
-    "controller": "embedded: reference motion tracked in MuJoCo",
-    "conditions": "embedded: numba z-buffer",
-    "generator": "embedded: geometry-guided blending",
-    "registration": "embedded: SIFT and PnP",
-}
-"""The backend of each slot of the paper; none of the defaults is a learned model."""
 
 
 @dataclass(frozen=True)
@@ -72,8 +55,7 @@ class Declaration:
     backends: Mapping[str, str] = field(default_factory=lambda: dict(BACKENDS))
 
     def __post_init__(self) -> None:
-        chosen = {"surface": SURFACE_BACKENDS[self.settings.proxy.surface]}
-        object.__setattr__(self, "backends", {**self.backends, **chosen})
+        object.__setattr__(self, "backends", {**self.backends, **chosen_backends(self.settings)})
 
     @property
     def settings(self) -> Settings:
@@ -224,6 +206,11 @@ class Scene:
             _swap_in(staging, place)
         finally:
             _remove(staging)
+
+    @property
+    def backends(self) -> dict[str, str]:
+        """The backend of each slot: as declared, and the controller that drove the last rollouts."""
+        return {**self.declaration.backends, **controller_backend(self.path)}
 
     def journal(self) -> list[dict[str, Any]]:
         """The records of every step run so far, oldest first; a cut-off line is passed over."""

@@ -24,7 +24,7 @@ def describe(scene: Scene) -> dict[str, Any]:
         "scope": declared.scope,
         "preset": declared.preset,
         "overrides": dict(declared.overrides),
-        "backends": dict(declared.backends),
+        "backends": scene.backends,
         "rounds_declared": declared.settings.rounds,
         "rounds": rounds,
         "refined": scene.asset_file.is_file() and len(rounds) >= declared.settings.rounds,

@@ -13,6 +13,7 @@ LIBRARY = ROOT / "r2sego_blender"
 FOUNDATION = {
     "",
     "arrays",
+    "backends",
     "cameras",
     "compiled",
     "errors",

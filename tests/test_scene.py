@@ -8,8 +8,13 @@ from pathlib import Path
 
 import pytest
 
+from r2sego_blender.backends import CONDITION_BACKENDS, SURFACE_BACKENDS
 from r2sego_blender.errors import SceneError, SettingsError
-from r2sego_blender.scene import SURFACE_BACKENDS, Declaration, Scene, content_digest
+from r2sego_blender.scene import (
+    Declaration,
+    Scene,
+    content_digest,
+)
 from r2sego_blender.settings import entries
 
 IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
@@ -27,14 +32,42 @@ def test_open_reads_what_create_declared(tmp_path):
     assert Scene.open(scene.path).declaration.settings.training.steps_per_round == 7
 
 
-def test_the_list_of_backends_follows_the_settings(tmp_path):
+@pytest.mark.parametrize(
+    ("slot", "key", "known"),
+    [
+        ("surface", "proxy.surface", SURFACE_BACKENDS),
+        ("conditions", "generation.renderer", CONDITION_BACKENDS),
+    ],
+)
+def test_the_list_of_backends_follows_the_settings(tmp_path, slot, key, known):
     scene = make_scene(tmp_path)
-    assert scene.declaration.backends["surface"] == SURFACE_BACKENDS["tsdf"]
-    assert set(SURFACE_BACKENDS) == set(next(e for e in entries() if e.key == "proxy.surface").choices)
-    for name, told in SURFACE_BACKENDS.items():
-        scene = scene.declare(overrides={"proxy.surface": name})
-        assert Scene.open(scene.path).declaration.backends["surface"] == told
-        assert f'surface = "{told}"' in (scene.path / "scene.toml").read_text()
+    entry = next(e for e in entries() if e.key == key)
+    assert scene.declaration.backends[slot] == known[entry.default]
+    assert set(known) == set(entry.choices)
+    for name, told in known.items():
+        scene = scene.declare(overrides={key: name})
+        assert Scene.open(scene.path).declaration.backends[slot] == told
+        assert f'{slot} = "{told}"' in (scene.path / "scene.toml").read_text()
+
+
+def test_the_controller_is_the_one_that_drove_the_last_rollouts(tmp_path):
+    scene = make_scene(tmp_path)
+    declared = scene.backends["controller"]
+    assert declared.startswith("embedded: reference motion")
+    for index, (name, told) in enumerate(
+        [
+            ("reference motions", declared),
+            ("replay sit.csv", "embedded: replay sit.csv, tracked in MuJoCo"),
+            ("policy walk.onnx", "policy walk.onnx"),
+        ],
+        start=9,  # ten comes after nine
+    ):
+        folder = scene.round_folder(index) / "rollouts"
+        folder.mkdir(parents=True)
+        (folder / "rollouts.json").write_text(json.dumps({"rollouts": [{"controller": name}]}))
+        assert scene.backends["controller"] == told
+    (folder / "rollouts.json").write_text("{")
+    assert scene.backends["controller"] == declared
 
 
 def test_create_leaves_nothing_when_filling_fails(tmp_path):

@@ -71,7 +71,7 @@ def write_scene_report(
             ),
             arms=tuple(_arm(key, score) for key, score in (scores or {}).items()),
             lpips_reason=next(iter(reasons), ""),
-            backends=tuple(_backend(slot, name) for slot, name in declared.backends.items()),
+            backends=tuple(_backend(slot, name) for slot, name in scene.backends.items()),
             frozen=tuple(frozen),
             rounds=tuple(_round(scene, index) for index in rounds),
             provenance={} if last is None else _provenance(last),
