@@ -25,6 +25,7 @@ from ..progress import SILENT, Progress
 from ..resources import available_cores, cpu_s
 from ..robot.attempts import Rollout
 from ..robot.rollouts import load_rollouts
+from ..robot.scope import BehaviourScope
 from ..scene import Declaration, Scene
 from ..scoring.scores import support_scores
 from ..settings import SelectionSettings
@@ -68,7 +69,6 @@ def bench_rollouts(
     }  # fmt: skip
     with tempfile.TemporaryDirectory(prefix="r2sego-rollouts-") as temporary:
         bundle = _bundle(scene, Path(temporary) / "scene.r2s", robot, progress)
-        figures["robot"] = bundle.declaration.robot
         for scope in scopes:
             figures["scopes"][scope] = _rolled_out(bundle, scope, seed, progress)
     return figures | {"scoring": _scored(candidates, progress)}
@@ -77,7 +77,7 @@ def bench_rollouts(
 def lines(figures: dict[str, Any]) -> list[str]:
     """The figures as lines for a person."""
     f, s = figures, figures["scoring"]
-    text = [f"{f['machine']}, {f['cores']} cores", f"{f['robot']} in {f['scene']}"]
+    text = [f"{f['machine']}, {f['cores']} cores", f"{f['scene']}"]
     for scope, figures_of_scope in f["scopes"].items():
         text += ["", f"{scope}: {_summary(figures_of_scope)}", *_details(figures_of_scope)]
     work = (
@@ -90,7 +90,7 @@ def _summary(s: dict[str, Any]) -> str:
     if "error" in s:
         return s["error"]
     seconds = f"{s['wall_s']:.1f} s ({s['cpu_s']:.1f} s CPU)"
-    return f"{s['succeeded']} rollouts of {s['attempts']} attempts in {seconds}, by {s['controller']}"
+    return f"{s['succeeded']} rollouts of {s['attempts']} attempts in {seconds}, {s['robot']} by {s['controller']}"
 
 
 def _details(s: dict[str, Any]) -> list[str]:
@@ -166,7 +166,8 @@ def _rolled_out(bundle: Scene, scope: str, seed: int, progress: Progress) -> dic
         name, costs = _costing(lambda: step.successful_ego_poses(0, _PROXY, _COLLISION))
     except RobotError as error:
         return {"error": str(error)}
-    return costs | quality_figures(load_rollouts(scene.path / name))
+    robot, _ = BehaviourScope.load(scope).robot_for(scene.declaration.robot)
+    return {"robot": robot} | costs | quality_figures(load_rollouts(scene.path / name))
 
 
 def quality_figures(rollouts: Sequence[Rollout]) -> dict[str, Any]:
