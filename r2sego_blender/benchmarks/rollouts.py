@@ -90,7 +90,8 @@ def _summary(s: dict[str, Any]) -> str:
     if "error" in s:
         return s["error"]
     seconds = f"{s['wall_s']:.1f} s ({s['cpu_s']:.1f} s CPU)"
-    return f"{s['succeeded']} rollouts of {s['attempts']} attempts in {seconds}, {s['robot']} by {s['controller']}"
+    by = f"{s['robot']} by {s['controller']}"
+    return f"{s['succeeded']} rollouts of {s['attempts']} attempts in {seconds}, {by}"
 
 
 def _details(s: dict[str, Any]) -> list[str]:
