@@ -12,7 +12,7 @@ import threading
 from collections import deque
 from collections.abc import Generator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
 from multiprocessing.connection import wait
@@ -99,10 +99,6 @@ class Attempts:
     def _judge(self) -> Judge:
         return Judge(self._controller.composition, self.floor, self.scope, self._model.rest_height_m)
 
-    def prepare(self) -> None:
-        """Load the robot and compose the scene; raises RobotError where that cannot be."""
-        assert self._judge
-
 
 def in_order(attempts: Attempts) -> Generator[Rollout]:
     """Attempt after attempt without end; close the generator when there are enough.
@@ -117,8 +113,6 @@ def in_order(attempts: Attempts) -> Generator[Rollout]:
         numbers = count()
         ahead = deque(pool.submit(_run, next(numbers)) for _ in range(2 * processes))
         try:
-            # Here too, beside the others: what cannot be composed is told from here.
-            replace(attempts).prepare()
             while True:
                 ahead.append(pool.submit(_run, next(numbers)))
                 yield ahead.popleft().result()
