@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..r2sego_blender.bridge.views_3d import redraw_views
 from ..r2sego_blender.errors import R2SEgoError
 from . import job, state
 
@@ -142,8 +143,4 @@ class EngineOperator:
     def _redraw(self, context, status) -> None:
         if context.workspace is not None:
             context.workspace.status_text_set(status)
-        for window in context.window_manager.windows:
-            for area in window.screen.areas:
-                if area.type == "VIEW_3D":
-                    # The side bar alone: a large scene is slow to draw.
-                    next(region for region in area.regions if region.type == "UI").tag_redraw()
+        redraw_views("UI")  # the side bar alone: a large scene is slow to draw

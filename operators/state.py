@@ -4,7 +4,7 @@ Panels draw only what stands here. ``refresh`` reads the bundle, on purpose: whe
 opened, when a job has ended, or when the person asks.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import bpy
 from bpy.props import (
@@ -51,6 +51,18 @@ class R2SEGO_PG_job(bpy.types.PropertyGroup):
 
 SettingsGroup = settings_group()
 
+listeners: list[Callable[[bpy.types.Scene, Bundle], None]] = []
+"""Called with the open bundle whenever it was opened or changed, or another round is shown.
+
+A room adds its own when it is registered and reads its cached facts there; it may raise
+R2SEgoError and nothing else.
+"""
+
+
+def _other_round(group: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """The rooms read what they show of the round now chosen."""
+    refresh(group.id_data)
+
 
 class R2SEGO_PG_scene(bpy.types.PropertyGroup):
     """The bundle this Blender scene shows."""
@@ -64,7 +76,7 @@ class R2SEGO_PG_scene(bpy.types.PropertyGroup):
     )  # fmt: skip
     round_index: IntProperty(
         name="Round", description="The refinement round whose proxy and views are shown, from 0",
-        min=0, default=0,
+        min=0, default=0, update=_other_round,
     )  # fmt: skip
     settings: PointerProperty(type=SettingsGroup)
     facts: CollectionProperty(type=R2SEGO_PG_fact)
@@ -80,12 +92,23 @@ class R2SEGO_PG_scene(bpy.types.PropertyGroup):
 _CLASSES = (R2SEGO_PG_fact, R2SEGO_PG_job, SettingsGroup, R2SEGO_PG_scene)
 
 
+def bundle_name(scene: bpy.types.Scene) -> str:
+    """The whole path of the open bundle, '' when none is."""
+    return bpy.path.abspath(scene.r2sego.bundle)
+
+
+def bundle_of(scene: bpy.types.Scene) -> Bundle | None:
+    """The bundle a Blender scene shows, None when none is open. Raises SceneError when it is damaged."""
+    name = bundle_name(scene)
+    return Bundle.open(name) if name else None
+
+
 def opened_bundle(context: bpy.types.Context) -> Bundle:
     """The bundle of the current Blender scene. Raises SceneError when none is open."""
-    path = context.scene.r2sego.bundle
-    if not path:
+    bundle = bundle_of(context.scene)
+    if bundle is None:
         raise SceneError("no scene bundle is open", cure="Open one with Open Scene, or make one.")
-    return Bundle.open(bpy.path.abspath(path))
+    return bundle
 
 
 def show_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
@@ -95,8 +118,7 @@ def show_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
     declared = bundle.scene.declaration
     state.preset = declared.preset
     show_settings(state.settings, declared.overrides, declared.settings)
-    refresh(scene)
-    state.round_index = max(0, state.rounds_begun - 1)
+    state.round_index = max(0, bundle.rounds() - 1)  # reads the bundle, as every change of the round
 
 
 def refresh(scene: bpy.types.Scene) -> None:
@@ -104,8 +126,10 @@ def refresh(scene: bpy.types.Scene) -> None:
     state = scene.r2sego
     state.facts.clear()
     state.problem = ""
+    if not state.bundle:
+        return
     try:
-        bundle = Bundle.open(bpy.path.abspath(state.bundle))
+        bundle = Bundle.open(bundle_name(scene))
         state.rounds_begun, state.rounds_done = bundle.rounds(), bundle.scene.rounds_done()
         state.rounds_declared = bundle.scene.declaration.settings.rounds
         state.has_sparse = bundle.sparse_file.is_file()
@@ -114,10 +138,19 @@ def refresh(scene: bpy.types.Scene) -> None:
         for section, label, value in _facts(bundle):
             fact = state.facts.add()
             fact.section, fact.label, fact.value = section, label, value
+        for listener in listeners:
+            listener(scene, bundle)
     except R2SEgoError as error:
         state.problem = str(error)
     except (OSError, ValueError, KeyError, TypeError) as error:
         state.problem = f"The bundle is damaged: {error!r}. Run Refine again."
+
+
+@bpy.app.handlers.persistent
+def _read_again(_file: str) -> None:
+    """A .blend knows its bundle; what is cached of it may be older than the bundle."""
+    for scene in bpy.data.scenes:
+        refresh(scene)
 
 
 def _facts(bundle: Bundle) -> Iterator[tuple[str, str, str]]:
@@ -132,7 +165,7 @@ def _facts(bundle: Bundle) -> Iterator[tuple[str, str, str]]:
     yield "robot", "Robot", told["robot"]
     yield "robot", "Scope", told["scope"]
     yield "robot", "Controller", told["backends"].get("controller", "unknown")
-    yield "views", "Generator", told["backends"].get("generator", "unknown")
+    yield "generation", "Generator", told["backends"].get("generator", "unknown")
     for index, done in enumerate(told["rounds"]):
         succeeded, failed = done["rollouts_succeeded"], done["rollouts_failed"]
         yield "robot", f"Round {index}", f"{succeeded} succeeded, {failed} failed"
@@ -155,10 +188,12 @@ def register() -> None:
         bpy.utils.register_class(cls)
     bpy.types.Scene.r2sego = PointerProperty(type=R2SEGO_PG_scene)
     bpy.types.WindowManager.r2sego_job = PointerProperty(type=R2SEGO_PG_job)
+    bpy.app.handlers.load_post.append(_read_again)
 
 
 def unregister() -> None:
     """Take them away again."""
+    bpy.app.handlers.load_post.remove(_read_again)
     del bpy.types.WindowManager.r2sego_job
     del bpy.types.Scene.r2sego
     for cls in reversed(_CLASSES):

@@ -1,19 +1,41 @@
-"""The side bar's panels and the preferences. They name operators by their bl_idname."""
+"""The side bar's panels, the overlays and the preferences. They name operators by their bl_idname."""
 
 import bpy
 
-from . import preferences, settings, sidebar
+from . import (
+    asset,
+    captures,
+    collision,
+    generation,
+    preferences,
+    proxy,
+    report,
+    robot,
+    scene,
+    settings,
+    sidebar,
+    views,
+)
 
-_CLASSES = (preferences.R2SEGO_AP_preferences, *sidebar.CLASSES, *settings.CLASSES)
+_PARTS = (
+    preferences, sidebar, scene, settings, captures, proxy, robot, views, generation, asset, collision,
+    report,
+)  # fmt: skip
 
 
 def register() -> None:
-    """Add the preferences and panels."""
-    for cls in _CLASSES:
-        bpy.utils.register_class(cls)
+    """Add each part's classes, then what it attaches itself, such as overlays."""
+    for part in _PARTS:
+        for cls in part.CLASSES:
+            bpy.utils.register_class(cls)
+        if hasattr(part, "register"):
+            part.register()
 
 
 def unregister() -> None:
-    """Take them away again."""
-    for cls in reversed(_CLASSES):
-        bpy.utils.unregister_class(cls)
+    """Take them away again, in reverse."""
+    for part in reversed(_PARTS):
+        if hasattr(part, "unregister"):
+            part.unregister()
+        for cls in reversed(part.CLASSES):
+            bpy.utils.unregister_class(cls)

@@ -26,3 +26,6 @@ class R2SEGO_AP_preferences(bpy.types.AddonPreferences):
         row.operator("r2sego.check_engine", icon="CHECKMARK")
         row = layout.row()
         row.label(text=self.engine_found or "not checked yet")
+
+
+CLASSES = (R2SEGO_AP_preferences,)

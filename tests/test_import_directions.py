@@ -124,8 +124,8 @@ def test_a_library_file_imports_only_what_its_part_may(path):
 
 @pytest.mark.parametrize("folder", ["operators", "panels", "batch"])
 def test_nothing_but_the_root_imports_the_doors(folder):
-    for path in [*ROOT.glob("operators/*.py"), *ROOT.glob("panels/*.py"), *ROOT.glob("batch/*.py")]:
-        own = path.parent.name
+    for path in [file for own in ("operators", "panels", "batch") for file in (ROOT / own).rglob("*.py")]:
+        own = path.relative_to(ROOT).parts[0]
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.level >= 2 and node.module:
                 target = node.module.split(".")[0]

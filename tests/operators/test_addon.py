@@ -1,6 +1,7 @@
 """The built extension, installed and used as a person would, in pip bpy.
 
-Set R2SEGO_TEST_BLENDER to a blender binary to run the same checks in it.
+Set R2SEGO_TEST_BLENDER to a blender binary to run the same checks in it, R2SEGO_CHECKS to the
+names of single rooms.
 """
 
 import ast
@@ -16,9 +17,12 @@ pytest.importorskip("bpy", reason="pip bpy is not installed")
 
 ROOT = Path(__file__).parents[2]
 CHECKS = Path(__file__).with_name("in_blender.py")
+ROOMS = os.environ.get("R2SEGO_CHECKS", "")
 NAMES = [
-    node.name
-    for node in ast.parse(CHECKS.read_text()).body
+    f"{file.stem}.{node.name}"
+    for file in sorted(CHECKS.with_name("checks").glob("*.py"))
+    if not ROOMS or file.stem in ROOMS.split(",")
+    for node in ast.parse(file.read_text()).body
     if isinstance(node, ast.FunctionDef) and node.name.startswith("check_")
 ]
 

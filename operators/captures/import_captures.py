@@ -1,0 +1,40 @@
+"""Bring the captures into Blender."""
+
+import bpy
+from bpy.props import BoolProperty, FloatProperty
+
+from ...r2sego_blender.bridge.show_captures import show_captures
+from .. import state
+from ..base import ReportingOperator, needs_bundle
+
+
+class R2SEGO_OT_import_captures(ReportingOperator, bpy.types.Operator):
+    """Show each capture as a camera that looks through its photograph, and the sparse points"""
+
+    bl_idname = "r2sego.import_captures"
+    bl_label = "Import Captures"
+    bl_options = {"REGISTER", "UNDO"}
+
+    photographs: BoolProperty(
+        name="Photographs", description="Photographs as the cameras' backgrounds", default=True
+    )
+    alpha: FloatProperty(
+        name="Opacity", description="Opacity of the photographs", default=0.6, min=0.0, max=1.0,
+        subtype="FACTOR",
+    )  # fmt: skip
+    points: BoolProperty(name="Sparse Points", description="The triangulated points", default=True)
+    point_radius: FloatProperty(
+        name="Point Radius", description="Radius of a sparse point as it is drawn",
+        default=0.006, min=0.0005, max=0.5, subtype="DISTANCE", unit="LENGTH",
+    )  # fmt: skip
+
+    @classmethod
+    def poll(cls, context):
+        return needs_bundle(cls, context)
+
+    def perform(self, context):
+        cameras = show_captures(
+            context.scene, state.opened_bundle(context), photographs=self.photographs,
+            points=self.points, point_radius_m=self.point_radius, photograph_alpha=self.alpha,
+        )  # fmt: skip
+        return f"Imported {len(cameras)} captures"

@@ -1,0 +1,33 @@
+"""Show the collision surface."""
+
+import bpy
+from bpy.props import BoolProperty
+
+from ...r2sego_blender.bridge.show_collision import show_collision
+from .. import state
+from ..base import ReportingOperator, needs_bundle
+
+
+class R2SEGO_OT_show_collision(ReportingOperator, bpy.types.Operator):
+    """Show the surface the robot collides with"""
+
+    bl_idname = "r2sego.show_collision"
+    bl_label = "Show Collision"
+    bl_options = {"REGISTER", "UNDO"}
+
+    pieces: BoolProperty(
+        name="Convex Pieces", description="The convex pieces as the simulator sees them", default=True
+    )
+
+    @classmethod
+    def poll(cls, context):
+        if not needs_bundle(cls, context):
+            return False
+        if not context.scene.r2sego.has_collision:
+            cls.poll_message_set("There is no collision surface yet: run Refine first")
+            return False
+        return True
+
+    def perform(self, context):
+        shown = show_collision(context.scene, state.opened_bundle(context), pieces=self.pieces)
+        return f"{shown.name}: {len(shown.data.polygons)} faces"

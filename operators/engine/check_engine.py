@@ -1,0 +1,21 @@
+"""Ask the engine what it is."""
+
+import bpy
+
+from ...r2sego_blender.bridge.engine_python import addon_preferences, examine
+from ..base import ReportingOperator
+
+
+class R2SEGO_OT_check_engine(ReportingOperator, bpy.types.Operator):
+    """Start the engine's Python and say which packages it has and lacks"""
+
+    bl_idname = "r2sego.check_engine"
+    bl_label = "Check Engine"
+    bl_options = {"REGISTER"}
+
+    def perform(self, context):
+        line = examine()
+        preferences = addon_preferences()
+        if preferences is not None:
+            preferences.engine_found = line
+        return line

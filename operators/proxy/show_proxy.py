@@ -1,0 +1,31 @@
+"""Show a round's geometry proxy."""
+
+import bpy
+from bpy.props import BoolProperty
+
+from ...r2sego_blender.bridge.show_proxy import show_proxy
+from .. import state
+from ..base import ReportingOperator, needs_round
+
+
+class R2SEGO_OT_show_proxy(ReportingOperator, bpy.types.Operator):
+    """Show the geometry proxy: grey was observed, teal is a prior, amber was completed"""
+
+    bl_idname = "r2sego.show_proxy"
+    bl_label = "Show Geometry Proxy"
+    bl_options = {"REGISTER", "UNDO"}
+
+    look_inside: BoolProperty(
+        name="Look Inside", default=True,
+        description="Hide faces seen from behind in this 3D view, so that the room's walls do not hide it",
+    )  # fmt: skip
+
+    @classmethod
+    def poll(cls, context):
+        return needs_round(cls, context)
+
+    def perform(self, context):
+        shown = show_proxy(context.scene, state.opened_bundle(context), context.scene.r2sego.round_index)
+        if self.look_inside and context.area is not None and context.area.type == "VIEW_3D":
+            context.space_data.shading.show_backface_culling = True
+        return f"{shown.name}: {len(shown.data.polygons)} faces"

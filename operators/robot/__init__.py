@@ -1,0 +1,3 @@
+"""The robot, its behaviour and its rollouts."""
+
+CLASSES = ()

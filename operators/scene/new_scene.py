@@ -1,0 +1,105 @@
+"""Make a scene bundle from photographs."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty, StringProperty
+
+from ...r2sego_blender.bridge.bundle import SUFFIX, Bundle
+from ...r2sego_blender.errors import CaptureError, SceneError
+from .. import state
+from ..base import EngineOperator, needs_idle_engine
+
+
+class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
+    """Make a scene bundle from a folder of photographs"""
+
+    bl_idname = "r2sego.new_scene"
+    bl_label = "New Scene"
+    bl_options = {"REGISTER"}
+
+    filepath: StringProperty(
+        name="Scene", description="The bundle to make, a folder that ends in .r2s", subtype="FILE_PATH"
+    )
+    filter_glob: StringProperty(default=f"*{SUFFIX}", options={"HIDDEN"})
+    captures: StringProperty(
+        name="Photographs", description="Folder of photographs of the room, three at least",
+        subtype="DIR_PATH",
+    )  # fmt: skip
+    poses: StringProperty(
+        name="Poses", subtype="FILE_PATH",
+        description="transforms.json, cameras.json or a COLMAP folder; empty = solve the poses",
+    )  # fmt: skip
+    robot: StringProperty(
+        name="Robot", default="embedded:humanoid",
+        description="The robot: embedded:humanoid, embedded:wheeled, or an MJCF or URDF file",
+    )  # fmt: skip
+    scope: StringProperty(
+        name="Behaviour Scope", default="walk_and_look",
+        description="What the robot may do: the name of a shipped scope, or a TOML file",
+    )  # fmt: skip
+    scale: EnumProperty(
+        name="Scale", description="What says how large the room is",
+        items=[
+            ("POSES", "From the Poses", "The given poses are in metres"),
+            ("CAMERA_HEIGHT", "Camera Height", "Height of the first photograph's camera above the floor"),
+            ("MARKER", "Printed Marker", "Side of an ArUco 4x4_50 marker in the photographs"),
+            ("KNOWN_LENGTH", "Known Length", "Two pixels of one photograph and their distance"),
+        ],
+    )  # fmt: skip
+    camera_height: FloatProperty(
+        name="Camera Height", description="Height of the first camera above the floor",
+        default=1.5, min=0.05, max=10.0, subtype="DISTANCE", unit="LENGTH",
+    )  # fmt: skip
+    marker_side: FloatProperty(
+        name="Marker Side", description="Side of the printed black square",
+        default=0.15, min=0.01, max=2.0, subtype="DISTANCE", unit="LENGTH",
+    )  # fmt: skip
+    known_length: StringProperty(name="Known Length", description="photo:x,y:x,y:metres")
+
+    @classmethod
+    def poll(cls, context):
+        return needs_idle_engine(cls)
+
+    def invoke(self, context, event):
+        if not self.filepath:
+            self.filepath = f"room{SUFFIX}"
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        for name in ("captures", "poses", "robot", "scope", "scale"):
+            layout.prop(self, name)
+        if self.scale != "POSES":
+            layout.prop(self, self.scale.lower() if self.scale != "MARKER" else "marker_side")
+
+    def arguments(self, context):
+        if not self.captures:
+            raise CaptureError("no folder of photographs is chosen", cure="Choose one in the side bar.")
+        command = [
+            "new", str(self._bundle_path()), "--json-progress",
+            "--captures", bpy.path.abspath(self.captures),
+            "--robot", self.robot, "--scope", self.scope,
+        ]  # fmt: skip
+        if self.poses:
+            command += ["--poses", bpy.path.abspath(self.poses)]
+        if self.scale == "CAMERA_HEIGHT":
+            command += ["--camera-height", f"{self.camera_height:.6g}"]
+        elif self.scale == "MARKER":
+            command += ["--marker-side", f"{self.marker_side:.6g}"]
+        elif self.scale == "KNOWN_LENGTH":
+            command += ["--known-length", self.known_length]
+        return command
+
+    def finish(self, context, result):
+        state.show_bundle(context.scene, Bundle.open(self._bundle_path()))
+        return f"Made {self._bundle_path().name}: {result.get('scale', '')}"
+
+    def _bundle_path(self):
+        if not self.filepath:
+            raise SceneError("no place for the bundle is chosen", cure=f"Name a folder ending in {SUFFIX}.")
+        path = Path(bpy.path.abspath(self.filepath)).absolute()
+        return path if path.suffix == SUFFIX else path.with_name(path.name + SUFFIX)

@@ -1,0 +1,57 @@
+"""What holds of the add-on as a whole, checked inside Blender."""
+
+import importlib
+import sys
+import threading
+from pathlib import Path
+
+import bpy
+from support import MODULE, refused
+
+
+def operators():
+    """What the rooms' checks say there is."""
+    rooms = [file.stem for file in Path(__file__).parent.glob("*.py")]
+    return set().union(*(getattr(importlib.import_module(room), "OPERATORS", ()) for room in rooms))
+
+
+def check_every_operator_is_there_with_a_description():
+    assert set(dir(bpy.ops.r2sego)) == operators()
+    for name in operators():
+        kind = getattr(bpy.ops.r2sego, name).get_rna_type()
+        assert kind.description, name
+        for prop in kind.properties:
+            assert prop.description or prop.identifier == "rna_type" or prop.is_hidden, (name, prop.name)
+
+
+def check_without_a_bundle_the_buttons_say_why():
+    bpy.ops.wm.read_homefile(use_empty=True)
+    for name in ("import_captures", "show_proxy", "show_candidates", "refine", "evaluate",
+                 "export_collision", "render_conditions", "open_report", "refresh_scene"):  # fmt: skip
+        assert "Open a scene first" in refused(getattr(bpy.ops.r2sego, name)), name
+
+
+def check_registering_twice_leaves_nothing_behind():
+    import addon_utils
+
+    def registered():
+        kinds = [cls for base in (bpy.types.Operator, bpy.types.Panel, bpy.types.PropertyGroup,
+                                  bpy.types.AddonPreferences) for cls in base.__subclasses__()]  # fmt: skip
+        names = {cls.__name__ for cls in kinds if cls.__name__.startswith("R2SEGO") and cls.is_registered}
+        return names | ({"Scene.r2sego"} if hasattr(bpy.types.Scene, "r2sego") else set())
+
+    before = registered()
+    assert len(before) > len(operators())
+    for _ in range(2):
+        addon_utils.disable(MODULE, default_set=False)
+        assert registered() == set()
+        assert dir(bpy.ops.r2sego) == []
+        assert not hasattr(bpy.types.WindowManager, "r2sego_job")
+        addon_utils.enable(MODULE, default_set=False)
+        assert registered() == before
+
+
+def check_blenders_process_has_loaded_nothing_numeric():
+    heavy = {"torch", "numba", "scipy", "cv2", "PIL", "pycolmap", "mujoco", "trimesh", "click"}
+    assert heavy.isdisjoint(sys.modules), heavy & set(sys.modules)
+    assert threading.active_count() < 10

@@ -1,0 +1,3 @@
+"""What holds of the room Robot, checked inside Blender."""
+
+OPERATORS = set()
