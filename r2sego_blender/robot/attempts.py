@@ -30,6 +30,7 @@ from .mount import CameraMount
 from .quality import Quality
 from .scope import BehaviourScope
 from .simulation import simulate
+from .spawning import SpawnContext
 
 
 @dataclass(frozen=True)
@@ -108,8 +109,7 @@ def in_order(attempts: Attempts) -> Generator[Rollout]:
     processes = attempts.settings.processes or available_cores()
     if processes == 1:
         yield from map(attempts.run, count())
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(processes, context, _begin, (attempts,)) as pool:
+    with ProcessPoolExecutor(processes, SpawnContext(), _begin, (attempts,)) as pool:
         numbers = count()
         ahead = deque(pool.submit(_run, next(numbers)) for _ in range(2 * processes))
         try:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -39,6 +42,42 @@ def test_a_scene_without_seats_is_told(humanoid, box_room, processes):
     settings = RolloutSettings(successes=1, processes=processes)
     with pytest.raises(RobotError, match="there is no seat"):
         successful_rollouts(humanoid, sit_down, box_room(()), settings, seed=0)
+
+
+UNGUARDED = """
+import json, sys
+from dataclasses import replace
+from pathlib import Path
+
+from r2sego_blender.robot.model import RobotModel
+from r2sego_blender.robot.rollouts import successful_rollouts
+from r2sego_blender.robot.scope import BehaviourScope, Episode, WalkTo
+from r2sego_blender.settings import RolloutSettings
+
+print("started", file=sys.stderr)
+scope = BehaviourScope.load("walk_and_look")
+scope = replace(scope, episode=Episode(duration_s=2.0), walk_to=WalkTo(distance_m=(0.1, 1.0)))
+settings = RolloutSettings(successes=2, processes=2)
+found = successful_rollouts(RobotModel.load(), scope, Path(sys.argv[1]), settings, seed=5)
+print(json.dumps([rollout.qpos[-1].tolist() for rollout in found]))
+print(__spec__, Path(__file__).name, file=sys.stderr)
+"""
+
+
+@pytest.mark.parametrize("as_module", [False, True])
+def test_a_script_without_the_usual_guard_is_run_once(humanoid, box_room, tmp_path, as_module):
+    (tmp_path / "unguarded.py").write_text(UNGUARDED)
+    room, settings = box_room(), RolloutSettings(successes=2, processes=1)
+    script = ["-m", "unguarded"] if as_module else ["unguarded.py"]
+    done = subprocess.run(
+        [sys.executable, *script, str(room)], cwd=tmp_path, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("started") == 1
+    # __main__ is what it was
+    assert "unguarded.py" in done.stderr and ("name='unguarded'" in done.stderr) == as_module
+    expected = successful_rollouts(humanoid, SCOPE, room, settings, seed=5)
+    np.testing.assert_array_equal(json.loads(done.stdout), [rollout.qpos[-1] for rollout in expected])
 
 
 def test_blurred_frames_are_no_candidates(humanoid, box_room):

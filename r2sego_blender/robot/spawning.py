@@ -1,0 +1,42 @@
+"""Processes that are started afresh and leave the person's script alone.
+
+Python's ``spawn`` runs the main script again in each new process, so that functions of it
+can be called there. A script without ``if __name__ == "__main__"`` would then start all its
+work once more, and wait for itself for ever. Nothing of a script is called here.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing import context
+
+_one_at_a_time = threading.Lock()
+
+
+class _Process(context.SpawnProcess):
+    @staticmethod
+    def _Popen(process: context.SpawnProcess):  # noqa: N802  (multiprocessing's name)
+        with _main_script_hidden():
+            return context.SpawnProcess._Popen(process)
+
+
+class SpawnContext(context.SpawnContext):
+    """multiprocessing's ``spawn``, whose processes do not run the main script again."""
+
+    Process = _Process
+
+
+@contextmanager
+def _main_script_hidden() -> Iterator[None]:
+    """``__main__`` without what ``multiprocessing.spawn.get_preparation_data`` finds it by."""
+    main = vars(sys.modules["__main__"])
+    with _one_at_a_time:
+        told = {name: main[name] for name in ("__spec__", "__file__") if name in main}
+        main.update(dict.fromkeys(told))
+        try:
+            yield
+        finally:
+            main.update(told)
