@@ -34,6 +34,7 @@ from .cli_options import (
     show,
     tell,
 )
+from .cli_views import views
 from .errors import R2SEgoError, SettingsError
 from .progress import JsonProgress, Progress
 from .scene import Scene
@@ -429,6 +430,7 @@ def doctor(as_json: bool) -> None:
 
 
 main.add_command(bench)
+main.add_command(views)
 
 
 def _advance(scene: Path, round_index: int | None, name: str, progress: Progress) -> tuple[Scene, int]:

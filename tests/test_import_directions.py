@@ -56,10 +56,12 @@ MAY_IMPORT = {
     "splat_training": FOUNDATION | {"captures", "splats", "evaluation"},
     "cli_options": ABOVE_CAPTURES | {"robot"},
     "cli_bench": FOUNDATION | {"benchmarks", "cli_options"},
+    "cli_views": FOUNDATION | {"generation", "cli_options"},
     "cli": PARTS
     | {
         "cli_options",
         "cli_bench",
+        "cli_views",
         "steps",
         "pipeline",
         "creation",
@@ -74,7 +76,7 @@ MAY_IMPORT = {
     }
     | {"splat_training", "collision_report", "rollouts_report", "selection_report"},
     "__main__": {"cli"},
-    "bridge": ABOVE_CAPTURES | {"geometry"},
+    "bridge": ABOVE_CAPTURES | {"geometry", "generation"},
 }
 """Part of the library -> the parts its files may import, besides their own."""
 

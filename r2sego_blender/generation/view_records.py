@@ -1,0 +1,149 @@
+"""What became of a round's generated views, as ``pose.json`` and ``decision.json`` tell it.
+
+Needs the standard library alone, so Blender's Python reads it.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import GenerationError
+from .decisions import decision_of, save_decision
+
+_WORDS = {True: "accepted by hand", False: "rejected by hand"}
+
+
+@dataclass(frozen=True)
+class ViewRecord:
+    """One generated view.
+
+    ``rank`` names it; ``candidate``, ``rollout`` and ``frame`` say which candidate it is,
+    ``reference`` and ``overlap`` (0 to 1) its capture i(v). ``by_gate`` is the gate's word,
+    ``by_hand`` the person's or None, ``reason`` the gate's in words. ``figures`` are the
+    registration's: ``expected``, ``matches``, ``inliers``, ``spread``, and where a pose was
+    estimated (``has_estimate``) ``offset_m``, ``turn_deg``, ``focal_px``, ``sigma_m`` and
+    ``sigma_deg``. ``replaces`` is the rank of the rejected view it stood in for, ``replaced_by``
+    of the one that stood in for it, -1 for none. ``note`` is the camera path's.
+    """
+
+    folder: Path
+    rank: int
+    candidate: int
+    rollout: int
+    frame: int
+    reference: str
+    overlap: float
+    generator: str
+    by_gate: bool
+    by_hand: bool | None
+    reason: str
+    has_estimate: bool
+    figures: dict[str, float]
+    replaces: int
+    replaced_by: int
+    note: str
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the asset is trained on it."""
+        return self.by_gate if self.by_hand is None else self.by_hand
+
+    @property
+    def fate(self) -> str:
+        """What became of it, in words."""
+        if self.by_hand is None:
+            return self.reason
+        return f"{_WORDS[self.by_hand]} (the gate: {self.reason})"
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything but the folder."""
+        said = {name: getattr(self, name) for name in self.__dataclass_fields__ if name != "folder"}
+        return said | {"accepted": self.accepted, "fate": self.fate}
+
+
+def read_views(folder: Path, budget: int) -> list[ViewRecord]:
+    """The views in ``rounds/<l>/views``, by rank; an empty list when none was generated.
+
+    ``budget`` is the number of target views: those of a rank beyond it stand in for rejected
+    ones, in order. Raises GenerationError when a view's files are damaged.
+    """
+    told = [_read(file.parent) for file in sorted(folder.glob("[0-9][0-9][0-9]/pose.json"))]
+    ranks = [record["rank"] for _, record, *_ in told]
+    rejected = [record["rank"] for _, record, *_ in told if not record["accepted"]]
+    spares = sorted(rank for rank in ranks if rank >= budget)
+    stand_in = dict(zip(rejected, spares, strict=False))
+    stood_for = {spare: rank for rank, spare in stand_in.items()}
+    return [_record(*parts, stand_in, stood_for) for parts in told]
+
+
+def decide(folder: Path, decisions: dict[int, bool | None]) -> None:
+    """Accept, reject or leave to the gate (None) views in ``rounds/<l>/views``, named by rank.
+
+    All are checked before any is changed. Raises GenerationError when there is no such view,
+    or an accepted one has no pose.
+    """
+    for rank, accepted in decisions.items():
+        view = folder / f"{rank:03d}"
+        if not (view / "pose.json").is_file():
+            raise GenerationError(
+                f"there is no generated view {rank}", where=folder,
+                cure="Choose a view that `r2sego views` lists.",
+            )  # fmt: skip
+        _, record, *_ = _read(view)
+        if accepted and record["estimate"] is None:
+            raise GenerationError(
+                f"view {rank} has no estimated pose, so nothing can be trained on it",
+                where=view, cure="Leave it rejected, or run the round again.",
+            )  # fmt: skip
+    for rank, accepted in decisions.items():
+        save_decision(folder / f"{rank:03d}", accepted)
+
+
+def _read(view: Path) -> tuple[Path, dict[str, Any], bool | None, str]:
+    file = view / "pose.json"
+    try:
+        record = json.loads(file.read_text(encoding="utf-8"))
+        checked = (record["rank"], record["estimate"], record["accepted"])
+        if not isinstance(checked[0], int) or not isinstance(checked[2], bool):
+            raise TypeError("'rank' or 'accepted' is of another kind")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise _damaged(file, error) from error
+    return view, record, decision_of(view), _note(view / "path.json")
+
+
+def _note(file: Path) -> str:
+    """What the camera path says of its way; '' where there is none."""
+    try:
+        return str(json.loads(file.read_text(encoding="utf-8")).get("note", ""))
+    except FileNotFoundError:
+        return ""
+    except (OSError, ValueError, AttributeError) as error:
+        raise _damaged(file, error) from error
+
+
+def _record(
+    view: Path, record: dict[str, Any], by_hand: bool | None, note: str,
+    stand_in: dict[int, int], stood_for: dict[int, int],
+) -> ViewRecord:  # fmt: skip
+    figures = ("expected", "matches", "inliers", "spread", "offset_m", "turn_deg", "focal_px", "sigma_m",
+               "sigma_deg")  # fmt: skip
+    try:
+        rank = record["rank"]
+        return ViewRecord(
+            view, rank, int(record["candidate"]), int(record["rollout"]), int(record["frame"]),
+            str(record["reference_name"]), float(record["overlap"]), str(record["generator"]),
+            record["accepted"], by_hand, str(record["reason"]), record["estimate"] is not None,
+            {name: float(record[name]) for name in figures if name in record},
+            stood_for.get(rank, -1), stand_in.get(rank, -1), note,
+        )  # fmt: skip
+    except (KeyError, TypeError, ValueError) as error:
+        raise _damaged(view / "pose.json", error) from error
+
+
+def _damaged(file: Path, error: Exception) -> GenerationError:
+    return GenerationError(
+        f"this generated view cannot be read: {error!r}", where=file, cure="Run the round again."
+    )

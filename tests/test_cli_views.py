@@ -1,0 +1,72 @@
+"""``r2sego views``: told and decided by hand."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from r2sego_blender.cli import main
+from r2sego_blender.scene import Declaration, Scene
+
+
+@pytest.fixture
+def room(tmp_path):
+    """A bundle with one round of two views, the second of which the gate rejected."""
+    declaration = Declaration(
+        captures_source="cameras.json", world_from_capture=tuple(map(tuple, np.eye(4).tolist())),
+        ground="floor plane", scale_source="metric poses", overrides={"selection.target_views": 2},
+    )  # fmt: skip
+
+    def fill(folder):
+        for rank, accepted in enumerate((True, False)):
+            view = folder / "rounds" / "0" / "views" / f"{rank:03d}"
+            view.mkdir(parents=True)
+            record = {
+                "accepted": accepted, "reason": "registered: 9 of 10 patches agree", "rank": rank,
+                "generator": "blending", "candidate": 3, "rollout": 1, "frame": 4, "reference": 0,
+                "reference_name": "a.png", "overlap": 0.5, "query": {}, "estimate": None if rank else {},
+            }  # fmt: skip
+            (view / "pose.json").write_text(json.dumps(record))
+
+    return Scene.create(tmp_path / "room.r2s", declaration, fill).path
+
+
+def r2sego(*arguments):
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+def test_views_are_listed(room):
+    said = r2sego("views", room)
+    assert said.exit_code == 0, said.output
+    assert "1 of 2 generated views are trained on" in said.output
+    told = json.loads(r2sego("views", room, "--json").output)
+    assert [view["accepted"] for view in told["views"]] == [True, False]
+
+
+def test_views_are_decided_on_by_hand(room):
+    assert r2sego("views", room, "--round", 0, "--reject", 0).exit_code == 0
+    assert json.loads((room / "rounds/0/views/000/decision.json").read_text())["accepted"] is False
+    command = [sys.executable, "-m", "r2sego_blender", "views", room, "--undecided", "0", "--json-progress"]
+    said = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True)
+    result = json.loads(said.stdout.splitlines()[-1])
+    assert result["event"] == "result" and result["accepted"] == 1
+    assert not (room / "rounds/0/views/000/decision.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--accept", "1"], "no estimated pose"),
+        (["--reject", "5"], "no generated view 5"),
+        (["--accept", "0", "--reject", "0"], "decided on twice"),
+        (["--round", "3"], "no generated views"),
+    ],
+)
+def test_what_cannot_be_is_refused(room, arguments, said):
+    done = r2sego("views", room, *arguments)
+    assert done.exit_code == 1
+    assert said in done.output
+    assert not list(room.rglob("decision.json"))
