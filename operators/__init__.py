@@ -18,8 +18,8 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """End a running command, then take everything away in reverse."""
-    job.end()
+    """Let a running job go on by itself, then take everything away in reverse."""
+    job.let_go()
     for room in reversed(_ROOMS):
         if hasattr(room, "unregister"):
             room.unregister()

@@ -1,12 +1,13 @@
-"""What the operators share: one way to report errors, one way to follow the engine."""
+"""What the operators share: one way to report errors, one way to run the engine."""
+
+from pathlib import Path
 
 import bpy
+from bpy.props import StringProperty
 
-from ..r2sego_blender.bridge.views_3d import redraw_views
 from ..r2sego_blender.errors import R2SEgoError
+from ..r2sego_blender.workers.jobs import Job
 from . import job, state
-
-_TICK_S = 0.2
 
 
 def needs_bundle(cls, context) -> bool:
@@ -57,22 +58,28 @@ class ReportingOperator:
 
 
 class EngineOperator:
-    """An operator that runs one command of the engine.
+    """An operator that runs one command of the engine, as a job that outlives this Blender.
 
-    With a window it follows the command from a timer and ESC cancels it; without one
-    (``--background``, pip bpy) it waits for the end.
+    With a window it starts the job and returns; ``engine/following.py`` follows it from a
+    timer and, at its end, calls the same operator again with the same properties and
+    ``job_folder``, which calls ``finish``. So it is all one whether this Blender started the
+    job or found it. Without a window (``--background``, pip bpy) it waits for the end.
+
+    ``finish`` must find what it needs by the properties, the context and the result.
     """
 
-    _timer = None
-    _engine = None
+    job_folder: StringProperty(
+        name="Job", description="A job that was started before, whose result is taken over",
+        options={"HIDDEN", "SKIP_SAVE"},
+    )  # fmt: skip
 
     def arguments(self, context) -> list[str]:
         """The command line after ``r2sego``, with absolute paths."""
         raise NotImplementedError
 
     def start(self, context):
-        """Start the command; returns the running engine."""
-        return job.start(self.arguments(context), self.bl_label)
+        """Start the command; returns the running job."""
+        return job.start(self, self.arguments(context))
 
     def finish(self, context, result) -> str:
         """Take the command's result over; return one line for the person."""
@@ -81,66 +88,42 @@ class EngineOperator:
 
     def execute(self, context):
         try:
-            self._engine = self.start(context)
+            if self.job_folder:
+                followed = Job.open(Path(self.job_folder))
+                job.follow(followed)
+            else:
+                followed = self.start(context)
         except R2SEgoError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        if bpy.app.background or context.window is None:
-            try:
-                self._engine.wait(job.show_event)
-            except R2SEgoError:
-                pass  # _conclude reports it
-            finally:
-                ended = self._conclude(context)
-            return ended
-        manager = context.window_manager
-        self._timer = manager.event_timer_add(_TICK_S, window=context.window)
-        manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context, event):
-        shown = context.window_manager.r2sego_job
-        if event.type == "ESC" and event.value == "PRESS":
-            shown.cancel_requested = True
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        if shown.cancel_requested and not self._engine.cancelled:
-            self._engine.cancel()
-            shown.task = "Cancelling"
-        for told in self._engine.events():
-            job.show_event(told)
-        if self._engine.running():
-            self._redraw(context, f"R2S-EGO: {job.progress_text()} (ESC cancels)")
-            return {"PASS_THROUGH"}
-        self._leave(context)
-        return self._conclude(context)
-
-    def cancel(self, context):
-        """Blender ends the operator, for example because another file is opened."""
-        self._leave(context)
-        job.end()
-
-    def _conclude(self, context):
-        engine = self._engine
-        job.end()
+        if followed.running() and not waits_for_engine(context):
+            return {"FINISHED"}
         try:
-            said = self.finish(context, engine.result())
+            followed.wait(job.show_event)
+        except R2SEgoError:
+            pass  # _conclude reports it
+        finally:
+            ended = self._conclude(context, followed)
+        return ended
+
+    def _conclude(self, context, ended_job):
+        job.let_go()
+        level, ended = "INFO", {"FINISHED"}
+        try:
+            line = self.finish(context, ended_job.result())
         except R2SEgoError as error:
             # A cancelled command keeps its finished steps: what is there has changed.
             state.refresh(context.scene)
-            self.report({"WARNING" if engine.cancelled else "ERROR"}, str(error))
-            return {"CANCELLED"}
-        if said:
-            self.report({"INFO"}, said)
-        return {"FINISHED"}
+            level, ended = "WARNING" if ended_job.cancelled else "ERROR", {"CANCELLED"}
+            line = str(error)
+        finally:
+            ended_job.forget()
+        if line:
+            job.tell_end(self.bl_label, level, line)
+            self.report({level}, line)
+        return ended
 
-    def _leave(self, context) -> None:
-        if self._timer is not None:
-            context.window_manager.event_timer_remove(self._timer)
-            self._timer = None
-        self._redraw(context, None)
 
-    def _redraw(self, context, status) -> None:
-        if context.workspace is not None:
-            context.workspace.status_text_set(status)
-        redraw_views("UI")  # the side bar alone: a large scene is slow to draw
+def waits_for_engine(context) -> bool:
+    """Whether an operator waits for the engine, as there is no window that could follow it."""
+    return bpy.app.background or not context.window_manager.windows

@@ -1,68 +1,128 @@
-"""The one command of the engine that Blender follows at a time, shown in ``wm.r2sego_job``."""
+"""The one job of the engine that Blender follows at a time, shown in ``wm.r2sego_job``.
+
+A job is a folder of its own and outlives this Blender; here stands only which one is
+followed, and what of it is shown.
+"""
 
 from collections.abc import Iterable
+from pathlib import Path
 
 import bpy
 
 from ..r2sego_blender.bridge.engine_python import interpreter
+from ..r2sego_blender.bridge.operator_properties import given_properties
 from ..r2sego_blender.errors import SceneError
-from ..r2sego_blender.workers.engine import Engine, Event
+from ..r2sego_blender.workers.jobs import JOBS_FOLDER, Event, Job, start_job
 
-_current: Engine | None = None
+_ROOT = __package__.rpartition(".")[0]
+_BUNDLE_FILE = "scene.toml"
+_REMEMBERED_ENDS = 4
+
+_followed: Job | None = None
+
+
+def current() -> Job | None:
+    """The job that is followed, None when the engine is idle."""
+    return _followed
 
 
 def is_running() -> bool:
-    """Whether a command is being followed."""
-    return _current is not None
+    """Whether a job is followed."""
+    return _followed is not None
 
 
-def start(arguments: Iterable[str], title: str, python: str = "", module: str = "") -> Engine:
-    """Start a command of the engine and show it as the running job.
+def own_folder() -> Path:
+    """Where jobs stand whose command has no bundle yet."""
+    return Path(bpy.utils.extension_path_user(_ROOT, path="jobs", create=True))
 
-    ``python`` and ``module`` replace the engine's interpreter and its command tree.
 
-    Raises SceneError when one is running, MachineError when the engine cannot start.
+def start(operator: bpy.types.Operator, arguments: Iterable[str], python: str = "", module: str = "") -> Job:
+    """Start the engine's command ``arguments`` for ``operator``, and follow it.
+
+    It stands in the bundle it works on, where there is one. ``python`` and ``module`` replace
+    the engine's interpreter and its command tree. Raises SceneError when one is running,
+    MachineError when it cannot start.
     """
-    global _current
-    if _current is not None:
+    if _followed is not None:
         raise SceneError("the engine is busy", cure="Wait until it has ended, or cancel it.")
-    _current = Engine(arguments, python or interpreter(), module)
-    job = bpy.context.window_manager.r2sego_job
-    job.running, job.cancel_requested = True, False
-    job.title, job.task, job.message = title, "Starting", ""
-    job.fraction, job.remaining_s = 0.0, -1.0
-    return _current
+    arguments = list(arguments)
+    bundle = next((name for name in arguments if Path(name, _BUNDLE_FILE).is_file()), "")
+    notes = {
+        "operator": operator.bl_idname, "properties": given_properties(operator), "bundle": bundle,
+    }  # fmt: skip
+    folder = Path(bundle, JOBS_FOLDER) if bundle else own_folder()
+    started = start_job(arguments, python or interpreter(), operator.bl_label, folder, module, notes)
+    bpy.context.window_manager.r2sego_engine.ended.clear()
+    follow(started)
+    return started
+
+
+def follow(job: Job) -> None:
+    """Show ``job`` as the running one."""
+    global _followed
+    _followed = job
+    bpy.context.window_manager.r2sego_job.running = False
+    show(job)
+
+
+def show(job: Job) -> None:
+    """Begin to show ``job``, unless it is shown."""
+    shown = bpy.context.window_manager.r2sego_job
+    if not shown.running:
+        shown.running, shown.cancel_requested = True, job.cancelled
+        shown.title, shown.task, shown.message = job.title, "Starting", ""
+        shown.fraction, shown.remaining_s = 0.0, -1.0
+        bpy.context.window_manager.r2sego_engine.picture = ""
 
 
 def show_event(event: Event) -> None:
     """Take one event of the engine over into the job's properties."""
-    job = bpy.context.window_manager.r2sego_job
+    shown, data = bpy.context.window_manager.r2sego_job, event.data
     if event.kind == "progress":
-        job.task = str(event.data.get("task", ""))
-        job.fraction = event.data.get("done", 0) / max(1, event.data.get("total", 1))
-        remaining_s = event.data.get("remaining_s")
-        job.remaining_s = -1.0 if remaining_s is None else remaining_s
+        shown.task = str(data.get("task", ""))
+        shown.fraction = data.get("done", 0) / max(1, data.get("total", 1))
+        remaining_s = data.get("remaining_s")
+        shown.remaining_s = -1.0 if remaining_s is None else remaining_s
     elif event.kind == "message":
-        job.message = str(event.data.get("text", ""))
+        shown.message = str(data.get("text", ""))
+    elif event.kind == "picture":
+        bpy.context.window_manager.r2sego_engine.picture = str(data.get("file", ""))
 
 
-def progress_text() -> str:
-    """The job in one line, for the status bar."""
-    job = bpy.context.window_manager.r2sego_job
-    left = f", {_duration(job.remaining_s)} left" if job.remaining_s >= 0.0 else ""
-    return f"{job.task} {job.fraction:.0%}{left}"
+def cancel() -> None:
+    """Ask the followed job to end, without waiting; it does within two seconds."""
+    if _followed is not None:
+        _followed.cancel()
+        shown = bpy.context.window_manager.r2sego_job
+        shown.cancel_requested, shown.task = True, "Cancelling"
 
 
-def end() -> None:
-    """Forget the command; one that still runs is stopped."""
-    global _current
-    if _current is not None:
-        _current.stop()
-    _current = None
-    shown = bpy.context.window_manager.r2sego_job
-    shown.running = shown.cancel_requested = False
+def let_go() -> None:
+    """Follow the job no longer; one that still runs goes on."""
+    global _followed
+    _followed = None
+    bpy.context.window_manager.r2sego_job.running = False
+    bpy.context.window_manager.r2sego_job.cancel_requested = False
+
+
+def tell_end(title: str, level: str, line: str) -> None:
+    """Keep the line with which a job ended until it is dismissed; ``level``: INFO, WARNING or ERROR."""
+    ended = bpy.context.window_manager.r2sego_engine.ended
+    end = ended.add()
+    end.title, end.level, end.line = title, level, line
+    while len(ended) > _REMEMBERED_ENDS:
+        ended.remove(0)
+
+
+def time_left() -> str:
+    """The time the running task still takes, in words; '' while unknown."""
+    remaining_s = bpy.context.window_manager.r2sego_job.remaining_s
+    return f"{_duration(remaining_s)} left" if remaining_s >= 0.0 else ""
 
 
 def _duration(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    if hours:
+        return f"{hours} h {minutes:02d} min"
     return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"

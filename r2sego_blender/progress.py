@@ -14,13 +14,24 @@ published by a rename, nothing half-written stays behind.
 from __future__ import annotations
 
 import json
+import math
+import os
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any, TextIO, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO, TypeVar
+
+if TYPE_CHECKING:
+    import numpy as np
 
 T = TypeVar("T")
+
+JOB_FOLDER_VARIABLE = "R2SEGO_JOB_FOLDER"
+"""Names the folder of the job this process runs for."""
+
+_PICTURE_PAUSE_S, _PICTURE_WIDTH_PX = 2.0, 320
 
 
 class Task:
@@ -54,6 +65,12 @@ class Progress:
 
     def message(self, text: str, level: str = "info") -> None:
         """Tell the person one line; ``level`` is ``info`` or ``warning``."""
+
+    def picture(self, title: str, make: Callable[[], np.ndarray]) -> None:
+        """Show how far the work is: ``make`` returns (H, W, 3) sRGB, float [0, 1] or uint8.
+
+        It is called only where somebody can see the picture, and not too often.
+        """
 
 
 SILENT = Progress()
@@ -111,11 +128,14 @@ class JsonProgress(Progress):
     """One JSON object a line: what Blender's panel and other programs read.
 
     ``{"event": "progress", "task", "done", "total", "elapsed_s", "remaining_s"}`` at most
-    five times a second, and ``{"event": "message", "level", "text"}``.
+    five times a second, and ``{"event": "message", "level", "text"}``. A job (``workers/jobs.py``)
+    that names its folder in ``JOB_FOLDER_VARIABLE`` also gets ``{"event": "picture", "title",
+    "file"}`` at most every two seconds, for a PNG in that folder, which the next one replaces.
     """
 
     def __init__(self, stream: TextIO = sys.stdout) -> None:
         self._stream = stream
+        self._pictured_s = -math.inf
 
     def emit(self, **event: Any) -> None:
         """Write one event as a line, at once."""
@@ -147,3 +167,22 @@ class JsonProgress(Progress):
 
     def message(self, text: str, level: str = "info") -> None:
         self.emit(event="message", level=level, text=text)
+
+    def picture(self, title: str, make: Callable[[], np.ndarray]) -> None:
+        folder = os.environ.get(JOB_FOLDER_VARIABLE, "")
+        if not folder or time.monotonic() - self._pictured_s < _PICTURE_PAUSE_S:
+            return
+        from .images import resize, save_image
+
+        rgb = make()
+        height, width = rgb.shape[:2]
+        scale = min(1.0, _PICTURE_WIDTH_PX / width)
+        small = resize(rgb, round(width * scale), max(1, round(height * scale)))
+        file = Path(folder, "picture.png")
+        try:
+            save_image(file.with_suffix(".unfinished"), small)
+            file.with_suffix(".unfinished").replace(file)
+        except OSError:  # the disk is full, or the folder was taken away: no reason to end the work
+            return
+        self._pictured_s = time.monotonic()
+        self.emit(event="picture", title=title, file=str(file))

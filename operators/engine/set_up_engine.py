@@ -53,9 +53,7 @@ class R2SEGO_OT_set_up_engine(EngineOperator, bpy.types.Operator):
                 "online access is not allowed", where="Preferences > System",
                 cure="Allow it there, or choose a folder of wheels.",
             )  # fmt: skip
-        return job.start(
-            self.arguments(context), self.bl_label, python=sys.executable, module="workers.environment"
-        )
+        return job.start(self, self.arguments(context), python=sys.executable, module="workers.environment")
 
     def arguments(self, context):
         folder = Path(bpy.utils.extension_path_user(_ROOT, path="engine", create=True))

@@ -29,6 +29,8 @@ def main() -> int:
     tell(event="progress", task="Dense stereo", done=1, total=4, elapsed_s=1.0, remaining_s=3.0)
     if conduct == "sleep":
         time.sleep(60)
+    if conduct == "slow":
+        time.sleep(0.5)
     if conduct == "fail":
         tell(event="error", kind="CaptureError", text="images/a.png: it is empty. Replace the file.")
         return 1

@@ -6,7 +6,7 @@ import time
 import bpy
 from support import BUNDLE, ENGINE, MODULE, conduct, open_bundle, preferences, refused
 
-OPERATORS = {"cancel", "check_engine", "set_up_engine"}
+OPERATORS = {"cancel", "check_engine", "dismiss_job", "follow_job", "set_up_engine"}
 
 
 def check_a_failing_engine_is_reported_in_its_own_words():
@@ -18,21 +18,102 @@ def check_a_failing_engine_is_reported_in_its_own_words():
     assert bpy.ops.r2sego.refine() == {"FINISHED"}
 
 
-def check_disabling_ends_a_running_engine_within_two_seconds():
+def job_module():
+    return sys.modules[f"{MODULE}.operators.job"]
+
+
+def wait_until(condition, limit_s=20.0):
+    deadline_s = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < deadline_s, "waited in vain"
+        time.sleep(0.01)
+
+
+class Stub:
+    """An operator as ``job.start`` sees it: started, but nobody waits for its end."""
+
+    bl_idname, bl_label = "r2sego.refine", "Refine"
+
+    class properties:  # noqa: N801  (as Blender calls it)
+        class rna_type:  # noqa: N801
+            properties = ()
+
+
+def started_job(arguments=("refine", str(BUNDLE))):
+    """A running job of the stand-in engine, as a window would leave it."""
+    conduct("sleep")
+    job = job_module().start(Stub(), arguments)
+    wait_until(job.events)
+    return job
+
+
+def check_disabling_lets_a_job_go_on_and_enabling_finds_it():
     import addon_utils
 
     open_bundle()
-    conduct("sleep")
-    job = sys.modules[f"{MODULE}.operators.job"]
-    engine = job.start(["refine", str(BUNDLE)], "Refine")
-    while not engine.events():
-        time.sleep(0.01)
+    job = started_job()
+    assert job.folder.parent == BUNDLE / ".jobs"
     assert "busy" in refused(bpy.ops.r2sego.refine)
     started_s = time.monotonic()
     addon_utils.disable(MODULE, default_set=False)
     assert time.monotonic() - started_s < 2.0
-    assert not engine.running()
+    assert job.running()
     addon_utils.enable(MODULE, default_set=False)
+    open_bundle()
+    following = sys.modules[f"{MODULE}.operators.engine.following"]
+    (found,) = following.unfollowed_jobs(bpy.context)
+    assert found.folder == job.folder and found.running()
+    job_module().follow(found)
+    assert bpy.context.window_manager.r2sego_job.title == "Refine"
+    started_s = time.monotonic()
+    assert bpy.ops.r2sego.cancel() == {"FINISHED"}
+    wait_until(lambda: not found.running())
+    assert time.monotonic() - started_s < 2.0
+    job_module().let_go()
+    assert bpy.ops.r2sego.follow_job() == {"FINISHED"}
+    (end,) = bpy.context.window_manager.r2sego_engine.ended
+    assert end.level == "WARNING" and end.line.startswith("cancelled"), end.line
+    assert following.unfollowed_jobs(bpy.context) == []
+
+
+def check_a_job_that_was_left_behind_is_followed_and_told_once():
+    open_bundle()
+    conduct("slow")
+    job = job_module().start(Stub(), ["refine", str(BUNDLE)])
+    job_module().let_go()
+    assert bpy.ops.r2sego.follow_job() == {"FINISHED"}
+    shown = bpy.context.window_manager.r2sego_job
+    assert (shown.running, shown.title, shown.message) == (False, "Refine", "Round 1 of 2")
+    (end,) = bpy.context.window_manager.r2sego_engine.ended
+    assert (end.title, end.level, end.line) == ("Refine", "INFO", "Refined: 2 of 2 rounds")
+    assert not job.folder.exists()
+    assert "no job was left behind" in refused(bpy.ops.r2sego.follow_job)
+    assert bpy.ops.r2sego.dismiss_job() == {"FINISHED"}
+    assert "No job has ended" in refused(bpy.ops.r2sego.dismiss_job)
+
+
+def check_a_job_is_taken_over_with_its_operators_properties():
+    """New Scene has no bundle yet when it starts: its properties say what was made."""
+    open_bundle()
+    conduct("succeed")
+    module = sys.modules[f"{MODULE}.r2sego_blender.bridge.operator_properties"]
+    kept = {}
+
+    def remember(operator):
+        kept.update(given(operator))
+        return dict(kept)
+
+    given, module_of_job = module.given_properties, job_module()
+    module_of_job.given_properties = remember
+    try:
+        assert bpy.ops.r2sego.new_scene(
+            filepath=str(BUNDLE), captures="/photographs", scale="CAMERA_HEIGHT", camera_height=1.5
+        ) == {"FINISHED"}  # fmt: skip
+    finally:
+        module_of_job.given_properties = given
+    assert kept["filepath"] == str(BUNDLE) and kept["scale"] == "CAMERA_HEIGHT", kept
+    assert kept["captures"] == "/photographs" and abs(kept["camera_height"] - 1.5) < 1e-6
+    assert "robot" not in kept and "job_folder" not in kept
 
 
 def check_the_engines_answer_is_kept_in_the_preferences():

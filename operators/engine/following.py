@@ -1,0 +1,188 @@
+"""The timer that follows the engine's job, finds jobs of a former Blender, and takes results over.
+
+It looks five times a second while a job runs. A modal operator would do so too, but Blender
+saves no backup while one runs, and a refinement takes hours.
+"""
+
+import contextlib
+
+import bpy
+
+from ...r2sego_blender.bridge.bundle import Bundle
+from ...r2sego_blender.bridge.operator_properties import as_arguments
+from ...r2sego_blender.bridge.views_3d import redraw_views, views_3d
+from ...r2sego_blender.errors import R2SEgoError
+from ...r2sego_blender.workers.jobs import JOBS_FOLDER, Job, find_jobs
+from .. import job, state
+from . import pictures
+from .properties import note_python
+
+_TICK_S, _IDLE_S = 0.2, 0.5
+_looked_in: set[str] = set()  # bundles whose jobs were looked for; "" stands for the own folder
+
+
+def look_again() -> None:
+    """Have jobs of a former Blender looked for."""
+    _looked_in.clear()
+
+
+def unfollowed_jobs(context) -> list[Job]:
+    """Jobs, running or ended, that this Blender may take over: the open bundle's first.
+
+    One whose result another running Blender takes over is left to it, unless it runs in the
+    bundle that is open here too.
+    """
+    name = state.bundle_name(context.scene)
+    in_bundle = [
+        found for found in (find_jobs(f"{name}/{JOBS_FOLDER}") if name else [])
+        if found.running() or not found.followed_elsewhere
+    ]  # fmt: skip
+    return in_bundle + [found for found in find_jobs(job.own_folder()) if not found.followed_elsewhere]
+
+
+def operator_of(found: Job):
+    """The operator that started the job, as ``bpy.ops`` has it; None when there is none (any more)."""
+    room, _, name = str(found.notes.get("operator", "")).partition(".")
+    if room != "r2sego" or name not in dir(bpy.ops.r2sego):
+        return None
+    return getattr(bpy.ops.r2sego, name)
+
+
+def take_over(found: Job) -> None:
+    """Let the operator that started ``found`` wait for its end and take its result over.
+
+    What it reports raises RuntimeError, as always in scripts.
+    """
+    operator = operator_of(found)
+    bundle = found.notes.get("bundle", "")
+    if operator is not None and bundle in ("", state.bundle_name(bpy.context.scene)):
+        given = as_arguments(operator, dict(found.notes.get("properties", {})))
+        operator("EXEC_DEFAULT", **given, job_folder=str(found.folder))
+    else:
+        _tell_only(found)
+
+
+def _tell_only(found: Job) -> None:
+    """The end of a job whose bundle is not open, or whose operator is gone."""
+    job.let_go()
+    try:
+        found.result()
+        job.tell_end(found.title, "INFO", f"{found.title}: done")
+    except R2SEgoError as error:
+        job.tell_end(found.title, "WARNING" if found.cancelled else "ERROR", str(error))
+    finally:
+        found.forget()
+
+
+def _tick() -> float:
+    followed = job.current()
+    if followed is None:
+        if note_python():
+            redraw_views("UI")
+        followed = _next_job()
+        if followed is None:
+            return _IDLE_S
+    job.show(followed)  # a file that was loaded since knows nothing of it
+    for event in followed.events():
+        job.show_event(event)
+    pictures.show(bpy.context.window_manager.r2sego_engine)
+    if not followed.running() and not _being_edited():
+        _conclude(followed)
+    _redraw()
+    return _TICK_S
+
+
+def _next_job() -> Job | None:
+    """A job to follow, if a new bundle or file was opened since the last look."""
+    name = state.bundle_name(bpy.context.scene)
+    if {"", name} <= _looked_in:
+        return None
+    found = unfollowed_jobs(bpy.context)
+    if not found:
+        _looked_in.update(("", name))
+        return None
+    if not found[0].followed_elsewhere:
+        found[0].take_over()
+    job.follow(found[0])
+    return found[0]
+
+
+def _conclude(ended: Job) -> None:
+    job.let_go()
+    if ended.followed_elsewhere or not ended.folder.exists():  # the other Blender takes it over
+        state.refresh(bpy.context.scene)
+        return
+    area = next(views_3d(), None)
+    with contextlib.ExitStack() as context:
+        window = next(iter(bpy.context.window_manager.windows))
+        if area is not None:
+            window = next(w for w in bpy.context.window_manager.windows if area in w.screen.areas[:])
+            region = next(region for region in area.regions if region.type == "WINDOW")
+            context.enter_context(bpy.context.temp_override(window=window, area=area, region=region))
+        else:
+            context.enter_context(bpy.context.temp_override(window=window))
+        told = len(bpy.context.window_manager.r2sego_engine.ended)
+        try:
+            take_over(ended)
+        except RuntimeError as error:
+            if ended.folder.exists():  # its poll refused
+                _tell_only(ended)
+            elif len(bpy.context.window_manager.r2sego_engine.ended) == told:
+                job.tell_end(ended.title, "ERROR", str(error).strip().splitlines()[-1])
+        if bpy.ops.ed.undo_push.poll():
+            bpy.ops.ed.undo_push(message=ended.title)
+    pictures.clear(bpy.context.window_manager.r2sego_engine)
+
+
+def _being_edited() -> bool:
+    """Whether the person is in the middle of an action, whose data must not change under it."""
+    windows = bpy.context.window_manager.windows
+    return any("UNDO" in running.bl_options for window in windows for running in window.modal_operators)
+
+
+def _redraw() -> None:
+    redraw_views("UI")  # the side bar alone: a large scene is slow to draw
+    for window in bpy.context.window_manager.windows:
+        if not window.modal_operators:  # whose hints would be wiped
+            with bpy.context.temp_override(window=window):
+                bpy.context.workspace.status_text_set(None)  # has the status bar drawn anew
+
+
+def _draw_in_status_bar(header, context) -> None:
+    shown = context.window_manager.r2sego_job
+    if not shown.running:
+        return
+    row = header.layout.row(align=True)
+    row.ui_units_x = 12
+    text = ", ".join(filter(None, (shown.task, job.time_left())))
+    row.progress(factor=shown.fraction, text=text)
+    row.operator("r2sego.cancel", text="", icon="X")
+
+
+@bpy.app.handlers.persistent
+def _file_loaded(_file: str) -> None:
+    look_again()
+
+
+def _bundle_shown(_scene: bpy.types.Scene, bundle: Bundle) -> None:
+    if job.current() is None:
+        _looked_in.discard(str(bundle.path))
+
+
+def register() -> None:
+    """Begin to look; without a window nobody would see, and timers do not run."""
+    bpy.app.handlers.load_post.append(_file_loaded)
+    state.listeners.append(_bundle_shown)
+    _looked_in.clear()
+    if not bpy.app.background:
+        bpy.app.timers.register(_tick, first_interval=_IDLE_S, persistent=True)
+        bpy.types.STATUSBAR_HT_header.append(_draw_in_status_bar)
+
+
+def unregister() -> None:
+    """Look no longer; a running job goes on."""
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+        bpy.types.STATUSBAR_HT_header.remove(_draw_in_status_bar)
+    state.listeners.remove(_bundle_shown)
+    bpy.app.handlers.load_post.remove(_file_loaded)

@@ -1,0 +1,37 @@
+"""The running job's preview picture as an icon of Blender."""
+
+from pathlib import Path
+
+import bpy
+import bpy.utils.previews
+
+_previews = None
+_shown = ("", 0)  # file and its time of change
+
+
+def show(engine: bpy.types.PropertyGroup) -> None:
+    """Read the picture that ``engine.picture`` names, if it is new, into ``engine.picture_icon``."""
+    global _previews, _shown
+    if not engine.picture:
+        engine.picture_icon = 0
+        return
+    try:
+        seen = (engine.picture, Path(engine.picture).stat().st_mtime_ns)
+    except OSError:  # being replaced, or gone with its job
+        return
+    if seen == _shown and engine.picture_icon:
+        return
+    if _previews is None:
+        _previews = bpy.utils.previews.new()
+    _previews.clear()
+    engine.picture_icon = _previews.load(f"picture {seen[1]}", engine.picture, "IMAGE").icon_id
+    _shown = seen
+
+
+def clear(engine: bpy.types.PropertyGroup) -> None:
+    """Forget the picture."""
+    global _previews, _shown
+    engine.picture, engine.picture_icon, _shown = "", 0, ("", 0)
+    if _previews is not None:
+        bpy.utils.previews.remove(_previews)
+        _previews = None

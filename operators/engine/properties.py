@@ -1,0 +1,36 @@
+"""What the panels show of the engine: whether there is one, the picture of its job, and ends of jobs."""
+
+import bpy
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntProperty, StringProperty
+
+from ...r2sego_blender.bridge.engine_python import interpreter
+from ...r2sego_blender.errors import R2SEgoError
+
+
+class R2SEGO_PG_ended_job(bpy.types.PropertyGroup):
+    """The line with which a job ended"""
+
+    title: StringProperty()
+    line: StringProperty()
+    level: EnumProperty(items=[(name, name.capitalize(), "") for name in ("INFO", "WARNING", "ERROR")])
+
+
+class R2SEGO_PG_engine(bpy.types.PropertyGroup):
+    """The engine, as this Blender knows it"""
+
+    has_python: BoolProperty(description="Whether a Python that can be run is chosen")
+    picture: StringProperty(description="The latest preview picture of the running job")
+    picture_icon: IntProperty(description="That picture as an icon, 0 while there is none")
+    ended: CollectionProperty(type=R2SEGO_PG_ended_job)
+
+
+def note_python() -> bool:
+    """Look whether there is a Python for the engine, for the panels; returns whether that changed."""
+    try:
+        found = bool(interpreter())
+    except R2SEgoError:
+        found = False
+    engine = bpy.context.window_manager.r2sego_engine
+    changed = engine.has_python != found
+    engine.has_python = found
+    return changed
