@@ -19,6 +19,7 @@ from typing import Any
 import click
 
 from . import __version__
+from .cli_asset import edit_asset, render
 from .cli_bench import bench
 from .cli_options import (
     ANY_PATH,
@@ -430,6 +431,8 @@ def doctor(as_json: bool) -> None:
 
 
 main.add_command(bench)
+main.add_command(render)
+main.add_command(edit_asset)
 main.add_command(views)
 
 

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from .allocation import allocate_views
+from .asset_edits import EDITS, deleted_by, load_edits
 from .cameras import Camera
 from .captures.capture import Capture
 from .captures.sparse import SparsePoints, depth_ranges
@@ -366,15 +367,21 @@ class Steps:
     def publish_refined_scene(self, collision: str, asset: str) -> None:
         """A*, before its backdrop, and the current collision surface, at the top of the bundle."""
 
-        def compose(file: Path) -> None:
-            refined = self._asset(asset)
-            save_ply(file, refined.concatenated(self._asset(BACKDROP).with_degree(refined.degree)))
-
         def copy(folder: Path) -> None:
             shutil.copytree(self.scene.path / collision, folder, dirs_exist_ok=True)
 
-        self._step(REFINED_ASSET, compose, inputs=[asset, BACKDROP])
+        self.publish_asset(asset)
         self._step(COLLISION, copy, inputs=[collision])
+
+    def publish_asset(self, asset: str) -> None:
+        """A* before its backdrop, without what a person deleted."""
+
+        def compose(file: Path) -> None:
+            refined = self._asset(asset)
+            whole = refined.concatenated(self._asset(BACKDROP).with_degree(refined.degree))
+            save_ply(file, whole.subset(~deleted_by(load_edits(self.scene.path), whole.means)))
+
+        self._step(REFINED_ASSET, compose, inputs=[asset, BACKDROP, EDITS])
 
     # ---- what the steps read
 

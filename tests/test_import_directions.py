@@ -38,7 +38,9 @@ MAY_IMPORT = {
     "allocation": FOUNDATION | {"geometry", "robot", "splats", "scoring", "selection", "references"},
     "generation": ABOVE_CAPTURES | {"geometry", "robot", "selection"},
     "visual_asset": FOUNDATION | {"splats"},
-    "steps": PARTS | {"visual_asset", "allocation"},
+    "asset_edits": FOUNDATION | {"splats"},
+    "asset_stages": FOUNDATION,
+    "steps": PARTS | {"visual_asset", "allocation", "asset_edits"},
     "pipeline": PARTS | {"steps"},
     "creation": ABOVE_CAPTURES | {"robot"},
     "object_backends": ABOVE_CAPTURES | {"geometry"},
@@ -55,11 +57,13 @@ MAY_IMPORT = {
     "benchmarks": PARTS | {"splat_training", "creation", "steps", "evaluation", "scoring", "references"},
     "splat_training": FOUNDATION | {"captures", "splats", "evaluation"},
     "cli_options": ABOVE_CAPTURES | {"robot"},
+    "cli_asset": FOUNDATION | {"asset_edits", "asset_stages", "cli_options", "splats", "steps"},
     "cli_bench": FOUNDATION | {"benchmarks", "cli_options"},
     "cli_views": FOUNDATION | {"generation", "cli_options"},
     "cli": PARTS
     | {
         "cli_options",
+        "cli_asset",
         "cli_bench",
         "cli_views",
         "steps",
@@ -76,7 +80,7 @@ MAY_IMPORT = {
     }
     | {"splat_training", "collision_report", "rollouts_report", "selection_report"},
     "__main__": {"cli"},
-    "bridge": ABOVE_CAPTURES | {"geometry", "generation"},
+    "bridge": ABOVE_CAPTURES | {"geometry", "generation", "splats", "asset_edits", "asset_stages"},
 }
 """Part of the library -> the parts its files may import, besides their own."""
 

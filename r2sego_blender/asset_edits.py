@@ -1,0 +1,109 @@
+"""What a person deleted from the asset: regions of space, kept in the bundle as ``asset_edits/``.
+
+Regions and no list of Gaussians, so that an edit outlives a new refinement: it is applied
+whenever the asset is published. NumPy alone: Blender lists the edits too.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .errors import AssetError
+from .scene import Scene
+from .splats.regions import Region, region_of
+
+EDITS = "asset_edits"
+"""The folder in the bundle."""
+
+_NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
+
+
+@dataclass(frozen=True)
+class AssetEdit:
+    """Regions that were deleted together, under one name."""
+
+    name: str
+    regions: tuple[Region, ...]
+
+    def deletes(self, means: np.ndarray) -> np.ndarray:
+        """(N,) bool: which of the centres (N, 3), metres, one of the regions holds."""
+        deleted = np.zeros(len(means), bool)
+        for region in self.regions:
+            deleted |= region.holds(means)
+        return deleted
+
+
+def load_edits(bundle: Path) -> tuple[AssetEdit, ...]:
+    """The bundle's edits by name. Raises AssetError when a file is damaged."""
+    return tuple(_load(file) for file in sorted((bundle / EDITS).glob("*.json")))
+
+
+def deleted_by(edits: Sequence[AssetEdit], means: np.ndarray) -> np.ndarray:
+    """(N,) bool: which of the centres (N, 3), metres, one of the edits deletes."""
+    deleted = np.zeros(len(means), bool)
+    for edit in edits:
+        deleted |= edit.deletes(means)
+    return deleted
+
+
+def next_name(bundle: Path) -> str:
+    """The first free one of edit_001, edit_002 and on."""
+    taken = {file.stem for file in (bundle / EDITS).glob("*.json")}
+    return next(name for name in (f"edit_{i:03d}" for i in range(1, len(taken) + 2)) if name not in taken)
+
+
+def save_edit(scene: Scene, edit: AssetEdit) -> Path:
+    """Write an edit into the bundle, in place of one of that name. Raises AssetError for a bad name."""
+    if not _NAME.fullmatch(edit.name):
+        raise AssetError(
+            f"'{edit.name}' is no name of an edit", where="--name", cure="Use letters, digits, - and _."
+        )
+    content = {"regions": [region.to_json() for region in edit.regions]}
+    with scene.publishing(f"{EDITS}/{edit.name}.json") as staging:
+        staging.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    return scene.path / EDITS / f"{edit.name}.json"
+
+
+def remove_edit(scene: Scene, name: str) -> None:
+    """Take an edit out of the bundle. Raises AssetError when there is none of that name."""
+    file = scene.path / EDITS / f"{name}.json"
+    if not _NAME.fullmatch(name) or not file.is_file():
+        names = ", ".join(edit.name for edit in load_edits(scene.path)) or "none"
+        raise AssetError(f"there is no edit '{name}'", where=scene.path, cure=f"There are: {names}.")
+    file.unlink()
+
+
+def move_edits(scene: Scene, similarity: np.ndarray) -> None:
+    """Carry the edits into another world frame, (4, 4) similarity."""
+    for edit in load_edits(scene.path):
+        save_edit(scene, AssetEdit(edit.name, tuple(one.transformed(similarity) for one in edit.regions)))
+
+
+def load_region(file: Path, kind: str) -> Region:
+    """The region of a kind in a JSON file; the file need not name the kind. Raises AssetError."""
+    return region_of({**_json(file), "kind": kind}, file)
+
+
+def _load(file: Path) -> AssetEdit:
+    regions = _json(file).get("regions")
+    if not isinstance(regions, list):
+        raise AssetError("there is no list of regions", where=file, cure="Remove the file.")
+    return AssetEdit(file.stem, tuple(region_of(region, file) for region in regions))
+
+
+def _json(file: Path) -> dict:
+    try:
+        data = json.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise AssetError("the file cannot be read", where=file, cure="Check the path.") from error
+    except ValueError as error:
+        raise AssetError(f"it is not JSON: {error}", where=file, cure="Mend or remove it.") from error
+    if not isinstance(data, dict):
+        raise AssetError("it is no JSON object", where=file, cure="Mend or remove it.")
+    return data

@@ -1,0 +1,155 @@
+"""The commands on a scene's visual asset: pictures of it, and what is deleted from it."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .asset_stages import FINAL, PASSES, stage_named
+from .cli_options import ANY_PATH, FOLDER, json_progress, progress_of, show, tell
+from .errors import AssetError
+from .progress import JsonProgress, Progress
+from .scene import Scene
+
+if TYPE_CHECKING:
+    from .splats.asset import SplatAsset
+
+
+@click.command()
+@click.argument("source", metavar="SCENE|ASSET", type=ANY_PATH)
+@click.option("--cameras", required=True, type=ANY_PATH, help="JSON with a list 'cameras' or 'captures'.")
+@click.option("--to", "folder", required=True, type=FOLDER, help="Folder to write, made if missing.")
+@click.option("--round", "stage", default=FINAL, metavar="L", help="initial, a round from 0, or final.")
+@click.option(
+    "--pass", "passes", type=click.Choice(PASSES), multiple=True, help="Repeatable; by default colour."
+)
+@json_progress
+@click.pass_context
+def render(
+    context: click.Context,
+    source: Path,
+    cameras: Path,
+    folder: Path,
+    stage: str,
+    passes: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Render a scene's asset, or a splat file, exactly from given cameras."""
+    from .splats.pictures import load_cameras, save_pictures
+
+    progress = progress_of(context, as_json)
+    seen_from = load_cameras(cameras)
+    asset = _asset(source, stage)
+    started = time.monotonic()
+    files = save_pictures(asset, seen_from, folder, tuple(dict.fromkeys(passes)) or ("colour",), progress)
+    seconds = round(time.monotonic() - started, 3)
+    if isinstance(progress, JsonProgress):
+        tell(progress, files=list(map(str, files)), gaussians=len(asset), seconds=seconds)
+    else:
+        for file in files:
+            click.echo(file)
+
+
+@click.command("edit-asset")
+@click.argument("scene", type=ANY_PATH)
+@click.option("--box", "boxes", multiple=True, type=ANY_PATH, help="What to delete: a box; repeatable.")
+@click.option("--lasso", "lassos", multiple=True, type=ANY_PATH, help="What a lasso holds; repeatable.")
+@click.option("--cells", "cells", multiple=True, type=ANY_PATH, help="What cells of a grid hold; repeatable.")
+@click.option("--name", help="The edit's name; by default the next edit_001.")
+@click.option("--remove", multiple=True, metavar="NAME", help="Take an edit back; repeatable.")
+@click.option("--list", "listed", is_flag=True, help="Only say which edits there are.")
+@click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
+@json_progress
+@click.pass_context
+def edit_asset(
+    context: click.Context,
+    scene: Path,
+    boxes: tuple[Path, ...],
+    lassos: tuple[Path, ...],
+    cells: tuple[Path, ...],
+    name: str | None,
+    remove: tuple[str, ...],
+    listed: bool,
+    as_object: bool,
+    as_json: bool,
+) -> None:
+    """Delete splats from SCENE's asset, now and whenever it is refined again.
+
+    FILE of --box holds world_from_box (4x4) and half_extents (3); of --lasso camera,
+    polygon_px, near_m and far_m; of --cells grid_from_world (4x4) and cells (K x 3).
+    """
+    from .asset_edits import AssetEdit, load_edits, load_region, next_name, remove_edit, save_edit
+
+    progress = progress_of(context, as_json)
+    opened = Scene.open(scene)
+    kinds = (("box", boxes), ("lasso", lassos), ("cells", cells))
+    regions = tuple(load_region(file, kind) for kind, files in kinds for file in files)
+    if not (regions or remove or listed):
+        raise AssetError("nothing is to be edited", where="r2sego edit-asset", cure="Give --box or --list.")
+    if regions or remove:
+        with opened.locked():
+            load_edits(opened.path)  # damaged ones are refused before anything changes
+            if regions:
+                save_edit(opened, AssetEdit(name or next_name(opened.path), regions))
+            for one in remove:
+                remove_edit(opened, one)
+            _publish_again(opened, progress)
+    show(progress, _described(opened), _lines, as_object)
+
+
+def _asset(source: Path, stage: str) -> SplatAsset:
+    """The asset of a splat file, or of a bundle at a stage, with the backdrop behind it."""
+    from .splats.formats import load_asset
+
+    if not source.is_dir():
+        return load_asset(source)
+    chosen = stage_named(Scene.open(source), stage)
+    asset = load_asset(chosen.file)
+    if chosen.backdrop is None:
+        return asset
+    return asset.concatenated(load_asset(chosen.backdrop).with_degree(asset.degree))
+
+
+def _publish_again(scene: Scene, progress: Progress) -> None:
+    """The final asset anew, if there is one."""
+    from .steps import Steps, of_round
+
+    last = _last_round(scene)
+    if last >= 0:
+        steps = Steps(scene, scene.declaration.settings, progress)
+        steps.publish_asset(of_round(last, "asset.ply"))
+
+
+def _last_round(scene: Scene) -> int:
+    """The round whose asset the final one is made of; -1 when there is no final one."""
+    rounds = min(scene.rounds_done(), scene.declaration.settings.rounds)
+    return rounds - 1 if scene.asset_file.is_file() else -1
+
+
+def _described(scene: Scene) -> dict[str, Any]:
+    """The edits, and what they delete of the final asset."""
+    from .asset_edits import deleted_by, load_edits
+
+    edits = load_edits(scene.path)
+    listed = [{"name": e.name, "regions": [r.to_json()["kind"] for r in e.regions]} for e in edits]
+    last = _last_round(scene)
+    if last < 0:
+        return {"edits": listed}
+    means = _asset(scene.path, str(last)).means
+    for edit, one in zip(edits, listed, strict=True):
+        one["deleted"] = int(edit.deletes(means).sum())
+    left = len(means) - int(deleted_by(edits, means).sum())
+    return {"edits": listed, "gaussians": left, "before": len(means)}
+
+
+def _lines(described: dict[str, Any]) -> list[str]:
+    lines = []
+    for one in described["edits"]:
+        deleted = f", {one['deleted']} Gaussians" if "deleted" in one else ""
+        lines.append(f"{one['name']}: {', '.join(one['regions'])}{deleted}")
+    if "gaussians" in described:
+        lines.append(f"asset.ply: {described['gaussians']} of {described['before']} Gaussians are left")
+    return lines or ["no edits"]

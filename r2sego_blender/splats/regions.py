@@ -1,0 +1,187 @@
+"""Parts of space in which Gaussians are deleted, as JSON and as a test of their centres.
+
+NumPy alone: Blender marks with the same test what the engine deletes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..cameras import Camera
+from ..errors import AssetError
+
+_LARGEST_CELL = 1 << 20
+"""Cells are numbered from minus this to this along each axis, so that three fit into 64 bits."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box of any pose: ``world_from_box`` (4, 4) affine, ``half_extents`` (3,) in the box's frame."""
+
+    world_from_box: np.ndarray
+    half_extents: np.ndarray
+
+    def holds(self, means: np.ndarray) -> np.ndarray:
+        """(N,) bool: which of the points (N, 3), metres, lie inside or on the box."""
+        linear, origin = self.world_from_box[:3, :3], self.world_from_box[:3, 3]
+        local = (np.asarray(means, np.float64) - origin) @ np.linalg.inv(linear).T
+        return (np.abs(local) <= self.half_extents).all(axis=1)
+
+    def transformed(self, similarity: np.ndarray) -> Box:
+        """The box after a (4, 4) similarity of the world."""
+        return Box(similarity @ self.world_from_box, self.half_extents)
+
+    def to_json(self) -> dict[str, Any]:
+        """As ``region_of`` reads it."""
+        return {
+            "kind": "box", "world_from_box": self.world_from_box.tolist(),
+            "half_extents": self.half_extents.tolist(),
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Lasso:
+    """What a camera sees inside a polygon, between two depths.
+
+    ``polygon_px`` (P, 2) pixels, closed, by the even-odd rule; ``near_m`` and ``far_m`` bound
+    the planar depth. An ``orthographic`` camera has parallel rays and ``fx``, ``fy`` in pixels
+    a metre.
+    """
+
+    camera: Camera
+    polygon_px: np.ndarray
+    near_m: float
+    far_m: float
+    orthographic: bool = False
+
+    def holds(self, means: np.ndarray) -> np.ndarray:
+        """(N,) bool: which of the points (N, 3), metres, are seen inside the polygon."""
+        local = np.asarray(means, np.float64) @ self.camera.camera_from_world[:3, :3].T
+        local += self.camera.camera_from_world[:3, 3]
+        depth = local[:, 2]
+        held = (depth >= self.near_m) & (depth <= self.far_m) & (self.orthographic | (depth > 0.0))
+        places = np.flatnonzero(held)
+        scale = np.ones(len(places)) if self.orthographic else depth[places]
+        focal, centre = (self.camera.fx, self.camera.fy), (self.camera.cx, self.camera.cy)
+        held[places] = _inside(local[places, :2] / scale[:, None] * focal + centre, self.polygon_px)
+        return held
+
+    def transformed(self, similarity: np.ndarray) -> Lasso:
+        """The lasso after a (4, 4) similarity of the world."""
+        scale = float(np.cbrt(np.linalg.det(similarity[:3, :3])))
+        camera = self.camera.transformed(similarity)
+        if self.orthographic:
+            camera = Camera(
+                camera.width, camera.height, camera.fx / scale, camera.fy / scale,
+                camera.cx, camera.cy, camera.world_from_camera,
+            )  # fmt: skip
+        return Lasso(camera, self.polygon_px, self.near_m * scale, self.far_m * scale, self.orthographic)
+
+    def to_json(self) -> dict[str, Any]:
+        """As ``region_of`` reads it."""
+        return {
+            "kind": "lasso", "camera": self.camera.to_json(), "polygon_px": self.polygon_px.tolist(),
+            "near_m": self.near_m, "far_m": self.far_m, "orthographic": self.orthographic,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Cells of a grid in the frame ``grid_from_world`` (4, 4), a similarity.
+
+    ``cells`` (K, 3) int64 are the cells' numbers: cell (i, j, k) reaches from i to i + 1 and so on.
+    """
+
+    grid_from_world: np.ndarray
+    cells: np.ndarray
+
+    @staticmethod
+    def around(points: np.ndarray, cell_m: float) -> Cells:
+        """The cells of side ``cell_m`` that hold the points (N, 3), metres."""
+        grid = np.diag([1.0 / cell_m, 1.0 / cell_m, 1.0 / cell_m, 1.0])
+        return Cells(grid, np.unique(_cells(grid, points), axis=0))
+
+    def holds(self, means: np.ndarray) -> np.ndarray:
+        """(N,) bool: which of the points (N, 3), metres, lie in one of the cells."""
+        return np.isin(_keys(_cells(self.grid_from_world, means)), _keys(self.cells))
+
+    def transformed(self, similarity: np.ndarray) -> Cells:
+        """The cells after a (4, 4) similarity of the world."""
+        return Cells(self.grid_from_world @ np.linalg.inv(similarity), self.cells)
+
+    def to_json(self) -> dict[str, Any]:
+        """As ``region_of`` reads it."""
+        return {
+            "kind": "cells", "grid_from_world": self.grid_from_world.tolist(), "cells": self.cells.tolist(),
+        }  # fmt: skip
+
+
+Region = Box | Lasso | Cells
+
+KINDS = ("box", "lasso", "cells")
+
+
+def region_of(data: Mapping[str, Any], where: object) -> Region:
+    """The region of ``to_json``. Raises AssetError, with ``where``, when a field is missing or wrong."""
+    try:
+        match data["kind"]:
+            case "box":
+                pose = _numbers(data["world_from_box"], (4, 4))
+                np.linalg.inv(pose[:3, :3])  # refuses a flat frame
+                return Box(pose, _numbers(data["half_extents"], (3,)))
+            case "lasso":
+                polygon = _numbers(data["polygon_px"], (len(data["polygon_px"]), 2))
+                if len(polygon) < 3:
+                    raise ValueError("polygon_px has fewer than three corners")
+                return Lasso(
+                    Camera.from_json(data["camera"]), polygon,
+                    float(data["near_m"]), float(data["far_m"]), bool(data.get("orthographic", False)),
+                )  # fmt: skip
+            case "cells":
+                cells = np.asarray(data["cells"], np.int64).reshape(-1, 3)
+                return Cells(_numbers(data["grid_from_world"], (4, 4)), cells)
+            case kind:
+                raise ValueError(f"kind is {kind!r}, not one of {', '.join(KINDS)}")
+    except (KeyError, TypeError, ValueError, np.linalg.LinAlgError) as error:
+        what = f"the field {error} is missing" if isinstance(error, KeyError) else str(error)
+        raise AssetError(
+            f"this is no region: {what}", where=where, cure="See docs/splats.md, Deleting splats."
+        ) from error
+
+
+def _numbers(values: Any, shape: tuple[int, ...]) -> np.ndarray:
+    array = np.array(values, np.float64)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise ValueError(f"{shape} finite numbers are needed, not {array.shape}")
+    return array
+
+
+def _inside(points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
+    """(n,) bool: which points (n, 2) a ray to the right leaves the polygon (P, 2) from, by even-odd."""
+    lowest, highest = polygon.min(axis=0), polygon.max(axis=0)
+    places = np.flatnonzero(((points >= lowest) & (points <= highest)).all(axis=1))
+    x, y = points[places].T
+    odd = np.zeros(len(places), bool)
+    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        if y0 != y1:
+            crosses = (y0 > y) != (y1 > y)
+            odd ^= crosses & (x < x0 + (y - y0) * ((x1 - x0) / (y1 - y0)))
+    inside = np.zeros(len(points), bool)
+    inside[places] = odd
+    return inside
+
+
+def _cells(grid_from_world: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(N, 3) int64: the cell of each point."""
+    local = np.asarray(points, np.float64) @ grid_from_world[:3, :3].T + grid_from_world[:3, 3]
+    return np.floor(np.clip(local, -_LARGEST_CELL, _LARGEST_CELL - 1)).astype(np.int64)
+
+
+def _keys(cells: np.ndarray) -> np.ndarray:
+    """(N,) int64: one number for each cell (N, 3)."""
+    shifted = np.clip(cells, -_LARGEST_CELL, _LARGEST_CELL - 1) + _LARGEST_CELL
+    return (shifted[:, 0] << 42) | (shifted[:, 1] << 21) | shifted[:, 2]

@@ -1,0 +1,82 @@
+"""Pictures of an asset are the rasteriser's and the outputs', to the value."""
+
+import json
+
+import numpy as np
+import pytest
+
+from r2sego_blender.benchmarks.workloads import made_up_room
+from r2sego_blender.errors import AssetError
+from r2sego_blender.images import load_image_uint8, to_uint8
+from r2sego_blender.splats.outputs import render_outputs
+from r2sego_blender.splats.pictures import load_cameras, save_pictures
+from r2sego_blender.splats.rasterizer import render
+
+
+@pytest.fixture(scope="module")
+def room():
+    return made_up_room(800, (64, 48))
+
+
+def test_pictures_and_arrays_are_those_of_the_outputs(room, tmp_path):
+    camera = room.views[0].camera
+    passes = ("colour", "alpha", "depth", "normals")
+    files = save_pictures(room.asset, {"here": camera}, tmp_path / "out", passes)
+    names = ["here.png", "here_alpha.png", "here_depth.png", "here_normals.png", "here.npz"]
+    assert [file.name for file in files] == names and all(file.is_file() for file in files)
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == sorted(names)
+    expected = render_outputs(room.asset, camera)
+    np.testing.assert_array_equal(load_image_uint8(files[0]), to_uint8(expected.colour))
+    with np.load(files[-1]) as exact:
+        assert sorted(exact) == ["alpha", "depth", "normals"]
+        for name in exact:
+            np.testing.assert_array_equal(exact[name], getattr(expected, name))
+
+
+def test_colour_alone_is_the_evaluations_picture(room, tmp_path):
+    cameras = {f"view {i}": room.views[0].camera.scaled(scale) for i, scale in enumerate((1.0, 0.5))}
+    files = save_pictures(room.asset, cameras, tmp_path)
+    assert [file.name for file in files] == ["view 0.png", "view 1.png"]
+    for file, camera in zip(files, cameras.values(), strict=True):
+        np.testing.assert_array_equal(load_image_uint8(file), to_uint8(render(room.asset, camera).colour))
+
+
+def test_cameras_are_read_by_name_or_place(room, tmp_path):
+    camera = room.views[0].camera.to_json()
+    file = tmp_path / "cameras.json"
+    file.write_text(json.dumps({"captures": [{**camera, "name": "a"}, camera]}))
+    cameras = load_cameras(file)
+    assert list(cameras) == ["a", "001"] and cameras["a"].to_json() == camera
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("{", "not JSON"),
+        ("[]", "list 'cameras'"),
+        ('{"cameras": [{"width": 3}]}', "entry 0"),
+        ('{"cameras": ["a"]}', "entry 0"),
+    ],
+)
+def test_damaged_cameras_are_refused_with_their_place(tmp_path, content, words):
+    file = tmp_path / "cameras.json"
+    file.write_text(content)
+    with pytest.raises(AssetError, match=words):
+        load_cameras(file)
+
+
+@pytest.mark.parametrize(
+    "change", [{"name": "../up"}, {"name": ""}, {"width": 10**6, "height": 10**6}, {"fx": 0.0}]
+)
+def test_a_camera_that_cannot_be_rendered_or_named_is_refused(room, tmp_path, change):
+    file = tmp_path / "cameras.json"
+    file.write_text(json.dumps({"cameras": [{**room.views[0].camera.to_json(), **change}]}))
+    with pytest.raises(AssetError, match="entry 0"):
+        load_cameras(file)
+
+
+def test_two_cameras_of_one_name_are_refused(room, tmp_path):
+    file = tmp_path / "cameras.json"
+    file.write_text(json.dumps({"cameras": [{**room.views[0].camera.to_json(), "name": "a"}] * 2}))
+    with pytest.raises(AssetError, match="entry 1"):
+        load_cameras(file)

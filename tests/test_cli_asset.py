@@ -1,0 +1,175 @@
+"""r2sego render and edit-asset: what they write, and that an edit outlives a refinement."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from r2sego_blender import cli
+from r2sego_blender.asset_edits import AssetEdit, deleted_by, load_edits, move_edits, save_edit
+from r2sego_blender.benchmarks.workloads import made_up_room
+from r2sego_blender.errors import AssetError
+from r2sego_blender.images import load_image_uint8, to_uint8
+from r2sego_blender.progress import SILENT
+from r2sego_blender.scene import Declaration, Scene
+from r2sego_blender.splats.asset import SplatAsset
+from r2sego_blender.splats.ply import load_ply, save_ply
+from r2sego_blender.splats.rasterizer import render
+from r2sego_blender.splats.regions import Box, Cells, Lasso
+from r2sego_blender.steps import Steps, of_round
+
+IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
+ROOM = made_up_room(900, (64, 48))
+CAMERA = ROOM.views[0].camera
+BACKDROP = ROOM.asset.subset(np.arange(0, 900, 10)).with_degree(0)
+FIELDS = ("means", "log_scales", "quaternions", "logit_opacities", "sh")
+
+
+@pytest.fixture(autouse=True)
+def signals_stay_the_tests_own(monkeypatch):
+    monkeypatch.setattr(cli, "_cancel_at_once", lambda: None)
+
+
+def r2sego(*arguments):
+    return CliRunner().invoke(cli.main, list(map(str, arguments)))
+
+
+@pytest.fixture
+def scene(tmp_path) -> Scene:
+    """As much of a refined scene as publishing its asset reads."""
+
+    def fill(folder: Path) -> None:
+        for name in ("geometry", "rounds/0", "captures"):
+            (folder / name).mkdir(parents=True)
+        save_ply(folder / "rounds/0/asset.ply", ROOM.asset)
+        save_ply(folder / "geometry/backdrop.ply", BACKDROP)
+        save_ply(folder / "geometry/initial_asset.ply", ROOM.asset.subset(np.arange(100)))
+
+    declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
+    made = Scene.create(tmp_path / "room.r2s", declaration, fill)
+    Steps(made, declaration.settings, SILENT).publish_asset(of_round(0, "asset.ply"))
+    return made
+
+
+def published(scene: Scene) -> SplatAsset:
+    return load_ply(scene.asset_file)
+
+
+def box_file(folder: Path, half: float = 0.8) -> Path:
+    """A box around the point nearest to the middle of the room."""
+    pose = np.eye(4)
+    pose[:3, 3] = ROOM.asset.means[0]
+    file = folder / "box.json"
+    box = Box(pose, np.full(3, half)).to_json()
+    del box["kind"]  # the option says it
+    file.write_text(json.dumps(box))
+    return file
+
+
+def test_a_box_is_deleted_at_once_and_the_rest_kept_to_the_bit(scene, tmp_path):
+    whole = published(scene)
+    done = r2sego("edit-asset", scene.path, "--box", box_file(tmp_path), "--json")
+    assert done.exit_code == 0, done.output
+    (edit,) = load_edits(scene.path)
+    gone = edit.deletes(whole.means)
+    assert 0 < gone.sum() < len(whole) and edit.name == "edit_001"
+    left = published(scene)
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(left, name), getattr(whole, name)[~gone])
+    told = json.loads(done.stdout)
+    assert told["edits"] == [{"name": "edit_001", "regions": ["box"], "deleted": int(gone.sum())}]
+    assert (told["gaussians"], told["before"]) == (len(left), len(whole))
+
+
+def test_an_edit_outlives_a_new_refinement_and_can_be_taken_back(scene, tmp_path):
+    before = scene.asset_file.read_bytes()
+    assert r2sego("edit-asset", scene.path, "--box", box_file(tmp_path), "--name", "floaters").exit_code == 0
+    moved = ROOM.asset.subset(np.arange(len(ROOM.asset))[::-1])  # as a refinement leaves others
+    save_ply(scene.path / "rounds/0/asset.ply", moved)
+    Steps(scene, scene.declaration.settings, SILENT).publish_asset(of_round(0, "asset.ply"))
+    assert not deleted_by(load_edits(scene.path), published(scene).means).any()
+    save_ply(scene.path / "rounds/0/asset.ply", ROOM.asset)
+    done = r2sego("edit-asset", scene.path, "--remove", "floaters")
+    assert done.exit_code == 0 and load_edits(scene.path) == ()
+    assert scene.asset_file.read_bytes() == before
+
+
+def test_several_regions_of_one_call_are_one_edit(scene, tmp_path):
+    polygon = np.array([[0.0, 0.0], [32.0, 0.0], [32.0, 48.0], [0.0, 48.0]])
+    lasso, cells = tmp_path / "lasso.json", tmp_path / "cells.json"
+    lasso.write_text(json.dumps(Lasso(CAMERA, polygon, 0.0, 2.5).to_json()))
+    cells.write_text(json.dumps(Cells.around(ROOM.asset.means[:5], 0.05).to_json()))
+    done = r2sego("edit-asset", scene.path, "--lasso", lasso, "--cells", cells)
+    assert done.exit_code == 0 and "lasso, cells" in done.stdout
+    (edit,) = load_edits(scene.path)
+    left = published(scene).means
+    assert not edit.deletes(left).any() and len(left) < len(ROOM.asset) + len(BACKDROP)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "nothing is to be edited"),
+        (["--remove", "none"], "no edit 'none'"),
+        (["--remove", "../scene"], "no edit"),
+        (["--box", "missing.json"], "missing.json"),
+        (["--box", "BOX", "--name", "a/b"], "a/b"),
+        (["--lasso", "BOX"], "polygon_px"),
+    ],
+)
+def test_a_refused_edit_changes_nothing(scene, tmp_path, arguments, words):
+    given = [box_file(tmp_path) if a == "BOX" else a for a in arguments]
+    before = scene.asset_file.read_bytes()
+    done = r2sego("edit-asset", scene.path, *given)
+    assert done.exit_code == 1 and words in done.stderr, done.output
+    assert scene.asset_file.read_bytes() == before and load_edits(scene.path) == ()
+
+
+def test_edits_move_with_the_world(scene):
+    similarity = np.diag([2.0, 2.0, 2.0, 1.0])
+    save_edit(scene, AssetEdit("a", (Box(np.eye(4), np.ones(3)),)))
+    move_edits(scene, similarity)
+    (edit,) = load_edits(scene.path)
+    assert edit.deletes(np.array([[1.9, 0.0, 0.0], [2.1, 0.0, 0.0]])).tolist() == [True, False]
+
+
+def test_a_damaged_edit_is_named(scene):
+    (scene.path / "asset_edits").mkdir()
+    (scene.path / "asset_edits" / "a.json").write_text('{"regions": 3}')
+    with pytest.raises(AssetError, match=r"a\.json"):
+        load_edits(scene.path)
+
+
+def cameras_file(folder: Path) -> Path:
+    file = folder / "cameras.json"
+    file.write_text(json.dumps({"cameras": [{"name": "here", **CAMERA.to_json()}]}))
+    return file
+
+
+@pytest.mark.parametrize("stage", ["initial", "0", "final"])
+def test_a_scene_is_rendered_at_every_stage_with_its_backdrop(scene, tmp_path, stage):
+    done = r2sego("render", scene.path, "--cameras", cameras_file(tmp_path), "--to", tmp_path / "out",
+                  "--round", stage)  # fmt: skip
+    assert done.exit_code == 0, done.output
+    whole = ROOM.asset.concatenated(BACKDROP.with_degree(ROOM.asset.degree))
+    asset = ROOM.asset.subset(np.arange(100)) if stage == "initial" else whole
+    picture = load_image_uint8(tmp_path / "out" / "here.png")
+    np.testing.assert_array_equal(picture, to_uint8(render(asset, CAMERA).colour))
+
+
+def test_a_file_is_rendered_and_the_result_told(scene, tmp_path, capfd):
+    file = scene.path / "rounds/0/asset.ply"
+    r2sego("render", file, "--cameras", cameras_file(tmp_path), "--to", tmp_path / "out",
+           "--pass", "depth", "--json-progress")  # fmt: skip
+    told = json.loads(capfd.readouterr().out.strip().splitlines()[-1])
+    assert told["event"] == "result" and told["gaussians"] == 900
+    assert [Path(f).name for f in told["files"]] == ["here_depth.png", "here.npz"]
+
+
+def test_rendering_names_what_is_missing(scene, tmp_path):
+    options = ["--cameras", cameras_file(tmp_path), "--to", tmp_path / "out"]
+    assert "0, final" in r2sego("render", scene.path, *options, "--round", 7).stderr
+    assert "none.ply" in r2sego("render", tmp_path / "none.ply", *options).stderr
+    assert not (tmp_path / "out").exists()
