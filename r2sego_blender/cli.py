@@ -21,10 +21,10 @@ import click
 from . import __version__
 from .cli_asset import edit_asset, render
 from .cli_bench import bench
+from .cli_captures import register
 from .cli_options import (
     ANY_PATH,
     FOLDER,
-    direction_of,
     json_progress,
     overrides_of,
     progress_of,
@@ -108,48 +108,6 @@ def new(
     settings = with_overrides(changes).captures
     made = create_scene(scene, captures, poses, robot, scope, scale, settings, progress)
     made = made.declare(overrides=changes) if changes else made
-    tell(progress, scene=str(made.path), ground=made.declaration.ground, scale=made.declaration.scale_source)
-
-
-@main.command()
-@click.argument("scene", type=ANY_PATH)
-@click.option(
-    "--floor",
-    multiple=True,
-    metavar="PHOTO:X,Y[=PHOTO:X,Y]",
-    help="A point of the floor in one photograph of the bundle, or the same spot in several; repeatable: "
-    "three tell the floor's tilt, one its height.",
-)
-@click.option("--up", metavar="X,Y,Z", help="The direction up, as the world is now.")
-@click.option("--floor-at", type=float, metavar="METRES", help="Where the floor lies above the z = 0 of now.")
-@scale_options
-@json_progress
-@click.pass_context
-def register(
-    context: click.Context,
-    scene: Path,
-    floor: tuple[str, ...],
-    up: str | None,
-    floor_at: float | None,
-    as_json: bool,
-    **given: Any,
-) -> None:
-    """Correct SCENE's ground or scale; what depends on it is redone by the next refine."""
-    from .captures.floor_points import FloorPoint
-    from .correction import correct_registration
-
-    progress = progress_of(context, as_json)
-    opened = Scene.open(scene)
-    made = correct_registration(
-        opened,
-        floor=[FloorPoint.parse(text) for text in floor],
-        up=None if up is None else direction_of(up),
-        floor_at_m=floor_at,
-        scale=scale_of(
-            **given, robot=opened.declaration.robot, scope=opened.declaration.scope, command="register"
-        ),
-        progress=progress,
-    )
     tell(progress, scene=str(made.path), ground=made.declaration.ground, scale=made.declaration.scale_source)
 
 
@@ -431,6 +389,7 @@ def doctor(as_json: bool) -> None:
 
 
 main.add_command(bench)
+main.add_command(register)
 main.add_command(render)
 main.add_command(edit_asset)
 main.add_command(views)

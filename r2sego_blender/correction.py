@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from .captures.capture import Capture
 from .captures.floor_points import FloorPoint, ground_of, ground_through
+from .captures.ground import Ground
 from .captures.ground_picture import GROUND_PICTURES, save_ground_pictures
+from .captures.picks import Picks, PicksFit, fit_picks
 from .captures.registration import Registration, corrected
 from .captures.scale import Scale
 from .captures.sparse import SparsePoints
@@ -17,6 +22,11 @@ from .errors import CaptureError
 from .object_priors import move_objects
 from .progress import SILENT, Progress
 from .scene import Scene
+
+CORRECTIONS = "corrections.json"
+"""In the bundle: every correction that can be taken back, with the registration before it."""
+
+_REMEMBERED = {"new_from_old", "world_from_capture", "ground", "scale_source"}
 
 
 def correct_registration(
@@ -43,29 +53,151 @@ def correct_registration(
             cure="Show floor points, or give up and the floor's height, or a scale.",
         )  # fmt: skip
     with scene.locked():
-        captures = load_captures(scene.captures_folder)
-        sparse = SparsePoints.load(scene.captures_folder / "sparse.npz")
+        captures, sparse = _load(scene)
         ground = None
         if floor:
             ground = ground_through(captures, sparse, floor, progress)
         elif by_hand:
             ground = ground_of(captures, up, floor_at_m or 0.0)
-        declared = scene.declaration
-        before = Registration(
-            np.array(declared.world_from_capture), declared.ground, declared.scale_source
-        )  # fmt: skip
-        after, similarity = corrected(before, captures, sparse, ground, scale, progress)
-        # A picture of the old floor must not be taken for the new one's.
-        shutil.rmtree(scene.path / GROUND_PICTURES, ignore_errors=True)
-        with scene.publishing("captures") as folder:
-            # What others keep there, such as masks, does not depend on the frame.
-            shutil.copytree(scene.captures_folder, folder, dirs_exist_ok=True)
-            moved = [capture.transformed(similarity) for capture in captures]
-            save_captures(folder, moved, sparse.transformed(similarity))
-        move_objects(scene, similarity)
-        with scene.publishing(GROUND_PICTURES) as folder:
-            save_ground_pictures(folder, load_captures(scene.captures_folder))
-        return scene.declare(
-            world_from_capture=tuple(map(tuple, after.world_from_capture.tolist())),
-            ground=after.ground, scale_source=after.scale_source,
-        )  # fmt: skip
+        after, similarity = corrected(_registration(scene), captures, sparse, ground, scale, progress)
+        return _moved(scene, captures, sparse, similarity, after)
+
+
+def correct_by_picks(scene: Scene, picks: Picks, progress: Progress = SILENT) -> tuple[Scene, PicksFit]:
+    """Move the scene to the ground and the scale that fit a person's picks best.
+
+    Returns the scene as declared then, and the fit with its residuals. Raises CaptureError when
+    the picks tell neither, or contradict each other, and changes nothing then.
+    """
+    with scene.locked():
+        captures, sparse = _load(scene)
+        fit = fit_picks(picks, captures, sparse, progress)
+        fit.check()
+        if fit.ground is None and fit.metres_per_unit is None:
+            raise CaptureError(
+                "the picks tell neither the floor nor a scale", where=scene.path,
+                cure="Mark points as floor, or give the length between two points or a camera's height.",
+            )  # fmt: skip
+        scale = None
+        if fit.metres_per_unit is not None:
+            scale = Scale.measured(fit.metres_per_unit, fit.scale_source)
+        after, similarity = corrected(_registration(scene), captures, sparse, fit.ground, scale, progress)
+        return _moved(scene, captures, sparse, similarity, after), fit
+
+
+def correct_to_frame(scene: Scene, world_from_frame: np.ndarray) -> Scene:
+    """Make a frame that a person placed the world; returns the scene as declared then.
+
+    ``world_from_frame`` (4, 4) is the frame's pose in the world of now; where it has a uniform
+    scale s, s metres of now become one. The origin and the heading are then the frame's own.
+    Raises CaptureError, and changes nothing, for no similarity and where cameras would lie below.
+    """
+    frame = np.asarray(world_from_frame, np.float64)
+    scale = _scale_of(frame)
+    with scene.locked():
+        captures, sparse = _load(scene)
+        similarity = np.linalg.inv(frame)
+        up = frame[:3, 2] / scale
+        ground = Ground(up, float(up @ frame[:3, 3]), 0, True, "the plane of a frame placed by hand")
+        lowest = min(captures, key=lambda capture: float(ground.height(capture.camera.centre)))
+        if not ground.height(lowest.camera.centre) > 0:
+            raise CaptureError(
+                f"the frame's plane would lie above the camera of {lowest.name}", where="frame",
+                cure="Move the frame down onto the floor, its z-axis up.",
+            )  # fmt: skip
+        before = _registration(scene)
+        source = before.scale_source
+        if abs(scale - 1.0) > 1e-6:
+            source += f"; then a metre became {1.0 / scale:.4g} m by hand"
+        after = Registration(similarity @ before.world_from_capture, ground.description, source)
+        return _moved(scene, captures, sparse, similarity, after)
+
+
+def undo_correction(scene: Scene) -> Scene:
+    """Take the last correction back; returns the scene as declared then.
+
+    Raises CaptureError when no correction is left to take back.
+    """
+    with scene.locked():
+        history = _history(scene)
+        if not history:
+            raise CaptureError("there is no correction to take back", where=scene.path)
+        last = history[-1]
+        before = Registration(np.array(last["world_from_capture"]), last["ground"], last["scale_source"])
+        similarity = np.linalg.inv(np.array(last["new_from_old"]))
+        return _moved(scene, *_load(scene), similarity, before, history[:-1])
+
+
+def _moved(
+    scene: Scene,
+    captures: Sequence[Capture],
+    sparse: SparsePoints,
+    similarity: np.ndarray,
+    after: Registration,
+    history: list[dict[str, Any]] | None = None,
+) -> Scene:
+    """The scene carried over by one similarity, and declared; ``history`` replaces its corrections."""
+    if history is None:
+        before = _registration(scene)
+        taken = {
+            "new_from_old": similarity.tolist(), "world_from_capture": before.world_from_capture.tolist(),
+            "ground": before.ground, "scale_source": before.scale_source,
+        }  # fmt: skip
+        history = [*_history(scene), taken]
+    # A picture of the old floor must not be taken for the new one's.
+    shutil.rmtree(scene.path / GROUND_PICTURES, ignore_errors=True)
+    with scene.publishing("captures") as folder:
+        # What others keep there, such as masks, does not depend on the frame.
+        shutil.copytree(scene.captures_folder, folder, dirs_exist_ok=True)
+        moved = [capture.transformed(similarity) for capture in captures]
+        save_captures(folder, moved, sparse.transformed(similarity))
+    move_objects(scene, similarity)
+    with scene.publishing(CORRECTIONS) as file:
+        file.write_text(json.dumps(history, indent=1) + "\n", encoding="utf-8")
+    with scene.publishing(GROUND_PICTURES) as folder:
+        save_ground_pictures(folder, load_captures(scene.captures_folder))
+    return scene.declare(
+        world_from_capture=tuple(map(tuple, after.world_from_capture.tolist())),
+        ground=after.ground, scale_source=after.scale_source,
+    )  # fmt: skip
+
+
+def _load(scene: Scene) -> tuple[tuple[Capture, ...], SparsePoints]:
+    return load_captures(scene.captures_folder), SparsePoints.load(scene.captures_folder / "sparse.npz")
+
+
+def _registration(scene: Scene) -> Registration:
+    declared = scene.declaration
+    return Registration(np.array(declared.world_from_capture), declared.ground, declared.scale_source)
+
+
+def _history(scene: Scene) -> list[dict[str, Any]]:
+    """The corrections so far, oldest first: the similarity, and the registration before it."""
+    file = scene.path / CORRECTIONS
+    if not file.is_file():
+        return []
+    try:
+        history = json.loads(file.read_text(encoding="utf-8"))
+        for one in history:
+            if np.array(one["new_from_old"]).shape != (4, 4) or not one.keys() >= _REMEMBERED:
+                raise ValueError("an entry is damaged")
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        raise CaptureError(
+            f"the corrections cannot be read: {error}",
+            where=file,
+            cure="Remove the file: they are then kept.",
+        ) from error
+    return history
+
+
+def _scale_of(frame: np.ndarray) -> float:
+    """The uniform scale of a (4, 4) similarity. Raises CaptureError when it is none."""
+    if frame.shape == (4, 4) and np.isfinite(frame).all() and np.linalg.det(frame[:3, :3]) > 0:
+        scale = float(np.cbrt(np.linalg.det(frame[:3, :3])))
+        rotation = frame[:3, :3] / scale
+        if np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) and np.allclose(frame[3], [0, 0, 0, 1]):
+            return scale
+    raise CaptureError(
+        "the frame is no pose with one scale", where="frame",
+        cure="Move, turn and scale it as a whole, without mirroring or shearing.",
+    )  # fmt: skip

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -17,10 +19,18 @@ from scipy.spatial.transform import Rotation
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.floor_points import FloorPoint, ground_of, ground_through
+from r2sego_blender.captures.picks import Pick, PickedLength, PickedPoint, Picks
 from r2sego_blender.captures.scale import Scale
 from r2sego_blender.captures.sparse import SparsePoints
 from r2sego_blender.captures.store import load_captures, save_captures
-from r2sego_blender.correction import correct_registration
+from r2sego_blender.cli import main
+from r2sego_blender.correction import (
+    CORRECTIONS,
+    correct_by_picks,
+    correct_registration,
+    correct_to_frame,
+    undo_correction,
+)
 from r2sego_blender.errors import CaptureError, SceneError
 from r2sego_blender.images import save_image
 from r2sego_blender.progress import Progress
@@ -337,3 +347,129 @@ def test_the_robots_eye_is_where_mujoco_has_it():
     mujoco.mj_kinematics(robot.model, data)
     mujoco.mj_camlight(robot.model, data)
     assert robot.eye_height_m == pytest.approx(data.cam("head_camera").xpos[2], abs=1e-9)
+
+
+def _picks(turn, cameras, metres=None, views=(0, 2, 3)):
+    names = "ABCD"
+    points = tuple(
+        PickedPoint(
+            name,
+            tuple(Pick(f"p{v}.jpg", *map(float, cameras[v].project(spot)[0])) for v in views),
+            floor=True,
+        )
+        for name, spot in zip(names, FLOOR @ turn[:3, :3].T, strict=True)
+    )
+    length = float(np.linalg.norm(FLOOR[0] - FLOOR[1])) if metres is None else metres
+    return Picks(points, (PickedLength("A", "B", length),))
+
+
+def test_picks_put_tilt_and_scale_right_at_once(tmp_path):
+    scene, turn, cameras = _scene(tmp_path, _wrong(7, scale=0.4))
+    made, fit = correct_by_picks(scene, _picks(turn, cameras))
+    _assert_true(made, cameras)
+    assert "4 floor points shown" in made.declaration.ground
+    assert made.declaration.scale_source == "1 known length shown, right to 0.0 cm"
+    assert fit.metres_per_unit == pytest.approx(2.5)
+    again, fit = correct_by_picks(made, _picks(turn, cameras))
+    assert fit.metres_per_unit == pytest.approx(1.0)
+    _assert_true(again, cameras)
+
+
+def test_picks_that_tell_nothing_or_contradict_change_nothing(tmp_path):
+    scene, turn, cameras = _scene(tmp_path, _wrong())
+    before = content_digest(scene.path)
+    picks = _picks(turn, cameras)
+    with pytest.raises(CaptureError, match="neither the floor nor a scale"):
+        correct_by_picks(scene, Picks((replace(picks.points[0], floor=False),)))
+    with pytest.raises(CaptureError, match="the others say"):
+        correct_by_picks(scene, replace(picks, lengths=(*picks.lengths, PickedLength("C", "D", 9.0))))
+    (scene.path / ".lock").unlink(missing_ok=True)
+    assert content_digest(scene.path) == before
+
+
+def test_corrections_are_taken_back_one_by_one(tmp_path):
+    scene, turn, cameras = _scene(tmp_path, _wrong(2, scale=1.6))
+    before = load_captures(scene.captures_folder)
+    points = SparsePoints.load(scene.captures_folder / "sparse.npz").points
+    first, _ = correct_by_picks(scene, _picks(turn, cameras))
+    second = correct_registration(first, floor_at_m=0.2)
+    undone = undo_correction(second)
+    _assert_true(undone, cameras)
+    assert undone.declaration == first.declaration
+    undone = undo_correction(undone)
+    assert undone.declaration == scene.declaration
+    for capture, earlier in zip(load_captures(scene.captures_folder), before, strict=True):
+        np.testing.assert_allclose(
+            capture.camera.world_from_camera, earlier.camera.world_from_camera, atol=1e-9
+        )
+    np.testing.assert_allclose(
+        SparsePoints.load(scene.captures_folder / "sparse.npz").points, points, atol=1e-9
+    )
+    with pytest.raises(CaptureError, match="no correction to take back"):
+        undo_correction(undone)
+
+
+@pytest.mark.parametrize("text", ["{", "[1]", '[{"new_from_old": [[1]]}]'])
+def test_a_damaged_history_is_named(tmp_path, text):
+    scene, _, _ = _scene(tmp_path, np.eye(4))
+    (scene.path / CORRECTIONS).write_text(text)
+    with pytest.raises(CaptureError, match=r"corrections\.json"):
+        undo_correction(scene)
+
+
+def test_a_frame_placed_by_hand_becomes_the_world(tmp_path):
+    scene, _, cameras = _scene(tmp_path, np.eye(4))
+    frame = _wrong(9, scale=1.25, tilt_deg=3.0)
+    frame[2, 3] = -0.1
+    made = correct_to_frame(scene, frame)
+    there = np.linalg.inv(frame)
+    for capture, camera in zip(load_captures(made.captures_folder), cameras, strict=True):
+        np.testing.assert_allclose(capture.camera.centre, (there @ [*camera.centre, 1.0])[:3], atol=1e-9)
+    assert made.declaration.scale_source == "metric poses; then a metre became 0.8 m by hand"
+    assert "placed by hand" in made.declaration.ground
+    _assert_true(undo_correction(made), cameras)
+
+
+@pytest.mark.parametrize(
+    ("frame", "message"),
+    [
+        (np.diag([1.0, 1.0, -1.0, 1.0]), "no pose with one scale"),
+        (np.diag([1.0, 2.0, 1.0, 1.0]), "no pose with one scale"),
+        (np.diag([1.0, -1.0, -1.0, 1.0]), "above the camera"),
+        (np.full((4, 4), np.nan), "no pose"),
+        (np.eye(3), "no pose"),
+    ],
+)
+def test_what_is_no_frame_is_refused(tmp_path, frame, message):
+    scene, _, _ = _scene(tmp_path, np.eye(4))
+    with pytest.raises(CaptureError, match=message):
+        correct_to_frame(scene, frame)
+
+
+def test_the_command_line_takes_picks_a_frame_and_an_undo(tmp_path):
+    scene, turn, cameras = _scene(tmp_path, _wrong(1, scale=2.0))
+    file = tmp_path / "picks.json"
+    file.write_text(json.dumps(_picks(turn, cameras).to_json()))
+
+    def register(*options):
+        command = ["register", str(scene.path), *options]
+        return CliRunner().invoke(main, command)
+
+    command = [sys.executable, "-m", "r2sego_blender", "register", str(scene.path), "--picks", str(file)]
+    done = subprocess.run([*command, "--json-progress"], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout.splitlines()[-1])
+    assert told["residuals"]["lengths"][0]["error_m"] == pytest.approx(0.0, abs=1e-6)
+    _assert_true(Scene.open(scene.path), cameras)
+    assert register("--frame", "1,0,0,0.5,0,1,0,0,0,0,1,0").exit_code == 0
+    moved = load_captures(scene.captures_folder)[0].camera.centre
+    np.testing.assert_allclose(moved, cameras[0].centre - [0.5, 0, 0], atol=1e-6)
+    assert register("--undo").exit_code == 0
+    _assert_true(Scene.open(scene.path), cameras)
+    for wrong, said in (
+        (["--undo", "--floor-at", "1"], "in two ways"),
+        (["--frame", "1,2"], "not 12 numbers"),
+        (["--picks", str(tmp_path / "none.json")], "cannot be read"),
+    ):
+        refused = register(*wrong)
+        assert refused.exit_code == 1 and said in refused.output

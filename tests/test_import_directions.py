@@ -58,6 +58,7 @@ MAY_IMPORT = {
     "splat_training": FOUNDATION | {"captures", "splats", "evaluation"},
     "cli_options": ABOVE_CAPTURES | {"robot"},
     "cli_asset": FOUNDATION | {"asset_edits", "asset_stages", "cli_options", "splats", "steps"},
+    "cli_captures": ABOVE_CAPTURES | {"cli_options", "correction"},
     "cli_bench": FOUNDATION | {"benchmarks", "cli_options"},
     "cli_views": FOUNDATION | {"generation", "cli_options"},
     "cli": PARTS
@@ -65,6 +66,7 @@ MAY_IMPORT = {
         "cli_options",
         "cli_asset",
         "cli_bench",
+        "cli_captures",
         "cli_views",
         "steps",
         "pipeline",

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import CaptureError
 from ..progress import SILENT, Progress
-from .capture import Capture
 from .ground import Ground
 from .lifting import intersection, intersection_covariance, lifted, pointed_at
-from .sparse import SparsePoints
+
+if TYPE_CHECKING:
+    from .capture import Capture
+    from .sparse import SparsePoints
 
 _UP = np.array([0.0, 0.0, 1.0])
 # Three points must span this share of their distance from the cameras across their longest line.

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..cameras import Camera
 
@@ -159,6 +158,8 @@ def _plausibility(normals: np.ndarray, up: np.ndarray) -> np.ndarray:
 
 def _sampled_planes(points: np.ndarray, up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Normals (K, 3) and offsets (K,) through triples of points, half of them neighbours."""
+    from scipy.spatial import cKDTree  # Blender's Python knows grounds without it
+
     rng = np.random.default_rng(0)
     count = len(points)
     far = rng.integers(0, count, (_SAMPLES // 2, 3))

@@ -1,17 +1,19 @@
-"""Points that a person shows in photographs, found in the room."""
+"""Points that a person shows in photographs, found in the room. NumPy alone, for Blender too."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..cameras import Camera
 from ..errors import CaptureError
-from .capture import Capture
-from .photographs import upright_size
-from .sparse import SparsePoints
+
+if TYPE_CHECKING:
+    from .capture import Capture
+    from .sparse import SparsePoints
 
 _NEAREST_POINTS = 12
 _LIFT_RADIUS = 0.12  # of the image's longest side
@@ -26,6 +28,8 @@ def pointed_at(
     ``pixels`` are those of the upright file. Raises CaptureError for another name and for
     pixels outside.
     """
+    from .photographs import upright_size  # reads images, which Blender's Python does not
+
     named = [i for i, capture in enumerate(captures) if capture.name == photo]
     named = named or [i for i, capture in enumerate(captures) if Path(capture.name).stem == photo]
     if len(named) != 1:

@@ -128,6 +128,8 @@ def _scale_before_ground(
         return length_scale(imported.captures, sparse, scale)
     if scale.kind == "marker":
         return marker_scale(imported.captures, scale)
+    if scale.kind == "measured":
+        return scale.metres, scale.whose
     if scale.kind == "metric":
         return 1.0, "poses declared to be metric"
     if scale.kind == "depth":

@@ -26,7 +26,9 @@ class Scale:
     ``automatic`` takes metric poses as they are and assumes a camera height otherwise.
     """
 
-    kind: Literal["automatic", "metric", "known_length", "marker", "camera_height", "depth"] = "automatic"
+    kind: Literal["automatic", "metric", "known_length", "marker", "camera_height", "depth", "measured"] = (
+        "automatic"
+    )
     photo: str = ""
     pixel_a: tuple[float, float] = (0.0, 0.0)
     pixel_b: tuple[float, float] = (0.0, 0.0)
@@ -72,6 +74,11 @@ class Scale:
     def camera_height(metres: float, whose: str = "camera") -> Scale:
         """The first photograph was taken this high above the floor; ``whose`` height it is."""
         return Scale("camera_height", metres=metres, whose=whose)
+
+    @staticmethod
+    def measured(metres_per_unit: float, source: str) -> Scale:
+        """Found elsewhere: a unit of now is so many metres; ``source`` says how that was found."""
+        return Scale("measured", metres=metres_per_unit, whose=source)
 
     @staticmethod
     def depth(folder: Path) -> Scale:

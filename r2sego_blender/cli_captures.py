@@ -1,0 +1,100 @@
+"""The command on a scene's captures: where its floor lies, which way is up, how long a metre is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from .cli_options import ANY_PATH, direction_of, json_progress, progress_of, scale_of, scale_options, tell
+from .errors import SettingsError
+from .progress import JsonProgress
+from .scene import Scene
+
+
+@click.command()
+@click.argument("scene", type=ANY_PATH)
+@click.option(
+    "--floor",
+    multiple=True,
+    metavar="PHOTO:X,Y[=PHOTO:X,Y]",
+    help="A point of the floor in one photograph of the bundle, or the same spot in several; repeatable: "
+    "three tell the floor's tilt, one its height.",
+)
+@click.option("--up", metavar="X,Y,Z", help="The direction up, as the world is now.")
+@click.option("--floor-at", type=float, metavar="METRES", help="Where the floor lies above the z = 0 of now.")
+@scale_options
+@click.option(
+    "--picks", type=ANY_PATH, metavar="FILE.json", help="Points, lengths and heights, fitted together."
+)
+@click.option(
+    "--frame", metavar="12 NUMBERS", help="The new world's pose in that of now: rows of a 3x4, with commas."
+)
+@click.option("--undo", is_flag=True, help="Take the last correction back.")
+@json_progress
+@click.pass_context
+def register(
+    context: click.Context,
+    scene: Path,
+    floor: tuple[str, ...],
+    up: str | None,
+    floor_at: float | None,
+    picks: Path | None,
+    frame: str | None,
+    undo: bool,
+    as_json: bool,
+    **given: Any,
+) -> None:
+    """Correct SCENE's ground or scale; what depends on it is redone by the next refine."""
+    from .captures.floor_points import FloorPoint
+    from .captures.picks import Picks
+    from .correction import correct_by_picks, correct_registration, correct_to_frame, undo_correction
+
+    progress = progress_of(context, as_json)
+    single = (
+        bool(floor) or up is not None or floor_at is not None or any(v is not None for v in given.values())
+    )
+    if single + (picks is not None) + (frame is not None) + undo > 1:
+        raise SettingsError(
+            "the correction is given in two ways", where="r2sego register",
+            cure="Give --picks, or --frame, or --undo, or single options.",
+        )  # fmt: skip
+    opened = Scene.open(scene)
+    told: dict[str, Any] = {}
+    if picks is not None:
+        made, fit = correct_by_picks(opened, Picks.load(picks), progress)
+        told = {"residuals": fit.to_json()} if isinstance(progress, JsonProgress) else {}
+        for line in fit.lines():
+            progress.message(line)
+    elif frame is not None:
+        made = correct_to_frame(opened, _frame_of(frame))
+    elif undo:
+        made = undo_correction(opened)
+    else:
+        made = correct_registration(
+            opened,
+            floor=[FloorPoint.parse(text) for text in floor],
+            up=None if up is None else direction_of(up),
+            floor_at_m=floor_at,
+            scale=scale_of(
+                **given, robot=opened.declaration.robot, scope=opened.declaration.scope, command="register"
+            ),
+            progress=progress,
+        )
+    declared = made.declaration
+    tell(progress, scene=str(made.path), ground=declared.ground, scale=declared.scale_source, **told)
+
+
+def _frame_of(text: str) -> np.ndarray:
+    """The (4, 4) pose in a text of 12 numbers. Raises SettingsError."""
+    try:
+        rows = np.array([float(number) for number in text.split(",")]).reshape(3, 4)
+    except ValueError as error:
+        raise SettingsError(
+            f"'{text}' is not 12 numbers",
+            where="--frame",
+            cure="For example --frame 1,0,0,0,0,1,0,0,0,0,1,-0.02.",
+        ) from error
+    return np.vstack([rows, [0.0, 0.0, 0.0, 1.0]])
