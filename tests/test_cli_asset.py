@@ -1,6 +1,8 @@
 """r2sego render and edit-asset: what they write, and that an edit outlives a refinement."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -159,11 +161,14 @@ def test_a_scene_is_rendered_at_every_stage_with_its_backdrop(scene, tmp_path, s
     np.testing.assert_array_equal(picture, to_uint8(render(asset, CAMERA).colour))
 
 
-def test_a_file_is_rendered_and_the_result_told(scene, tmp_path, capfd):
+def test_a_file_is_rendered_and_the_result_told(scene, tmp_path):
     file = scene.path / "rounds/0/asset.ply"
-    r2sego("render", file, "--cameras", cameras_file(tmp_path), "--to", tmp_path / "out",
-           "--pass", "depth", "--json-progress")  # fmt: skip
-    told = json.loads(capfd.readouterr().out.strip().splitlines()[-1])
+    command = ["render", file, "--cameras", cameras_file(tmp_path), "--to", tmp_path / "out"]
+    done = subprocess.run(
+        [sys.executable, "-m", "r2sego_blender", *command, "--pass", "depth", "--json-progress"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    told = json.loads(done.stdout.splitlines()[-1])
     assert told["event"] == "result" and told["gaussians"] == 900
     assert [Path(f).name for f in told["files"]] == ["here_depth.png", "here.npz"]
 
