@@ -1,12 +1,13 @@
 # Two commands do it all:
 #   make demo   install, refine the demo room, print the result table
 #   make test   install what is missing and run every test
+#   make window the tab in a real Blender with its window: BLENDER=/path/to/blender make window
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO_SCENE := build/demo_room.r2s
 
-.PHONY: demo test install extension lint clean
+.PHONY: demo test window install extension lint clean
 .DEFAULT_GOAL := help
 
 help:
@@ -31,6 +32,9 @@ test: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m pytest
+
+window: install
+	$(BIN)/python -m pytest tests/window -v
 
 lint: install
 	$(BIN)/ruff check --fix .

@@ -1,0 +1,142 @@
+"""The tab in a real Blender with its window: ``make window``, with BLENDER naming the Blender.
+
+Pictures of every state are kept in build/window/.
+"""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import display
+import ellipsis_marks
+import pytest
+from fake_bundle import write_bundle
+
+HERE = Path(__file__).parent
+PICTURES = display.ROOT / "build" / "window"
+STATES = ("no_engine", "no_scene", "scene", "shown", "working")
+SIZES = {1: (1100, 2600), 2: (1400, 5000)}
+WORKS_TIMES_TWO_S = 2.0
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(display.missing()), reason=display.missing() or "all is here"),
+]
+
+
+@pytest.fixture(scope="module")
+def material(tmp_path_factory):
+    """Folder with the zip, the bundle and the stand-in engine."""
+    folder = tmp_path_factory.mktemp("window")
+    display.build_zip(folder)
+    display.stand_in_engine(folder)
+    write_bundle(folder / "room.r2s")
+    return folder
+
+
+def arguments(folder):
+    (package,) = folder.glob("*.zip")
+    return [str(package), str(folder / "room.r2s"), str(folder / "engine" / "python")]
+
+
+@pytest.fixture(scope="module")
+def looked(material):
+    """What was seen in a state at a scale, looked at once."""
+    seen = {}
+
+    def look(state, scale):
+        if (state, scale) not in seen:
+            out = material / f"{state}_{scale}x"
+            log = display.run(
+                HERE / "look.py", out, *arguments(material), state, str(scale), size=SIZES[scale]
+            )
+            assert (out / "told.json").is_file(), log[-3000:]
+            PICTURES.mkdir(parents=True, exist_ok=True)
+            picture = PICTURES / f"{out.name}.png"
+            shutil.copy(out / "picture.png", picture)
+            seen[state, scale] = (json.loads((out / "told.json").read_text()), picture, log)
+        return seen[state, scale]
+
+    return look
+
+
+@pytest.fixture(scope="module")
+def dots(looked):
+    """How the end of a cut off text looks, at a scale."""
+    kept = {}
+
+    def found(scale):
+        if scale not in kept:
+            told, picture, _ = looked("cut", scale)
+            kept[scale] = ellipsis_marks.templates(ellipsis_marks.bar_of(picture, told["bar"]), scale)
+            assert len(kept[scale]) >= 8
+        return kept[scale]
+
+    return found
+
+
+@pytest.mark.parametrize("scale", SIZES)
+@pytest.mark.parametrize("state", ("no_engine", "no_scene", "scene"))
+def test_the_mouse_reaches_every_button_the_panels_draw(looked, state, scale):
+    told, _, _ = looked(state, scale)
+    assert told["drawn"]
+    assert set(told["met"]) == set(told["drawn"])
+
+
+@pytest.mark.parametrize("scale", SIZES)
+def test_a_text_that_is_cut_off_would_be_found(looked, dots, scale):
+    told, picture, _ = looked("cut", scale)
+    found = ellipsis_marks.marks(ellipsis_marks.bar_of(picture, told["bar"]), dots(scale)[::2])
+    assert len(found) >= 16
+
+
+@pytest.mark.parametrize("scale", SIZES)
+@pytest.mark.parametrize("state", STATES)
+def test_no_text_is_cut_off(looked, dots, state, scale):
+    told, picture, _ = looked(state, scale)
+    found = ellipsis_marks.marks(ellipsis_marks.bar_of(picture, told["bar"]), dots(scale))
+    assert found == [], f"{picture}: (x, y) in the bar: {found}"
+
+
+def test_while_the_engine_works_it_can_be_cancelled_from_the_tab(looked):
+    told, _, _ = looked("working", 1)
+    assert "r2sego.cancel" in told["drawn"]
+    assert not told["still_running"]
+    assert told["cancelled_after_s"] < WORKS_TIMES_TWO_S
+
+
+@pytest.fixture(scope="module")
+def pressed(material):
+    """What came of pressing each button."""
+    (material / "engine" / "conduct.txt").write_text("succeed")
+    out = material / "press"
+    bundle = material / "pressed" / "room.r2s"
+    shutil.copytree(material / "room.r2s", bundle)
+    package, _, engine = arguments(material)
+    log = display.run(HERE / "press.py", out, package, str(bundle), engine, size=SIZES[1], timeout_s=1500.0)
+    assert (out / "told.json").is_file(), log[-3000:]
+    return json.loads((out / "told.json").read_text()), log
+
+
+def test_every_button_that_is_not_grey_does_something_when_pressed(pressed):
+    told, _ = pressed
+    assert len(told["pressed"]) >= 10
+    idle = [name for name, came in told["pressed"].items() if not any(came.values())]
+    assert idle == []
+    assert [name for name, came in told["pressed"].items() if came.get("gone")] == []
+
+
+def errors(log):
+    """The tracebacks of a log, and Blender's own complaints about the add-on."""
+    return re.findall(r"^(?:Traceback|Error: Python|.*rna_uiItem.*|.*unknown operator).*$", log, re.M)
+
+
+@pytest.mark.parametrize("scale", SIZES)
+@pytest.mark.parametrize("state", STATES)
+def test_no_error_is_in_blenders_log(looked, state, scale):
+    assert errors(looked(state, scale)[2]) == []
+
+
+def test_no_error_is_in_blenders_log_after_pressing(pressed):
+    assert errors(pressed[1]) == []
