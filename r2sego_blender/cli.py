@@ -35,6 +35,7 @@ from .cli_options import (
     show,
     tell,
 )
+from .cli_robot import robot, robot_bodies, try_rollouts
 from .cli_views import views
 from .errors import R2SEgoError, SettingsError
 from .progress import JsonProgress, Progress
@@ -392,6 +393,9 @@ main.add_command(bench)
 main.add_command(register)
 main.add_command(render)
 main.add_command(edit_asset)
+main.add_command(robot)
+main.add_command(robot_bodies)
+main.add_command(try_rollouts)
 main.add_command(views)
 
 

@@ -52,6 +52,10 @@ MAY_IMPORT = {
     "rollouts_report": FOUNDATION | {"robot", "selection", "steps"},
     "selection_report": FOUNDATION | {"captures", "selection", "steps"},
     "texture": PARTS,
+    "trial_rollouts": ABOVE_CAPTURES | {"geometry", "robot", "steps"},
+    "robot_declaration": ABOVE_CAPTURES | {"geometry", "robot", "steps", "trial_rollouts"},
+    "robot_bodies": ABOVE_CAPTURES | {"robot", "steps"},
+    "cli_robot": FOUNDATION | {"robot", "cli_options", "robot_declaration", "robot_bodies", "trial_rollouts"},
     "collision_report": ABOVE_CAPTURES | {"geometry", "robot"},
     "evaluation": PARTS | {"visual_asset", "steps", "pipeline"},
     "benchmarks": PARTS | {"splat_training", "creation", "steps", "evaluation", "scoring", "references"},
@@ -67,6 +71,7 @@ MAY_IMPORT = {
         "cli_asset",
         "cli_bench",
         "cli_captures",
+        "cli_robot",
         "cli_views",
         "steps",
         "pipeline",
@@ -82,7 +87,7 @@ MAY_IMPORT = {
     }
     | {"splat_training", "collision_report", "rollouts_report", "selection_report"},
     "__main__": {"cli"},
-    "bridge": ABOVE_CAPTURES | {"geometry", "generation", "splats", "asset_edits", "asset_stages"},
+    "bridge": ABOVE_CAPTURES | {"geometry", "robot", "generation", "splats", "asset_edits", "asset_stages"},
 }
 """Part of the library -> the parts its files may import, besides their own."""
 

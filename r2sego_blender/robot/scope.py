@@ -12,6 +12,7 @@ from typing import Any
 from ..errors import RobotError
 from ..settings import setting
 from .declarations import read_declaration, shipped_names
+from .region import problem_of
 
 Range = tuple[float, float]
 """Inclusive bounds that a rollout draws from uniformly."""
@@ -194,6 +195,11 @@ class BehaviourScope:
         another kind or out of its range.
         """
         path, data = read_declaration(source, _PRESETS, "behaviour scope", "docs/behaviour-scope.md")
+        return BehaviourScope.from_tables(data, path)
+
+    @staticmethod
+    def from_tables(data: dict[str, Any], path: Path) -> BehaviourScope:
+        """The scope of a file's tables; ``path`` is the file's. Raises RobotError as ``load`` does."""
         return _Reader(path).scope(data)
 
 
@@ -285,7 +291,10 @@ class _Reader:
             raise self._error(
                 place, f"is {value!r}", f"Write '{FREE_FLOOR}' or [[x, y], [x, y], [x, y], ...]."
             )
-        return tuple((float(x), float(y)) for x, y in value)
+        corners = tuple((float(x), float(y)) for x, y in value)
+        if problem := problem_of(corners):
+            raise self._error(place, problem, "Draw another polygon.")
+        return corners
 
     def _reject_unknown(self, table: dict[str, Any], known: Any, prefix: str) -> None:
         for key in table:

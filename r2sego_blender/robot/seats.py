@@ -39,8 +39,8 @@ STAND_OFF_M = 0.14
 # From here a robot turns and steps back to a seat.
 _APPROACH_M = (0.2, 1.0)
 _HOLDS_M, _HOLDS_ABOVE_M = 0.45, 0.08
-# A target named by a place means a seat no farther away than this.
-_TARGET_M = 0.8
+TARGET_M = 0.8
+"""A target named by a place means a seat no farther away than this."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def find_seats(
     seats = _seats(heights - floor.floor_z_m, origin, half_width_m, floor, sit_on)
     if sit_on.target != ANY_SEAT and seats:
         away = np.array([np.linalg.norm(np.subtract(seat.edge_m, sit_on.target)) for seat in seats])
-        wanted = seats[int(away.argmin())].surface if away.min() <= _TARGET_M else -1
+        wanted = seats[int(away.argmin())].surface if away.min() <= TARGET_M else -1
         seats = tuple(seat for seat in seats if seat.surface == wanted)
     if not seats:
         low, high = sit_on.height_m

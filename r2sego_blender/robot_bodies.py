@@ -1,0 +1,46 @@
+"""The robot's bodies along a round's rollouts, a step of the bundle for those who show them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from .captures.store import load_captures
+from .errors import SceneError
+from .robot.bodies import save_bodies
+from .robot.candidates import ego_camera
+from .robot.model import RobotModel
+from .robot.rollouts import load_rollouts
+from .robot.scope import BehaviourScope
+from .scene import Scene
+from .steps import CAPTURES, of_round
+
+
+def export_bodies(scene: Scene, round_index: int) -> Path:
+    """The folder ``rounds/l/bodies``, made anew where rollouts, robot or camera have changed.
+
+    Raises SceneError where the round has no rollouts, RobotError where they are another
+    robot's than the one declared now.
+    """
+    name = of_round(round_index, "rollouts")
+    if not (scene.path / name).is_dir():
+        raise SceneError(
+            f"round {round_index} has no rollouts", where=scene.path, cure="Run Refine, or choose another."
+        )
+    declared = scene.declaration
+    scope = BehaviourScope.load(declared.scope)
+    source, mount = scope.robot_for(declared.robot)
+
+    def compute(folder: Path) -> None:
+        robot = RobotModel.load(source, mount)
+        first = load_captures(scene.captures_folder)[0].camera
+        save_bodies(
+            folder, robot, load_rollouts(scene.path / name), ego_camera(robot, first.width, first.height),
+            scene.path / name,
+        )  # fmt: skip
+
+    robot_file = [Path(source)] if Path(source).is_file() else []
+    with scene.locked():
+        return scene.step(
+            of_round(round_index, "bodies"), compute, inputs=[CAPTURES, name, *robot_file],
+            parameters=[source, mount],
+        )  # fmt: skip

@@ -1,0 +1,139 @@
+"""A scene's robot and scope: declared with what goes together, described, and refused unchanged."""
+
+import json
+import re
+import shutil
+import sys
+from pathlib import Path
+
+import click.testing
+import pytest
+
+from r2sego_blender.cli import main
+from r2sego_blender.errors import R2SEgoError
+from r2sego_blender.robot.model import RobotModel
+from r2sego_blender.robot.scope import BehaviourScope
+from r2sego_blender.robot_declaration import SCOPE_FILE, declare_robot, describe_robot, lines
+from r2sego_blender.scene import Scene
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from made_up_room import made_up_bundle
+
+SQUARE = "0.0,-1.0 2.0,-1.0 2.0,1.0 0.0,1.0"
+
+
+@pytest.fixture
+def scene(tmp_path) -> Scene:
+    made = made_up_bundle(tmp_path / "room.r2s")
+    (made.path / "objects" / "chair").mkdir(parents=True)
+    return made
+
+
+def run(*arguments) -> click.testing.Result:
+    return click.testing.CliRunner().invoke(main, ["robot", *map(str, arguments)])
+
+
+def test_the_robot_is_described_as_its_model_is(scene):
+    described, robot = describe_robot(scene), RobotModel.load()
+    assert described["name"] == "humanoid"
+    assert (described["joints"], described["legs"]) == (29, 2)
+    assert described["height_m"] == robot.height_m
+    assert described["camera"]["height_m"] == robot.eye_height_m
+    assert described["camera"]["pitch_deg"] == pytest.approx(47.6, abs=0.1)
+    assert described["camera_pitch_deg"] == (22.0, 46.0)
+    assert described["region_m2"] is None and described["target"] is None
+    assert described["objects"] == ["chair"]
+    assert "29 joints, 2 legs" in lines(described)[0]
+    kept = json.loads((scene.path / "robot" / "robot.json").read_text())
+    assert kept == json.loads(json.dumps(described))
+
+
+def test_a_region_makes_the_scope_the_bundles_own(scene):
+    done = run(scene.path, "--region", SQUARE, "--set", "walk_to.speed_m_s=[0.2, 0.3]", "--json")
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.output)["region_m2"] == pytest.approx(4.0)
+    opened = Scene.open(scene.path)
+    assert opened.declaration.scope == str(scene.path / SCOPE_FILE)
+    scope = BehaviourScope.load(opened.declaration.scope)
+    assert scope.region.within == ((0.0, -1.0), (2.0, -1.0), (2.0, 1.0), (0.0, 1.0))
+    assert scope.walk_to.speed_m_s == (0.2, 0.3)
+    assert BehaviourScope.load("walk_and_look").region.within == "free_floor"
+    assert run(scene.path, "--region", "free_floor", "--set", "walk_to.speed_m_s=").exit_code == 0
+    again = BehaviourScope.load(Scene.open(scene.path).declaration.scope)
+    assert again.region.within == "free_floor" and again.walk_to.speed_m_s == (0.35, 0.7)
+
+
+def test_a_shipped_scope_that_nothing_changes_stays_shipped(scene):
+    assert declare_robot(scene, scope="sit_down").declaration.scope == "sit_down"
+    assert not (scene.path / SCOPE_FILE).exists()
+
+
+def test_a_target_has_the_robot_sit(scene):
+    assert run(scene.path, "--target", "chair").exit_code == 0
+    scope = BehaviourScope.load(Scene.open(scene.path).declaration.scope)
+    assert (scope.sit_on.target, scope.behaviours.sit_on) == ("chair", 1.0)
+    assert run(scene.path, "--target", "1.25,-0.5", "--set", "behaviours.sit_on=0.2").exit_code == 0
+    scope = BehaviourScope.load(Scene.open(scene.path).declaration.scope)
+    assert (scope.sit_on.target, scope.behaviours.sit_on) == ((1.25, -0.5), 0.2)
+
+
+def test_another_robot_takes_the_place_of_the_scopes_own(scene, tmp_path):
+    mine = tmp_path / "mine.toml"
+    mine.write_text('[robot]\nmodel = "embedded:humanoid"\nmount = "head_camera"\n')
+    declared = declare_robot(scene, scope=str(mine))
+    assert declared.declaration.scope == str(mine)
+    changed = declare_robot(declared, robot="embedded:wheeled")
+    scope = BehaviourScope.load(changed.declaration.scope)
+    assert changed.declaration.scope == str(scene.path / SCOPE_FILE)
+    assert scope.robot_for(changed.declaration.robot) == ("embedded:wheeled", None)
+    assert describe_robot(changed)["wheels"] == 2
+    assert mine.read_text().startswith("[robot]")
+
+
+def test_the_mount_is_a_field_of_the_scope(scene):
+    mount = '["torso_link", [0.1, 0.0, 0.3], [0.0, 0.5, 0.0], {hfov_deg = 80}]'
+    done = run(scene.path, "--set", f"robot.mount={mount}", "--set", "look.camera_pitch_deg=", "--json")
+    camera = json.loads(done.output)["camera"]
+    assert camera["pitch_deg"] == pytest.approx(28.648, abs=1e-3)
+    assert camera["fov_deg"] == 80.0
+    assert json.loads(done.output)["camera_pitch_deg"] is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--region", "0,0 1,1 1,0 0,1"], "crosses itself"),
+        (["--target", "sofa"], "no object 'sofa'.*chair"),
+        (["--target", "1,a"], "no place"),
+        (["--robot", "nowhere.xml"], "no such robot file"),
+        (["--robot", "embedded:wheeled", "--target", "any"], "takes legs"),
+        (["--scope", "nowhere.toml"], "cannot be read"),
+        (["--set", "robot.mount=third_eye"], "no camera 'third_eye'"),
+        (["--set", "walk_to.speed_m_s=[0.1, 9]"], "from 0.05 to 1.2"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_nothing_changes(scene, arguments, says):
+    before = (scene.path / "scene.toml").read_bytes()
+    done = run(scene.path, *arguments)
+    assert done.exit_code == 1
+    assert re.search(says, " ".join(done.output.split())), done.output
+    assert (scene.path / "scene.toml").read_bytes() == before
+    assert not (scene.path / "robot").exists()
+
+
+def test_seats_are_listed_or_why_there_are_none(scene):
+    seats = describe_robot(scene, seats=True)["seats"]
+    assert seats, "the made-up room has something to sit on"
+    for seat in seats:
+        assert 0.28 <= seat["height_m"] <= 0.6
+        assert seat["object"] == "" and seat["places"] >= 1
+    high = declare_robot(scene, changes={"sit_on.height_m": [1.1, 1.2]})
+    described = describe_robot(high, seats=True)
+    assert described["seats"] == [] and "no seat" in described["no_seats"]
+
+
+def test_without_a_surface_there_are_no_seats(scene, tmp_path):
+    shutil.rmtree(scene.path / "rounds")
+    with pytest.raises(R2SEgoError, match="Run Refine first"):
+        describe_robot(scene, seats=True)
