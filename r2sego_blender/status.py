@@ -49,9 +49,31 @@ def lines(state: dict[str, Any]) -> list[str]:
     if state["metrics"]:
         for name, arm in sorted(state["metrics"]["arms"].items()):
             text.append(f"  {name:<14} PSNR {arm['psnr']:.2f} dB, SSIM {arm['ssim']:.3f}")
+        text += [_scored_round(entry) for entry in state["metrics"].get("rounds", ())]
+        text += _largest_cause(state["metrics"].get("causes", {}))
     text.append("refined" if state["refined"] else f"next: r2sego refine {state['scene']}")
     return text
 
 
 def _describe_round(scene: Scene, index: int) -> dict[str, int]:
     return json.loads((scene.round_folder(index) / "metrics.json").read_text())
+
+
+def _scored_round(entry: dict[str, Any]) -> str:
+    name = f"round {entry['round']}"
+    if "missing" in entry:
+        return f"  {name:<14} not scored: {entry['missing']}"
+    psnr = float("inf") if entry["psnr"] is None else entry["psnr"]
+    mark = f", {entry['mark']}" if "mark" in entry else ""
+    return f"  {name:<14} PSNR {psnr:.2f} dB, SSIM {entry['ssim']:.3f}{mark}"
+
+
+def _largest_cause(causes: dict[str, Any]) -> list[str]:
+    """A line that names the largest cause of the refined asset's error, where causes were told."""
+    told = [one for one in causes.get("shares", ()) if one["error"]]
+    if not told:
+        return []
+    largest = max(told, key=lambda one: one["error"])
+    return [
+        f"  largest cause of error: {largest['label']}, {largest['error']:.0%} of it; {largest['mended_by']}"
+    ]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ..steps import INITIAL_ASSET, REFINED_ASSET
 
+REFINED = "refined"
 VANILLA_ASSET = "report/vanilla_3dgs.ply"
 
 
@@ -24,6 +25,6 @@ ARMS: Mapping[str, ArmSource] = {
     "vanilla_3dgs": ArmSource(
         "vanilla 3DGS", VANILLA_ASSET, "the same observed points, captures and number of steps"
     ),
-    "refined": ArmSource("refined", REFINED_ASSET, "Algorithm 1"),
+    REFINED: ArmSource("refined", REFINED_ASSET, "Algorithm 1"),
 }
 """The arms in the order of the table; the key is the name in metrics.json."""

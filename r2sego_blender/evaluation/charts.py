@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 from markupsafe import Markup
 
-from .report_data import CandidateCurves
+from .report_data import CandidateCurves, ScoredRound
 
 WIDTH, HEIGHT = 960, 220
 _LEFT, _RIGHT, _TOP, _BOTTOM = 36, 8, 12, 26
 _MOST_POINTS = 480
 """More candidates than this are drawn as the maximum of neighbouring ones."""
+
+_ROUNDS_WIDTH, _ROUNDS_HEIGHT = 480, 200
+_LEAST_SPAN_DB = 0.5
+"""A chart of rounds spans at least this much, so that noise does not look like a cliff."""
 
 
 def candidate_chart(curves: CandidateCurves) -> Markup:
@@ -34,6 +41,38 @@ def candidate_chart(curves: CandidateCurves) -> Markup:
     return Markup(
         f'<svg class="chart" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{label}">{body}</svg>'
     )
+
+
+def round_chart(rounds: Sequence[ScoredRound]) -> Markup:
+    """PSNR by round as a line; a round with a mark is drawn apart. Nothing for a single one."""
+    scored = [one for one in rounds if one.psnr is not None and math.isfinite(one.psnr)]
+    if len(scored) < 2:
+        return Markup("")
+    values = [one.psnr for one in scored]
+    middle, span = (min(values) + max(values)) / 2, max(max(values) - min(values), _LEAST_SPAN_DB)
+    step = (_ROUNDS_WIDTH - 2 * _LEFT) / (rounds[-1].number - rounds[0].number)
+    places = [
+        (
+            _LEFT + step * (one.number - rounds[0].number),
+            _ROUNDS_HEIGHT * (0.48 - 0.5 * (one.psnr - middle) / span),
+        )
+        for one in scored
+    ]
+    parts = [f'<polyline class="curve s" points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in places)}"/>']
+    for one, (x, y) in zip(scored, places, strict=True):
+        kind = "point fell" if one.mark else "point"
+        parts.append(f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="5"/>')
+        parts.append(_tick(x, y - 11.0, f"{one.psnr:.2f}"))
+        parts.append(_tick(x, _ROUNDS_HEIGHT - 6.0, f"round {one.number}"))
+    told = ", ".join(f"round {one.number} {one.psnr:.2f}" for one in scored)
+    return Markup(
+        f'<svg class="chart" viewBox="0 0 {_ROUNDS_WIDTH} {_ROUNDS_HEIGHT}" role="img" '
+        f'aria-label="PSNR in dB by round: {told}.">{"".join(parts)}</svg>'
+    )
+
+
+def _tick(x: float, y: float, words: str) -> str:
+    return f'<text class="tick" x="{x:.1f}" y="{y:.1f}" text-anchor="middle">{words}</text>'
 
 
 def _x(index: float, count: int) -> float:

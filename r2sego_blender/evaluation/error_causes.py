@@ -21,7 +21,9 @@ CAUSES = ("wrong_depth", "never_seen", "edges", "appearance")
 _WRONG_DEPTH = 0.03  # relative
 _SEEN_WITHIN = 0.01  # relative difference of a true point's depth and the capture's true depth
 _EDGE_JUMP = 0.03
-_EDGE_PX = 2
+_FAR_M = 1000.0  # where rays end that meet no surface
+EDGE_PX = 2
+"""Pixels this near a depth edge count as edges."""
 
 
 @dataclass(frozen=True)
@@ -50,33 +52,60 @@ def causes(
     where there is nothing; the captures' true depths are (H, W) of their cameras.
     """
     wrong = np.abs(depth - true_depth) > _WRONG_DEPTH * true_depth
-    seen = np.zeros(camera.shape, bool)
-    points = camera.unproject(true_depth)
-    for other, other_depth in zip(capture_cameras, capture_true_depths, strict=True):
-        pixels, z = other.project(points)
-        inside = other.sees(pixels, z)
-        columns, rows = pixels[inside].astype(np.int64).T
-        seen[inside] |= np.abs(other_depth[rows, columns] - z[inside]) < _SEEN_WITHIN * z[inside]
-    near, far = depth_edges(true_depth, _EDGE_JUMP)
-    square = np.ones((2 * _EDGE_PX + 1, 2 * _EDGE_PX + 1), np.uint8)
-    edges = cv2.dilate((near | far).astype(np.uint8), square) > 0
+    seen = seen_by_captures(camera, true_depth, capture_cameras, capture_true_depths)
+    edges = near_edges(true_depth)
     return np.select([wrong, ~seen, edges], [0, 1, 2], 3).astype(np.uint8)
 
 
+def seen_by_captures(
+    camera: Camera,
+    depth: np.ndarray,
+    capture_cameras: Sequence[Camera],
+    capture_depths: Sequence[np.ndarray],
+) -> np.ndarray:
+    """(H, W) bool: which surface points of a view some capture sees too.
+
+    ``depth`` and ``capture_depths`` (H, W) are planar metres of one surface, 0 where there is
+    none. Where the view shows none, a capture that looks that way out of the surface too
+    counts as seeing it.
+    """
+    surface = depth > 0.0
+    seen = np.zeros(camera.shape, bool)
+    points = camera.unproject(np.where(surface, depth, _FAR_M))
+    for other, other_depth in zip(capture_cameras, capture_depths, strict=True):
+        pixels, z = other.project(points)
+        inside = other.sees(pixels, z)
+        columns, rows = pixels[inside].astype(np.int64).T
+        there = other_depth[rows, columns]
+        agrees = np.abs(there - z[inside]) < _SEEN_WITHIN * z[inside]
+        seen[inside] |= np.where(surface[inside], agrees, there <= 0.0)
+    return seen
+
+
+def near_edges(depth: np.ndarray) -> np.ndarray:
+    """(H, W) bool: the pixels within 2 px of an edge of a planar depth map (H, W)."""
+    near, far = depth_edges(depth, _EDGE_JUMP)
+    square = np.ones((2 * EDGE_PX + 1, 2 * EDGE_PX + 1), np.uint8)
+    return cv2.dilate((near | far).astype(np.uint8), square) > 0
+
+
 def split(
-    images: Sequence[np.ndarray], truths: Sequence[np.ndarray], labels: Sequence[np.ndarray]
+    images: Sequence[np.ndarray],
+    truths: Sequence[np.ndarray],
+    labels: Sequence[np.ndarray],
+    names: Sequence[str] = CAUSES,
 ) -> dict[str, CauseShares]:
-    """Each cause's shares over all views; images and truths (H, W, 3), labels of ``causes``."""
-    pixels, errors = np.zeros(len(CAUSES)), np.zeros(len(CAUSES))
+    """Each cause's shares over all views; images and truths (H, W, 3), labels (H, W) of ``names``."""
+    pixels, errors = np.zeros(len(names)), np.zeros(len(names))
     for image, truth, label in zip(images, truths, labels, strict=True):
         squared = np.mean((image.astype(np.float64) - truth) ** 2, axis=-1)
-        pixels += np.bincount(label.ravel(), minlength=len(CAUSES))
-        errors += np.bincount(label.ravel(), squared.ravel(), minlength=len(CAUSES))
+        pixels += np.bincount(label.ravel(), minlength=len(names))
+        errors += np.bincount(label.ravel(), squared.ravel(), minlength=len(names))
     return {
         name: CauseShares(
             pixels=float(count / pixels.sum()),
             error=float(error / max(errors.sum(), np.finfo(float).tiny)),
             psnr=float(-10.0 * np.log10(max(error / count, 1e-10))) if count else None,
         )
-        for name, count, error in zip(CAUSES, pixels, errors, strict=True)
+        for name, count, error in zip(names, pixels, errors, strict=True)
     }

@@ -5,6 +5,7 @@ Every pixel of every view counts: no mask, no crop, no exposure or colour correc
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -17,6 +18,9 @@ from ..images import to_uint8
 from ..progress import SILENT, Progress
 from ..splats.metrics import psnr, ssim
 from .lpips import Lpips, find_lpips
+
+DECIMALS = 4
+"""Of every score that is written."""
 
 
 @dataclass(frozen=True)
@@ -85,3 +89,8 @@ def score(
         views=tuple(scores),
         lpips_reason=reason,
     )
+
+
+def rounded(value: float | None) -> float | None:
+    """A score as it is written to JSON; None for none and for what is not finite."""
+    return None if value is None or not math.isfinite(value) else round(float(value), DECIMALS)

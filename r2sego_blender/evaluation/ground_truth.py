@@ -17,6 +17,9 @@ from ..captures.cameras_json import read_cameras_json
 from ..captures.photographs import Photograph, captures_of
 from ..errors import EvaluationError
 
+TRUE_MESH = "room.npz"
+"""The file of the true surface, beside the ``cameras.json`` in whose frame it is."""
+
 _ANY_SIZE_PX = 1 << 20
 _CURE = "Make the scene's ground truth again."
 
@@ -81,15 +84,28 @@ def load_ground_truth(folder: Path) -> GroundTruth:
     folder = Path(folder)
     photographs, _ = read_cameras_json(folder / "cameras.json", folder)
     cameras = [capture.camera for capture in captures_of(photographs, _ANY_SIZE_PX)]
-    mesh = folder / "room.npz"
-    with opened_arrays(_there(mesh), EvaluationError, "this is no true surface", _CURE) as data:
+    vertices, faces, instances, names = _surface(folder / TRUE_MESH)
+    views = _views(photographs, cameras, folder / "depth", len(names))
+    return GroundTruth(views, vertices, faces, instances, names)
+
+
+def load_true_mesh(file: Path) -> tuple[np.ndarray, np.ndarray]:
+    """The true surface of a ``room.npz`` alone: (V, 3) float64 vertices and (F, 3) int32 faces.
+
+    Raises EvaluationError for a file that is missing or damaged.
+    """
+    vertices, faces, _, _ = _surface(Path(file))
+    return vertices, faces
+
+
+def _surface(file: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[str, ...]]:
+    with opened_arrays(_there(file), EvaluationError, "this is no true surface", _CURE) as data:
         vertices = np.asarray(data["V"], np.float64).reshape(-1, 3)
         faces = np.asarray(data["F"], np.int32).reshape(-1, 3)
         instances = np.asarray(data["I"], np.int64).reshape(-1)
         names = tuple(map(str, data["names"].tolist()))
-    _check_surface(vertices, faces, instances, names, mesh)
-    views = _views(photographs, cameras, folder / "depth", len(names))
-    return GroundTruth(views, vertices, faces, instances, names)
+    _check_surface(vertices, faces, instances, names, file)
+    return vertices, faces, instances, names
 
 
 def _views(

@@ -3,9 +3,18 @@
     {"arms": {"refined": {"psnr": 26.1872, "ssim": 0.8431, "lpips_alex": null,
                           "lpips_reason": "AlexNet weights not at hand ...",
                           "views": [{"name": "frozen_00", "psnr": ..., "ssim": ...}, ...]},
-              "vanilla_3dgs": ..., "initial": ..., "round_0": ...}}
+              "vanilla_3dgs": ..., "initial": ...},
+     "rounds": [{"round": 0, "psnr": 25.1204, "ssim": 0.8266},
+                {"round": 1, "psnr": 24.9087, "ssim": 0.8259, "mark": "0.21 dB below round 0"},
+                {"round": 2, "psnr": null, "ssim": null, "missing": "rounds/2/asset.ply: ..."}],
+     "causes": {"told_by": "the true room's mesh",
+                "shares": [{"cause": "wrong_depth", "label": "wrong depth", "error": 0.41,
+                            "pixels": 0.12, "psnr": 17.31, "mended_by": "..."}, ...],
+                "views": [{"name": "frozen_00", "error": {"wrong_depth": 0.38, ...}}, ...]}}
 
-A score that is no finite number (the PSNR of two equal images) is ``null``.
+A score that is no finite number (the PSNR of two equal images) is ``null``, and so is what
+cannot be told of a cause. ``causes`` may have a ``note``; where there are none at all, it is
+``{"unavailable": "why"}``.
 """
 
 from __future__ import annotations
@@ -17,14 +26,15 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SceneError
-from .frozen import ArmScore, ViewScore
-
-DECIMALS = 4
+from .frozen import ArmScore, ViewScore, rounded
 
 
-def write_metrics(path: Path, arms: Mapping[str, ArmScore]) -> dict[str, Any]:
-    """Write the arms' scores, replacing the file in one step; the document written."""
-    document = {"arms": {name: _arm(arms[name]) for name in sorted(arms)}}
+def write_metrics(path: Path, arms: Mapping[str, ArmScore], **more: Any) -> dict[str, Any]:
+    """Write the arms' scores, replacing the file in one step; the document written.
+
+    ``more`` are further parts of it, ready for JSON.
+    """
+    document = {"arms": {name: _arm(arms[name]) for name in sorted(arms)}, **more}
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_name(path.name + ".part")
     unfinished.write_text(json.dumps(document, indent=1, sort_keys=True, allow_nan=False) + "\n")
@@ -46,12 +56,12 @@ def read_metrics(path: Path) -> dict[str, ArmScore]:
 def _arm(arm: ArmScore) -> dict[str, Any]:
     views = []
     for view in sorted(arm.views, key=lambda view: view.name):
-        entry = {"name": view.name, "psnr": _rounded(view.psnr), "ssim": _rounded(view.ssim)}
+        entry = {"name": view.name, "psnr": rounded(view.psnr), "ssim": rounded(view.ssim)}
         if view.lpips_alex is not None:
-            entry["lpips_alex"] = _rounded(view.lpips_alex)
+            entry["lpips_alex"] = rounded(view.lpips_alex)
         views.append(entry)
     return {
-        "psnr": _rounded(arm.psnr), "ssim": _rounded(arm.ssim), "lpips_alex": _rounded(arm.lpips_alex),
+        "psnr": rounded(arm.psnr), "ssim": rounded(arm.ssim), "lpips_alex": rounded(arm.lpips_alex),
         "lpips_reason": arm.lpips_reason, "views": views,
     }  # fmt: skip
 
@@ -64,12 +74,6 @@ def _read_arm(arm: dict[str, Any]) -> ArmScore:
     return ArmScore(
         _number(arm["psnr"]), _number(arm["ssim"]), arm["lpips_alex"], tuple(views), arm["lpips_reason"]
     )
-
-
-def _rounded(value: float | None) -> float | None:
-    if value is None or not math.isfinite(value):
-        return None
-    return round(float(value), DECIMALS)
 
 
 def _number(value: float | None) -> float:

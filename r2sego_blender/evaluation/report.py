@@ -9,7 +9,7 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
-from .charts import candidate_chart
+from .charts import candidate_chart, round_chart
 from .figures import PROVENANCE_COLOURS, save_figure
 from .report_data import Picture, ReportData
 
@@ -33,7 +33,9 @@ def write_report(folder: Path, report: ReportData) -> Path:
         lstrip_blocks=True,
     )
     environment.filters.update(decimals=_decimals, seconds=_duration, percent=_percent)
-    environment.globals.update(figure=writer.add, chart=candidate_chart, css_colour=_css_colour)
+    environment.globals.update(
+        figure=writer.add, chart=candidate_chart, round_chart=round_chart, css_colour=_css_colour
+    )
     labels = {arm.key: arm.label for arm in report.arms}
     html = environment.get_template("report.html.j2").render(
         report=report,
@@ -55,26 +57,29 @@ class _FigureWriter:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._written: set[str] = set()
+        self._written: dict[str, Picture] = {}
 
     def add(self, picture: Picture, *words: object) -> str:
         """The path of a picture's file, named by ``words``, or "" without a picture.
 
         A picture whose file is missing or unreadable is left out of the page: a report must
-        not fail for one lost picture.
+        not fail for one lost picture. A picture asked for again under the same words is
+        written once.
         """
         if picture is None:
             return ""
         stem = re.sub(r"[^a-z0-9]+", "-", " ".join(map(str, words)).lower()).strip("-") or "figure"
         name, copies = f"{stem}.jpg", 1
         while name in self._written:
+            if self._written[name] is picture:
+                return f"figures/{name}"
             copies += 1
             name = f"{stem}-{copies}.jpg"
         try:
             save_figure(self._folder / name, picture)
         except OSError:
             return ""
-        self._written.add(name)
+        self._written[name] = picture
         return f"figures/{name}"
 
     def remove_others(self) -> None:

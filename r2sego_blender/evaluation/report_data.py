@@ -60,6 +60,66 @@ class FrozenView:
 
 
 @dataclass(frozen=True)
+class ScoredRound:
+    """A round's asset on the frozen views.
+
+    ``mark`` says in words that it scores below the one before; ``missing`` why it has no
+    scores.
+    """
+
+    number: int
+    psnr: float | None
+    ssim: float | None
+    mark: str = ""
+    missing: str = ""
+
+
+@dataclass(frozen=True)
+class ErrorCause:
+    """One cause of the refined asset's error.
+
+    ``error`` and ``pixels`` are its shares, in [0, 1], of the squared error and of all
+    pixels, ``psnr`` that of its pixels; all None where the cause cannot be told. ``colour``
+    is sRGB in [0, 1].
+    """
+
+    label: str
+    meaning: str
+    mended_by: str
+    colour: tuple[float, float, float]
+    error: float | None = None
+    pixels: float | None = None
+    psnr: float | None = None
+
+
+@dataclass(frozen=True)
+class CausesOfView:
+    """A frozen view coloured by cause; ``summary`` names the largest causes there."""
+
+    name: str
+    truth: Picture
+    rendering: Picture
+    coloured: Picture
+    psnr: float | None = None
+    summary: str = ""
+
+
+@dataclass(frozen=True)
+class ErrorSplit:
+    """The refined asset's squared error on the frozen views, split by cause.
+
+    ``told_by`` is by what the causes were told; ``note`` is said beside the table;
+    ``unavailable`` says why there is no split at all.
+    """
+
+    told_by: str = ""
+    causes: tuple[ErrorCause, ...] = ()
+    worst: tuple[CausesOfView, ...] = ()
+    note: str = ""
+    unavailable: str = ""
+
+
+@dataclass(frozen=True)
 class RolloutSummary:
     """One attempted rollout; ``reason`` says why it succeeded or failed."""
 
@@ -151,7 +211,8 @@ class ReportData:
 
     ``facts`` are (label, value) pairs for the head of the page, such as the seed. ``arms``
     in the order of the table: initial, vanilla 3DGS, refined; the last is the headline, and
-    ``baseline`` is the key of the arm it is compared with. ``provenance`` are the proxy's
+    ``baseline`` is the key of the arm it is compared with. ``scored_rounds`` are in order;
+    ``error_split`` is None where nothing was scored. ``provenance`` are the proxy's
     shares, {"observed": 0.6, ...}. ``timings`` are (step, seconds) in the order they ran.
     """
 
@@ -162,6 +223,8 @@ class ReportData:
     baseline: str = "vanilla_3dgs"
     lpips_reason: str = ""
     backends: tuple[Backend, ...] = ()
+    scored_rounds: tuple[ScoredRound, ...] = ()
+    error_split: ErrorSplit | None = None
     frozen: tuple[FrozenView, ...] = ()
     rounds: tuple[Round, ...] = ()
     provenance: dict[str, float] = field(default_factory=dict)

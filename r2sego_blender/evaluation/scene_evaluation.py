@@ -1,4 +1,4 @@
-"""Scoring a scene on frozen views: initial asset, vanilla 3DGS and refined asset.
+"""Scoring a scene on frozen views: initial asset, vanilla 3DGS, refined asset, every round.
 
 Frozen views are read here alone, after the refinement; nothing of them flows back.
 """
@@ -6,37 +6,44 @@ Frozen views are read here alone, after the refinement; nothing of them flows ba
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..cameras import Camera
 from ..captures.capture import Capture
 from ..captures.frozen import load_frozen_views
 from ..captures.locating import locate_views
 from ..captures.sparse import SparsePoints
 from ..captures.store import load_captures
-from ..errors import SceneError
+from ..errors import R2SEgoError, SceneError
 from ..geometry.observed import ObservedGeometry
 from ..geometry.stereo import DepthMap
 from ..progress import SILENT, Progress
 from ..scene import Scene
 from ..settings import VANILLA_3DGS
+from ..splats.asset import SplatAsset
 from ..splats.observations import Observation
 from ..splats.ply import load_ply, save_ply
 from ..splats.rasterizer import render
 from ..steps import CAPTURES, DEPTH, OBSERVED, SPARSE
 from ..visual_asset import vanilla_asset
-from .arms import ARMS, VANILLA_ASSET
+from . import round_scores, scene_causes
+from .arms import ARMS, REFINED, VANILLA_ASSET
+from .cause_figures import report_causes
 from .frozen import ArmScore, score
 from .metrics_file import write_metrics
 from .report_data import FrozenView, Rendering
+from .round_scores import score_rounds
+from .scene_causes import SceneCauses, split_by_cause
 from .scene_report import write_scene_report
 
 
 def evaluate_scene(scene: Scene, frozen: Path, progress: Progress = SILENT) -> dict[str, Any]:
-    """Score the scene's arms on ``frozen``; writes the report and returns ``metrics.json``.
+    """Score the scene's arms and rounds on ``frozen``, and split the refined asset's error by
+    cause; writes the report and returns ``metrics.json``.
 
     ``frozen`` is a cameras.json, of which the frozen list alone is read, or a folder of
     held-out photographs, which are located against the captures. Raises SceneError when
@@ -52,15 +59,23 @@ def evaluate_scene(scene: Scene, frozen: Path, progress: Progress = SILENT) -> d
     train_vanilla(scene, progress)
     scores: dict[str, ArmScore] = {}
     renderings: dict[str, dict[str, np.ndarray]] = {}
+    refined_depths: list[np.ndarray] = []
     for arm, source in ARMS.items():
-        asset = load_ply(scene.path / source.asset)
         pictures = renderings[arm] = {}
+        asset = load_ply(scene.path / source.asset)
         scores[arm] = score(
-            lambda camera, asset=asset: render(asset, camera).colour, views,
+            _renderer(asset, refined_depths if arm == REFINED else []), views,
             keep=pictures.__setitem__, progress=progress, title=f"Scoring {source.label}",
         )  # fmt: skip
-    metrics = write_metrics(scene.report_folder / "metrics.json", scores)
-    write_scene_report(scene, scores, _pictures(views, scores, renderings))
+    rounds = score_rounds(scene, views, progress)
+    causes = _causes(scene, frozen, views, renderings[REFINED], refined_depths, progress)
+    metrics = write_metrics(
+        scene.report_folder / "metrics.json", scores,
+        rounds=round_scores.as_entries(rounds), causes=scene_causes.as_entry(causes),
+    )  # fmt: skip
+    pictures = _pictures(views, scores, renderings)
+    split = report_causes(causes, scores[REFINED], pictures)
+    write_scene_report(scene, scores, pictures, rounds, split)
     return metrics
 
 
@@ -107,9 +122,33 @@ def table(metrics: Mapping[str, Any]) -> str:
         scored = metrics["arms"][arm]
         lpips = "n/a" if scored["lpips_alex"] is None else f"{scored['lpips_alex']:.3f}"
         lines.append(f"{source.label:<16}{scored['psnr']:>9.2f}{scored['ssim']:>8.3f}{lpips:>8}")
-    count = len(metrics["arms"]["refined"]["views"])
-    lines.append(f"mean over {count} frozen views")
+    lines += round_scores.lines(metrics["rounds"])
+    count = len(metrics["arms"][REFINED]["views"])
+    lines += [f"mean over {count} frozen views", "", *scene_causes.lines(metrics["causes"])]
     return "\n".join(lines)
+
+
+def _renderer(asset: SplatAsset, depths: list[np.ndarray]) -> Callable[[Camera], np.ndarray]:
+    """Renders the asset's colour; its depth (H, W) is appended to ``depths``."""
+
+    def colour(camera: Camera) -> np.ndarray:
+        rendering = render(asset, camera)
+        depths.append(rendering.depth)
+        return rendering.colour
+
+    return colour
+
+
+def _causes(
+    scene: Scene, frozen: Path, views: Sequence[Capture], images: Mapping[str, np.ndarray],
+    asset_depths: Sequence[np.ndarray], progress: Progress,
+) -> SceneCauses | str:  # fmt: skip
+    """The causes of the refined asset's error, or why they cannot be told."""
+    try:
+        ordered = [images[view.name] for view in views]
+        return split_by_cause(scene, frozen, views, ordered, asset_depths, progress)
+    except R2SEgoError as error:
+        return str(error)
 
 
 def _pictures(

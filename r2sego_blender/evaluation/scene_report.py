@@ -27,13 +27,16 @@ from .report_data import (
     Backend,
     CandidateCurves,
     Collision,
+    ErrorSplit,
     FrozenView,
     ReportData,
     RolloutSummary,
     Round,
+    ScoredRound,
     SettingUsed,
     Target,
 )
+from .round_scores import RoundScore, below
 
 _PAPER_BACKENDS = {
     "initial_asset": "DUSt3R/VGGT-family reconstructor",
@@ -47,7 +50,11 @@ _PAPER_BACKENDS = {
 
 
 def write_scene_report(
-    scene: Scene, scores: Mapping[str, ArmScore] | None = None, frozen: Sequence[FrozenView] = ()
+    scene: Scene,
+    scores: Mapping[str, ArmScore] | None = None,
+    frozen: Sequence[FrozenView] = (),
+    scored_rounds: Sequence[RoundScore] = (),
+    error_split: ErrorSplit | None = None,
 ) -> Path:
     """Write ``report/index.html`` from what the bundle holds, with scores where there are some."""
     declared = scene.declaration
@@ -72,6 +79,11 @@ def write_scene_report(
             arms=tuple(_arm(key, score) for key, score in (scores or {}).items()),
             lpips_reason=next(iter(reasons), ""),
             backends=tuple(_backend(slot, name) for slot, name in scene.backends.items()),
+            scored_rounds=tuple(
+                ScoredRound(one.round, one.psnr, one.ssim, mark, one.missing)
+                for one, mark in zip(scored_rounds, below(scored_rounds), strict=True)
+            ),
+            error_split=error_split,
             frozen=tuple(frozen),
             rounds=tuple(_round(scene, index) for index in rounds),
             provenance={} if last is None else _provenance(last),

@@ -109,6 +109,15 @@ def test_the_metrics_file_is_the_same_bytes_for_any_order(tmp_path):
     assert not list(tmp_path.glob("*.part"))
 
 
+def test_further_parts_stand_beside_the_arms(tmp_path):
+    path = tmp_path / "metrics.json"
+    rounds = [{"round": 0, "psnr": 22.5, "ssim": 0.7}]
+    written = write_metrics(path, {"refined": arm(0.0)}, rounds=rounds, causes={"unavailable": "no proxy"})
+    assert json.loads(path.read_text()) == written
+    assert written["rounds"] == rounds and set(written) == {"arms", "rounds", "causes"}
+    assert read_metrics(path)["refined"].psnr == 20.5
+
+
 def test_equal_images_are_no_invalid_json(tmp_path):
     perfect = ArmScore(float("inf"), 1.0, 0.0, (ViewScore("v", float("inf"), 1.0, 0.0),))
     path = tmp_path / "metrics.json"

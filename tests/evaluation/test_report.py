@@ -14,12 +14,16 @@ from r2sego_blender.evaluation.report_data import (
     Arm,
     Backend,
     CandidateCurves,
+    CausesOfView,
     Collision,
+    ErrorCause,
+    ErrorSplit,
     FrozenView,
     Rendering,
     ReportData,
     RolloutSummary,
     Round,
+    ScoredRound,
     SettingUsed,
     Target,
 )
@@ -108,8 +112,21 @@ def report() -> ReportData:
         Arm("refined", "Refined asset", 26.191, 0.843),
     )
     renderings = tuple(Rendering(arm.key, image(0.5), arm.psnr, arm.ssim) for arm in arms)
+    truth = image(0.1)
+    causes = (
+        ErrorCause("wrong depth", "off the room", "shape priors", (0.8, 0.4, 0.0), 0.63, 0.25, 17.31),
+        ErrorCause("edges", "near an edge", "finer splats", (0.9, 0.8, 0.2), 0.37, 0.75, None),
+    )
+    worst = CausesOfView("frozen_01", truth, renderings[2].picture, image(0.9), 24.12, "wrong depth 71 %")
     return ReportData(
         title="Demo room",
+        scored_rounds=(
+            ScoredRound(0, 25.507, 0.831),
+            ScoredRound(1, 25.297, 0.829, "0.21 dB below round 0"),
+            ScoredRound(2, None, None, missing="rounds/2/asset.ply is not there"),
+            ScoredRound(3, 26.191, 0.843),
+        ),
+        error_split=ErrorSplit("the true room's mesh", causes, (worst,), "a note of the causes"),
         facts=(("Seed", "0"),),
         arms=arms,
         lpips_reason="AlexNet weights not at hand",
@@ -119,7 +136,7 @@ def report() -> ReportData:
         ),
         frozen=(
             FrozenView("frozen_00", image(0.1), renderings),
-            FrozenView("frozen_01", image(0.1), renderings),
+            FrozenView("frozen_01", truth, renderings),
         ),
         rounds=rounds,
         provenance={"observed": 0.6, "prior": 0.1, "completed": 0.3},
@@ -156,6 +173,15 @@ def test_the_page_names_every_part(tmp_path, report):
         "1 min 01 s",
         "1 h 02 min",
         "60 %",
+        "0.21 dB below round 0",
+        "rounds/2/asset.ply is not there",
+        "Told by the true room's mesh",
+        "a note of the causes",
+        "shape priors",
+        "63 %",
+        "17.31",
+        "Error: wrong depth 71 %",
+        "Refined: 24.12 dB",
     )
     for part in expected:
         assert part in page.text, part
@@ -165,7 +191,7 @@ def test_pictures_lie_beside_the_page_and_have_alt_texts(tmp_path, report):
     path = write_report(tmp_path, report)
     page = Page(path.read_text(encoding="utf-8"))
     shown = [picture for picture in page.images if "src" in picture]
-    assert len(shown) == 2 * 4 + 2 * (2 + 5)
+    assert len(shown) == 2 * 4 + 2 * (2 + 5) + 3
     for picture in shown:
         assert picture["alt"].strip()
         assert (tmp_path / picture["src"]).stat().st_size > 0
@@ -192,6 +218,13 @@ def test_names_cannot_become_html(tmp_path, report):
         arms=(Arm("vanilla_3dgs", NASTY, 20.0, 0.5, note=NASTY), Arm("refined", NASTY, 21.0, 0.6)),
         backends=(Backend(NASTY, NASTY, False, NASTY),),
         frozen=(FrozenView(NASTY, image(0.1), (Rendering("refined", image(0.2)),)),),
+        scored_rounds=(ScoredRound(0, 20.0, 0.5, NASTY), ScoredRound(1, None, None, missing=NASTY)),
+        error_split=ErrorSplit(
+            NASTY,
+            (ErrorCause(NASTY, NASTY, NASTY, (0.1, 0.2, 0.3), 1.0, 1.0, 20.0),),
+            (CausesOfView(NASTY, image(0.1), image(0.2), image(0.3), 20.0, NASTY),),
+            NASTY,
+        ),
         rounds=(
             Round(
                 0, (RolloutSummary(1, True, NASTY),), None, (Target(NASTY, False, NASTY, NASTY),), note=NASTY
@@ -205,7 +238,7 @@ def test_names_cannot_become_html(tmp_path, report):
     page = Page(write_report(tmp_path / "nasty", nasty).read_text(encoding="utf-8"))
     assert page.open == []
     assert page.scripts == ordinary.scripts
-    assert page.text.count(NASTY) >= 12
+    assert page.text.count(NASTY) >= 20
     assert {path.parent.name for path in (tmp_path / "nasty").rglob("*.jpg")} == {"figures"}
 
 
@@ -213,6 +246,47 @@ def test_an_empty_report_is_a_page_too(tmp_path):
     page = Page(write_report(tmp_path, ReportData("Nothing yet")).read_text(encoding="utf-8"))
     assert page.open == []
     assert "Nothing yet" in page.text
+
+
+def test_a_round_that_fell_is_marked_and_stands_apart_in_the_chart(tmp_path, report):
+    text = write_report(tmp_path, report).read_text(encoding="utf-8")
+    rows = re.findall(r'<th scope="row">Round (\d).*?</tr>', text, flags=re.DOTALL)
+    assert rows == ["0", "1", "2", "3"]
+    chips = re.findall(r'<span class="chip bad">([^<]*below[^<]*)</span>', text)
+    assert chips == ["0.21 dB below round 0"]
+    points = re.findall(r'<circle class="(point(?: fell)?)" cx="([\d.]+)" cy="([\d.]+)"', text)
+    assert [kind for kind, _, _ in points] == ["point", "point fell", "point"]
+    xs, ys = np.array([place for _, *place in points], float).T
+    np.testing.assert_allclose(np.diff(xs)[1], 2 * np.diff(xs)[0], atol=0.2)  # round 2 leaves its place free
+    assert ys[2] < ys[0] < ys[1]  # higher PSNR is further up
+
+
+def test_a_single_round_has_a_table_and_no_chart(tmp_path, report):
+    one = replace(report, scored_rounds=(ScoredRound(0, 25.507, 0.831),))
+    page = Page(write_report(tmp_path, one).read_text(encoding="utf-8"))
+    assert "Round 0" in page.text and "25.51" in page.text and "below round" not in page.text
+    assert 'class="point"' not in (tmp_path / "index.html").read_text()
+
+
+def test_the_stacked_bar_has_the_causes_shares(tmp_path, report):
+    text = write_report(tmp_path, report).read_text(encoding="utf-8")
+    stacks = re.findall(r'<div class="stack">(.*?)</div>', text, flags=re.DOTALL)
+    widths = [[float(w) for w in re.findall(r"width: ([\d.]+)%", stack)] for stack in stacks]
+    assert widths == [[63.0, 37.0], [25.0, 75.0]]
+    assert stacks[0].count("rgb(204 102 0)") == 1
+
+
+def test_causes_that_cannot_be_told_are_said(tmp_path, report):
+    unknown = ErrorCause("wrong depth", "off the room", "shape priors", (0.8, 0.4, 0.0))
+    split = ErrorSplit("the proxy alone", (unknown, *report.error_split.causes[1:]))
+    page = Page(write_report(tmp_path, replace(report, error_split=split)).read_text(encoding="utf-8"))
+    assert page.open == []
+    assert (
+        "cannot be told without the true room's mesh" in page.text and "Told by the proxy alone" in page.text
+    )
+    lost = replace(report, error_split=ErrorSplit(unavailable="the proxy is missing"))
+    page = Page(write_report(tmp_path, lost).read_text(encoding="utf-8"))
+    assert "Not available: the proxy is missing" in page.text and page.open == []
 
 
 def test_scores_that_are_missing_or_infinite_are_said_so(tmp_path):
@@ -227,6 +301,7 @@ def test_a_lost_picture_and_an_old_figure_do_no_harm(tmp_path, report):
     lost = replace(
         report,
         rounds=(),
+        error_split=None,
         frozen=(FrozenView("frozen_00", tmp_path / "gone.png", (Rendering("refined", image(0.5)),)),),
     )
     page = Page(write_report(tmp_path, lost).read_text(encoding="utf-8"))

@@ -1,0 +1,100 @@
+"""What each round's asset scores on the frozen views: whether a round made the scene better."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..captures.capture import Capture
+from ..errors import R2SEgoError
+from ..progress import SILENT, Progress
+from ..scene import Scene
+from ..splats.asset import SplatAsset
+from ..splats.ply import load_ply
+from ..splats.rasterizer import render
+from ..steps import BACKDROP, of_round
+from .frozen import rounded, score
+
+
+@dataclass(frozen=True)
+class RoundScore:
+    """One round's asset before its backdrop, on the frozen views.
+
+    ``round`` counts from 0. Of a round that could not be scored the scores are None and
+    ``missing`` says why; ``lpips_alex`` is None too where its weights are not at hand.
+    """
+
+    round: int
+    psnr: float | None
+    ssim: float | None
+    lpips_alex: float | None = None
+    missing: str = ""
+
+
+def score_rounds(
+    scene: Scene, views: Sequence[Capture], progress: Progress = SILENT
+) -> tuple[RoundScore, ...]:
+    """Score ``rounds/l/asset.ply`` of every declared round, in order.
+
+    Each asset is put before the scene's backdrop, as the refined asset is. A round whose
+    asset is missing or damaged is in the list, and says so.
+    """
+    rounds = range(scene.declaration.settings.rounds)
+    try:
+        backdrop = load_ply(scene.path / BACKDROP)
+    except R2SEgoError as error:
+        return tuple(RoundScore(index, None, None, missing=f"{BACKDROP}: {error.what}") for index in rounds)
+    return tuple(_score(scene, index, backdrop, views, progress) for index in rounds)
+
+
+def below(rounds: Sequence[RoundScore]) -> tuple[str, ...]:
+    """A line for each round: "" or "0.21 dB below round 0", its PSNR against that of the last
+    round before it that has one."""
+    lines, before = [], None
+    for one in rounds:
+        loss_db = 0.0 if before is None or one.psnr is None else before.psnr - one.psnr
+        lines.append(f"{loss_db:.2f} dB below round {before.round}" if loss_db >= 0.005 else "")
+        before = before if one.psnr is None else one
+    return tuple(lines)
+
+
+def as_entries(rounds: Sequence[RoundScore]) -> list[dict[str, Any]]:
+    """The rounds as ``metrics.json`` has them: a round that falls back says so as ``mark``."""
+    entries = []
+    for one, mark in zip(rounds, below(rounds), strict=True):
+        entry = {"round": one.round, "psnr": rounded(one.psnr), "ssim": rounded(one.ssim)}
+        if one.lpips_alex is not None:
+            entry["lpips_alex"] = rounded(one.lpips_alex)
+        entry |= {"mark": mark} if mark else {}
+        entry |= {"missing": one.missing} if one.missing else {}
+        entries.append(entry)
+    return entries
+
+
+def lines(entries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The ``rounds`` of ``metrics.json`` as lines for a terminal, in the columns of the arms."""
+    text = []
+    for entry in entries:
+        name = f"round {entry['round']}"
+        if "missing" in entry:
+            text.append(f"{name:<16}not scored: {entry['missing']}")
+            continue
+        psnr = float("inf") if entry["psnr"] is None else entry["psnr"]
+        text.append(f"{name:<16}{psnr:>9.2f}{entry['ssim']:>8.3f}  {entry.get('mark', '')}".rstrip())
+    return text
+
+
+def _score(
+    scene: Scene, index: int, backdrop: SplatAsset, views: Sequence[Capture], progress: Progress
+) -> RoundScore:
+    name = of_round(index, "asset.ply")
+    try:
+        asset = load_ply(scene.path / name)
+    except R2SEgoError as error:
+        return RoundScore(index, None, None, missing=f"{name}: {error.what}")
+    whole = asset.concatenated(backdrop.with_degree(asset.degree))
+    arm = score(
+        lambda camera: render(whole, camera).colour, views, progress=progress, title=f"Scoring round {index}"
+    )  # fmt: skip
+    return RoundScore(index, arm.psnr, arm.ssim, arm.lpips_alex)

@@ -1,0 +1,251 @@
+"""Why the refined asset is wrong on the frozen views: its squared error split by cause.
+
+Each pixel has exactly one cause, the first of ``CAUSES`` that holds. They are told by the
+true room's mesh where it lies beside the frozen views, else by the geometry proxy alone,
+which cannot say where it is wrong itself. Truth is read for scoring only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ..cameras import Camera
+from ..captures.capture import Capture
+from ..captures.store import load_captures
+from ..errors import EvaluationError
+from ..geometry.proxy import GeometryProxy
+from ..geometry.rasterizer import MeshRasterizer
+from ..progress import SILENT, Progress
+from ..scene import Scene
+from ..steps import of_round
+from .error_causes import EDGE_PX, CauseShares, near_edges, seen_by_captures, split
+from .frozen import rounded
+from .ground_truth import TRUE_MESH, load_true_mesh
+
+WRONG_DEPTH_M = 0.05
+"""Geometry farther than this from the true depth is wrong."""
+
+OFF_SURFACE_M, OFF_SURFACE = 0.10, 0.03
+"""Splats farther than the larger of these from the surface, metres and relative, are off it."""
+
+TRUE_ROOM, PROXY = "the true room's mesh", "the proxy alone"
+"""By what causes are told."""
+
+_SAME_ROOM_M = 0.3
+"""A true mesh is of this room and in its frame when half of what the captures see lies this
+near to the proxy."""
+
+_NOTHING_M = np.float32(1e6)
+
+
+@dataclass(frozen=True)
+class Cause:
+    """What a person reads of a cause: its name, what it means, and what mends it."""
+
+    label: str
+    meaning: str
+    mended_by: str
+
+
+CAUSES: Mapping[str, Cause] = {
+    "wrong_depth": Cause(
+        "wrong depth",
+        "the geometry proxy is more than 5 cm from the room",
+        "shape priors for the objects there, or captures that see those sides",
+    ),
+    "off_surface": Cause(
+        "splats off the surface",
+        "the asset's depth is not the surface's: fog, floaters and holes",
+        "deleting floaters, training.scale_pull or training.depth_weight above 0, more steps",
+    ),
+    "never_seen": Cause(
+        "never seen",
+        "no capture sees that surface: its colours are made up",
+        "more captures of that side",
+    ),
+    "edges": Cause(
+        "edges",
+        "within 2 px of a depth edge",
+        "larger photographs (captures.max_side_px) and finer splats (training.disc_stride_px)",
+    ),
+    "appearance": Cause(
+        "appearance",
+        "all else: blur, light, reflections, exposure",
+        "captures nearer to the robot's views, one exposure for all, more steps",
+    ),
+}
+"""In the order in which they are asked; the key is the name in metrics.json."""
+
+_INDEX = {name: index for index, name in enumerate(CAUSES)}
+
+
+@dataclass(frozen=True)
+class ViewCauses:
+    """One frozen view: the cause of each pixel (H, W), an index into ``CAUSES``, and each
+    cause's share of the view's squared error."""
+
+    name: str
+    labels: np.ndarray
+    shares: Mapping[str, CauseShares]
+
+
+@dataclass(frozen=True)
+class SceneCauses:
+    """The causes over all frozen views.
+
+    ``told_by`` is ``TRUE_ROOM`` or ``PROXY``; ``shares`` of a cause that cannot be told is
+    None; ``note`` says why a true mesh was not used.
+    """
+
+    told_by: str
+    shares: Mapping[str, CauseShares | None]
+    views: tuple[ViewCauses, ...]
+    note: str = ""
+
+
+def split_by_cause(
+    scene: Scene,
+    frozen: Path,
+    views: Sequence[Capture],
+    images: Sequence[np.ndarray],
+    asset_depths: Sequence[np.ndarray],
+    progress: Progress = SILENT,
+) -> SceneCauses:
+    """Split the squared error of the refined asset's ``images`` (H, W, 3) by cause.
+
+    ``asset_depths`` (H, W) are the asset's own at the same views, planar metres, 0 where it
+    shows nothing. ``frozen`` is what the views were read of: a ``room.npz`` beside it is the
+    true room. The proxy is the last round's. Raises GeometryError when that is not there.
+    """
+    last = min(scene.rounds_done(), scene.declaration.settings.rounds) - 1
+    proxy = GeometryProxy.load(scene.path / of_round(max(last, 0), "proxy") / "proxy.npz")
+    found = MeshRasterizer(proxy.vertices, proxy.faces)
+    captures = [capture.camera for capture in load_captures(scene.captures_folder)]
+    true, note = _true_room(scene, frozen, found, captures)
+    told = found if true is None else true
+    seen_in = [told.render(camera).depth for camera in captures]
+    labels = []
+    for view, asset_depth in zip(progress.track(views, "Causes of the error"), asset_depths, strict=True):
+        proxy_depth = found.render(view.camera).depth
+        true_depth = None if true is None else true.render(view.camera).depth
+        labels.append(label_pixels(view.camera, proxy_depth, asset_depth, captures, seen_in, true_depth))
+    return _counted(views, images, labels, TRUE_ROOM if true is not None else PROXY, note)
+
+
+def label_pixels(
+    camera: Camera,
+    proxy_depth: np.ndarray,
+    asset_depth: np.ndarray,
+    capture_cameras: Sequence[Camera],
+    capture_depths: Sequence[np.ndarray],
+    true_depth: np.ndarray | None = None,
+) -> np.ndarray:
+    """(H, W) uint8, an index into ``CAUSES`` for each pixel of a view.
+
+    Depths (H, W) are planar metres, 0 where nothing is. ``capture_depths`` are the captures'
+    of the same surface as ``true_depth`` or, without it, as ``proxy_depth``. A depth counts
+    as off only where the surface has no such depth within 2 px: what is blended over an edge
+    is an edge's error.
+    """
+    surface = proxy_depth if true_depth is None else true_depth
+    wrong = np.zeros(camera.shape, bool)
+    if true_depth is not None:
+        wrong = _apart(proxy_depth, true_depth, np.float32(WRONG_DEPTH_M))
+    tolerance_m = np.maximum(OFF_SURFACE_M, OFF_SURFACE * surface).astype(np.float32)
+    off = (surface > 0.0) & _apart(asset_depth, surface, tolerance_m)
+    seen = seen_by_captures(camera, surface, capture_cameras, capture_depths)
+    edges = near_edges(surface)
+    return np.select([wrong, off, ~seen, edges], range(4), _INDEX["appearance"]).astype(np.uint8)
+
+
+def as_entry(causes: SceneCauses | str) -> dict[str, Any]:
+    """The causes as ``metrics.json`` has them; text says why there are none."""
+    if isinstance(causes, str):
+        return {"unavailable": causes}
+    shares = []
+    for name, cause in CAUSES.items():
+        share = causes.shares[name]
+        parts = ("error", "pixels", "psnr")
+        figures = {part: None if share is None else rounded(getattr(share, part)) for part in parts}
+        shares.append({"cause": name, "label": cause.label, **figures, "mended_by": cause.mended_by})
+    told = [name for name, share in causes.shares.items() if share is not None]
+    views = [
+        {"name": view.name, "error": {name: rounded(view.shares[name].error) for name in told}}
+        for view in causes.views
+    ]
+    note = {"note": causes.note} if causes.note else {}
+    return {"told_by": causes.told_by, "shares": shares, "views": views, **note}
+
+
+def lines(entry: Mapping[str, Any]) -> list[str]:
+    """The ``causes`` of ``metrics.json`` as lines for a terminal."""
+    if "unavailable" in entry:
+        return [f"causes of the error: not available, {entry['unavailable']}"]
+    text = [
+        f"squared error of the refined asset by cause, told by {entry['told_by']}",
+        f"{'':<24}{'error':>6}{'pixels':>8}{'PSNR dB':>9}  what mends it",
+    ]
+    for one in entry["shares"]:
+        if one["error"] is None:
+            text.append(f"{one['label']:<24}{'n/a':>6}{'n/a':>8}{'n/a':>9}  told by a true mesh alone")
+            continue
+        psnr = "n/a" if one["psnr"] is None else f"{one['psnr']:.2f}"
+        text.append(
+            f"{one['label']:<24}{one['error']:>6.0%}{one['pixels']:>8.0%}{psnr:>9}  {one['mended_by']}"
+        )
+    return [*text, entry["note"]] if "note" in entry else text
+
+
+def _apart(depth: np.ndarray, surface: np.ndarray, tolerance_m: np.ndarray) -> np.ndarray:
+    """(H, W) bool: whose depth lies outside all that the surface has within ``EDGE_PX``."""
+    square = np.ones((2 * EDGE_PX + 1, 2 * EDGE_PX + 1), np.uint8)
+    depth, surface = (np.where(d > 0.0, d, _NOTHING_M).astype(np.float32) for d in (depth, surface))
+    nearest, farthest = cv2.erode(surface, square), cv2.dilate(surface, square)
+    return (depth < nearest - tolerance_m) | (depth > farthest + tolerance_m)
+
+
+def _true_room(
+    scene: Scene, frozen: Path, proxy: MeshRasterizer, captures: Sequence[Camera]
+) -> tuple[MeshRasterizer | None, str]:
+    """The true room in the world frame, or None and why; no words where no mesh lies there."""
+    folders = [frozen, frozen.parent] if frozen.is_dir() else [frozen.parent]
+    file = next((folder / TRUE_MESH for folder in folders if (folder / TRUE_MESH).is_file()), None)
+    if file is None:
+        return None, ""
+    try:
+        vertices, faces = load_true_mesh(file)
+    except EvaluationError as error:
+        return None, f"{TRUE_MESH} beside the frozen views cannot be used: {error.what}"
+    similarity = np.array(scene.declaration.world_from_capture)
+    true = MeshRasterizer(vertices @ similarity[:3, :3].T + similarity[:3, 3], faces)
+    apart = []
+    for camera in captures:
+        a, b = proxy.render(camera).depth, true.render(camera).depth
+        apart.append(np.where((a > 0.0) & (b > 0.0), np.abs(a - b), np.inf).ravel())
+    if not np.median(np.concatenate(apart)) <= _SAME_ROOM_M:
+        return None, f"{TRUE_MESH} beside the frozen views is not in the frame of the captures"
+    return true, ""
+
+
+def _counted(
+    views: Sequence[Capture],
+    images: Sequence[np.ndarray],
+    labels: Sequence[np.ndarray],
+    told_by: str,
+    note: str,
+) -> SceneCauses:
+    photographs = [view.image() for view in views]
+    shares: dict[str, CauseShares | None] = dict(split(images, photographs, labels, tuple(CAUSES)))
+    if told_by == PROXY:
+        shares["wrong_depth"] = None
+    each = tuple(
+        ViewCauses(view.name, label, split([image], [photograph], [label], tuple(CAUSES)))
+        for view, image, photograph, label in zip(views, images, photographs, labels, strict=True)
+    )
+    return SceneCauses(told_by, shares, each, note)

@@ -1,0 +1,99 @@
+"""Evaluating a bundle: rounds and causes stand in metrics.json, in the report and on the terminal."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from small_bundle import bundle, photographs, splats
+
+from r2sego_blender.captures.cameras_json import save_cameras_json
+from r2sego_blender.evaluation import scene_evaluation, scene_report
+from r2sego_blender.evaluation.report_data import Round
+from r2sego_blender.evaluation.scene_causes import CAUSES
+from r2sego_blender.splats.asset import SplatAsset
+from r2sego_blender.splats.ply import save_ply
+from r2sego_blender.status import lines
+
+
+@pytest.fixture
+def evaluated(tmp_path, monkeypatch):
+    """A bundle of two rounds, of which the second is the worse, and where its frozen views are."""
+    scene = bundle(tmp_path, [splats(0.55), splats(0.62)], SplatAsset.empty())
+    for name, asset in (("asset.ply", splats(0.62)), ("geometry/initial_asset.ply", splats(0.8))):
+        save_ply(scene.path / name, asset)
+    views = photographs(tmp_path, (-0.1, 0.0, 0.1), "frozen")
+    save_cameras_json(tmp_path / "cameras.json", views)
+    cameras = json.loads((tmp_path / "cameras.json").read_text())
+    (tmp_path / "cameras.json").write_text(json.dumps(cameras | {"frozen": cameras["captures"]}))
+    # The baseline is trained, and rollouts are described, elsewhere; neither is read here.
+    (scene.path / "report").mkdir()
+    monkeypatch.setattr(
+        scene_evaluation, "train_vanilla",
+        lambda scene, progress: save_ply(scene.path / "report/vanilla_3dgs.ply", splats(0.9)),
+    )  # fmt: skip
+    monkeypatch.setattr(scene_report, "_round", lambda scene, index: Round(index))
+    return scene, tmp_path / "cameras.json"
+
+
+def test_rounds_and_causes_are_in_the_file_the_page_and_the_table(evaluated):
+    scene, frozen = evaluated
+    metrics = scene_evaluation.evaluate_scene(scene, frozen)
+    assert metrics == json.loads((scene.report_folder / "metrics.json").read_text())
+    first, second = metrics["rounds"]
+    assert (first["round"], second["round"]) == (0, 1) and first["psnr"] > second["psnr"]
+    assert second["psnr"] == metrics["arms"]["refined"]["psnr"]  # the last round is the refined asset
+    mark = f"{first['psnr'] - second['psnr']:.2f} dB below round 0"
+    assert second["mark"] == mark and "mark" not in first
+    told = [one for one in metrics["causes"]["shares"] if one["error"] is not None]
+    assert [one["cause"] for one in told] == list(CAUSES)[1:]
+    np.testing.assert_allclose(sum(one["error"] for one in told), 1.0, atol=1e-3)
+
+    page = (scene.report_folder / "index.html").read_text()
+    assert mark in page and "Told by the proxy alone" in page
+    for cause in CAUSES.values():
+        assert cause.label in page
+    assert len(list((scene.report_folder / "figures").glob("causes-*.jpg"))) == 3
+
+    table = scene_evaluation.table(metrics)
+    assert mark in table and "told by the proxy alone" in table
+    assert table.index("round 0") < table.index("round 1") < table.index("mean over 3 frozen views")
+
+
+def test_a_bundle_that_lost_its_proxy_is_scored_and_says_so(evaluated):
+    scene, frozen = evaluated
+    shutil.rmtree(scene.path / "rounds/1/proxy")
+    shutil.rmtree(scene.path / "rounds/0/proxy")
+    (scene.path / "rounds/1/asset.ply").unlink()
+    (scene.path / "rounds/0/asset.ply").unlink()
+    metrics = scene_evaluation.evaluate_scene(scene, frozen)
+    assert "proxy" in metrics["causes"]["unavailable"]
+    assert all(one["psnr"] is None and "missing" in one for one in metrics["rounds"])
+    page = (scene.report_folder / "index.html").read_text()
+    assert "Not available: " in page and "not scored: rounds/0/asset.ply" in page
+    assert "not scored" in scene_evaluation.table(metrics)
+
+
+def test_the_status_tells_rounds_and_the_largest_cause():
+    entry = {"label": "edges", "error": 0.7, "mended_by": "finer splats"}
+    other = {"label": "wrong depth", "error": None, "mended_by": "priors"}
+    rounds = [
+        {"round": 0, "psnr": 25.5, "ssim": 0.8},
+        {"round": 1, "psnr": 25.0, "ssim": 0.79, "mark": "0.50 dB below round 0"},
+        {"round": 2, "psnr": None, "ssim": None, "missing": "it is not there"},
+    ]
+    arms = {"refined": {"psnr": 25.0, "ssim": 0.79}}
+    state = {
+        "scene": "room.r2s", "captures": 6, "captures_source": "cameras.json", "ground": "floor",
+        "scale_source": "metric", "robot": "humanoid", "scope": "walk", "preset": "paper", "overrides": {},
+        "rounds": [], "rounds_declared": 3, "refined": True,
+        "metrics": {"arms": arms, "rounds": rounds, "causes": {"shares": [other, entry]}},
+    }  # fmt: skip
+    text = "\n".join(lines(state))
+    assert "PSNR 25.00 dB, SSIM 0.790, 0.50 dB below round 0" in text
+    assert "not scored: it is not there" in text
+    assert "largest cause of error: edges, 70% of it; finer splats" in text
+    state["metrics"] = {"arms": arms}  # as older versions wrote it
+    assert "largest cause" not in "\n".join(lines(state))
