@@ -1,8 +1,22 @@
-"""The sub-panel Views."""
+"""The sub-panel Views: candidates, the active one and why, the scores over time."""
+
+import textwrap
 
 import bpy
 
-from .sidebar import Step
+from . import score_curves
+from .sidebar import Sidebar, Step, fitting_characters
+
+
+class R2SEGO_UL_ranked_views(bpy.types.UIList):
+    """The target views, best first, then those that may stand in for them"""
+
+    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
+        row = layout.row(align=True)
+        row.active = item.chosen
+        row.label(text=f"{index + 1}", icon="OUTLINER_OB_CAMERA" if item.chosen else "DOT")
+        row.label(text=f"Rollout {item.rollout}, {item.frame}")
+        row.label(text=f"s {item.score:.3f}")
 
 
 class R2SEGO_PT_views(Step, bpy.types.Panel):
@@ -15,11 +29,97 @@ class R2SEGO_PT_views(Step, bpy.types.Panel):
 
     def draw(self, context):
         self.draw_facts(context)
-        row = self.layout.row(align=True)
+        layout, group = self.layout, context.scene.r2sego_views
+        row = layout.row(align=True)
         row.prop(context.scene.r2sego, "round_index")
-        row.operator("r2sego.show_candidates", text="Show", icon="OUTLINER_OB_CAMERA")
-        row = self.layout.row(align=True)
-        row.operator("r2sego.look_through", icon="VIEW_CAMERA")
+        show = row.operator("r2sego.show_candidates", text="Show", icon="OUTLINER_OB_CAMERA")
+        show.colour_by, show.shown, show.frustum_size = group.colour_by, group.shown, group.frustum_size
+        if not group.candidates:
+            layout.operator("r2sego.look_through", icon="VIEW_CAMERA")
+            return
+        column = layout.column(align=True)
+        column.row(align=True).prop(group, "colour_by", expand=True)
+        column.row(align=True).prop(group, "shown", expand=True)
+        column.prop(group, "frustum_size")
+        best = {"S": group.best_s, "U": group.best_u, "G": group.best_g}[group.colour_by]
+        layout.label(text=f"Dark blue 0, yellow {best:.3g}; {group.survivors} of {group.candidates} survive")
+        if group.note:
+            _write(context, layout, group.note, "INFO")
+        layout.template_list(
+            "R2SEGO_UL_ranked_views", "", group, "ranked", group, "ranked_index", rows=4, maxrows=12
+        )
 
 
-CLASSES = (R2SEGO_PT_views,)
+class R2SEGO_PT_views_candidate(Sidebar, bpy.types.Panel):
+    """The active candidate view: its scores, and why it is a target or none"""
+
+    bl_idname = "R2SEGO_PT_views_candidate"
+    bl_label = "Active Candidate"
+    bl_parent_id = "R2SEGO_PT_views"
+    bl_order = 0
+
+    @classmethod
+    def poll(cls, context):
+        return context.scene.r2sego_views.candidates > 0
+
+    def draw(self, context):
+        layout, group = self.layout, context.scene.r2sego_views
+        row = layout.row(align=True)
+        row.prop(group, "active")
+        row.operator("r2sego.pick_candidate", text="", icon="EYEDROPPER")
+        row = layout.row(align=True)
+        row.operator("r2sego.look_through_candidate", text="Look Through", icon="VIEW_CAMERA")
+        row.prop(group, "set_frame", text="", icon="TIME")
+        if group.active >= 0:
+            layout.label(text=f"Rollout {group.rollout}, frame {group.active_frame}")
+            layout.label(text=group.figures)
+            _write(context, layout, group.why)
+
+
+class R2SEGO_PT_views_curves(Sidebar, bpy.types.Panel):
+    """The scores of a rollout's frames, drawn at the bottom of the 3D view"""
+
+    bl_idname = "R2SEGO_PT_views_curves"
+    bl_label = "Scores over Time"
+    bl_parent_id = "R2SEGO_PT_views"
+    bl_order = 1
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return context.scene.r2sego_views.candidates > 0
+
+    def draw_header(self, context):
+        self.layout.prop(context.scene.r2sego_views, "curves", text="")
+
+    def draw(self, context):
+        layout, group = self.layout, context.scene.r2sego_views
+        layout.active = group.curves
+        layout.prop(group, "rollout")
+        layout.label(text=f"{group.rollouts} rollouts have candidates")
+
+
+def _write(context, layout, text, icon="NONE"):
+    """A longer text, wrapped to the side bar's width."""
+    column = layout.column(align=True)
+    for line in textwrap.wrap(text, fitting_characters(context, 0.92)):
+        column.label(text=line, icon=icon)
+        icon = "BLANK1" if icon != "NONE" else icon
+
+
+CLASSES = (
+    R2SEGO_UL_ranked_views,
+    R2SEGO_PT_views,
+    R2SEGO_PT_views_candidate,
+    R2SEGO_PT_views_curves,
+)
+
+
+def register() -> None:
+    """Start drawing the curves."""
+    score_curves.register()
+
+
+def unregister() -> None:
+    """Stop drawing them."""
+    score_curves.unregister()

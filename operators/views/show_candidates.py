@@ -1,35 +1,35 @@
 """Show a round's candidate views and targets."""
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty
+from bpy.props import EnumProperty, FloatProperty
 
-from ...r2sego_blender.bridge.show_candidates import show_candidates
 from .. import state
 from ..base import ReportingOperator, needs_round
+from . import display
+from .properties import COLOURS, SHOWN
 
 
 class R2SEGO_OT_show_candidates(ReportingOperator, bpy.types.Operator):
-    """Show the robot's candidate views, dark to yellow by score, and the target views as cameras"""
+    """Show the robot's candidate views, dark blue to yellow by a score, and the target views as cameras"""
 
     bl_idname = "r2sego.show_candidates"
     bl_label = "Show Candidate Views"
     bl_options = {"REGISTER", "UNDO"}
 
+    colour_by: EnumProperty(name="Colour", description="What the frusta's colours mean", items=COLOURS)
+    shown: EnumProperty(name="Shown", description="Which candidate views are shown", items=SHOWN)
     frustum_size: FloatProperty(
         name="Frustum Size", description="Depth of a candidate's frustum", default=0.08, min=0.005, max=5.0,
         subtype="DISTANCE", unit="LENGTH",
     )  # fmt: skip
-    survivors_only: BoolProperty(
-        name="Survivors Only", description="Leave out views that temporal suppression removed"
-    )
 
     @classmethod
     def poll(cls, context):
         return needs_round(cls, context)
 
     def perform(self, context):
-        swarm, targets = show_candidates(
-            context.scene, state.opened_bundle(context), context.scene.r2sego.round_index,
-            frustum_m=self.frustum_size, survivors_only=self.survivors_only,
-        )  # fmt: skip
+        bundle, group = state.opened_bundle(context), context.scene.r2sego_views
+        bundle.candidates(context.scene.r2sego.round_index)  # refuses before anything is changed
+        group.colour_by, group.shown, group.frustum_size = self.colour_by, self.shown, self.frustum_size
+        swarm, targets = display.show(context.scene, bundle)
         return f"{swarm.name}: {len(targets)} target views"

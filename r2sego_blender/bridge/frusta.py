@@ -26,3 +26,8 @@ def frustum_triangles(camera: Camera, poses: np.ndarray, depth_m: float) -> tupl
     vertices = np.einsum("mij,vj->mvi", poses[:, :3, :3], local) + poses[:, None, :3, 3]
     triangles = _SIDES[None] + 5 * np.arange(len(poses), dtype=np.int32)[:, None, None]
     return vertices.reshape(-1, 3).astype(np.float32), triangles.reshape(-1, 3).astype(np.int32)
+
+
+def face_steps(values: np.ndarray, best: float, steps: int) -> np.ndarray:
+    """(F,) int32: each face's place on a ramp of ``steps`` colours from 0 to ``best``."""
+    return np.clip(values / best * steps, 0, steps - 1).astype(np.int32)

@@ -1,38 +1,50 @@
-"""The candidate stream as frusta coloured by score, and the target views as cameras."""
+"""The candidate stream as frusta coloured by a score, and the target views as cameras."""
 
 from __future__ import annotations
 
+import bmesh
 import bpy
 import numpy as np
 
 from .bundle import Bundle, CandidateViews
-from .cameras import create_camera
-from .frusta import FACES_PER_FRUSTUM, frustum_triangles
+from .cameras import create_camera, object_pose, set_camera
+from .frusta import FACES_PER_FRUSTUM, face_steps, frustum_triangles
 from .materials import plain_material, ramp_materials
-from .meshes import add_attribute, assign_materials, mesh_from_arrays
-from .outliner import fresh_collection
+from .meshes import add_attribute, assign_materials, mesh_from_arrays, read_attribute
+from .outliner import clear, find_collection, fresh_collection
+
+SCORES = ("s", "u", "g")
+"""What frusta may be coloured by: the score, the asset's deficit, the geometry's availability."""
+
+SHOWN = ("all", "survivors", "targets")
+"""Which candidates may be shown."""
 
 _CANDIDATES, _TARGETS = "Candidates", "Target views"
+_ACTIVE, _VIEW = "Active candidate", "Candidate view"
 _SCORE_STEPS = 8
-_TARGET_COLOUR = (0.90, 0.12, 0.35)
-_TARGET_ENLARGEMENT = 2.5
+_TARGET_COLOUR, _ACTIVE_COLOUR = (0.90, 0.12, 0.35), (1.0, 0.45, 0.05)
+_TARGET_ENLARGEMENT, _ACTIVE_ENLARGEMENT = 2.5, 1.5
 
 
 def show_candidates(
     scene: bpy.types.Scene, bundle: Bundle, round_index: int, *,
-    frustum_m: float = 0.08, survivors_only: bool = False,
+    frustum_m: float = 0.08, shown: str = "all", colour_by: str = "s",
 ) -> tuple[bpy.types.Object, list[bpy.types.Object]]:  # fmt: skip
     """The candidates of a round in one mesh and its targets as cameras with frusta.
 
-    Frusta run from dark blue (score 0) to yellow (the best score); their faces carry the
-    attributes ``candidate``, ``u``, ``g``, ``s``. Targets are named by their place in the
-    selection and enlarged. Returns the candidates' object and the targets' cameras in
-    that order. Raises SceneError when the round has none.
+    Frusta run from dark blue (0) to yellow (the best there is) by ``colour_by``, one of
+    ``SCORES``; their faces carry the attributes ``candidate``, ``u``, ``g``, ``s``. ``shown`` is
+    one of ``SHOWN``. Targets are named by their place in the selection and enlarged. Returns
+    the candidates' object and the targets' cameras in that order. Raises SceneError when
+    the round has none.
     """
     views = bundle.candidates(round_index)
-    shown = np.flatnonzero(views.survived if survivors_only else np.ones(len(views.score), bool))
-    swarm = _candidate_object(views, shown, round_index, frustum_m)
-    fresh_collection(scene, bundle.name, _CANDIDATES).objects.link(swarm)
+    kept = {"all": np.ones(len(views.score), bool), "survivors": views.survived, "targets": views.chosen}
+    collection = fresh_collection(scene, bundle.name, _CANDIDATES)  # first, so that names are free again
+    swarm = _candidate_object(views, np.flatnonzero(kept[shown]), round_index, frustum_m)
+    swarm["round"], swarm["shown"], swarm["frustum_m"] = round_index, shown, frustum_m
+    _colour(swarm, colour_by)
+    collection.objects.link(swarm)
     targets = fresh_collection(scene, bundle.name, _TARGETS)
     cameras = []
     for place, index in enumerate(views.targets()):
@@ -43,21 +55,107 @@ def show_candidates(
     return swarm, cameras
 
 
+def shown_candidates(scene: bpy.types.Scene, bundle_name: str) -> bpy.types.Object | None:
+    """The mesh of frusta that ``show_candidates`` made, None when it is not there."""
+    collection = find_collection(scene, bundle_name, _CANDIDATES)
+    found = [] if collection is None else [o for o in collection.objects if o.type == "MESH" and "round" in o]
+    return found[0] if found else None
+
+
+def recolour_candidates(swarm: bpy.types.Object, colour_by: str) -> None:
+    """Colour the frusta by another of ``SCORES``."""
+    if swarm["colour_by"] != colour_by:
+        _colour(swarm, colour_by)
+
+
+def candidate_of_face(swarm: bpy.types.Object, face: int) -> int:
+    """The candidate that a face of the frusta belongs to."""
+    return int(swarm.data.attributes["candidate"].data[face].value)
+
+
+def candidate_on_ray(swarm: bpy.types.Object, origin, direction) -> int:
+    """The candidate whose frustum a ray of the world meets first, -1 when it meets none.
+
+    What else stands in the way is passed through: frusta behind a wall can be had.
+    """
+    inverse = swarm.matrix_world.inverted_safe()
+    hit, _, _, face = swarm.ray_cast(
+        inverse @ origin, inverse.to_3x3() @ direction, depsgraph=bpy.context.evaluated_depsgraph_get()
+    )
+    return candidate_of_face(swarm, face) if hit else -1
+
+
+def candidate_of_selection(swarm: bpy.types.Object) -> int:
+    """The candidate of the face chosen in Edit Mode, -1 when none is."""
+    if swarm.mode != "EDIT":
+        return -1
+    faces = bmesh.from_edit_mesh(swarm.data).faces
+    chosen = faces.active if faces.active is not None and faces.active.select else None
+    chosen = chosen or next((face for face in faces if face.select), None)
+    return -1 if chosen is None else int(chosen[faces.layers.int["candidate"]])
+
+
+def mark_candidate(
+    scene: bpy.types.Scene, bundle_name: str, views: CandidateViews, index: int, frustum_m: float
+) -> bpy.types.Object | None:
+    """A larger frustum in another colour at candidate ``index``; -1 takes it away."""
+    collection = find_collection(scene, bundle_name, _ACTIVE)
+    if index < 0:
+        if collection is not None:
+            clear(collection)
+        return None
+    marker = next((o for o in collection.objects if o.type == "MESH"), None) if collection else None
+    size_m = frustum_m * _ACTIVE_ENLARGEMENT
+    if marker is None or marker["frustum_m"] != size_m:
+        marker = _frustum_object(_ACTIVE, views, size_m, "R2S-EGO active", _ACTIVE_COLOUR)
+        marker["frustum_m"] = size_m
+        marker.show_in_front = True
+        fresh_collection(scene, bundle_name, _ACTIVE).objects.link(marker)
+    marker["candidate"] = int(index)
+    marker.matrix_world = object_pose(views.poses[index]).T.tolist()
+    return marker
+
+
+def candidate_camera(
+    scene: bpy.types.Scene, bundle_name: str, views: CandidateViews, index: int
+) -> bpy.types.Object:
+    """One camera with the exact lens, moved to candidate ``index``."""
+    camera = views.camera.at(views.poses[index])
+    collection = find_collection(scene, bundle_name, _VIEW)
+    created = next((o for o in collection.objects if o.type == "CAMERA"), None) if collection else None
+    if created is None:
+        created = create_camera(_VIEW, camera)
+        fresh_collection(scene, bundle_name, _VIEW).objects.link(created)
+    set_camera(created, camera)
+    created["candidate"] = int(index)
+    return created
+
+
 def _candidate_object(
     views: CandidateViews, shown: np.ndarray, round_index: int, frustum_m: float
 ) -> bpy.types.Object:
     vertices, triangles = frustum_triangles(views.camera, views.poses[shown], frustum_m)
     mesh = mesh_from_arrays(f"Candidates, round {round_index}", vertices, triangles)
-    score = views.score[shown]
     for name, values in (
-        ("candidate", shown), ("u", views.deficit[shown]), ("g", views.availability[shown]), ("s", score),
+        ("candidate", shown), ("u", views.deficit[shown]), ("g", views.availability[shown]),
+        ("s", views.score[shown]),
     ):  # fmt: skip
         add_attribute(mesh, name, np.repeat(values, FACES_PER_FRUSTUM))
-    best = float(score.max(initial=0.0)) or 1.0
-    step = np.clip(score / best * _SCORE_STEPS, 0, _SCORE_STEPS - 1).astype(np.int32)
-    materials = ramp_materials("R2S-EGO score", _SCORE_STEPS)
-    assign_materials(mesh, materials, np.repeat(step, FACES_PER_FRUSTUM))
-    return bpy.data.objects.new(mesh.name, mesh)
+    for material in ramp_materials("R2S-EGO score", _SCORE_STEPS):
+        mesh.materials.append(material)
+    created = bpy.data.objects.new(mesh.name, mesh)
+    # The best of the whole round, so that colours mean the same whatever is shown.
+    for name, values in (("u", views.deficit), ("g", views.availability), ("s", views.score)):
+        created[f"best_{name}"] = float(values.max(initial=0.0)) or 1.0
+    return created
+
+
+def _colour(swarm: bpy.types.Object, colour_by: str) -> None:
+    mesh = swarm.data
+    steps = face_steps(read_attribute(mesh, colour_by), swarm[f"best_{colour_by}"], _SCORE_STEPS)
+    mesh.polygons.foreach_set("material_index", steps)
+    mesh.update()
+    swarm["colour_by"] = colour_by
 
 
 def _target_objects(
@@ -70,11 +168,18 @@ def _target_objects(
     camera["candidate"] = int(index)
     camera["u"], camera["g"] = float(views.deficit[index]), float(views.availability[index])
     camera["s"] = float(views.score[index])
-    vertices, triangles = frustum_triangles(views.camera, np.eye(4)[None], frustum_m)
-    mesh = mesh_from_arrays(f"{name} frustum", vertices * (1.0, -1.0, -1.0), triangles)
-    material = plain_material("R2S-EGO target", _TARGET_COLOUR)
-    assign_materials(mesh, [material], np.zeros(FACES_PER_FRUSTUM, np.int32))
-    frustum = bpy.data.objects.new(mesh.name, mesh)
+    frustum = _frustum_object(f"{name} frustum", views, frustum_m, "R2S-EGO target", _TARGET_COLOUR)
     frustum.parent = camera  # moves with its camera
-    frustum.hide_select = True
     return camera, frustum
+
+
+def _frustum_object(
+    name: str, views: CandidateViews, frustum_m: float, material: str, colour: tuple[float, float, float]
+) -> bpy.types.Object:
+    """One frustum in Blender's camera axes, that cannot be selected."""
+    vertices, triangles = frustum_triangles(views.camera, np.eye(4)[None], frustum_m)
+    mesh = mesh_from_arrays(name, vertices * (1.0, -1.0, -1.0), triangles)
+    assign_materials(mesh, [plain_material(material, colour)], np.zeros(FACES_PER_FRUSTUM, np.int32))
+    created = bpy.data.objects.new(mesh.name, mesh)
+    created.hide_select = True
+    return created

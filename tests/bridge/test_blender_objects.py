@@ -149,11 +149,6 @@ def test_candidates_carry_their_scores(scene, bundle):
         np.testing.assert_allclose(camera_of(target).world_from_camera, pose, atol=1e-6)
 
 
-def test_survivors_only_leaves_the_others_out(scene, bundle):
-    swarm, _ = show_candidates(scene, bundle, 0, survivors_only=True)
-    assert len(swarm.data.polygons) == 4 * bundle.candidates(0).survived.sum()
-
-
 def test_a_frustum_ends_at_the_images_corners():
     camera = fake_bundle.cameras()[1]
     vertices, triangles = frustum_triangles(camera, camera.world_from_camera[None], 0.5)

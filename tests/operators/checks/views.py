@@ -1,12 +1,110 @@
 """What holds of the room Views, checked inside Blender."""
 
-import bpy
-from support import open_bundle
+import json
 
-OPERATORS = {"show_candidates"}
+import bmesh
+import bpy
+from support import BUNDLE, copied_bundle, open_bundle, refused, state
+
+OPERATORS = {"show_candidates", "pick_candidate", "look_through_candidate"}
+TARGETS = [17, 4, 31]
+
+
+def group():
+    return bpy.context.scene.r2sego_views
+
+
+def swarm():
+    return bpy.data.objects[f"Candidates, round {state().round_index}"]
 
 
 def check_show_candidates():
     open_bundle()
     assert bpy.ops.r2sego.show_candidates(frustum_size=0.1) == {"FINISHED"}
     assert bpy.data.objects["Target 00"]["candidate"] == 17
+    assert bpy.ops.r2sego.show_candidates(shown="TARGETS", colour_by="U") == {"FINISHED"}
+    assert len(swarm().data.polygons) == 4 * len(TARGETS)
+    assert (group().shown, group().colour_by) == ("TARGETS", "U")
+
+
+def check_the_facts_are_there_as_soon_as_the_bundle_is_open():
+    open_bundle()
+    assert group().candidates == 40
+    assert [row.candidate for row in group().ranked] == TARGETS
+    assert all(row.chosen for row in group().ranked)
+    assert group().rollouts == 4
+
+
+def check_frusta_follow_the_properties_and_the_round():
+    open_bundle()
+    bpy.ops.r2sego.show_candidates()
+    faces = len(swarm().data.polygons)
+    group().shown = "SURVIVORS"
+    assert len(swarm().data.polygons) == 4 * group().survivors < faces
+    before = swarm()
+    group().colour_by = "G"
+    assert swarm() == before and before["colour_by"] == "g"
+    state().round_index = 0
+    assert swarm()["round"] == 0 and swarm()["colour_by"] == "g"
+    assert "Candidates, round 1" not in bpy.data.objects
+
+
+def check_a_picked_candidate_says_why():
+    open_bundle()
+    bpy.ops.r2sego.show_candidates()
+    assert bpy.ops.r2sego.pick_candidate(candidate=17) == {"FINISHED"}
+    assert group().active == 17 and group().ranked_index == 0 and group().rollout == 1
+    assert bpy.context.scene.frame_current == 7
+    assert group().why.startswith("Because. Its reference capture_1 sees 70% of it"), group().why
+    words = json.loads((BUNDLE / "rounds" / "1" / "selection" / "selection.json").read_text())
+    assert f"s {words['targets'][0]['score']:.3f}" in group().figures
+    assert bpy.data.objects["Active candidate"]["candidate"] == 17
+    group().ranked_index = 2
+    assert group().active == TARGETS[2] and bpy.data.objects["Active candidate"]["candidate"] == 31
+    group().active = 0
+    assert group().ranked_index == -1 and group().why == "Because."
+    assert "no candidate 40" in refused(bpy.ops.r2sego.pick_candidate, candidate=40)
+    assert "no candidate is named" in refused(bpy.ops.r2sego.pick_candidate)
+
+
+def check_the_face_chosen_in_edit_mode_is_picked():
+    open_bundle()
+    bpy.ops.r2sego.show_candidates()
+    bpy.context.view_layer.objects.active = swarm()
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="DESELECT")
+    faces = bmesh.from_edit_mesh(swarm().data).faces
+    faces.ensure_lookup_table()
+    faces[4 * 23 + 1].select_set(True)
+    assert bpy.ops.r2sego.pick_candidate() == {"FINISHED"}
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert group().active == 23
+
+
+def check_look_through_candidate():
+    open_bundle()
+    assert "no candidate is chosen" in refused(bpy.ops.r2sego.look_through_candidate)
+    bpy.ops.r2sego.pick_candidate(candidate=4)
+    for arguments, expected in (({}, 4), ({"candidate": 9}, 9)):
+        assert bpy.ops.r2sego.look_through_candidate(**arguments) == {"FINISHED"}
+        camera = bpy.context.scene.camera
+        assert camera["candidate"] == expected
+        assert abs(camera.data.lens - 40.0 * 36.0 / 64.0) < 1e-4
+    render = bpy.context.scene.render
+    assert (render.resolution_x, render.resolution_y) == (64, 48)
+
+
+def check_a_new_selection_is_read_and_a_missing_one_greys_the_buttons():
+    copy = copied_bundle()
+    bpy.ops.r2sego.show_candidates()
+    group().active = 17
+    file = copy / "rounds" / "1" / "selection" / "selection.json"
+    words = json.loads(file.read_text())
+    words["reasons"][17] = "another reason"
+    file.write_text(json.dumps(words))
+    bpy.ops.r2sego.refresh_scene()
+    assert group().active == 17 and group().why.startswith("Another reason")
+    (file.with_name("selection.npz")).unlink()
+    bpy.ops.r2sego.refresh_scene()
+    assert group().candidates == 0 and len(group().ranked) == 0
+    assert "no candidate views yet" in refused(bpy.ops.r2sego.pick_candidate, candidate=1)

@@ -1,0 +1,98 @@
+"""What the sub-panel Views remembers of a round's candidates, for each Blender scene. No bpy.
+
+Arrays have no place in Blender's properties; the bundle is read when it changes, never
+while something is drawn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import count
+
+import numpy as np
+
+from .bundle import Bundle, CandidateViews
+from .selection_reasons import SelectionReasons, read_reasons, why
+
+_numbers = count(1)
+_remembered: dict[int, RoundScores] = {}
+
+
+@dataclass(frozen=True)
+class RoundScores:
+    """A round's candidates with their scores and the reasons of the selection.
+
+    ``bundle_name`` is the bundle's, ``captures`` are its captures' names. ``stamp`` is another
+    one when the selection was made anew, ``number`` each time it was read.
+    """
+
+    bundle_name: str
+    stamp: str
+    views: CandidateViews
+    told: SelectionReasons
+    captures: tuple[str, ...]
+    number: int = field(default_factory=lambda: next(_numbers))
+
+    @staticmethod
+    def read(bundle: Bundle, round_index: int) -> RoundScores | None:
+        """Those of a round, None when it has no selection yet. Raises SceneError for damage."""
+        file = bundle.selection_folder(round_index) / "selection.npz"
+        if not file.is_file():
+            return None
+        stamp = f"{round_index} {file.stat().st_mtime_ns}"
+        captures = tuple(view.name for view in bundle.captures())
+        return RoundScores(
+            bundle.name, stamp, bundle.candidates(round_index), read_reasons(bundle, round_index), captures
+        )
+
+    def __len__(self) -> int:
+        return len(self.views.score)
+
+    @property
+    def rollouts(self) -> int:
+        """One more than the last rollout's number."""
+        return int(self.views.rollout.max(initial=-1)) + 1
+
+    @property
+    def best_score(self) -> float:
+        """The best score of the round, 1 when all are 0."""
+        return float(self.views.score.max(initial=0.0)) or 1.0
+
+    def of_rollout(self, rollout: int) -> np.ndarray:
+        """(n,) int: a rollout's candidates in the order of time."""
+        members = np.flatnonzero(self.views.rollout == rollout)
+        return members[np.argsort(self.views.frame[members], kind="stable")]
+
+    def ranked(self) -> np.ndarray:
+        """(R,) int: the eligible survivors, best first; the targets lead."""
+        eligible = np.flatnonzero(self.views.rank >= 0)
+        return eligible[np.argsort(self.views.rank[eligible], kind="stable")]
+
+    def nearest(self, rollout: int, frame: float) -> int:
+        """The rollout's candidate whose frame is nearest to ``frame``, -1 when it has none."""
+        members = self.of_rollout(rollout)
+        if not len(members):
+            return -1
+        return int(members[np.argmin(np.abs(self.views.frame[members] - frame))])
+
+    def why(self, index: int) -> str:
+        """Why this candidate is a target or none."""
+        return why(self.views, self.told, list(self.captures), index)
+
+
+def remember(key: int, scores: RoundScores | None) -> None:
+    """Keep what is shown in the Blender scene with this session number; None forgets it."""
+    if scores is None:
+        _remembered.pop(key, None)
+    else:
+        _remembered[key] = scores
+
+
+def remembered(key: int) -> RoundScores | None:
+    """What is kept for the Blender scene with this session number."""
+    return _remembered.get(key)
+
+
+def forget_all() -> None:
+    """Forget every scene's."""
+    _remembered.clear()
