@@ -343,6 +343,15 @@ class TrainingSettings:
     scale_pull: float = setting(
         0.0, "Weight of the mean scale (m) in the loss: nothing grows that need not.", 0.0, 1.0
     )
+    max_scale_m: float = setting(
+        0.15, "Largest standard deviation of a Gaussian, in any direction; 0: no limit.", 0.0, 1000.0
+    )
+    dropout_share: float = setting(
+        0.2, "Share of the Gaussians that each step leaves out, drawn anew; 0: none.", 0.0, 0.9
+    )
+    later_rounds_rate: float = setting(
+        0.3, "Learning rates in rounds after the first over those in the first.", 0.0, 1.0
+    )
     depth_weight: float = setting(0.0, "Weight of relative depth errors against known depth.", 0.0, 10.0)
     normal_weight: float = setting(
         0.0, "Weight of the depth's slope errors against known normals.", 0.0, 10.0
@@ -391,8 +400,15 @@ FULL_RESOLUTION: Mapping[str, float] = {
 }
 """TrainingSettings without any step at a lower resolution."""
 
+UNREGULARISED: Mapping[str, float] = {"max_scale_m": 0.0, "dropout_share": 0.0}
+"""TrainingSettings that leave Gaussians as the images alone would have them.
+
+What many photographs see from all sides needs no more; 3DGS has no more.
+"""
+
 VANILLA_3DGS: Mapping[str, Any] = {
     **FULL_RESOLUTION,
+    **UNREGULARISED,
     "densification": "original",
     "scale_rate": 0.005,
     "rotation_rate": 1e-3,
@@ -407,6 +423,7 @@ What is counted in steps there keeps its number, what ends at a step its share o
 """
 
 MANY_PHOTOGRAPHS: Mapping[str, Any] = {
+    **UNREGULARISED,
     "densification": "growth",
     "densify_until_share": 0.7,
     "half_resolution_share": 0.58,

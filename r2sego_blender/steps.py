@@ -58,7 +58,7 @@ from .splats.backdrop import backdrop
 from .splats.initialization import DepthView, merge_views
 from .splats.ply import load_ply, save_ply
 from .splats.rasterizer import render
-from .visual_asset import PseudoView, disc_stride_px, update_visual_asset
+from .visual_asset import PseudoView, disc_stride_px, settings_of_round, update_visual_asset
 
 CAPTURES = "captures"
 SPARSE = "captures/sparse.npz"
@@ -335,6 +335,7 @@ class Steps:
         The backdrop stands behind it in training and is kept apart: rounds look for what
         the asset itself cannot render.
         """
+        training = settings_of_round(self.h.training, l)
 
         def compute(file: Path) -> None:
             renderer = ZBufferRenderer(self._proxy(proxy))
@@ -350,14 +351,14 @@ class Steps:
                 file,
                 update_visual_asset(
                     self._asset(asset), self._asset(BACKDROP), real, synthetic,
-                    self.h.training, rng, self.progress,
+                    training, rng, self.progress,
                 ),
             )  # fmt: skip
 
         refined = self._step(
             of_round(l, "asset.ply"), compute,
             inputs=[asset, BACKDROP, captures, COMPLETED, proxy, *pseudo_observations],
-            parameters=[self.h.training, self.h.seed],
+            parameters=[training, self.h.seed],
         )  # fmt: skip
         self._step(of_round(l, "metrics.json"), lambda file: self._count(l, file), inputs=[refined])
         return refined

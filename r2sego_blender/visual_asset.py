@@ -15,7 +15,7 @@ import numpy as np
 
 from .cameras import Camera
 from .progress import SILENT, Progress
-from .settings import TrainingSettings
+from .settings import FULL_RESOLUTION, TrainingSettings
 from .splats.asset import SplatAsset
 from .splats.initialization import DepthView, from_depth, from_points
 from .splats.observations import Observation
@@ -33,6 +33,9 @@ _AGREEMENT_SCALE = 0.12
 """Colour difference at which a generated pixel's weight has fallen to 1/e."""
 
 _AGREEMENT_WINDOW_PX = 5
+
+_RATES = ("position_rate", "scale_rate", "rotation_rate", "opacity_rate", "colour_rate")
+"""The learning rates of the Gaussians; that of higher harmonics follows the colours'."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +95,19 @@ def agreement(asset: SplatAsset, pseudo: PseudoView) -> np.ndarray:
     return np.where(now.alpha >= _MISSING_ALPHA, agreeing * pseudo.confidence, pseudo.confidence)
 
 
+def settings_of_round(settings: TrainingSettings, index: int) -> TrainingSettings:
+    """The training of round ``index``, counted from 0: the first is as ``settings`` say.
+
+    Later rounds start from an asset that knows the captures already. At full rates, and from
+    a quarter of the resolution, each would forget and learn them again, and lose a little;
+    so they take ``later_rounds_rate`` of the Gaussians' rates, at full resolution throughout.
+    """
+    if index == 0:
+        return settings
+    slower = {name: getattr(settings, name) * settings.later_rounds_rate for name in _RATES}
+    return dataclasses.replace(settings, **FULL_RESOLUTION, **slower)
+
+
 def update_visual_asset(
     asset: SplatAsset,
     backdrop: SplatAsset,
@@ -125,10 +141,11 @@ def update_visual_asset(
 def _observation(
     view: DepthView, backdrop: SplatAsset, weight: float, confidence: np.ndarray | None = None
 ) -> Observation:
-    """The view as training sees it: opaque where it has depth, the backdrop behind."""
+    """The view as training sees it: with its depth, opaque where it has any, the backdrop behind."""
     return Observation(
         view.camera, view.image, weight, confidence,
         background=render(backdrop, view.camera).colour, opaque=(view.depth > 0.0).astype(np.float32),
+        depth=view.depth,
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from r2sego_blender.captures.colmap_points import read_colmap_points
 from r2sego_blender.captures.sparse import SparsePoints
 from r2sego_blender.errors import AssetError, CaptureError, SettingsError
 from r2sego_blender.images import save_image
-from r2sego_blender.settings import with_overrides
+from r2sego_blender.settings import UNREGULARISED, with_overrides
 from r2sego_blender.splat_training import (
     check_output,
     read_ply_points,
@@ -27,7 +27,13 @@ from r2sego_blender.splat_training import (
 from r2sego_blender.splats.formats import load_asset
 from r2sego_blender.splats.rasterizer import render
 
-SETTINGS = with_overrides({"training.steps_per_round": 60, "training.sh_degree": 1})
+SETTINGS = with_overrides(
+    {
+        "training.steps_per_round": 60,
+        "training.sh_degree": 1,
+        **{f"training.{key}": value for key, value in UNREGULARISED.items()},
+    }
+)
 ROOM = made_up_room(1500, (96, 72))
 
 

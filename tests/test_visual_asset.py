@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.settings import TrainingSettings
+from r2sego_blender.settings import UNREGULARISED, TrainingSettings
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.backdrop import backdrop
 from r2sego_blender.splats.initialization import DepthView
@@ -17,6 +17,7 @@ from r2sego_blender.visual_asset import (
     agreement,
     disc_stride_px,
     grow,
+    settings_of_round,
     update_visual_asset,
 )
 
@@ -91,6 +92,81 @@ def test_an_update_learns_the_captures(with_pseudo):
         return float(np.mean([psnr(np.clip(render(trained, v.camera).colour, 0, 1), v.image) for v in views]))
 
     assert quality(asset) > quality(started) + 2.0
+
+
+def test_what_differs_from_photograph_to_photograph_is_learnt_less_with_the_regularisers():
+    rng = np.random.default_rng(5)
+    exact, between = [wall_view(-0.3), wall_view(0.3)], wall_view(0.0)
+    views = [
+        dataclasses.replace(
+            v, image=np.clip(v.image + rng.normal(0.0, 0.1, v.image.shape), 0.0, 1.0).astype(np.float32)
+        )
+        for v in exact
+    ]  # fmt: skip
+
+    def quality(settings: TrainingSettings) -> float:
+        asset = update_visual_asset(
+            SplatAsset.empty(), SplatAsset.empty(), views, [], settings, np.random.default_rng(0)
+        )  # fmt: skip
+        return psnr(np.clip(render(asset, between.camera).colour, 0, 1), between.image)
+
+    settings = dataclasses.replace(SETTINGS, steps_per_round=200)
+    assert (settings.max_scale_m, settings.dropout_share) == (0.15, 0.2)
+    assert quality(settings) > quality(dataclasses.replace(settings, **UNREGULARISED)) + 1.0
+
+
+def test_the_first_round_is_as_set_and_later_ones_are_slower_at_full_resolution():
+    settings = dataclasses.replace(SETTINGS, later_rounds_rate=0.25)
+    assert settings_of_round(settings, 0) == settings
+    later = settings_of_round(settings, 1)
+    assert settings_of_round(settings, 5) == later
+    rates = {"position_rate", "scale_rate", "rotation_rate", "opacity_rate", "colour_rate"}
+    shares = {f"{name}_resolution_share" for name in ("quarter", "half", "three_quarter")}
+    for field in dataclasses.fields(settings):
+        before, after = getattr(settings, field.name), getattr(later, field.name)
+        if field.name in rates:
+            assert after == 0.25 * before > 0.0
+        elif field.name in shares:
+            assert after == 0.0 < before
+        else:
+            assert after == before
+
+
+def test_a_later_round_keeps_what_is_learnt():
+    """It moves the colours far less than another round at the first one's rates."""
+    views = [wall_view(-0.3), wall_view(0.3)]
+    settings = dataclasses.replace(SETTINGS, steps_per_round=150)
+
+    def updated(asset: SplatAsset, index: int) -> SplatAsset:
+        return update_visual_asset(
+            asset, SplatAsset.empty(), views, [], settings_of_round(settings, index), np.random.default_rng(1)
+        )  # fmt: skip
+
+    first = updated(SplatAsset.empty(), 0)
+    again, later = (updated(first, index) for index in (0, 1))
+
+    def moved(asset: SplatAsset) -> float:
+        return float(np.abs(asset.sh[: len(first), 0] - first.sh[:, 0]).mean())
+
+    assert 0.0 < moved(later) < 0.5 * moved(again)
+
+
+def test_an_update_uses_its_depth_only_where_that_has_a_weight():
+    views = [wall_view(-0.3), wall_view(0.3)]
+    told = [dataclasses.replace(v, depth=0.9 * v.depth) for v in views]
+
+    def trained(views: list[DepthView], depth_weight: float) -> bytes:
+        start = grow(SplatAsset.empty(), [wall_view(0.0)], SETTINGS, np.random.default_rng(0))
+        settings = dataclasses.replace(SETTINGS, depth_weight=depth_weight)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("r2sego_blender.visual_asset.grow", lambda asset, *_: asset)
+            asset = update_visual_asset(
+                start, SplatAsset.empty(), views, [], settings, np.random.default_rng(0)
+            )  # fmt: skip
+        return asset.means.tobytes()
+
+    assert trained(views, 0.0) == trained(told, 0.0)
+    assert trained(views, 1.0) != trained(told, 1.0)
 
 
 @pytest.mark.parametrize(("captures", "stride_px"), [(1, 3), (6, 3), (13, 4), (60, 9)])

@@ -18,7 +18,7 @@ import numpy as np
 from ..errors import SettingsError
 from ..progress import SILENT, Progress
 from ..resources import forget_peak_memory, peak_memory_mb
-from ..settings import FULL_RESOLUTION, MANY_PHOTOGRAPHS, with_overrides
+from ..settings import FULL_RESOLUTION, MANY_PHOTOGRAPHS, UNREGULARISED, with_overrides
 from ..splat_training import Start, prepare
 from ..splats.initialization import from_points
 from ..splats.metrics import psnr
@@ -28,7 +28,7 @@ from ..splats.training import train
 
 GAUSSIANS, STEPS, HOLD_OUT = 60_000, 3000, 6
 
-_PLAIN: Mapping[str, Any] = {**FULL_RESOLUTION, "densification": "none"}
+_PLAIN: Mapping[str, Any] = {**FULL_RESOLUTION, **UNREGULARISED, "densification": "none"}
 _LOOKS = 30
 """Times the held-out views are scored in a run."""
 

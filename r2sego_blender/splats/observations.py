@@ -99,8 +99,8 @@ class Target:
         return sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
 
     @staticmethod
-    def of(view: Observation, factor: float) -> Target:
-        """The observation with ``factor`` times the pixels a side."""
+    def of(view: Observation, factor: float, with_geometry: bool = True) -> Target:
+        """The observation with ``factor`` times the pixels a side, with or without its depth."""
         camera = view.camera if factor == 1.0 else view.camera.scaled(factor)
 
         def resized(values: np.ndarray | None) -> np.ndarray | None:
@@ -108,7 +108,7 @@ class Target:
                 return values
             return resize(np.asarray(values, np.float32), camera.width, camera.height)
 
-        depth, normals, depth_weight = _geometry(view, camera)
+        depth, normals, depth_weight = _geometry(view, camera) if with_geometry else (None, None, None)
         return Target(
             camera=camera,
             image=planes_of(resized(view.loaded())),
@@ -140,11 +140,15 @@ def _geometry(view: Observation, camera: Camera) -> tuple[np.ndarray | None, ...
 class TargetCache:
     """Targets made when they are needed; the ones used longest ago make room for others.
 
-    So memory does not grow with the number of images, whatever their resolution.
+    So memory does not grow with the number of images, whatever their resolution. Without
+    ``with_geometry`` they have no depth and no normals, which only their losses need.
     """
 
-    def __init__(self, observations: Sequence[Observation], budget_bytes: int) -> None:
+    def __init__(
+        self, observations: Sequence[Observation], budget_bytes: int, with_geometry: bool = True
+    ) -> None:
         self._observations = observations
+        self._with_geometry = with_geometry
         self._budget_bytes = budget_bytes
         self._targets: OrderedDict[tuple[int, float], Target] = OrderedDict()
         self._bytes = 0
@@ -155,7 +159,7 @@ class TargetCache:
         if key in self._targets:
             self._targets.move_to_end(key)
             return self._targets[key]
-        target = Target.of(self._observations[index], factor)
+        target = Target.of(self._observations[index], factor, self._with_geometry)
         self._targets[key] = target
         self._bytes += target.size_bytes
         while self._bytes > self._budget_bytes and len(self._targets) > 1:

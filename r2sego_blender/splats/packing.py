@@ -17,8 +17,8 @@ from .vectors import LANES, aligned
 MEAN, LOG_SCALE, QUATERNION, LOGIT_OPACITY, HARMONICS = 0, 3, 6, 10, 11
 """First row of each parameter; harmonic k of channel c stands in row HARMONICS + 3 k + c."""
 
-_NOWHERE = -1e30
-"""Opacity logit of the places after the last Gaussian: they are never drawn."""
+NOWHERE = -1e30
+"""Opacity logit of what is never drawn, such as the places after the last Gaussian."""
 
 _MORTON_BITS = 21
 
@@ -76,7 +76,7 @@ class PackedGaussians:
     def hide_rest(self) -> None:
         """Make the places after the last Gaussian such that they are never drawn."""
         chunk, lane = divmod(len(self), LANES)
-        self.chunks[chunk : chunk + 1, LOGIT_OPACITY, lane:] = _NOWHERE
+        self.chunks[chunk : chunk + 1, LOGIT_OPACITY, lane:] = NOWHERE
 
     def asset(self) -> SplatAsset:
         """The Gaussians in the asset's own order."""

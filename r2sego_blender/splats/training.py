@@ -1,11 +1,14 @@
 """Training of a splat asset on registered images (Algorithm 1, the asset's update).
 
 The budget of Gaussians is hard. The refinement spends it at the start, on geometry; with
-``settings.densification`` Gaussians are added where the images ask for them.
+``settings.densification`` Gaussians are added where the images ask for them. Two things keep a
+handful of photographs from being learnt by heart: each step does without some Gaussians
+(``dropout``), and none gets larger than ``settings.max_scale_m``.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -18,6 +21,7 @@ from ..settings import TrainingSettings
 from .asset import SplatAsset
 from .corrections import Correction
 from .densification import Densification
+from .dropout import Dropout
 from .loss import PhotometricLoss
 from .observations import Observation, Target, TargetCache
 from .packing import HARMONICS, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION, PackedGaussians, rows_of
@@ -77,16 +81,31 @@ def train(
     extent_m = _extent_m(asset, observations)
     schedule = _Schedule(settings, steps, degree, extent_m)
     densification = Densification(population, steps, extent_m, settings, rng)
+    dropout = Dropout(settings.dropout_share, rng)
     trainer = _Trainer(population, observations, settings)
     draws = _shuffled(observations, rng)
     with progress.task(title, steps) as task:
         for step in range(steps):
-            trainer.step(next(draws), schedule.at(step))
+            index = next(draws)
+            with dropout.one_step(gaussians):
+                trainer.step(index, schedule.at(step))
+            bound_scales(gaussians, settings.max_scale_m)
             densification.after(step)
             task.advance()
             if watch is not None and watch(step + 1, gaussians):
                 break
     return gaussians.asset()
+
+
+def bound_scales(gaussians: PackedGaussians, max_scale_m: float) -> None:
+    """Make no scale larger than ``max_scale_m``, or leave all as they are when it is 0.
+
+    One photograph does not say how large a Gaussian at its rim is: without a bound some grow
+    to hundreds of metres, and hang as fog before other views.
+    """
+    if max_scale_m > 0.0:
+        log_scales = gaussians.values[:, LOG_SCALE:QUATERNION]
+        np.minimum(log_scales, np.float32(math.log(max_scale_m)), out=log_scales)
 
 
 @dataclass(frozen=True)
@@ -149,7 +168,8 @@ class _Trainer:
         self._population = population
         self._observations = observations
         self._settings = settings
-        self._targets = TargetCache(observations, settings.image_cache_mb << 20)
+        self._with_geometry = max(settings.depth_weight, settings.normal_weight) > 0.0
+        self._targets = TargetCache(observations, settings.image_cache_mb << 20, self._with_geometry)
         self._rasterizer = Rasterizer()
         self._losses: dict[tuple[int, int], PhotometricLoss] = {}
         self._corrections = {
@@ -164,7 +184,7 @@ class _Trainer:
         target, correction = self._targets.get(index, stage.resolution), self._corrections.get(index)
         camera = target.camera if correction is None else correction.camera(target.camera)
         background = _BLACK if target.background is None else target.background
-        geometry = target.depth is not None and max(settings.depth_weight, settings.normal_weight) > 0.0
+        geometry = target.depth is not None
         gaussians = self._population.gaussians
         rasterizer.forward(
             gaussians, camera, background, stage.degree, with_depth=geometry,

@@ -8,14 +8,16 @@ from scipy.spatial.transform import Rotation
 from splat_reference import random_asset, small_camera
 
 from r2sego_blender.cameras import rotation_angle_rad
-from r2sego_blender.settings import FULL_RESOLUTION, TrainingSettings
+from r2sego_blender.settings import FULL_RESOLUTION, UNREGULARISED, TrainingSettings
 from r2sego_blender.splats.corrections import Correction
 from r2sego_blender.splats.observations import Observation
 from r2sego_blender.splats.packing import PackedGaussians
 from r2sego_blender.splats.rasterizer import Rasterizer, render
 from r2sego_blender.splats.training import train
 
-SETTINGS = TrainingSettings(sh_degree=0, **FULL_RESOLUTION, exposure_rate=5e-3, pose_rate=1e-3)
+SETTINGS = TrainingSettings(
+    sh_degree=0, **FULL_RESOLUTION, **UNREGULARISED, exposure_rate=5e-3, pose_rate=1e-3
+)
 
 
 def test_a_wrong_pose_is_found_from_the_image() -> None:

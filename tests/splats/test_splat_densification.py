@@ -7,7 +7,7 @@ import pytest
 from splat_reference import random_asset, small_camera
 
 from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.settings import FULL_RESOLUTION, VANILLA_3DGS, TrainingSettings
+from r2sego_blender.settings import FULL_RESOLUTION, UNREGULARISED, VANILLA_3DGS, TrainingSettings
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.densification import Densification
 from r2sego_blender.splats.initialization import from_points
@@ -24,6 +24,7 @@ BASE = TrainingSettings(
     densify_every_steps=20,
     densify_from_share=0.05,
     **FULL_RESOLUTION,
+    **UNREGULARISED,
 )
 
 

@@ -7,14 +7,14 @@ import pytest
 from splat_reference import random_asset
 
 from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.settings import FULL_RESOLUTION, TrainingSettings
+from r2sego_blender.settings import FULL_RESOLUTION, UNREGULARISED, TrainingSettings
 from r2sego_blender.splats.initialization import from_points
 from r2sego_blender.splats.observations import Observation
 from r2sego_blender.splats.rasterizer import render
 from r2sego_blender.splats.supervision import depth_gradients
 from r2sego_blender.splats.training import train
 
-BOTH = TrainingSettings(depth_weight=0.7, normal_weight=0.3, sh_degree=0, **FULL_RESOLUTION)
+BOTH = TrainingSettings(depth_weight=0.7, normal_weight=0.3, sh_degree=0, **FULL_RESOLUTION, **UNREGULARISED)
 
 
 def slanted_plane(camera: Camera) -> tuple[np.ndarray, np.ndarray]:

@@ -10,16 +10,16 @@ from splat_reference import random_asset, small_camera
 
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.errors import AssetError
-from r2sego_blender.settings import FULL_RESOLUTION, TrainingSettings
+from r2sego_blender.settings import FULL_RESOLUTION, UNREGULARISED, TrainingSettings
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.metrics import psnr
-from r2sego_blender.splats.observations import Observation
+from r2sego_blender.splats.observations import Observation, TargetCache
 from r2sego_blender.splats.packing import PackedGaussians
 from r2sego_blender.splats.rasterizer import AdamState, Rasterizer, render
-from r2sego_blender.splats.training import train
+from r2sego_blender.splats.training import bound_scales, train
 
 GROUPS = ("means", "log_scales", "quaternions", "logit_opacities", "sh")
-SETTINGS = TrainingSettings(sh_degree=1)
+SETTINGS = TrainingSettings(sh_degree=1, **UNREGULARISED)
 
 
 def cameras(count: int, size: tuple[int, int] = (64, 48)) -> list[Camera]:
@@ -198,3 +198,69 @@ def test_training_is_watched_and_ends_when_the_watcher_says() -> None:
     ended = train(start, views, 50, SETTINGS, np.random.default_rng(0), watch=watch)
     assert seen == [(step, len(start)) for step in range(1, 8)]
     assert (ended.means != start.means).any()
+
+
+def same_bits(a: SplatAsset, b: SplatAsset) -> bool:
+    return all(getattr(a, name).tobytes() == getattr(b, name).tobytes() for name in GROUPS)
+
+
+def test_no_gaussian_is_larger_than_the_limit() -> None:
+    _, start, views = scene()
+    assert np.exp(start.log_scales.max()) > 0.4
+    limited = dataclasses.replace(SETTINGS, max_scale_m=0.1)
+    trained = train(start, views, 60, limited, np.random.default_rng(0))
+    np.testing.assert_array_less(trained.log_scales, np.log(0.1) + 1e-6)
+    assert (trained.log_scales > np.log(0.1) - 1e-6).any()
+    # a limit that none reaches changes nothing
+    far, none = (
+        train(start, views, 20, dataclasses.replace(SETTINGS, max_scale_m=limit_m), np.random.default_rng(0))
+        for limit_m in (1e3, 0.0)
+    )
+    assert same_bits(far, none)
+
+
+def test_a_limit_of_0_is_none() -> None:
+    packed = PackedGaussians.of(scene()[1])
+    before = packed.chunks.tobytes()
+    bound_scales(packed, 0.0)
+    assert packed.chunks.tobytes() == before
+    bound_scales(packed, 0.1)
+    assert packed.chunks.tobytes() != before
+
+
+def test_without_dropout_only_the_order_of_the_images_is_drawn() -> None:
+    """So training is to the bit what it was before there was dropout."""
+    _, start, views = scene()
+    used, expected = np.random.default_rng(3), np.random.default_rng(3)
+    train(start, views, 13, SETTINGS, used)
+    for _ in range(3):
+        expected.permutation(np.arange(len(views)))
+    assert used.bit_generator.state == expected.bit_generator.state
+
+
+def test_the_regularised_training_is_the_same_for_any_number_of_threads() -> None:
+    _, start, views = scene()
+    settings = TrainingSettings(sh_degree=1, max_scale_m=0.3)
+    assert settings.dropout_share > 0.0
+    threads, results = numba.get_num_threads(), []
+    try:
+        for count in (1, threads):
+            numba.set_num_threads(count)
+            results.append(train(start, views, 30, settings, np.random.default_rng(7)))
+    finally:
+        numba.set_num_threads(threads)
+    assert same_bits(*results)
+    assert not same_bits(results[0], train(start, views, 30, settings, np.random.default_rng(8)))
+
+
+def test_depth_that_no_loss_asks_for_changes_nothing_and_is_not_prepared() -> None:
+    _, start, views = scene()
+    deep = [dataclasses.replace(v, depth=np.full(v.camera.shape, 2.0, np.float32)) for v in views]
+    without, with_depth = (
+        train(start, seen, 20, SETTINGS, np.random.default_rng(0)) for seen in (views, deep)
+    )
+    assert same_bits(without, with_depth)
+    small, large = (TargetCache(deep, 1 << 20, with_geometry=g).get(0, 0.5) for g in (False, True))
+    assert small.depth is None and small.depth_weight is None and small.size_bytes < large.size_bytes
+    asked = dataclasses.replace(SETTINGS, depth_weight=0.1)
+    assert not same_bits(without, train(start, deep, 20, asked, np.random.default_rng(0)))
