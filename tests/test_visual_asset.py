@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.settings import UNREGULARISED, TrainingSettings
+from r2sego_blender.progress import SILENT
+from r2sego_blender.settings import UNREGULARISED, Settings, TrainingSettings
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.backdrop import backdrop
 from r2sego_blender.splats.initialization import DepthView
 from r2sego_blender.splats.metrics import psnr
 from r2sego_blender.splats.rasterizer import render
+from r2sego_blender.steps import Steps
 from r2sego_blender.visual_asset import (
     PseudoView,
     agreement,
@@ -130,6 +132,21 @@ def test_the_first_round_is_as_set_and_later_ones_are_slower_at_full_resolution(
             assert after == 0.0 < before
         else:
             assert after == before
+
+
+@pytest.mark.parametrize("index", [0, 1, 2])
+def test_the_step_of_a_round_trains_and_is_known_by_the_settings_of_that_round(index, tmp_path):
+    asked = {}
+
+    class Bundle:
+        path = tmp_path
+
+        def step(self, target, compute, *, inputs, parameters=None):
+            asked[target] = parameters
+
+    h = Settings()
+    Steps(Bundle(), h, SILENT).update_visual_asset(index, "asset", "captures", "proxy", ["views"])
+    assert asked[f"rounds/{index}/asset.ply"] == [settings_of_round(h.training, index), h.seed]
 
 
 def test_a_later_round_keeps_what_is_learnt():
