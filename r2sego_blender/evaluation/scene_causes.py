@@ -62,7 +62,7 @@ CAUSES: Mapping[str, Cause] = {
     "off_surface": Cause(
         "splats off the surface",
         "the asset's depth is not the surface's: fog, floaters and holes",
-        "deleting floaters, training.scale_pull or training.depth_weight above 0, more steps",
+        "deleting floaters, a smaller training.max_scale_m, training.depth_weight above 0",
     ),
     "never_seen": Cause(
         "never seen",
