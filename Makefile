@@ -2,12 +2,13 @@
 #   make demo   install, refine the demo room, print the result table
 #   make test   install what is missing and run every test
 #   make window the tab in a real Blender with its window: BLENDER=/path/to/blender make window
+#   make measure  how quickly it draws with a large scene, and its memory: BLENDER=... make measure
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO_SCENE := build/demo_room.r2s
 
-.PHONY: demo test window install extension lint clean
+.PHONY: demo test window measure install extension lint clean
 .DEFAULT_GOAL := help
 
 help:
@@ -35,6 +36,9 @@ test: install
 
 window: install
 	$(BIN)/python -m pytest tests/window -v
+
+measure: install
+	$(BIN)/python tests/window/measure.py build/measured-$$(date +%Y%m%d-%H%M%S)
 
 lint: install
 	$(BIN)/ruff check --fix .

@@ -96,4 +96,5 @@ def script():
     (hand.OUT / "told.json").write_text(json.dumps({"pressed": told, "drawn": drawn.operators()}))
 
 
-hand.perform(script())
+if __name__ == "__main__":
+    hand.perform(script())
