@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+from fake_views import write_views
 
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.geometry.proxy import GeometryProxy
@@ -116,6 +117,7 @@ def _fill_round(folder: Path, index: int) -> None:
     selection().save(folder / "selection")
     save_candidates(folder / "selection", [ego_camera().at(pose) for pose in candidate_poses()])
     _write_path(folder / "views" / "000", cameras()[1].at(candidate_poses()[TARGETS[0]]))
+    write_views(folder / "views", cameras()[1].at(candidate_poses()[TARGETS[0]]), (*TARGETS, 22))
     (folder / "asset.ply").write_bytes(b"ply\n")
     counts = {
         "rollouts_succeeded": 12, "rollouts_failed": 3, "candidates": CANDIDATES,
