@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+from fake_rollouts import fill_rollouts, fill_trial
 from fake_views import write_views
 
 from r2sego_blender.cameras import Camera, look_at
@@ -98,6 +99,7 @@ def _fill(folder: Path) -> None:
     )  # fmt: skip
     for index in (0, 1):
         _fill_round(folder / "rounds" / str(index), index)
+    fill_trial(folder)
     hulls = folder / "collision" / "hulls"
     hulls.mkdir(parents=True)
     _write_obj(folder / "collision" / "mesh.obj", proxy().vertices, proxy().faces)
@@ -124,6 +126,7 @@ def _fill_round(folder: Path, index: int) -> None:
         "targets": len(TARGETS), "views_kept": 2,
     }  # fmt: skip
     (folder / "metrics.json").write_text(json.dumps(counts))
+    fill_rollouts(folder, index)
 
 
 def _write_path(folder: Path, target: Camera) -> None:

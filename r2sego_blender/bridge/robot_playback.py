@@ -1,0 +1,140 @@
+"""Shown rollouts follow the timeline: a handler sets every body's place for the frame, without keyframes.
+
+What is shown stands in the .blend (which rollouts, on the collection; which body, on each
+object); the poses stay in the bundle and are read when they are needed first.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..errors import R2SEgoError
+from .bundle import Bundle
+from .cameras import object_pose
+from .rollout_bodies import RobotBodies
+from .rollout_list import camera_poses
+
+_RECORDING = "r2sego_recording"
+_ROLLOUT, _BODY = "r2sego_rollout", "r2sego_body"
+CAMERA = -1
+"""In place of a body's index: the head camera."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """The poses of shown rollouts by their numbers: (T, B + 1, 4, 4) float64 of Blender objects, the
+    head camera last."""
+
+    poses: dict[int, np.ndarray]
+
+    @staticmethod
+    def read(bundle: Bundle, round_index: int, numbers: tuple[int, ...], bodies: RobotBodies) -> Recording:
+        """Read the poses. Raises SceneError when they are damaged."""
+        poses = {}
+        for number in numbers:
+            cameras = object_pose(camera_poses(bundle, round_index, number))
+            poses[number] = np.concatenate([bodies.poses(number), cameras[:, None]], axis=1)
+        return Recording(poses)
+
+    @property
+    def last_frame(self) -> int:
+        """The last frame of the longest rollout."""
+        return max((len(poses) for poses in self.poses.values()), default=1) - 1
+
+
+_recordings: dict[str, Recording | None] = {}
+
+
+def mark(shown: bpy.types.Object, number: int, body: int) -> None:
+    """Say which body of which rollout an object is."""
+    shown[_ROLLOUT], shown[_BODY] = number, body
+
+
+def play(
+    collection: bpy.types.Collection, bundle: Bundle, round_index: int, digest: str, recording: Recording
+) -> None:
+    """Have the collection's marked objects follow the timeline from now on."""
+    told = {
+        "bundle": str(bundle.path), "round": round_index, "rollouts": [*recording.poses], "digest": digest,
+    }  # fmt: skip
+    collection[_RECORDING] = json.dumps(told)
+    _recordings.clear()
+    _recordings[collection[_RECORDING]] = recording
+
+
+def shown_rollouts(collection: bpy.types.Collection | None) -> tuple[int, tuple[int, ...]] | None:
+    """The round, or TRIAL, and the numbers of the rollouts a collection shows; None for none."""
+    told = collection.get(_RECORDING) if collection is not None else None
+    if not told:
+        return None
+    told = json.loads(told)
+    return told["round"], tuple(told["rollouts"])
+
+
+def place(collection: bpy.types.Collection, frame: int) -> None:
+    """Set every marked object's place at ``frame``; a rollout that has ended stays at its end."""
+    recording = _recording(collection[_RECORDING])
+    if recording is None:
+        return
+    for shown in collection.objects:
+        number = shown.get(_ROLLOUT)
+        poses = recording.poses.get(number) if number is not None else None
+        if poses is not None and len(poses):
+            pose = poses[min(max(frame, 0), len(poses) - 1), shown[_BODY]]
+            shown.matrix_basis = pose.T.tolist()
+
+
+def forget() -> None:
+    """Read the poses again when they are needed next."""
+    _recordings.clear()
+
+
+def register() -> None:
+    """Begin to follow the timeline."""
+    # Before Blender evaluates the frame: afterwards it would have to do so twice.
+    bpy.app.handlers.frame_change_pre.append(_frame_changed)
+    bpy.app.handlers.load_post.append(_file_loaded)
+
+
+def unregister() -> None:
+    """Follow it no longer."""
+    bpy.app.handlers.load_post.remove(_file_loaded)
+    bpy.app.handlers.frame_change_pre.remove(_frame_changed)
+    forget()
+
+
+@bpy.app.handlers.persistent
+def _frame_changed(scene: bpy.types.Scene, *_: object) -> None:
+    for collection in _playing(scene):
+        place(collection, scene.frame_current)
+
+
+@bpy.app.handlers.persistent
+def _file_loaded(*_: object) -> None:
+    forget()
+
+
+def _playing(scene: bpy.types.Scene) -> Iterator[bpy.types.Collection]:
+    for collection in scene.collection.children_recursive:
+        if _RECORDING in collection:
+            yield collection
+
+
+def _recording(told: str) -> Recording | None:
+    """The recording a collection tells of; None, once and for all, where it is not there any more."""
+    if told not in _recordings:
+        try:
+            where = json.loads(told)
+            bundle = Bundle.open(where["bundle"])
+            bodies = RobotBodies.load(bundle, where["round"])
+            is_same = bodies.digest == where["digest"]
+            numbers = tuple(where["rollouts"])
+            _recordings[told] = Recording.read(bundle, where["round"], numbers, bodies) if is_same else None
+        except (R2SEgoError, ValueError, KeyError, TypeError):
+            _recordings[told] = None
+    return _recordings[told]

@@ -1,0 +1,40 @@
+"""What lies under the mouse: a point of the floor, or the object a person means."""
+
+from __future__ import annotations
+
+import json
+
+import bpy
+from mathutils import Vector
+
+
+def floor_point(origin: Vector, direction: Vector, floor_z_m: float = 0.0) -> tuple[float, float] | None:
+    """Where a ray meets the floor, (x, y) metres; None where it never does."""
+    if abs(direction.z) < 1e-9:
+        return None
+    distance = (floor_z_m - origin.z) / direction.z
+    if distance <= 0.0:
+        return None
+    point = origin + distance * direction
+    return point.x, point.y
+
+
+def target_under(
+    scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, origin: Vector, direction: Vector
+) -> str:
+    """The target a ray means: a prior object's name where it meets a face of one, else the place
+    ``x,y`` it meets; '' for nothing."""
+    hit, place, _, face, shown, _ = scene.ray_cast(depsgraph, origin, direction)
+    if not hit:
+        return ""
+    return _object_name(shown, face) or f"{place.x:.3f},{place.y:.3f}"
+
+
+def _object_name(shown: bpy.types.Object, face: int) -> str:
+    """The name of the object a face of the shown proxy is of; '' for the room's, or another mesh."""
+    attribute = shown.data.attributes.get("instance") if shown.type == "MESH" else None
+    if attribute is None or "instance_names" not in shown.data or face >= len(attribute.data):
+        return ""
+    instance = attribute.data[face].value
+    names = json.loads(shown.data["instance_names"])
+    return names[instance - 1] if 1 <= instance <= len(names) else ""

@@ -1,0 +1,98 @@
+"""Rollouts on the timeline: the robot's bodies as objects that move, and its head camera."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import bpy
+import numpy as np
+
+from ..errors import SceneError
+from . import robot_playback
+from .bundle import Bundle
+from .cameras import create_camera, use_frame_of
+from .materials import plain_material
+from .meshes import assign_materials, mesh_from_arrays
+from .outliner import find_collection, fresh_collection
+from .robot_playback import CAMERA, Recording
+from .rollout_bodies import RobotBodies
+from .rollout_list import attempts
+
+PART = "Robot"
+_CAMERA_SIZE_M = 0.15
+_EMPTY_SIZE_M = 0.2
+
+
+def show_rollouts(
+    scene: bpy.types.Scene, bundle: Bundle, round_index: int, numbers: Sequence[int], *,
+    look_through: bool = False,
+) -> list[bpy.types.Object]:  # fmt: skip
+    """The robot along these rollouts of a round (or of the trial), in place of those shown before.
+
+    Each rollout is an empty with an object a body and the head camera below it; those that
+    never began are left out. Frame f of the timeline is the rollouts' frame f, at their rate.
+    ``look_through`` makes the first one's camera the scene's. Returns the empties. Raises
+    SceneError when there is no such rollout or its files are missing or damaged.
+    """
+    frames = {attempt.number: attempt.frames for attempt in attempts(bundle, round_index)}
+    missing = [number for number in numbers if number not in frames]
+    if missing:
+        raise SceneError(f"there is no rollout {missing[0]}", where=bundle.path, cure="Choose another.")
+    bodies = RobotBodies.load(bundle, round_index)
+    numbers = [number for number in numbers if frames[number]]
+    if not numbers:
+        raise SceneError(
+            "it never began: there is nothing to show", where="rollout", cure="Choose another rollout."
+        )
+    recording = Recording.read(bundle, round_index, tuple(numbers), bodies)
+    collection = fresh_collection(scene, bundle.name, PART)
+    meshes = [_mesh(name, *shape) for name, shape in zip(bodies.names, bodies.shapes, strict=True)]
+    roots = []
+    for number in numbers:
+        root = bpy.data.objects.new(f"Rollout {number}", None)
+        root.empty_display_type, root.empty_display_size = "PLAIN_AXES", _EMPTY_SIZE_M
+        collection.objects.link(root)
+        camera = create_camera(f"Head camera {number}", bodies.camera)
+        camera.data.display_size = _CAMERA_SIZE_M
+        parts = [bpy.data.objects.new(f"{mesh.name}, rollout {number}", mesh) for mesh in meshes]
+        for index, part in enumerate([*parts, camera]):
+            part.parent = root
+            part.rotation_mode = "QUATERNION"
+            robot_playback.mark(part, number, index if part != camera else CAMERA)
+            collection.objects.link(part)
+        if look_through and not roots:
+            use_frame_of(camera, scene)
+        roots.append(root)
+    _use_time_of(recording, bodies.rate_hz, scene)
+    robot_playback.play(collection, bundle, round_index, bodies.digest, recording)
+    robot_playback.place(collection, scene.frame_current)
+    return roots
+
+
+def go_to_frame(scene: bpy.types.Scene, frame: int) -> None:
+    """Set the timeline, also where it is there already: all that is shown moves to it."""
+    scene.frame_set(frame)
+
+
+def shown_rollouts(scene: bpy.types.Scene, bundle: Bundle) -> tuple[int, tuple[int, ...]] | None:
+    """The round, or TRIAL, and the numbers of the rollouts that are shown; None for none."""
+    return robot_playback.shown_rollouts(find_collection(scene, bundle.name, PART))
+
+
+def _mesh(name: str, vertices: np.ndarray, faces: np.ndarray, colours: np.ndarray) -> bpy.types.Mesh:
+    mesh = mesh_from_arrays(f"Robot {name}", vertices, faces)
+    palette, slots = np.unique(np.round(colours, 3), axis=0, return_inverse=True)
+    materials = [
+        plain_material("R2S-EGO robot {:.2f} {:.2f} {:.2f}".format(*colour), tuple(colour))
+        for colour in palette.tolist()
+    ]
+    assign_materials(mesh, materials, slots.ravel())
+    return mesh
+
+
+def _use_time_of(recording: Recording, rate_hz: float, scene: bpy.types.Scene) -> None:
+    """Give the timeline the rollouts' frames and rate; Blender's rate is a whole number over another."""
+    scene.frame_start, scene.frame_end = 0, max(1, recording.last_frame)
+    scene.render.fps = max(1, math.ceil(rate_hz - 1e-6))
+    scene.render.fps_base = scene.render.fps / rate_hz
