@@ -41,9 +41,16 @@ def _excluded(patterns: list[str]):
     """What ``shutil.copytree`` leaves out: the manifest's patterns, so that nothing large is staged."""
 
     def leave_out(folder: str, names: list[str]) -> set[str]:
-        at_root = Path(folder) == ROOT
-        wanted = [p.strip("/") for p in patterns if at_root or not p.startswith("/")]
-        return {name for name in names if any(fnmatch.fnmatchcase(name, pattern) for pattern in wanted)}
+        inside = Path(folder).relative_to(ROOT).as_posix().removeprefix(".")
+        # A pattern that begins with / is a whole path below the root, another a name anywhere.
+        whole = [p.strip("/") for p in patterns if p.startswith("/")]
+        anywhere = [p.strip("/") for p in patterns if not p.startswith("/")]
+        return {
+            name
+            for name in names
+            if any(fnmatch.fnmatchcase(name, pattern) for pattern in anywhere)
+            or any(fnmatch.fnmatchcase(f"{inside}/{name}".strip("/"), pattern) for pattern in whole)
+        }
 
     return leave_out
 

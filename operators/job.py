@@ -72,7 +72,8 @@ def show(job: Job) -> None:
         shown.running, shown.cancel_requested = True, job.cancelled
         shown.title, shown.task, shown.message = job.title, "Starting", ""
         shown.fraction, shown.remaining_s = 0.0, -1.0
-        bpy.context.window_manager.r2sego_engine.picture = ""
+        engine = bpy.context.window_manager.r2sego_engine
+        engine.picture, engine.time_left = "", ""
 
 
 def show_event(event: Event) -> None:
@@ -83,6 +84,8 @@ def show_event(event: Event) -> None:
         shown.fraction = data.get("done", 0) / max(1, data.get("total", 1))
         remaining_s = data.get("remaining_s")
         shown.remaining_s = -1.0 if remaining_s is None else remaining_s
+        left = "" if remaining_s is None else f"{_duration(remaining_s)} left"
+        bpy.context.window_manager.r2sego_engine.time_left = left
     elif event.kind == "message":
         shown.message = str(data.get("text", ""))
     elif event.kind == "picture":
@@ -112,12 +115,6 @@ def tell_end(title: str, level: str, line: str) -> None:
     end.title, end.level, end.line = title, level, line
     while len(ended) > _REMEMBERED_ENDS:
         ended.remove(0)
-
-
-def time_left() -> str:
-    """The time the running task still takes, in words; '' while unknown."""
-    remaining_s = bpy.context.window_manager.r2sego_job.remaining_s
-    return f"{_duration(remaining_s)} left" if remaining_s >= 0.0 else ""
 
 
 def _duration(seconds: float) -> str:

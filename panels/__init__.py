@@ -6,6 +6,7 @@ from . import (
     asset,
     captures,
     collision,
+    engine,
     generation,
     preferences,
     proxy,
@@ -18,8 +19,8 @@ from . import (
 )
 
 _PARTS = (
-    preferences, sidebar, scene, settings, captures, proxy, robot, views, generation, asset, collision,
-    report,
+    preferences, sidebar, engine, scene, settings, captures, proxy, robot, views, generation, asset,
+    collision, report,
 )  # fmt: skip
 
 

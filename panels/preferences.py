@@ -24,8 +24,7 @@ class R2SEGO_AP_preferences(bpy.types.AddonPreferences):
         row = layout.row()
         row.operator("r2sego.set_up_engine", icon="IMPORT")
         row.operator("r2sego.check_engine", icon="CHECKMARK")
-        row = layout.row()
-        row.label(text=self.engine_found or "not checked yet")
+        layout.label(text=self.engine_found or "Not checked yet")
 
 
 CLASSES = (R2SEGO_AP_preferences,)

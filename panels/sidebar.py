@@ -57,23 +57,14 @@ def draw_problem(context, layout, text):
 
 
 class R2SEGO_PT_main(Sidebar, bpy.types.Panel):
-    """The open bundle and what the engine is doing"""
+    """From photographs to a scene a robot can be trained in"""
 
     bl_idname = "R2SEGO_PT_main"
     bl_label = "R2S-EGO"
 
     def draw(self, context):
-        layout = self.layout
-        job = context.window_manager.r2sego_job
-        if job.running:
-            column = layout.column(align=True)
-            column.label(text=job.title)
-            column.progress(factor=job.fraction, text=job.task)
-            if job.message:
-                column.label(text=job.message)
-            column.operator("r2sego.cancel", icon="CANCEL")
         if context.scene.r2sego.problem:
-            draw_problem(context, layout, context.scene.r2sego.problem)
+            draw_problem(context, self.layout, context.scene.r2sego.problem)
 
 
 CLASSES = (R2SEGO_PT_main,)

@@ -22,6 +22,7 @@ from . import __version__
 from .cli_asset import edit_asset, render
 from .cli_bench import bench
 from .cli_captures import register
+from .cli_demo import demo
 from .cli_options import (
     ANY_PATH,
     FOLDER,
@@ -390,12 +391,13 @@ def doctor(as_json: bool) -> None:
 
 
 main.add_command(bench)
-main.add_command(register)
+main.add_command(demo)
 main.add_command(render)
 main.add_command(edit_asset)
 main.add_command(robot)
 main.add_command(robot_bodies)
 main.add_command(try_rollouts)
+main.add_command(register)
 main.add_command(views)
 
 

@@ -17,7 +17,7 @@ from . import __version__
 
 @dataclass(frozen=True)
 class Package:
-    """A distribution this project uses, what for, and its size installed, MB."""
+    """A distribution this project uses, what for, and its size installed with what it brings, MB."""
 
     name: str
     module: str
@@ -27,32 +27,34 @@ class Package:
 
 
 PACKAGES = (
-    Package("torch", "torch", "training losses and users' own losses", 600),
-    Package("numba", "numba", "the compiled kernels", 160),
-    Package("numpy", "numpy", "arrays", 60),
-    Package("scipy", "scipy", "neighbour search and linear algebra", 100),
-    Package("scikit-image", "skimage", "marching cubes", 60),
-    Package("opencv-python-headless", "cv2", "resampling, markers", 130),
-    Package("pycolmap", "pycolmap", "structure from motion and pose estimation", 50),
-    Package("mujoco", "mujoco", "rollouts in simulation", 60),
+    Package("torch", "torch", "training losses and users' own losses", 866),
+    Package("numba", "numba", "the compiled kernels", 213),
+    Package("numpy", "numpy", "arrays", 78),
+    Package("scipy", "scipy", "neighbour search and linear algebra", 143),
+    Package("scikit-image", "skimage", "marching cubes", 37),
+    Package("opencv-python-headless", "cv2", "resampling, markers", 142),
+    Package("pycolmap", "pycolmap", "structure from motion and pose estimation", 140),
+    Package("mujoco", "mujoco", "rollouts in simulation", 84),
     Package("mink", "mink", "human motions on a robot: inverse kinematics", 1),
     Package("qpsolvers", "qpsolvers", "mink's quadratic programs", 1),
     Package("daqp", "daqp", "their solver", 4),
-    Package("onnxruntime", "onnxruntime", "learned policies of robots", 70),
-    Package("trimesh", "trimesh", "mesh files and repair", 10),
+    Package("onnxruntime", "onnxruntime", "learned policies of robots", 72),
+    Package("trimesh", "trimesh", "mesh files and repair", 4),
     Package("fast-simplification", "fast_simplification", "meshes with fewer faces", 1),
-    Package("coacd", "coacd", "convex decomposition, as a second choice", 10),
+    Package("coacd", "coacd", "convex decomposition, as a second choice", 13),
     Package("xatlas", "xatlas", "texture coordinates", 1),
-    Package("pillow", "PIL", "image files", 10),
+    Package("pillow", "PIL", "image files", 22),
     Package("OpenEXR", "OpenEXR", "multilayer EXRs of structural conditions", 5),
-    Package("usd-core", "pxr", "USD files of splats and of the collision surface", 210),
-    Package("zstandard", "zstandard", "SPZ files of version 4", 25),
+    Package("usd-core", "pxr", "USD files of splats and of the collision surface", 218),
+    Package("zstandard", "zstandard", "SPZ files of version 4", 24),
     Package("click", "click", "the command line", 1),
-    Package("rich", "rich", "progress bars", 3),
+    Package("rich", "rich", "progress bars", 12),
     Package("jinja2", "jinja2", "the report", 1),
     Package("tomli-w", "tomli_w", "scene.toml", 1),
     Package("bpy", "bpy", "headless Blender: the demo room, Cycles conditions, scripts", 900, required=False),
 )
+REQUIRED_MB = sum(package.size_mb for package in PACKAGES if package.required)
+"""Room all required packages take, MB."""
 
 SCENE_SPACE_MB = 500
 """Room a six-photograph scene takes with all rounds kept."""

@@ -45,7 +45,7 @@ MAY_IMPORT = {
     "creation": ABOVE_CAPTURES | {"robot"},
     "object_backends": ABOVE_CAPTURES | {"geometry"},
     "object_priors": ABOVE_CAPTURES | {"geometry", "steps", "object_backends"},
-    "correction": ABOVE_CAPTURES | {"object_priors"},
+    "correction": ABOVE_CAPTURES | {"object_priors", "asset_edits"},
     "doctor": FOUNDATION,
     "status": FOUNDATION,
     "export": FOUNDATION | {"geometry", "splats"},
@@ -60,9 +60,11 @@ MAY_IMPORT = {
     "evaluation": PARTS | {"visual_asset", "steps", "pipeline"},
     "benchmarks": PARTS | {"splat_training", "creation", "steps", "evaluation", "scoring", "references"},
     "splat_training": FOUNDATION | {"captures", "splats", "evaluation"},
+    "demo_scene": ABOVE_CAPTURES | {"creation", "pipeline", "evaluation"},
+    "cli_demo": FOUNDATION | {"cli_options", "demo_scene"},
     "cli_options": ABOVE_CAPTURES | {"robot"},
-    "cli_asset": FOUNDATION | {"asset_edits", "asset_stages", "cli_options", "splats", "steps"},
     "cli_captures": ABOVE_CAPTURES | {"cli_options", "correction"},
+    "cli_asset": FOUNDATION | {"asset_edits", "asset_stages", "cli_options", "splats", "steps"},
     "cli_bench": FOUNDATION | {"benchmarks", "cli_options"},
     "cli_views": FOUNDATION | {"generation", "cli_options"},
     "cli": PARTS
@@ -70,8 +72,9 @@ MAY_IMPORT = {
         "cli_options",
         "cli_asset",
         "cli_bench",
-        "cli_captures",
         "cli_robot",
+        "cli_captures",
+        "cli_demo",
         "cli_views",
         "steps",
         "pipeline",
@@ -158,7 +161,7 @@ def test_blender_reads_bundles_with_numpy_alone():
     code = (
         "import sys\n"
         "import r2sego_blender.scene, r2sego_blender.cameras, r2sego_blender.geometry.proxy\n"
-        "import r2sego_blender.workers.engine, r2sego_blender.status\n"
+        "import r2sego_blender.workers.jobs, r2sego_blender.status\n"
         "heavy = {'torch','numba','scipy','cv2','PIL','pycolmap','mujoco','trimesh','click','rich'}\n"
         "print(sorted(heavy & set(sys.modules)))"
     )

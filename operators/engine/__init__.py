@@ -5,6 +5,7 @@ import bpy
 from . import cancel, following, pictures
 from .cancel import R2SEGO_OT_cancel
 from .check_engine import R2SEGO_OT_check_engine
+from .demo_scene import R2SEGO_OT_demo_scene
 from .dismiss_job import R2SEGO_OT_dismiss_job
 from .follow_job import R2SEGO_OT_follow_job
 from .properties import R2SEGO_PG_ended_job, R2SEGO_PG_engine
@@ -15,6 +16,7 @@ CLASSES = (
     R2SEGO_PG_engine,
     R2SEGO_OT_set_up_engine,
     R2SEGO_OT_check_engine,
+    R2SEGO_OT_demo_scene,
     R2SEGO_OT_cancel,
     R2SEGO_OT_follow_job,
     R2SEGO_OT_dismiss_job,

@@ -5,6 +5,7 @@ from pathlib import Path
 import bpy
 import bpy.utils.previews
 
+_NAME = "picture"
 _previews = None
 _shown = ("", 0)  # file and its time of change
 
@@ -19,13 +20,13 @@ def show(engine: bpy.types.PropertyGroup) -> None:
         seen = (engine.picture, Path(engine.picture).stat().st_mtime_ns)
     except OSError:  # being replaced, or gone with its job
         return
-    if seen == _shown and engine.picture_icon:
-        return
-    if _previews is None:
-        _previews = bpy.utils.previews.new()
-    _previews.clear()
-    engine.picture_icon = _previews.load(f"picture {seen[1]}", engine.picture, "IMAGE").icon_id
-    _shown = seen
+    if seen != _shown:
+        if _previews is None:
+            _previews = bpy.utils.previews.new()
+        _previews.clear()
+        _previews.load(_NAME, engine.picture, "IMAGE")
+        _shown = seen
+    engine.picture_icon = _previews[_NAME].icon_id
 
 
 def clear(engine: bpy.types.PropertyGroup) -> None:

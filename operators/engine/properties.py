@@ -21,6 +21,7 @@ class R2SEGO_PG_engine(bpy.types.PropertyGroup):
     has_python: BoolProperty(description="Whether a Python that can be run is chosen")
     picture: StringProperty(description="The latest preview picture of the running job")
     picture_icon: IntProperty(description="That picture as an icon, 0 while there is none")
+    time_left: StringProperty(description="The time its task still takes, in words")
     ended: CollectionProperty(type=R2SEGO_PG_ended_job)
 
 

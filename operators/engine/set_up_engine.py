@@ -7,9 +7,9 @@ import bpy
 from bpy.props import StringProperty
 
 from ...r2sego_blender.bridge.engine_python import addon_preferences, examine
-from ...r2sego_blender.doctor import PACKAGES
+from ...r2sego_blender.doctor import PACKAGES, REQUIRED_MB
 from ...r2sego_blender.errors import MachineError
-from ...r2sego_blender.workers.environment import required_packages
+from ...r2sego_blender.workers.environment import DOWNLOAD_MB
 from .. import job
 from ..base import EngineOperator, needs_idle_engine
 
@@ -17,7 +17,8 @@ _ROOT = __package__.rsplit(".", 2)[0]
 
 
 class R2SEGO_OT_set_up_engine(EngineOperator, bpy.types.Operator):
-    """Install the engine's packages into a folder of this extension; asks before it starts"""
+    """Install the engine's packages into a folder of this extension; shows what and how much, and asks.
+    Started again after a failure, it goes on with what was downloaded"""
 
     bl_idname = "r2sego.set_up_engine"
     bl_label = "Set Up Engine"
@@ -33,19 +34,22 @@ class R2SEGO_OT_set_up_engine(EngineOperator, bpy.types.Operator):
         return needs_idle_engine(cls)
 
     def invoke(self, context, event):
-        return context.window_manager.invoke_props_dialog(self, width=420)
+        return context.window_manager.invoke_props_dialog(self, width=520)
 
     def draw(self, context):
         layout = self.layout
-        size_mb = sum(package.size_mb for package in PACKAGES if package.required)
-        layout.label(text=f"Installs {len(required_packages())} packages, about {size_mb} MB on disk:")
+        needed = [package for package in PACKAGES if package.required]
+        layout.label(text=f"{DOWNLOAD_MB} MB are downloaded, {REQUIRED_MB} MB are taken on the disk:")
         column = layout.column(align=True)
-        for package in PACKAGES:
-            if package.required:
-                column.label(text=f"{package.name}, {package.size_mb} MB: {package.purpose}")
+        for package in sorted(needed, key=lambda package: -package.size_mb):
+            row = column.split(factor=0.35)
+            row.label(text=f"{package.name}, {package.size_mb} MB")
+            row.label(text=package.purpose)
         layout.prop(self, "wheels")
         if not (self.wheels or bpy.app.online_access):
-            layout.label(text="Allow online access in the preferences, or choose wheels", icon="ERROR")
+            box = layout.box()
+            box.label(text="Blender may not go online: allow it, or choose a folder of wheels", icon="ERROR")
+            box.prop(context.preferences.system, "use_online_access")
 
     def start(self, context):
         if not (self.wheels or bpy.app.online_access):
@@ -57,10 +61,12 @@ class R2SEGO_OT_set_up_engine(EngineOperator, bpy.types.Operator):
 
     def arguments(self, context):
         folder = Path(bpy.utils.extension_path_user(_ROOT, path="engine", create=True))
-        return [str(folder), *(["--wheels", bpy.path.abspath(self.wheels)] if self.wheels else [])]
+        wheels = ["--wheels", bpy.path.abspath(self.wheels)] if self.wheels else []
+        return [str(folder), "--needed-mb", str(REQUIRED_MB), *wheels]
 
     def finish(self, context, result):
         preferences = addon_preferences()
         preferences.engine_python = result["python"]
+        context.preferences.is_dirty = True  # so that Blender saves them
         preferences.engine_found = examine()
         return preferences.engine_found

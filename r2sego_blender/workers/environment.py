@@ -1,25 +1,41 @@
 """Make the engine's environment: ``python -m r2sego_blender.workers.environment FOLDER``.
 
 Needs nothing but the standard library, so Blender's own Python runs it. Packages come from
-the package index, or from a folder of wheels on a machine without a network. Progress is
-told as the engine tells it, in JSON lines.
+the package index, or from a folder of wheels on a machine without a network. What was
+downloaded is kept until all is installed, so a second try fetches only what is missing.
+Progress is told as the engine tells it, in JSON lines.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
+import shutil
 import subprocess
 import sys
+import sysconfig
+import threading
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ..errors import MachineError, R2SEgoError
 from ..progress import JsonProgress, Progress
+from .processes import die_with_parent
 
 PROJECT_FILE = Path(__file__).resolve().parents[2] / "pyproject.toml"
-_WORTH_TELLING = ("Collecting", "Downloading", "Processing", "Installing")  # pip's steps
+DOWNLOADS = ".downloads"
+"""Where an environment that is being made keeps what was downloaded."""
+
+DOWNLOAD_MB = 700
+"""About what is downloaded for all packages, MB."""
+
+SMALL_TORCH = "https://download.pytorch.org/whl/cpu"
+"""An index with the torch for processors: on Linux the usual one brings CUDA along, 3 GB more."""
+
+_WORTH_TELLING = ("Collecting", "Downloading", "Using cached", "Processing", "Installing")  # pip's steps
+_LOOK_S = 0.5
 
 
 def required_packages(project_file: Path = PROJECT_FILE) -> list[str]:
@@ -42,42 +58,152 @@ def python_of(folder: Path) -> Path:
 
 
 def make_environment(
-    folder: Path, requirements: Sequence[str], wheels: Path | None, progress: Progress
+    folder: Path,
+    requirements: Sequence[str],
+    wheels: Path | None,
+    progress: Progress,
+    needed_mb: int = 0,
 ) -> Path:
     """Make or complete the environment in ``folder``; returns its interpreter.
 
-    With ``wheels`` nothing is fetched from a network. Raises MachineError with pip's last
-    line when something cannot be installed; what was installed stays for the next try.
+    With ``wheels`` nothing is fetched from a network. Raises MachineError when the disk has less
+    room than ``needed_mb``, and with pip's last line when something cannot be installed; what was
+    downloaded stays for the next try.
     """
-    python = python_of(folder)
-    source = ["--no-index", "--find-links", str(wheels)] if wheels else []
-    with progress.task("Setting up the engine", 2) as task:
-        if not python.is_file():
-            _run([sys.executable, "-m", "venv", str(folder)], "an environment cannot be made here", progress)
+    python, downloads = python_of(folder), folder / DOWNLOADS
+    _require_room(folder, needed_mb)
+    if wheels is not None and not wheels.is_dir():
+        raise MachineError("there is no such folder of wheels", where=wheels, cure="Choose another.")
+    with progress.task("Making an environment", 1) as task:
+        if not _has_pip(python):
+            folder.mkdir(parents=True, exist_ok=True)
+            _run(
+                [sys.executable, "-m", "venv", "--clear", str(folder)],
+                "an environment cannot be made here",
+                "This Python lacks the module venv (Debian: python3-venv), or the folder cannot be written.",
+            )
         task.advance()
-        # One call, so that pip finds versions that agree with each other.
-        command = [str(python), "-m", "pip", "install", "--disable-pip-version-check", "--progress-bar=off"]
-        _run([*command, *source, *requirements], "the packages cannot be installed", progress)
-        task.advance()
+    shutil.rmtree(downloads / "unfinished", ignore_errors=True)
+    (downloads / "unfinished").mkdir(parents=True)
+    source = ["--no-index", "--find-links", str(wheels)] if wheels else _indices()
+    command = [
+        str(python), "-m", "pip", "install", "--disable-pip-version-check", "--progress-bar=off",
+        "--cache-dir", str(downloads / "cache"), *source, *requirements,
+    ]  # fmt: skip
+    # One call, so that pip finds versions that agree with each other.
+    told = _PipProgress(progress, downloads, folder, "Reading wheels" if wheels else "Downloading, MB")
+    _run(
+        command, "the packages cannot be installed",
+        "Check the network and the room on disk, or give a folder of wheels; then try again: "
+        "what was downloaded is kept.",
+        told.line, told.look, {"TMPDIR": str(downloads / "unfinished"), "PYTHONNOUSERSITE": "1"},
+    )  # fmt: skip
+    told.close()
+    shutil.rmtree(downloads, ignore_errors=True)
     return python
 
 
-def _run(command: list[str], failure: str, progress: Progress) -> None:
+class _PipProgress:
+    """pip's lines and the files it makes, as two tasks: megabytes downloaded, packages installed."""
+
+    def __init__(self, progress: Progress, downloads: Path, folder: Path, title: str) -> None:
+        self._progress = progress
+        self._downloads = downloads
+        self._packages = Path(sysconfig.get_path("purelib", "venv", {"base": str(folder)}))
+        self._open = contextlib.ExitStack()
+        self._task = self._open.enter_context(progress.task(title, DOWNLOAD_MB))
+        self._installing = False
+        self._before = 0
+
+    def line(self, line: str) -> None:
+        """Take one line of pip."""
+        if line.startswith(_WORTH_TELLING):
+            self._progress.message(line)
+        if line.startswith("Installing collected packages:"):
+            self._open.close()
+            self._installing, self._before = True, self._installed()
+            count = len(line.partition(":")[2].split(","))
+            self._task = self._open.enter_context(self._progress.task("Installing packages", count))
+
+    def look(self) -> None:
+        """Advance by what has come since the last look."""
+        done = self._installed() - self._before if self._installing else self._downloaded_mb()
+        self._task.advance(max(0, min(done, self._task.total) - self._task.done))
+
+    def close(self) -> None:
+        """All is installed."""
+        self._task.advance(self._task.total - self._task.done)
+        self._open.close()
+
+    def _downloaded_mb(self) -> int:
+        # pip writes a file to its cache when it is whole, and until then to the temporary folder.
+        size = 0
+        for file in self._downloads.rglob("*"):
+            with contextlib.suppress(OSError):
+                size += file.stat().st_size if file.is_file() else 0
+        return size // 10**6
+
+    def _installed(self) -> int:
+        return sum(1 for _ in self._packages.glob("*.dist-info"))
+
+
+def _indices() -> list[str]:
+    return ["--extra-index-url", SMALL_TORCH] if sys.platform.startswith("linux") else []
+
+
+def _require_room(folder: Path, needed_mb: int) -> None:
+    place = next(one for one in (folder, *folder.absolute().parents) if one.exists())
+    free_mb = shutil.disk_usage(place).free // 10**6
+    if free_mb < needed_mb:
+        raise MachineError(
+            f"the disk has {free_mb} MB left and {needed_mb} MB are needed", where=folder,
+            cure="Make room, then try again.",
+        )  # fmt: skip
+
+
+def _has_pip(python: Path) -> bool:
+    """Whether there is an environment that was made to its end."""
+    if not python.is_file():
+        return False
+    asked = subprocess.run([str(python), "-m", "pip", "--version"], capture_output=True)
+    return asked.returncode == 0
+
+
+def _run(
+    command: list[str],
+    failure: str,
+    cure: str,
+    on_line: Callable[[str], None] = lambda line: None,
+    look: Callable[[], None] = lambda: None,
+    variables: dict[str, str] | None = None,
+) -> None:
+    """Run ``command``; ``on_line`` hears its lines, ``look`` is called now and then."""
     process = subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        env={**os.environ, "PYTHONNOUSERSITE": "1"}, text=True, errors="replace",
+        env={**os.environ, **(variables or {})}, text=True, encoding="utf-8", errors="replace",
+        preexec_fn=None if os.name == "nt" else die_with_parent,
     )  # fmt: skip
-    last = "no reason given"
+    lines: list[str] = []
+    reader = threading.Thread(target=_read, args=(process, lines), daemon=True)
+    reader.start()
+    heard, alive = 0, True
+    while alive:
+        reader.join(_LOOK_S)
+        alive = reader.is_alive()  # asked first: what it read until then is heard below
+        while heard < len(lines):
+            on_line(lines[heard])
+            heard += 1
+        look()
+    if process.wait() != 0:
+        errors = [line for line in lines if line.startswith("ERROR:")]
+        last = (errors or lines or ["no reason given"])[-1].removeprefix("ERROR:").strip()
+        raise MachineError(f"{failure}: {last.rstrip('. ')}", where=command[0], cure=cure)
+
+
+def _read(process: subprocess.Popen, lines: list[str]) -> None:
     for line in process.stdout:
         if line.strip():
-            last = line.strip()
-        if last.startswith(_WORTH_TELLING):
-            progress.message(last)
-    if process.wait() != 0:
-        raise MachineError(
-            f"{failure}: {last}", where=command[0],
-            cure="Check the network and the room on disk, or give a folder of wheels; then try again.",
-        )  # fmt: skip
+            lines.append(line.strip())
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -85,10 +211,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--wheels", type=Path, help="a folder of wheels instead of the network")
+    parser.add_argument("--needed-mb", type=int, default=0, help="room that has to be on the disk")
     options = parser.parse_args(arguments)
     progress = JsonProgress()
     try:
-        python = make_environment(options.folder, required_packages(), options.wheels, progress)
+        python = make_environment(
+            options.folder, required_packages(), options.wheels, progress, options.needed_mb
+        )
     except R2SEgoError as error:
         progress.emit(event="error", kind=type(error).__name__, text=str(error))
         return 1

@@ -34,11 +34,14 @@ def test_blenders_builder_takes_it(package):
 def test_it_holds_the_add_on_and_the_library_and_nothing_else(package):
     with zipfile.ZipFile(package) as archive:
         names = set(archive.namelist())
-    for needed in ("__init__.py", "LICENSE", "r2sego_blender/cli.py", 
+    for needed in ("__init__.py", "LICENSE", "r2sego_blender/cli.py",
                    "panels/sidebar.py", "operators/scene/refine.py", "batch/refine.py"):  # fmt: skip
         assert needed in names
     tops = {name.split("/")[0] for name in names}
-    assert tops.isdisjoint({"tests", "docs", "demo", "dist", "build", "shared", "addon_manifest.toml"})
+    assert tops.isdisjoint({"tests", "docs", "dist", "build", "shared", "addon_manifest.toml"})
+    demo = {name for name in names if name.startswith("demo/") and not name.endswith("/")}
+    captures = {f"demo/room/captures/capture_{index:02d}.png" for index in range(6)}
+    assert demo == captures | {"demo/room/cameras.json"}
     assert not [name for name in names if "__pycache__" in name or name.startswith(".")]
     assert package.stat().st_size < 5_000_000
 

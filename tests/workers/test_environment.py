@@ -3,20 +3,28 @@
 import base64
 import hashlib
 import subprocess
+import sys
 import zipfile
+from contextlib import contextmanager
 
 import pytest
 
 from r2sego_blender.errors import MachineError
-from r2sego_blender.progress import Progress
-from r2sego_blender.workers.environment import make_environment, required_packages
+from r2sego_blender.progress import Progress, Task
+from r2sego_blender.workers.environment import make_environment, python_of, required_packages
 
 
 class Told(Progress):
-    """Remembers the messages."""
+    """Remembers the messages, and how far each task came."""
 
     def __init__(self):
-        self.lines = []
+        self.lines, self.tasks = [], []
+
+    @contextmanager
+    def task(self, title, total):
+        task = Task(title, total)
+        self.tasks.append(task)
+        yield task
 
     def message(self, text, level="info"):
         self.lines.append(text)
@@ -40,6 +48,17 @@ def write_wheel(folder):
             archive.writestr(name, text)
 
 
+def write_pip(folder, body):
+    """An environment whose ``python -m pip install`` is this Python body."""
+    python = python_of(folder)
+    python.parent.mkdir(parents=True)
+    python.write_text(
+        f"#!{sys.executable}\nimport sys, time\nif '--version' in sys.argv: sys.exit(0)\n{body}\n"
+    )
+    python.chmod(0o755)
+    return python
+
+
 @pytest.mark.slow
 def test_wheels_are_installed_and_a_missing_one_is_named(tmp_path):
     wheels = tmp_path / "wheels"
@@ -52,8 +71,43 @@ def test_wheels_are_installed_and_a_missing_one_is_named(tmp_path):
     )
     assert answer.stdout.strip() == "42"
     assert any(line.startswith("Installing") for line in told.lines)
-    with pytest.raises(MachineError, match="missingthing"):
+    assert [(task.title, task.total) for task in told.tasks][::2] == [
+        ("Making an environment", 1), ("Installing packages", 1)
+    ]  # fmt: skip
+    assert told.tasks[-1].done == 1
+    assert not (tmp_path / "engine" / ".downloads").exists()
+    with pytest.raises(MachineError, match="missingthing") as refused:
         make_environment(tmp_path / "engine", ["missingthing"], wheels, told)
+    assert "try again" in str(refused.value)
+    assert make_environment(tmp_path / "engine", ["tinything"], wheels, told) == python
+
+
+def test_what_was_downloaded_stays_for_the_next_try(tmp_path):
+    """A stand-in for pip fetches a wheel into its cache and fails; the next try finds it there."""
+    cached = "import pathlib; cache = pathlib.Path(sys.argv[sys.argv.index('--cache-dir') + 1])\n"
+    python = write_pip(
+        tmp_path / "engine",
+        cached + "cache.mkdir(exist_ok=True); file = cache / 'torch'\n"
+        "print('Using cached torch' if file.exists() else 'Downloading torch (3 MB)', flush=True)\n"
+        "if file.exists(): print('Installing collected packages: torch'); sys.exit(0)\n"
+        "file.write_bytes(bytes(3_000_000)); time.sleep(1.0)\n"
+        "print('ERROR: no route to the index.'); print('and a line after it'); sys.exit(1)",
+    )
+    told = Told()
+    with pytest.raises(MachineError, match=r"no route to the index\. Check the network"):
+        make_environment(tmp_path / "engine", ["torch"], None, told)
+    assert (told.tasks[1].title, told.tasks[1].done) == ("Downloading, MB", 3)
+    assert make_environment(tmp_path / "engine", ["torch"], None, told) == python
+    assert "Using cached torch" in told.lines
+    assert not (tmp_path / "engine" / ".downloads").exists()
+
+
+def test_a_disk_without_room_and_a_missing_folder_are_told_first(tmp_path):
+    with pytest.raises(MachineError, match="MB are needed"):
+        make_environment(tmp_path / "engine", [], None, Told(), needed_mb=10**12)
+    with pytest.raises(MachineError, match="no such folder of wheels"):
+        make_environment(tmp_path / "engine", [], tmp_path / "wheels", Told())
+    assert not (tmp_path / "engine").exists()
 
 
 def test_the_requirements_are_the_projects_own():

@@ -1,12 +1,14 @@
 """What holds of the room Engine, checked inside Blender."""
 
+import os
+import shutil
 import sys
 import time
 
 import bpy
-from support import BUNDLE, ENGINE, MODULE, conduct, open_bundle, preferences, refused
+from support import BUNDLE, ENGINE, MODULE, OUT, calls, conduct, open_bundle, preferences, refused, state
 
-OPERATORS = {"cancel", "check_engine", "dismiss_job", "follow_job", "set_up_engine"}
+OPERATORS = {"cancel", "check_engine", "demo_scene", "dismiss_job", "follow_job", "set_up_engine"}
 
 
 def check_a_failing_engine_is_reported_in_its_own_words():
@@ -127,3 +129,52 @@ def check_the_engines_answer_is_kept_in_the_preferences():
 def check_setting_up_the_engine_needs_leave_to_go_online():
     assert not bpy.app.online_access
     assert "online access" in refused(bpy.ops.r2sego.set_up_engine)
+
+
+def check_the_demo_scene_is_one_command_and_is_shown():
+    bpy.ops.wm.read_homefile(use_empty=True)
+    conduct("succeed")
+    folder = OUT.parent / "demo"
+    shutil.copytree(BUNDLE, folder / "demo_room.r2s")  # what the stand-in does not make
+    assert bpy.ops.r2sego.demo_scene(directory=str(folder)) == {"FINISHED"}
+    bundle = str(folder / "demo_room.r2s")
+    assert calls() == [["demo", bundle, "--preset", "preview", "--json-progress"]]
+    assert state().bundle == bundle
+    assert "Proxy, round 1" in bpy.data.objects
+    assert len([item for item in bpy.data.objects if item.type == "CAMERA"]) == 3
+
+
+def check_an_engine_is_set_up_from_a_folder_of_wheels():
+    """The folder lacks the packages: the failure is told, and what was begun stays for another try."""
+    wheels = OUT.parent / "wheels"
+    wheels.mkdir(exist_ok=True)
+    said = refused(bpy.ops.r2sego.set_up_engine, wheels=str(wheels))
+    assert "packages cannot be installed" in said and "try again" in said, said
+    assert preferences().engine_python == str(ENGINE)
+    (end,) = bpy.context.window_manager.r2sego_engine.ended
+    assert (end.title, end.level) == ("Set Up Engine", "ERROR")
+
+
+def check_a_preview_picture_is_read_once_and_again_when_it_changes():
+    pictures = sys.modules[f"{MODULE}.operators.engine.pictures"]
+    engine = bpy.context.window_manager.r2sego_engine
+    file = OUT.parent / "picture.png"
+
+    def seen(width, changed_s):
+        image = bpy.data.images.new("picture", width, 24)
+        image.filepath_raw, image.file_format = str(file), "PNG"
+        image.save()
+        os.utime(file, (changed_s, changed_s))  # Blender knows pictures by whole seconds
+        engine.picture = str(file)
+        pictures.show(engine)
+        return pictures._previews["picture"]
+
+    first = seen(32, 1_000)
+    assert first.image_size[:] == (32, 24), first.image_size[:]
+    pictures.show(engine)
+    assert pictures._previews["picture"] == first
+    assert seen(48, 2_000).image_size[:] == (48, 24)
+    file.unlink()
+    pictures.show(engine)  # between two pictures
+    pictures.clear(engine)
+    assert (engine.picture, engine.picture_icon) == ("", 0)

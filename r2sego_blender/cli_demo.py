@@ -1,0 +1,27 @@
+"""``r2sego demo``: the demo room in one command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .cli_options import ANY_PATH, json_progress, overrides_of, progress_of, settings_option, tell
+from .settings import PRESETS
+
+
+@click.command()
+@click.argument("scene", type=ANY_PATH)
+@click.option(
+    "--preset", type=click.Choice(list(PRESETS)), default="preview", show_default=True, help="Named settings."
+)
+@settings_option
+@json_progress
+@click.pass_context
+def demo(context: click.Context, scene: Path, preset: str, overrides: tuple[str, ...], as_json: bool) -> None:
+    """Make SCENE of the demo room and refine it; started again, it goes on where it stopped."""
+    from .demo_scene import make_demo_scene
+
+    progress = progress_of(context, as_json)
+    made = make_demo_scene(scene, preset, overrides_of(overrides), progress)
+    tell(progress, scene=str(made.path), asset=str(made.asset_file))
