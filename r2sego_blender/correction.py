@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .asset_edits import move_edits
 from .captures.capture import Capture
 from .captures.floor_points import FloorPoint, ground_of, ground_through
 from .captures.ground import Ground
@@ -152,6 +153,7 @@ def _moved(
         moved = [capture.transformed(similarity) for capture in captures]
         save_captures(folder, moved, sparse.transformed(similarity))
     move_objects(scene, similarity)
+    move_edits(scene, similarity)
     with scene.publishing(CORRECTIONS) as file:
         file.write_text(json.dumps(history, indent=1) + "\n", encoding="utf-8")
     with scene.publishing(GROUND_PICTURES) as folder:

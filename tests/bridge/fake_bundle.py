@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+from fake_asset import write_assets
 from fake_rollouts import fill_rollouts, fill_trial
 from fake_views import write_views
 
@@ -105,7 +106,7 @@ def _fill(folder: Path) -> None:
     _write_obj(folder / "collision" / "mesh.obj", proxy().vertices, proxy().faces)
     for index in range(3):
         _write_obj(hulls / f"piece_{index:03d}.obj", proxy().vertices[:4] + index, [[0, 1, 2], [0, 2, 3]])
-    (folder / "asset.ply").write_bytes(b"ply\n")
+    write_assets(folder)
     report = folder / "report"
     report.mkdir()
     (report / "index.html").write_text("<html></html>")
@@ -120,7 +121,6 @@ def _fill_round(folder: Path, index: int) -> None:
     save_candidates(folder / "selection", [ego_camera().at(pose) for pose in candidate_poses()])
     _write_path(folder / "views" / "000", cameras()[1].at(candidate_poses()[TARGETS[0]]))
     write_views(folder / "views", cameras()[1].at(candidate_poses()[TARGETS[0]]), (*TARGETS, 22))
-    (folder / "asset.ply").write_bytes(b"ply\n")
     counts = {
         "rollouts_succeeded": 12, "rollouts_failed": 3, "candidates": CANDIDATES,
         "targets": len(TARGETS), "views_kept": 2,
