@@ -1,11 +1,10 @@
 """The sub-panel Views: candidates, the active one and why, the scores over time."""
 
-import textwrap
-
 import bpy
 
 from . import score_curves
-from .sidebar import Sidebar, Step, fitting_characters
+from .sidebar import Sidebar, Step
+from .views_text import write_wrapped
 
 
 class R2SEGO_UL_ranked_views(bpy.types.UIList):
@@ -42,9 +41,12 @@ class R2SEGO_PT_views(Step, bpy.types.Panel):
         column.row(align=True).prop(group, "shown", expand=True)
         column.prop(group, "frustum_size")
         best = {"S": group.best_s, "U": group.best_u, "G": group.best_g}[group.colour_by]
-        layout.label(text=f"Dark blue 0, yellow {best:.3g}; {group.survivors} of {group.candidates} survive")
+        legend = (
+            f"Dark blue 0, yellow {best:.3g}; {group.survivors} of {group.candidates} survive suppression"
+        )
+        write_wrapped(context, layout, legend)
         if group.note:
-            _write(context, layout, group.note, "INFO")
+            write_wrapped(context, layout, group.note, "INFO")
         layout.template_list(
             "R2SEGO_UL_ranked_views", "", group, "ranked", group, "ranked_index", rows=4, maxrows=12
         )
@@ -73,7 +75,7 @@ class R2SEGO_PT_views_candidate(Sidebar, bpy.types.Panel):
         if group.active >= 0:
             layout.label(text=f"Rollout {group.rollout}, frame {group.active_frame}")
             layout.label(text=group.figures)
-            _write(context, layout, group.why)
+            write_wrapped(context, layout, group.why)
 
 
 class R2SEGO_PT_views_curves(Sidebar, bpy.types.Panel):
@@ -97,14 +99,6 @@ class R2SEGO_PT_views_curves(Sidebar, bpy.types.Panel):
         layout.active = group.curves
         layout.prop(group, "rollout")
         layout.label(text=f"{group.rollouts} rollouts have candidates")
-
-
-def _write(context, layout, text, icon="NONE"):
-    """A longer text, wrapped to the side bar's width."""
-    column = layout.column(align=True)
-    for line in textwrap.wrap(text, fitting_characters(context, 0.92)):
-        column.label(text=line, icon=icon)
-        icon = "BLANK1" if icon != "NONE" else icon
 
 
 CLASSES = (

@@ -1,11 +1,19 @@
 """What holds of the room Generation, checked inside Blender."""
 
 import json
+from pathlib import Path
 
 import bpy
-from support import OUT, open_bundle, refused, state
+import numpy as np
+from support import OUT, calls, conduct, copied_bundle, open_bundle, refused, state
 
-OPERATORS = {"render_conditions"}
+OPERATORS = {
+    "render_conditions", "decide_view", "compare_view", "render_target_views", "show_camera_path", "play_clip"
+}  # fmt: skip
+
+
+def group():
+    return bpy.context.scene.r2sego_generation
 
 
 def check_conditions_are_rendered():
@@ -21,3 +29,131 @@ def check_conditions_are_rendered():
     assert (camera["width"], camera["height"]) == (40, 30), camera
     assert (folder / "003.exr").read_bytes()[:4] == b"v/1\x01"  # OpenEXR; Blender reads no layers
     assert "views" in refused(bpy.ops.r2sego.render_conditions, view=5, directory=str(folder))
+
+
+def check_the_list_tells_what_became_of_the_views():
+    open_bundle()
+    rows = list(group().views)
+    assert [row.accepted for row in rows] == [True, False, True, True]
+    assert group().accepted == 3
+    assert rows[1].fate == "rejected: no patch is found" and rows[1].stands_in == "replaced by view 3"
+    assert rows[3].stands_in == "stands in for view 1"
+    assert rows[0].registration == "90 of 100 patches, over 75% of the image"
+    assert rows[0].residual == "12.0 mm, 0.25 deg off" and rows[0].doubt == "6.0 mm, 0.20 deg"
+    assert rows[1].residual == "" and not rows[1].has_clip and rows[0].has_clip
+
+
+def check_the_active_views_candidate_becomes_active():
+    open_bundle()
+    bpy.ops.r2sego.show_candidates()
+    group().active = 2
+    assert bpy.context.scene.r2sego_views.active == 31
+    assert bpy.data.objects["Active candidate"]["candidate"] == 31
+
+
+def check_a_view_is_decided_on_by_the_engine():
+    copy = copied_bundle()
+    conduct("succeed")
+    assert bpy.ops.r2sego.decide_view(view=0, decision="REJECT") == {"FINISHED"}
+    group().active = 2
+    assert bpy.ops.r2sego.decide_view(decision="ACCEPT") == {"FINISHED"}
+    bpy.ops.r2sego.decide_view(view=1, decision="UNDECIDED")
+    start = ["views", str(copy), "--round", "1"]
+    assert calls() == [
+        [*start, *words, "--json-progress"]
+        for words in (["--reject", "0"], ["--accept", "2"], ["--undecided", "1"])
+    ], calls()
+    assert "no generated view 9" in refused(bpy.ops.r2sego.decide_view, view=9, decision="ACCEPT")
+
+
+def check_a_decision_shows_after_it_was_taken():
+    copy = copied_bundle()
+    view = copy / "rounds" / "1" / "views" / "000"
+    (view / "decision.json").write_text('{"accepted": false, "by": "hand"}')
+    bpy.ops.r2sego.refresh_scene()
+    row = group().views[0]
+    assert row.by_hand and not row.accepted and row.fate.startswith("rejected by hand (the gate: registered")
+    (view / "decision.json").write_text("{")
+    bpy.ops.r2sego.refresh_scene()
+    assert "decision.json" in state().problem
+
+
+def check_pictures_stand_side_by_side():
+    open_bundle()
+    assert bpy.ops.r2sego.compare_view(view=0) == {"FINISHED"}
+    image = bpy.data.images["R2S-EGO Side by Side"]
+    labels = list(image["parts"])
+    assert labels[:2] == ["proxy: depth, 1.50 to 3.00 m", "proxy: normal"], labels
+    assert labels[-3:] == ["reference capture_1", "clip, frame 2 of 3", "kept frame"], labels
+    assert bpy.ops.r2sego.compare_view(view=1, parts={"REFERENCE", "FRAME"}) == {"FINISHED"}
+    assert list(image["parts"]) == ["reference capture_1"]
+    assert "no picture" in refused(bpy.ops.r2sego.compare_view, view=1, parts={"FRAME"})
+    assert "no generated view 9" in refused(bpy.ops.r2sego.compare_view, view=9)
+
+
+def check_ground_truth_stands_beside_where_it_is_near():
+    open_bundle()
+    scores = bpy.context.scene.r2sego_views
+    bpy.ops.r2sego.pick_candidate(candidate=group().views[0].candidate)
+    bpy.ops.r2sego.look_through_candidate()
+    bpy.context.view_layer.update()
+    pose = np.array(bpy.context.scene.camera.matrix_world) @ np.diag([1.0, -1.0, -1.0, 1.0])
+    file = OUT.parent / "truth" / "cameras.json"
+    file.parent.mkdir(exist_ok=True)
+    picture = bpy.data.images.new("truth", 8, 6)
+    picture.filepath_raw, picture.file_format = str(file.with_name("ego.png")), "PNG"
+    picture.save()
+    file.write_text(json.dumps({"frozen": [{"file": "ego.png", "world_from_camera": pose.tolist()}]}))
+    assert scores.active == 17
+    assert bpy.ops.r2sego.compare_view(view=0, truth=str(file)) == {"FINISHED"}
+    labels = list(bpy.data.images["R2S-EGO Side by Side"]["parts"])
+    assert labels[-1] == "truth ego, 0.00 m, 0 deg off", labels
+    group().truth = str(file)
+    bpy.ops.r2sego.compare_view(view=2)  # looks elsewhere
+    assert not any("truth" in label for label in bpy.data.images["R2S-EGO Side by Side"]["parts"])
+
+
+def check_the_asset_is_rendered_from_the_views_by_the_engine():
+    copy = copied_bundle()
+    (copy / "geometry").mkdir(exist_ok=True)
+    (copy / "geometry" / "initial_asset.ply").write_bytes(b"ply\n")
+    conduct("succeed")
+    state().round_index = 0
+    for when, stage in (("BEFORE", "initial"), ("AFTER", "0")):
+        assert bpy.ops.r2sego.render_target_views(when=when) == {"FINISHED"}
+        call = calls()[-1]
+        assert call[:2] == ["render", str(copy)] and call[6:8] == ["--round", stage], call
+        cameras = json.loads(Path(call[3]).read_text())["cameras"]
+        assert [camera["name"] for camera in cameras] == ["000", "001", "002", "003"]
+        assert (cameras[0]["width"], cameras[0]["fx"]) == (64, 40.0)
+        picture = bpy.data.images.new("asset", 8, 6)
+        picture.filepath_raw, picture.file_format = f"{call[5]}/000.png", "PNG"
+        picture.save()
+    bpy.ops.r2sego.compare_view(view=0)
+    labels = list(bpy.data.images["R2S-EGO Side by Side"]["parts"])
+    assert labels[:2] == ["asset before the round", "asset after the round"], labels
+
+
+def check_the_camera_goes_along_the_clips_path():
+    open_bundle()
+    scene = bpy.context.scene
+    assert bpy.ops.r2sego.show_camera_path(view=0) == {"FINISHED"}
+    assert scene.camera.name == "View 000 clip" and scene.frame_current == 1
+    assert len(bpy.data.objects["View 000 path"].data.splines[0].points) == 4
+    first = scene.camera.matrix_world.translation.copy()
+    scene.frame_set(4)
+    assert (scene.camera.matrix_world.translation - first).length > 0.05
+    assert not scene.camera.data.background_images
+    assert bpy.ops.r2sego.play_clip(view=0) == {"FINISHED"}
+    (background,) = scene.camera.data.background_images
+    assert background.image.source == "SEQUENCE" and background.image_user.frame_duration == 4
+    assert "no clip" in refused(bpy.ops.r2sego.play_clip, view=1)
+
+
+def check_without_views_the_buttons_say_why():
+    copy = copied_bundle()
+    (copy / "rounds" / "1" / "views").rename(copy / "rounds" / "1" / "gone")
+    bpy.ops.r2sego.refresh_scene()
+    assert len(group().views) == 0
+    for name in ("decide_view", "compare_view", "render_target_views", "show_camera_path", "play_clip"):
+        assert "no generated views yet" in refused(getattr(bpy.ops.r2sego, name)), name

@@ -1,0 +1,55 @@
+"""A generated view's pictures side by side."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+from bpy.props import EnumProperty, IntProperty, StringProperty
+
+from ...r2sego_blender.bridge.view_parts import nearest_truth, view_parts
+from ...r2sego_blender.bridge.view_pictures import compare_picture, show_image
+from ..base import ReportingOperator
+from .properties import DEFAULT_PARTS, PARTS
+from .render_target_views import asset_pictures
+from .views import OfOneView
+
+IMAGE = "R2S-EGO Side by Side"
+
+
+class R2SEGO_OT_compare_view(OfOneView, ReportingOperator, bpy.types.Operator):
+    """Show asset, conditions, reference, generated frames and ground truth of a view side by side"""
+
+    bl_idname = "r2sego.compare_view"
+    bl_label = "Side by Side"
+    bl_options = {"REGISTER"}
+
+    parts: EnumProperty(
+        name="Parts", description="What stands side by side; what is missing is left out", items=PARTS,
+        options={"ENUM_FLAG"}, default=DEFAULT_PARTS,
+    )  # fmt: skip
+    clip_frame: IntProperty(
+        name="Clip Frame", description="Which frame of the clip; -1 takes the middle one", default=-1, min=-1
+    )
+    truth: StringProperty(
+        name="Ground Truth", subtype="FILE_PATH",
+        description="A cameras.json whose nearest frozen view is shown; empty means the panel's",
+    )  # fmt: skip
+
+    def perform(self, context):
+        bundle, shown, record = self.chosen(context)
+        file = self.truth or context.scene.r2sego_generation.truth
+        truth = None
+        if file and "TRUTH" in self.parts:
+            candidates = bundle.candidates(shown)
+            truth = nearest_truth(
+                Path(bpy.path.abspath(file)), np.array(bundle.scene.declaration.world_from_capture),
+                candidates.poses[record.candidate],
+            )  # fmt: skip
+        parts = view_parts(
+            bundle, record, {part.lower() for part in self.parts}, clip_frame=self.clip_frame,
+            asset=asset_pictures(bundle, shown, record.rank), truth=truth,
+        )  # fmt: skip
+        image = compare_picture(IMAGE, parts)
+        image["view"], image["round"] = record.rank, shown
+        show_image(image)
+        return f"View {record.rank}: {', '.join(image['parts'])}"

@@ -1,0 +1,40 @@
+"""Accept or reject a generated view by hand."""
+
+import bpy
+from bpy.props import EnumProperty
+
+from .. import state
+from ..base import EngineOperator, needs_idle_engine
+from .views import OfOneView
+
+_DECISIONS = [
+    ("ACCEPT", "Accept", "The asset is trained on it, whatever the gate said"),
+    ("REJECT", "Reject", "The asset is not trained on it"),
+    ("UNDECIDED", "As the Gate Said", "Take a decision back: the registration's gate decides"),
+]
+
+
+class R2SEGO_OT_decide_view(OfOneView, EngineOperator, bpy.types.Operator):
+    """Accept or reject a generated view by hand; the next Refine trains the asset again"""
+
+    bl_idname = "r2sego.decide_view"
+    bl_label = "Accept or Reject View"
+    bl_options = {"REGISTER"}
+
+    decision: EnumProperty(name="Decision", description="What is to become of the view", items=_DECISIONS)
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and needs_idle_engine(cls)
+
+    def arguments(self, context):
+        bundle, shown, record = self.chosen(context)
+        self.view = record.rank  # what is meant stays so until the engine has ended
+        return [
+            "views", str(bundle.path), "--round", str(shown), f"--{self.decision.lower()}", str(record.rank),
+            "--json-progress",
+        ]  # fmt: skip
+
+    def finish(self, context, result):
+        state.refresh(context.scene)
+        return f"View {self.view}: {self.decision.lower()}; run Refine to train on what is accepted"
