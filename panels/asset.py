@@ -1,12 +1,13 @@
-"""The sub-panel Asset."""
+"""The sub-panel Asset: splats shown, rendered, compared, deleted and written."""
 
 import bpy
 
-from .sidebar import Step
+from . import splat_preview, wipe
+from .sidebar import Sidebar, Step
 
 
 class R2SEGO_PT_asset(Step, bpy.types.Panel):
-    """The refined visual asset"""
+    """The visual asset, from the initial to the final one"""
 
     bl_idname = "R2SEGO_PT_asset"
     bl_label = "Asset"
@@ -15,7 +16,121 @@ class R2SEGO_PT_asset(Step, bpy.types.Panel):
 
     def draw(self, context):
         self.draw_facts(context)
-        self.layout.operator("r2sego.evaluate", icon="VIEWZOOM")
+        group, layout = context.scene.r2sego_asset, self.layout
+        column = layout.column(align=True)
+        if group.stages:
+            stage = group.stages[min(group.stage, len(group.stages) - 1)]
+            row = column.row(align=True)
+            row.prop(group, "stage", text=stage.label, slider=False)
+        column.operator("r2sego.show_asset", icon="POINTCLOUD_DATA")
+        row = layout.row(align=True)
+        row.operator("r2sego.export_asset", text="Export", icon="EXPORT")
+        row.operator("r2sego.evaluate", icon="VIEWZOOM")
 
 
-CLASSES = (R2SEGO_PT_asset,)
+class _Part(Sidebar):
+    """A closed panel below Asset."""
+
+    bl_parent_id = "R2SEGO_PT_asset"
+    bl_options = {"DEFAULT_CLOSED"}
+
+
+class R2SEGO_PT_asset_preview(_Part, bpy.types.Panel):
+    """How the splats are drawn in the 3D views"""
+
+    bl_idname = "R2SEGO_PT_asset_preview"
+    bl_label = "Preview"
+    bl_order = 0
+
+    def draw_header(self, context):
+        self.layout.prop(context.scene.r2sego_asset, "preview", text="")
+
+    def draw(self, context):
+        group, layout = context.scene.r2sego_asset, self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.active = group.preview
+        column = layout.column()
+        for name in ("share", "moving_share", "size", "opacity", "backdrop"):
+            column.prop(group, name)
+
+
+class R2SEGO_PT_asset_render(_Part, bpy.types.Panel):
+    """Exact renderings of the asset, and two pictures compared"""
+
+    bl_idname = "R2SEGO_PT_asset_render"
+    bl_label = "Render and Compare"
+    bl_order = 1
+
+    def draw(self, context):
+        group, layout = context.scene.r2sego_asset, self.layout
+        layout.operator("r2sego.render_asset", icon="RENDER_STILL").place = "BACKGROUND"
+        layout.prop(group, "compare")
+        column = layout.column()
+        column.active = group.compare
+        for name, side in (("wipe_left", "LEFT"), ("wipe_right", "RIGHT")):
+            column.prop(group, name)
+            row = column.row(align=True)
+            row.operator("r2sego.compare_photograph", icon="CAMERA_DATA").side = side
+            row.operator("r2sego.render_asset", text="Render", icon="RENDER_STILL").place = side
+        row = column.row(align=True)
+        row.prop(group, "wipe")
+        row.operator("r2sego.move_wipe", text="", icon="ARROW_LEFTRIGHT")
+
+
+class R2SEGO_UL_asset_edits(bpy.types.UIList):
+    """The deletions that the bundle keeps"""
+
+    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
+        row = layout.row()
+        row.label(text=item.name)
+        row.label(text=item.regions)
+
+
+class R2SEGO_PT_asset_delete(_Part, bpy.types.Panel):
+    """Splats marked and deleted; what is deleted stays so when the scene is refined again"""
+
+    bl_idname = "R2SEGO_PT_asset_delete"
+    bl_label = "Delete Splats"
+    bl_order = 2
+
+    def draw(self, context):
+        group, layout = context.scene.r2sego_asset, self.layout
+        row = layout.row(align=True)
+        row.operator("r2sego.add_splat_box", icon="CUBE")
+        row.operator("r2sego.mark_splats_box", icon="SELECT_SET")
+        column = layout.column(align=True)
+        column.operator("r2sego.mark_splats_lasso", icon="GREASEPENCIL")
+        row = column.row(align=True)
+        row.prop(group, "near")
+        row.prop(group, "far")
+        layout.operator("r2sego.mark_selected_splats", icon="VERTEXSEL")
+        if group.marks:
+            layout.label(text=f"{group.marked} splats marked")
+        row = layout.row(align=True)
+        row.operator("r2sego.delete_splats", icon="TRASH")
+        row.operator("r2sego.clear_splat_marks", icon="X")
+        if group.edits:
+            layout.template_list("R2SEGO_UL_asset_edits", "", group, "edits", group, "edit_index", rows=2)
+            layout.operator("r2sego.restore_splats", icon="LOOP_BACK")
+
+
+CLASSES = (
+    R2SEGO_PT_asset,
+    R2SEGO_PT_asset_preview,
+    R2SEGO_PT_asset_render,
+    R2SEGO_UL_asset_edits,
+    R2SEGO_PT_asset_delete,
+)
+
+
+def register() -> None:
+    """Start the overlays."""
+    splat_preview.register()
+    wipe.register()
+
+
+def unregister() -> None:
+    """Stop them."""
+    wipe.unregister()
+    splat_preview.unregister()

@@ -1,9 +1,45 @@
 """What holds of the room Asset, checked inside Blender."""
 
-import bpy
-from support import BUNDLE, calls, conduct, open_bundle
+import json
+from pathlib import Path
 
-OPERATORS = {"evaluate"}
+import bpy
+import numpy as np
+from support import BUNDLE, calls, conduct, copied_bundle, open_bundle, refused, state
+
+OPERATORS = {
+    "add_splat_box", "clear_splat_marks", "compare_photograph", "delete_splats", "evaluate", "export_asset",
+    "mark_selected_splats", "mark_splats_box", "mark_splats_lasso", "move_wipe", "render_asset",
+    "restore_splats", "show_asset",
+}  # fmt: skip
+SPLATS, BACKDROP_SPLATS = 60, 12  # as tests/bridge/fake_asset.py writes them
+
+
+def group():
+    """What the room remembers."""
+    return bpy.context.scene.r2sego_asset
+
+
+def show(stage="final"):
+    """Open the bundle and show a stage; returns the object."""
+    open_bundle()
+    assert bpy.ops.r2sego.show_asset(stage=stage) == {"FINISHED"}
+    return group().shown
+
+
+def values(shown, name):
+    """An attribute of the vertices."""
+    attribute = shown.data.attributes[name]
+    found = np.empty(len(attribute.data), bool if attribute.data_type == "BOOLEAN" else np.float32)
+    attribute.data.foreach_get("value", found)
+    return found
+
+
+def centres(shown):
+    """(N, 3) the vertices."""
+    found = np.empty(3 * len(shown.data.vertices), np.float32)
+    shown.data.vertices.foreach_get("co", found)
+    return found.reshape(-1, 3)
 
 
 def check_evaluating_asks_the_engine():
@@ -11,3 +47,213 @@ def check_evaluating_asks_the_engine():
     conduct("succeed")
     assert bpy.ops.r2sego.evaluate(filepath="/frozen.json") == {"FINISHED"}
     assert calls() == [["evaluate", str(BUNDLE), "--frozen", "/frozen.json", "--json-progress"]]
+
+
+def check_the_bundles_assets_are_known_when_it_opens():
+    open_bundle()
+    assert [stage.name for stage in group().stages] == ["initial", "0", "1", "final"]
+    assert [stage.gaussians for stage in group().stages] == [SPLATS] * 3 + [SPLATS + BACKDROP_SPLATS]
+    assert group().stage == 3
+    facts = {fact.label: fact.value for fact in state().facts if fact.section == "asset"}
+    assert facts["Final"] == "72 splats" and facts["refined"].startswith("PSNR 25.10"), facts
+
+
+def check_the_asset_is_shown_as_points_with_their_attributes():
+    shown = show()
+    assert shown.name == "Asset, final" and len(shown.data.vertices) == SPLATS + BACKDROP_SPLATS
+    assert values(shown, "backdrop").sum() == BACKDROP_SPLATS
+    assert not values(shown, "marked").any()
+    assert (values(shown, "radius_m") > 0).all() and (values(shown, "opacity") <= 1).all()
+    assert shown.hide_render
+
+
+def check_the_slider_shows_each_rounds_asset():
+    show()
+    group().stage = 0
+    assert group().shown["r2sego_stage"] == "initial" and len(group().shown.data.vertices) == SPLATS
+    group().stage = 1
+    assert group().shown.name == "Asset, round 0"
+    group().stage = 99
+    assert group().stage == 3 and group().shown["r2sego_stage"] == "final"
+    assert len([o for o in bpy.data.objects if o.name.startswith("Asset")]) == 1
+    assert "initial, 0, 1, final" in refused(bpy.ops.r2sego.show_asset, stage="7")
+
+
+def check_splats_in_a_box_are_marked():
+    shown = show()
+    places = centres(shown)
+    lowest, highest = (-0.5, -0.5, 0.5), (0.5, 0.6, 2.0)
+    inside = ((places >= lowest) & (places <= highest)).all(axis=1)
+    assert bpy.ops.r2sego.mark_splats_box(lowest=lowest, highest=highest) == {"FINISHED"}
+    assert 0 < inside.sum() == group().marked
+    assert (values(shown, "marked") == inside).all()
+    bpy.context.scene.cursor.location = (0.0, 0.05, 1.25)
+    assert bpy.ops.r2sego.clear_splat_marks() == {"FINISHED"}
+    assert bpy.ops.r2sego.add_splat_box(half_extents=(0.5, 0.55, 0.75)) == {"FINISHED"}
+    assert bpy.ops.r2sego.mark_splats_box() == {"FINISHED"}
+    assert (values(shown, "marked") == inside).all()  # the empty's cube is that box
+    assert bpy.ops.r2sego.clear_splat_marks() == {"FINISHED"}
+    assert not values(shown, "marked").any() and group().marked == 0
+    assert "no splat is there" in refused(
+        bpy.ops.r2sego.mark_splats_box, lowest=(50, 0, 0), highest=(51, 1, 1)
+    )
+
+
+def check_marks_stay_when_another_round_is_shown():
+    show()
+    bpy.ops.r2sego.mark_splats_box(lowest=(-0.6, -0.6, 0.4), highest=(0.6, 0.6, 2.0))
+    group().stage = 1
+    assert group().marked == values(group().shown, "marked").sum() > 0
+
+
+def check_a_lasso_marks_what_a_view_shows_inside_it():
+    from mathutils import Matrix
+
+    shown = show()
+    places = centres(shown).astype(float)
+    view = Matrix.LocRotScale(
+        (0.0, -5.0, 1.2), Matrix.Rotation(np.pi / 2, 3, "X").to_quaternion(), None
+    ).inverted()
+    corners = [(100, 80), (260, 80), (260, 220), (100, 220)]
+    path = [{"name": "", "loc": corner, "time": 0.0} for corner in corners]
+    size = (400, 300)
+    perspective = Matrix(((2.0, 0, 0, 0), (0, 2.0 * 4 / 3, 0, 0), (0, 0, -1.002, -0.2002), (0, 0, -1, 0)))
+    parallel = Matrix(((0.3, 0, 0, 0), (0, 0.4, 0, 0), (0, 0, -0.002, -1.0), (0, 0, 0, 1)))
+    for window in (perspective, parallel):
+        clip = (np.array(window @ view) @ np.concatenate([places, np.ones((len(places), 1))], axis=1).T).T
+        at = (clip[:, :2] / clip[:, 3:] + 1.0) * 0.5 * size
+        inside = (at[:, 0] > 100) & (at[:, 0] < 260) & (at[:, 1] > 80) & (at[:, 1] < 220)
+        depth = -(np.array(view) @ np.concatenate([places, np.ones((len(places), 1))], axis=1).T)[2]
+        inside &= depth <= 6.0
+        matrices = {
+            "view_matrix": [value for row in view for value in row],
+            "window_matrix": [value for row in window for value in row],
+        }  # fmt: skip
+        done = bpy.ops.r2sego.mark_splats_lasso(path=path, region_size=size, near=0.0, far=6.0, **matrices)
+        assert done == {"FINISHED"} and 0 < inside.sum() < len(places)
+        assert (values(shown, "marked") == inside).all()
+        bpy.ops.r2sego.clear_splat_marks()
+    assert "no polygon" in refused(bpy.ops.r2sego.mark_splats_lasso, path=path[:2], region_size=size)
+
+
+def check_splats_selected_in_edit_mode_are_marked():
+    shown = show()
+    bpy.context.view_layer.objects.active = shown
+    chosen = np.zeros(len(shown.data.vertices), bool)
+    chosen[[3, 11, 40]] = True
+    shown.data.vertices.foreach_set("select", chosen)
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert bpy.ops.r2sego.mark_selected_splats(cell=0.005) == {"FINISHED"}
+    assert (values(shown, "marked") == chosen).all()
+    bpy.ops.r2sego.clear_splat_marks()
+    shown.data.vertices.foreach_set("select", np.zeros_like(chosen))
+    assert "no splat is selected" in refused(bpy.ops.r2sego.mark_selected_splats)
+
+
+def check_deleting_hands_the_regions_to_the_engine():
+    show()
+    assert "Nothing is marked" in refused(bpy.ops.r2sego.delete_splats)
+    bpy.ops.r2sego.mark_splats_box(lowest=(-0.5, -0.5, 0.5), highest=(0.5, 0.5, 2.0))
+    conduct("succeed")
+    assert bpy.ops.r2sego.delete_splats(name="floaters") == {"FINISHED"}
+    ((command, bundle, option, file, *rest),) = calls()
+    assert (command, bundle, option) == ("edit-asset", str(BUNDLE), "--box")
+    assert rest == ["--name", "floaters", "--json-progress"]
+    np.testing.assert_allclose(
+        json.loads(Path(file).read_text())["half_extents"], (0.5, 0.5, 0.75), atol=1e-6
+    )
+    assert not group().marks and group().marked == 0
+    conduct("fail")
+    bpy.ops.r2sego.mark_splats_box(lowest=(-0.5, -0.5, 0.5), highest=(0.5, 0.5, 2.0))
+    assert "images/a.png" in refused(bpy.ops.r2sego.delete_splats)
+    assert len(group().marks) == 1  # what failed can be tried again
+
+
+def check_what_was_deleted_is_listed_and_restored():
+    copy = copied_bundle()
+    assert "Nothing was deleted" in refused(bpy.ops.r2sego.restore_splats)
+    (copy / "asset_edits").mkdir()
+    box = {"kind": "box", "world_from_box": np.eye(4).tolist(), "half_extents": [1.0, 1.0, 1.0]}
+    (copy / "asset_edits" / "floaters.json").write_text(json.dumps({"regions": [box, box]}))
+    bpy.ops.r2sego.refresh_scene()
+    assert [(edit.name, edit.regions) for edit in group().edits] == [("floaters", "box, box")]
+    conduct("succeed")
+    assert bpy.ops.r2sego.restore_splats() == {"FINISHED"}
+    assert calls() == [["edit-asset", str(copy), "--remove", "floaters", "--json-progress"]]
+    assert "no deletion" in refused(bpy.ops.r2sego.restore_splats, name="other")
+
+
+def check_a_camera_is_handed_to_the_engine_exactly():
+    open_bundle()
+    bpy.ops.r2sego.import_captures()
+    conduct("fail")
+    assert "images/a.png" in refused(bpy.ops.r2sego.render_asset, camera="capture_1", stage="0")
+    (call,) = calls()
+    assert call[:2] == ["render", str(BUNDLE)] and call[6:] == [
+        "--round", "0", "--pass", "colour", "--json-progress"
+    ]  # fmt: skip
+    (camera,) = json.loads(Path(call[3]).read_text())["cameras"]
+    lens = json.loads((BUNDLE / "captures" / "cameras.json").read_text())["captures"][1]
+    for name in ("width", "height", "fx", "fy", "cx", "cy", "world_from_camera"):
+        np.testing.assert_allclose(camera[name], lens[name], atol=1e-5)
+
+
+def check_any_perspective_camera_is_a_pinhole_in_pixels():
+    from bpy_extras.object_utils import world_to_camera_view
+    from mathutils import Vector
+
+    open_bundle()
+    scene, data = bpy.context.scene, bpy.data.cameras.new("own")
+    own = bpy.data.objects.new("own", data)
+    scene.collection.objects.link(own)
+    own.location, own.rotation_euler, own.scale = (0.4, -3.0, 1.1), (1.4, 0.1, 0.3), (2.0, 2.0, 2.0)
+    point = Vector((0.3, 0.2, 1.0))
+    render = scene.render
+    for fit, size, aspect in (
+        ("AUTO", (320, 200), 1.0),
+        ("AUTO", (200, 320), 1.5),
+        ("VERTICAL", (320, 200), 1.5),
+    ):
+        data.sensor_fit, data.shift_x, data.shift_y, data.lens = fit, 0.13, -0.07, 28.0
+        render.resolution_x, render.resolution_y = size
+        render.pixel_aspect_x, render.pixel_aspect_y = 1.0, aspect
+        conduct("fail")
+        refused(bpy.ops.r2sego.render_asset, camera="own")
+        (camera,) = json.loads(Path(calls()[0][3]).read_text())["cameras"]
+        local = np.linalg.inv(camera["world_from_camera"]) @ (*point, 1.0)
+        x, y, _ = world_to_camera_view(scene, own, point)
+        np.testing.assert_allclose(camera["fx"] * local[0] / local[2] + camera["cx"], x * size[0], atol=1e-2)
+        np.testing.assert_allclose(
+            camera["fy"] * local[1] / local[2] + camera["cy"], (1 - y) * size[1], atol=1e-2
+        )  # fmt: skip
+    data.type = "ORTHO"
+    assert "no perspective camera" in refused(bpy.ops.r2sego.render_asset, camera="own")
+
+
+def check_two_pictures_are_compared():
+    open_bundle()
+    assert "Compare two pictures first" in refused(bpy.ops.r2sego.move_wipe)
+    bpy.ops.r2sego.import_captures()
+    assert bpy.ops.r2sego.compare_photograph(side="RIGHT") == {"FINISHED"}
+    assert group().compare and group().wipe_right.name == "capture_0.png" and group().wipe_left is None
+    assert bpy.ops.r2sego.move_wipe(factor=0.25) == {"FINISHED"}
+    assert abs(group().wipe - 0.25) < 1e-6
+
+
+def check_the_asset_is_written_by_the_engine():
+    open_bundle()
+    conduct("succeed")
+    suffixes = [".ply", ".spz", ".splat", ".glb", ".gltf", ".usdc", ".usda"]
+    for suffix in suffixes:
+        assert bpy.ops.r2sego.export_asset(filepath="/out/room.ply", file_format=suffix) == {"FINISHED"}
+    assert calls()[1] == ["convert", str(BUNDLE / "asset.ply"), "/out/room.spz"]
+    assert [Path(call[2]).suffix for call in calls()] == [
+        ".ply",
+        ".spz",
+        ".splat",
+        ".glb",
+        ".gltf",
+        ".usdc",
+        ".usda",
+    ]
+    assert "no file is chosen" in refused(bpy.ops.r2sego.export_asset)

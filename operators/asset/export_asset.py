@@ -1,0 +1,59 @@
+"""Write the asset as a file that other programs read."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import EnumProperty, StringProperty
+
+from ...r2sego_blender.asset_stages import stage_named
+from ...r2sego_blender.errors import AssetError
+from .. import state
+from ..base import EngineOperator, needs_idle_engine
+from .show_asset import needs_asset
+
+_FORMATS = (
+    (".ply", "PLY", "All attributes, to the bit: the layout of the original 3D Gaussian splatting"),
+    (".spz", "SPZ", "Small: a fifth of the PLY, quantised"),
+    (".splat", "SPLAT", "Small, without colours that depend on the viewing direction"),
+    (".glb", "glTF Binary", "All attributes, KHR_gaussian_splatting"),
+    (".gltf", "glTF", "All attributes, as text"),
+    (".usdc", "USD", "All attributes, ParticleField3DGaussianSplat"),
+    (".usda", "USD as Text", "All attributes, ParticleField3DGaussianSplat as text"),
+)
+
+
+class R2SEGO_OT_export_asset(EngineOperator, bpy.types.Operator):
+    """Write the asset's splats in a format of other programs"""
+
+    bl_idname = "r2sego.export_asset"
+    bl_label = "Export Asset"
+    bl_options = {"REGISTER"}
+
+    filepath: StringProperty(name="File", description="The file to write", subtype="FILE_PATH")
+    filter_glob: StringProperty(default="*.ply;*.spz;*.splat;*.glb;*.gltf;*.usdc;*.usda", options={"HIDDEN"})
+    file_format: EnumProperty(name="Format", description="Gives the file its suffix", items=_FORMATS)
+    stage: StringProperty(
+        name="Asset", description="initial, a round's number, or final; empty means the final one"
+    )
+
+    @classmethod
+    def poll(cls, context):
+        return needs_asset(cls, context) and needs_idle_engine(cls)
+
+    def invoke(self, context, event):
+        if not self.filepath:
+            self.filepath = f"{state.opened_bundle(context).name}.ply"
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def arguments(self, context):
+        if not self.filepath:
+            raise AssetError("no file is chosen", cure="Choose where to write the asset.")
+        bundle = state.opened_bundle(context)
+        stages = context.scene.r2sego_asset.stages
+        stage = stage_named(bundle.scene, self.stage or stages[len(stages) - 1].name)
+        self._file = Path(bpy.path.abspath(self.filepath)).with_suffix(self.file_format)
+        return ["convert", str(stage.file), str(self._file)]
+
+    def finish(self, context, result):
+        return f"Wrote {self._file}"

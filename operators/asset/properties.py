@@ -1,0 +1,156 @@
+"""What Blender remembers of the visual asset: what is shown, marked, deleted and compared."""
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from ...r2sego_blender.asset_edits import load_edits
+from ...r2sego_blender.asset_stages import stages
+from ...r2sego_blender.bridge.bundle import Bundle
+from ...r2sego_blender.bridge.show_asset import shown_stage
+from ...r2sego_blender.bridge.views_3d import redraw_views
+from ...r2sego_blender.errors import R2SEgoError
+from ...r2sego_blender.splats.ply_vertices import vertex_count
+
+
+class R2SEGO_PG_asset_stage(bpy.types.PropertyGroup):
+    """An asset the bundle holds; its name is initial, a round's number or final."""
+
+    label: StringProperty()
+    gaussians: IntProperty()
+
+
+class R2SEGO_PG_asset_mark(bpy.types.PropertyGroup):
+    """A region whose splats are to be deleted, as JSON."""
+
+    region: StringProperty()
+    kind: StringProperty()
+    splats: IntProperty()
+
+
+class R2SEGO_PG_asset_edit(bpy.types.PropertyGroup):
+    """A deletion that the bundle keeps."""
+
+    regions: StringProperty()
+
+
+def _redraw(group: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    redraw_views("WINDOW")
+
+
+def _other_stage(group: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """Keep the slider on a stage; where an asset is shown, show the chosen one."""
+    highest = max(0, len(group.stages) - 1)
+    if group.stage > highest:
+        group.stage = highest  # comes here again
+        return
+    if not group.stages or not shown_stage(group.shown):
+        return
+    if shown_stage(group.shown) != group.stages[group.stage].name:
+        from .show_asset import show_stage
+
+        try:
+            show_stage(group.id_data, group.stages[group.stage].name)
+        except R2SEgoError as error:
+            group.id_data.r2sego.problem = str(error)
+
+
+class R2SEGO_PG_asset(bpy.types.PropertyGroup):
+    """The room Asset."""
+
+    stages: CollectionProperty(type=R2SEGO_PG_asset_stage)
+    stage: IntProperty(
+        name="Shown", description="Which asset is shown: initial, after each round, final", min=0,
+        update=_other_stage,
+    )  # fmt: skip
+    shown: PointerProperty(type=bpy.types.Object)
+    revision: IntProperty()
+    preview: BoolProperty(
+        name="Preview", description="Draw the splats as round discs in the 3D views", default=True,
+        update=_redraw,
+    )  # fmt: skip
+    share: FloatProperty(
+        name="Share", description="How many of the splats are drawn", subtype="FACTOR",
+        min=0.01, max=1.0, default=1.0, update=_redraw,
+    )  # fmt: skip
+    moving_share: FloatProperty(
+        name="While Moving", description="How many of those are drawn while the view moves",
+        subtype="FACTOR", min=0.01, max=1.0, default=0.25, update=_redraw,
+    )  # fmt: skip
+    size: FloatProperty(
+        name="Size", description="Radius of a disc in standard deviations of its splat",
+        min=0.1, max=5.0, soft_max=3.0, default=1.3, update=_redraw,
+    )  # fmt: skip
+    opacity: FloatProperty(
+        name="Opacity", description="How opaque the discs are; less shows what is behind",
+        subtype="FACTOR", min=0.0, max=1.0, default=1.0, update=_redraw,
+    )  # fmt: skip
+    backdrop: BoolProperty(
+        name="Backdrop", default=False, update=_redraw,
+        description="Draw also what stands far behind the room, where no photograph shows anything",
+    )  # fmt: skip
+    marks: CollectionProperty(type=R2SEGO_PG_asset_mark)
+    marked: IntProperty()
+    near: FloatProperty(
+        name="Nearest", description="A lasso takes no splat nearer to the view than this",
+        subtype="DISTANCE", unit="LENGTH", min=0.0, default=0.0,
+    )  # fmt: skip
+    far: FloatProperty(
+        name="Farthest", description="A lasso takes no splat farther from the view than this",
+        subtype="DISTANCE", unit="LENGTH", min=0.0, default=100.0,
+    )  # fmt: skip
+    edits: CollectionProperty(type=R2SEGO_PG_asset_edit)
+    edit_index: IntProperty(name="Edit", description="The deletion that Restore takes back")
+    compare: BoolProperty(
+        name="Compare", description="Show two pictures in the camera's frame, divided where the wipe stands",
+        update=_redraw,
+    )  # fmt: skip
+    wipe: FloatProperty(
+        name="Wipe", description="Where the left picture ends and the right one begins",
+        subtype="FACTOR", min=0.0, max=1.0, default=0.5, update=_redraw,
+    )  # fmt: skip
+    wipe_left: PointerProperty(
+        name="Left", description="The picture on the left of the divider", type=bpy.types.Image,
+        update=_redraw,
+    )  # fmt: skip
+    wipe_right: PointerProperty(
+        name="Right", description="The picture on the right of the divider", type=bpy.types.Image,
+        update=_redraw,
+    )  # fmt: skip
+
+
+def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
+    """The listener: take the bundle's assets, edits and scores over."""
+    group = scene.r2sego_asset
+    last = not group.stages or group.stage == len(group.stages) - 1
+    group.stages.clear()
+    for stage in stages(bundle.scene):
+        item = group.stages.add()
+        item.name, item.label, item.gaussians = stage.name, stage.label, vertex_count(stage.file)
+        _tell(scene, stage.label, f"{item.gaussians:,} splats".replace(",", "\u2009"))
+    # Who looked at the newest asset goes on to the newest; else the slider stays where it is.
+    wanted = len(group.stages) - 1 if last else min(group.stage, len(group.stages) - 1)
+    if group.stage != max(0, wanted):
+        group.stage = max(0, wanted)
+    group.edits.clear()
+    for edit in load_edits(bundle.path):
+        item = group.edits.add()
+        item.name = edit.name
+        item.regions = ", ".join(region.to_json()["kind"] for region in edit.regions)
+    group.edit_index = min(group.edit_index, max(0, len(group.edits) - 1))
+    for name, arm in sorted((bundle.metrics().get("arms") or {}).items()):
+        _tell(scene, name, f"PSNR {arm['psnr']:.2f} dB, SSIM {arm['ssim']:.3f}")
+
+
+def _tell(scene: bpy.types.Scene, label: str, value: str) -> None:
+    fact = scene.r2sego.facts.add()
+    fact.section, fact.label, fact.value = "asset", label, value
+
+
+CLASSES = (R2SEGO_PG_asset_stage, R2SEGO_PG_asset_mark, R2SEGO_PG_asset_edit, R2SEGO_PG_asset)

@@ -1,0 +1,100 @@
+"""Render the asset exactly, from the active camera, by the engine."""
+
+import json
+import tempfile
+from pathlib import Path
+
+import bpy
+from bpy.props import EnumProperty, StringProperty
+
+from ...r2sego_blender.asset_stages import PASSES, stage_named
+from ...r2sego_blender.bridge.asset_cameras import exact_camera
+from ...r2sego_blender.bridge.asset_pictures import load_picture, put_behind, show_in_editor
+from ...r2sego_blender.bridge.views_3d import redraw_views
+from ...r2sego_blender.errors import SceneError
+from .. import state
+from ..base import EngineOperator, needs_idle_engine
+from .show_asset import needs_asset
+
+_PLACES = (
+    ("BACKGROUND", "Camera Background", "Look through the camera at the picture"),
+    ("LEFT", "Left of the Wipe", "Compare it in the camera's frame, on the left"),
+    ("RIGHT", "Right of the Wipe", "Compare it in the camera's frame, on the right"),
+    ("EDITOR", "Image Editor", "Show it in the first image editor on the screen"),
+    ("NONE", "Nowhere", "Only load it as an image"),
+)
+
+
+class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
+    """Render the asset exactly from the active camera, as the evaluation does"""
+
+    bl_idname = "r2sego.render_asset"
+    bl_label = "Render Asset"
+    bl_options = {"REGISTER"}
+
+    camera: StringProperty(
+        name="Camera", description="The camera object; empty means the active one, else the scene's"
+    )
+    stage: StringProperty(
+        name="Asset", description="initial, a round's number, or final; empty means where the slider stands"
+    )
+    render_pass: EnumProperty(
+        name="Pass", description="What is rendered",
+        items=[(name, name.capitalize(), f"The {name} of each pixel") for name in PASSES],
+    )  # fmt: skip
+    place: EnumProperty(name="Show", description="Where the picture is shown", items=_PLACES)
+
+    @classmethod
+    def poll(cls, context):
+        if not (needs_asset(cls, context) and needs_idle_engine(cls)):
+            return False
+        if not bpy.data.cameras:
+            cls.poll_message_set("There is no camera: import the captures, or add one")
+            return False
+        return True
+
+    def arguments(self, context):
+        bundle, group = state.opened_bundle(context), context.scene.r2sego_asset
+        seen_from = _camera_object(context, self.camera)
+        if seen_from is None:
+            raise SceneError(
+                "there is no such camera", where=self.camera or "active object",
+                cure="Select a camera, or set the scene's.",
+            )  # fmt: skip
+        context.view_layer.update()
+        camera = exact_camera(seen_from, context.scene)
+        stage = stage_named(bundle.scene, self.stage or group.stages[group.stage].name)
+        self._seen_from, self._name = seen_from.name, f"{seen_from.name}, {stage.label.lower()}"
+        if self.render_pass != "colour":
+            self._name += f", {self.render_pass}"
+        self._folder = Path(tempfile.mkdtemp(prefix="r2sego-render-", dir=bpy.app.tempdir or None))
+        cameras = self._folder / "cameras.json"
+        cameras.write_text(json.dumps({"cameras": [{"name": "picture", **camera.to_json()}]}))
+        return [
+            "render", str(bundle.path), "--cameras", str(cameras), "--to", str(self._folder),
+            "--round", stage.name, "--pass", self.render_pass, "--json-progress",
+        ]  # fmt: skip
+
+    def finish(self, context, result):
+        suffix = "" if self.render_pass == "colour" else f"_{self.render_pass}"
+        image = load_picture(self._folder / f"picture{suffix}.png", self._name)
+        group, seen_from = context.scene.r2sego_asset, bpy.data.objects.get(self._seen_from)
+        if self.place == "BACKGROUND" and seen_from is not None:
+            put_behind(seen_from, image)
+        elif self.place == "LEFT":
+            group.wipe_left, group.compare = image, True
+        elif self.place == "RIGHT":
+            group.wipe_right, group.compare = image, True
+        elif self.place == "EDITOR" and not show_in_editor(image):
+            return f"{image.name} is rendered; open an image editor to see it"
+        redraw_views()
+        return f"{image.name}: {image.size[0]} x {image.size[1]}"
+
+
+def _camera_object(context, name: str) -> bpy.types.Object | None:
+    """The camera of a name, else the active one, else the scene's."""
+    if name:
+        found = bpy.data.objects.get(name)
+        return found if found is not None and found.type == "CAMERA" else None
+    active = context.view_layer.objects.active
+    return active if active is not None and active.type == "CAMERA" else context.scene.camera

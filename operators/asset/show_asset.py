@@ -1,0 +1,69 @@
+"""Show one of the bundle's assets as splats."""
+
+import bpy
+from bpy.props import StringProperty
+
+from ...r2sego_blender.asset_stages import stage_named
+from ...r2sego_blender.bridge.show_asset import show_asset
+from ...r2sego_blender.bridge.views_3d import redraw_views
+from ...r2sego_blender.errors import AssetError
+from .. import state
+from ..base import ReportingOperator, needs_bundle
+from .marks import mark_again
+
+
+def needs_asset(cls, context) -> bool:
+    """Poll of operators that need an asset in the bundle."""
+    if not needs_bundle(cls, context):
+        return False
+    if not context.scene.r2sego_asset.stages:
+        cls.poll_message_set("There is no asset yet: run Refine first")
+        return False
+    return True
+
+
+def needs_shown_asset(cls, context) -> bool:
+    """Poll of operators on the splats that are shown."""
+    if not needs_asset(cls, context):
+        return False
+    if context.scene.r2sego_asset.shown is None:
+        cls.poll_message_set("Show the asset first")
+        return False
+    return True
+
+
+def show_stage(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
+    """Show the asset of a stage, and mark anew what is marked. Raises R2SEgoError."""
+    bundle = state.bundle_of(scene)
+    if bundle is None:
+        raise AssetError("no scene bundle is open", cure="Open one first.")
+    stage = stage_named(bundle.scene, name)
+    group = scene.r2sego_asset
+    group.shown = show_asset(scene, bundle, stage)
+    index = group.stages.find(stage.name)
+    if index >= 0 and group.stage != index:
+        group.stage = index
+    mark_again(scene)
+    redraw_views()
+    return group.shown
+
+
+class R2SEGO_OT_show_asset(ReportingOperator, bpy.types.Operator):
+    """Show the visual asset's splats: as discs in the 3D views, and as points to select in Edit Mode"""
+
+    bl_idname = "r2sego.show_asset"
+    bl_label = "Show Asset"
+    bl_options = {"REGISTER", "UNDO"}
+
+    stage: StringProperty(
+        name="Asset", description="initial, a round's number, or final; empty means where the slider stands"
+    )
+
+    @classmethod
+    def poll(cls, context):
+        return needs_asset(cls, context)
+
+    def perform(self, context):
+        group = context.scene.r2sego_asset
+        shown = show_stage(context.scene, self.stage or group.stages[group.stage].name)
+        return f"{shown.name}: {len(shown.data.vertices)} splats"

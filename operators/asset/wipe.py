@@ -1,0 +1,95 @@
+"""Compare two pictures in the camera's frame: the photograph as one of them, and the divider."""
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty
+
+from ...r2sego_blender.bridge.asset_frame import camera_frame_px
+from ...r2sego_blender.bridge.asset_pictures import photograph_of
+from ...r2sego_blender.bridge.views_3d import redraw_views
+from ...r2sego_blender.errors import SceneError
+from ..base import ReportingOperator
+
+
+class R2SEGO_OT_compare_photograph(ReportingOperator, bpy.types.Operator):
+    """Put the photograph of the scene's camera on one side of the wipe"""
+
+    bl_idname = "r2sego.compare_photograph"
+    bl_label = "Photograph"
+    bl_options = {"REGISTER", "UNDO"}
+
+    side: EnumProperty(
+        name="Side", description="Where the photograph is shown",
+        items=[("LEFT", "Left", "On the left of the divider"), ("RIGHT", "Right", "On the right of it")],
+    )  # fmt: skip
+
+    @classmethod
+    def poll(cls, context):
+        if context.scene.camera is None:
+            cls.poll_message_set("Look through the camera of a capture first")
+            return False
+        return True
+
+    def perform(self, context):
+        photograph = photograph_of(context.scene.camera)
+        if photograph is None:
+            raise SceneError(
+                "this camera has no photograph", where=context.scene.camera.name,
+                cure="Look through a camera that Import Captures made.",
+            )  # fmt: skip
+        group = context.scene.r2sego_asset
+        if self.side == "LEFT":
+            group.wipe_left = photograph
+        else:
+            group.wipe_right = photograph
+        group.compare = True
+        return ""
+
+
+class R2SEGO_OT_move_wipe(ReportingOperator, bpy.types.Operator):
+    """Move the divider between the two pictures with the mouse"""
+
+    bl_idname = "r2sego.move_wipe"
+    bl_label = "Move Wipe"
+    bl_options = {"REGISTER", "UNDO"}
+
+    factor: FloatProperty(
+        name="Wipe", description="Where the left picture ends, as a share of the width",
+        subtype="FACTOR", min=0.0, max=1.0, default=0.5,
+    )  # fmt: skip
+
+    @classmethod
+    def poll(cls, context):
+        if not context.scene.r2sego_asset.compare:
+            cls.poll_message_set("Compare two pictures first")
+            return False
+        return True
+
+    def perform(self, context):
+        context.scene.r2sego_asset.wipe = self.factor
+        redraw_views("WINDOW")
+        return ""
+
+    def invoke(self, context, event):
+        if context.area is None or context.area.type != "VIEW_3D":
+            return self.execute(context)
+        self._before = context.scene.r2sego_asset.wipe
+        self._region = next(r for r in context.area.regions if r.type == "WINDOW")
+        self._view = context.space_data.region_3d
+        context.workspace.status_text_set("Wipe: move the mouse, click to keep (ESC cancels)")
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        frame = camera_frame_px(context.scene, self._region, self._view)
+        if event.type == "MOUSEMOVE" and frame is not None:
+            left, _, width, _ = frame
+            self.factor = min(1.0, max(0.0, (event.mouse_x - self._region.x - left) / width))
+            context.scene.r2sego_asset.wipe = self.factor
+        elif event.type in {"ESC", "RIGHTMOUSE"} or (event.type == "LEFTMOUSE" and event.value == "PRESS"):
+            kept = event.type == "LEFTMOUSE"
+            context.workspace.status_text_set(None)
+            if kept:
+                return self.execute(context)
+            context.scene.r2sego_asset.wipe = self._before
+            return {"CANCELLED"}
+        return {"RUNNING_MODAL"}

@@ -1,0 +1,66 @@
+"""Renderings of the asset as Blender's images: loaded, put behind a camera or into an editor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ..errors import SceneError
+
+
+def load_picture(file: Path, name: str) -> bpy.types.Image:
+    """The image of this name, made of the file and packed, so that the .blend keeps it.
+
+    Raises SceneError when the file is no image.
+    """
+    try:
+        image = bpy.data.images.load(str(file))
+        image.pack()
+    except RuntimeError as error:
+        raise SceneError(
+            f"Blender cannot read the picture: {error}", where=file, cure="Render again."
+        ) from error
+    before = bpy.data.images.get(name)
+    if before is not None:
+        before.user_remap(image)  # whatever shows the old one shows the new one
+        bpy.data.images.remove(before)
+    image.name = name
+    return image
+
+
+def photograph_of(camera_object: bpy.types.Object | None) -> bpy.types.Image | None:
+    """The photograph a capture's camera looks through; None when it has none."""
+    if camera_object is None or camera_object.type != "CAMERA":
+        return None
+    pictures = (background.image for background in camera_object.data.background_images)
+    return next((image for image in pictures if image is not None and not image.get(_RENDERED)), None)
+
+
+def put_behind(camera_object: bpy.types.Object, image: bpy.types.Image) -> None:
+    """Show a rendering as the camera's background, over its photograph; one at a time."""
+    image[_RENDERED] = True
+    data = camera_object.data
+    background = next(
+        (b for b in data.background_images if b.image is not None and b.image.get(_RENDERED)), None
+    )
+    if background is None:
+        background = data.background_images.new()
+    background.image = image
+    background.alpha = 1.0
+    background.frame_method = "STRETCH"
+    background.display_depth = "BACK"
+    data.show_background_images = True
+
+
+def show_in_editor(image: bpy.types.Image) -> bool:
+    """Show it in the first image editor on the screen; whether there is one."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "IMAGE_EDITOR":
+                area.spaces.active.image = image
+                return True
+    return False
+
+
+_RENDERED = "r2sego_rendered"

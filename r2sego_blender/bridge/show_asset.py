@@ -1,0 +1,90 @@
+"""The visual asset as a mesh of loose vertices, one a splat: to draw from, and to select in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..asset_stages import Stage
+from .bundle import Bundle
+from .meshes import add_attribute, add_colours, mesh_from_arrays, read_attribute
+from .outliner import fresh_collection
+from .splat_ply import read_stage
+
+MARKED = "marked"
+"""The attribute of the vertices that are to be deleted."""
+
+_PART = "Asset"
+_STAGE = "r2sego_stage"
+_COLOUR, _RADIUS, _OPACITY, _BACKDROP = "colour", "radius_m", "opacity", "backdrop"
+_NO_TRIANGLES = np.empty((0, 3), np.int32)
+
+
+@dataclass(frozen=True)
+class DrawnSplats:
+    """What the preview draws of N splats: ``means`` (N, 3) metres in the object's frame, ``colours``
+    (N, 3) sRGB in [0, 1], ``radii_m`` and ``opacities`` (N,), all float32; ``backdrop`` and
+    ``marked`` (N,) bool.
+    """
+
+    means: np.ndarray
+    colours: np.ndarray
+    radii_m: np.ndarray
+    opacities: np.ndarray
+    backdrop: np.ndarray
+    marked: np.ndarray
+
+
+def show_asset(scene: bpy.types.Scene, bundle: Bundle, stage: Stage) -> bpy.types.Object:
+    """One of the bundle's assets, in place of the one shown before.
+
+    The vertices carry ``colour``, ``radius_m``, ``opacity``, ``backdrop`` and ``marked``.
+    Raises AssetError when its file is damaged.
+    """
+    splats = read_stage(stage, bundle.scene.geometry_folder / "backdrop.ply")
+    collection = fresh_collection(scene, bundle.name, _PART)
+    mesh = mesh_from_arrays(f"Asset, {stage.label.lower()}", splats.means, _NO_TRIANGLES)
+    add_colours(mesh, _COLOUR, np.rint(splats.colours * 255.0))
+    add_attribute(mesh, _RADIUS, splats.radii_m, "POINT")
+    add_attribute(mesh, _OPACITY, splats.opacities, "POINT")
+    add_attribute(mesh, _BACKDROP, splats.backdrop, "POINT")
+    add_attribute(mesh, MARKED, np.zeros(len(splats), bool), "POINT")
+    created = bpy.data.objects.new(mesh.name, mesh)
+    created[_STAGE] = stage.name
+    # The preview draws the splats; Blender's own points would hide it and are slow to draw.
+    created.display_type = "BOUNDS"
+    created.hide_render = True
+    collection.objects.link(created)
+    return created
+
+
+def shown_stage(candidate: bpy.types.Object | None) -> str:
+    """The name of the stage an object shows, '' when it was not made by ``show_asset``."""
+    return str(candidate.get(_STAGE, "")) if candidate is not None else ""
+
+
+def drawn_splats(mesh: bpy.types.Mesh) -> DrawnSplats | None:
+    """The splats back from a mesh that ``show_asset`` made; None when its attributes are gone."""
+    count = len(mesh.vertices)
+    if not all(name in mesh.attributes for name in (_COLOUR, _RADIUS, _OPACITY, _BACKDROP, MARKED)):
+        return None
+    colours = np.empty(4 * count, np.float32)
+    mesh.attributes[_COLOUR].data.foreach_get("color_srgb", colours)
+    return DrawnSplats(
+        centres_of(mesh), colours.reshape(-1, 4)[:, :3], read_attribute(mesh, _RADIUS),
+        read_attribute(mesh, _OPACITY), read_attribute(mesh, _BACKDROP), read_attribute(mesh, MARKED),
+    )  # fmt: skip
+
+
+def centres_of(mesh: bpy.types.Mesh) -> np.ndarray:
+    """(N, 3) float32, the vertices of a mesh in its object's frame."""
+    centres = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", centres)
+    return centres.reshape(-1, 3)
+
+
+def set_marked(mesh: bpy.types.Mesh, marked: np.ndarray) -> None:
+    """Mark the vertices (N,) bool as to be deleted, and no others."""
+    mesh.attributes[MARKED].data.foreach_set("value", np.ascontiguousarray(marked, bool))
