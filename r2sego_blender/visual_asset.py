@@ -21,6 +21,7 @@ from .splats.initialization import DepthView, from_depth, from_points
 from .splats.observations import Observation
 from .splats.rasterizer import render
 from .splats.training import train
+from .splats.training_pictures import shown_from
 
 _MISSING_ALPHA = 0.8
 """Below this alpha a pixel is missing, as in the asset deficit u."""
@@ -128,14 +129,17 @@ def update_visual_asset(
     asset = grow(asset, [*captures, *(p.view for p in pseudo_observations)], settings, rng)
     real = [_observation(v, backdrop, weight=settings.real_weight) for v in captures]
     first = round(settings.captures_first_share * settings.steps_per_round)
-    asset = train(asset, real, first, settings, rng, progress, "Training on captures")
+    title = "Training on captures"
+    asset = train(asset, real, first, settings, rng, progress, title, shown_from(real[0], title, progress))
     anchors = [dataclasses.replace(o, draws=settings.capture_oversampling) for o in real]
     synthetic = [
         _observation(p.view, backdrop, weight=settings.synthetic_weight, confidence=agreement(asset, p))
         for p in pseudo_observations
     ]
     rest = settings.steps_per_round - first
-    return train(asset, [*anchors, *synthetic], rest, settings, rng, progress, "Training on all views")
+    title, shown = "Training on all views", (synthetic or real)[0]
+    watch = shown_from(shown, title, progress)
+    return train(asset, [*anchors, *synthetic], rest, settings, rng, progress, title, watch)
 
 
 def _observation(

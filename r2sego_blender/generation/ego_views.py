@@ -92,6 +92,8 @@ def ego_video_reg(
             if reason is None:
                 accepted += 1
                 task.advance()
+                kept = folder / f"{rank:03d}" / "frame.png"
+                progress.picture("Generated view", lambda kept=kept: load_image(kept))
             else:
                 progress.message(f"target view of rank {rank + 1}, {reason}", level="warning")
     if accepted < wanted:

@@ -1,0 +1,35 @@
+"""What a camera sees of an asset while it is trained, shown now and then."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..images import resize
+from ..progress import Progress
+from .observations import Observation
+from .packing import PackedGaussians
+from .rasterizer import Rasterizer
+from .training import Watch
+
+_WIDTH_PX = 320
+
+
+def shown_from(observation: Observation, title: str, progress: Progress) -> Watch:
+    """A ``watch`` of ``train`` that shows the Gaussians before the observation's background.
+
+    Training goes on as without it, to the bit.
+    """
+    camera = observation.camera.scaled(min(1.0, _WIDTH_PX / observation.camera.width))
+    rasterizer = Rasterizer()
+
+    def picture(gaussians: PackedGaussians) -> np.ndarray:
+        behind = observation.background
+        behind = (0.0, 0.0, 0.0) if behind is None else resize(behind, camera.width, camera.height)
+        rasterizer.forward(gaussians, camera, behind)
+        return np.clip(rasterizer.rendering().colour, 0.0, 1.0)
+
+    def watch(step: int, gaussians: PackedGaussians) -> bool:
+        progress.picture(title, lambda: picture(gaussians))
+        return False
+
+    return watch
