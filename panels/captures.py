@@ -1,8 +1,50 @@
-"""The sub-panel Captures."""
+"""The sub-panel Captures: the list, how it is shown, and the registration by hand."""
+
+import textwrap
 
 import bpy
 
-from .sidebar import Step
+from . import picture_labels, registration_overlay, sparse_cloud
+from .sidebar import Step, draw_problem, fitting_characters
+
+_OFF_PX = 2.0
+"""A pick that misses by more is drawn as doubtful."""
+
+
+class R2SEGO_UL_captures(bpy.types.UIList):
+    """The captures: name, size, lens, measured points and overlapping captures"""
+
+    bl_idname = "R2SEGO_UL_captures"
+
+    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
+        row = layout.row(align=True)
+        row.label(text=item.name, icon="CAMERA_DATA")
+        facts = row.row(align=True)
+        facts.alignment = "RIGHT"
+        facts.active = False
+        facts.label(text=f"{item.width}x{item.height}  {item.view_deg:.0f}\u00b0")
+        counts = row.row(align=True)
+        counts.alignment = "RIGHT"
+        counts.alert = item.overlaps == 0
+        counts.label(text=f"{item.points}/{item.overlaps}")
+
+
+class R2SEGO_UL_picked_points(bpy.types.UIList):
+    """The picked points: name, captures, misses in pixels, and whether they lie on the floor"""
+
+    bl_idname = "R2SEGO_UL_picked_points"
+
+    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
+        row = layout.row(align=True)
+        row.prop(item, "name", text="", emboss=False, icon="EMPTY_AXIS")
+        told = row.row(align=True)
+        told.alignment = "RIGHT"
+        told.alert = item.off_px > _OFF_PX
+        off = f", {item.off_px:.1f} px" if item.off_px >= 0.0 else ""
+        told.label(text=f"{len(item.views)}x{off}")
+        if item.floor and item.located:
+            told.label(text=f"{item.off_floor_m * 100.0:+.1f} cm")
+        row.prop(item, "floor", text="", icon="MESH_PLANE")
 
 
 class R2SEGO_PT_captures(Step, bpy.types.Panel):
@@ -14,10 +56,116 @@ class R2SEGO_PT_captures(Step, bpy.types.Panel):
     section = "captures"
 
     def draw(self, context):
+        layout = self.layout
+        shown = context.scene.r2sego_captures
         self.draw_facts(context)
-        row = self.layout.row(align=True)
+        if len(shown.captures):
+            layout.template_list(
+                R2SEGO_UL_captures.bl_idname, "", shown, "captures", shown, "active_capture", rows=4
+            )
+        row = layout.row(align=True)
         row.operator("r2sego.import_captures", text="Import", icon="CAMERA_DATA")
         row.operator("r2sego.look_through", icon="VIEW_CAMERA")
+        row.operator("r2sego.look_through_next", text="", icon="TRIA_LEFT").backwards = True
+        row.operator("r2sego.look_through_next", text="", icon="TRIA_RIGHT").backwards = False
+        row = layout.row(align=True)
+        row.prop(shown, "show_photographs", toggle=True, icon="IMAGE_DATA")
+        row.prop(shown, "photograph_opacity", text="", slider=True)
+        row = layout.row(align=True)
+        row.prop(shown, "show_cloud", toggle=True, icon="OUTLINER_OB_POINTCLOUD")
+        row.prop(shown, "point_size_px", text="")
+        row.prop(shown, "show_labels", text="", icon="FONT_DATA")
 
 
-CLASSES = (R2SEGO_PT_captures,)
+class R2SEGO_PT_registration(Step, bpy.types.Panel):
+    """Where the floor lies, which way is up and how long a metre is, by hand"""
+
+    bl_idname = "R2SEGO_PT_registration"
+    bl_label = "Registration"
+    bl_parent_id = "R2SEGO_PT_captures"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return len(context.scene.r2sego_captures.captures) > 0
+
+    def draw(self, context):
+        layout = self.layout
+        shown = context.scene.r2sego_captures
+        self._draw_points(layout, shown)
+        self._draw_lengths(layout, shown)
+        self._draw_height(layout, shown)
+        self._draw_lines(context, layout, shown.fit_said, "INFO")
+        if shown.fit_problem:
+            draw_problem(context, layout, shown.fit_problem)
+        layout.operator("r2sego.correct_registration", text="Correct by Picks", icon="CHECKMARK").by = "PICKS"
+        row = layout.row(align=True)
+        row.operator("r2sego.place_frame", icon="EMPTY_ARROWS")
+        row.operator("r2sego.correct_registration", text="Correct by Frame").by = "FRAME"
+        row = layout.row()
+        row.operator("r2sego.undo_correction", icon="LOOP_BACK")
+        for residual in shown.residuals:
+            self._draw_lines(context, layout, residual.text, "DOT")
+
+    def _draw_points(self, layout, shown):
+        row = layout.row()
+        row.template_list(
+            R2SEGO_UL_picked_points.bl_idname, "", shown, "points", shown, "active_point", rows=3
+        )
+        column = row.column(align=True)
+        column.operator("r2sego.remove_pick", text="", icon="REMOVE")
+        column.operator("r2sego.remove_pick", text="", icon="TRASH").everything = True
+        column.prop(shown, "show_picks", text="", icon="HIDE_OFF" if shown.show_picks else "HIDE_ON")
+        row = layout.row(align=True)
+        new = row.operator("r2sego.pick_point", text="New Point", icon="ADD")
+        new.point, new.capture, new.floor = "", "", False
+        floor = row.operator("r2sego.pick_point", text="Floor Point", icon="MESH_PLANE")
+        floor.point, floor.capture, floor.floor = "", "", True
+        again = row.row(align=True)
+        again.enabled = len(shown.points) > shown.active_point
+        more = again.operator("r2sego.pick_point", text="More", icon="EYEDROPPER")
+        more.point = shown.points[shown.active_point].name if again.enabled else ""
+        more.capture = ""
+
+    def _draw_lengths(self, layout, shown):
+        for index, length in enumerate(shown.lengths):
+            row = layout.row(align=True)
+            row.prop(length, "metres", text=f"{length.start} to {length.end}")
+            if length.found:
+                told = row.row(align=True)
+                told.alignment = "RIGHT"
+                told.label(text=f"{length.error_m * 100.0:+.1f} cm")
+            row.operator("r2sego.remove_length", text="", icon="X").index = index
+        layout.operator("r2sego.add_length", icon="DRIVER_DISTANCE")
+
+    def _draw_height(self, layout, shown):
+        row = layout.row(align=True)
+        row.prop(shown, "use_camera_height")
+        if shown.use_camera_height:
+            row.prop(shown, "camera_height", text="")
+            layout.prop_search(shown, "height_capture", shown, "captures", icon="CAMERA_DATA")
+            if shown.height_error_m:
+                layout.label(text=f"Camera height {shown.height_error_m * 100.0:+.1f} cm", icon="DOT")
+
+    def _draw_lines(self, context, layout, text, icon):
+        column = layout.column(align=True)
+        for line in textwrap.wrap(text, fitting_characters(context, 0.9)):
+            column.label(text=line, icon=icon)
+            icon = "BLANK1"
+
+
+CLASSES = (R2SEGO_UL_captures, R2SEGO_UL_picked_points, R2SEGO_PT_captures, R2SEGO_PT_registration)
+
+_OVERLAYS = (sparse_cloud, picture_labels, registration_overlay)
+
+
+def register():
+    """Start drawing the overlays."""
+    for overlay in _OVERLAYS:
+        overlay.register()
+
+
+def unregister():
+    """Stop drawing them."""
+    for overlay in reversed(_OVERLAYS):
+        overlay.unregister()

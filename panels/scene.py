@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..r2sego_blender.bridge.scene_choices import what_refine_does
 from .sidebar import Step
 
 
@@ -16,6 +17,7 @@ class R2SEGO_PT_scene(Step, bpy.types.Panel):
     def draw(self, context):
         layout = self.layout
         scene = context.scene.r2sego
+        job = context.window_manager.r2sego_job
         row = layout.row(align=True)
         row.operator("r2sego.new_scene", text="New", icon="FILE_NEW")
         row.operator("r2sego.open_scene", text="Open", icon="FILE_FOLDER")
@@ -25,8 +27,15 @@ class R2SEGO_PT_scene(Step, bpy.types.Panel):
         row.label(text=bpy.path.basename(scene.bundle.rstrip("/\\")), icon="PACKAGE")
         row.operator("r2sego.refresh_scene", text="", icon="FILE_REFRESH")
         self.draw_facts(context)
+        summary = context.scene.r2sego_report.summary
+        if summary:
+            layout.label(text=summary, icon="GRAPH")
+        layout.prop(scene, "preset")
+        if job.running and job.title == "Refine":
+            layout.progress(factor=job.fraction, text=job.task)
+        else:
+            layout.label(text=what_refine_does(scene.rounds_done, scene.rounds_declared), icon="INFO")
         column = layout.column()
-        column.prop(scene, "preset")
         column.scale_y = 1.2
         column.operator("r2sego.refine", icon="PLAY")
 

@@ -20,6 +20,10 @@ class R2SEGO_PT_settings(bpy.types.Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         group = context.scene.r2sego.settings
+        row = layout.row(align=True)
+        row.operator_menu_enum("r2sego.load_settings", "name", text="Load", icon="PRESET")
+        row.operator("r2sego.keep_settings", text="", icon="ADD")
+        row.operator_menu_enum("r2sego.remove_settings", "name", text="", icon="REMOVE")
         layout.operator("r2sego.reset_settings", icon="LOOP_BACK")
         for section, keys in sections().items():
             header, body = layout.panel(f"R2SEGO_{section or 'general'}", default_closed=bool(section))

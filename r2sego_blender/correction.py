@@ -11,6 +11,7 @@ import numpy as np
 
 from .asset_edits import move_edits
 from .captures.capture import Capture
+from .captures.correction_history import CORRECTIONS, corrections_of
 from .captures.floor_points import FloorPoint, ground_of, ground_through
 from .captures.ground import Ground
 from .captures.ground_picture import GROUND_PICTURES, save_ground_pictures
@@ -23,11 +24,6 @@ from .errors import CaptureError
 from .object_priors import move_objects
 from .progress import SILENT, Progress
 from .scene import Scene
-
-CORRECTIONS = "corrections.json"
-"""In the bundle: every correction that can be taken back, with the registration before it."""
-
-_REMEMBERED = {"new_from_old", "world_from_capture", "ground", "scale_source"}
 
 
 def correct_registration(
@@ -120,7 +116,7 @@ def undo_correction(scene: Scene) -> Scene:
     Raises CaptureError when no correction is left to take back.
     """
     with scene.locked():
-        history = _history(scene)
+        history = corrections_of(scene.path)
         if not history:
             raise CaptureError("there is no correction to take back", where=scene.path)
         last = history[-1]
@@ -144,7 +140,7 @@ def _moved(
             "new_from_old": similarity.tolist(), "world_from_capture": before.world_from_capture.tolist(),
             "ground": before.ground, "scale_source": before.scale_source,
         }  # fmt: skip
-        history = [*_history(scene), taken]
+        history = [*corrections_of(scene.path), taken]
     # A picture of the old floor must not be taken for the new one's.
     shutil.rmtree(scene.path / GROUND_PICTURES, ignore_errors=True)
     with scene.publishing("captures") as folder:
@@ -171,25 +167,6 @@ def _load(scene: Scene) -> tuple[tuple[Capture, ...], SparsePoints]:
 def _registration(scene: Scene) -> Registration:
     declared = scene.declaration
     return Registration(np.array(declared.world_from_capture), declared.ground, declared.scale_source)
-
-
-def _history(scene: Scene) -> list[dict[str, Any]]:
-    """The corrections so far, oldest first: the similarity, and the registration before it."""
-    file = scene.path / CORRECTIONS
-    if not file.is_file():
-        return []
-    try:
-        history = json.loads(file.read_text(encoding="utf-8"))
-        for one in history:
-            if np.array(one["new_from_old"]).shape != (4, 4) or not one.keys() >= _REMEMBERED:
-                raise ValueError("an entry is damaged")
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        raise CaptureError(
-            f"the corrections cannot be read: {error}",
-            where=file,
-            cure="Remove the file: they are then kept.",
-        ) from error
-    return history
 
 
 def _scale_of(frame: np.ndarray) -> float:

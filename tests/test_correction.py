@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.capture import Capture
+from r2sego_blender.captures.correction_history import CORRECTIONS
 from r2sego_blender.captures.floor_points import FloorPoint, ground_of, ground_through
 from r2sego_blender.captures.picks import Pick, PickedLength, PickedPoint, Picks
 from r2sego_blender.captures.scale import Scale
@@ -25,7 +26,6 @@ from r2sego_blender.captures.sparse import SparsePoints
 from r2sego_blender.captures.store import load_captures, save_captures
 from r2sego_blender.cli import main
 from r2sego_blender.correction import (
-    CORRECTIONS,
     correct_by_picks,
     correct_registration,
     correct_to_frame,

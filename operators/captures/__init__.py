@@ -1,9 +1,42 @@
-"""The photographs and their cameras."""
+"""The photographs and their cameras, and the world's frame by hand."""
 
+from ...r2sego_blender.bridge.sparse_cloud import forget_clouds
+from .. import state
+from . import properties
+from .correct_registration import R2SEGO_OT_correct_registration
 from .import_captures import R2SEGO_OT_import_captures
+from .known_length import R2SEGO_OT_add_length, R2SEGO_OT_remove_length
+from .listing import read_captures
 from .look_through import R2SEGO_OT_look_through
+from .look_through_next import R2SEGO_OT_look_through_next
+from .pick_point import R2SEGO_OT_pick_point
+from .place_frame import R2SEGO_OT_place_frame
+from .remove_pick import R2SEGO_OT_remove_pick
+from .undo_correction import R2SEGO_OT_undo_correction
 
 CLASSES = (
+    *properties.CLASSES,
     R2SEGO_OT_import_captures,
     R2SEGO_OT_look_through,
+    R2SEGO_OT_look_through_next,
+    R2SEGO_OT_pick_point,
+    R2SEGO_OT_remove_pick,
+    R2SEGO_OT_add_length,
+    R2SEGO_OT_remove_length,
+    R2SEGO_OT_place_frame,
+    R2SEGO_OT_correct_registration,
+    R2SEGO_OT_undo_correction,
 )
+
+
+def register():
+    """Attach the properties, and read the captures of every opened bundle."""
+    properties.attach()
+    state.listeners.append(read_captures)
+
+
+def unregister():
+    """Take them away."""
+    state.listeners.remove(read_captures)
+    forget_clouds()
+    properties.detach()

@@ -9,7 +9,7 @@ from ..base import ReportingOperator, needs_bundle
 
 
 class R2SEGO_OT_import_captures(ReportingOperator, bpy.types.Operator):
-    """Show each capture as a camera that looks through its photograph, and the sparse points"""
+    """Show each capture as a camera that looks through its photograph"""
 
     bl_idname = "r2sego.import_captures"
     bl_label = "Import Captures"
@@ -22,9 +22,12 @@ class R2SEGO_OT_import_captures(ReportingOperator, bpy.types.Operator):
         name="Opacity", description="Opacity of the photographs", default=0.6, min=0.0, max=1.0,
         subtype="FACTOR",
     )  # fmt: skip
-    points: BoolProperty(name="Sparse Points", description="The triangulated points", default=True)
+    points: BoolProperty(
+        name="Points as Object", default=False,
+        description="The triangulated points as an object that renders too; the overlay draws them anyway",
+    )  # fmt: skip
     point_radius: FloatProperty(
-        name="Point Radius", description="Radius of a sparse point as it is drawn",
+        name="Point Radius", description="Radius of a point of that object",
         default=0.006, min=0.0005, max=0.5, subtype="DISTANCE", unit="LENGTH",
     )  # fmt: skip
 
@@ -32,9 +35,16 @@ class R2SEGO_OT_import_captures(ReportingOperator, bpy.types.Operator):
     def poll(cls, context):
         return needs_bundle(cls, context)
 
+    def invoke(self, context, event):
+        shown = context.scene.r2sego_captures
+        self.photographs, self.alpha = shown.show_photographs, shown.photograph_opacity
+        return self.execute(context)
+
     def perform(self, context):
         cameras = show_captures(
             context.scene, state.opened_bundle(context), photographs=self.photographs,
             points=self.points, point_radius_m=self.point_radius, photograph_alpha=self.alpha,
         )  # fmt: skip
+        shown = context.scene.r2sego_captures
+        shown["show_photographs"], shown["photograph_opacity"] = self.photographs, self.alpha
         return f"Imported {len(cameras)} captures"

@@ -3,7 +3,17 @@
 import bpy
 
 from ...r2sego_blender.bridge.cameras import has_lens, use_frame_of
+from ...r2sego_blender.bridge.views_3d import views_3d
 from ..base import ReportingOperator
+
+
+def look_through(context, camera):
+    """Make ``camera`` the scene's, and have this 3D view, else the first one, look through it."""
+    use_frame_of(camera, context.scene)
+    here = context.area if context.area is not None and context.area.type == "VIEW_3D" else None
+    area = here or next(views_3d(), None)
+    if area is not None:
+        area.spaces.active.region_3d.view_perspective = "CAMERA"
 
 
 class R2SEGO_OT_look_through(ReportingOperator, bpy.types.Operator):
@@ -21,7 +31,5 @@ class R2SEGO_OT_look_through(ReportingOperator, bpy.types.Operator):
         return True
 
     def perform(self, context):
-        use_frame_of(context.view_layer.objects.active, context.scene)
-        if context.area is not None and context.area.type == "VIEW_3D":
-            context.space_data.region_3d.view_perspective = "CAMERA"
+        look_through(context, context.view_layer.objects.active)
         return ""

@@ -6,9 +6,15 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
 
 from ...r2sego_blender.bridge.bundle import SUFFIX, Bundle
+from ...r2sego_blender.bridge.scene_choices import robot_choices, scope_choices
 from ...r2sego_blender.errors import CaptureError, SceneError
 from .. import state
 from ..base import EngineOperator, needs_idle_engine
+
+
+def _matching(choices):
+    """The search of a property that suggests ``choices()`` and takes any path too."""
+    return lambda operator, context, text: [one for one in choices() if text.lower() in one.lower()]
 
 
 class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
@@ -31,11 +37,13 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
         description="transforms.json, cameras.json or a COLMAP folder; empty = solve the poses",
     )  # fmt: skip
     robot: StringProperty(
-        name="Robot", default="embedded:humanoid",
+        name="Robot", default="embedded:humanoid", search=_matching(robot_choices),
+        search_options={"SUGGESTION"},
         description="The robot: embedded:humanoid, embedded:wheeled, or an MJCF or URDF file",
     )  # fmt: skip
     scope: StringProperty(
-        name="Behaviour Scope", default="walk_and_look",
+        name="Behaviour Scope", default="walk_and_look", search=_matching(scope_choices),
+        search_options={"SUGGESTION"},
         description="What the robot may do: the name of a shipped scope, or a TOML file",
     )  # fmt: skip
     scale: EnumProperty(

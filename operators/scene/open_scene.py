@@ -17,11 +17,14 @@ class R2SEGO_OT_open_scene(ReportingOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     directory: StringProperty(
-        name="Bundle", description="The bundle, a folder that ends in .r2s", subtype="DIR_PATH"
-    )
+        name="Bundle", description="The bundle, a folder that ends in .r2s", subtype="DIR_PATH",
+        options={"SKIP_SAVE"},
+    )  # fmt: skip
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
 
     def invoke(self, context, event):
+        if self.directory:  # its scene.toml was dropped
+            return self.execute(context)
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
@@ -31,3 +34,17 @@ class R2SEGO_OT_open_scene(ReportingOperator, bpy.types.Operator):
         bundle = Bundle.open(bpy.path.abspath(self.directory))
         state.show_bundle(context.scene, bundle)
         return f"Opened {bundle.name}"
+
+
+class R2SEGO_FH_scene(bpy.types.FileHandler):
+    """A bundle's scene.toml, dropped into the 3D view, opens the bundle"""
+
+    bl_idname = "R2SEGO_FH_scene"
+    bl_label = "R2S-EGO Scene"
+    bl_import_operator = R2SEGO_OT_open_scene.bl_idname
+    bl_file_extensions = ".toml"
+
+    @classmethod
+    def poll_drop(cls, context):
+        """In the 3D view alone."""
+        return context.area is not None and context.area.type == "VIEW_3D"

@@ -2,6 +2,7 @@
 
 import bpy
 
+from ...r2sego_blender.bridge.scene_choices import what_refine_does
 from ...r2sego_blender.bridge.settings_properties import overrides
 from .. import state
 from ..base import EngineOperator, needs_bundle, needs_idle_engine
@@ -17,6 +18,12 @@ class R2SEGO_OT_refine(EngineOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         return needs_bundle(cls, context) and needs_idle_engine(cls)
+
+    @classmethod
+    def description(cls, context, properties):
+        scene = context.scene.r2sego
+        what = what_refine_does(scene.rounds_done, scene.rounds_declared) if scene.bundle else ""
+        return f"{cls.__doc__}. {what}".rstrip(". ")
 
     def arguments(self, context):
         scene, bundle = context.scene.r2sego, state.opened_bundle(context)

@@ -7,13 +7,16 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from .bundle import Bundle
+from .bundle import SUFFIX, Bundle
 from .cameras import create_camera, use_frame_of
 from .materials import attribute_material
 from .meshes import add_colours, mesh_from_arrays
-from .outliner import fresh_collection
+from .outliner import find_collection, fresh_collection
 
-_PART = "Captures"
+CAPTURES_PART = "Captures"
+"""The part of the bundle's collection that holds the captures."""
+
+_NAME, _IMAGE = "r2sego_capture", "r2sego_image"
 _COLOUR = "colour"
 _POINTS = "R2S-EGO points"
 
@@ -28,11 +31,12 @@ def show_captures(
     """
     views = bundle.captures()
     cloud = bundle.sparse_points() if points and bundle.sparse_file.is_file() else None
-    collection = fresh_collection(scene, bundle.name, _PART)
+    collection = fresh_collection(scene, bundle.name, CAPTURES_PART)
     cameras = []
     for view in views:
         created = create_camera(view.name, view.camera)
         created.data.display_size = display_size_m
+        created[_NAME], created[_IMAGE] = view.name, str(view.image_path)
         if photographs:
             _add_photograph(created.data, view.image_path, photograph_alpha)
         collection.objects.link(created)
@@ -42,6 +46,33 @@ def show_captures(
     if cameras:
         use_frame_of(cameras[0], scene)
     return cameras
+
+
+def capture_name(camera: bpy.types.Object | None) -> str:
+    """The capture whose camera this is, '' for any other object."""
+    return str(camera.get(_NAME, "")) if camera is not None else ""
+
+
+def capture_camera(scene: bpy.types.Scene, bundle_path: str, name: str) -> bpy.types.Object | None:
+    """The camera of a capture of the bundle at ``bundle_path``, None when it is not shown."""
+    return next((one for one in capture_cameras(scene, bundle_path) if capture_name(one) == name), None)
+
+
+def show_photographs(scene: bpy.types.Scene, bundle_path: str, shown: bool, alpha: float) -> None:
+    """Show or hide the photographs behind all captures' cameras, and set their opacity."""
+    for camera in capture_cameras(scene, bundle_path):
+        if shown and not camera.data.background_images:
+            _add_photograph(camera.data, Path(camera[_IMAGE]), alpha)
+        camera.data.show_background_images = shown
+        for background in camera.data.background_images:
+            background.alpha = alpha
+
+
+def capture_cameras(scene: bpy.types.Scene, bundle_path: str) -> list[bpy.types.Object]:
+    """The cameras of those captures of the bundle at ``bundle_path`` that are shown."""
+    bundle_name = Path(bundle_path).name.removesuffix(SUFFIX)
+    collection = find_collection(scene, bundle_name, CAPTURES_PART) if bundle_path else None
+    return [one for one in collection.objects if capture_name(one)] if collection is not None else []
 
 
 def _add_photograph(data: bpy.types.Camera, path: Path, alpha: float) -> None:

@@ -237,23 +237,7 @@ class PicksFit:
 
     def lines(self) -> list[str]:
         """The residuals for a person."""
-        told = self.to_json()
-        text = []
-        for one in told["points"]:
-            seen = [
-                f"{name} {'alone' if off is None else f'{off:.2f} px'}" for name, off in one["off_px"].items()
-            ]
-            floor = f"; {one['off_floor_m'] * 100:+.1f} cm off the floor" if "off_floor_m" in one else ""
-            text.append(f"{one['name']}: {', '.join(seen)}{floor}")
-        text += [
-            f"{one['from']} to {one['to']}: {one['metres']:.3f} m, {one['error_m'] * 100:+.1f} cm"
-            for one in told["lengths"]
-        ]
-        text += [
-            f"camera {one['capture']}: {one['metres']:.3f} m high, {one['error_m'] * 100:+.1f} cm"
-            for one in told["camera_heights"]
-        ]
-        return text
+        return residual_lines(self.to_json())
 
     def check(self) -> None:
         """Raise CaptureError for a pick or a length so far off that it must be a mistake."""
@@ -273,6 +257,26 @@ class PicksFit:
                     f"{what} is given as {metres:.3f} m, the others say {metres + error_m:.3f} m",
                     where=_WHERE, cure="Measure it again, or take it or the others away.",
                 )  # fmt: skip
+
+
+def residual_lines(told: Mapping[str, Any]) -> list[str]:
+    """The residuals of ``PicksFit.to_json`` for a person."""
+    text = []
+    for one in told.get("points", ()):
+        seen = [
+            f"{name} {'alone' if off is None else f'{off:.2f} px'}" for name, off in one["off_px"].items()
+        ]
+        floor = f"; {one['off_floor_m'] * 100:+.1f} cm off the floor" if "off_floor_m" in one else ""
+        text.append(f"{one['name']}: {', '.join(seen)}{floor}")
+    text += [
+        f"{one['from']} to {one['to']}: {one['metres']:.3f} m, {one['error_m'] * 100:+.1f} cm"
+        for one in told.get("lengths", ())
+    ]
+    text += [
+        f"camera {one['capture']}: {one['metres']:.3f} m high, {one['error_m'] * 100:+.1f} cm"
+        for one in told.get("camera_heights", ())
+    ]
+    return text
 
 
 def fit_picks(

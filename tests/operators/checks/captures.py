@@ -1,11 +1,44 @@
 """What holds of the room Captures, checked inside Blender."""
 
 import json
+from pathlib import Path
 
 import bpy
-from support import BUNDLE, open_bundle
+from support import BUNDLE, calls, conduct, copied_bundle, open_bundle, refused, state
 
-OPERATORS = {"import_captures", "look_through"}
+OPERATORS = {
+    "import_captures", "look_through", "look_through_next", "pick_point", "remove_pick", "add_length",
+    "remove_length", "place_frame", "correct_registration", "undo_correction",
+}  # fmt: skip
+SPOTS = {"A": (-0.4, 0.2, 0.0), "B": (0.5, 0.1, 0.0), "C": (0.1, 0.7, 0.0)}
+
+
+def shown():
+    return bpy.context.scene.r2sego_captures
+
+
+def described():
+    return json.loads((BUNDLE / "captures" / "cameras.json").read_text())["captures"]
+
+
+def seen_at(lens, spot):
+    """The pixel at which a capture sees a point of the world, by the conventions."""
+    from mathutils import Matrix, Vector
+
+    local = Matrix(lens["world_from_camera"]).inverted() @ Vector((*spot, 1.0))
+    return lens["fx"] * local.x / local.z + lens["cx"], lens["fy"] * local.y / local.z + lens["cy"]
+
+
+def pick_all(floor=True):
+    """Pick SPOTS in every capture that sees them."""
+    for name, spot in SPOTS.items():
+        for lens in described():
+            x, y = seen_at(lens, spot)
+            if 0 <= x <= lens["width"] and 0 <= y <= lens["height"]:
+                done = bpy.ops.r2sego.pick_point(
+                    point=name, capture=lens["name"], x_px=x, y_px=y, floor=floor
+                )
+                assert done == {"FINISHED"}
 
 
 def check_import_captures():
@@ -27,8 +60,7 @@ def check_a_capture_sees_a_point_at_its_pixel():
 
     open_bundle()
     bpy.ops.r2sego.import_captures()
-    described = json.loads((BUNDLE / "captures" / "cameras.json").read_text())["captures"]
-    for lens in described:
+    for lens in described():
         seen_from = bpy.data.objects[lens["name"]]
         bpy.context.view_layer.objects.active = seen_from
         bpy.ops.r2sego.look_through()
@@ -40,3 +72,146 @@ def check_a_capture_sees_a_point_at_its_pixel():
         assert abs(x * lens["width"] - (lens["fx"] * 0.15 + lens["cx"])) < 1e-3
         assert abs((1.0 - y) * lens["height"] - (lens["cy"] - lens["fy"] * 0.1)) < 1e-3
         assert abs(depth - 2.0) < 1e-5
+
+
+def check_the_list_says_what_each_capture_is():
+    open_bundle()
+    listed = [(one.name, one.width, one.height, one.points, one.overlaps) for one in shown().captures]
+    assert listed == [
+        ("capture_0", 64, 48, 50, 2), ("capture_1", 80, 60, 50, 2), ("capture_2", 60, 80, 50, 2)
+    ]  # fmt: skip
+    assert abs(shown().captures[0].view_deg - 65.2) < 0.1
+
+
+def check_a_line_of_the_list_selects_its_camera():
+    open_bundle()
+    shown().active_capture = 1  # nothing is imported yet: no harm
+    bpy.ops.r2sego.import_captures()
+    shown().active_capture = 2
+    assert bpy.context.view_layer.objects.active.name == "capture_2"
+    assert [one.name for one in bpy.context.selected_objects] == ["capture_2"]
+
+
+def check_one_capture_after_the_other_is_looked_through():
+    open_bundle()
+    assert "Import" in refused(bpy.ops.r2sego.look_through_next)
+    bpy.ops.r2sego.import_captures()
+    seen = []
+    for backwards in (False, False, False, True):
+        assert bpy.ops.r2sego.look_through_next(backwards=backwards) == {"FINISHED"}
+        seen.append(bpy.context.scene.camera.name)
+    assert seen == ["capture_1", "capture_2", "capture_0", "capture_2"]
+    assert bpy.context.scene.render.resolution_y == 80
+
+
+def check_all_photographs_are_switched_and_faded_at_once():
+    open_bundle()
+    bpy.ops.r2sego.import_captures(photographs=False)
+    cameras = [one.data for one in bpy.data.objects if one.type == "CAMERA"]
+    assert not shown().show_photographs and not any(one.background_images for one in cameras)
+    shown().show_photographs = True
+    shown().photograph_opacity = 0.25
+    assert [round(one.background_images[0].alpha, 6) for one in cameras] == [0.25] * 3
+    assert all(one.show_background_images for one in cameras)
+    shown().show_photographs = False
+    assert not any(one.show_background_images for one in cameras)
+
+
+def check_picked_points_are_placed_with_their_residuals():
+    open_bundle()
+    pick_all()
+    assert shown().fit_problem == ""
+    for point in shown().points:
+        assert point.located and 0.0 <= point.off_px < 1e-3 and abs(point.off_floor_m) < 1e-4
+        assert max(abs(a - b) for a, b in zip(point.position, SPOTS[point.name], strict=True)) < 1e-4
+    assert bpy.ops.r2sego.add_length(start="A", end="B", metres=1.8111) == {"FINISHED"}
+    assert abs(shown().lengths[0].error_m) < 1e-5
+    assert "a metre becomes 2 m" in shown().fit_said
+    view = shown().points["A"].views[0]
+    bpy.ops.r2sego.pick_point(point="A", capture=view.capture, x_px=view.x_px + 0.4, y_px=view.y_px)
+    assert shown().points["A"].off_px > 0.05 and len(shown().points) == 3
+
+
+def check_wrong_picks_are_told_before_anything_is_moved():
+    open_bundle()
+    pick_all()
+    view = shown().points["B"].views[0]
+    bpy.ops.r2sego.pick_point(point="B", capture=view.capture, x_px=view.x_px - 9, y_px=view.y_px)
+    assert "do not show one point 'B'" in shown().fit_problem
+    assert "outside" in refused(bpy.ops.r2sego.pick_point, capture="capture_0", x_px=65, y_px=1)
+    assert "no capture 'x'" in refused(bpy.ops.r2sego.pick_point, capture="x", x_px=1, y_px=1)
+    assert "is none" in refused(bpy.ops.r2sego.add_length, start="A", end="Z")
+
+
+def check_points_and_lengths_are_taken_away():
+    open_bundle()
+    pick_all()
+    bpy.ops.r2sego.add_length(start="A", end="B", metres=1.0)
+    bpy.ops.r2sego.add_length(start="C", end="B", metres=1.0)
+    assert bpy.ops.r2sego.remove_pick(point="A") == {"FINISHED"}
+    assert [one.name for one in shown().points] == ["B", "C"] and len(shown().lengths) == 1
+    capture = shown().points["B"].views[0].capture
+    count = len(shown().points["B"].views)
+    assert bpy.ops.r2sego.remove_pick(point="B", capture=capture) == {"FINISHED"}
+    assert len(shown().points["B"].views) == count - 1
+    assert bpy.ops.r2sego.remove_length(index=0) == {"FINISHED"}
+    assert bpy.ops.r2sego.remove_pick(everything=True) == {"FINISHED"}
+    assert not len(shown().points)
+    assert "Nothing is picked" in refused(bpy.ops.r2sego.remove_pick)
+
+
+def check_new_points_get_names_of_their_own():
+    open_bundle()
+    for _ in range(2):
+        bpy.ops.r2sego.pick_point(capture="capture_0", x_px=10, y_px=10)
+    assert [one.name for one in shown().points] == ["A", "B"]
+
+
+def check_correcting_by_picks_asks_the_engine_with_a_file_of_them():
+    open_bundle()
+    bpy.ops.r2sego.import_captures()
+    assert "nothing tells" in refused(bpy.ops.r2sego.correct_registration)
+    pick_all()
+    shown().use_camera_height = True
+    shown().camera_height = 1.25
+    conduct("succeed")
+    assert bpy.ops.r2sego.correct_registration() == {"FINISHED"}
+    (call,) = calls()
+    assert call[:4] == ["register", str(BUNDLE), "--json-progress", "--picks"]
+    told = json.loads(Path(call[4]).read_text(encoding="utf-8"))
+    assert [point["name"] for point in told["points"]] == ["A", "B", "C"]
+    assert all(point["floor"] for point in told["points"])
+    assert told["camera_heights"] == [{"capture": "capture_0", "metres": 1.25}]
+    assert len([one for one in bpy.data.objects if one.type == "CAMERA"]) == 3  # shown again
+
+
+def check_the_arrows_become_the_world():
+    open_bundle()
+    assert "no frame" in refused(bpy.ops.r2sego.correct_registration, by="FRAME")
+    assert bpy.ops.r2sego.place_frame() == {"FINISHED"}
+    frame = bpy.context.view_layer.objects.active
+    frame.location, frame.rotation_euler.z = (0.5, -0.25, 0.1), 0.3
+    conduct("succeed")
+    assert bpy.ops.r2sego.correct_registration(by="FRAME") == {"FINISHED"}
+    (call,) = calls()
+    numbers = [float(number) for number in call[4].split(",")]
+    assert call[3] == "--frame" and len(numbers) == 12
+    assert abs(numbers[0] - 0.9553365) < 1e-6 and abs(numbers[7] + 0.25) < 1e-6
+    assert "World Frame" not in bpy.data.objects  # the world is there now
+
+
+def check_a_correction_is_taken_back_when_there_is_one():
+    open_bundle()
+    assert "no correction" in refused(bpy.ops.r2sego.undo_correction)
+    folder = copied_bundle()
+    eye = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+    one = {"new_from_old": eye, "world_from_capture": eye, "ground": "g", "scale_source": "s"}
+    (folder / "corrections.json").write_text(json.dumps([one]))
+    bpy.ops.r2sego.refresh_scene()
+    assert shown().corrections == 1
+    conduct("succeed")
+    assert bpy.ops.r2sego.undo_correction() == {"FINISHED"}
+    assert calls()[0] == ["register", str(folder), "--json-progress", "--undo"]
+    (folder / "corrections.json").write_text("{")
+    bpy.ops.r2sego.refresh_scene()
+    assert "corrections.json" in state().problem

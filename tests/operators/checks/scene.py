@@ -5,7 +5,10 @@ from pathlib import Path
 import bpy
 from support import BUNDLE, OUT, calls, conduct, open_bundle, refused, state
 
-OPERATORS = {"new_scene", "open_scene", "refine", "refresh_scene", "reset_settings"}
+OPERATORS = {
+    "new_scene", "new_scene_from_files", "open_scene", "refine", "refresh_scene", "reset_settings",
+    "keep_settings", "load_settings", "remove_settings",
+}  # fmt: skip
 
 
 def check_opening_reads_what_the_bundle_holds():
@@ -70,3 +73,59 @@ def check_a_new_scene_asks_the_engine():
         "--scope", "walk_and_look", "--poses", "/poses.json", "--camera-height", "1.5",
     ]  # fmt: skip
     assert "photographs" in refused(bpy.ops.r2sego.new_scene, filepath=str(BUNDLE))
+
+
+def check_dropped_photographs_begin_a_scene():
+    conduct("succeed")
+    images = BUNDLE / "captures" / "images"
+    assert bpy.ops.r2sego.new_scene_from_files(
+        directory=str(images), files=[{"name": "capture_0.png"}, {"name": "capture_1.png"}],
+        scene=str(BUNDLE),
+    ) == {"FINISHED"}  # fmt: skip
+    assert calls()[0][:5] == ["new", str(BUNDLE), "--json-progress", "--captures", str(images)]
+    assert "--poses" not in calls()[0]
+
+
+def check_dropped_poses_begin_a_scene_with_them():
+    conduct("succeed")
+    folder = BUNDLE / "captures"
+    done = bpy.ops.r2sego.new_scene_from_files(
+        directory=str(folder), files=[{"name": "cameras.json"}], scene=str(BUNDLE)
+    )
+    assert done == {"FINISHED"}
+    (call,) = calls()
+    assert call[call.index("--captures") + 1] == str(folder / "images")
+    assert call[call.index("--poses") + 1] == str(folder / "cameras.json")
+    said = refused(bpy.ops.r2sego.new_scene_from_files, directory=str(BUNDLE), files=[{"name": "asset.ply"}])
+    assert "no photographs and no poses" in said
+
+
+def check_what_can_be_dropped_has_its_handlers():
+    kinds = {cls.bl_idname: cls for cls in bpy.types.FileHandler.__subclasses__() if "R2SEGO" in cls.__name__}
+    assert set(kinds) == {"R2SEGO_FH_scene", "R2SEGO_FH_captures"}
+    for kind in kinds.values():
+        assert kind.is_registered and kind.bl_import_operator.startswith("r2sego.")
+    dropped = str(BUNDLE) + "/"  # Blender gives the folder of a dropped scene.toml
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert bpy.ops.r2sego.open_scene(directory=dropped) == {"FINISHED"}
+    assert Path(state().bundle) == BUNDLE
+
+
+def check_settings_are_kept_under_a_name():
+    open_bundle()
+    state().settings.training__steps_per_round = 123
+    assert bpy.ops.r2sego.keep_settings(name="short run") == {"FINISHED"}
+    assert "no name" in refused(bpy.ops.r2sego.keep_settings, name="../short")
+    open_bundle()
+    state().preset = "paper"
+    assert bpy.ops.r2sego.load_settings(name="short run") == {"FINISHED"}
+    assert state().preset == "preview" and state().settings.training__steps_per_round == 123
+    assert state().settings.is_property_set("training__steps_per_round")
+    assert not state().settings.is_property_set("training__max_gaussians")
+    assert bpy.ops.r2sego.remove_settings(name="short run") == {"FINISHED"}
+    try:
+        bpy.ops.r2sego.load_settings(name="short run")
+    except TypeError as error:
+        assert "short run" in str(error)
+    else:
+        raise AssertionError("removed settings were loaded")

@@ -1,0 +1,25 @@
+"""The room's cached facts, read whenever the bundle was opened or has changed."""
+
+from ...r2sego_blender.bridge.capture_list import listed_captures
+from ...r2sego_blender.bridge.sparse_cloud import read_cloud
+from ...r2sego_blender.captures.correction_history import corrections_of
+from .properties import fit_again
+
+
+def read_captures(scene, bundle):
+    """Fill the list of captures, the drawn points and the residuals of what is picked."""
+    group = scene.r2sego_captures
+    listed = listed_captures(bundle)
+    if [one.name for one in listed] != [one.name for one in group.captures]:
+        group.captures.clear()
+        for _ in listed:
+            group.captures.add()
+        group["active_capture"] = 0  # without its update, which selects
+    for shown, one in zip(group.captures, listed, strict=True):
+        shown.name, shown.width, shown.height = one.name, one.width, one.height
+        shown.view_deg, shown.points, shown.overlaps = one.view_deg, one.points, one.overlaps
+    if not group.height_capture and listed:
+        group["height_capture"] = listed[0].name
+    group.corrections = len(corrections_of(bundle.path))
+    read_cloud(bundle)
+    fit_again(scene)

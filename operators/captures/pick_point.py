@@ -1,0 +1,143 @@
+"""Pick the same point of the room in several photographs."""
+
+import bpy
+from bpy.props import BoolProperty, FloatProperty, StringProperty
+from bpy_extras.view3d_utils import region_2d_to_vector_3d
+
+from ...r2sego_blender.bridge.cameras import camera_of, has_lens
+from ...r2sego_blender.bridge.registration_pixels import next_name, pixel_of_ray
+from ...r2sego_blender.bridge.show_captures import capture_name
+from ...r2sego_blender.errors import CaptureError, R2SEgoError
+from ..base import ReportingOperator, needs_bundle
+from .look_through_next import step_capture
+from .properties import fit_again
+
+_NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "MOUSEMOVE"}
+_STEPS = {"PAGE_DOWN": 1, "RIGHT_ARROW": 1, "PAGE_UP": -1, "LEFT_ARROW": -1}
+_ENDS = {"RET", "NUMPAD_ENTER", "ESC", "RIGHTMOUSE"}
+
+
+class R2SEGO_OT_pick_point(ReportingOperator, bpy.types.Operator):
+    """Pick the same point of the room in several photographs"""
+
+    bl_idname = "r2sego.pick_point"
+    bl_label = "Pick Point"
+    bl_description = (
+        "Click a point in a photograph, then the same point in others. "
+        "Page Up and Page Down change the photograph, Enter ends"
+    )
+    bl_options = {"REGISTER", "UNDO"}
+
+    point: StringProperty(name="Point", description="Name of the point; empty = a new point")
+    capture: StringProperty(name="Capture", description="The capture it is picked in")
+    x_px: FloatProperty(
+        name="X", description="Pixels from the left of the capture's image", subtype="PIXEL", min=0.0
+    )
+    y_px: FloatProperty(
+        name="Y", description="Pixels from the top of the capture's image", subtype="PIXEL", min=0.0
+    )
+    floor: BoolProperty(name="Floor", description="A new point lies on the floor")
+
+    @classmethod
+    def poll(cls, context):
+        if not needs_bundle(cls, context):
+            return False
+        if not len(context.scene.r2sego_captures.captures):
+            cls.poll_message_set("The bundle has no captures")
+            return False
+        return True
+
+    def invoke(self, context, event):
+        if self.capture:
+            return self.execute(context)
+        if context.area is None or context.area.type != "VIEW_3D":
+            self.report({"ERROR"}, "Pick in a 3D view.")
+            return {"CANCELLED"}
+        try:
+            if not self._looks_through_a_capture(context):
+                step_capture(context, 0)
+        except R2SEgoError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self._picked = False
+        context.window.cursor_modal_set("CROSSHAIR")
+        context.workspace.status_text_set(
+            "Click the point    Page Up, Page Down: other photograph    Enter, ESC: end"
+        )
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.value == "PRESS" and event.type in _ENDS:
+            return self._leave(context)
+        if event.value == "PRESS" and event.type in _STEPS:
+            try:
+                step_capture(context, _STEPS[event.type])
+            except R2SEgoError as error:
+                self.report({"WARNING"}, str(error))
+            return {"RUNNING_MODAL"}
+        region = next(region for region in context.area.regions if region.type == "WINDOW")
+        x, y = event.mouse_x - region.x, event.mouse_y - region.y
+        inside = 0 <= x < region.width and 0 <= y < region.height
+        if event.type == "LEFTMOUSE" and inside:
+            if event.value == "PRESS":
+                self._click(context, region, (x, y))
+            return {"RUNNING_MODAL"}
+        return {"PASS_THROUGH"} if event.type in _NAVIGATION or not inside else {"RUNNING_MODAL"}
+
+    def cancel(self, context):
+        """Blender ends the operator, for example because another file is opened."""
+        self._leave(context)
+
+    def perform(self, context):
+        shown = context.scene.r2sego_captures
+        captures = {one.name: one for one in shown.captures}
+        if self.capture not in captures:
+            raise CaptureError(
+                f"there is no capture '{self.capture}'", cure=f"Name one of {', '.join(captures)}."
+            )
+        width, height = captures[self.capture].width, captures[self.capture].height
+        if not (self.x_px <= width and self.y_px <= height):
+            raise CaptureError(
+                f"pixel ({self.x_px:.0f}, {self.y_px:.0f}) lies outside the {width}x{height} image",
+                where=self.capture, cure="Pick in the photograph.",
+            )  # fmt: skip
+        point = shown.points.get(self.point) if self.point else None
+        if point is None:
+            point = shown.points.add()
+            point.name = self.point or next_name([one.name for one in shown.points[:-1]])
+            point["floor"] = self.floor
+            self.point = point.name
+        view = next((one for one in point.views if one.capture == self.capture), None) or point.views.add()
+        view.capture, view.x_px, view.y_px = self.capture, self.x_px, self.y_px
+        shown.active_point = shown.points.find(point.name)
+        fit_again(context.scene)
+        off = f", {point.off_px:.2f} px off" if point.off_px >= 0.0 else ""
+        return f"Point {point.name} in {len(point.views)} captures{off}"
+
+    def _looks_through_a_capture(self, context):
+        camera = context.scene.camera
+        return (
+            context.space_data.region_3d.view_perspective == "CAMERA"
+            and has_lens(camera)
+            and capture_name(camera) in context.scene.r2sego_captures.captures
+        )
+
+    def _click(self, context, region, place):
+        if not self._looks_through_a_capture(context):
+            self.report({"WARNING"}, "Look through a capture to pick in it")
+            return
+        camera = camera_of(context.scene.camera)
+        ray = region_2d_to_vector_3d(region, context.space_data.region_3d, place)
+        pixel = pixel_of_ray(camera, ray)
+        if pixel is None:
+            self.report({"WARNING"}, "That is outside the photograph")
+            return
+        self.capture = capture_name(context.scene.camera)
+        self.x_px, self.y_px = pixel
+        self._picked |= self.execute(context) == {"FINISHED"}
+
+    def _leave(self, context):
+        context.window.cursor_modal_restore()
+        context.workspace.status_text_set(None)
+        return {"FINISHED"} if self._picked else {"CANCELLED"}

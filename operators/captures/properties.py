@@ -1,0 +1,180 @@
+"""What the room Captures remembers: the list, how it is shown, and what a person picked."""
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from ...r2sego_blender.bridge.picks import show_fit
+from ...r2sego_blender.bridge.show_captures import capture_camera, show_photographs
+from ...r2sego_blender.bridge.views_3d import redraw_views
+from ...r2sego_blender.errors import R2SEgoError
+from .. import state
+
+
+def fit_again(scene):
+    """Write the residuals of what is picked now; what is wrong stands in ``fit_problem``."""
+    group = scene.r2sego_captures
+    try:
+        bundle = state.bundle_of(scene)
+        if bundle is not None:
+            show_fit(group, bundle)
+    except R2SEgoError as error:
+        group.fit_problem = str(error)
+    redraw_views()
+
+
+def _picks_changed(group, context):
+    fit_again(group.id_data)
+
+
+def _capture_chosen(group, context):
+    """Selecting a line of the list selects the capture's camera."""
+    scene = group.id_data
+    name = group.captures[group.active_capture].name if len(group.captures) > group.active_capture else ""
+    camera = capture_camera(scene, state.bundle_name(scene), name)
+    layer = context.view_layer
+    if camera is None or camera.name not in layer.objects:
+        return
+    for chosen in list(context.selected_objects):
+        chosen.select_set(False)
+    camera.select_set(True)
+    layer.objects.active = camera
+
+
+def _photographs_changed(group, context):
+    show_photographs(
+        group.id_data, state.bundle_name(group.id_data), group.show_photographs, group.photograph_opacity
+    )
+
+
+def _drawing_changed(group, context):
+    redraw_views()
+
+
+class R2SEGO_PG_capture(bpy.types.PropertyGroup):
+    """One line of the list of captures."""
+
+    width: IntProperty()
+    height: IntProperty()
+    view_deg: FloatProperty()
+    points: IntProperty()
+    overlaps: IntProperty()
+
+
+class R2SEGO_PG_pick(bpy.types.PropertyGroup):
+    """A picked point's pixel in one capture."""
+
+    capture: StringProperty()
+    x_px: FloatProperty()
+    y_px: FloatProperty()
+    off_px: FloatProperty(default=-1.0)
+
+
+class R2SEGO_PG_picked_point(bpy.types.PropertyGroup):
+    """A point of the room, picked in one or more captures."""
+
+    floor: BoolProperty(name="Floor", description="This point lies on the floor", update=_picks_changed)
+    views: CollectionProperty(type=R2SEGO_PG_pick)
+    located: BoolProperty()
+    position: FloatVectorProperty(size=3, subtype="TRANSLATION", unit="LENGTH")
+    off_px: FloatProperty(default=-1.0)
+    off_floor_m: FloatProperty()
+
+
+class R2SEGO_PG_picked_length(bpy.types.PropertyGroup):
+    """A known length between two picked points."""
+
+    start: StringProperty()
+    end: StringProperty()
+    metres: FloatProperty(
+        name="Length", description="How far apart the two points are", default=1.0, min=0.01, max=100.0,
+        subtype="DISTANCE", unit="LENGTH", precision=3, update=_picks_changed,
+    )  # fmt: skip
+    found: BoolProperty()
+    error_m: FloatProperty()
+
+
+class R2SEGO_PG_residual(bpy.types.PropertyGroup):
+    """One line of what the last correction left."""
+
+    text: StringProperty()
+
+
+class R2SEGO_PG_captures(bpy.types.PropertyGroup):
+    """The list of captures, how they are shown, and the picks of a registration by hand."""
+
+    captures: CollectionProperty(type=R2SEGO_PG_capture)
+    active_capture: IntProperty(
+        name="Capture", description="The chosen capture; choosing one selects its camera",
+        update=_capture_chosen,
+    )  # fmt: skip
+    show_photographs: BoolProperty(
+        name="Photographs", description="Photographs as the cameras' backgrounds", default=True,
+        update=_photographs_changed,
+    )  # fmt: skip
+    photograph_opacity: FloatProperty(
+        name="Opacity", description="Opacity of the photographs", default=0.6, min=0.0, max=1.0,
+        subtype="FACTOR", update=_photographs_changed,
+    )  # fmt: skip
+    show_cloud: BoolProperty(
+        name="Points", description="Draw the triangulated points over the 3D view", default=True,
+        update=_drawing_changed,
+    )  # fmt: skip
+    point_size_px: FloatProperty(
+        name="Point Size", description="Size of a drawn point", default=3.0, min=1.0, max=20.0,
+        subtype="PIXEL", update=_drawing_changed,
+    )  # fmt: skip
+    show_labels: BoolProperty(
+        name="Names", description="Write the captures' names beside their cameras", default=True,
+        update=_drawing_changed,
+    )  # fmt: skip
+    show_picks: BoolProperty(
+        name="Picks", description="Draw picked points, their misses and known lengths", default=True,
+        update=_drawing_changed,
+    )  # fmt: skip
+    points: CollectionProperty(type=R2SEGO_PG_picked_point)
+    active_point: IntProperty(name="Point", description="The chosen picked point")
+    lengths: CollectionProperty(type=R2SEGO_PG_picked_length)
+    use_camera_height: BoolProperty(
+        name="Camera Height", description="A capture's height above the floor is known",
+        update=_picks_changed,
+    )  # fmt: skip
+    height_capture: StringProperty(
+        name="Of", description="The capture whose height is known", update=_picks_changed
+    )
+    camera_height: FloatProperty(
+        name="Height", description="Height of that capture's camera above the floor", default=1.5,
+        min=0.05, max=10.0, subtype="DISTANCE", unit="LENGTH", precision=3, update=_picks_changed,
+    )  # fmt: skip
+    height_error_m: FloatProperty()
+    fit_problem: StringProperty()
+    fit_said: StringProperty()
+    residuals: CollectionProperty(type=R2SEGO_PG_residual)
+    corrections: IntProperty()
+
+
+CLASSES = (
+    R2SEGO_PG_capture,
+    R2SEGO_PG_pick,
+    R2SEGO_PG_picked_point,
+    R2SEGO_PG_picked_length,
+    R2SEGO_PG_residual,
+    R2SEGO_PG_captures,
+)
+
+
+def attach():
+    """Give every Blender scene the room's properties."""
+    bpy.types.Scene.r2sego_captures = PointerProperty(type=R2SEGO_PG_captures)
+
+
+def detach():
+    """Take them away."""
+    del bpy.types.Scene.r2sego_captures

@@ -1,0 +1,72 @@
+"""Settings under a name of the person's own: kept, taken again, removed."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import EnumProperty, StringProperty
+
+from ...r2sego_blender.bridge.settings_files import keep_settings, kept_settings, read_settings
+from ...r2sego_blender.bridge.settings_properties import overrides, show_settings
+from ...r2sego_blender.settings import preset, with_overrides
+from ..base import ReportingOperator
+
+_ROOT = __package__.rsplit(".", 2)[0]
+_items: list[tuple[str, str, str]] = []  # Blender keeps no copy of an enumeration's texts
+
+
+def _folder():
+    return Path(bpy.utils.extension_path_user(_ROOT, path="settings", create=True))
+
+
+def _kept(operator, context):
+    _items[:] = [(name, name, f"The settings kept as {name}") for name in kept_settings(_folder())]
+    return _items
+
+
+class R2SEGO_OT_keep_settings(ReportingOperator, bpy.types.Operator):
+    """Keep the preset and the changed settings under a name, for other scenes too"""
+
+    bl_idname = "r2sego.keep_settings"
+    bl_label = "Keep Settings"
+    bl_options = {"REGISTER"}
+
+    name: StringProperty(name="Name", description="What they are called", default="My Settings")
+
+    def invoke(self, context, event):
+        return context.window_manager.invoke_props_dialog(self)
+
+    def perform(self, context):
+        scene = context.scene.r2sego
+        keep_settings(_folder(), self.name, scene.preset, overrides(scene.settings, scene.preset))
+        return f"Kept as {self.name}"
+
+
+class R2SEGO_OT_load_settings(ReportingOperator, bpy.types.Operator):
+    """Take the preset and the changed settings that were kept under a name"""
+
+    bl_idname = "r2sego.load_settings"
+    bl_label = "Load Settings"
+    bl_options = {"REGISTER", "UNDO"}
+
+    name: EnumProperty(name="Name", description="Which settings", items=_kept)
+
+    def perform(self, context):
+        scene = context.scene.r2sego
+        chosen, changed = read_settings(_folder(), self.name)
+        scene.preset = chosen
+        show_settings(scene.settings, changed, with_overrides(changed, preset(chosen)))
+        return f"Settings: {self.name}"
+
+
+class R2SEGO_OT_remove_settings(ReportingOperator, bpy.types.Operator):
+    """Remove settings that were kept under a name"""
+
+    bl_idname = "r2sego.remove_settings"
+    bl_label = "Remove Settings"
+    bl_options = {"REGISTER"}
+
+    name: EnumProperty(name="Name", description="Which settings", items=_kept)
+
+    def perform(self, context):
+        (_folder() / f"{self.name}.toml").unlink(missing_ok=True)
+        return f"Removed {self.name}"

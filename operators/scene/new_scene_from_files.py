@@ -1,0 +1,76 @@
+"""Begin a new scene with dropped photographs or poses."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import CollectionProperty, StringProperty
+
+from ...r2sego_blender.bridge.bundle import SUFFIX
+from ...r2sego_blender.bridge.capture_files import PHOTOGRAPHS, capture_files
+from ...r2sego_blender.errors import R2SEgoError
+from ..base import needs_idle_engine
+
+
+class R2SEGO_OT_new_scene_from_files(bpy.types.Operator):
+    """Make a scene bundle from photographs, transforms.json, cameras.json or a COLMAP model"""
+
+    bl_idname = "r2sego.new_scene_from_files"
+    bl_label = "New Scene from Files"
+    bl_options = {"REGISTER"}
+
+    directory: StringProperty(
+        name="Folder", description="The folder of the files, or of the photographs",
+        subtype="DIR_PATH", options={"SKIP_SAVE"},
+    )  # fmt: skip
+    files: CollectionProperty(
+        name="Files", description="Photographs or poses in that folder; none = the folder itself",
+        type=bpy.types.OperatorFileListElement, options={"SKIP_SAVE", "HIDDEN"},
+    )  # fmt: skip
+    scene: StringProperty(
+        name="Scene", description="The bundle to make; empty = beside the photographs",
+        subtype="FILE_PATH", options={"SKIP_SAVE"},
+    )  # fmt: skip
+
+    @classmethod
+    def poll(cls, context):
+        return needs_idle_engine(cls)
+
+    def invoke(self, context, event):
+        return self._new_scene(context, "INVOKE_DEFAULT")
+
+    def execute(self, context):
+        return self._new_scene(context, "EXEC_DEFAULT")
+
+    def _new_scene(self, context, how):
+        """New Scene with what was dropped filled in: asked for with a window, made without."""
+        try:
+            folder = Path(bpy.path.abspath(self.directory)).absolute()
+            found = capture_files([folder / one.name for one in self.files if one.name] or [folder], SUFFIX)
+        except R2SEgoError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        given = {
+            "filepath": self.scene or str(found.scene),
+            "captures": "" if found.photographs is None else str(found.photographs),
+            "poses": "" if found.poses is None else str(found.poses),
+        }
+        try:
+            ended = bpy.ops.r2sego.new_scene(how, **given)
+        except RuntimeError as error:  # what New Scene reported
+            self.report({"ERROR"}, str(error).strip().removeprefix("Error: "))
+            return {"CANCELLED"}
+        return {"CANCELLED"} if ended == {"CANCELLED"} else {"FINISHED"}
+
+
+class R2SEGO_FH_captures(bpy.types.FileHandler):
+    """Photographs or poses, dropped into the 3D view, begin a new scene"""
+
+    bl_idname = "R2SEGO_FH_captures"
+    bl_label = "R2S-EGO Captures"
+    bl_import_operator = R2SEGO_OT_new_scene_from_files.bl_idname
+    bl_file_extensions = ";".join((*PHOTOGRAPHS, ".json", ".bin", ".txt"))
+
+    @classmethod
+    def poll_drop(cls, context):
+        """In the 3D view alone."""
+        return context.area is not None and context.area.type == "VIEW_3D"

@@ -1,0 +1,82 @@
+"""The overlay of the triangulated points: drawn as they are, without objects, quick with 200 000."""
+
+import bpy
+import gpu
+from gpu_extras.batch import batch_for_shader
+
+from ..r2sego_blender.bridge.sparse_cloud import cloud_at
+from .overlays import Overlay
+
+_VERTEX = """
+void main() {
+  gl_Position = perspective * vec4(pos, 1.0);
+  gl_PointSize = size;
+  shown = color;
+}
+"""
+_FRAGMENT = """
+void main() {
+  vec2 from_middle = gl_PointCoord - vec2(0.5);
+  if (dot(from_middle, from_middle) > 0.25) discard;
+  outcome = blender_srgb_to_framebuffer_space(shown);
+}
+"""
+_made = {}
+
+
+def _draw(context):
+    scene = context.scene
+    shown = getattr(scene, "r2sego_captures", None)
+    if shown is None or not shown.show_cloud or not scene.r2sego.bundle or not _overlays(context):
+        return
+    cloud = cloud_at(bpy.path.abspath(scene.r2sego.bundle))
+    if cloud is None or not len(cloud.points):
+        return
+    if _made.get("cloud") is not cloud:  # to the GPU once, not once a frame
+        _made["shader"] = _made.get("shader") or _shader()
+        _made["batch"] = batch_for_shader(
+            _made["shader"], "POINTS", {"pos": cloud.points, "color": cloud.colours}
+        )
+        _made["cloud"] = cloud
+    shader = _made["shader"]
+    gpu.state.depth_test_set("LESS_EQUAL")
+    gpu.state.program_point_size_set(True)
+    shader.bind()
+    shader.uniform_float("perspective", context.region_data.perspective_matrix)
+    shader.uniform_float("size", shown.point_size_px * context.preferences.system.ui_scale)
+    _made["batch"].draw(shader)
+    gpu.state.program_point_size_set(False)
+    gpu.state.depth_test_set("NONE")
+
+
+def _overlays(context):
+    return context.space_data is not None and context.space_data.overlay.show_overlays
+
+
+def _shader():
+    between = gpu.types.GPUStageInterfaceInfo("r2sego_cloud")
+    between.smooth("VEC4", "shown")
+    info = gpu.types.GPUShaderCreateInfo()
+    info.push_constant("MAT4", "perspective")
+    info.push_constant("FLOAT", "size")
+    info.vertex_in(0, "VEC3", "pos")
+    info.vertex_in(1, "VEC4", "color")
+    info.vertex_out(between)
+    info.fragment_out(0, "VEC4", "outcome")
+    info.vertex_source(_VERTEX)
+    info.fragment_source(_FRAGMENT)
+    return gpu.shader.create_from_info(info)
+
+
+_overlay = Overlay(_draw, "POST_VIEW")
+
+
+def register():
+    """Start drawing."""
+    _overlay.register()
+
+
+def unregister():
+    """Stop drawing, and let the GPU's copy go."""
+    _overlay.unregister()
+    _made.clear()

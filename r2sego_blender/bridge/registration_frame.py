@@ -1,0 +1,61 @@
+"""The frame a person moves and turns to say where the world shall be: arrows with a grid."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ..errors import SceneError
+from .outliner import find_collection, fresh_collection
+
+_PART = "Registration"
+_ROLE = "r2sego_role"
+_FRAME = "world frame"
+_GRID_M, _STEP_M = 4.0, 1.0
+
+
+def place_frame(scene: bpy.types.Scene, bundle_name: str) -> bpy.types.Object:
+    """Arrows at the world's origin with a grid of a metre's lines, in place of earlier ones."""
+    collection = fresh_collection(scene, bundle_name, _PART)
+    frame = bpy.data.objects.new("World Frame", None)
+    frame.empty_display_type, frame.empty_display_size = "ARROWS", 1.0
+    frame.show_name, frame.show_in_front = True, True
+    frame[_ROLE] = _FRAME
+    collection.objects.link(frame)
+    grid = bpy.data.objects.new("World Frame Grid", _grid_mesh())
+    grid.parent = frame
+    grid.display_type, grid.hide_select, grid.hide_render = "WIRE", True, True
+    collection.objects.link(grid)
+    return frame
+
+
+def find_frame(scene: bpy.types.Scene, bundle_name: str) -> bpy.types.Object | None:
+    """The arrows of ``place_frame``, None when they are gone."""
+    collection = find_collection(scene, bundle_name, _PART)
+    if collection is None:
+        return None
+    return next((one for one in collection.objects if one.get(_ROLE) == _FRAME), None)
+
+
+def world_from_frame(scene: bpy.types.Scene, bundle_name: str) -> np.ndarray:
+    """(4, 4) float64: where the arrows stand now. Raises SceneError when there are none."""
+    frame = find_frame(scene, bundle_name)
+    if frame is None:
+        raise SceneError("there is no frame to take", cure="Place Frame, then move and turn its arrows.")
+    return np.array(frame.matrix_world, np.float64)
+
+
+def remove_frame(scene: bpy.types.Scene, bundle_name: str) -> None:
+    """Take the arrows and their grid away."""
+    if find_frame(scene, bundle_name) is not None:
+        fresh_collection(scene, bundle_name, _PART)
+
+
+def _grid_mesh() -> bpy.types.Mesh:
+    lines = np.arange(-_GRID_M, _GRID_M + 0.5 * _STEP_M, _STEP_M)
+    ends = np.array([[-_GRID_M, _GRID_M]] * len(lines))
+    along_x = np.stack([ends, np.repeat(lines[:, None], 2, 1), np.zeros_like(ends)], axis=2)
+    vertices = np.concatenate([along_x, along_x[..., [1, 0, 2]]]).reshape(-1, 3)
+    mesh = bpy.data.meshes.new("World Frame Grid")
+    mesh.from_pydata(vertices.tolist(), np.arange(len(vertices)).reshape(-1, 2).tolist(), [])
+    return mesh

@@ -1,0 +1,24 @@
+"""What a new scene can be given by name: the robots and behaviour scopes that come with the library."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_SCOPES = Path(__file__).parents[1] / "robot" / "scopes"
+
+
+def robot_choices() -> list[str]:
+    """The embedded robots; any MJCF or URDF file is one too."""
+    return ["embedded:humanoid", "embedded:wheeled"]
+
+
+def scope_choices() -> list[str]:
+    """The shipped behaviour scopes; any TOML file is one too."""
+    return sorted(file.stem for file in _SCOPES.glob("*.toml"))
+
+
+def what_refine_does(rounds_done: int, rounds: int) -> str:
+    """What Refine would do next, in words."""
+    if rounds_done >= rounds:
+        return f"All {rounds} rounds are done: only what changed is redone"
+    return f"Refine goes on with round {rounds_done + 1} of {rounds}"

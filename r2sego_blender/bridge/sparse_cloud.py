@@ -1,0 +1,49 @@
+"""The sparse points that the overlay draws, read when a bundle is opened. No bpy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .bundle import Bundle
+
+
+@dataclass(frozen=True, eq=False)
+class SparseCloud:
+    """Points (P, 3) float32, metres, and their sRGB colours (P, 4) float32 in [0, 1]."""
+
+    points: np.ndarray
+    colours: np.ndarray
+
+
+_read: dict[str, tuple[int, SparseCloud]] = {}
+
+
+def read_cloud(bundle: Bundle) -> SparseCloud | None:
+    """The cloud of a bundle, read again when its file has changed; None without one.
+
+    Raises SceneError when the file is damaged.
+    """
+    key, file = str(bundle.path), bundle.sparse_file
+    if not file.is_file():
+        _read.pop(key, None)
+        return None
+    changed = file.stat().st_mtime_ns
+    if key not in _read or _read[key][0] != changed:
+        points, colours = bundle.sparse_points()
+        rgba = np.ones((len(points), 4), np.float32)
+        rgba[:, :3] = colours.astype(np.float32) / 255.0
+        _read.clear()  # one room at a time: a cloud may be large
+        _read[key] = changed, SparseCloud(np.ascontiguousarray(points), rgba)
+    return _read[key][1]
+
+
+def cloud_at(path: str) -> SparseCloud | None:
+    """The cloud that ``read_cloud`` read for the bundle at ``path``; reads nothing."""
+    return _read[path][1] if path in _read else None
+
+
+def forget_clouds() -> None:
+    """Let the clouds go."""
+    _read.clear()
