@@ -15,8 +15,9 @@ from .. import state
 from ..base import EngineOperator, needs_idle_engine
 from .views import needs_views
 
-_ROOT = __package__.partition(".operators")[0]
-_FOLDER = "pictures"
+_FOLDER = ".pictures"
+"""Of the bundle: renderings to look at, which no step reads; it may be deleted at any time."""
+
 _WHEN = [
     ("BEFORE", "Before the Round", "The asset that lacks what the views show"),
     ("AFTER", "After the Round", "The asset that was trained on the views"),
@@ -48,9 +49,14 @@ class R2SEGO_OT_render_target_views(EngineOperator, bpy.types.Operator):
             for record in views_of_round(bundle, shown)
         ]
         folder = pictures_folder(bundle, shown, stage)
-        folder.mkdir(parents=True, exist_ok=True)
         file = folder / "cameras.json"
-        file.write_text(json.dumps({"cameras": cameras}), encoding="utf-8")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            file.write_text(json.dumps({"cameras": cameras}), encoding="utf-8")
+        except OSError as error:
+            raise AssetError(
+                f"the cameras cannot be written: {error.strerror}", where=file, cure="Allow writing there."
+            ) from error
         return [
             "render", str(bundle.path), "--cameras", str(file), "--to", str(folder), "--round", stage.name,
             "--json-progress",
@@ -84,10 +90,9 @@ def stage_of(bundle: Bundle, round_index: int, when: str) -> Stage:
 def pictures_folder(bundle: Bundle, round_index: int, stage: Stage) -> Path:
     """Where the renderings of this asset from these views stand: another one when either changed."""
     selection = bundle.selection_folder(round_index) / "selection.npz"
-    state_of = [str(bundle.path), round_index, stage.name, stage.file.stat().st_mtime_ns,
-                selection.stat().st_mtime_ns]  # fmt: skip
-    digest = hashlib.sha256(json.dumps(state_of).encode()).hexdigest()[:16]
-    return Path(bpy.utils.extension_path_user(_ROOT, path=_FOLDER, create=True)) / digest
+    made = [round_index, stage.name, stage.file.stat().st_mtime_ns, selection.stat().st_mtime_ns]
+    digest = hashlib.sha256(json.dumps(made).encode()).hexdigest()[:16]
+    return bundle.path / _FOLDER / digest
 
 
 def _words(when: str) -> str:

@@ -1,0 +1,42 @@
+"""What the example scripts share: the add-on's operators, installed or straight from this checkout."""
+
+import contextlib
+import importlib.util
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+
+from r2sego_blender.errors import SceneError
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@contextlib.contextmanager
+def enabled_addon() -> Iterator[None]:
+    """``bpy.ops.r2sego`` in an empty file: of the installed add-on, else of this checkout.
+
+    What an operator reports as an error becomes a SceneError.
+    """
+    addon = None if dir(bpy.ops.r2sego) else _checkout()
+    bpy.ops.wm.read_homefile(use_empty=True)
+    if addon is not None:
+        addon.register()
+    try:
+        yield
+    except RuntimeError as error:
+        raise SceneError(str(error).removeprefix("Error: ").strip().rstrip(".")) from error
+    finally:
+        if addon is not None:
+            addon.unregister()
+
+
+def _checkout():
+    """The add-on this script belongs to, as the module ``r2sego``."""
+    spec = importlib.util.spec_from_file_location(
+        "r2sego", ROOT / "__init__.py", submodule_search_locations=[str(ROOT)]
+    )
+    addon = sys.modules["r2sego"] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(addon)
+    return addon

@@ -1,0 +1,34 @@
+"""The example of the room Generation, with pip bpy."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("bpy", reason="pip bpy is not installed")
+
+SCRIPT = Path(__file__).parents[2] / "batch" / "examples" / "generation_views.py"
+
+
+def run(environment, *arguments):
+    return subprocess.run(
+        [sys.executable, str(SCRIPT), "--", *map(str, arguments)], env=environment,
+        capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+
+
+def test_views_are_decided_on_listed_and_pictured(bundle_path, blender_environment, tmp_path):
+    done = run(blender_environment, bundle_path, "--to", tmp_path / "out", "--round", 0, "--reject", 2)
+    assert done.returncode == 0, done.stderr
+    assert (bundle_path / "rounds" / "0" / "views" / "002" / "decision.json").is_file()
+    assert "view 2: rejected, rejected by hand (the gate: registered" in done.stdout
+    assert "view 3: accepted" in done.stdout and "stands in for view 1" in done.stdout
+    names = sorted(file.name for file in (tmp_path / "out").iterdir())
+    assert names == ["000.png", "002.png", "003.png", "view.blend"]
+
+
+def test_what_cannot_be_is_told_in_one_line(bundle_path, blender_environment, tmp_path):
+    done = run(blender_environment, bundle_path, "--to", tmp_path / "out", "--accept", 1)
+    assert done.returncode == 1
+    assert "no estimated pose" in done.stderr and "Traceback" not in done.stderr
