@@ -1,8 +1,40 @@
-"""The sub-panel Robot."""
+"""The sub-panel Robot: what is declared, where it may be, what it sits on, and its rollouts."""
+
+import textwrap
 
 import bpy
 
-from .sidebar import Step
+from .region_overlay import REGION
+from .sidebar import Sidebar, Step, draw_problem, fitting_characters
+
+
+class R2SEGO_UL_attempts(bpy.types.UIList):
+    """Attempts at the behaviour; a click on one jumps to where it failed"""
+
+    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index=0, flt_flag=0):
+        split = layout.split(factor=0.86)
+        name = f"{item.number}  {item.behaviour or 'none'}: {item.reason.replace('_', ' ') or 'succeeded'}"
+        jump = split.operator(
+            "r2sego.jump_to_attempt", text=name, emboss=False, icon="CHECKMARK" if item.success else "CANCEL"
+        )
+        jump.attempt, jump.trial = item.number, data.source == "TRIAL"
+        split.label(text=f"{item.time_s:.1f} s")
+
+    def filter_items(self, context, data, property):
+        attempts = getattr(data, property)
+        wanted = {"ALL": (True, False), "SUCCEEDED": (True,), "FAILED": (False,)}[data.listed]
+        shown = [self.bitflag_filter_item if item.success in wanted else 0 for item in attempts]
+        return shown, []
+
+
+class R2SEGO_UL_seats(bpy.types.UIList):
+    """Surfaces to sit on; a click on one makes it the target"""
+
+    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index=0, flt_flag=0):
+        place = f"{item.place[0]:.3f},{item.place[1]:.3f}"
+        text = f"{item.object_name or f'Seat at {place}'}, {item.height:.2f} m high"
+        pick = layout.operator("r2sego.pick_target", text=text, emboss=False, icon="HANDLETYPE_VECTOR_VEC")
+        pick.target = item.object_name or place
 
 
 class R2SEGO_PT_robot(Step, bpy.types.Panel):
@@ -15,6 +47,116 @@ class R2SEGO_PT_robot(Step, bpy.types.Panel):
 
     def draw(self, context):
         self.draw_facts(context)
+        if context.scene.r2sego_robot.problem:
+            draw_problem(context, self.layout, context.scene.r2sego_robot.problem)
+        column = self.layout.column(align=True)
+        row = column.row(align=True)
+        row.operator("r2sego.choose_robot", text="Robot", icon="ARMATURE_DATA")
+        row.operator("r2sego.choose_scope", text="Scope", icon="PRESET")
+        row = column.row(align=True)
+        row.operator("r2sego.set_mount", text="Camera", icon="OUTLINER_DATA_CAMERA")
+        row.operator("r2sego.set_behaviours", text="Behaviours", icon="ANIM")
+        column.operator("r2sego.inspect_robot", text="Inspect", icon="VIEWZOOM").seats = False
 
 
-CLASSES = (R2SEGO_PT_robot,)
+class _Part(Sidebar):
+    bl_parent_id = "R2SEGO_PT_robot"
+    bl_options = {"DEFAULT_CLOSED"}
+
+
+class R2SEGO_PT_region(_Part, bpy.types.Panel):
+    """Where the robot may be"""
+
+    bl_idname = "R2SEGO_PT_region"
+    bl_label = "Behaviour Region"
+    bl_order = 0
+
+    def draw_header(self, context):
+        self.layout.prop(context.scene.r2sego_robot, "show_region", text="")
+
+    def draw(self, context):
+        column = self.layout.column(align=True)
+        column.operator("r2sego.draw_region", icon="GREASEPENCIL")
+        row = column.row(align=True)
+        row.operator("r2sego.region_from_object", text="From Object", icon="MESH_PLANE")
+        row.operator("r2sego.clear_region", text="Free Floor", icon="X")
+
+
+class R2SEGO_PT_targets(_Part, bpy.types.Panel):
+    """What the robot sits on"""
+
+    bl_idname = "R2SEGO_PT_targets"
+    bl_label = "Targets"
+    bl_order = 1
+
+    def draw(self, context):
+        robot = context.scene.r2sego_robot
+        row = self.layout.row(align=True)
+        row.operator("r2sego.pick_target", text="Pick", icon="EYEDROPPER").target = ""
+        row.operator("r2sego.pick_target", text="Any Seat").target = "any"
+        self.layout.operator("r2sego.inspect_robot", text="Find Seats", icon="VIEWZOOM").seats = True
+        if len(robot.seats):
+            self.layout.template_list(
+                "R2SEGO_UL_seats", "", robot, "seats", robot, "seat_index", rows=2, maxrows=6
+            )
+
+
+class R2SEGO_PT_rollouts(_Part, bpy.types.Panel):
+    """What became of every attempt"""
+
+    bl_idname = "R2SEGO_PT_rollouts"
+    bl_label = "Rollouts"
+    bl_order = 2
+
+    def draw(self, context):
+        layout, robot = self.layout, context.scene.r2sego_robot
+        row = layout.row(align=True)
+        row.prop(robot, "trial_attempts")
+        row.operator("r2sego.try_rollouts", text="Try", icon="PLAY").attempts = robot.trial_attempts
+        layout.row(align=True).prop(robot, "source", expand=True)
+        if robot.source == "ROUND":
+            layout.prop(context.scene.r2sego, "round_index")
+        if not len(robot.attempts):
+            layout.label(text="No rollouts yet", icon="INFO")
+            return
+        layout.row(align=True).prop(robot, "listed", expand=True)
+        layout.template_list(
+            "R2SEGO_UL_attempts", "", robot, "attempts", robot, "attempt_index", rows=4, maxrows=10
+        )
+        self._draw_chosen(context, robot)
+
+    def _draw_chosen(self, context, robot):
+        layout, trial = self.layout, robot.source == "TRIAL"
+        layout.label(text=f"{robot.succeeded} of {len(robot.attempts)} succeeded")
+        if robot.attempt_index < len(robot.attempts):
+            chosen = robot.attempts[robot.attempt_index]
+            outcome = "succeeded" if chosen.success else chosen.detail or chosen.reason
+            said = f"Attempt {chosen.number}, frame {chosen.frame}: {outcome}"
+            column = layout.column(align=True)
+            for line in textwrap.wrap(said, fitting_characters(context, 1.0)):
+                column.label(text=line)
+            row = layout.row(align=True)
+            show = row.operator("r2sego.show_rollout", text="Show", icon="ARMATURE_DATA")
+            show.attempt, show.trial, show.every = chosen.number, trial, False
+            show = row.operator("r2sego.show_rollout", text="All", icon="COMMUNITY")
+            show.attempt, show.trial, show.every = chosen.number, trial, True
+
+
+CLASSES = (
+    R2SEGO_UL_attempts,
+    R2SEGO_UL_seats,
+    R2SEGO_PT_robot,
+    R2SEGO_PT_region,
+    R2SEGO_PT_targets,
+    R2SEGO_PT_rollouts,
+)
+
+
+def register() -> None:
+    """Begin to draw the region."""
+    REGION.register()
+
+
+def unregister() -> None:
+    """Draw it no longer."""
+    REGION.unregister()

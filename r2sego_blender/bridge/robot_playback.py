@@ -67,13 +67,13 @@ def play(
     _recordings[collection[_RECORDING]] = recording
 
 
-def shown_rollouts(collection: bpy.types.Collection | None) -> tuple[int, tuple[int, ...]] | None:
-    """The round, or TRIAL, and the numbers of the rollouts a collection shows; None for none."""
+def shown_rollouts(collection: bpy.types.Collection | None) -> tuple[int, tuple[int, ...], str] | None:
+    """The round, or TRIAL, the numbers and the digest of the rollouts a collection shows; None for none."""
     told = collection.get(_RECORDING) if collection is not None else None
     if not told:
         return None
     told = json.loads(told)
-    return told["round"], tuple(told["rollouts"])
+    return told["round"], tuple(told["rollouts"]), told["digest"]
 
 
 def place(collection: bpy.types.Collection, frame: int) -> None:

@@ -74,11 +74,16 @@ def are_written(bundle: Bundle, round_index: int) -> bool:
         told = _description(bodies_folder(bundle, round_index))
     except (OSError, ValueError):
         return False
-    rollouts = rollouts_folder(bundle, round_index) / "rollouts.npz"
-    if not rollouts.is_file():
-        return False
-    state = rollouts.stat()
-    return told.get("rollouts") == _digest(rollouts, state.st_mtime_ns, state.st_size)
+    return told.get("rollouts", "") == digest_of(bundle, round_index) != ""
+
+
+def digest_of(bundle: Bundle, round_index: int) -> str:
+    """The digest of the rollouts that are there now; '' for none."""
+    file = rollouts_folder(bundle, round_index) / "rollouts.npz"
+    if not file.is_file():
+        return ""
+    state = file.stat()
+    return _digest(file, state.st_mtime_ns, state.st_size)
 
 
 def _description(folder: Path) -> Mapping[str, Any]:

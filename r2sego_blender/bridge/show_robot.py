@@ -16,7 +16,7 @@ from .materials import plain_material
 from .meshes import assign_materials, mesh_from_arrays
 from .outliner import find_collection, fresh_collection
 from .robot_playback import CAMERA, Recording
-from .rollout_bodies import RobotBodies
+from .rollout_bodies import RobotBodies, digest_of
 from .rollout_list import attempts
 
 PART = "Robot"
@@ -70,14 +70,10 @@ def show_rollouts(
     return roots
 
 
-def go_to_frame(scene: bpy.types.Scene, frame: int) -> None:
-    """Set the timeline, also where it is there already: all that is shown moves to it."""
-    scene.frame_set(frame)
-
-
-def shown_rollouts(scene: bpy.types.Scene, bundle: Bundle) -> tuple[int, tuple[int, ...]] | None:
-    """The round, or TRIAL, and the numbers of the rollouts that are shown; None for none."""
-    return robot_playback.shown_rollouts(find_collection(scene, bundle.name, PART))
+def are_shown(scene: bpy.types.Scene, bundle: Bundle, round_index: int, numbers: Sequence[int]) -> bool:
+    """Whether exactly these rollouts, as they are in the bundle now, are shown."""
+    shown = robot_playback.shown_rollouts(find_collection(scene, bundle.name, PART))
+    return shown == (round_index, tuple(numbers), digest_of(bundle, round_index))
 
 
 def _mesh(name: str, vertices: np.ndarray, faces: np.ndarray, colours: np.ndarray) -> bpy.types.Mesh:

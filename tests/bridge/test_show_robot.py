@@ -62,7 +62,9 @@ def test_several_are_shown_together(scene, bundle):
     assert len(scene.objects) == 3 * (len(bodies.names) + 2)
     assert len([mesh for mesh in bpy.data.meshes if mesh.users]) == len(bodies.names)  # shared
     check_frames(bundle, 0, [0, 1, 3], range(11))
-    assert show_robot.shown_rollouts(scene, bundle) == (0, (0, 1, 3))
+    assert show_robot.are_shown(scene, bundle, 0, [0, 1, 3])
+    assert not show_robot.are_shown(scene, bundle, 0, [0, 1])
+    assert not show_robot.are_shown(scene, bundle, 1, [0, 1, 3])
 
 
 def test_a_moved_empty_moves_its_robot(scene, bundle):

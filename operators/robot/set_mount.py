@@ -1,0 +1,107 @@
+"""Set where the head camera sits and how far down it looks."""
+
+import json
+import math
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty, FloatVectorProperty, StringProperty
+
+from ...r2sego_blender.bridge.robot_facts import RobotFacts
+from ...r2sego_blender.errors import R2SEgoError
+from .. import state
+from .declaring import DeclaringOperator
+
+
+class R2SEGO_OT_set_mount(DeclaringOperator, bpy.types.Operator):
+    """Declare the head camera's mount on the robot, and the pitch of its bracket"""
+
+    bl_idname = "r2sego.set_mount"
+    bl_label = "Set Camera Mount"
+    bl_options = {"REGISTER"}
+
+    mount: EnumProperty(
+        name="Mount", description="Where the camera sits",
+        items=[
+            ("OWN", "Robot's Own", "The robot file's only camera, or its head_camera"),
+            ("CAMERA", "Named Camera", "Another camera of the robot's file"),
+            ("PLACE", "Place", "A place on one of the robot's bodies"),
+        ],
+    )  # fmt: skip
+    camera: StringProperty(
+        name="Camera", description="The name of a camera in the robot's file", default="head_camera"
+    )
+    body: StringProperty(name="Body", description="The body that carries the camera", default="torso_link")
+    place: FloatVectorProperty(
+        name="Place", description="The camera in the body's frame: x forward, y left, z up", size=3,
+        default=(0.0576235, 0.01753, 0.42987), subtype="TRANSLATION", unit="LENGTH",
+    )  # fmt: skip
+    turn: FloatVectorProperty(
+        name="Turn", description="Roll, pitch (positive looks down) and yaw of the camera", size=3,
+        default=(0.0, 0.8307767, 0.0), subtype="EULER", unit="ROTATION",
+    )  # fmt: skip
+    field_of_view: FloatProperty(
+        name="Field of View", description="Across the image's width", default=math.radians(69.0),
+        min=math.radians(1.0), max=math.radians(170.0), subtype="ANGLE", unit="ROTATION",
+    )  # fmt: skip
+    pitch: EnumProperty(
+        name="Pitch", description="How far down the camera looks",
+        items=[
+            ("MOUNTED", "As Mounted", "The mount as it is, in every rollout"),
+            ("DRAWN", "Drawn", "The bracket is set before each rollout, between two angles"),
+        ],
+    )  # fmt: skip
+    pitch_low: FloatProperty(
+        name="From", description="The least pitch below the horizon", default=math.radians(22.0),
+        min=math.radians(-30.0), max=math.radians(90.0), subtype="ANGLE", unit="ROTATION",
+    )  # fmt: skip
+    pitch_high: FloatProperty(
+        name="To", description="The greatest pitch below the horizon", default=math.radians(46.0),
+        min=math.radians(-30.0), max=math.radians(90.0), subtype="ANGLE", unit="ROTATION",
+    )  # fmt: skip
+
+    def invoke(self, context, event):
+        try:
+            scope = RobotFacts.read(state.opened_bundle(context)).scope
+        except R2SEgoError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        mount, pitch = scope.robot.mount, scope.look.camera_pitch_deg
+        self.mount = "OWN" if mount is None else "CAMERA" if isinstance(mount, str) else "PLACE"
+        if self.mount == "CAMERA":
+            self.camera = mount
+        self.pitch = "MOUNTED" if pitch is None else "DRAWN"
+        if pitch is not None:
+            self.pitch_low, self.pitch_high = map(math.radians, pitch)
+        return context.window_manager.invoke_props_dialog(self, width=400)
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(self, "mount")
+        shown = {"OWN": (), "CAMERA": ("camera",), "PLACE": ("body", "place", "turn", "field_of_view")}
+        for name in shown[self.mount]:
+            layout.prop(self, name)
+        layout.prop(self, "pitch")
+        if self.pitch == "DRAWN":
+            layout.prop(self, "pitch_low")
+            layout.prop(self, "pitch_high")
+
+    def changes(self, context):
+        pitch = ""
+        if self.pitch == "DRAWN":
+            pitch = _numbers(map(math.degrees, (self.pitch_low, self.pitch_high)))
+        return ["--set", f"robot.mount={self._mount()}", "--set", f"look.camera_pitch_deg={pitch}"]
+
+    def _mount(self):
+        """The mount as TOML; '' for the robot's own."""
+        if self.mount == "OWN":
+            return ""
+        if self.mount == "CAMERA":
+            return json.dumps(self.camera)
+        fov = f"{{hfov_deg = {math.degrees(self.field_of_view):.6g}}}"
+        return f"[{json.dumps(self.body)}, {_numbers(self.place)}, {_numbers(self.turn)}, {fov}]"
+
+
+def _numbers(values):
+    return f"[{', '.join(f'{value:.7g}' for value in values)}]"
