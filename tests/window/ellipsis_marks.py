@@ -5,9 +5,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-_ALIKE = 0.86
-_DOTS_HIGH = 0.30
-_WIDE = 0.95
+_ALIKE = 0.88
+_CONTRAST = 45
+_LOW = 0.4  # dots lie in this share of a line, from below
+_WIDTH_OF_SIZE = (0.55, 1.5)
+_LINE_HEIGHT_OF_SIZE = (0.5, 1.6)
+_FONT_PX = 11.0
 
 
 def bar_of(picture: Path, bar: dict) -> np.ndarray:
@@ -18,17 +21,17 @@ def bar_of(picture: Path, bar: dict) -> np.ndarray:
 
 
 def templates(control: np.ndarray, scale: float) -> list[np.ndarray]:
-    """The dots as they end the texts of a picture in which every text is cut off."""
-    size_px = 11.0 * scale
-    text = np.abs(control.astype(np.int16) - int(np.median(control))) > 60
+    """The dots as they stand in a picture with many texts that are cut off in their middle."""
+    size_px = _FONT_PX * scale
+    text = np.abs(control.astype(np.int16) - cv2.medianBlur(control, 2 * int(size_px) + 1)) > _CONTRAST
     found = []
-    for top, bottom in _lines(text, int(0.5 * size_px)):
-        right = np.flatnonzero(text[top:bottom].any(axis=0)).max() + 1
-        width, base = round(_WIDE * size_px), bottom
-        lowest = np.flatnonzero(text[top:bottom, right - width : right].any(axis=1))
-        if len(lowest) and lowest.min() > 0.55 * (bottom - top):  # nothing but dots at the line's end
-            high = round(_DOTS_HIGH * size_px) + 4
-            found.append(control[base - high : base + 2, right - width - 1 : right + 1])
+    for top, bottom in _runs(text.any(axis=1), *(share * size_px for share in _LINE_HEIGHT_OF_SIZE)):
+        low = bottom - round(_LOW * (bottom - top))
+        only_low = ~text[top:low].any(axis=0)
+        gap = round(0.35 * size_px)  # between two words, too, nothing is high: dots must be there
+        for left, right in _runs(only_low, *(share * size_px for share in _WIDTH_OF_SIZE)):
+            if len(_runs(text[low:bottom, left:right].any(axis=0), 1, gap)) >= 3:
+                found.append(control[low - gap : bottom + 1, left:right])
     return found
 
 
@@ -42,7 +45,7 @@ def marks(image: np.ndarray, dots: list[np.ndarray]) -> list[tuple[int, int]]:
     return sorted(places)
 
 
-def _lines(text: np.ndarray, least_px: int) -> list[tuple[int, int]]:
-    filled = text.any(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], filled.astype(np.int8), [0]])))
-    return [(a, b) for a, b in edges.reshape(-1, 2) if b - a >= least_px]
+def _runs(mask: np.ndarray, least: float, most: float) -> list[tuple[int, int]]:
+    """(first, end) of the runs of True whose length is between ``least`` and ``most``."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return [(a, b) for a, b in edges.reshape(-1, 2).tolist() if least <= b - a <= most]

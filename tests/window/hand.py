@@ -80,21 +80,6 @@ def open_tab():
     raise AssertionError(f"there is no tab {TAB}")
 
 
-def widen_bar(width_px):
-    """Drag the side bar's edge until it is this wide."""
-    _, bar = view()
-    y = bar.y + 5
-    yield from move(bar.x, y)
-    window().event_simulate("LEFTMOUSE", "PRESS", x=bar.x, y=y)
-    yield 0.1
-    goal = bar.x + bar.width - width_px
-    for x in (bar.x - 10, goal):
-        window().event_simulate("MOUSEMOVE", "NOTHING", x=int(x), y=y)
-        yield 0.1
-    window().event_simulate("LEFTMOUSE", "RELEASE", x=int(goal), y=y)
-    yield 0.5
-
-
 def picture(name):
     """Have the picture of the screen taken (by the test, outside)."""
     wanted = OUT / f"{name}.wanted"

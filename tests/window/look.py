@@ -14,7 +14,6 @@ sys.path.insert(0, str(Path(__file__).parent))
 import hand  # found beside this file
 
 _, ZIP, BUNDLE, ENGINE, STATE, SCALE = sys.argv[sys.argv.index("--") + 1 :]
-BAR_WIDTH_PX = 330
 COLUMNS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85, 0.91)
 
 
@@ -78,7 +77,6 @@ def script():
     drawn = hand.Drawn()
     STATES[STATE]()
     yield from hand.open_tab()
-    yield from hand.widen_bar(int(BAR_WIDTH_PX * scale))
     yield 1.0
     _, bar = hand.view()
     yield from hand.move(bar.x - 40, bar.y + 20)

@@ -72,7 +72,6 @@ def script():
     install()
     drawn = hand.Drawn()
     yield from hand.open_tab()
-    yield from hand.widen_bar(330)
     yield 1.0
     met = yield from hand.sweep(14, COLUMNS)
     told = {}
