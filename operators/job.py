@@ -48,7 +48,7 @@ def start(operator: bpy.types.Operator, arguments: Iterable[str], python: str = 
     arguments = list(arguments)
     bundle = next((name for name in arguments if Path(name, _BUNDLE_FILE).is_file()), "")
     notes = {
-        "operator": operator.bl_idname, "properties": given_properties(operator), "bundle": bundle,
+        "operator": type(operator).bl_idname, "properties": given_properties(operator), "bundle": bundle,
     }  # fmt: skip
     folder = Path(bundle, JOBS_FOLDER) if bundle else own_folder()
     started = start_job(arguments, python or interpreter(), operator.bl_label, folder, module, notes)

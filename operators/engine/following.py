@@ -5,6 +5,7 @@ saves no backup while one runs, and a refinement takes hours.
 """
 
 import contextlib
+from pathlib import Path
 
 import bpy
 
@@ -67,7 +68,9 @@ def _tell_only(found: Job) -> None:
     job.let_go()
     try:
         found.result()
-        job.tell_end(found.title, "INFO", f"{found.title}: done")
+        bundle = found.notes.get("bundle", "")
+        title = f"{found.title} of {Path(bundle).name}" if bundle else found.title
+        job.tell_end(found.title, "INFO", f"{title}: done")
     except R2SEgoError as error:
         job.tell_end(found.title, "WARNING" if found.cancelled else "ERROR", str(error))
     finally:

@@ -6,7 +6,19 @@ import sys
 import time
 
 import bpy
-from support import BUNDLE, ENGINE, MODULE, OUT, calls, conduct, open_bundle, preferences, refused, state
+from support import (
+    BUNDLE,
+    ENGINE,
+    MODULE,
+    OUT,
+    calls,
+    conduct,
+    copied_bundle,
+    open_bundle,
+    preferences,
+    refused,
+    state,
+)  # fmt: skip
 
 OPERATORS = {"cancel", "check_engine", "demo_scene", "dismiss_job", "follow_job", "set_up_engine"}
 
@@ -31,20 +43,15 @@ def wait_until(condition, limit_s=20.0):
         time.sleep(0.01)
 
 
-class Stub:
-    """An operator as ``job.start`` sees it: started, but nobody waits for its end."""
-
-    bl_idname, bl_label = "r2sego.refine", "Refine"
-
-    class properties:  # noqa: N801  (as Blender calls it)
-        class rna_type:  # noqa: N801
-            properties = ()
-
-
-def started_job(arguments=("refine", str(BUNDLE))):
-    """A running job of the stand-in engine, as a window would leave it."""
-    conduct("sleep")
-    job = job_module().start(Stub(), arguments)
+def left_job(operator, **properties):
+    """The job of an operator as it starts it with a window: running, and nobody waits for its end."""
+    base = sys.modules[f"{MODULE}.operators.base"]
+    waits, base.waits_for_engine = base.waits_for_engine, lambda context: False
+    try:
+        assert operator(**properties) == {"FINISHED"}
+    finally:
+        base.waits_for_engine = waits
+    job = job_module().current()
     wait_until(job.events)
     return job
 
@@ -53,7 +60,8 @@ def check_disabling_lets_a_job_go_on_and_enabling_finds_it():
     import addon_utils
 
     open_bundle()
-    job = started_job()
+    conduct("sleep")
+    job = left_job(bpy.ops.r2sego.refine)
     assert job.folder.parent == BUNDLE / ".jobs"
     assert "busy" in refused(bpy.ops.r2sego.refine)
     started_s = time.monotonic()
@@ -69,6 +77,7 @@ def check_disabling_lets_a_job_go_on_and_enabling_finds_it():
     assert bpy.context.window_manager.r2sego_job.title == "Refine"
     started_s = time.monotonic()
     assert bpy.ops.r2sego.cancel() == {"FINISHED"}
+    assert bpy.context.window_manager.r2sego_job.cancel_requested
     wait_until(lambda: not found.running())
     assert time.monotonic() - started_s < 2.0
     job_module().let_go()
@@ -81,7 +90,7 @@ def check_disabling_lets_a_job_go_on_and_enabling_finds_it():
 def check_a_job_that_was_left_behind_is_followed_and_told_once():
     open_bundle()
     conduct("slow")
-    job = job_module().start(Stub(), ["refine", str(BUNDLE)])
+    job = left_job(bpy.ops.r2sego.refine)
     job_module().let_go()
     assert bpy.ops.r2sego.follow_job() == {"FINISHED"}
     shown = bpy.context.window_manager.r2sego_job
@@ -96,26 +105,36 @@ def check_a_job_that_was_left_behind_is_followed_and_told_once():
 
 def check_a_job_is_taken_over_with_its_operators_properties():
     """New Scene has no bundle yet when it starts: its properties say what was made."""
-    open_bundle()
-    conduct("succeed")
-    module = sys.modules[f"{MODULE}.r2sego_blender.bridge.operator_properties"]
-    kept = {}
-
-    def remember(operator):
-        kept.update(given(operator))
-        return dict(kept)
-
-    given, module_of_job = module.given_properties, job_module()
-    module_of_job.given_properties = remember
-    try:
-        assert bpy.ops.r2sego.new_scene(
-            filepath=str(BUNDLE), captures="/photographs", scale="CAMERA_HEIGHT", camera_height=1.5
-        ) == {"FINISHED"}  # fmt: skip
-    finally:
-        module_of_job.given_properties = given
-    assert kept["filepath"] == str(BUNDLE) and kept["scale"] == "CAMERA_HEIGHT", kept
-    assert kept["captures"] == "/photographs" and abs(kept["camera_height"] - 1.5) < 1e-6
+    bpy.ops.wm.read_homefile(use_empty=True)
+    conduct("slow")
+    made = OUT.parent / "made.r2s"
+    job = left_job(
+        bpy.ops.r2sego.new_scene, filepath=str(made), captures="/photographs", scale="CAMERA_HEIGHT",
+        camera_height=1.5,
+    )  # fmt: skip
+    job_module().let_go()
+    assert job.folder.parent == job_module().own_folder()
+    kept = job.notes["properties"]
+    assert (kept["filepath"], kept["scale"], kept["camera_height"]) == (str(made), "CAMERA_HEIGHT", 1.5)
     assert "robot" not in kept and "job_folder" not in kept
+    shutil.copytree(BUNDLE, made)  # what the stand-in does not make
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert bpy.ops.r2sego.follow_job() == {"FINISHED"}
+    assert state().bundle == str(made)
+
+
+def check_a_job_of_a_bundle_that_is_not_open_is_only_told():
+    copy = copied_bundle()
+    conduct("slow")
+    job = left_job(bpy.ops.r2sego.refine)
+    job_module().let_go()
+    open_bundle()
+    following = sys.modules[f"{MODULE}.operators.engine.following"]
+    wait_until(lambda: not job.running())
+    following.take_over(job)
+    (end,) = bpy.context.window_manager.r2sego_engine.ended
+    assert (end.level, end.line) == ("INFO", f"Refine of {copy.name}: done")
+    assert state().bundle == str(BUNDLE) and not job.folder.exists()
 
 
 def check_the_engines_answer_is_kept_in_the_preferences():
