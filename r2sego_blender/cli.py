@@ -36,6 +36,7 @@ from .cli_options import (
     show,
     tell,
 )
+from .cli_proxy import PROXY_COMMANDS
 from .cli_robot import robot, robot_bodies, try_rollouts
 from .cli_views import views
 from .errors import R2SEgoError, SettingsError
@@ -145,45 +146,6 @@ def refine(
         run(opened, progress)
         report = write_scene_report(opened)
     tell(progress, asset=str(opened.asset_file), collision=str(opened.collision_folder), report=str(report))
-
-
-@main.command()
-@click.argument("scene", type=ANY_PATH)
-@click.option("--masks", type=FOLDER, help="Masks of the objects: a folder each, or numbered images.")
-@click.option("--find", is_flag=True, help="Take what stands free in the observed geometry for objects.")
-@click.option("--segment", metavar="WORDS", help="Let SAM 3 mask what WORDS, with commas between, name.")
-@click.option("--library", type=FOLDER, help="Folder of meshes that shapes are looked for in.")
-@click.option(
-    "--mesh", "meshes", multiple=True, metavar="NAME=FILE", help="An object's own mesh; repeatable."
-)
-@click.option("--generate", multiple=True, metavar="NAME", help="Let SAM 3D make its mesh; repeatable.")
-@click.option("--lock", multiple=True, metavar="NAME", help="Hold an alignment as it is; repeatable.")
-@click.option("--unlock", multiple=True, metavar="NAME", help="Align it again; repeatable.")
-@click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
-def objects(
-    scene: Path,
-    masks: Path | None,
-    find: bool,
-    segment: str | None,
-    library: Path | None,
-    meshes: tuple[str, ...],
-    generate: tuple[str, ...],
-    lock: tuple[str, ...],
-    unlock: tuple[str, ...],
-    as_json: bool,
-) -> None:
-    """Declare SCENE's objects for shape priors, and say what became of them."""
-    from .object_priors import declare_objects, describe_objects, lines
-
-    opened = Scene.open(scene)
-    if masks or find or segment or library or meshes or generate or lock or unlock:
-        files = {name: Path(file) for name, file in overrides_of(meshes, "--mesh NAME=FILE").items()}
-        declare_objects(
-            opened, masks=masks, find=find, vocabulary=(segment or "").split(","), library=library,
-            meshes=files, generate=generate, lock=lock, unlock=unlock,
-        )  # fmt: skip
-    described = describe_objects(Scene.open(scene))
-    click.echo(json.dumps(described, indent=1) if as_json else "\n".join(lines(described)))
 
 
 @main.command()
@@ -323,7 +285,7 @@ def check_collision(context: click.Context, scene: Path, as_object: bool, as_jso
         tell(progress, **report.to_json())
     else:
         click.echo(json.dumps(report.to_json(), indent=1) if as_object else "\n".join(lines(report)))
-    context.exit(0 if report.passed else 1)
+    context.exit(0 if report.passed or as_json else 1)  # as JSON the result says it
 
 
 @main.command()
@@ -399,6 +361,8 @@ main.add_command(robot_bodies)
 main.add_command(try_rollouts)
 main.add_command(register)
 main.add_command(views)
+for command in PROXY_COMMANDS:
+    main.add_command(command)
 
 
 def _advance(scene: Path, round_index: int | None, name: str, progress: Progress) -> tuple[Scene, int]:

@@ -23,6 +23,7 @@ from .captures.store import load_captures, save_captures
 from .errors import CaptureError
 from .object_priors import move_objects
 from .progress import SILENT, Progress
+from .proxy_edits import move_proxy_edits
 from .scene import Scene
 
 
@@ -149,6 +150,7 @@ def _moved(
         moved = [capture.transformed(similarity) for capture in captures]
         save_captures(folder, moved, sparse.transformed(similarity))
     move_objects(scene, similarity)
+    move_proxy_edits(scene, similarity)
     move_edits(scene, similarity)
     with scene.publishing(CORRECTIONS) as file:
         file.write_text(json.dumps(history, indent=1) + "\n", encoding="utf-8")

@@ -15,7 +15,16 @@ from .captures.store import load_captures
 from .errors import GeometryError
 from .geometry.clusters import find_objects
 from .geometry.completion import CompletedDepth
-from .geometry.objects import DeclaredObject, Placement, load_objects, read_masks, save_objects
+from .geometry.objects import (
+    ACCEPT,
+    REJECT,
+    DeclaredObject,
+    Placement,
+    load_objects,
+    read_masks,
+    read_placement,
+    save_objects,
+)
 from .geometry.observed import ObservedGeometry
 from .geometry.planes import RoomPlanes
 from .geometry.priors import read_record
@@ -34,17 +43,25 @@ def declare_objects(
     library: Path | None = None,
     meshes: Mapping[str, Path] | None = None,
     generate: Sequence[str] = (),
+    place: Mapping[str, Path] | None = None,
     lock: Sequence[str] = (),
     unlock: Sequence[str] = (),
+    accept: Sequence[str] = (),
+    reject: Sequence[str] = (),
+    reconsider: Sequence[str] = (),
 ) -> Scene:
     """Write what a person says of the objects; returns the scene as declared then.
 
     ``masks`` replaces the objects by those of a folder (``read_masks``), ``find`` by what
     geometry alone takes for objects (``clusters``), words in ``vocabulary`` by what SAM 3 finds
-    for them; ``library`` is the folder shapes are looked for in; ``meshes`` gives single objects
+    for them; masks of a name that is there already keep its mesh, pose and decision.
+    ``library`` is the folder shapes are looked for in; ``meshes`` gives single objects
     a mesh of their own, ``generate`` one that SAM 3D makes.
-    ``lock`` holds the last run's alignments as they are, with their meshes; ``unlock`` lets
-    them go. The next run redoes only what depends on it. Raises GeometryError, and changes
+    ``place`` sets poses by hand, from files as ``placement.json``; without a mesh of its own an
+    object takes the one of the last run. ``lock`` holds the last run's alignments as they are,
+    with their meshes; ``unlock`` lets them go. ``accept`` and ``reject`` overrule what the
+    figures say of a prior, ``reconsider`` lets them decide again. The next run redoes only what
+    depends on it. Raises GeometryError, and changes
     nothing then; MachineError and NativeError where a learned backend is missing or fails.
     """
     words = [word.strip() for word in vocabulary if word.strip()]
@@ -52,7 +69,7 @@ def declare_objects(
         folder = scene.path / OBJECTS
         captures = load_captures(scene.captures_folder)
         if masks is not None:
-            declared = read_masks(masks, captures)
+            declared = _with_what_is_known(read_masks(masks, captures), load_objects(folder, captures))
         elif words:
             declared = segmented_objects(words, captures, _observed(scene))
         else:
@@ -66,10 +83,17 @@ def declare_objects(
         for one in generated_meshes(asked, captures, Path(temporary)):
             objects[one.name] = one
         found = _library(library, scene)
+        for name, file in (place or {}).items():
+            one = _known(objects, name, scene)
+            mesh = one.mesh or _mesh_of_last_run(one, scene, found)
+            objects[name] = replace(one, mesh=mesh, placement=read_placement(file))
         for name in lock:
             objects[name] = _locked(_known(objects, name, scene), scene, found)
         for name in unlock:
             objects[name] = replace(_known(objects, name, scene), placement=None)
+        for names, decision in ((accept, ACCEPT), (reject, REJECT), (reconsider, "")):
+            for name in names:
+                objects[name] = replace(_known(objects, name, scene), decision=decision)
         with scene.publishing(OBJECTS) as place:
             save_objects(place, list(objects.values()))
         return scene if library is None else scene.declare(mesh_library=str(found))
@@ -95,6 +119,7 @@ def describe_objects(scene: Scene) -> list[dict[str, Any]]:
     return [
         {"name": one.name, "masks": sum(bool(mask.any()) for mask in one.masks.values()),
          "own_mesh": one.mesh is not None, "backends": dict(one.backends),
+         "placed": one.placement is not None, "decision": one.decision,
          "locked": one.placement is not None and one.placement.locked}
         | records.get(one.name, {})
         for one in load_objects(scene.path / OBJECTS, load_captures(scene.captures_folder))
@@ -115,7 +140,8 @@ def lines(objects: Sequence[Mapping[str, Any]]) -> list[str]:
             figures = f"{'-':<24}{'-':>7}{'-':>9}"
         by_symmetry = "completed by symmetry, without a mesh" if one.get("backend") == "symmetry" else ""
         result = one.get("refusal") or by_symmetry or ("aligned" if "shape" in one else "not run yet")
-        result += ", locked" if one["locked"] else ""
+        result += ", locked" if one["locked"] else ", placed by hand" if one.get("placed") else ""
+        result += f", {one['decision']}ed by a person" if one.get("decision") else ""
         made = ", ".join(f"{part} by {name}" for part, name in one.get("backends", {}).items())
         result += f" ({made})" if made else ""
         text.append(f"{one['name']:<20}{one['masks']:>6}  {figures}  {result}")
@@ -175,6 +201,35 @@ def _library(library: Path | None, scene: Scene) -> Path | None:
     return Path(scene.declaration.mesh_library) if scene.declaration.mesh_library else None
 
 
+def _with_what_is_known(
+    masked: Sequence[DeclaredObject], before: Sequence[DeclaredObject]
+) -> tuple[DeclaredObject, ...]:
+    """The objects with new masks, with the meshes, poses and decisions those of their names had."""
+    known = {one.name: one for one in before}
+    return tuple(
+        replace(
+            one, mesh=old.mesh, placement=old.placement, decision=old.decision,
+            backends={part: name for part, name in old.backends.items() if part == "mesh"},
+        )
+        if (old := known.get(one.name)) is not None
+        else one
+        for one in masked
+    )  # fmt: skip
+
+
+def _mesh_of_last_run(one: DeclaredObject, scene: Scene, library: Path | None) -> Path:
+    """The mesh of the library that the last run took for an object. Raises GeometryError: none."""
+    shape = _records(scene).get(one.name, {}).get("shape")
+    meshes = mesh_files(library) if library is not None else []
+    mesh = next((path for path in meshes if path.stem == shape), None)
+    if mesh is None:
+        raise GeometryError(
+            f"'{one.name}' has no mesh to place", where=scene.path,
+            cure=f"Give it one with --mesh {one.name}=FILE.",
+        )  # fmt: skip
+    return mesh
+
+
 def _locked(one: DeclaredObject, scene: Scene, library: Path | None) -> DeclaredObject:
     record = _records(scene).get(one.name, {})
     if record.get("backend") == "symmetry":
@@ -186,7 +241,5 @@ def _locked(one: DeclaredObject, scene: Scene, library: Path | None) -> Declared
         raise GeometryError(
             f"'{one.name}' has no alignment yet", where=scene.path, cure="Run `r2sego refine` first."
         )
-    mesh = one.mesh
-    if mesh is None:
-        mesh = next((path for path in mesh_files(library) if path.stem == record["shape"]), None)
+    mesh = one.mesh or _mesh_of_last_run(one, scene, library)
     return replace(one, mesh=mesh, placement=Placement(np.array(record["world_from_own"]), locked=True))

@@ -235,11 +235,14 @@ class Scene:
     def _digest_of_inputs(self, inputs: Sequence[str | Path], parameters: Any) -> str:
         state = {
             "version": __version__,
-            "inputs": {str(item): content_digest(self.path / item) for item in inputs},
+            "inputs": {str(item): self._digest_of_input(item) for item in inputs},
             "parameters": parameters,
         }
         text = json.dumps(state, sort_keys=True, default=_as_json)
         return hashlib.sha256(text.encode()).hexdigest()
+
+    def _digest_of_input(self, item: str | Path) -> str:
+        return content_digest(self.path / item)
 
     def _recorded(self, target: str) -> str | None:
         for record in reversed(self.journal()):

@@ -34,6 +34,8 @@ from .geometry.bounds import with_missing_bounds
 from .geometry.collision import collision_surface
 from .geometry.collision_files import write_collision
 from .geometry.completion import CompletedDepth, complete_depth
+from .geometry.edited_proxy import edited
+from .geometry.edits import PROXY_EDITS, load_proxy_edits
 from .geometry.fusion import compose_proxy
 from .geometry.objects import load_objects
 from .geometry.observed import ObservedGeometry, observe
@@ -205,7 +207,11 @@ class Steps:
     # ---- lines 6 to 13: every round
 
     def geometry_proxy(self, l: int, captures: str, observed: str, aligned_priors: str, asset: str) -> str:
-        """M_scaf^l, Eq. 1: observed, prior and completed geometry fused with the asset's own."""
+        """M_scaf^l, Eq. 1: observed, prior and completed geometry fused with the asset's own.
+
+        What a person cut away and drew comes last, so that every other face stays as it is.
+        """
+        edits = load_proxy_edits(self.scene.path / PROXY_EDITS)
 
         def compute(folder: Path) -> None:
             current = self._asset(asset)
@@ -228,12 +234,16 @@ class Steps:
                 self.progress,
                 load_priors(self.scene.path / PRIORS),
             )
+            proxy = edited(proxy, edits, completed)
             proxy.save(folder / "proxy.npz")
             proxy.save_ply(folder / "proxy.ply")
 
         return self._step(
             of_round(l, "proxy"), compute,
-            inputs=[captures, observed, PLANES, aligned_priors, PRIORS, asset], parameters=self.h.proxy,
+            inputs=[
+                captures, observed, PLANES, aligned_priors, PRIORS, asset, *([PROXY_EDITS] if edits else []),
+            ],
+            parameters=self.h.proxy,
         )  # fmt: skip
 
     def replace_collision_mesh(self, l: int, proxy: str) -> str:

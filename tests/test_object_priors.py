@@ -192,3 +192,42 @@ def test_the_command_declares_and_describes(scene, masks, library):
     assert [one["name"] for one in json.loads(result.output)] == ["chair", "table"]
     refused = CliRunner().invoke(main, ["objects", str(scene.path), "--mesh", "chair"])
     assert refused.exit_code == 1 and "--mesh NAME=FILE" in refused.output
+
+
+def test_a_pose_by_hand_takes_the_mesh_of_the_last_run(scene, masks, library, tmp_path):
+    declare_objects(scene, masks=masks, library=library)
+    pose = np.diag([0.5, 0.5, 0.5, 1.0])
+    (tmp_path / "pose.json").write_text(json.dumps({"world_from_own": pose.tolist(), "locked": True}))
+    with pytest.raises(GeometryError, match=r"'chair' has no mesh to place.*--mesh chair=FILE"):
+        declare_objects(Scene.open(scene.path), place={"chair": tmp_path / "pose.json"})
+    _as_if_run(scene, np.eye(4))
+    declare_objects(Scene.open(scene.path), place={"chair": tmp_path / "pose.json"})
+    held = _objects(scene)["chair"]
+    assert held.mesh.name == "mesh.ply" and held.placement.locked
+    np.testing.assert_array_equal(held.placement.world_from_own, pose)
+    (tmp_path / "pose.json").write_text("{}")
+    with pytest.raises(GeometryError, match=r"pose\.json: this is no placement"):
+        declare_objects(Scene.open(scene.path), place={"chair": tmp_path / "pose.json"})
+
+
+def test_decisions_are_kept_told_and_taken_back(scene, masks):
+    declare_objects(scene, masks=masks)
+    command = ["objects", str(scene.path), "--reject", "chair", "--accept", "table"]
+    told = CliRunner().invoke(main, command).output
+    assert "rejected by a person" in told and "accepted by a person" in told
+    assert {name: one.decision for name, one in _objects(scene).items()} == {
+        "chair": "reject", "table": "accept"
+    }  # fmt: skip
+    declare_objects(Scene.open(scene.path), reconsider=["chair"])
+    assert not (scene.path / "objects/chair/decision.json").exists()
+    (scene.path / "objects/table/decision.json").write_text('{"decision": "perhaps"}')
+    with pytest.raises(GeometryError, match=r"decision\.json: this is no decision"):
+        _objects(scene)
+
+
+def test_new_masks_keep_what_else_is_known_of_an_object(scene, masks, library):
+    declare_objects(scene, masks=masks, meshes={"chair": library / "box.ply"}, reject=["chair"])
+    cv2.imwrite(str(masks / "chair" / "p1.png"), np.full((60, 80), 255, np.uint8))
+    declare_objects(Scene.open(scene.path), masks=masks)
+    chair = _objects(scene)["chair"]
+    assert len(chair.masks) == 3 and chair.mesh.name == "mesh.ply" and chair.decision == "reject"

@@ -64,9 +64,7 @@ def compose_proxy(
     """
     if len(completed) != len(captures):
         raise GeometryError("every capture needs one completed depth map", cure="Run stereo again.")
-    trusted = [
-        KnownDepth(c.camera, np.where(c.source == DepthSource.OBSERVED, c.depth, 0)) for c in completed
-    ]
+    trusted = _trusted(completed)
     with progress.task("Composing the geometry proxy", 5) as task:
         field = _empty_field(completed, observed, envelope, settings)
         task.advance()
@@ -90,7 +88,7 @@ def compose_proxy(
         task.advance()
         instance = np.pad(instance, (0, len(faces) - len(instance)))  # the envelope is the room's
         names = tuple(prior.name for prior in priors)
-        proxy = _with_evidence(vertices, faces, instance, names, completed, trusted)
+        proxy = _with_evidence(vertices, faces, instance, names, completed)
         task.advance()
     return proxy
 
@@ -236,25 +234,33 @@ def _closed(vertices, faces, field, envelope, trusted):
     return np.concatenate([vertices, added.reshape(-1, 3)]), np.concatenate([faces, new])
 
 
-def _with_evidence(vertices, faces, instance, names, completed, trusted) -> GeometryProxy:
-    rasterizer = MeshRasterizer(vertices, faces)
+def face_evidence(
+    vertices: np.ndarray, faces: np.ndarray, rasterizer: MeshRasterizer, completed: Sequence[CompletedDepth]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What the captures say of ``faces`` (F, 3): the number that see each in the mesh of ``rasterizer``
+    (F,) uint16, the number whose trusted stereo lies on it (F,) uint16, and its confidence (F,) float32.
+    """
     seen = [KnownDepth(view.camera, rasterizer.render(view.camera).depth) for view in completed]
     chosen = [KnownDepth(v.camera, np.where(v.source == DepthSource.PLANE, v.depth, 0)) for v in completed]
     centroids, normals = vertices[faces].mean(1), normals_and_areas(vertices, faces)[0]
     support, observed, planar = (
         collect_votes(centroids, views, _SUPPORT_TOLERANCE, normals, _LEAST_COSINE).agree
-        for views in (seen, trusted, chosen)
+        for views in (seen, _trusted(completed), chosen)
     )
-    provenance = np.where(observed > 0, Provenance.OBSERVED, Provenance.COMPLETED).astype(np.uint8)
-    provenance[instance > 0] = Provenance.PRIOR
     # Each capture whose stereo lies on a face halves the doubt, each chosen plane takes a fifth.
     confidence = 1.0 - 0.9 * 0.5 ** observed.astype(float) * 0.8 ** planar.astype(float)
+    return support, observed, confidence.astype(np.float32)
+
+
+def _trusted(completed: Sequence[CompletedDepth]) -> list[KnownDepth]:
+    """The depth that stereo itself measured."""
+    return [KnownDepth(c.camera, np.where(c.source == DepthSource.OBSERVED, c.depth, 0)) for c in completed]
+
+
+def _with_evidence(vertices, faces, instance, names, completed) -> GeometryProxy:
+    support, observed, confidence = face_evidence(vertices, faces, MeshRasterizer(vertices, faces), completed)
+    provenance = np.where(observed > 0, Provenance.OBSERVED, Provenance.COMPLETED).astype(np.uint8)
+    provenance[instance > 0] = Provenance.PRIOR
     return GeometryProxy(
-        vertices.astype(np.float32),
-        faces.astype(np.int32),
-        provenance,
-        support,
-        confidence.astype(np.float32),
-        instance,
-        names,
+        vertices.astype(np.float32), faces.astype(np.int32), provenance, support, confidence, instance, names
     )

@@ -5,13 +5,13 @@ They stand in the bundle's ``objects/<name>/``:
     masks/<capture>.png   white where the photograph shows the object; no file, not drawn
     mesh.glb              the shape, where the person gives one (any of ``MESH_SUFFIXES``)
     placement.json        its pose by hand: ``world_from_own`` (4, 4), and ``locked``
+    decision.json         ``decision``: "accept" or "reject" its prior, whatever the figures say
     backends.json         whence ``masks`` and ``mesh`` are, where no person made them
 """
 
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,9 +22,14 @@ import numpy as np
 from ..captures.capture import Capture
 from ..errors import GeometryError
 from ..images import load_image_uint8
+from .object_names import plain_name
 from .shapes import MESH_SUFFIXES
 
 _WHITE = 128
+
+
+ACCEPT, REJECT = "accept", "reject"
+"""What a person may decide of an object's prior; else its figures do."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +46,7 @@ class DeclaredObject:
     """``masks``: (H, W) bool at the capture's working size, by the capture's name.
 
     ``backends``: what made the "masks" and the "mesh", such as "SAM 3 0.1.0"; nothing for a person.
+    ``decision``: ACCEPT, REJECT or nothing.
     """
 
     name: str
@@ -48,6 +54,7 @@ class DeclaredObject:
     mesh: Path | None = None
     placement: Placement | None = None
     backends: Mapping[str, str] = field(default_factory=dict)
+    decision: str = ""
 
 
 def load_objects(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObject, ...]:
@@ -61,7 +68,7 @@ def load_objects(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObj
 
 
 def save_objects(folder: Path, objects: Sequence[DeclaredObject]) -> None:
-    """Write masks and placements as ``load_objects`` reads them; a mesh is copied."""
+    """Write masks, placements and decisions as ``load_objects`` reads them; a mesh is copied."""
     for one in objects:
         place = folder / one.name
         (place / "masks").mkdir(parents=True, exist_ok=True)
@@ -76,6 +83,9 @@ def save_objects(folder: Path, objects: Sequence[DeclaredObject]) -> None:
         if one.backends:
             text = json.dumps(dict(one.backends), indent=1)
             (place / "backends.json").write_text(text + "\n", encoding="utf-8")
+        if one.decision:
+            text = json.dumps({"decision": one.decision})
+            (place / "decision.json").write_text(text + "\n", encoding="utf-8")
 
 
 def read_masks(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObject, ...]:
@@ -119,9 +129,12 @@ def _object(place: Path, captures: Sequence[Capture]) -> DeclaredObject:
     meshes = [place / f"mesh{suffix}" for suffix in MESH_SUFFIXES]
     mesh = next((path for path in meshes if path.is_file()), None)
     masks = _masks(place / "masks", captures) if (place / "masks").is_dir() else {}
-    found = DeclaredObject(place.name, masks, mesh, backends=_backends(place / "backends.json"))
+    found = DeclaredObject(
+        place.name, masks, mesh, backends=_backends(place / "backends.json"),
+        decision=_decision(place / "decision.json"),
+    )  # fmt: skip
     path = place / "placement.json"
-    return replace(found, placement=_placement(path)) if path.is_file() else found
+    return replace(found, placement=read_placement(path)) if path.is_file() else found
 
 
 def _backends(path: Path) -> dict[str, str]:
@@ -135,7 +148,22 @@ def _backends(path: Path) -> dict[str, str]:
         ) from error
 
 
-def _placement(path: Path) -> Placement:
+def _decision(path: Path) -> str:
+    if not path.is_file():
+        return ""
+    try:
+        decision = json.loads(path.read_text(encoding="utf-8"))["decision"]
+        if decision not in (ACCEPT, REJECT):
+            raise ValueError(decision)
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        raise GeometryError(
+            "this is no decision", where=path, cure="Remove it; the figures then decide."
+        ) from error
+    return decision
+
+
+def read_placement(path: Path) -> Placement:
+    """The placement in a JSON file: ``world_from_own`` (4, 4) and ``locked``. Raises GeometryError."""
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         pose = np.array(data["world_from_own"], np.float64)
@@ -214,8 +242,3 @@ def _by_stem(folder: Path) -> dict[str, Path]:
 
 def _stem(capture: Capture) -> str:
     return Path(capture.name).stem
-
-
-def plain_name(name: str) -> str:
-    """A name that is a file's on any system."""
-    return re.sub(r"[^A-Za-z0-9._-]", "_", name).strip("._") or "object"

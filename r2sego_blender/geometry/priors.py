@@ -26,7 +26,7 @@ from ..progress import SILENT, Progress
 from ..settings import PriorSettings
 from .alignment import Alignment, ObjectEvidence, rated, realigned
 from .mirrored_surface import mirrored_surface
-from .objects import DeclaredObject
+from .objects import ACCEPT, REJECT, DeclaredObject
 from .observed import ObservedGeometry
 from .planes import RoomPlanes
 from .retrieval import Retrieval, refusal, retrieve, too_few_points
@@ -36,7 +36,11 @@ from .symmetry import ObjectSight, find_mirror_planes
 NEARER_THAN_ANYTHING_M = 0.01
 """The depth given to pixels where another object may stand before this one."""
 
+REFUSED = "refused"
+"""The folder of shapes that were not good enough, beside the accepted priors."""
+
 _RECORD = "priors.json"
+_BY_HAND = "a person rejected it"
 
 
 @dataclass(frozen=True)
@@ -56,12 +60,14 @@ class ObjectPrior:
     """What became of an object: ``prior`` is None where ``refusal`` says why.
 
     ``record`` has all figures; its ``backend`` says whence the prior is: "mesh" or "symmetry".
+    ``refused`` is the best shape in its best pose where that was not good enough, to be looked at.
     """
 
     name: str
     prior: AlignedPrior | None
     refusal: str
     record: dict[str, Any]
+    refused: AlignedPrior | None = None
 
 
 def align_objects(
@@ -103,7 +109,7 @@ def align_objects(
     if settings.symmetry == "unmatched":
         # One after the other: the kernels of fusion share threads of their own.
         for k, one in enumerate(objects):
-            if found[k].prior is None:
+            if found[k].prior is None and one.decision != REJECT:
                 known = _gathered(one, captures, observed, reliable, completed, anything)
                 found[k] = _completed_by_symmetry(found[k], known, settings)
     return tuple(found)
@@ -175,11 +181,16 @@ def object_place(folder: Path, name: str) -> tuple[float, float]:
 
 
 def save_priors(folder: Path, priors: Sequence[ObjectPrior]) -> None:
-    """Write the accepted priors, and ``priors.json`` with the figures of all."""
+    """Write the accepted priors, those refused in ``refused/``, and ``priors.json`` with the figures
+    of all."""
     for one in priors:
         if one.prior is not None:
             path = folder / f"{one.name}.npz"
             save_arrays(path, vertices=one.prior.vertices, faces=one.prior.faces)
+        elif one.refused is not None:
+            (folder / REFUSED).mkdir(exist_ok=True)
+            path = folder / REFUSED / f"{one.name}.npz"
+            save_arrays(path, vertices=one.refused.vertices, faces=one.refused.faces)
     text = json.dumps([one.record for one in priors], indent=1)
     (folder / _RECORD).write_text(text + "\n", encoding="utf-8")
 
@@ -228,19 +239,22 @@ def _decided(
         retrieval = Retrieval(placed, {}, {}, reason)
     else:
         retrieval = retrieve(evidence, candidates, settings)
-    best = retrieval.best
-    record = {"name": one.name, "refusal": retrieval.refusal, "observed_points": len(evidence.points)}
+    best, verdict = retrieval.best, retrieval.refusal
+    if one.decision:
+        verdict = _BY_HAND if one.decision == REJECT else ""
+    record = {"name": one.name, "refusal": verdict, "observed_points": len(evidence.points)}
+    if one.decision == ACCEPT and retrieval.refusal:
+        record["accepted_despite"] = retrieval.refusal
     if one.mesh is not None and "mesh" in one.backends:
         record["mesh_by"] = one.backends["mesh"]
     record |= _figures(best) | {
         "rough": {name: round(energy, 4) for name, energy in retrieval.rough.items()},
         "screening": {name: round(energy, 4) for name, energy in retrieval.screening.items()},
     }
-    if retrieval.refusal:
-        return ObjectPrior(one.name, None, retrieval.refusal, record)
     shape = next(shape for shape in candidates if shape.name == best.shape)
     world = shape.vertices @ best.world_from_own[:3, :3].T + best.world_from_own[:3, 3]
-    return ObjectPrior(one.name, AlignedPrior(one.name, world, shape.faces), "", record)
+    placed = AlignedPrior(one.name, world, shape.faces)
+    return ObjectPrior(one.name, None if verdict else placed, verdict, record, placed if verdict else None)
 
 
 def _completed_by_symmetry(refused: ObjectPrior, known: _Gathered, settings: PriorSettings) -> ObjectPrior:

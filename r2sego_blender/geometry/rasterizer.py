@@ -185,12 +185,13 @@ def _draw(local, faces, bounds, starts, listed, lens, width, height):
     for band in prange((height + _BAND_ROWS - 1) // _BAND_ROWS):
         first, end = band * _BAND_ROWS, min(height, (band + 1) * _BAND_ROWS)
         for k in range(starts[band], starts[band + 1]):
-            _draw_face(local, faces, bounds, lens, listed[k], first, end, inverse, face)
+            draw_face(local, faces, bounds, lens, listed[k], first, end, inverse, face)
     return inverse, face
 
 
 @kernel
-def _draw_face(local, faces, bounds, lens, f, first, end, inverse, face):
+def draw_face(local, faces, bounds, lens, f, first, end, inverse, face):
+    """Draw face ``f`` into the rows ``first`` to ``end`` of both buffers, where it is the nearest."""
     i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
     ax, ay, az = edge_plane(local, j, k)
     bx, by, bz = edge_plane(local, k, i)

@@ -1,5 +1,6 @@
 """Priors of declared objects: what was decided, with its figures, and how it is kept."""
 
+import dataclasses
 import json
 from pathlib import Path
 from types import SimpleNamespace
@@ -260,3 +261,21 @@ def test_a_library_leaves_out_what_cannot_be_read(tmp_path):
     assert [shape.name for shape in load_library(tmp_path, Listening())] == ["chair", "table"]
     ((level, text),) = told
     assert level == "warning" and "broken.glb" in text
+
+
+def test_a_person_overrules_the_figures(scene, chair_file, own_from_chair, tmp_path):
+    pose = WORLD_FROM_CHAIR @ np.linalg.inv(own_from_chair)
+    strict = PriorSettings(max_energy=0.0)
+    seat = DeclaredObject("seat", scene.masks, chair_file, Placement(pose, locked=False))
+    (refused,) = aligned(scene, [seat], settings=strict)
+    (accepted,) = aligned(scene, [dataclasses.replace(seat, decision="accept")], settings=strict)
+    held = dataclasses.replace(seat, placement=Placement(pose, locked=True), decision="reject")
+    (rejected,) = aligned(scene, [held], settings=PriorSettings(symmetry="unmatched"))
+    assert refused.prior is None and refused.refused.name == "seat"
+    assert accepted.prior is not None and accepted.record["accepted_despite"] == refused.refusal
+    np.testing.assert_array_equal(accepted.prior.vertices, refused.refused.vertices)
+    assert rejected.prior is None and "person" in rejected.refusal
+    assert rejected.record["silhouette_iou"] > 0.9  # its figures are told all the same
+    save_priors(tmp_path, [rejected])
+    assert load_priors(tmp_path) == ()
+    assert load_priors(tmp_path / "refused")[0].name == "seat"

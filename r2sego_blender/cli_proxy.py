@@ -1,0 +1,138 @@
+"""Commands for the proxy and what it is made of: objects, edits, coverage, and what is redone."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .cli_options import (
+    ANY_PATH,
+    FOLDER,
+    json_progress,
+    overrides_of,
+    progress_of,
+    round_option,
+    settings_option,
+    show,
+)
+from .scene import Scene
+from .settings import PRESETS
+
+
+@click.command()
+@click.argument("scene", type=ANY_PATH)
+@click.option("--masks", type=FOLDER, help="Masks of the objects: a folder each, or numbered images.")
+@click.option("--find", is_flag=True, help="Take what stands free in the observed geometry for objects.")
+@click.option("--segment", metavar="WORDS", help="Let SAM 3 mask what WORDS, with commas between, name.")
+@click.option("--library", type=FOLDER, help="Folder of meshes that shapes are looked for in.")
+@click.option(
+    "--mesh", "meshes", multiple=True, metavar="NAME=FILE", help="An object's own mesh; repeatable."
+)
+@click.option("--generate", multiple=True, metavar="NAME", help="Let SAM 3D make its mesh; repeatable.")
+@click.option(
+    "--place", multiple=True, metavar="NAME=FILE.json",
+    help="Its pose by hand: world_from_own, 4 x 4, and locked; repeatable.",
+)  # fmt: skip
+@click.option("--lock", multiple=True, metavar="NAME", help="Hold an alignment as it is; repeatable.")
+@click.option("--unlock", multiple=True, metavar="NAME", help="Align it again; repeatable.")
+@click.option(
+    "--accept", multiple=True, metavar="NAME", help="Take its prior whatever its figures; repeatable."
+)
+@click.option("--reject", multiple=True, metavar="NAME", help="Take no prior for it; repeatable.")
+@click.option("--reconsider", multiple=True, metavar="NAME", help="Let its figures decide again; repeatable.")
+@click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
+def objects(scene: Path, as_json: bool, **given: Any) -> None:
+    """Declare SCENE's objects for shape priors, and say what became of them."""
+    from .object_priors import declare_objects, describe_objects, lines
+
+    opened = Scene.open(scene)
+    if any(given.values()):
+        meshes, place = (
+            {name: Path(file) for name, file in overrides_of(given.pop(key), form).items()}
+            for key, form in (("meshes", "--mesh NAME=FILE"), ("place", "--place NAME=FILE.json"))
+        )
+        words = (given.pop("segment") or "").split(",")
+        declare_objects(opened, **given, vocabulary=words, meshes=meshes, place=place)
+    described = describe_objects(Scene.open(scene))
+    click.echo(json.dumps(described, indent=1) if as_json else "\n".join(lines(described)))
+
+
+@click.command("edit-proxy")
+@click.argument("scene", type=ANY_PATH)
+@click.option(
+    "--cut", type=ANY_PATH, metavar="FILE.npz", help="Faces to cut away: corners of a round's proxy."
+)
+@click.option("--draw", type=ANY_PATH, metavar="FILE", help="A surface to add: a mesh in the world, metres.")
+@click.option("--name", default="", help="What the edit is called; by default as its file.")
+@click.option("--remove", multiple=True, metavar="NAME", help="Take an edit back; repeatable.")
+@click.option("--list", "only_list", is_flag=True, help="Only say what edits there are.")
+@click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
+@json_progress
+@click.pass_context
+def edit_proxy(
+    context: click.Context, scene: Path, only_list: bool, as_object: bool, as_json: bool, **given: Any
+) -> None:
+    """Cut faces of SCENE's proxy away or draw surfaces; the next refine redoes what depends on it."""
+    from .proxy_edits import describe_edits, lines
+    from .proxy_edits import edit_proxy as change
+
+    progress = progress_of(context, as_json)
+    opened = Scene.open(scene)
+    if not only_list and (given["cut"] or given["draw"] or given["remove"]):
+        change(opened, **given)
+    show(progress, describe_edits(opened), lines, as_object)
+
+
+@click.command()
+@click.argument("scene", type=ANY_PATH)
+@round_option
+@click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
+@json_progress
+@click.pass_context
+def coverage(
+    context: click.Context, scene: Path, round_index: int | None, as_object: bool, as_json: bool
+) -> None:
+    """Count, for each face of a round's proxy, the robot's views and the captures that see it."""
+    from .coverage_report import lines, measure_coverage
+
+    progress = progress_of(context, as_json)
+    opened = Scene.open(scene)
+    with opened.locked():
+        figures = measure_coverage(opened, round_index, progress)
+    show(progress, figures, lines, as_object)
+
+
+@click.command()
+@click.argument("scene", type=ANY_PATH)
+@click.option("--preset", type=click.Choice(list(PRESETS)), help="As for refine.")
+@settings_option
+@click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
+@json_progress
+@click.pass_context
+def plan(
+    context: click.Context,
+    scene: Path,
+    preset: str | None,
+    overrides: tuple[str, ...],
+    as_object: bool,
+    as_json: bool,
+) -> None:
+    """Say which steps the next refine of SCENE would run again; runs and writes nothing."""
+    from .plan import describe_plan, lines, plan_refinement
+
+    progress = progress_of(context, as_json)
+    opened = Scene.open(scene)
+    declared, changes = opened.declaration, overrides_of(overrides)
+    if preset is not None and preset != declared.preset:
+        declared = dataclasses.replace(declared, preset=preset, overrides=changes)
+    else:
+        declared = dataclasses.replace(declared, overrides={**declared.overrides, **changes})
+    planned = plan_refinement(Scene(opened.path, declared))
+    show(progress, describe_plan(planned), lines, as_object)
+
+
+PROXY_COMMANDS = (objects, edit_proxy, coverage, plan)
