@@ -8,7 +8,8 @@ from typing import Any
 
 import click
 
-from .cli_options import ANY_PATH, FOLDER, progress_of
+from .cli_options import ANY_PATH, FOLDER, overrides_of, progress_of, settings_option
+from .settings import PRESETS
 
 
 @click.group()
@@ -92,6 +93,21 @@ def bench_conditions(context: click.Context, file: Path | None, **given: Any) ->
 def bench_generation(context: click.Context, file: Path | None, **given: Any) -> None:
     """Time the embedded generator, and score it at the frozen poses of a scene with known truth."""
     _measure("generation", context, file, **given)
+
+
+@bench.command("refinement")
+@click.option("--scene", required=True, type=FOLDER, help="cameras.json with captures and frozen views.")
+@click.option("--bundle", type=FOLDER, help="Where the bundle is made and stays, or goes on if it is there.")
+@click.option("--library", type=ANY_PATH, help="Another scene's .glb: its meshes beside the true objects'.")
+@click.option("--preset", type=click.Choice(list(PRESETS)), help="Named settings; by default the bundle's.")
+@settings_option
+@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
+@click.pass_context
+def bench_refinement(
+    context: click.Context, overrides: tuple[str, ...], file: Path | None, **given: Any
+) -> None:
+    """Refine a scene, and score every round and vanilla 3DGS on its frozen views."""
+    _measure("refinement", context, file, overrides=overrides_of(overrides) or None, **given)
 
 
 @bench.command("rollouts")

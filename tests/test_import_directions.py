@@ -62,7 +62,8 @@ MAY_IMPORT = {
     "cli_robot": FOUNDATION | {"robot", "cli_options", "robot_declaration", "robot_bodies", "trial_rollouts"},
     "collision_report": ABOVE_CAPTURES | {"geometry", "robot"},
     "evaluation": PARTS | {"visual_asset", "steps", "pipeline"},
-    "benchmarks": PARTS | {"splat_training", "creation", "steps", "evaluation", "scoring", "references"},
+    "benchmarks": PARTS
+    | {"splat_training", "creation", "steps", "pipeline", "evaluation", "scoring", "references"},
     "splat_training": FOUNDATION | {"captures", "splats", "evaluation"},
     "demo_scene": ABOVE_CAPTURES | {"creation", "pipeline", "evaluation"},
     "cli_demo": FOUNDATION | {"cli_options", "demo_scene"},

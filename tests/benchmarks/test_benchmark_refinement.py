@@ -1,0 +1,154 @@
+"""The benchmark of the loop says everything it promises, and its truth and frozen views only score."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+import trimesh
+
+from r2sego_blender.benchmarks.figures import write_figures
+from r2sego_blender.benchmarks.refinement import bench_refinement, lines
+from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.captures.cameras_json import save_cameras_json
+from r2sego_blender.captures.capture import Capture
+from r2sego_blender.errors import EvaluationError, SceneError, SettingsError
+from r2sego_blender.evaluation.arms import ARMS
+from r2sego_blender.geometry.rasterizer import MeshRasterizer
+from r2sego_blender.images import save_image
+from r2sego_blender.scene import Scene, content_digest
+
+TINY = {
+    "rounds": 2, "stereo.max_side_px": 120, "proxy.voxel_m": 0.06, "proxy.truncation_m": 0.15,
+    "collision.tolerance_m": 0.1, "rollouts.successes": 2, "selection.candidates": "flight",
+    "selection.target_views": 2, "selection.scoring_scale": 0.25, "generation.clip_frames": 2,
+    "generation.max_replacements": 1, "training.steps_per_round": 30, "training.max_gaussians": 6000,
+    "training.sh_degree": 0,
+}  # fmt: skip
+
+
+def paint(points: np.ndarray) -> np.ndarray:
+    """A smooth colour that never repeats, for points (..., 3)."""
+    waves = np.random.default_rng(11).normal(size=(24, 3, 3)) * 14.0
+    value = sum(np.sin(points @ wave.T + phase) for phase, wave in enumerate(waves))
+    return np.clip(0.5 + 0.06 * value, 0, 1).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    """A painted room of 4 m by 3 m with a box in it: four captures, two frozen views, 160x120."""
+    folder = tmp_path_factory.mktemp("scene")
+    shell = trimesh.creation.box((4.0, 3.0, 2.4))
+    shell.apply_translation((0, 0, 1.2))
+    shell.invert()
+    box = trimesh.creation.box((1.0, 0.6, 0.7))
+    box.apply_translation((0.9, 0.8, 0.35))
+    mesh = trimesh.util.concatenate([shell, box])
+    instances = np.repeat([0, 1], [len(shell.faces), len(box.faces)])
+    np.savez(folder / "room.npz", V=mesh.vertices, F=mesh.faces, I=instances, names=np.array(["room", "box"]))
+    (folder / "depth").mkdir()
+    rasterizer = MeshRasterizer(mesh.vertices, mesh.faces)
+    places = [(x, -1.2, 1.5, 0.3 * x) for x in (-0.9, -0.3, 0.3, 0.9)]
+    places += [(-0.5, -0.9, 1.3, 0.0), (0.6, -0.8, 1.2, 0.4)]
+    captures = []
+    for index, (x, y, z, aim) in enumerate(places):
+        camera = Camera(160, 120, 105.0, 105.0, 80.0, 60.0, look_at((x, y, z), (aim, 1.0, 0.5)))
+        buffers = rasterizer.render(camera)
+        file = folder / f"view{index}.png"
+        save_image(file, paint(camera.unproject(buffers.depth)))
+        ids = buffers.of_face(instances, missing=-1).astype(np.int16)
+        np.savez(folder / f"depth/view{index}.npz", z=buffers.depth, ids=ids)
+        captures.append(Capture(file.name, file, camera))
+    save_cameras_json(folder / "cameras.json", captures[:4], frozen=captures[4:])
+    return folder
+
+
+@pytest.fixture(scope="module")
+def other_scene(tmp_path_factory):
+    """Another scene's file: a sphere and a pole."""
+    file = tmp_path_factory.mktemp("other") / "other.glb"
+    parts = {"ball": trimesh.creation.icosphere(radius=0.4), "pole": trimesh.creation.cylinder(0.05, 1.5)}
+    trimesh.Scene(parts).export(file)
+    return file
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """Where the bundle is made and stays."""
+    return tmp_path_factory.mktemp("kept") / "scene.r2s"
+
+
+@pytest.fixture(scope="module")
+def figures(scene, kept):
+    return bench_refinement(scene, kept, preset="preview", overrides=TINY)
+
+
+@pytest.mark.slow
+def test_all_figures_are_there(figures, tmp_path):
+    assert (figures["captures"], figures["frozen"], figures["preset"]) == (4, 2, "preview")
+    seconds = figures["seconds"]
+    assert {"creation", "geometry/depth", "rounds/1/views", "report/vanilla_3dgs.ply"} <= seconds.keys()
+    rest = sum(value for part, value in seconds.items() if not part.startswith("report/"))
+    assert 0.0 < figures["refinement_s"] == pytest.approx(rest, abs=1e-3) and figures["made_before"] == []
+    for one in figures["views"]:
+        assert one["kept"] + one["rejected"] >= 2 and len(one["reasons"]) == one["rejected"]
+    assert [one["round"] for one in figures["rounds"]] == [0, 1]
+    first, second = (one["psnr"] for one in figures["rounds"])
+    assert figures["rounds_fall"] == (first - second >= 0.005)
+    assert figures["refined"]["psnr"] == second
+    assert figures["gain"] == pytest.approx(second - figures["vanilla_3dgs"]["psnr"], abs=2e-4)
+    assert figures["objects"] == {} and figures["causes"]["shares"]
+    write_figures(tmp_path / "figures.json", figures)
+    assert json.loads((tmp_path / "figures.json").read_text()) == figures
+    text = "\n".join(lines(figures))
+    for told in ("refinement", "gain over vanilla 3DGS", "round 1", *(arm.label for arm in ARMS.values())):
+        assert told in text
+
+
+@pytest.mark.slow
+def test_frozen_views_score_and_do_nothing_else(scene, kept, figures, tmp_path):
+    """With other frozen photographs nothing is made again, and the scores are others."""
+    shutil.copytree(scene, tmp_path / "scene")
+    for name in ("view4.png", "view5.png"):
+        save_image(tmp_path / "scene" / name, np.full((120, 160, 3), 0.5, np.float32))
+    bundle = shutil.copytree(kept, tmp_path / "scene.r2s")
+    falsely = bench_refinement(tmp_path / "scene", bundle)
+    assert set(falsely["made_before"]) == set(falsely["seconds"]) == set(figures["seconds"]) - {"creation"}
+    assert falsely["refined"]["psnr"] != figures["refined"]["psnr"]
+    assert content_digest(bundle / "asset.ply") == content_digest(kept / "asset.ply")
+
+
+@pytest.mark.slow
+def test_a_library_gives_the_true_objects_shapes(scene, other_scene, kept, figures, tmp_path):
+    bundle = shutil.copytree(kept, tmp_path / "scene.r2s")
+    fewer = {"rounds": 1}
+    with_shapes = bench_refinement(scene, bundle, other_scene, overrides=fewer)
+    assert list(with_shapes["objects"]) == ["box"]
+    assert "geometry/depth" in with_shapes["made_before"]
+    assert not {"geometry/priors", "rounds/0/proxy"} & set(with_shapes["made_before"])
+    assert not any(part.startswith("rounds/1/") for part in with_shapes["seconds"])
+    ran = len(Scene.open(bundle).journal())
+    again = bench_refinement(scene, bundle, other_scene)
+    assert len(Scene.open(bundle).journal()) == ran and again["refined"] == with_shapes["refined"]
+
+
+@pytest.mark.slow
+def test_a_bundle_of_other_captures_is_refused(scene, kept, figures, tmp_path):
+    moved = shutil.copytree(scene, tmp_path / "scene")
+    cameras = json.loads((moved / "cameras.json").read_text())
+    cameras["captures"][0]["world_from_camera"][0][3] += 1.0
+    (moved / "cameras.json").write_text(json.dumps(cameras))
+    ran = len(Scene.open(kept).journal())
+    with pytest.raises(SceneError, match="not of the captures"):
+        bench_refinement(moved, kept)
+    assert len(Scene.open(kept).journal()) == ran
+
+
+def test_what_is_missing_is_said_before_any_work(scene, other_scene, tmp_path):
+    bare = tmp_path / "bare"
+    shutil.copytree(scene, bare, ignore=shutil.ignore_patterns("depth"))
+    with pytest.raises(EvaluationError, match="no such file"):
+        bench_refinement(bare, tmp_path / "new.r2s", other_scene)
+    with pytest.raises(SettingsError, match="no setting 'roundss'"):
+        bench_refinement(scene, tmp_path / "new.r2s", overrides={"roundss": 1})
+    assert not (tmp_path / "new.r2s").exists()
