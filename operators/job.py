@@ -11,10 +11,10 @@ import bpy
 
 from ..r2sego_blender.bridge.engine_python import interpreter
 from ..r2sego_blender.bridge.operator_properties import given_properties
+from ..r2sego_blender.bridge.user_folder import user_folder
 from ..r2sego_blender.errors import SceneError
 from ..r2sego_blender.workers.jobs import JOBS_FOLDER, Event, Job, start_job
 
-_ROOT = __package__.rpartition(".")[0]
 _BUNDLE_FILE = "scene.toml"
 _REMEMBERED_ENDS = 4
 
@@ -33,7 +33,7 @@ def is_running() -> bool:
 
 def own_folder() -> Path:
     """Where jobs stand whose command has no bundle yet."""
-    return Path(bpy.utils.extension_path_user(_ROOT, path="jobs", create=True))
+    return user_folder("jobs")
 
 
 def start(operator: bpy.types.Operator, arguments: Iterable[str], python: str = "", module: str = "") -> Job:

@@ -24,7 +24,8 @@ def show(engine: bpy.types.PropertyGroup) -> None:
         if _previews is None:
             _previews = bpy.utils.previews.new()
         _previews.clear()
-        _previews.load(_NAME, engine.picture, "IMAGE")
+        picture = _previews.load(_NAME, engine.picture, "IMAGE")
+        _ = picture.image_size[:]  # reads it now: else the panel shows a gap until Blender finds the time
         _shown = seen
     engine.picture_icon = _previews[_NAME].icon_id
 

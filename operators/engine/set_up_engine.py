@@ -1,19 +1,17 @@
 """Install the engine into an environment of the extension's own."""
 
 import sys
-from pathlib import Path
 
 import bpy
 from bpy.props import StringProperty
 
 from ...r2sego_blender.bridge.engine_python import addon_preferences, examine
+from ...r2sego_blender.bridge.user_folder import user_folder
 from ...r2sego_blender.doctor import PACKAGES, REQUIRED_MB
 from ...r2sego_blender.errors import MachineError
 from ...r2sego_blender.workers.environment import DOWNLOAD_MB
 from .. import job
 from ..base import EngineOperator, needs_idle_engine
-
-_ROOT = __package__.rsplit(".", 2)[0]
 
 
 class R2SEGO_OT_set_up_engine(EngineOperator, bpy.types.Operator):
@@ -60,12 +58,13 @@ class R2SEGO_OT_set_up_engine(EngineOperator, bpy.types.Operator):
         return job.start(self, self.arguments(context), python=sys.executable, module="workers.environment")
 
     def arguments(self, context):
-        folder = Path(bpy.utils.extension_path_user(_ROOT, path="engine", create=True))
         wheels = ["--wheels", bpy.path.abspath(self.wheels)] if self.wheels else []
-        return [str(folder), "--needed-mb", str(REQUIRED_MB), *wheels]
+        return [str(user_folder("engine")), "--needed-mb", str(REQUIRED_MB), *wheels]
 
     def finish(self, context, result):
         preferences = addon_preferences()
+        if preferences is None:  # a script on a checkout
+            return f"The engine's Python is {result['python']}: name it in R2SEGO_PYTHON"
         preferences.engine_python = result["python"]
         context.preferences.is_dirty = True  # so that Blender saves them
         preferences.engine_found = examine()
