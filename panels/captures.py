@@ -12,21 +12,19 @@ _OFF_PX = 2.0
 
 
 class R2SEGO_UL_captures(bpy.types.UIList):
-    """The captures: name, size, lens, measured points and overlapping captures"""
+    """The captures: name, lens, measured points and overlapping captures"""
 
     bl_idname = "R2SEGO_UL_captures"
 
     def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
-        row = layout.row(align=True)
+        row = layout.split(factor=0.55, align=True)
         row.label(text=item.name, icon="CAMERA_DATA")
         facts = row.row(align=True)
-        facts.alignment = "RIGHT"
-        facts.active = False
-        facts.label(text=f"{item.width}x{item.height}  {item.view_deg:.0f}\u00b0")
-        counts = row.row(align=True)
-        counts.alignment = "RIGHT"
-        counts.alert = item.overlaps == 0
-        counts.label(text=f"{item.points}/{item.overlaps}")
+        facts.alert = item.overlaps == 0
+        for text in (f"{item.view_deg:.0f}\u00b0", str(item.points), str(item.overlaps)):
+            place = facts.row(align=True)
+            place.alignment = "RIGHT"
+            place.label(text=text)
 
 
 class R2SEGO_UL_picked_points(bpy.types.UIList):
@@ -63,6 +61,7 @@ class R2SEGO_PT_captures(Step, bpy.types.Panel):
             layout.template_list(
                 R2SEGO_UL_captures.bl_idname, "", shown, "captures", shown, "active_capture", rows=4
             )
+            self._draw_chosen(shown.captures[min(shown.active_capture, len(shown.captures) - 1)])
         row = layout.row(align=True)
         row.operator("r2sego.import_captures", text="Import", icon="CAMERA_DATA")
         row.operator("r2sego.look_through", icon="VIEW_CAMERA")
@@ -75,6 +74,12 @@ class R2SEGO_PT_captures(Step, bpy.types.Panel):
         row.prop(shown, "show_cloud", toggle=True, icon="OUTLINER_OB_POINTCLOUD")
         row.prop(shown, "point_size_px", text="")
         row.prop(shown, "show_labels", text="", icon="FONT_DATA")
+
+    def _draw_chosen(self, capture):
+        column = self.layout.column(align=True)
+        column.active = False
+        column.label(text=f"{capture.width} x {capture.height} px, {capture.view_deg:.1f}\u00b0 wide")
+        column.label(text=f"{capture.points} points, overlaps {capture.overlaps} captures")
 
 
 class R2SEGO_PT_registration(Step, bpy.types.Panel):

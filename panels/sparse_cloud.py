@@ -18,7 +18,7 @@ _FRAGMENT = """
 void main() {
   vec2 from_middle = gl_PointCoord - vec2(0.5);
   if (dot(from_middle, from_middle) > 0.25) discard;
-  outcome = blender_srgb_to_framebuffer_space(shown);
+  outcome = shown;
 }
 """
 _made = {}

@@ -15,7 +15,10 @@ _items: list[tuple[str, str, str]] = []  # Blender keeps no copy of an enumerati
 
 
 def _folder():
-    return Path(bpy.utils.extension_path_user(_ROOT, path="settings", create=True))
+    try:
+        return Path(bpy.utils.extension_path_user(_ROOT, path="settings", create=True))
+    except ValueError:  # run from a checkout, which is no installed extension
+        return Path(bpy.utils.user_resource("CONFIG", path="r2sego/settings", create=True))
 
 
 def _kept(operator, context):

@@ -46,14 +46,14 @@ class ReportScores:
 
     @property
     def summary(self) -> str:
-        """The refined asset's scores in one line, '' before an evaluation."""
+        """The refined asset's scores and its gain over vanilla 3DGS, '' before an evaluation."""
         arms = {arm.label: arm for arm in self.arms}
         refined, vanilla = (arms.get(ARM_LABELS[name]) for name in ("refined", "vanilla_3dgs"))
         if refined is None or refined.psnr is None or refined.ssim is None:
             return ""
         gain = ""
         if vanilla is not None and vanilla.psnr is not None:
-            gain = f" ({refined.psnr - vanilla.psnr:+.2f} over vanilla 3DGS)"
+            gain = f" ({refined.psnr - vanilla.psnr:+.2f})"
         return f"{refined.psnr:.2f} dB{gain}, SSIM {refined.ssim:.3f}"
 
 

@@ -20,5 +20,5 @@ def scope_choices() -> list[str]:
 def what_refine_does(rounds_done: int, rounds: int) -> str:
     """What Refine would do next, in words."""
     if rounds_done >= rounds:
-        return f"All {rounds} rounds are done: only what changed is redone"
-    return f"Refine goes on with round {rounds_done + 1} of {rounds}"
+        return "Refine redoes what changed"
+    return f"Refine does round {rounds_done + 1} of {rounds}"

@@ -8,10 +8,13 @@ import numpy as np
 
 from .bundle import Bundle
 
+_SRGB = np.arange(256) / 255.0
+_LINEAR = np.where(_SRGB <= 0.04045, _SRGB / 12.92, ((_SRGB + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
 
 @dataclass(frozen=True, eq=False)
 class SparseCloud:
-    """Points (P, 3) float32, metres, and their sRGB colours (P, 4) float32 in [0, 1]."""
+    """Points (P, 3) float32, metres, and their linear colours (P, 4) float32 in [0, 1]."""
 
     points: np.ndarray
     colours: np.ndarray
@@ -33,7 +36,7 @@ def read_cloud(bundle: Bundle) -> SparseCloud | None:
     if key not in _read or _read[key][0] != changed:
         points, colours = bundle.sparse_points()
         rgba = np.ones((len(points), 4), np.float32)
-        rgba[:, :3] = colours.astype(np.float32) / 255.0
+        rgba[:, :3] = _LINEAR[colours]
         _read.clear()  # one room at a time: a cloud may be large
         _read[key] = changed, SparseCloud(np.ascontiguousarray(points), rgba)
     return _read[key][1]

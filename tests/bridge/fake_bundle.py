@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from fake_asset import write_assets
-from fake_captures import fill_report
+from fake_captures import fill_captures, fill_report
 from fake_rollouts import fill_rollouts, fill_trial
 from fake_views import write_views
 
@@ -114,6 +114,7 @@ def _fill(folder: Path) -> None:
     arms = {"refined": {"psnr": 25.1, "ssim": 0.81}, "vanilla 3DGS": {"psnr": 21.4, "ssim": 0.77}}
     (report / "metrics.json").write_text(json.dumps({"arms": arms}))
     fill_report(folder)
+    fill_captures(folder)
 
 
 def _fill_round(folder: Path, index: int) -> None:

@@ -1,7 +1,11 @@
-"""What the rooms Captures and Report read besides: an evaluation with rounds and causes."""
+"""What the rooms Captures and Report read besides: where points were measured, rounds and causes of error."""
 
 import json
 from pathlib import Path
+
+import numpy as np
+
+from r2sego_blender.cameras import Camera
 
 ROUNDS = [
     {"round": 0, "psnr": 24.2, "ssim": 0.79},
@@ -24,3 +28,13 @@ def fill_report(folder: Path) -> None:
     metrics = json.loads(file.read_text())
     metrics["arms"]["refined"]["lpips_alex"] = 0.213
     file.write_text(json.dumps(metrics | {"rounds": ROUNDS, "causes": CAUSES}))
+
+
+def fill_captures(folder: Path) -> None:
+    """Add to the sparse points the pixels that measured them."""
+    listed = json.loads((folder / "captures" / "cameras.json").read_text())["captures"]
+    file = folder / "captures" / "sparse.npz"
+    with np.load(file) as data:
+        arrays = dict(data)
+    places = [Camera.from_json(one).project(arrays["points"])[0] for one in listed]
+    np.savez(file, **arrays, pixels=np.stack(places, axis=1).astype(np.float32))

@@ -36,7 +36,7 @@ def test_arms_rounds_and_causes(evaluated):
     assert [(arm.label, arm.psnr, arm.lpips, arm.views) for arm in scores.arms] == [
         ("Refined", 25.0, 0.2, 2), ("Vanilla 3DGS", 21.5, None, 2), ("Initial", 19.5, None, 2)
     ]  # fmt: skip
-    assert scores.summary == "25.00 dB (+3.50 over vanilla 3DGS), SSIM 0.800"
+    assert scores.summary == "25.00 dB (+3.50), SSIM 0.800"
     assert [(one.label, one.psnr) for one in scores.rounds] == [
         ("Round 0", 24.2), ("Round 1", 23.9), ("Round 2", None)
     ]  # fmt: skip
