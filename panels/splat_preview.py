@@ -2,7 +2,7 @@
 
 Nothing is sorted. The discs write depth, and a disc that lets light through leaves pixels out by
 chance, so the order does not matter. The splats lie in the buffer in a random order: a part of it is
-an even part of them, and that is what is drawn while the view moves.
+an even part of them, and that is what is drawn while the view moves or the timeline runs.
 """
 
 import time
@@ -11,6 +11,7 @@ import bpy
 import gpu
 import numpy as np
 
+from ..r2sego_blender.bridge.asset_colours import linear_from_srgb
 from ..r2sego_blender.bridge.show_asset import DrawnSplats, drawn_splats
 from ..r2sego_blender.bridge.views_3d import redraw_views
 from .overlays import Overlay
@@ -45,7 +46,7 @@ void main()
   if (splatColour.a < chance) {
     discard;
   }
-  fragColour = blender_srgb_to_framebuffer_space(vec4(splatColour.rgb, 1.0));
+  fragColour = vec4(splatColour.rgb, 1.0);
 }
 """
 
@@ -84,11 +85,11 @@ def drawn_order(splats: DrawnSplats, backdrop: bool) -> np.ndarray:
 
 
 def colours_of(splats: DrawnSplats) -> np.ndarray:
-    """(N, 4) float32: sRGB and opacity; marked splats are red and opaque."""
-    colours = np.concatenate([splats.colours, splats.opacities[:, None]], axis=1).astype(np.float32)
-    colours[splats.marked, :3] = 0.3 * colours[splats.marked, :3] + 0.7 * np.float32(_MARKED)
-    colours[splats.marked, 3] = 1.0
-    return colours
+    """(N, 4) float32: linear colour and opacity; marked splats are red and opaque."""
+    srgb = splats.colours.copy()
+    srgb[splats.marked] = 0.3 * srgb[splats.marked] + 0.7 * np.float32(_MARKED)
+    opacities = np.where(splats.marked, 1.0, splats.opacities)
+    return np.concatenate([linear_from_srgb(srgb), opacities[:, None]], axis=1).astype(np.float32)
 
 
 def drawn_count(total: int, share: float, moving_share: float, moving: bool) -> int:
@@ -193,6 +194,7 @@ def draw(context: bpy.types.Context) -> None:
     view = context.region_data
     world = view.perspective_matrix @ shown.matrix_world
     moving = _motion.moving(context.region.as_pointer(), tuple(value for row in world for value in row))
+    moving |= context.screen.is_animation_playing or context.screen.is_scrubbing
     count = drawn_count(buffer.count, group.share, group.moving_share, moving)
     shader, discs = _shader()
     gpu.state.depth_test_set("LESS_EQUAL")

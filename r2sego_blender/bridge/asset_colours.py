@@ -1,0 +1,12 @@
+"""Colours as the 3D view's overlays want them: what is drawn there is encoded as sRGB afterwards."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def linear_from_srgb(srgb: np.ndarray) -> np.ndarray:
+    """The linear values of sRGB ones in [0, 1], float32 of the same shape."""
+    srgb = np.clip(np.asarray(srgb, np.float32), 0.0, 1.0)
+    curved = np.power((srgb + np.float32(0.055)) / np.float32(1.055), np.float32(2.4))
+    return np.where(srgb <= 0.04045, srgb / np.float32(12.92), curved).astype(np.float32)
