@@ -14,9 +14,9 @@ class R2SEGO_UL_generated_views(bpy.types.UIList):
     def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
         row = layout.row(align=True)
         row.active = item.accepted
-        row.label(text=f"{item.rank}", icon="CHECKMARK" if item.accepted else "X")
-        row.label(text=item.title)
-        row.label(text="", icon="USER" if item.by_hand else "BLANK1")
+        row.label(text=f"{item.rank}   {item.title}", icon="CHECKMARK" if item.accepted else "X")
+        if item.by_hand:
+            row.label(text="", icon="USER")
 
 
 class R2SEGO_PT_generation(Step, bpy.types.Panel):
@@ -98,7 +98,7 @@ class R2SEGO_PT_generation_pictures(Sidebar, bpy.types.Panel):
         conditions.view, conditions.parts = view.rank, _CONDITIONS
         layout.operator("r2sego.render_conditions", icon="RENDER_ANIMATION").view = view.rank
         layout.operator_menu_enum("r2sego.render_target_views", "when", icon="RENDER_STILL")
-        layout.column(align=True).prop(group, "parts", expand=False)
+        layout.grid_flow(columns=2, align=True).prop(group, "parts")
         layout.prop(group, "truth", text="Truth")
 
 

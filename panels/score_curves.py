@@ -19,8 +19,8 @@ _SURVIVOR, _TARGET = (1.0, 1.0, 1.0, 0.45), (0.90, 0.12, 0.35, 1.0)
 _ACTIVE, _NOW = (1.0, 0.45, 0.05, 1.0), (0.45, 0.65, 1.0, 0.9)
 _STEM, _TEXT_PX = 0.14, 11.0
 
-_kept: dict[str, object] = {}
-"""The batches drawn last, and of what they are."""
+_kept: dict[int, tuple] = {}
+"""What was drawn last in each area of the screen, and of what it was made."""
 
 
 def register() -> None:
@@ -34,33 +34,44 @@ def unregister() -> None:
     _kept.clear()
 
 
-def _draw(context) -> None:
+def shown_chart(context) -> Chart | None:
+    """Where the curves lie in the 3D view of ``context``, None when they are not shown."""
+    made = _shown(context)
+    return None if made is None else made[0]
+
+
+def _shown(context) -> tuple[Chart, list, list] | None:
+    """What is drawn in the 3D view of ``context``; made anew only when something has changed."""
     group, scores = context.scene.r2sego_views, remembered(context.scene.session_uid)
     if scores is None or not group.curves or not context.space_data.overlay.show_overlays:
-        return
+        return None
     region, scale = context.region, context.preferences.system.ui_scale
     others = [other for other in context.area.regions if other.type != "WINDOW"]
     size, margins = (region.width, region.height), covered_margins(region, others)
     key = (scores.number, group.rollout, size, margins, scale)
-    if _kept.get("key") != key:
-        _kept.update(key=key, made=_made(scores, group.rollout, size, margins, scale))
-    if _kept["made"] is None:
+    place = context.area.as_pointer()
+    if place not in _kept or _kept[place][0] != key:
+        _kept[place] = key, _made(scores, group.rollout, size, margins, scale)
+    return _kept[place][1]
+
+
+def _draw(context) -> None:
+    made = _shown(context)
+    if made is None:
         return
-    chart, batches, title = _kept["made"]
+    group, scores = context.scene.r2sego_views, remembered(context.scene.session_uid)
+    scale = context.preferences.system.ui_scale
+    chart, batches, title = made
     edge = 5.0 * scale
     rectangle(
         chart.left - edge, chart.bottom - edge, chart.width + 2 * edge,
         chart.height + (_TEXT_PX + 8.0) * scale + edge, _BACKGROUND,
     )  # fmt: skip
     _draw_batches(batches, scale)
-    now = context.scene.frame_current
+    now, active = context.scene.frame_current, group.active
     if chart.first <= now <= chart.last:
         segments(stems(chart, np.array([now]), 1.0), _NOW, 1.5 * scale)
-    if (
-        group.active >= 0
-        and group.active < len(scores)
-        and scores.views.rollout[group.active] == group.rollout
-    ):
+    if 0 <= active < len(scores) and scores.views.rollout[active] == group.rollout:
         segments(stems(chart, np.array([group.active_frame]), 1.0), _ACTIVE, 2.0 * scale)
     x, y = chart.left, chart.bottom + chart.height + 4.0 * scale
     for text, colour in title:

@@ -2,7 +2,7 @@
 
 import bpy
 
-from . import score_curves
+from . import score_curves, score_curves_click
 from .sidebar import Sidebar, Step
 from .views_text import write_wrapped
 
@@ -11,11 +11,11 @@ class R2SEGO_UL_ranked_views(bpy.types.UIList):
     """The target views, best first, then those that may stand in for them"""
 
     def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
-        row = layout.row(align=True)
-        row.active = item.chosen
-        row.label(text=f"{index + 1}", icon="OUTLINER_OB_CAMERA" if item.chosen else "DOT")
-        row.label(text=f"Rollout {item.rollout}, {item.frame}")
-        row.label(text=f"s {item.score:.3f}")
+        split = layout.split(factor=0.72, align=True)
+        split.active = item.chosen
+        icon = "OUTLINER_OB_CAMERA" if item.chosen else "DOT"
+        split.label(text=f"{index + 1}   Rollout {item.rollout}, {item.frame}", icon=icon)
+        split.label(text=f"{item.score:.3f}")
 
 
 class R2SEGO_PT_views(Step, bpy.types.Panel):
@@ -106,6 +106,7 @@ CLASSES = (
     R2SEGO_PT_views,
     R2SEGO_PT_views_candidate,
     R2SEGO_PT_views_curves,
+    *score_curves_click.CLASSES,
 )
 
 

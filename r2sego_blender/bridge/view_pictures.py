@@ -14,6 +14,7 @@ from .view_parts import Part
 
 _CURE = "Run the round again, or leave this part out."
 _LARGEST_CELL_PX = 640
+_FIT_S = 0.5
 
 
 def read_levels(path: Path) -> np.ndarray:
@@ -80,19 +81,40 @@ def image_of(name: str, picture: np.ndarray) -> bpy.types.Image:
 
 
 def show_image(image: bpy.types.Image) -> bool:
-    """Show it in an Image Editor, in a window of its own when none is open; False without a window."""
+    """Show the whole of it in an Image Editor, in a window of its own when none is open.
+
+    False without a window.
+    """
     windows = bpy.context.window_manager.windows
     if bpy.app.background or not len(windows):
         return False
-    space = next((area.spaces.active for window in windows for area in window.screen.areas
-                  if area.type == "IMAGE_EDITOR"), None)  # fmt: skip
-    if space is None:
+    if _editor() is None:
         before = set(windows)
         bpy.ops.wm.window_new()
         opened = next((window for window in windows if window not in before), None)
         if opened is None:
             return False
         opened.screen.areas[0].type = "IMAGE_EDITOR"
-        space = opened.screen.areas[0].spaces.active
-    space.image = image
+    _, area = _editor()
+    area.spaces.active.image = image
+    bpy.app.timers.register(_fit, first_interval=_FIT_S)
     return True
+
+
+def _editor() -> tuple[bpy.types.Window, bpy.types.Area] | None:
+    """The first Image Editor on the screen and its window."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "IMAGE_EDITOR":
+                return window, area
+    return None
+
+
+def _fit() -> None:
+    """Zoom until the whole image is seen; an editor knows its size only once it was drawn."""
+    found = _editor()
+    if found is not None:
+        window, area = found
+        region = next(region for region in area.regions if region.type == "WINDOW")
+        with bpy.context.temp_override(window=window, area=area, region=region):
+            bpy.ops.image.view_all(fit_view=True)
