@@ -4,6 +4,7 @@ A job is a folder of its own and outlives this Blender; here stands only which o
 followed, and what of it is shown.
 """
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -50,7 +51,7 @@ def start(operator: bpy.types.Operator, arguments: Iterable[str], python: str = 
     notes = {
         "operator": type(operator).bl_idname, "properties": given_properties(operator), "bundle": bundle,
     }  # fmt: skip
-    folder = Path(bundle, JOBS_FOLDER) if bundle else own_folder()
+    folder = Path(bundle, JOBS_FOLDER) if bundle and os.access(bundle, os.W_OK) else own_folder()
     started = start_job(arguments, python or interpreter(), operator.bl_label, folder, module, notes)
     bpy.context.window_manager.r2sego_engine.ended.clear()
     follow(started)

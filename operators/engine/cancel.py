@@ -35,7 +35,7 @@ def register() -> None:
     """ESC over a 3D view, wherever no other action takes it; nothing happens while the engine is idle."""
     configuration = bpy.context.window_manager.keyconfigs.addon
     if configuration is not None:  # there is none in background
-        keymap = configuration.keymaps.new(name="3D View", space_type="VIEW_3D")
+        keymap = configuration.keymaps.new(name="3D View Generic", space_type="VIEW_3D")
         _keymaps.append((keymap, keymap.keymap_items.new(R2SEGO_OT_cancel.bl_idname, "ESC", "PRESS")))
 
 

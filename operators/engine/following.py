@@ -19,6 +19,8 @@ from . import pictures
 from .properties import note_python
 
 _TICK_S, _IDLE_S = 0.2, 0.5
+_JOURNAL_FILE = "journal.jsonl"
+_journal_seen: tuple[str, int] | None = None
 _looked_in: set[str] = set()  # bundles whose jobs were looked for; "" stands for the own folder
 
 
@@ -89,10 +91,27 @@ def _tick() -> float:
     for event in followed.events():
         job.show_event(event)
     pictures.show(bpy.context.window_manager.r2sego_engine)
-    if not followed.running() and not _being_edited():
-        _conclude(followed)
+    if not _being_edited():
+        if followed.running():
+            _show_finished_steps()
+        else:
+            _conclude(followed)
     _redraw()
     return _TICK_S
+
+
+def _show_finished_steps() -> None:
+    """Read the open bundle again when a step of it was finished since: results show as they come."""
+    global _journal_seen
+    name = state.bundle_name(bpy.context.scene)
+    try:
+        seen = (name, Path(name, _JOURNAL_FILE).stat().st_mtime_ns) if name else None
+    except OSError:
+        return
+    if seen != _journal_seen:
+        if _journal_seen is not None and seen is not None and _journal_seen[0] == name:
+            state.refresh(bpy.context.scene)
+        _journal_seen = seen
 
 
 def _next_job() -> Job | None:

@@ -13,10 +13,11 @@ from ...r2sego_blender.workers.environment import DOWNLOAD_MB
 from .. import job
 from ..base import EngineOperator, needs_idle_engine
 
+_LISTED = 10  # the largest packages, which are most of it
+
 
 class R2SEGO_OT_set_up_engine(EngineOperator, bpy.types.Operator):
-    """Install the engine's packages into a folder of this extension; shows what and how much, and asks.
-    Started again after a failure, it goes on with what was downloaded"""
+    """Install the engine's packages into a folder of this extension; shows which and how large, and asks"""
 
     bl_idname = "r2sego.set_up_engine"
     bl_label = "Set Up Engine"
@@ -36,13 +37,15 @@ class R2SEGO_OT_set_up_engine(EngineOperator, bpy.types.Operator):
 
     def draw(self, context):
         layout = self.layout
-        needed = [package for package in PACKAGES if package.required]
         layout.label(text=f"{DOWNLOAD_MB} MB are downloaded, {REQUIRED_MB} MB are taken on the disk:")
+        needed = sorted((p for p in PACKAGES if p.required), key=lambda package: -package.size_mb)
         column = layout.column(align=True)
-        for package in sorted(needed, key=lambda package: -package.size_mb):
-            row = column.split(factor=0.35)
+        for package in needed[:_LISTED]:
+            row = column.split(factor=0.45)
             row.label(text=f"{package.name}, {package.size_mb} MB")
             row.label(text=package.purpose)
+        rest_mb = sum(package.size_mb for package in needed[_LISTED:])
+        column.label(text=f"and {len(needed) - _LISTED} smaller ones, {rest_mb} MB")
         layout.prop(self, "wheels")
         if not (self.wheels or bpy.app.online_access):
             box = layout.box()

@@ -247,10 +247,21 @@ class Job:
                 where=self.title, cure="Finished steps are kept; start it again to go on.",
             )  # fmt: skip
         if status != 0 or self._error:
-            last = self._last_words() or self._last_line or f"exit status {status}"
+            words = self.words()
+            last = words[-1] if words else self._last_line or f"exit status {status}"
             text = self._error or last.removeprefix(f"{COMMAND_NAME}: ")
             raise EngineError(text.rstrip(". "))
         return self._result
+
+    def words(self) -> list[str]:
+        """The last lines of its standard error, at most some kilobytes."""
+        try:
+            with (self.folder / WORDS_FILE).open("rb") as stream:
+                stream.seek(max(0, stream.seek(0, os.SEEK_END) - _TAIL_BYTES))
+                lines = stream.read().decode("utf-8", "replace").splitlines()
+        except OSError:
+            return []
+        return [line.strip() for line in lines if line.strip()]
 
     def forget(self) -> None:
         """Remove the folder of a job that has ended; one that runs is left alone."""
@@ -277,16 +288,6 @@ class Job:
             elif event.kind == "error":
                 self._error = str(event.data.get("text", "the engine failed"))
             self._unread.append(event)
-
-    def _last_words(self) -> str:
-        """The last line of its standard error, '' when it said nothing there."""
-        try:
-            with (self.folder / WORDS_FILE).open("rb") as stream:
-                stream.seek(max(0, stream.seek(0, os.SEEK_END) - _TAIL_BYTES))
-                lines = stream.read().decode("utf-8", "replace").splitlines()
-        except OSError:
-            return ""
-        return next((line.strip() for line in reversed(lines) if line.strip()), "")
 
 
 def _this_process() -> dict[str, Any]:

@@ -123,6 +123,50 @@ def check_a_job_is_taken_over_with_its_operators_properties():
     assert state().bundle == str(made)
 
 
+def check_the_timer_follows_a_job_shows_finished_steps_and_takes_the_result_over():
+    """Its function is called here: timers do not run in background."""
+    copy = copied_bundle()
+    following = sys.modules[f"{MODULE}.operators.engine.following"]
+    shown, engine = bpy.context.window_manager.r2sego_job, bpy.context.window_manager.r2sego_engine
+    conduct("slow")
+    job = left_job(bpy.ops.r2sego.refine)
+    assert following._tick() < 0.5
+    assert shown.running and shown.title == "Refine"
+    (copy / "asset.ply").write_bytes(bytes(3_000_000))
+    facts = {(fact.section, fact.label): fact.value for fact in state().facts}
+    assert facts["asset", "asset.ply"] == "0.0 MB"
+    (copy / "journal.jsonl").write_text("{}\n")
+    following._tick()
+    os.utime(copy / "journal.jsonl", (1, 1))  # a step is added
+    following._tick()
+    facts = {(fact.section, fact.label): fact.value for fact in state().facts}
+    assert facts["asset", "asset.ply"] == "3.0 MB"
+    wait_until(lambda: following._tick() and not shown.running)
+    (end,) = engine.ended
+    assert (end.level, end.line) == ("INFO", "Refined: 2 of 2 rounds")
+    assert not job.folder.exists()
+
+
+def check_the_timer_finds_the_job_of_a_file_that_was_loaded():
+    open_bundle()
+    conduct("sleep")
+    job = left_job(bpy.ops.r2sego.refine)
+    blend = OUT.parent / "job.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    job_module().let_go()
+    bpy.ops.wm.read_homefile(use_empty=True)
+    following = sys.modules[f"{MODULE}.operators.engine.following"]
+    following._tick()
+    assert job_module().current() is None
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    following._tick()
+    assert job_module().current().folder == job.folder
+    bpy.ops.r2sego.cancel()
+    wait_until(lambda: following._tick() and not bpy.context.window_manager.r2sego_job.running)
+    (end,) = bpy.context.window_manager.r2sego_engine.ended
+    assert (end.title, end.level) == ("Refine", "WARNING")
+
+
 def check_a_job_of_a_bundle_that_is_not_open_is_only_told():
     copy = copied_bundle()
     conduct("slow")
