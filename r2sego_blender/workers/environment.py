@@ -28,7 +28,7 @@ PROJECT_FILE = Path(__file__).resolve().parents[2] / "pyproject.toml"
 DOWNLOADS = ".downloads"
 """Where an environment that is being made keeps what was downloaded."""
 
-DOWNLOAD_MB = 700
+DOWNLOAD_MB = 540
 """About what is downloaded for all packages, MB."""
 
 SMALL_TORCH = "https://download.pytorch.org/whl/cpu"
