@@ -75,8 +75,11 @@ def _draw(context) -> None:
         segments(stems(chart, np.array([group.active_frame]), 1.0), _ACTIVE, 2.0 * scale)
     x, y = chart.left, chart.bottom + chart.height + 4.0 * scale
     for text, colour in title:
+        width = text_width(text, _TEXT_PX * scale)
+        if x + width > chart.left + chart.width:
+            break  # a narrow view has room for the first words alone
         write(text, x, y, colour, _TEXT_PX * scale)
-        x += text_width(text, _TEXT_PX * scale) + 12.0 * scale
+        x += width + 12.0 * scale
 
 
 def _made(

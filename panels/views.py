@@ -73,7 +73,7 @@ class R2SEGO_PT_views_candidate(Sidebar, bpy.types.Panel):
         row.operator("r2sego.look_through_candidate", text="Look Through", icon="VIEW_CAMERA")
         row.prop(group, "set_frame", text="", icon="TIME")
         if group.active >= 0:
-            layout.label(text=f"Rollout {group.rollout}, frame {group.active_frame}")
+            layout.label(text=f"Frame {group.active_frame} of rollout {group.active_rollout}")
             layout.label(text=group.figures)
             write_wrapped(context, layout, group.why)
 
@@ -98,7 +98,8 @@ class R2SEGO_PT_views_curves(Sidebar, bpy.types.Panel):
         layout, group = self.layout, context.scene.r2sego_views
         layout.active = group.curves
         layout.prop(group, "rollout")
-        layout.label(text=f"{group.rollouts} rollouts have candidates")
+        if group.origin:
+            write_wrapped(context, layout, group.origin)
 
 
 CLASSES = (

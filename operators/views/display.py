@@ -60,6 +60,7 @@ def read(scene: bpy.types.Scene, bundle: Bundle) -> None:
         row.score, row.chosen = float(views.score[index]), bool(views.chosen[index])
     group.candidates, group.survivors = len(scores), int(views.survived.sum())
     group.rollouts = scores.rollouts
+    group.rollout = min(group.rollout, max(0, scores.rollouts - 1))
     group.best_s = float(views.score.max(initial=0.0))
     group.best_u, group.best_g = float(views.deficit.max()), float(views.availability.max())
     group.note = " ".join([*scores.told.ablations, scores.told.note]).strip()

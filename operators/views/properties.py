@@ -54,8 +54,8 @@ def _active_changed(group: bpy.types.PropertyGroup, _context: bpy.types.Context)
             f"u {views.deficit[active]:.1%}   g {views.availability[active]:.1%}   "
             f"s {views.score[active]:.3f}"
         )
-        group.active_frame = int(views.frame[active])
-        group.rollout = int(views.rollout[active])
+        group.active_frame, group.active_rollout = int(views.frame[active]), int(views.rollout[active])
+        group.rollout = group.active_rollout
     row = next((k for k, item in enumerate(group.ranked) if item.candidate == active), -1)
     if group.ranked_index != row:
         group.ranked_index = row
@@ -76,6 +76,9 @@ def _rollout_changed(group: bpy.types.PropertyGroup, _context: bpy.types.Context
     last = max(0, group.rollouts - 1)
     if group.rollout > last:
         group.rollout = last
+        return
+    scores = remembered(group.id_data.session_uid)
+    group.origin = "" if scores is None else scores.origin(group.rollout)
     redraw_views()
 
 
@@ -112,10 +115,12 @@ class R2SEGO_PG_views(bpy.types.PropertyGroup):
         default=-1, min=-1, update=_active_changed,
     )  # fmt: skip
     active_frame: IntProperty(name="Frame", description="The active candidate's frame of its rollout")
+    active_rollout: IntProperty(name="Rollout", description="The active candidate's rollout, from 0")
     rollout: IntProperty(
         name="Rollout", description="The rollout whose scores are drawn over time, from 0", min=0,
         update=_rollout_changed,
     )  # fmt: skip
+    origin: StringProperty(name="Attempt", description="Which attempt of the round the rollout is")
     curves: BoolProperty(
         name="Scores over Time", default=True, update=_curves_changed,
         description="Draw u, g and s of the rollout's frames at the bottom of the 3D view",

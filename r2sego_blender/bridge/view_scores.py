@@ -6,11 +6,13 @@ while something is drawn.
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 from itertools import count
 
 import numpy as np
 
+from ..errors import SceneError
 from .bundle import Bundle, CandidateViews
 from .selection_reasons import SelectionReasons, read_reasons, why
 
@@ -22,8 +24,9 @@ _remembered: dict[int, RoundScores] = {}
 class RoundScores:
     """A round's candidates with their scores and the reasons of the selection.
 
-    ``bundle_name`` is the bundle's, ``captures`` are its captures' names. ``stamp`` is another
-    one when the selection was made anew, ``number`` each time it was read.
+    ``bundle_name`` is the bundle's, ``captures`` are its captures' names; ``origins`` say which
+    attempt each rollout is, empty where they are not known. ``stamp`` is another one when
+    the selection was made anew, ``number`` each time it was read.
     """
 
     bundle_name: str
@@ -31,6 +34,7 @@ class RoundScores:
     views: CandidateViews
     told: SelectionReasons
     captures: tuple[str, ...]
+    origins: tuple[str, ...] = ()
     number: int = field(default_factory=lambda: next(_numbers))
 
     @staticmethod
@@ -42,8 +46,9 @@ class RoundScores:
         stamp = f"{round_index} {file.stat().st_mtime_ns}"
         captures = tuple(view.name for view in bundle.captures())
         return RoundScores(
-            bundle.name, stamp, bundle.candidates(round_index), read_reasons(bundle, round_index), captures
-        )
+            bundle.name, stamp, bundle.candidates(round_index), read_reasons(bundle, round_index), captures,
+            _origins(bundle, round_index),
+        )  # fmt: skip
 
     def __len__(self) -> int:
         return len(self.views.score)
@@ -75,9 +80,36 @@ class RoundScores:
             return -1
         return int(members[np.argmin(np.abs(self.views.frame[members] - frame))])
 
+    def origin(self, rollout: int) -> str:
+        """Which attempt of the round this rollout is, '' where that is not known."""
+        return self.origins[rollout] if 0 <= rollout < len(self.origins) else ""
+
     def why(self, index: int) -> str:
         """Why this candidate is a target or none."""
         return why(self.views, self.told, list(self.captures), index)
+
+
+def _origins(bundle: Bundle, round_index: int) -> tuple[str, ...]:
+    """The successful attempts in words, in their order: candidates count those alone.
+
+    Raises SceneError when ``rollouts.json`` is damaged.
+    """
+    if bundle.scene.declaration.settings.selection.candidates != "rollouts":
+        return ()
+    file = bundle.scene.round_folder(round_index) / "rollouts" / "rollouts.json"
+    try:
+        attempts = json.loads(file.read_text(encoding="utf-8"))["rollouts"]
+        return tuple(
+            f"Attempt {number}, {attempt['behaviour']}"
+            for number, attempt in enumerate(attempts)
+            if attempt["success"]
+        )
+    except FileNotFoundError:
+        return ()
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise SceneError(
+            f"it is damaged: {error!r}", where=file, cure="Run the round again (`r2sego refine`)."
+        ) from error
 
 
 def remember(key: int, scores: RoundScores | None) -> None:

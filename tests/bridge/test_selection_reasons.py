@@ -70,6 +70,24 @@ def test_candidates_are_found_by_rollout_and_frame(bundle):
     assert scores.best_score == fake_bundle.selection().score.max()
 
 
+def test_a_rollout_says_which_attempt_it_is(bundle):
+    scores = RoundScores.read(bundle, 0)
+    assert [scores.origin(rollout) for rollout in range(3)] == [
+        "Attempt 0, walk_to",
+        "Attempt 3, walk_to",
+        "",
+    ]
+
+
+def test_damaged_attempts_are_an_error_and_missing_ones_are_not(told):
+    file = told / "rounds" / "0" / "rollouts" / "rollouts.json"
+    file.write_text('{"rollouts": [1]}')
+    with pytest.raises(SceneError, match=r"rollouts\.json"):
+        RoundScores.read(Bundle.open(told), 0)
+    file.unlink()
+    assert RoundScores.read(Bundle.open(told), 0).origin(0) == ""
+
+
 def test_a_round_without_a_selection_has_none(bundle):
     assert RoundScores.read(bundle, 9) is None
 

@@ -63,6 +63,9 @@ def check_a_picked_candidate_says_why():
     assert group().active == TARGETS[2] and bpy.data.objects["Active candidate"]["candidate"] == 31
     group().active = 0
     assert group().ranked_index == -1 and group().why == "Because."
+    assert (group().active_rollout, group().origin) == (0, "Attempt 0, walk_to")
+    group().rollout = 9  # there are four
+    assert (group().rollout, group().active_rollout) == (3, 0)
     assert "no candidate 40" in refused(bpy.ops.r2sego.pick_candidate, candidate=40)
     assert "no candidate is named" in refused(bpy.ops.r2sego.pick_candidate)
 
