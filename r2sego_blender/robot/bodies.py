@@ -24,7 +24,7 @@ SHAPES, POSES, DESCRIPTION = "shapes.npz", "poses.npz", "bodies.json"
 
 # Shapes in higher groups are hidden by MuJoCo's viewer too: collision shapes, mostly.
 _HIGHEST_GROUP = 2
-_AROUND = 24
+_AROUND = 16
 # How far a camera may move on its body before the poses are of another robot.
 _SAME_MOUNT = 1e-5
 

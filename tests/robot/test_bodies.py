@@ -75,10 +75,10 @@ def test_every_primitive_has_its_size_and_place():
     for part in parts:
         geom = int(np.argmin(np.linalg.norm(data.geom_xpos[:5] - up - part.centroid, axis=1)))
         np.testing.assert_allclose(part.centroid + up, data.geom_xpos[geom], atol=2e-3)
-        assert 0.93 * volumes[geom] < part.volume < 1.001 * volumes[geom]
+        assert 0.9 * volumes[geom] < part.volume < 1.001 * volumes[geom]
         own = (part.vertices + up - data.geom_xpos[geom]) @ turns[geom]
         half = np.abs(own).max(axis=0)
-        np.testing.assert_allclose(half, model.geom_aabb[geom, 3:], atol=0.004)  # of 24 corners around
+        np.testing.assert_allclose(half, model.geom_aabb[geom, 3:], atol=0.008)  # of 16 corners around
     assert {tuple(c) for c in shape.colours} == {(0.5, 0.5, 0.5), (1.0, 0.0, 0.0)}
 
 

@@ -1,0 +1,96 @@
+"""Declare a scene's robot and behaviour, try it on the collision surface, and play a rollout.
+
+blender --background --python batch/examples/robot_rollouts.py -- SCENE [--region "0,0 2,0 2,1.5"] [--try 4]
+python batch/examples/robot_rollouts.py -- SCENE [--robot wheeled] [--blend OUT.blend]  (pip bpy)
+"""
+
+import argparse
+import math
+import sys
+from pathlib import Path
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from enabled_addon import enabled_addon
+
+from r2sego_blender.bridge.script import run_script
+
+
+def main(arguments: list[str]) -> int:
+    """Declare, try, show, print and optionally save; returns 0."""
+    parser = argparse.ArgumentParser(prog="robot_rollouts.py", description=__doc__.splitlines()[0])
+    parser.add_argument("scene", type=Path)
+    parser.add_argument("--robot", help="humanoid, wheeled, or an MJCF or URDF file")
+    parser.add_argument("--scope", help="walk_and_look, sit_down, or a TOML file")
+    parser.add_argument("--region", help="corners 'x,y x,y x,y' in metres, or free_floor")
+    parser.add_argument("--target", help="any, an object's name, or x,y: what to sit on")
+    parser.add_argument("--pitch", metavar="LOW,HIGH", help="pitch of the camera's bracket, degrees down")
+    parser.add_argument("--weights", metavar="WALK,LOOK", help="how often it walks, and looks around")
+    parser.add_argument("--seats", action="store_true", help="list what could be sat on")
+    parser.add_argument("--try", dest="trial", type=int, default=0, help="attempts without a round")
+    parser.add_argument("--attempt", type=int, default=None, help="shown; all successful when left out")
+    parser.add_argument("--blend", type=Path, help="save what is shown here")
+    options = parser.parse_args(arguments)
+    with enabled_addon():
+        bpy.ops.r2sego.open_scene(directory=str(options.scene.absolute()))
+        declare(options)
+        play(options)
+        if options.blend:
+            bpy.ops.wm.save_as_mainfile(filepath=str(options.blend.absolute()))
+    return 0
+
+
+def declare(options: argparse.Namespace) -> None:
+    """Press the buttons that declare the robot, as far as options are given."""
+    ops, scene = bpy.ops.r2sego, bpy.context.scene
+    if options.robot in ("humanoid", "wheeled"):
+        ops.choose_robot(robot=options.robot.upper())
+    elif options.robot:
+        ops.choose_robot(robot="FILE", filepath=str(Path(options.robot).absolute()))
+    if options.scope in ("walk_and_look", "sit_down"):
+        ops.choose_scope(scope=options.scope)
+    elif options.scope:
+        ops.choose_scope(scope="FILE", filepath=str(Path(options.scope).absolute()))
+    if options.pitch:
+        low, high = (math.radians(float(angle)) for angle in options.pitch.split(","))
+        ops.set_mount(mount="OWN", pitch="DRAWN", pitch_low=low, pitch_high=high)
+    if options.weights:
+        walk_to, look_around = map(float, options.weights.split(","))
+        ops.set_behaviours(walk_to=walk_to, look_around=look_around)
+    if options.target:
+        ops.pick_target(target=options.target)
+    if options.region == "free_floor":
+        ops.clear_region()
+    elif options.region:
+        ops.draw_region(polygon=options.region)
+    ops.inspect_robot(seats=options.seats)
+    for fact in scene.r2sego.facts:
+        if fact.section == "robot":
+            print(f"{fact.label}: {fact.value}")
+    for seat in scene.r2sego_robot.seats:
+        print(f"seat: {seat.object_name or 'no object'} at ({seat.place[0]:.2f}, {seat.place[1]:.2f})")
+
+
+def play(options: argparse.Namespace) -> None:
+    """Try some attempts where asked to, list them all, and show one, or all that succeeded."""
+    ops, robot = bpy.ops.r2sego, bpy.context.scene.r2sego_robot
+    if options.trial:
+        ops.try_rollouts(attempts=options.trial)
+    trial = robot.source == "TRIAL"
+    for one in robot.attempts:
+        outcome = "succeeded" if one.success else f"{one.reason}, {one.detail}"
+        print(f"attempt {one.number}: {one.behaviour}, {outcome}, {one.frames} frames, {one.time_s:.1f} s")
+    if options.attempt is not None:
+        ops.jump_to_attempt(attempt=options.attempt, trial=trial)
+    elif robot.succeeded:
+        ops.show_rollout(every=True, trial=trial, look_through=True)
+    moving = [shown for shown in bpy.data.objects if shown.parent is not None]
+    scene = bpy.context.scene
+    print(f"{len(moving)} objects follow frames 0 to {scene.frame_end}, now at {scene.frame_current}")
+
+
+if __name__ == "__main__":
+    run_script(main)
