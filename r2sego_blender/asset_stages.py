@@ -29,7 +29,12 @@ class Stage:
     @property
     def label(self) -> str:
         """For people: Initial, Round 0, Final."""
-        return self.name.capitalize() if self.name in (INITIAL, FINAL) else f"Round {self.name}"
+        return stage_label(self.name)
+
+
+def stage_label(name: str) -> str:
+    """What people call the stage of a name."""
+    return name.capitalize() if name in (INITIAL, FINAL) else f"Round {name}"
 
 
 def stages(scene: Scene) -> tuple[Stage, ...]:

@@ -1,6 +1,6 @@
 """Delete the marked splats from the asset, restore deleted ones, or forget the marks."""
 
-import tempfile
+import shutil
 from pathlib import Path
 
 import bpy
@@ -11,6 +11,9 @@ from .. import state
 from ..base import EngineOperator, ReportingOperator, needs_bundle, needs_idle_engine
 from .marks import clear_marks
 from .show_asset import show_stage
+
+_MARKS = ".marks"
+"""Of the bundle: the regions on their way to the engine."""
 
 
 class R2SEGO_OT_delete_splats(EngineOperator, bpy.types.Operator):
@@ -34,15 +37,14 @@ class R2SEGO_OT_delete_splats(EngineOperator, bpy.types.Operator):
         return True
 
     def arguments(self, context):
-        folder = Path(tempfile.mkdtemp(prefix="r2sego-marks-", dir=bpy.app.tempdir or None))
-        command = ["edit-asset", str(state.opened_bundle(context).path)]
+        bundle = state.opened_bundle(context).path
+        command = ["edit-asset", str(bundle)]
         for index, mark in enumerate(context.scene.r2sego_asset.marks):
-            file = folder / f"{index:03d}.json"
-            file.write_text(mark.region, encoding="utf-8")
-            command += [f"--{mark.kind}", str(file)]
+            command += [f"--{mark.kind}", str(_region_file(bundle, index, mark.region))]
         return [*command, *(["--name", self.name] if self.name else []), "--json-progress"]
 
     def finish(self, context, result):
+        shutil.rmtree(state.opened_bundle(context).path / _MARKS, ignore_errors=True)
         clear_marks(context.scene)
         return _show_edited(context, result)
 
@@ -93,6 +95,19 @@ class R2SEGO_OT_clear_splat_marks(ReportingOperator, bpy.types.Operator):
     def perform(self, context):
         clear_marks(context.scene)
         return ""
+
+
+def _region_file(bundle: Path, index: int, region: str) -> Path:
+    """A marked region as a file the engine reads."""
+    file = bundle / _MARKS / f"{index:03d}.json"
+    try:
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(region, encoding="utf-8")
+    except OSError as error:
+        raise AssetError(
+            f"the marks cannot be written: {error.strerror}", where=file, cure="Allow writing there."
+        ) from error
+    return file
 
 
 def _show_edited(context, result) -> str:

@@ -52,8 +52,10 @@ class R2SEGO_OT_export_asset(EngineOperator, bpy.types.Operator):
         bundle = state.opened_bundle(context)
         stages = context.scene.r2sego_asset.stages
         stage = stage_named(bundle.scene, self.stage or stages[len(stages) - 1].name)
-        self._file = Path(bpy.path.abspath(self.filepath)).with_suffix(self.file_format)
-        return ["convert", str(stage.file), str(self._file)]
+        return ["convert", str(stage.file), str(self._file())]
 
     def finish(self, context, result):
-        return f"Wrote {self._file}"
+        return f"Wrote {self._file()}"
+
+    def _file(self) -> Path:
+        return Path(bpy.path.abspath(self.filepath)).with_suffix(self.file_format)

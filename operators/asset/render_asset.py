@@ -1,13 +1,13 @@
 """Render the asset exactly, from the active camera, by the engine."""
 
+import hashlib
 import json
-import tempfile
 from pathlib import Path
 
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from ...r2sego_blender.asset_stages import PASSES, stage_named
+from ...r2sego_blender.asset_stages import PASSES, Stage, stage_label, stage_named
 from ...r2sego_blender.bridge.asset_cameras import exact_camera
 from ...r2sego_blender.bridge.asset_pictures import load_picture, put_behind, show_in_editor
 from ...r2sego_blender.bridge.views_3d import redraw_views
@@ -15,6 +15,9 @@ from ...r2sego_blender.errors import SceneError
 from .. import state
 from ..base import EngineOperator, needs_idle_engine
 from .show_asset import needs_asset
+
+_FOLDER = ".pictures"
+"""Of the bundle: renderings to look at, which no step reads; it may be deleted at any time."""
 
 _PLACES = (
     ("BACKGROUND", "Camera Background", "Look through the camera at the picture"),
@@ -62,23 +65,23 @@ class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
                 cure="Select a camera, or set the scene's.",
             )  # fmt: skip
         context.view_layer.update()
-        camera = exact_camera(seen_from, context.scene)
+        camera = {"name": "picture", **exact_camera(seen_from, context.scene).to_json()}
         stage = stage_named(bundle.scene, self.stage or group.stages[group.stage].name)
-        self._seen_from, self._name = seen_from.name, f"{seen_from.name}, {stage.label.lower()}"
-        if self.render_pass != "colour":
-            self._name += f", {self.render_pass}"
-        self._folder = Path(tempfile.mkdtemp(prefix="r2sego-render-", dir=bpy.app.tempdir or None))
-        cameras = self._folder / "cameras.json"
-        cameras.write_text(json.dumps({"cameras": [{"name": "picture", **camera.to_json()}]}))
+        # The job's end finds by these what it began with, whatever is chosen then.
+        self.camera, self.stage = seen_from.name, stage.name
+        cameras = _cameras_file(bundle.path, camera, stage)
         return [
-            "render", str(bundle.path), "--cameras", str(cameras), "--to", str(self._folder),
+            "render", str(bundle.path), "--cameras", str(cameras), "--to", str(cameras.parent),
             "--round", stage.name, "--pass", self.render_pass, "--json-progress",
         ]  # fmt: skip
 
     def finish(self, context, result):
-        suffix = "" if self.render_pass == "colour" else f"_{self.render_pass}"
-        image = load_picture(self._folder / f"picture{suffix}.png", self._name)
-        group, seen_from = context.scene.r2sego_asset, bpy.data.objects.get(self._seen_from)
+        if not result.get("files"):
+            raise SceneError("the engine told no picture", cure="Render again.")
+        name = f"{self.camera}, {stage_label(self.stage).lower()}"
+        name += "" if self.render_pass == "colour" else f", {self.render_pass}"
+        image = load_picture(Path(result["files"][0]), name)
+        group, seen_from = context.scene.r2sego_asset, bpy.data.objects.get(self.camera)
         if self.place == "BACKGROUND" and seen_from is not None:
             put_behind(seen_from, image)
         elif self.place == "LEFT":
@@ -89,6 +92,20 @@ class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
             return f"{image.name} is rendered; open an image editor to see it"
         redraw_views()
         return f"{image.name}: {image.size[0]} x {image.size[1]}"
+
+
+def _cameras_file(bundle: Path, camera: dict, stage: Stage) -> Path:
+    """The file that tells the engine the camera, in a folder of its own for this view of this asset."""
+    made = json.dumps([camera, stage.name, stage.file.stat().st_mtime_ns])
+    file = bundle / _FOLDER / hashlib.sha256(made.encode()).hexdigest()[:16] / "cameras.json"
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(json.dumps({"cameras": [camera]}), encoding="utf-8")
+    except OSError as error:
+        raise SceneError(
+            f"the camera cannot be written: {error.strerror}", where=file, cure="Allow writing there."
+        ) from error
+    return file
 
 
 def _camera_object(context, name: str) -> bpy.types.Object | None:

@@ -151,22 +151,22 @@ def check_splats_selected_in_edit_mode_are_marked():
 
 
 def check_deleting_hands_the_regions_to_the_engine():
-    show()
+    copy = copied_bundle()
+    bpy.ops.r2sego.show_asset()
     assert "Nothing is marked" in refused(bpy.ops.r2sego.delete_splats)
     bpy.ops.r2sego.mark_splats_box(lowest=(-0.5, -0.5, 0.5), highest=(0.5, 0.5, 2.0))
     conduct("succeed")
     assert bpy.ops.r2sego.delete_splats(name="floaters") == {"FINISHED"}
     ((command, bundle, option, file, *rest),) = calls()
-    assert (command, bundle, option) == ("edit-asset", str(BUNDLE), "--box")
-    assert rest == ["--name", "floaters", "--json-progress"]
-    np.testing.assert_allclose(
-        json.loads(Path(file).read_text())["half_extents"], (0.5, 0.5, 0.75), atol=1e-6
-    )
+    assert (command, bundle, option) == ("edit-asset", str(copy), "--box")
+    assert rest == ["--name", "floaters", "--json-progress"] and not Path(file).exists()
     assert not group().marks and group().marked == 0
     conduct("fail")
     bpy.ops.r2sego.mark_splats_box(lowest=(-0.5, -0.5, 0.5), highest=(0.5, 0.5, 2.0))
     assert "images/a.png" in refused(bpy.ops.r2sego.delete_splats)
     assert len(group().marks) == 1  # what failed can be tried again
+    box = json.loads((copy / ".marks" / "000.json").read_text())
+    np.testing.assert_allclose(box["half_extents"], (0.5, 0.5, 0.75), atol=1e-6)
 
 
 def check_what_was_deleted_is_listed_and_restored():
@@ -184,16 +184,16 @@ def check_what_was_deleted_is_listed_and_restored():
 
 
 def check_a_camera_is_handed_to_the_engine_exactly():
-    open_bundle()
+    copy = copied_bundle()
     bpy.ops.r2sego.import_captures()
     conduct("fail")
     assert "images/a.png" in refused(bpy.ops.r2sego.render_asset, camera="capture_1", stage="0")
     (call,) = calls()
-    assert call[:2] == ["render", str(BUNDLE)] and call[6:] == [
+    assert call[:2] == ["render", str(copy)] and call[6:] == [
         "--round", "0", "--pass", "colour", "--json-progress"
     ]  # fmt: skip
     (camera,) = json.loads(Path(call[3]).read_text())["cameras"]
-    lens = json.loads((BUNDLE / "captures" / "cameras.json").read_text())["captures"][1]
+    lens = json.loads((copy / "captures" / "cameras.json").read_text())["captures"][1]
     for name in ("width", "height", "fx", "fy", "cx", "cy", "world_from_camera"):
         np.testing.assert_allclose(camera[name], lens[name], atol=1e-5)
 
@@ -202,7 +202,7 @@ def check_any_perspective_camera_is_a_pinhole_in_pixels():
     from bpy_extras.object_utils import world_to_camera_view
     from mathutils import Vector
 
-    open_bundle()
+    copied_bundle()
     scene, data = bpy.context.scene, bpy.data.cameras.new("own")
     own = bpy.data.objects.new("own", data)
     scene.collection.objects.link(own)
