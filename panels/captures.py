@@ -18,7 +18,7 @@ class R2SEGO_UL_captures(bpy.types.UIList):
 
     def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
         row = layout.split(factor=0.55, align=True)
-        row.label(text=item.name, icon="CAMERA_DATA")
+        row.label(text=item.name.rpartition(".")[0] or item.name, icon="CAMERA_DATA")
         facts = row.row(align=True)
         facts.alert = item.overlaps == 0
         for text in (f"{item.view_deg:.0f}\u00b0", str(item.points), str(item.overlaps)):
@@ -122,9 +122,9 @@ class R2SEGO_PT_registration(Step, bpy.types.Panel):
         column.operator("r2sego.remove_pick", text="", icon="TRASH").everything = True
         column.prop(shown, "show_picks", text="", icon="HIDE_OFF" if shown.show_picks else "HIDE_ON")
         row = layout.row(align=True)
-        new = row.operator("r2sego.pick_point", text="New Point", icon="ADD")
+        new = row.operator("r2sego.pick_point", text="New", icon="ADD")
         new.point, new.capture, new.floor = "", "", False
-        floor = row.operator("r2sego.pick_point", text="Floor Point", icon="MESH_PLANE")
+        floor = row.operator("r2sego.pick_point", text="Floor", icon="MESH_PLANE")
         floor.point, floor.capture, floor.floor = "", "", True
         again = row.row(align=True)
         again.enabled = len(shown.points) > shown.active_point

@@ -82,12 +82,12 @@ def _table(layout, scores, has_lpips):
 
 
 def _line(column, label, cells, active):
-    split = column.split(factor=0.4)
+    split = column.split(factor=0.44)
     split.active = active
     split.label(text=label)
-    row = split.row()
+    grid = split.grid_flow(row_major=True, columns=len(cells), even_columns=True, align=True)
     for cell in cells:
-        place = row.row()
+        place = grid.row()
         place.alignment = "RIGHT"
         place.label(text=cell)
 

@@ -16,12 +16,13 @@ void main() {
 """
 _FRAGMENT = """
 void main() {
-  vec2 from_middle = gl_PointCoord - vec2(0.5);
-  if (dot(from_middle, from_middle) > 0.25) discard;
   outcome = shown;
 }
 """
 _made = {}
+
+_MOST_WIDE = 60_000
+"""Points wider than a pixel are filled one by one, which takes long without a GPU: so many at most."""
 
 
 def _draw(context):
@@ -43,8 +44,10 @@ def _draw(context):
     gpu.state.program_point_size_set(True)
     shader.bind()
     shader.uniform_float("perspective", context.region_data.perspective_matrix)
-    shader.uniform_float("size", shown.point_size_px * context.preferences.system.ui_scale)
-    _made["batch"].draw(shader)
+    size_px = shown.point_size_px * context.preferences.system.ui_scale
+    shader.uniform_float("size", size_px)
+    drawn = len(cloud.points) if size_px <= 1.0 else min(len(cloud.points), _MOST_WIDE)
+    _made["batch"].draw_range(shader, elem_start=0, elem_count=drawn)
     gpu.state.program_point_size_set(False)
     gpu.state.depth_test_set("NONE")
 

@@ -14,7 +14,10 @@ _LINEAR = np.where(_SRGB <= 0.04045, _SRGB / 12.92, ((_SRGB + 0.055) / 1.055) **
 
 @dataclass(frozen=True, eq=False)
 class SparseCloud:
-    """Points (P, 3) float32, metres, and their linear colours (P, 4) float32 in [0, 1]."""
+    """Points (P, 3) float32, metres, and their linear colours (P, 4) float32 in [0, 1].
+
+    Their order is shuffled, so that the first ones are a sample of all.
+    """
 
     points: np.ndarray
     colours: np.ndarray
@@ -35,6 +38,8 @@ def read_cloud(bundle: Bundle) -> SparseCloud | None:
     changed = file.stat().st_mtime_ns
     if key not in _read or _read[key][0] != changed:
         points, colours = bundle.sparse_points()
+        shuffled = np.random.default_rng(0).permutation(len(points))
+        points, colours = points[shuffled], colours[shuffled]
         rgba = np.ones((len(points), 4), np.float32)
         rgba[:, :3] = _LINEAR[colours]
         _read.clear()  # one room at a time: a cloud may be large
