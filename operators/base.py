@@ -116,7 +116,8 @@ class EngineOperator:
             state.refresh(context.scene)
             level, ended = "WARNING" if ended_job.cancelled else "ERROR", {"CANCELLED"}
             line = str(error)
-            print(*ended_job.words(), sep="\n")  # on Blender's console, for whoever looks for the cause
+            if not ended_job.cancelled:  # on Blender's console, for whoever looks for the cause
+                print(*ended_job.words(), sep="\n")
         finally:
             ended_job.forget()
         if line:

@@ -113,7 +113,7 @@ def tell_end(title: str, level: str, line: str) -> None:
     """Keep the line with which a job ended until it is dismissed; ``level``: INFO, WARNING or ERROR."""
     ended = bpy.context.window_manager.r2sego_engine.ended
     end = ended.add()
-    end.title, end.level, end.line = title, level, line
+    end.title, end.level, end.line = title, level, line[:1].upper() + line[1:]
     while len(ended) > _REMEMBERED_ENDS:
         ended.remove(0)
 

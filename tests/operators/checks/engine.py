@@ -84,7 +84,7 @@ def check_disabling_lets_a_job_go_on_and_enabling_finds_it():
     job_module().let_go()
     assert bpy.ops.r2sego.follow_job() == {"FINISHED"}
     (end,) = bpy.context.window_manager.r2sego_engine.ended
-    assert end.level == "WARNING" and end.line.startswith("cancelled"), end.line
+    assert end.level == "WARNING" and end.line.startswith("Cancelled"), end.line
     assert following.unfollowed_jobs(bpy.context) == []
 
 
