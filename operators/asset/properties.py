@@ -11,7 +11,7 @@ from bpy.props import (
 )
 
 from ...r2sego_blender.asset_edits import load_edits
-from ...r2sego_blender.asset_stages import stages
+from ...r2sego_blender.asset_stages import FINAL, INITIAL, stages
 from ...r2sego_blender.bridge.bundle import Bundle
 from ...r2sego_blender.bridge.show_asset import shown_stage
 from ...r2sego_blender.bridge.views_3d import redraw_views
@@ -130,10 +130,21 @@ def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
     group = scene.r2sego_asset
     last = not group.stages or group.stage == len(group.stages) - 1
     group.stages.clear()
+    scores = _scores(bundle)
+    metrics_file = bundle.scene.report_folder / "metrics.json"
+    # What changed since then is not what was scored.
+    scored_at = metrics_file.stat().st_mtime if scores else 0.0
     for stage in stages(bundle.scene):
         item = group.stages.add()
         item.name, item.label, item.gaussians = stage.name, stage.label, vertex_count(stage.file)
-        _tell(scene, stage.label, f"{item.gaussians:,} splats".replace(",", "\u2009"))
+        told = [f"{item.gaussians:,} splats".replace(",", "\u2009")]
+        score = scores.pop(stage.name, None)
+        if score is not None and stage.file.stat().st_mtime <= scored_at:
+            told.append(f"{score:.2f} dB")
+        _tell(scene, stage.label, ", ".join(told))
+    for name, score in scores.items():
+        if score is not None:
+            _tell(scene, name, f"{score:.2f} dB")
     # Who looked at the newest asset goes on to the newest; else the slider stays where it is.
     wanted = len(group.stages) - 1 if last else min(group.stage, len(group.stages) - 1)
     if group.stage != max(0, wanted):
@@ -144,8 +155,14 @@ def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
         item.name = edit.name
         item.regions = ", ".join(region.to_json()["kind"] for region in edit.regions)
     group.edit_index = min(group.edit_index, max(0, len(group.edits) - 1))
-    for name, arm in sorted((bundle.metrics().get("arms") or {}).items()):
-        _tell(scene, name, f"PSNR {arm['psnr']:.2f} dB, SSIM {arm['ssim']:.3f}")
+
+
+def _scores(bundle: Bundle) -> dict[str, float | None]:
+    """The PSNR of each stage and of other assets on frozen views, by name, as last evaluated."""
+    metrics = bundle.metrics()
+    names = {"initial": INITIAL, "refined": FINAL, "vanilla_3dgs": "Vanilla 3DGS"}
+    scores = {names.get(name, name): arm["psnr"] for name, arm in (metrics.get("arms") or {}).items()}
+    return scores | {str(one["round"]): one["psnr"] for one in metrics.get("rounds") or ()}
 
 
 def _tell(scene: bpy.types.Scene, label: str, value: str) -> None:

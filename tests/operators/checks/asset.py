@@ -1,6 +1,7 @@
 """What holds of the room Asset, checked inside Blender."""
 
 import json
+import os
 from pathlib import Path
 
 import bpy
@@ -55,7 +56,17 @@ def check_the_bundles_assets_are_known_when_it_opens():
     assert [stage.gaussians for stage in group().stages] == [SPLATS] * 3 + [SPLATS + BACKDROP_SPLATS]
     assert group().stage == 3
     facts = {fact.label: fact.value for fact in state().facts if fact.section == "asset"}
-    assert facts["Final"] == "72 splats" and facts["refined"].startswith("PSNR 25.10"), facts
+    assert facts["Final"] == "72 splats, 25.10 dB" and facts["Initial"] == "60 splats", facts
+    assert facts["vanilla 3DGS"] == "21.40 dB", facts
+
+
+def check_an_asset_that_changed_since_it_was_scored_has_no_score():
+    copy = copied_bundle()
+    later = (copy / "report" / "metrics.json").stat().st_mtime + 10.0
+    os.utime(copy / "asset.ply", (later, later))
+    bpy.ops.r2sego.refresh_scene()
+    facts = {fact.label: fact.value for fact in state().facts if fact.section == "asset"}
+    assert facts["Final"] == "72 splats", facts
 
 
 def check_the_asset_is_shown_as_points_with_their_attributes():
