@@ -1,8 +1,16 @@
-"""The sub-panel Geometry Proxy."""
+"""The sub-panel Geometry Proxy: its colours, the objects with their masks and priors, its edits."""
+
+import textwrap
 
 import bpy
 
-from .sidebar import Step
+from . import placement_overlay, proxy_legend
+from .sidebar import Sidebar, Step, fitting_characters
+
+_STATE_ICONS = {
+    "aligned": "CHECKMARK", "accepted": "CHECKMARK", "by symmetry": "MOD_MIRROR", "locked": "LOCKED",
+    "refused": "ERROR", "rejected": "X", "drawn": "GREASEPENCIL", "placed": "OBJECT_ORIGIN",
+}  # fmt: skip
 
 
 class R2SEGO_PT_proxy(Step, bpy.types.Panel):
@@ -15,9 +23,153 @@ class R2SEGO_PT_proxy(Step, bpy.types.Panel):
 
     def draw(self, context):
         self.draw_facts(context)
-        row = self.layout.row(align=True)
+        group, layout = context.scene.r2sego_proxy, self.layout
+        row = layout.row(align=True)
         row.prop(context.scene.r2sego, "round_index")
         row.operator("r2sego.show_proxy", text="Show", icon="MESH_DATA")
+        layout.prop(group, "colour_by", text="Colour")
+        proxy_legend.draw_legend(layout, group)
+        layout.operator("r2sego.measure_coverage", icon="HIDE_OFF")
+        layout.operator("r2sego.plan_refine", icon="FILE_REFRESH")
+        if group.plan:
+            column = layout.column(align=True)
+            for line in textwrap.wrap(group.plan, fitting_characters(context, 0.95)):
+                column.label(text=line)
 
 
-CLASSES = (R2SEGO_PT_proxy,)
+class _Part(Sidebar):
+    """A closed panel below Geometry Proxy."""
+
+    bl_parent_id = "R2SEGO_PT_proxy"
+    bl_options = {"DEFAULT_CLOSED"}
+
+
+class R2SEGO_UL_proxy_objects(bpy.types.UIList):
+    """The objects with what became of their priors"""
+
+    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
+        row = layout.split(factor=0.42)
+        row.label(text=item.name, icon=_STATE_ICONS.get(item.state, "DOT"))
+        row = row.split(factor=0.62)
+        row.label(text=item.state)
+        row.label(text=f"{item.iou:.2f}" if item.iou >= 0.0 else f"{item.masks} masks")
+
+
+class R2SEGO_PT_proxy_masks(_Part, bpy.types.Panel):
+    """Objects, and their masks on the photographs"""
+
+    bl_idname = "R2SEGO_PT_proxy_masks"
+    bl_label = "Objects and Masks"
+    bl_order = 0
+
+    def draw(self, context):
+        group, layout = context.scene.r2sego_proxy, self.layout
+        row = layout.row()
+        row.template_list("R2SEGO_UL_proxy_objects", "", group, "objects", group, "object_index", rows=3)
+        column = row.column(align=True)
+        column.operator("r2sego.new_object", text="", icon="ADD")
+        column.operator("r2sego.remove_object", text="", icon="REMOVE")
+        row = layout.row(align=True)
+        row.prop(group, "mask_tool", text="")
+        brush = row.row(align=True)
+        brush.active = group.mask_tool == "BRUSH"
+        brush.prop(group, "brush_radius")
+        row = layout.row(align=True)
+        row.operator("r2sego.draw_mask", text="Draw", icon="GREASEPENCIL")
+        row.operator("r2sego.paint_mask", text="Paint", icon="BRUSH_DATA")
+        row = layout.row(align=True)
+        row.operator("r2sego.load_masks", text="Load", icon="IMPORT")
+        row.operator("r2sego.declare_masks", text="Declare", icon="EXPORT")
+        layout.prop(group, "show_outlines")
+
+
+class R2SEGO_PT_proxy_priors(_Part, bpy.types.Panel):
+    """The shape prior of the chosen object"""
+
+    bl_idname = "R2SEGO_PT_proxy_priors"
+    bl_label = "Shape Priors"
+    bl_order = 1
+
+    def draw(self, context):
+        group, layout = context.scene.r2sego_proxy, self.layout
+        layout.operator("r2sego.show_priors", icon="MESH_MONKEY")
+        if not 0 <= group.object_index < len(group.objects):
+            return
+        chosen = group.objects[group.object_index]
+        column = layout.column(align=True)
+        column.label(text=f"{chosen.name}: {chosen.state}", icon=_STATE_ICONS.get(chosen.state, "DOT"))
+        if chosen.energy >= 0.0:
+            column.label(text=f"Overlap {chosen.iou:.2f}, energy {chosen.energy:.2f}")
+        if chosen.residual >= 0.0:
+            column.label(text=f"Points {100.0 * chosen.residual:.1f} cm off, shape {chosen.shape}")
+        for line in textwrap.wrap(chosen.why, fitting_characters(context, 0.95)):
+            column.label(text=line)
+        row = layout.row(align=True)
+        row.operator("r2sego.place_prior", icon="ORIENTATION_GIMBAL")
+        row.operator("r2sego.save_placement", text="Save", icon="FILE_TICK")
+        if group.fit_object == chosen.name:
+            box = layout.box().column(align=True)
+            residual = (
+                f", points {100.0 * group.fit_residual:.1f} cm off" if group.fit_residual >= 0.0 else ""
+            )
+            box.label(text=f"Now: overlap {group.fit_iou:.2f}{residual}")
+            for line in textwrap.wrap(group.fit_views, fitting_characters(context, 0.9)):
+                box.label(text=line)
+        row = layout.row(align=True)
+        for decision, text in (("accept", "Accept"), ("reject", "Reject"), ("reconsider", "By Figures")):
+            row.operator("r2sego.decide_prior", text=text).decision = decision
+        row = layout.row(align=True)
+        row.operator("r2sego.decide_prior", text="Lock", icon="LOCKED").decision = "lock"
+        row.operator("r2sego.decide_prior", text="Unlock", icon="UNLOCKED").decision = "unlock"
+        layout.operator_menu_enum("r2sego.use_mesh_as_prior", "place", icon="MESH_DATA")
+
+
+class R2SEGO_UL_proxy_edits(bpy.types.UIList):
+    """The edits of the proxy that the bundle keeps"""
+
+    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
+        row = layout.split(factor=0.5)
+        row.label(text=item.name)
+        row.label(text=f"{item.kind}, {item.area:.2f} m\u00b2")
+
+
+class R2SEGO_PT_proxy_edits(_Part, bpy.types.Panel):
+    """Faces cut away and surfaces drawn; each refinement applies them"""
+
+    bl_idname = "R2SEGO_PT_proxy_edits"
+    bl_label = "Edit Proxy"
+    bl_order = 2
+
+    def draw(self, context):
+        group, layout = context.scene.r2sego_proxy, self.layout
+        row = layout.row(align=True)
+        row.operator("r2sego.select_proxy_lasso", text="Lasso", icon="GREASEPENCIL")
+        row.operator("r2sego.select_proxy_box", text="Box", icon="CUBE")
+        layout.prop(group, "farthest")
+        layout.operator("r2sego.cut_proxy", icon="TRASH")
+        layout.operator("r2sego.draw_proxy_surface", icon="MESH_PLANE")
+        if group.edits:
+            layout.template_list("R2SEGO_UL_proxy_edits", "", group, "edits", group, "edit_index", rows=2)
+            layout.operator("r2sego.remove_proxy_edit", icon="LOOP_BACK")
+
+
+CLASSES = (
+    R2SEGO_PT_proxy,
+    R2SEGO_UL_proxy_objects,
+    R2SEGO_PT_proxy_masks,
+    R2SEGO_PT_proxy_priors,
+    R2SEGO_UL_proxy_edits,
+    R2SEGO_PT_proxy_edits,
+)
+
+
+def register() -> None:
+    """Start the overlay, and make the legend's icons."""
+    proxy_legend.register()
+    placement_overlay.register()
+
+
+def unregister() -> None:
+    """Stop it."""
+    placement_overlay.unregister()
+    proxy_legend.unregister()

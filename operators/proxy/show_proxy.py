@@ -6,10 +6,11 @@ from bpy.props import BoolProperty
 from ...r2sego_blender.bridge.show_proxy import show_proxy
 from .. import state
 from ..base import ReportingOperator, needs_round
+from .properties import colour_shown
 
 
 class R2SEGO_OT_show_proxy(ReportingOperator, bpy.types.Operator):
-    """Show the geometry proxy: grey was observed, teal is a prior, amber was completed"""
+    """Show the geometry proxy, coloured as chosen: by provenance, support, confidence or coverage"""
 
     bl_idname = "r2sego.show_proxy"
     bl_label = "Show Geometry Proxy"
@@ -26,6 +27,7 @@ class R2SEGO_OT_show_proxy(ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         shown = show_proxy(context.scene, state.opened_bundle(context), context.scene.r2sego.round_index)
+        colour_shown(context.scene)
         if self.look_inside and context.area is not None and context.area.type == "VIEW_3D":
             context.space_data.shading.show_backface_culling = True
         return f"{shown.name}: {len(shown.data.polygons)} faces"

@@ -1,4 +1,4 @@
-"""The geometry proxy as a mesh coloured by provenance."""
+"""The geometry proxy as a mesh coloured by what is known of its faces."""
 
 from __future__ import annotations
 
@@ -11,23 +11,71 @@ from ..geometry.proxy import PROVENANCE_COLOURS, GeometryProxy, Provenance
 from .bundle import Bundle
 from .materials import plain_material
 from .meshes import add_attribute, arrays_from_mesh, assign_materials, mesh_from_arrays, read_attribute
-from .outliner import fresh_collection
+from .outliner import find_collection, fresh_collection
+from .proxy_colours import Colouring, ProxyFaces, coloured
+from .proxy_coverage import read_coverage
 
 _PART = "Geometry proxy"
+_ROUND, _VIEWS, _SEEN = "r2sego_round", "r2sego_views", "seen"
 
 
 def show_proxy(scene: bpy.types.Scene, bundle: Bundle, round_index: int) -> bpy.types.Object:
     """The proxy of a round, in place of the one shown before.
 
     Faces carry the attributes ``provenance``, ``support``, ``confidence`` and ``instance``,
-    and one of three materials by provenance. Raises SceneError when that round has none.
+    where the coverage was measured also ``seen``, and one of three materials by provenance.
+    Raises SceneError when that round has none.
     """
     proxy = bundle.proxy(round_index)
+    coverage = read_coverage(bundle, round_index, len(proxy.faces))
     collection = fresh_collection(scene, bundle.name, _PART)
     mesh = proxy_mesh(proxy, f"Proxy, round {round_index}")
+    mesh[_ROUND] = round_index
+    if coverage is not None:
+        add_attribute(mesh, _SEEN, coverage.seen)
+        mesh[_VIEWS] = coverage.views
     created = bpy.data.objects.new(mesh.name, mesh)
     collection.objects.link(created)
     return created
+
+
+def shown_proxy(scene: bpy.types.Scene, bundle_name: str) -> bpy.types.Object | None:
+    """The object that ``show_proxy`` made, if it is still there."""
+    collection = find_collection(scene, bundle_name, _PART)
+    objects = collection.objects if collection is not None else ()
+    return next((one for one in objects if one.type == "MESH" and _ROUND in one.data), None)
+
+
+def shown_round(shown: bpy.types.Object) -> int:
+    """The round whose proxy an object shows."""
+    return int(shown.data[_ROUND])
+
+
+def colour_proxy(shown: bpy.types.Object, by: str) -> tuple[Colouring, np.ndarray] | None:
+    """Colour a shown proxy by one of ``COLOURINGS``.
+
+    Returns the colouring and the area of each of its colours (K,), square metres; None, and
+    nothing is changed, where it needs a coverage that was not measured.
+    """
+    mesh = shown.data
+    names = ("provenance", "support", "confidence", *([_SEEN] if _SEEN in mesh.attributes else []))
+    faces = ProxyFaces(*(read_attribute(mesh, name) for name in names), views=int(mesh.get(_VIEWS, 0)))
+    colouring = coloured(by, faces)
+    if colouring is None:
+        return None
+    if by == "PROVENANCE":
+        materials = [provenance_material(kind) for kind in Provenance]
+    else:
+        title = by.lower().replace("_", " ")
+        materials = [
+            plain_material(f"R2S-EGO {title}: {label.lower()}", colour)
+            for label, colour in zip(colouring.labels, colouring.colours, strict=True)
+        ]
+    mesh.materials.clear()
+    assign_materials(mesh, materials, colouring.slot)
+    area = np.empty(len(mesh.polygons), np.float32)
+    mesh.polygons.foreach_get("area", area)
+    return colouring, colouring.areas_m2(area)
 
 
 def proxy_mesh(proxy: GeometryProxy, name: str) -> bpy.types.Mesh:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from fake_asset import write_assets
 from fake_captures import fill_captures, fill_report
+from fake_proxy import write_coverage, write_edit, write_objects
 from fake_rollouts import fill_rollouts, fill_trial
 from fake_views import write_views
 
@@ -102,6 +103,8 @@ def _fill(folder: Path) -> None:
     for index in (0, 1):
         _fill_round(folder / "rounds" / str(index), index)
     fill_trial(folder)
+    write_objects(folder, {f"capture_{i}": camera for i, camera in enumerate(cameras())})
+    write_edit(folder, proxy())
     hulls = folder / "collision" / "hulls"
     hulls.mkdir(parents=True)
     _write_obj(folder / "collision" / "mesh.obj", proxy().vertices, proxy().faces)
@@ -120,6 +123,8 @@ def _fill(folder: Path) -> None:
 def _fill_round(folder: Path, index: int) -> None:
     (folder / "proxy").mkdir(parents=True)
     proxy(index).save(folder / "proxy" / "proxy.npz")
+    if index == 0:
+        write_coverage(folder, proxy(index))
     selection().save(folder / "selection")
     save_candidates(folder / "selection", [ego_camera().at(pose) for pose in candidate_poses()])
     _write_path(folder / "views" / "000", cameras()[1].at(candidate_poses()[TARGETS[0]]))

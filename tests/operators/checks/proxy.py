@@ -1,15 +1,276 @@
 """What holds of the room Proxy, checked inside Blender."""
 
+import json
+import time
+from pathlib import Path
+
 import bpy
-from support import open_bundle, refused, state
+import numpy as np
+from mathutils import Matrix
+from support import BUNDLE, OUT, calls, conduct, copied_bundle, open_bundle, refused, state
 
-OPERATORS = {"show_proxy"}
+OPERATORS = {
+    "show_proxy", "measure_coverage", "select_proxy_lasso", "select_proxy_box", "cut_proxy",
+    "draw_proxy_surface", "remove_proxy_edit", "new_object", "remove_object", "draw_mask", "paint_mask",
+    "load_masks", "declare_masks", "show_priors", "place_prior", "save_placement", "use_mesh_as_prior",
+    "decide_prior", "plan_refine",
+}  # fmt: skip
 
 
-def check_show_proxy():
+def group():
+    return bpy.context.scene.r2sego_proxy
+
+
+def shown():
+    """The proxy of round 0, shown."""
     open_bundle()
     state().round_index = 0
     assert bpy.ops.r2sego.show_proxy() == {"FINISHED"}
-    assert len(bpy.data.objects["Proxy, round 0"].data.polygons) == 13
+    return bpy.data.objects["Proxy, round 0"]
+
+
+def selected(mesh):
+    chosen = np.empty(len(mesh.polygons), bool)
+    mesh.polygons.foreach_get("select", chosen)
+    return np.flatnonzero(chosen).tolist()
+
+
+def legend():
+    return {line.name: round(line.area, 3) for line in group().legend}
+
+
+def check_show_proxy():
+    assert len(shown().data.polygons) == 13
     state().round_index = 9
     assert "round 9" in refused(bpy.ops.r2sego.show_proxy)
+
+
+def check_the_proxy_is_coloured_by_what_is_chosen():
+    mesh = shown().data
+    area = np.empty(13, np.float32)
+    mesh.polygons.foreach_get("area", area)
+    for by, colours in (("PROVENANCE", 3), ("SUPPORT", 6), ("CONFIDENCE", 5), ("VIEWS", 5), ("COVERAGE", 4),
+                        ("SUPPORT_GAP", 4)):  # fmt: skip
+        group().colour_by = by
+        assert len(mesh.materials) == len(group().legend) == colours, by
+        assert abs(sum(legend().values()) - area.sum()) < 0.02, by
+    slot = np.empty(13, np.int32)
+    mesh.polygons.foreach_get("material_index", slot)
+    # Faces 0 and 1 are seen by no candidate; the support of the others is their number.
+    assert slot.tolist() == [3, 3] + [2] * 11
+    first = mesh.materials[2]
+    assert first.name == "R2S-EGO support gap: robot sees, 2 or more", first.name
+    assert abs(legend()["Robot does not see"] - area[:2].sum()) < 0.01
+
+
+def check_colours_that_need_a_coverage_say_so():
+    open_bundle()
+    bpy.ops.r2sego.show_proxy()  # of round 1, which has none
+    group().colour_by = "COVERAGE"
+    assert group().legend_note == "Measure Coverage first" and not len(group().legend)
+    conduct("succeed")
+    assert bpy.ops.r2sego.measure_coverage() == {"FINISHED"}
+    assert calls() == [["coverage", str(BUNDLE), "--round", "1", "--json-progress"]]
+
+
+def check_switching_colours_of_a_large_proxy_is_quick():
+    shown()
+    side = 320
+    x, y = np.meshgrid(np.arange(side + 1.0), np.arange(side + 1.0))
+    first = (np.arange(side)[:, None] * (side + 1) + np.arange(side)).ravel()
+    faces = np.concatenate([np.stack([first, first + 1, first + side + 2], 1),
+                            np.stack([first, first + side + 2, first + side + 1], 1)])  # fmt: skip
+    mesh = bpy.data.meshes.new("large")
+    mesh.from_pydata(np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], 1).tolist(), [], faces.tolist())
+    for name in ("provenance", "support", "seen"):
+        mesh.attributes.new(name, "INT", "FACE")
+    mesh.attributes.new("confidence", "FLOAT", "FACE")
+    mesh["r2sego_round"], mesh["r2sego_views"] = 0, 100
+    bpy.data.objects["Proxy, round 0"].data = mesh
+    assert len(mesh.polygons) > 200_000
+    started_s = time.process_time()
+    for by in ("SUPPORT", "COVERAGE", "PROVENANCE"):
+        group().colour_by = by
+    assert (time.process_time() - started_s) / 3 < 0.5
+    assert legend()["Observed by captures"] == side**2
+
+
+def check_faces_are_selected_in_a_box_and_a_lasso_and_cut():
+    mesh = shown().data
+    box = bpy.data.objects.new("box", None)
+    box.empty_display_size = 0.5
+    box.matrix_world = Matrix.Translation((0.0, 0.6, 0.6))
+    bpy.context.scene.collection.objects.link(box)
+    assert bpy.ops.r2sego.select_proxy_box(box="box") == {"FINISHED"}
+    assert selected(mesh) == [12]  # the raised triangle
+    view = Matrix.Translation((0.0, 0.0, -2.0))  # from 2 m above the origin, straight down
+    window = Matrix(((1.0, 0, 0, 0), (0, 1.0, 0, 0), (0, 0, -1.0, -0.2), (0, 0, -1.0, 0)))
+    path = [{"name": "", "loc": loc, "time": 0.0} for loc in ((0, 0), (200, 0), (200, 200), (0, 200))]
+    given = {
+        "path": path, "region_size": (200, 200), "facing": False,
+        "view_matrix": [v for row in view for v in row], "window_matrix": [v for row in window for v in row],
+    }  # fmt: skip
+    assert bpy.ops.r2sego.select_proxy_lasso(**given) == {"FINISHED"}
+    assert 12 in selected(mesh) and len(selected(mesh)) > 2
+    assert bpy.ops.r2sego.select_proxy_lasso(**{**given, "farthest": 1.7}) == {"FINISHED"}
+    assert selected(mesh) == [12]
+    conduct("succeed")
+    assert bpy.ops.r2sego.cut_proxy(name="window") == {"FINISHED"}
+    (call,) = calls()
+    assert call[:3] == ["edit-proxy", str(BUNDLE), "--cut"] and call[4:] == [
+        "--name",
+        "window",
+        "--json-progress",
+    ]
+    with np.load(call[3]) as cut:
+        assert cut["round"] == 0
+        with np.load(BUNDLE / "rounds/0/proxy/proxy.npz") as proxy:
+            np.testing.assert_array_equal(cut["corners"], proxy["vertices"][proxy["faces"][[12]]])
+    mesh.polygons.foreach_set("select", np.zeros(13, bool))
+    assert "no face of the proxy is selected" in refused(bpy.ops.r2sego.cut_proxy)
+
+
+def check_a_drawn_surface_goes_to_the_engine_as_it_lies_in_the_world():
+    shown()
+    mesh = bpy.data.meshes.new("shelf")
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [], [(0, 1, 2, 3)])
+    shelf = bpy.data.objects.new("shelf", mesh)
+    bpy.context.scene.collection.objects.link(shelf)
+    shelf.matrix_world = Matrix.Translation((0, 0, 1)) @ Matrix.Diagonal((-2, 1, 1, 1))  # mirrored
+    bpy.context.view_layer.update()
+    conduct("succeed")
+    assert bpy.ops.r2sego.draw_proxy_surface(object_name="shelf") == {"FINISHED"}
+    (call,) = calls()
+    assert call[2] == "--draw" and call[4:6] == ["--name", "shelf"]
+    with np.load(call[3]) as drawn:
+        a, b, c = (drawn["vertices"][drawn["faces"][:, k]] for k in range(3))
+    cross = np.cross(b - a, c - a)
+    assert abs(np.linalg.norm(cross, axis=1).sum() / 2 - 2.0) < 1e-5 and (cross[:, 2] > 0).all(), cross
+    assert "no mesh object" in refused(bpy.ops.r2sego.draw_proxy_surface, object_name="nothing")
+
+
+def check_edits_are_listed_and_taken_back():
+    open_bundle()
+    (edit,) = group().edits
+    assert (edit.name, edit.kind, edit.faces) == ("hole", "cut away", 1) and edit.area > 0.1
+    conduct("succeed")
+    assert bpy.ops.r2sego.remove_proxy_edit() == {"FINISHED"}
+    assert calls() == [["edit-proxy", str(BUNDLE), "--remove", "hole", "--json-progress"]]
+
+
+def check_objects_are_listed_with_what_became_of_them():
+    open_bundle()
+    crate, lamp = group().objects
+    assert (crate.name, crate.state, crate.masks, crate.shape) == ("crate", "aligned", 3, "box")
+    assert abs(crate.iou - 0.95) < 1e-6 and abs(crate.residual - 0.01) < 1e-6
+    assert (lamp.state, lamp.why) == ("refused", "it overlaps too little") and lamp.has_prior
+
+
+def check_masks_are_drawn_loaded_and_declared():
+    open_bundle()
+    bpy.ops.r2sego.import_captures()
+    assert bpy.ops.r2sego.new_object(name="my chair") == {"FINISHED"}
+    assert group().objects[2].name == "my_chair" and group().object_index == 2
+    assert "already" in refused(bpy.ops.r2sego.new_object, name="My_Chair")
+    square = "10,20 30,20 30,40 10,40"
+    assert bpy.ops.r2sego.draw_mask(points=square) == {"FINISHED"}  # in the scene's camera, capture_0
+    assert bpy.ops.r2sego.draw_mask(capture="capture_1", points=square, tool="POLYGON") == {"FINISHED"}
+    assert bpy.ops.r2sego.draw_mask(
+        capture="capture_1", points="20,20 20,40", tool="BRUSH", radius=3.0, subtract=True
+    ) == {"FINISHED"}  # fmt: skip
+    assert group().objects[2].masks == 2
+    image = bpy.data.images["my_chair in capture_0"]
+    assert tuple(image.size) == (64, 48)
+    pixels = np.array(image.pixels).reshape(48, 64, 4)[::-1, :, 0] > 0.5
+    assert pixels.sum() == 400 and pixels[20:40, 10:30].all()
+    for wrong in ("", "1,2 3,4", "a,b c,d e,f"):
+        assert refused(bpy.ops.r2sego.draw_mask, points=wrong)
+    assert "there is no capture 'attic'" in refused(bpy.ops.r2sego.draw_mask, points=square, capture="attic")
+    assert bpy.ops.r2sego.paint_mask() == {"FINISHED"}
+    assert bpy.ops.r2sego.load_masks() == {"FINISHED"}
+    conduct("succeed")
+    assert bpy.ops.r2sego.declare_masks() == {"FINISHED"}
+    (call,) = calls()
+    assert call[:3] == ["objects", str(BUNDLE), "--masks"] and call[4:] == ["--json"]
+    written = {str(file.relative_to(call[3])) for file in Path(call[3]).rglob("*.png")}
+    assert {"my_chair/capture_0.png", "my_chair/capture_1.png", "crate/capture_2.png"} <= written
+    assert len(written) == 8
+    again = bpy.data.images.load(str(Path(call[3]) / "my_chair" / "capture_1.png"))
+    pixels = np.array(again.pixels).reshape(60, 80, -1)[::-1, :, 0]
+    assert set(np.unique(pixels)) == {0.0, 1.0} and 240 < (pixels > 0.5).sum() < 400
+    assert bpy.ops.r2sego.remove_object(name="crate") == {"FINISHED"}
+    assert "crate" not in group().objects and "crate in capture_0" not in bpy.data.images
+
+
+def check_a_prior_is_placed_by_hand_with_its_fit():
+    open_bundle()
+    assert bpy.ops.r2sego.show_priors() == {"FINISHED"}
+    crate = bpy.data.objects["Prior crate"]
+    assert "Refused" not in crate.data.materials[0].name
+    assert "refused" in bpy.data.objects["Prior lamp"].data.materials[0].name
+    assert bpy.ops.r2sego.place_prior(object_name="crate") == {"FINISHED"}
+    assert group().fit_object == "crate" and group().fit_iou > 0.9, group().fit_iou
+    assert group().fit_residual < 1e-3 and group().fit_views.startswith("capture_0 0.9")
+    crate.location.x += 0.3
+    bpy.context.view_layer.update()  # the handler rates it again
+    assert group().fit_iou < 0.8 and group().fit_residual > 0.02, group().fit_iou
+    conduct("succeed")
+    assert bpy.ops.r2sego.save_placement(object_name="crate", locked=False) == {"FINISHED"}
+    (call,) = calls()
+    assert call[:4] == ["objects", str(BUNDLE), "--json", "--place"] and call[4].startswith("crate=")
+    placed = json.loads(Path(call[4].partition("=")[2]).read_text())
+    assert placed["locked"] is False
+    np.testing.assert_allclose(placed["world_from_own"], np.array(crate.matrix_world))
+    crate.scale.x *= 2.0
+    assert "not stretched" in refused(bpy.ops.r2sego.save_placement, object_name="crate")
+    assert "there is no object 'sofa'" in refused(bpy.ops.r2sego.place_prior, object_name="sofa")
+
+
+def check_a_rating_follows_the_mouse():
+    open_bundle()
+    bpy.ops.r2sego.show_priors()
+    bpy.ops.r2sego.place_prior(object_name="crate")
+    crate = bpy.data.objects["Prior crate"]
+    started_s = time.process_time()
+    for _ in range(10):
+        crate.location.x += 0.01
+        bpy.context.view_layer.update()
+    assert (time.process_time() - started_s) / 10 < 0.05
+
+
+def check_decisions_and_meshes_go_to_the_engine():
+    open_bundle()
+    for decision in ("accept", "reject", "reconsider", "lock", "unlock"):
+        conduct("succeed")
+        assert bpy.ops.r2sego.decide_prior(object_name="lamp", decision=decision) == {"FINISHED"}
+        assert calls() == [["objects", str(BUNDLE), "--json", f"--{decision}", "lamp"]]
+    mesh = bpy.data.meshes.new("stand")
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
+    stand = bpy.data.objects.new("stand", mesh)
+    bpy.context.scene.collection.objects.link(stand)
+    stand.location.z = 2.0
+    bpy.context.view_layer.update()
+    conduct("succeed")
+    assert bpy.ops.r2sego.use_mesh_as_prior(object_name="lamp", mesh="stand", place="LOCK") == {"FINISHED"}
+    (call,) = calls()
+    assert call[3] == "--mesh" and call[5] == "--place"
+    obj = Path(call[4].partition("=")[2]).read_text().splitlines()
+    assert obj[:2] == ["v 0 0 2", "v 1 0 2"] and obj[3] == "f 1 2 3"
+    placed = json.loads(Path(call[6].partition("=")[2]).read_text())
+    assert placed == {"world_from_own": np.eye(4).tolist(), "locked": True}
+
+
+def check_what_refine_redoes_is_asked():
+    open_bundle()
+    conduct("succeed")
+    assert bpy.ops.r2sego.plan_refine() == {"FINISHED"}
+    (call,) = calls()
+    assert call[:5] == ["plan", str(BUNDLE), "--json-progress", "--preset", "preview"], call
+
+
+def check_a_damaged_edit_is_a_problem_and_no_crash():
+    copy = copied_bundle()
+    (copy / "geometry/edits/hole.npz").write_bytes(b"PK")
+    bpy.ops.r2sego.refresh_scene()
+    assert "hole.npz" in state().problem
+    assert OUT.parent in copy.parents

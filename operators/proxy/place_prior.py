@@ -1,0 +1,225 @@
+"""Shape priors shown, placed by hand with their fit followed live, and the placement kept."""
+
+import math
+
+import bpy
+from bpy.props import BoolProperty, StringProperty
+
+from ...r2sego_blender.bridge import placement_live
+from ...r2sego_blender.bridge.placement_objects import (
+    prior_name,
+    prior_object,
+    show_priors,
+    write_mesh,
+    write_placement,
+)
+from ...r2sego_blender.bridge.views_3d import redraw_views
+from ...r2sego_blender.errors import GeometryError
+from .. import state
+from ..base import EngineOperator, ReportingOperator, needs_bundle, needs_idle_engine
+from .engine_files import handed_over
+from .polls import declared_object, needs_object
+
+
+def shown_prior(context, name: str):
+    """The shown prior of an object, by default of the chosen one. Raises GeometryError: none."""
+    bundle, found = state.opened_bundle(context), declared_object(context, name)
+    shown = prior_object(context.scene, bundle.name, found)
+    if shown is None:
+        raise GeometryError(f"the prior of '{found}' is not shown", cure="Press Show Priors first.")
+    return shown
+
+
+def tell_fit(scene: bpy.types.Scene, shown: bpy.types.Object) -> None:
+    """Write the followed prior's figures where the panel shows them."""
+    fit, residual_m = placement_live.rated(shown)
+    group = scene.r2sego_proxy
+    group.fit_object, group.fit_iou = prior_name(shown), fit.iou
+    group.fit_residual = -1.0 if math.isnan(residual_m) else residual_m
+    names = placement_live.windows(shown)
+    group.fit_views = ", ".join(f"{name} {iou:.2f}" for name, iou in zip(names, fit.ious, strict=True))
+
+
+@bpy.app.handlers.persistent
+def follow(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Rate the followed prior again when it was moved."""
+    for update in depsgraph.updates:
+        if update.is_updated_transform and isinstance(update.id, bpy.types.Object):
+            shown = update.id.original
+            if placement_live.followed(shown.name) and prior_name(shown):
+                tell_fit(scene, shown)
+                redraw_views()
+                return
+
+
+@bpy.app.handlers.persistent
+def forget(_file: str) -> None:
+    """Another file has other objects."""
+    placement_live.forget()
+
+
+class R2SEGO_OT_show_priors(ReportingOperator, bpy.types.Operator):
+    """Show the shape priors of the last run as objects: teal, or red where they were refused"""
+
+    bl_idname = "r2sego.show_priors"
+    bl_label = "Show Priors"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return needs_bundle(cls, context)
+
+    def perform(self, context):
+        placement_live.forget()
+        context.scene.r2sego_proxy.fit_object = ""
+        shown = show_priors(context.scene, state.opened_bundle(context))
+        return f"{len(shown)} priors"
+
+
+class R2SEGO_OT_place_prior(ReportingOperator, bpy.types.Operator):
+    """Select the chosen object's prior and follow its fit: move, turn or scale it against the masks"""
+
+    bl_idname = "r2sego.place_prior"
+    bl_label = "Place Prior"
+    bl_options = {"REGISTER", "UNDO"}
+
+    object_name: StringProperty(name="Object", description="The object; empty = the chosen one")
+
+    @classmethod
+    def poll(cls, context):
+        return needs_object(cls, context)
+
+    def perform(self, context):
+        shown = shown_prior(context, self.object_name)
+        context.view_layer.update()
+        placement_live.begin(state.opened_bundle(context), shown)
+        tell_fit(context.scene, shown)
+        for other in context.view_layer.objects.selected:
+            other.select_set(False)
+        shown.select_set(True)
+        context.view_layer.objects.active = shown
+        redraw_views()
+        return f"{prior_name(shown)}: overlap {context.scene.r2sego_proxy.fit_iou:.2f}"
+
+
+class R2SEGO_OT_save_placement(EngineOperator, bpy.types.Operator):
+    """Keep the chosen object's prior where it stands now; the next Refine begins there, or leaves it so"""
+
+    bl_idname = "r2sego.save_placement"
+    bl_label = "Save Placement"
+    bl_options = {"REGISTER"}
+
+    object_name: StringProperty(name="Object", description="The object; empty = the chosen one")
+    locked: BoolProperty(
+        name="Lock", default=True, description="Keep it exactly there; else the alignment begins there"
+    )
+
+    @classmethod
+    def poll(cls, context):
+        return needs_object(cls, context) and needs_idle_engine(cls)
+
+    def arguments(self, context):
+        name, shown = declared_object(context, self.object_name), shown_prior(context, self.object_name)
+        context.view_layer.update()
+        file = handed_over("placement.json")
+        write_placement(file, shown, locked=self.locked)
+        command = ["objects", str(state.opened_bundle(context).path), "--json", "--place", f"{name}={file}"]
+        if (
+            not context.scene.r2sego_proxy.objects[name].own_mesh
+            and not context.scene.r2sego_proxy.objects[name].shape
+        ):
+            raise GeometryError(f"'{name}' has no mesh to place", cure="Give it one with Use Active Mesh.")
+        return command
+
+    def finish(self, context, result):
+        state.refresh(context.scene)
+        return "Placement kept: the next Refine redoes what depends on it"
+
+
+class R2SEGO_OT_use_mesh_as_prior(EngineOperator, bpy.types.Operator):
+    """Take the active mesh object as the chosen object's shape"""
+
+    bl_idname = "r2sego.use_mesh_as_prior"
+    bl_label = "Use Active Mesh"
+    bl_options = {"REGISTER"}
+
+    object_name: StringProperty(name="Object", description="The object; empty = the chosen one")
+    mesh: StringProperty(name="Mesh", description="The mesh object; empty = the active one")
+    place: bpy.props.EnumProperty(
+        name="Pose", description="Where the shape goes",
+        items=[
+            ("SEARCH", "Search", "The next Refine looks for the pose that fits"),
+            ("START", "Begin Here", "The search begins where the mesh stands"),
+            ("LOCK", "Keep Here", "The mesh stays exactly where it stands"),
+        ],
+    )  # fmt: skip
+
+    @classmethod
+    def poll(cls, context):
+        return needs_object(cls, context) and needs_idle_engine(cls)
+
+    def arguments(self, context):
+        name = declared_object(context, self.object_name)
+        mesh = bpy.data.objects.get(self.mesh) if self.mesh else context.view_layer.objects.active
+        if mesh is None or mesh.type != "MESH":
+            raise GeometryError("no mesh object is chosen", cure="Select the mesh to use.")
+        file = handed_over(f"{mesh.name}.obj")
+        write_mesh(file, mesh, context.evaluated_depsgraph_get())
+        command = ["objects", str(state.opened_bundle(context).path), "--json", "--mesh", f"{name}={file}"]
+        if self.place == "SEARCH":
+            return command
+        # The file is in the world already.
+        pose = [[float(row == column) for column in range(4)] for row in range(4)]
+        placement = file.with_name("placement.json")
+        placement.write_text(f'{{"world_from_own": {pose}, "locked": {str(self.place == "LOCK").lower()}}}\n')
+        return [*command, "--place", f"{name}={placement}"]
+
+    def finish(self, context, result):
+        state.refresh(context.scene)
+        return "Mesh taken: the next Refine uses it"
+
+
+class R2SEGO_OT_decide_prior(EngineOperator, bpy.types.Operator):
+    """Accept, reject, lock or let go of the chosen object's prior"""
+
+    bl_idname = "r2sego.decide_prior"
+    bl_label = "Decide"
+    bl_options = {"REGISTER"}
+
+    object_name: StringProperty(name="Object", description="The object; empty = the chosen one")
+    decision: bpy.props.EnumProperty(
+        name="Decision", description="What becomes of the prior in the next Refine",
+        items=[
+            ("accept", "Accept", "Take the prior whatever its figures"),
+            ("reject", "Reject", "Take no prior for this object"),
+            ("reconsider", "By Its Figures", "Let the figures decide again"),
+            ("lock", "Lock", "Hold the last alignment as it is"),
+            ("unlock", "Unlock", "Align it again"),
+        ],
+    )  # fmt: skip
+
+    @classmethod
+    def poll(cls, context):
+        return needs_object(cls, context) and needs_idle_engine(cls)
+
+    @classmethod
+    def description(cls, context, properties):
+        items = cls.bl_rna.properties["decision"].enum_items if cls.is_registered else ()
+        return items[properties.decision].description if properties.decision in items else cls.__doc__
+
+    def arguments(self, context):
+        name = declared_object(context, self.object_name)
+        return ["objects", str(state.opened_bundle(context).path), "--json", f"--{self.decision}", name]
+
+    def finish(self, context, result):
+        state.refresh(context.scene)
+        return "Decided: the next Refine redoes what depends on it"
+
+
+CLASSES = (
+    R2SEGO_OT_show_priors,
+    R2SEGO_OT_place_prior,
+    R2SEGO_OT_save_placement,
+    R2SEGO_OT_use_mesh_as_prior,
+    R2SEGO_OT_decide_prior,
+)

@@ -1,0 +1,45 @@
+"""What the proxy's operators need before they can run."""
+
+import bpy
+
+from ...r2sego_blender.bridge.show_proxy import shown_proxy
+from ...r2sego_blender.errors import GeometryError
+from .. import state
+from ..base import needs_bundle
+from .properties import active_object
+
+
+def proxy_shown(context) -> bpy.types.Object:
+    """The proxy's object. Raises GeometryError when none is shown."""
+    shown = shown_proxy(context.scene, state.opened_bundle(context).name)
+    if shown is None:
+        raise GeometryError("no proxy is shown", cure="Press Show first.")
+    return shown
+
+
+def needs_object(cls, context) -> bool:
+    """Poll of operators that need a chosen object."""
+    if not needs_bundle(cls, context):
+        return False
+    if not active_object(context.scene.r2sego_proxy):
+        cls.poll_message_set("There is no object yet: make one, or load those of the bundle")
+        return False
+    return True
+
+
+def object_named(context, name: str) -> str:
+    """The object an operator is asked for, by default the chosen one. Raises GeometryError: none."""
+    group = context.scene.r2sego_proxy
+    found = name or active_object(group)
+    if found not in group.objects:
+        known = ", ".join(item.name for item in group.objects) or "none"
+        raise GeometryError(f"there is no object '{found}'", cure=f"Use one of: {known}.")
+    return found
+
+
+def declared_object(context, name: str) -> str:
+    """The same, of objects that the bundle knows already."""
+    found = object_named(context, name)
+    if not context.scene.r2sego_proxy.objects[found].declared:
+        raise GeometryError(f"the bundle does not know '{found}' yet", cure="Declare its masks first.")
+    return found

@@ -1,0 +1,165 @@
+"""What Blender remembers of the proxy: its colours, the objects, the edits, what Refine would redo."""
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    StringProperty,
+)
+
+from ...r2sego_blender.bridge.bundle import Bundle
+from ...r2sego_blender.bridge.proxy_colours import COLOURINGS
+from ...r2sego_blender.bridge.proxy_coverage import read_coverage
+from ...r2sego_blender.bridge.proxy_objects import read_objects
+from ...r2sego_blender.bridge.show_proxy import colour_proxy, shown_proxy
+from ...r2sego_blender.geometry.edits import PROXY_EDITS, load_proxy_edits
+
+_KINDS = {"cut": "cut away", "draw": "drawn"}
+
+
+class R2SEGO_PG_proxy_colour(bpy.types.PropertyGroup):
+    """A line of the legend."""
+
+    colour: FloatVectorProperty(size=3, subtype="COLOR_GAMMA", min=0.0, max=1.0)
+    area: FloatProperty(unit="AREA")
+
+
+class R2SEGO_PG_proxy_object(bpy.types.PropertyGroup):
+    """An object: its masks, and what became of its shape prior."""
+
+    state: StringProperty()
+    why: StringProperty()
+    masks: IntProperty()
+    shape: StringProperty()
+    iou: FloatProperty(default=-1.0)
+    energy: FloatProperty(default=-1.0)
+    residual: FloatProperty(default=-1.0, unit="LENGTH")
+    has_prior: BoolProperty()
+    own_mesh: BoolProperty()
+    locked: BoolProperty()
+    declared: BoolProperty()
+
+
+class R2SEGO_PG_proxy_edit(bpy.types.PropertyGroup):
+    """An edit of the proxy that the bundle keeps."""
+
+    kind: StringProperty()
+    faces: IntProperty()
+    area: FloatProperty(unit="AREA")
+
+
+def _recolour(group: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    colour_shown(group.id_data)
+
+
+class R2SEGO_PG_proxy(bpy.types.PropertyGroup):
+    """The room Geometry Proxy."""
+
+    colour_by: EnumProperty(
+        name="Colour By", description="What the colours of the shown proxy mean", update=_recolour,
+        items=[(name, kind.name, kind.description) for name, kind in COLOURINGS.items()],
+    )  # fmt: skip
+    legend: CollectionProperty(type=R2SEGO_PG_proxy_colour)
+    legend_note: StringProperty()
+    has_coverage: BoolProperty()
+    objects: CollectionProperty(type=R2SEGO_PG_proxy_object)
+    object_index: IntProperty(name="Object", description="The object that masks and priors are edited of")
+    mask_tool: EnumProperty(
+        name="Tool", description="How a mask is drawn in a capture's camera view",
+        items=[
+            ("LASSO", "Lasso", "Drag around the object"),
+            ("POLYGON", "Polygon", "Click corner by corner; Enter or a double click closes"),
+            ("BRUSH", "Brush", "Paint along the mouse's way"),
+        ],
+    )  # fmt: skip
+    brush_radius: IntProperty(
+        name="Radius", description="Radius of the brush, in pixels of the photograph", default=12, min=1,
+        max=500, subtype="PIXEL",
+    )  # fmt: skip
+    show_outlines: BoolProperty(
+        name="Outlines", default=True,
+        description="Draw the outlines of masks and of the shown prior in the captures' camera views",
+    )  # fmt: skip
+    fit_object: StringProperty()
+    fit_iou: FloatProperty(default=-1.0)
+    fit_residual: FloatProperty(default=-1.0, unit="LENGTH")
+    fit_views: StringProperty()
+    edits: CollectionProperty(type=R2SEGO_PG_proxy_edit)
+    edit_index: IntProperty(name="Edit", description="The edit that Remove takes back")
+    farthest: FloatProperty(
+        name="Farthest", description="The lasso takes no face farther from the view than this",
+        subtype="DISTANCE", unit="LENGTH", min=0.0, default=20.0,
+    )  # fmt: skip
+    plan: StringProperty()
+
+
+def colour_shown(scene: bpy.types.Scene) -> None:
+    """Colour the shown proxy as chosen, and write the legend; nothing where none is shown."""
+    group = scene.r2sego_proxy
+    group.legend.clear()
+    group.legend_note = ""
+    name = bpy.path.basename(scene.r2sego.bundle.rstrip("/\\")).removesuffix(".r2s")
+    shown = shown_proxy(scene, name) if name else None
+    if shown is None or shown.mode == "EDIT":
+        return
+    found = colour_proxy(shown, group.colour_by)
+    if found is None:
+        group.legend_note = "Measure Coverage first"
+        return
+    colouring, areas = found
+    for label, colour, area in zip(colouring.labels, colouring.colours, areas, strict=True):
+        line = group.legend.add()
+        line.name, line.colour, line.area = label, colour, float(area)
+
+
+def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
+    """The listener: take over what the bundle knows of coverage, objects and edits."""
+    group = scene.r2sego_proxy
+    group.has_coverage = read_coverage(bundle, scene.r2sego.round_index) is not None
+    group.plan = ""
+    _read_edits(group, bundle)
+    _read_objects(group, bundle)
+
+
+def _read_edits(group: bpy.types.PropertyGroup, bundle: Bundle) -> None:
+    group.edits.clear()
+    for edit in load_proxy_edits(bundle.path / PROXY_EDITS):
+        item = group.edits.add()
+        item.name, item.kind = edit.name, _KINDS[edit.change.kind]
+        item.faces, item.area = edit.count, edit.change.area_m2
+    group.edit_index = min(group.edit_index, max(0, len(group.edits) - 1))
+
+
+def _read_objects(group: bpy.types.PropertyGroup, bundle: Bundle) -> None:
+    """The bundle's objects, then those that are only drawn in Blender so far."""
+    drawn = [item.name for item in group.objects if not item.declared]
+    group.objects.clear()
+    for known in read_objects(bundle):
+        item = group.objects.add()
+        item.name, item.state, item.why, item.shape = known.name, known.state, known.why, known.shape
+        item.masks, item.declared = known.masks, True
+        item.has_prior, item.own_mesh, item.locked = known.has_prior, known.own_mesh, known.locked
+        item.iou, item.energy, item.residual = known.iou, known.energy, known.residual_m
+    for name in drawn:
+        if name not in group.objects:
+            add_object(group, name)
+    group.object_index = min(group.object_index, max(0, len(group.objects) - 1))
+
+
+def add_object(group: bpy.types.PropertyGroup, name: str) -> None:
+    """An object that only Blender knows so far."""
+    item = group.objects.add()
+    item.name, item.state = name, "drawn"
+
+
+def active_object(group: bpy.types.PropertyGroup) -> str:
+    """The name of the chosen object, '' when there is none."""
+    inside = 0 <= group.object_index < len(group.objects)
+    return group.objects[group.object_index].name if inside else ""
+
+
+CLASSES = (R2SEGO_PG_proxy_colour, R2SEGO_PG_proxy_object, R2SEGO_PG_proxy_edit, R2SEGO_PG_proxy)

@@ -1,0 +1,48 @@
+"""Select the proxy's faces inside a box."""
+
+import bpy
+import numpy as np
+from bpy.props import BoolProperty, StringProperty
+
+from ...r2sego_blender.bridge.proxy_edits import face_corners, faces_in_box, select_faces
+from ...r2sego_blender.errors import GeometryError
+from ..base import ReportingOperator, needs_round
+from .polls import proxy_shown
+
+
+class R2SEGO_OT_select_proxy_box(ReportingOperator, bpy.types.Operator):
+    """Select the faces of the shown proxy inside the active object's bounding box"""
+
+    bl_idname = "r2sego.select_proxy_box"
+    bl_label = "Select in Box"
+    bl_options = {"REGISTER", "UNDO"}
+
+    box: StringProperty(name="Box", description="The object whose box counts; empty = the active one")
+    extend: BoolProperty(name="Extend", description="Keep what is selected already")
+
+    @classmethod
+    def poll(cls, context):
+        return needs_round(cls, context)
+
+    def perform(self, context):
+        shown = proxy_shown(context)
+        box = bpy.data.objects.get(self.box) if self.box else context.view_layer.objects.active
+        if box is None or box == shown:
+            raise GeometryError("no box is chosen", cure="Select a mesh or a cube empty around the faces.")
+        if shown.mode == "EDIT":
+            raise GeometryError("the proxy is in Edit Mode", cure="Leave Edit Mode first.")
+        context.view_layer.update()
+        faces = faces_in_box(face_corners(shown.data), np.linalg.inv(_world_from_box(box)))
+        return f"{select_faces(shown, faces, extend=self.extend)} faces selected"
+
+
+def _world_from_box(box) -> np.ndarray:
+    """(4, 4): [-1, 1]^3 onto the object's bounding box."""
+    corners = np.array(box.bound_box, np.float64)
+    low, high = corners.min(0), corners.max(0)
+    if box.type == "EMPTY":
+        low, high = np.full(3, -box.empty_display_size), np.full(3, box.empty_display_size)
+    own = np.eye(4)
+    own[:3, :3] = np.diag(np.maximum((high - low) / 2, 1e-6))
+    own[:3, 3] = (low + high) / 2
+    return np.array(box.matrix_world, np.float64) @ own

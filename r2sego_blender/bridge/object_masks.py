@@ -1,0 +1,144 @@
+"""Masks of objects as Blender images of the captures' size: drawn on, painted on, handed to the engine.
+
+An image is one mask: white where the photograph shows the object. Its custom properties name both.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..errors import GeometryError
+from .bundle import Bundle, CapturedView
+from .proxy_edits import in_polygon
+from .proxy_objects import mask_files
+
+_OBJECT, _CAPTURE, _REVISION = "r2sego_object", "r2sego_capture", "r2sego_revision"
+_WHITE = 0.5
+
+
+def mask_images(name: str) -> dict[str, bpy.types.Image]:
+    """The masks of an object that Blender holds, by the captures' names."""
+    return {image[_CAPTURE]: image for image in bpy.data.images if image.get(_OBJECT) == name}
+
+
+def mask_image(name: str, view: CapturedView) -> bpy.types.Image:
+    """The mask of an object in a capture; an empty one is made where there is none."""
+    image = mask_images(name).get(view.name)
+    if image is not None:
+        return image
+    width, height = view.camera.width, view.camera.height
+    image = bpy.data.images.new(f"{name} in {view.name}", width, height, alpha=False)
+    image.colorspace_settings.name = "Non-Color"
+    image[_OBJECT], image[_CAPTURE] = name, view.name
+    write_mask(image, np.zeros((height, width), bool))
+    return image
+
+
+def read_mask(image: bpy.types.Image) -> np.ndarray:
+    """(H, W) bool, the first row at the top."""
+    width, height = image.size
+    pixels = np.empty(width * height * image.channels, np.float32)
+    image.pixels.foreach_get(pixels)
+    colours = pixels.reshape(height, width, image.channels)[..., : min(3, image.channels)]
+    return np.ascontiguousarray(colours.max(axis=2)[::-1] >= _WHITE)
+
+
+def write_mask(image: bpy.types.Image, mask: np.ndarray) -> None:
+    """Show a mask (H, W) bool in an image of its size, and keep it in the .blend."""
+    pixels = np.ones((*mask.shape, image.channels), np.float32)
+    pixels[..., : min(3, image.channels)] = mask[::-1, :, None]
+    image.pixels.foreach_set(pixels.ravel())
+    image.update()
+    image.pack()  # a generated image is not saved otherwise
+    image[_REVISION] = revision(image) + 1
+
+
+def revision(image: bpy.types.Image) -> int:
+    """Another number after each ``write_mask``; strokes in the Image Editor do not count."""
+    return int(image.get(_REVISION, 0))
+
+
+def load_masks(bundle: Bundle, name: str) -> int:
+    """Take the bundle's masks of an object into images, in place of those drawn; how many."""
+    files, count = mask_files(bundle, name), 0
+    for view in bundle.captures():
+        file = files.get(Path(view.name).stem)
+        if file is None:
+            continue
+        mask = _mask_of_file(file)
+        if mask.shape != view.camera.shape:
+            raise GeometryError(
+                "the mask is not of the capture's size", where=file, cure="Declare the masks again."
+            )
+        write_mask(mask_image(name, view), mask)
+        count += 1
+    return count
+
+
+def save_masks(folder: Path, names: list[str]) -> int:
+    """Write the masks of objects as ``r2sego objects --masks`` reads them; how many are not empty."""
+    count = 0
+    for name in names:
+        for capture, image in mask_images(name).items():
+            if not read_mask(image).any():
+                continue
+            place = folder / name
+            place.mkdir(parents=True, exist_ok=True)
+            copy = image.copy()  # saving would tie the person's own image to the file
+            try:
+                copy.file_format = "PNG"
+                copy.filepath_raw = str(place / f"{Path(capture).stem}.png")
+                copy.save()
+            finally:
+                bpy.data.images.remove(copy)
+            count += 1
+    return count
+
+
+def forget_masks(name: str) -> None:
+    """Remove the images of an object."""
+    for image in mask_images(name).values():
+        bpy.data.images.remove(image)
+
+
+def drawn_region(shape: tuple[int, int], points: np.ndarray, tool: str, radius_px: float) -> np.ndarray:
+    """(H, W) bool: the pixels inside a polygon ``points`` (n, 2), or within a BRUSH's way, pixels."""
+    height, width = shape
+    points = np.asarray(points, np.float64).reshape(-1, 2)
+    region = np.zeros(shape, bool)
+    reach = radius_px if tool == "BRUSH" else 0.0
+    low = np.floor(points.min(0) - reach).astype(int).clip(0)
+    high = np.minimum(np.ceil(points.max(0) + reach).astype(int) + 1, (width, height))
+    if (high <= low).any():
+        return region
+    x, y = np.meshgrid(np.arange(low[0], high[0]) + 0.5, np.arange(low[1], high[1]) + 0.5)
+    centres = np.stack([x.ravel(), y.ravel()], axis=1)
+    inside = _near_line(centres, points, reach) if tool == "BRUSH" else in_polygon(centres, points)
+    region[low[1] : high[1], low[0] : high[0]] = inside.reshape(x.shape)
+    return region
+
+
+def _near_line(centres: np.ndarray, points: np.ndarray, reach: float) -> np.ndarray:
+    """(N,) bool: the places within ``reach`` of a line through ``points``."""
+    near = np.zeros(len(centres), bool)
+    lines = list(pairwise(points)) or [(points[0], points[0])]
+    for start, end in lines:
+        along = end - start
+        share = np.clip((centres - start) @ along / max(along @ along, 1e-12), 0.0, 1.0)
+        near |= ((centres - start - share[:, None] * along) ** 2).sum(1) <= reach**2
+    return near
+
+
+def _mask_of_file(file: Path) -> np.ndarray:
+    image = bpy.data.images.load(str(file), check_existing=False)
+    try:
+        image.colorspace_settings.name = "Non-Color"
+        if not image.size[0]:
+            raise GeometryError("the mask cannot be read", where=file, cure="Declare the masks again.")
+        return read_mask(image)
+    finally:
+        bpy.data.images.remove(image)

@@ -1,0 +1,89 @@
+"""The prior that is being placed: its figures and outlines follow as it is moved."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ..cameras import Camera
+from ..errors import GeometryError
+from .bundle import Bundle
+from .object_masks import mask_images, read_mask, revision
+from .placement import Fit, outline, silhouette
+from .placement_objects import Placement, placement_of, prior_name
+
+_OUTLINE_PX = 160
+_outlines: dict[tuple, np.ndarray] = {}
+_current: dict[str, Placement] = {}
+
+
+def begin(bundle: Bundle, shown: bpy.types.Object) -> tuple[Fit, float]:
+    """Follow a shown prior from now on; its fit where it stands. Raises GeometryError."""
+    forget()
+    placement = placement_of(bundle, shown)
+    if not placement.windows:
+        raise GeometryError(
+            f"'{prior_name(shown)}' has no masks to compare with", where=bundle.path,
+            cure="Draw its mask in two captures at least.",
+        )  # fmt: skip
+    _current[shown.name] = placement
+    return rated(shown)
+
+
+def followed(name: str) -> bool:
+    """Whether the object of this name is the one being placed."""
+    return name in _current
+
+
+def rated(shown: bpy.types.Object) -> tuple[Fit, float]:
+    """The fit and the points' median distance, metres, where the followed prior stands now."""
+    return _current[shown.name].rated(np.array(shown.matrix_world, np.float64))
+
+
+def windows(shown: bpy.types.Object) -> tuple[str, ...]:
+    """The captures in the order of the fit's overlaps."""
+    return tuple(window.name for window in _current[shown.name].windows)
+
+
+def prior_outline(shown: bpy.types.Object, capture: str) -> np.ndarray:
+    """(2 S, 2) shares of the capture's frame, from its top left: the border of the prior's silhouette."""
+    placement = _current.get(shown.name)
+    camera = placement.cameras.get(capture) if placement is not None else None
+    if camera is None:
+        return np.zeros((0, 2), np.float32)
+    pose = np.array(shown.matrix_world, np.float64)
+    key = ("prior", shown.name, capture, pose.tobytes())
+    if key not in _outlines:
+        _drop("prior")
+        small = _fitted(camera)
+        drawn = silhouette(small, placement.placed(pose)) > 0.0
+        _outlines[key] = outline(drawn) / (small.width, small.height)
+    return _outlines[key]
+
+
+def mask_outline(name: str, capture: str) -> np.ndarray:
+    """(2 S, 2) shares of the capture's frame, from its top left: the border of an object's mask."""
+    image = mask_images(name).get(capture)
+    if image is None:
+        return np.zeros((0, 2), np.float32)
+    key = ("mask", name, capture, revision(image))
+    if key not in _outlines:
+        for old in [old for old in _outlines if old[:3] == key[:3]]:
+            del _outlines[old]
+        _outlines[key] = outline(read_mask(image)) / tuple(image.size)
+    return _outlines[key]
+
+
+def forget() -> None:
+    """Follow nothing, and drop what was drawn."""
+    _current.clear()
+    _outlines.clear()
+
+
+def _drop(kind: str) -> None:
+    for key in [key for key in _outlines if key[0] == kind]:
+        del _outlines[key]
+
+
+def _fitted(camera: Camera) -> Camera:
+    return camera.fitted(_OUTLINE_PX)

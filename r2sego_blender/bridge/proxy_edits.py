@@ -1,0 +1,146 @@
+"""Edits of the proxy made in Blender: which faces are meant, and what the engine is given."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..arrays import save_arrays
+from ..cameras import Camera
+from ..errors import GeometryError
+from .meshes import arrays_from_mesh
+from .show_proxy import shown_round
+
+
+def face_corners(mesh: bpy.types.Mesh) -> np.ndarray:
+    """(F, 3, 3) float32 corners of the faces of a mesh of triangles, in its order."""
+    vertices = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", vertices)
+    corners = np.empty(len(mesh.loops), np.int32)
+    mesh.loops.foreach_get("vertex_index", corners)
+    if len(corners) != 3 * len(mesh.polygons):
+        raise GeometryError(
+            "the proxy's faces are no triangles any more", where=mesh.name, cure="Show the proxy again."
+        )
+    return vertices.reshape(-1, 3)[corners.reshape(-1, 3)]
+
+
+def selected_faces(shown: bpy.types.Object) -> np.ndarray:
+    """(F,) bool: the selected faces of a shown proxy, in Edit Mode too."""
+    if shown.mode == "EDIT":
+        shown.update_from_editmode()
+    chosen = np.empty(len(shown.data.polygons), bool)
+    shown.data.polygons.foreach_get("select", chosen)
+    return chosen
+
+
+def select_faces(shown: bpy.types.Object, chosen: np.ndarray, *, extend: bool = False) -> int:
+    """Select the faces ``chosen`` (F,) bool of a shown proxy, beside those selected before if asked.
+
+    In Object Mode. Returns how many are selected then.
+    """
+    mesh = shown.data
+    if extend:
+        chosen = chosen | selected_faces(shown)
+    corners = np.empty(len(mesh.loops), np.int32)
+    mesh.loops.foreach_get("vertex_index", corners)
+    touched = np.zeros(len(mesh.vertices), bool)
+    touched[corners.reshape(-1, 3)[chosen].ravel()] = True
+    mesh.vertices.foreach_set("select", touched)
+    mesh.edges.foreach_set("select", np.zeros(len(mesh.edges), bool))
+    mesh.polygons.foreach_set("select", chosen)
+    mesh.update()
+    return int(chosen.sum())
+
+
+def faces_in_box(corners: np.ndarray, box_from_world: np.ndarray) -> np.ndarray:
+    """(F,) bool: the faces (F, 3, 3), metres, whose middle lies in the box [-1, 1]^3 of a frame (4, 4)."""
+    local = corners.mean(1, dtype=np.float64) @ box_from_world[:3, :3].T + box_from_world[:3, 3]
+    return (np.abs(local) <= 1.0).all(1)
+
+
+def faces_in_lasso(
+    corners: np.ndarray, camera: Camera, polygon: np.ndarray, *, parallel: bool, farthest_m: float,
+    facing: bool = True,
+) -> np.ndarray:  # fmt: skip
+    """(F,) bool: the faces (F, 3, 3) whose middle lies inside a ``polygon`` (n, 2) of a view's pixels.
+
+    ``camera`` and ``parallel`` are as ``view_camera`` gives them. Faces farther than ``farthest_m``
+    are left out, and those seen from behind if ``facing``.
+    """
+    corners = np.asarray(corners, np.float64)
+    middles = corners.mean(1)
+    local = (middles - camera.centre) @ camera.world_from_camera[:3, :3]
+    depth = local[:, 2]
+    inside = np.abs(depth) <= farthest_m if parallel else (depth > 0.0) & (depth <= farthest_m)
+    scale = np.ones(len(depth)) if parallel else np.where(depth > 1e-9, depth, 1e-9)
+    pixels = local[:, :2] / scale[:, None] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
+    if facing:
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        ray = camera.forward if parallel else middles - camera.centre
+        inside &= (normals * ray).sum(1) < 0.0
+    asked = np.flatnonzero(inside)
+    inside[asked] = in_polygon(pixels[asked], polygon)
+    return inside
+
+
+def in_polygon(points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
+    """(N,) bool: the points (N, 2) inside a closed polygon (n, 2), by the even-odd rule."""
+    points, polygon = np.asarray(points, np.float64), np.asarray(polygon, np.float64)
+    inside = np.zeros(len(points), bool)
+    if not len(points):
+        return inside
+    x, y = points.T
+    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        if y0 != y1:
+            crosses = (y0 > y) != (y1 > y)
+            inside ^= crosses & (x < (x1 - x0) * (y - y0) / (y1 - y0) + x0)
+    return inside
+
+
+def write_cut(file: Path, shown: bpy.types.Object) -> int:
+    """Write the selected faces of a shown proxy as ``r2sego edit-proxy --cut`` reads them; how many.
+
+    Raises GeometryError when none is selected.
+    """
+    chosen = selected_faces(shown)
+    if not chosen.any():
+        raise GeometryError(
+            "no face of the proxy is selected", where=shown.name,
+            cure="Select faces in Edit Mode, or with the lasso or a box.",
+        )  # fmt: skip
+    corners = face_corners(shown.data)[chosen]
+    save_arrays(file, corners=corners, round=np.int64(shown_round(shown)))
+    return int(chosen.sum())
+
+
+def write_drawn(file: Path, drawn: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> int:
+    """Write a mesh object, its modifiers applied, as ``r2sego edit-proxy --draw`` reads it; its triangles.
+
+    Raises GeometryError when it has no faces.
+    """
+    vertices, triangles = world_triangles(drawn, depsgraph)
+    if not len(triangles):
+        raise GeometryError(
+            "the drawn surface has no faces", where=drawn.name, cure="Draw a mesh with faces."
+        )
+    save_arrays(file, vertices=vertices, faces=triangles)
+    return len(triangles)
+
+
+def world_triangles(one: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3) float64 in the world and triangles (F, 3) int32 of an object, modifiers applied."""
+    if one.mode == "EDIT":
+        one.update_from_editmode()
+    evaluated = one.evaluated_get(depsgraph)
+    mesh = evaluated.to_mesh()
+    try:
+        vertices, triangles = arrays_from_mesh(mesh)
+    finally:
+        evaluated.to_mesh_clear()
+    world = np.array(evaluated.matrix_world, np.float64)
+    if np.linalg.det(world[:3, :3]) < 0.0:
+        triangles = triangles[:, ::-1]  # mirrored: the free side stays outside
+    return vertices.astype(np.float64) @ world[:3, :3].T + world[:3, 3], np.ascontiguousarray(triangles)
