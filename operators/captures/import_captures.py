@@ -46,5 +46,5 @@ class R2SEGO_OT_import_captures(ReportingOperator, bpy.types.Operator):
             points=self.points, point_radius_m=self.point_radius, photograph_alpha=self.alpha,
         )  # fmt: skip
         shown = context.scene.r2sego_captures
-        shown["show_photographs"], shown["photograph_opacity"] = self.photographs, self.alpha
+        shown.show_photographs, shown.photograph_opacity = self.photographs, self.alpha
         return f"Imported {len(cameras)} captures"

@@ -55,7 +55,7 @@ class R2SEGO_OT_add_length(ReportingOperator, bpy.types.Operator):
         if length is None:
             length = shown.lengths.add()
             length.start, length.end = self.start, self.end
-        length["metres"] = self.metres
+        length.metres = self.metres
         fit_again(context.scene)
         return f"{self.start} to {self.end}: {self.metres:.3f} m"
 

@@ -14,12 +14,12 @@ def read_captures(scene, bundle):
         group.captures.clear()
         for _ in listed:
             group.captures.add()
-        group["active_capture"] = 0  # without its update, which selects
+        group.active_capture = 0
     for shown, one in zip(group.captures, listed, strict=True):
         shown.name, shown.width, shown.height = one.name, one.width, one.height
         shown.view_deg, shown.points, shown.overlaps = one.view_deg, one.points, one.overlaps
     if not group.height_capture and listed:
-        group["height_capture"] = listed[0].name
+        group.height_capture = listed[0].name
     group.corrections = len(corrections_of(bundle.path))
     read_cloud(bundle)
     fit_again(scene)

@@ -106,7 +106,7 @@ class R2SEGO_OT_pick_point(ReportingOperator, bpy.types.Operator):
         if point is None:
             point = shown.points.add()
             point.name = self.point or next_name([one.name for one in shown.points[:-1]])
-            point["floor"] = self.floor
+            point.floor = self.floor
             self.point = point.name
         view = next((one for one in point.views if one.capture == self.capture), None) or point.views.add()
         view.capture, view.x_px, view.y_px = self.capture, self.x_px, self.y_px

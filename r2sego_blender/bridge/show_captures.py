@@ -10,7 +10,7 @@ import numpy as np
 from .bundle import SUFFIX, Bundle
 from .cameras import create_camera, use_frame_of
 from .materials import attribute_material
-from .meshes import add_colours, mesh_from_arrays
+from .meshes import add_attribute, add_colours, mesh_from_arrays
 from .outliner import find_collection, fresh_collection
 
 CAPTURES_PART = "Captures"
@@ -18,7 +18,8 @@ CAPTURES_PART = "Captures"
 
 _NAME, _IMAGE = "r2sego_capture", "r2sego_image"
 _COLOUR = "colour"
-_POINTS = "R2S-EGO points"
+_POINTS = "R2S-EGO sparse points"
+_RADIUS = "radius_m"
 
 
 def show_captures(
@@ -90,11 +91,10 @@ def _add_photograph(data: bpy.types.Camera, path: Path, alpha: float) -> None:
 def _point_object(name: str, points: np.ndarray, colours: np.ndarray, radius_m: float) -> bpy.types.Object:
     mesh = mesh_from_arrays(name, points, np.empty((0, 3), np.int32))
     add_colours(mesh, _COLOUR, colours)
+    # An attribute and no input of the modifier: those are set in another way from 5.2 on.
+    add_attribute(mesh, _RADIUS, np.full(len(points), radius_m, np.float32), "POINT")
     created = bpy.data.objects.new(name, mesh)
-    modifier = created.modifiers.new("Points", "NODES")
-    modifier.node_group = group = _points_group()
-    radius = group.interface.items_tree["Radius"]
-    modifier[radius.identifier] = radius_m
+    created.modifiers.new("Points", "NODES").node_group = _points_group()
     return created
 
 
@@ -105,14 +105,16 @@ def _points_group() -> bpy.types.NodeTree:
         return group
     group = bpy.data.node_groups.new(_POINTS, "GeometryNodeTree")
     group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
-    group.interface.new_socket("Radius", in_out="INPUT", socket_type="NodeSocketFloat")
     group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     nodes, link = group.nodes, group.links.new
     first, last = nodes.new("NodeGroupInput"), nodes.new("NodeGroupOutput")
     to_points, paint = nodes.new("GeometryNodeMeshToPoints"), nodes.new("GeometryNodeSetMaterial")
     paint.inputs["Material"].default_value = attribute_material(_POINTS, _COLOUR)
     link(first.outputs["Geometry"], to_points.inputs["Mesh"])
-    link(first.outputs["Radius"], to_points.inputs["Radius"])
+    radius = nodes.new("GeometryNodeInputNamedAttribute")
+    radius.data_type = "FLOAT"
+    radius.inputs["Name"].default_value = _RADIUS
+    link(radius.outputs["Attribute"], to_points.inputs["Radius"])
     link(to_points.outputs[0], paint.inputs["Geometry"])
     link(paint.outputs[0], last.inputs[0])
     for place, node in enumerate((first, to_points, paint, last)):
