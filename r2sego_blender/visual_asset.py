@@ -130,16 +130,15 @@ def update_visual_asset(
     real = [_observation(v, backdrop, weight=settings.real_weight) for v in captures]
     first = round(settings.captures_first_share * settings.steps_per_round)
     title = "Training on captures"
-    asset = train(asset, real, first, settings, rng, progress, title, shown_from(real[0], title, progress))
+    asset = train(asset, real, first, settings, rng, progress, title, shown_from(real, title, progress))
     anchors = [dataclasses.replace(o, draws=settings.capture_oversampling) for o in real]
     synthetic = [
         _observation(p.view, backdrop, weight=settings.synthetic_weight, confidence=agreement(asset, p))
         for p in pseudo_observations
     ]
     rest = settings.steps_per_round - first
-    title, shown = "Training on all views", (synthetic or real)[0]
-    watch = shown_from(shown, title, progress)
-    return train(asset, [*anchors, *synthetic], rest, settings, rng, progress, title, watch)
+    title, both = "Training on all views", [*anchors, *synthetic]
+    return train(asset, both, rest, settings, rng, progress, title, shown_from(both, title, progress))
 
 
 def _observation(

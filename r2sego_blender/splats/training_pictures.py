@@ -1,6 +1,9 @@
-"""What a camera sees of an asset while it is trained, shown now and then."""
+"""What cameras see of an asset while it is trained, shown now and then."""
 
 from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,15 +17,16 @@ from .training import Watch
 _WIDTH_PX = 320
 
 
-def shown_from(observation: Observation, title: str, progress: Progress) -> Watch:
-    """A ``watch`` of ``train`` that shows the Gaussians before the observation's background.
+def shown_from(observations: Sequence[Observation], title: str, progress: Progress) -> Watch:
+    """A ``watch`` of ``train`` that shows the Gaussians as the observations see them, one after the other.
 
     Training goes on as without it, to the bit.
     """
-    camera = observation.camera.scaled(min(1.0, _WIDTH_PX / observation.camera.width))
-    rasterizer = Rasterizer()
+    rasterizer, turns = Rasterizer(), itertools.cycle(observations)
 
     def picture(gaussians: PackedGaussians) -> np.ndarray:
+        observation = next(turns)
+        camera = observation.camera.scaled(min(1.0, _WIDTH_PX / observation.camera.width))
         behind = observation.background
         behind = (0.0, 0.0, 0.0) if behind is None else resize(behind, camera.width, camera.height)
         rasterizer.forward(gaussians, camera, behind)
