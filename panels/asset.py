@@ -104,7 +104,9 @@ class R2SEGO_PT_asset_delete(_Part, bpy.types.Panel):
         row = column.row(align=True)
         row.prop(group, "near")
         row.prop(group, "far")
-        layout.operator("r2sego.mark_selected_splats", icon="VERTEXSEL")
+        row = layout.row(align=True)
+        row.operator("r2sego.mark_selected_splats", icon="VERTEXSEL")
+        row.operator("r2sego.mark_floaters", icon="SNAP_FACE_CENTER")
         if group.marks:
             layout.label(text=f"{group.marked} splats marked")
         row = layout.row(align=True)

@@ -8,6 +8,7 @@ from . import properties
 from .delete_splats import R2SEGO_OT_clear_splat_marks, R2SEGO_OT_delete_splats, R2SEGO_OT_restore_splats
 from .evaluate import R2SEGO_OT_evaluate
 from .export_asset import R2SEGO_OT_export_asset
+from .mark_floaters import R2SEGO_OT_mark_floaters
 from .mark_selected_splats import R2SEGO_OT_mark_selected_splats
 from .mark_splats_box import R2SEGO_OT_add_splat_box, R2SEGO_OT_mark_splats_box
 from .mark_splats_lasso import R2SEGO_OT_mark_splats_lasso
@@ -25,6 +26,7 @@ CLASSES = (
     R2SEGO_OT_mark_splats_box,
     R2SEGO_OT_mark_splats_lasso,
     R2SEGO_OT_mark_selected_splats,
+    R2SEGO_OT_mark_floaters,
     R2SEGO_OT_clear_splat_marks,
     R2SEGO_OT_delete_splats,
     R2SEGO_OT_restore_splats,

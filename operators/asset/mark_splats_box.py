@@ -9,7 +9,7 @@ from ...r2sego_blender.errors import AssetError
 from ...r2sego_blender.splats.regions import Box
 from ..base import ReportingOperator
 from .marks import add_mark
-from .show_asset import needs_shown_asset
+from .show_asset import needs_splats_at_rest
 
 
 def box_of(placed: bpy.types.Object) -> Box:
@@ -45,7 +45,7 @@ class R2SEGO_OT_mark_splats_box(ReportingOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return needs_shown_asset(cls, context)
+        return needs_splats_at_rest(cls, context)
 
     def perform(self, context):
         lowest, highest = np.array(self.lowest), np.array(self.highest)
@@ -74,7 +74,7 @@ class R2SEGO_OT_add_splat_box(ReportingOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return needs_shown_asset(cls, context)
+        return needs_splats_at_rest(cls, context)
 
     def perform(self, context):
         box = bpy.data.objects.new("Splat box", None)

@@ -11,9 +11,10 @@ from ...r2sego_blender.errors import AssetError
 from ...r2sego_blender.splats.regions import Lasso
 from ..base import ReportingOperator
 from .marks import add_mark
-from .show_asset import needs_shown_asset
+from .show_asset import needs_splats_at_rest
 
 _STEP_PX = 4.0
+_WIDTH_PX = 2.5
 _COLOUR = (1.0, 0.35, 0.2, 1.0)
 
 
@@ -53,7 +54,7 @@ class R2SEGO_OT_mark_splats_lasso(ReportingOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return needs_shown_asset(cls, context)
+        return needs_splats_at_rest(cls, context)
 
     def perform(self, context):
         polygon = np.array([corner.loc for corner in self.path], np.float64).reshape(-1, 2)
@@ -118,8 +119,10 @@ class R2SEGO_OT_mark_splats_lasso(ReportingOperator, bpy.types.Operator):
     def _draw(self) -> None:
         if bpy.context.region != self._region or len(self.path) < 2:
             return
-        shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+        shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
         shader.bind()
+        shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+        shader.uniform_float("lineWidth", _WIDTH_PX)
         shader.uniform_float("color", _COLOUR)
         corners = [(*corner.loc, 0.0) for corner in self.path]
         batch_for_shader(shader, "LINE_STRIP", {"pos": [*corners, corners[0]]}).draw(shader)

@@ -30,7 +30,7 @@ def add_mark(scene: bpy.types.Scene, region: Region) -> str:
 def mark_again(scene: bpy.types.Scene) -> None:
     """Find the shown splats that lie in the marked regions."""
     group = scene.r2sego_asset
-    if group.shown is None:
+    if group.shown is None or group.shown.mode == "EDIT":  # whose attributes cannot be written
         return
     centres = world_centres(group.shown)
     marked = np.zeros(len(centres), bool)

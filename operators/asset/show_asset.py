@@ -32,6 +32,16 @@ def needs_shown_asset(cls, context) -> bool:
     return True
 
 
+def needs_splats_at_rest(cls, context) -> bool:
+    """Poll of operators that write the shown splats' attributes, which Edit Mode does not let."""
+    if not needs_shown_asset(cls, context):
+        return False
+    if context.scene.r2sego_asset.shown.mode == "EDIT":
+        cls.poll_message_set("Leave Edit Mode first, or mark what is selected")
+        return False
+    return True
+
+
 def show_stage(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
     """Show the asset of a stage, and mark anew what is marked. Raises R2SEgoError."""
     bundle = state.bundle_of(scene)

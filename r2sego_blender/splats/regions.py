@@ -103,11 +103,11 @@ class Cells:
     def around(points: np.ndarray, cell_m: float) -> Cells:
         """The cells of side ``cell_m`` that hold the points (N, 3), metres."""
         grid = np.diag([1.0 / cell_m, 1.0 / cell_m, 1.0 / cell_m, 1.0])
-        return Cells(grid, np.unique(_cells(grid, points), axis=0))
+        return Cells(grid, np.unique(cells_of(grid, points), axis=0))
 
     def holds(self, means: np.ndarray) -> np.ndarray:
         """(N,) bool: which of the points (N, 3), metres, lie in one of the cells."""
-        return np.isin(_keys(_cells(self.grid_from_world, means)), _keys(self.cells))
+        return np.isin(keys_of(cells_of(self.grid_from_world, means)), keys_of(self.cells))
 
     def transformed(self, similarity: np.ndarray) -> Cells:
         """The cells after a (4, 4) similarity of the world."""
@@ -175,13 +175,13 @@ def _inside(points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
     return inside
 
 
-def _cells(grid_from_world: np.ndarray, points: np.ndarray) -> np.ndarray:
+def cells_of(grid_from_world: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(N, 3) int64: the cell of each point."""
     local = np.asarray(points, np.float64) @ grid_from_world[:3, :3].T + grid_from_world[:3, 3]
     return np.floor(np.clip(local, -_LARGEST_CELL, _LARGEST_CELL - 1)).astype(np.int64)
 
 
-def _keys(cells: np.ndarray) -> np.ndarray:
+def keys_of(cells: np.ndarray) -> np.ndarray:
     """(N,) int64: one number for each cell (N, 3)."""
     shifted = np.clip(cells, -_LARGEST_CELL, _LARGEST_CELL - 1) + _LARGEST_CELL
     return (shifted[:, 0] << 42) | (shifted[:, 1] << 21) | shifted[:, 2]

@@ -1,17 +1,18 @@
 """What holds of the room Asset, checked inside Blender."""
 
+import importlib
 import json
 import os
 from pathlib import Path
 
 import bpy
 import numpy as np
-from support import BUNDLE, calls, conduct, copied_bundle, open_bundle, refused, state
+from support import BUNDLE, MODULE, calls, conduct, copied_bundle, open_bundle, refused, state
 
 OPERATORS = {
     "add_splat_box", "clear_splat_marks", "compare_photograph", "delete_splats", "evaluate", "export_asset",
-    "mark_selected_splats", "mark_splats_box", "mark_splats_lasso", "move_wipe", "render_asset",
-    "restore_splats", "show_asset",
+    "mark_floaters", "mark_selected_splats", "mark_splats_box", "mark_splats_lasso", "move_wipe",
+    "render_asset", "restore_splats", "show_asset",
 }  # fmt: skip
 SPLATS, BACKDROP_SPLATS = 60, 12  # as tests/bridge/fake_asset.py writes them
 
@@ -154,11 +155,52 @@ def check_splats_selected_in_edit_mode_are_marked():
     chosen[[3, 11, 40]] = True
     shown.data.vertices.foreach_set("select", chosen)
     bpy.ops.object.mode_set(mode="EDIT")
+    assert "Leave Edit Mode" in refused(bpy.ops.r2sego.mark_splats_box)
     assert bpy.ops.r2sego.mark_selected_splats(cell=0.005) == {"FINISHED"}
     assert (values(shown, "marked") == chosen).all()
     bpy.ops.r2sego.clear_splat_marks()
     shown.data.vertices.foreach_set("select", np.zeros_like(chosen))
     assert "no splat is selected" in refused(bpy.ops.r2sego.mark_selected_splats)
+
+
+def check_floaters_are_marked_but_not_the_backdrop():
+    shown = show()
+    places = centres(shown).astype(float)
+    behind = values(shown, "backdrop")
+    assert bpy.ops.r2sego.mark_floaters(distance=0.2, fewest=2) == {"FINISHED"}
+    marked = values(shown, "marked")
+    apart = np.linalg.norm(places[:, None] - places[~behind][None], axis=2)
+    apart[apart == 0.0] = np.inf
+    assert 0 < marked.sum() < SPLATS and not marked[behind].any()
+    assert (apart[marked].min(axis=1) > 0.2).all()  # who has one within the distance stays
+    assert marked[~behind & (apart.min(axis=1) > 0.7)].all()
+    bpy.ops.r2sego.clear_splat_marks()
+    assert bpy.ops.r2sego.mark_floaters(fewest=0, faint=0.5) == {"FINISHED"}
+    assert (values(shown, "marked") == (values(shown, "opacity") < 0.5) & ~behind).all()
+    bpy.ops.r2sego.clear_splat_marks()
+    assert bpy.ops.r2sego.mark_floaters(fewest=0, large=0.06) == {"FINISHED"}
+    assert (values(shown, "marked") == (values(shown, "radius_m") > 0.06) & ~behind).all()
+    bpy.ops.r2sego.clear_splat_marks()
+    assert "no splat is a floater" in refused(bpy.ops.r2sego.mark_floaters, fewest=0)
+
+
+def check_what_the_preview_draws():
+    preview = importlib.import_module(f"{MODULE}.panels.splat_preview")
+    shown = show()
+    bpy.ops.r2sego.mark_splats_box(lowest=(-0.6, -0.6, 0.4), highest=(0.6, 0.6, 2.0))
+    splats = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.show_asset").drawn_splats(shown.data)
+    order = preview.drawn_order(splats, backdrop=False)
+    assert sorted(order) == sorted(np.flatnonzero(~splats.backdrop & (splats.opacities >= 0.05)))
+    marks = splats.marked[order]
+    assert marks[: marks.sum()].all() and 0 < marks.sum() < len(order)
+    assert len(preview.drawn_order(splats, backdrop=True)) > len(order)
+    colours = preview.colours_of(splats)
+    assert (colours[splats.marked, 3] == 1.0).all() and (colours[splats.marked, 0] > 0.3).all()
+    white = preview.linear_from_srgb(np.ones(1))
+    assert white == 1.0
+    counts = [preview.drawn_count(200, 0.5, 0.25, moving) for moving in (False, True)]
+    assert counts == [100, 25] and preview.drawn_count(3, 0.01, 0.01, True) == 1
+    assert preview.scale_px([[1.0, 0.0], [0.0, 2.0]], 300) == 300.0
 
 
 def check_deleting_hands_the_regions_to_the_engine():
