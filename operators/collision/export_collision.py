@@ -1,15 +1,25 @@
 """Export the scene for simulators."""
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ...r2sego_blender.errors import SceneError
 from .. import state
-from ..base import EngineOperator, needs_bundle, needs_idle_engine
+from ..base import EngineOperator, needs_idle_engine
+from .polls import needs_collision
+
+_SPLATS = (
+    (".spz", "SPZ", "The asset as .spz too: a fifth of the PLY, quantised"),
+    (".splat", "SPLAT", "The asset as .splat too"),
+    (".glb", "glTF Binary", "The asset as .glb too, KHR_gaussian_splatting"),
+    (".gltf", "glTF", "The asset as .gltf too"),
+    (".usdc", "USD", "The asset as .usdc too"),
+    (".usda", "USD as Text", "The asset as .usda too"),
+)
 
 
 class R2SEGO_OT_export_collision(EngineOperator, bpy.types.Operator):
-    """Copy the collision surface (mesh, convex pieces, MJCF), the asset and the proxy to a folder"""
+    """Copy the collision surface (mesh, pieces, MJCF, URDF, USD), the asset, proxy and cameras to a folder"""
 
     bl_idname = "r2sego.export_collision"
     bl_label = "Export for Simulation"
@@ -18,16 +28,15 @@ class R2SEGO_OT_export_collision(EngineOperator, bpy.types.Operator):
     directory: StringProperty(
         name="Folder", description="The folder to write, made if it is missing", subtype="DIR_PATH"
     )
-    filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
+    filter_folder: BoolProperty(default=True, options={"HIDDEN"})
+    splats: EnumProperty(
+        name="Splats", description="Formats of the asset beside its PLY", items=_SPLATS,
+        options={"ENUM_FLAG"}, default=set(),
+    )  # fmt: skip
 
     @classmethod
     def poll(cls, context):
-        if not (needs_bundle(cls, context) and needs_idle_engine(cls)):
-            return False
-        if not context.scene.r2sego.has_collision:
-            cls.poll_message_set("There is no collision surface yet: run Refine first")
-            return False
-        return True
+        return needs_collision(cls, context) and needs_idle_engine(cls)
 
     def invoke(self, context, event):
         context.window_manager.fileselect_add(self)
@@ -36,7 +45,10 @@ class R2SEGO_OT_export_collision(EngineOperator, bpy.types.Operator):
     def arguments(self, context):
         if not self.directory:
             raise SceneError("no folder is chosen", cure="Choose where to export to.")
-        return ["export", str(state.opened_bundle(context).path), "--to", bpy.path.abspath(self.directory)]
+        folder = bpy.path.abspath(self.directory)
+        command = ["export", str(state.opened_bundle(context).path), "--to", folder]
+        chosen = [suffix for suffix, *_ in _SPLATS if suffix in self.splats]
+        return [*command, "--splats", ",".join(chosen)] if chosen else command
 
     def finish(self, context, result):
         return f"Exported to {self.directory}"

@@ -5,7 +5,8 @@ from bpy.props import BoolProperty
 
 from ...r2sego_blender.bridge.show_collision import show_collision
 from .. import state
-from ..base import ReportingOperator, needs_bundle
+from ..base import ReportingOperator
+from .polls import needs_collision
 
 
 class R2SEGO_OT_show_collision(ReportingOperator, bpy.types.Operator):
@@ -21,12 +22,7 @@ class R2SEGO_OT_show_collision(ReportingOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not needs_bundle(cls, context):
-            return False
-        if not context.scene.r2sego.has_collision:
-            cls.poll_message_set("There is no collision surface yet: run Refine first")
-            return False
-        return True
+        return needs_collision(cls, context)
 
     def perform(self, context):
         shown = show_collision(context.scene, state.opened_bundle(context), pieces=self.pieces)

@@ -1,4 +1,4 @@
-"""The collision surface of a bundle as a Blender mesh."""
+"""The collision surface of a bundle, and its textured proxy, as Blender meshes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .materials import ramp_materials
 from .meshes import add_attribute, assign_materials, mesh_from_arrays
 from .outliner import fresh_collection
 
-_PART = "Collision"
+_PART, _TEXTURED = "Collision", "Textured proxy"
 _PIECE_COLOURS = 8
 
 
@@ -41,6 +41,28 @@ def show_collision(scene: bpy.types.Scene, bundle: Bundle, *, pieces: bool = Tru
     created = bpy.data.objects.new(mesh.name, mesh)
     collection.objects.link(created)
     return created
+
+
+def show_textured(scene: bpy.types.Scene, bundle: Bundle, file: Path) -> list[bpy.types.Object]:
+    """The textured proxy of a GLB file, in place of the one shown before.
+
+    Blender's importer turns glTF's Y up into Z up; the file is in glTF's axes. Raises SceneError
+    when it cannot be read.
+    """
+    before = set(bpy.data.objects)
+    try:
+        bpy.ops.import_scene.gltf(filepath=str(file))
+    except RuntimeError as error:
+        raise SceneError(
+            f"the textured mesh cannot be read: {error}", where=file, cure="Texture again."
+        ) from error
+    added = [one for one in bpy.data.objects if one not in before]
+    collection = fresh_collection(scene, bundle.name, _TEXTURED)
+    for one in added:
+        for other in list(one.users_collection):
+            other.objects.unlink(one)
+        collection.objects.link(one)
+    return added
 
 
 def read_obj(file: Path) -> tuple[np.ndarray, np.ndarray]:

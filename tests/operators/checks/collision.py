@@ -1,9 +1,12 @@
 """What holds of the room Collision, checked inside Blender."""
 
-import bpy
-from support import BUNDLE, calls, conduct, open_bundle
+import os
+import sys
 
-OPERATORS = {"export_collision", "show_collision"}
+import bpy
+from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle
+
+OPERATORS = {"check_collision", "export_collision", "show_collision", "texture_proxy"}
 
 
 def check_show_collision():
@@ -16,3 +19,65 @@ def check_exporting_asks_the_engine():
     conduct("succeed")
     assert bpy.ops.r2sego.export_collision(directory="/out") == {"FINISHED"}
     assert calls() == [["export", str(BUNDLE), "--to", "/out"]]
+
+
+def check_checking_asks_mujoco_and_keeps_its_figures():
+    open_bundle()
+    conduct("succeed")
+    group = bpy.context.scene.r2sego_collision
+    assert bpy.ops.r2sego.check_collision() == {"FINISHED"}
+    assert calls() == [["check-collision", str(BUNDLE), "--json-progress"]]
+    assert group.checked and not group.passed  # the stand-in says nothing of it
+    checked = sys.modules[f"{MODULE}.operators.collision.check_collision"]
+    figures = {
+        "pieces": 12, "vertex_error_m": 2e-6, "spheres": 40, "at_rest": 39, "fell_through": 1,
+        "rest_within_1_cm": 38, "robot_stands": False, "robot_failure": "fall: it tipped over",
+    }  # fmt: skip
+    assert checked._facts(figures) == [
+        ("Pieces", "12, exact to 0.002 mm"), ("Spheres", "39 of 40 at rest, 1 fell through"),
+        ("Within 1 cm", "38 of 40"), ("Robot", "fall: it tipped over"),
+    ]  # fmt: skip
+    stands = checked._facts({"robot_stands": True, "robot_pelvis_offset_m": 0.012})
+    assert stands == [("Robot", "stands, within 1.2 cm")]
+
+
+def check_another_surface_forgets_the_check():
+    copy = copied_bundle()
+    conduct("succeed")
+    bpy.ops.r2sego.check_collision()
+    group = bpy.context.scene.r2sego_collision
+    assert group.checked
+    os.utime(copy / "collision" / "mesh.obj", (1, 1))
+    bpy.ops.r2sego.refresh_scene()
+    assert not group.checked
+
+
+def check_texturing_and_formats_are_asked_of_the_engine():
+    open_bundle()
+    conduct("succeed")
+    assert bpy.ops.r2sego.texture_proxy(faces=5000, size=512, filepath="/out/room.glb") == {"FINISHED"}
+    assert bpy.ops.r2sego.export_collision(directory="/out", splats={".spz", ".glb"}) == {"FINISHED"}
+    textured, exported = calls()
+    assert textured == [
+        "texture", str(BUNDLE), "--faces", "5000", "--size", "512", "--json-progress", "--to", "/out/room.glb"
+    ]  # fmt: skip
+    assert exported == ["export", str(BUNDLE), "--to", "/out", "--splats", ".spz,.glb"]
+
+
+def check_a_textured_mesh_stands_where_the_proxy_does():
+    open_bundle()
+    mesh = bpy.data.meshes.new("tall")
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 0, 3)], [], [(0, 1, 2)])
+    tall = bpy.data.objects.new("tall", mesh)
+    bpy.context.scene.collection.objects.link(tall)
+    file = OUT.parent / "textured.glb"
+    bpy.ops.export_scene.gltf(filepath=str(file), export_format="GLB")
+    bpy.data.objects.remove(tall)
+    showing = sys.modules[f"{MODULE}.r2sego_blender.bridge.show_collision"]
+    bundle = sys.modules[f"{MODULE}.r2sego_blender.bridge.bundle"].Bundle.open(BUNDLE)
+    for _ in range(2):
+        (shown,) = showing.show_textured(bpy.context.scene, bundle, file)
+    bpy.context.view_layer.update()
+    top = max((shown.matrix_world @ vertex.co).z for vertex in shown.data.vertices)
+    assert abs(top - 3.0) < 1e-5
+    assert len([one for one in bpy.data.objects if one.type == "MESH"]) == 1

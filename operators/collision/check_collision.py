@@ -1,0 +1,48 @@
+"""Have MuJoCo check the collision surface."""
+
+import bpy
+
+from .. import state
+from ..base import EngineOperator, needs_idle_engine
+from .polls import needs_collision
+from .properties import stamp, tell
+
+
+class R2SEGO_OT_check_collision(EngineOperator, bpy.types.Operator):
+    """Drop spheres on the collision surface in MuJoCo, and see whether the robot stands on it"""
+
+    bl_idname = "r2sego.check_collision"
+    bl_label = "Check"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context):
+        return needs_collision(cls, context) and needs_idle_engine(cls)
+
+    def arguments(self, context):
+        return ["check-collision", str(state.opened_bundle(context).path), "--json-progress"]
+
+    def finish(self, context, result):
+        group = context.scene.r2sego_collision
+        group.checked = stamp(state.opened_bundle(context))
+        group.passed = bool(result.get("passed"))
+        tell(group.check, _facts(result))
+        return "The collision surface passed" if group.passed else "The collision surface did not pass"
+
+
+def _facts(result) -> list[tuple[str, str]]:
+    """The report's figures as labels and values; those that are not there are left out."""
+    spheres = result.get("spheres")
+    facts = []
+    if "pieces" in result:
+        facts.append(("Pieces", f"{result['pieces']}, exact to {1e3 * result['vertex_error_m']:.2g} mm"))
+    if spheres is not None:
+        facts += [
+            ("Spheres", f"{result['at_rest']} of {spheres} at rest, {result['fell_through']} fell through"),
+            ("Within 1 cm", f"{result['rest_within_1_cm']} of {spheres}"),
+        ]
+    if result.get("robot_stands"):
+        facts.append(("Robot", f"stands, within {100.0 * result['robot_pelvis_offset_m']:.1f} cm"))
+    elif "robot_stands" in result:
+        facts.append(("Robot", result.get("robot_failure") or "does not stand"))
+    return facts

@@ -1,0 +1,47 @@
+"""What Blender remembers of the collision room: how the last check and the last texture came out."""
+
+import bpy
+from bpy.props import BoolProperty, CollectionProperty, StringProperty
+
+from ...r2sego_blender.bridge.bundle import Bundle
+
+
+class R2SEGO_PG_collision_fact(bpy.types.PropertyGroup):
+    """A line of the last check."""
+
+    value: StringProperty()
+
+
+class R2SEGO_PG_collision(bpy.types.PropertyGroup):
+    """The room Collision."""
+
+    checked: StringProperty()
+    passed: BoolProperty()
+    check: CollectionProperty(type=R2SEGO_PG_collision_fact)
+    texture: CollectionProperty(type=R2SEGO_PG_collision_fact)
+
+
+def stamp(bundle: Bundle) -> str:
+    """Another text for another collision surface."""
+    file = bundle.collision_mesh
+    return f"{file} {file.stat().st_mtime_ns}" if file.is_file() else ""
+
+
+def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
+    """The listener: forget a check of another surface."""
+    group = scene.r2sego_collision
+    if group.checked != stamp(bundle):
+        group.checked = ""
+        group.check.clear()
+        group.texture.clear()
+
+
+def tell(lines: bpy.types.bpy_prop_collection, facts: list[tuple[str, str]]) -> None:
+    """Replace the lines by these, label and value."""
+    lines.clear()
+    for label, value in facts:
+        line = lines.add()
+        line.name, line.value = label, value
+
+
+CLASSES = (R2SEGO_PG_collision_fact, R2SEGO_PG_collision)

@@ -1,0 +1,64 @@
+"""Which faces a box and a lasso mean, and which pixels a drawn mask takes."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("bpy", reason="pip bpy is not installed")
+
+from r2sego_blender.bridge.object_masks import drawn_region
+from r2sego_blender.bridge.proxy_edits import faces_in_box, faces_in_lasso, in_polygon
+from r2sego_blender.cameras import Camera, look_at
+
+
+def test_a_polygon_holds_what_is_inside_even_if_it_is_not_convex():
+    horseshoe = [(0, 0), (6, 0), (6, 6), (4, 6), (4, 2), (2, 2), (2, 6), (0, 6)]
+    points = np.array([(1, 5), (3, 5), (5, 5), (3, 1), (7, 1), (-1, 3)])
+    assert in_polygon(points, horseshoe).tolist() == [True, False, True, True, False, False]
+    assert not in_polygon(np.zeros((0, 2)), horseshoe).size
+
+
+def test_polygons_and_brushes_take_their_pixels():
+    square = drawn_region((10, 12), [(2, 3), (7, 3), (7, 8), (2, 8)], "LASSO", 0.0)
+    assert square.sum() == 25 and square[3:8, 2:7].all()
+    outside = drawn_region((10, 12), [(-5, -5), (30, -5), (30, 30), (-5, 30)], "POLYGON", 0.0)
+    assert outside.all()
+    dot = drawn_region((41, 41), [(20.5, 20.5)], "BRUSH", 10.0)
+    assert dot.sum() == pytest.approx(np.pi * 100, rel=0.03) and dot[20, 20] and not dot[20, 31]
+    line = drawn_region((41, 41), [(5, 20), (35, 20)], "BRUSH", 3.0)
+    assert line.sum() == pytest.approx(30 * 6 + np.pi * 9, rel=0.06)
+    assert not drawn_region((5, 5), [(50, 50), (60, 50), (60, 60)], "LASSO", 0.0).any()
+
+
+@pytest.fixture
+def corners():
+    """Small triangles at random in a cube of side 4, facing all ways."""
+    rng = np.random.default_rng(3)
+    return (rng.uniform(-2, 2, (400, 1, 3)) + rng.normal(0, 0.02, (400, 3, 3))).astype(np.float32)
+
+
+def test_a_box_of_any_pose_holds_its_faces(corners):
+    world_from_box = np.eye(4)
+    world_from_box[:3, :3] = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]) * (0.5, 1.0, 2.0)
+    world_from_box[:3, 3] = 0.3, 0.2, 0.1
+    inside = faces_in_box(corners, np.linalg.inv(world_from_box))
+    middles = corners.mean(1) - (0.3, 0.2, 0.1)
+    np.testing.assert_array_equal(inside, (np.abs(middles) <= (1.0, 0.5, 2.0)).all(1))
+    assert 0 < inside.sum() < 400
+
+
+@pytest.mark.parametrize("parallel", [False, True])
+def test_a_lasso_holds_what_is_drawn_within_it(corners, parallel):
+    scale = 40.0 if parallel else 100.0
+    camera = Camera(200, 160, scale, scale, 100.0, 80.0, look_at((0.5, -5.0, 1.0), (0, 0, 0)))
+    polygon = np.array([(60, 40), (150, 50), (120, 130)])
+    found = faces_in_lasso(corners, camera, polygon, parallel=parallel, farthest_m=5.5)
+    both = faces_in_lasso(corners, camera, polygon, parallel=parallel, farthest_m=5.5, facing=False)
+    for k, triangle in enumerate(corners.astype(float)):
+        middle = triangle.mean(0)
+        local = camera.camera_from_world[:3, :3] @ middle + camera.camera_from_world[:3, 3]
+        place = local[:2] / (1.0 if parallel else local[2]) * scale + (100, 80)
+        inside = in_polygon(place[None], polygon)[0] and 0 < local[2] <= 5.5
+        normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
+        towards = normal @ (camera.forward if parallel else middle - camera.centre) < 0
+        assert both[k] == inside and found[k] == (inside and towards)
+    assert 0 < found.sum() < both.sum()
