@@ -21,14 +21,14 @@ from .rollout_list import camera_poses
 
 _RECORDING = "r2sego_recording"
 _ROLLOUT, _BODY = "r2sego_rollout", "r2sego_body"
-CAMERA = -1
-"""In place of a body's index: the head camera."""
+CAMERA, ROOT = -1, -2
+"""In place of a body's index: the head camera, and the empty that all of them hang on."""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """The poses of shown rollouts by their numbers: (T, B + 1, 4, 4) float64 of Blender objects, the
-    head camera last."""
+    """The poses of shown rollouts by their numbers: (T, B + 2, 4, 4) float64 of Blender objects, the
+    root, at the first body's place, and the head camera last. All others are from the root."""
 
     poses: dict[int, np.ndarray]
 
@@ -37,8 +37,13 @@ class Recording:
         """Read the poses. Raises SceneError when they are damaged."""
         poses = {}
         for number in numbers:
-            cameras = object_pose(camera_poses(bundle, round_index, number))
-            poses[number] = np.concatenate([bodies.poses(number), cameras[:, None]], axis=1)
+            cameras = object_pose(camera_poses(bundle, round_index, number))[:, None]
+            parts = np.concatenate([bodies.poses(number), cameras], axis=1)
+            # Blender draws a line from each part to its root: one that moves along keeps them short.
+            roots = np.tile(np.eye(4), (len(parts), 1, 1, 1))
+            roots[..., :3, 3] = parts[:, :1, :3, 3]
+            parts[..., :3, 3] -= roots[..., :3, 3]
+            poses[number] = np.concatenate([parts[:, :-1], roots, parts[:, -1:]], axis=1)
         return Recording(poses)
 
     @property

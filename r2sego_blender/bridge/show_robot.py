@@ -15,7 +15,7 @@ from .cameras import create_camera, use_frame_of
 from .materials import plain_material
 from .meshes import assign_materials, mesh_from_arrays
 from .outliner import find_collection, fresh_collection
-from .robot_playback import CAMERA, Recording
+from .robot_playback import CAMERA, ROOT, Recording
 from .rollout_bodies import RobotBodies, digest_of
 from .rollout_list import attempts
 
@@ -52,6 +52,7 @@ def show_rollouts(
     for number in numbers:
         root = bpy.data.objects.new(f"Rollout {number}", None)
         root.empty_display_type, root.empty_display_size = "PLAIN_AXES", _EMPTY_SIZE_M
+        robot_playback.mark(root, number, ROOT)
         collection.objects.link(root)
         camera = create_camera(f"Head camera {number}", bodies.camera)
         camera.data.display_size = _CAMERA_SIZE_M

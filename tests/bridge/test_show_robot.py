@@ -67,15 +67,13 @@ def test_several_are_shown_together(scene, bundle):
     assert not show_robot.are_shown(scene, bundle, 1, [0, 1, 3])
 
 
-def test_a_moved_empty_moves_its_robot(scene, bundle):
+def test_the_empty_goes_with_the_first_body(scene, bundle):
     (root,) = show_robot.show_rollouts(scene, bundle, 0, [3])
-    before = shown_matrices(4)
-    root.location.x = 2.0
-    after = shown_matrices(4)
-    along_x = np.zeros((4, 4))
-    along_x[0, 3] = 2.0
-    for name, matrix in before.items():
-        np.testing.assert_allclose(after[name] - matrix, along_x, atol=1e-6)
+    first = f"Robot {RobotBodies.load(bundle, 0).names[0]}, rollout 3"
+    for frame in (0, 5):
+        shown = shown_matrices(frame)
+        np.testing.assert_allclose(shown[root.name][:3, 3], shown[first][:3, 3], atol=1e-6)
+        np.testing.assert_allclose(shown[root.name][:3, :3], np.eye(3), atol=1e-6)
 
 
 def test_another_rollout_takes_its_place(scene, bundle):
