@@ -115,7 +115,9 @@ class R2SEGO_PT_rollouts(_Part, bpy.types.Panel):
         row.operator("r2sego.try_rollouts", text="Try", icon="PLAY").attempts = robot.trial_attempts
         layout.row(align=True).prop(robot, "source", expand=True)
         if robot.source == "ROUND":
-            layout.prop(context.scene.r2sego, "round_index")
+            row = layout.row(align=True)
+            row.prop(context.scene.r2sego, "round_index")
+            row.operator("r2sego.run_rollouts", text="Run", icon="PLAY").round_index = -1
         if not len(robot.attempts):
             layout.label(text="No rollouts yet", icon="INFO")
             return

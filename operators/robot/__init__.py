@@ -13,6 +13,7 @@ from .jump_to_attempt import R2SEGO_OT_jump_to_attempt
 from .pick_target import R2SEGO_OT_pick_target
 from .properties import R2SEGO_PG_attempt, R2SEGO_PG_robot, R2SEGO_PG_seat
 from .region_from_object import R2SEGO_OT_clear_region, R2SEGO_OT_region_from_object
+from .run_rollouts import R2SEGO_OT_run_rollouts
 from .set_behaviours import R2SEGO_OT_set_behaviours
 from .set_mount import R2SEGO_OT_set_mount
 from .show_rollout import R2SEGO_OT_show_rollout
@@ -32,6 +33,7 @@ CLASSES = (
     R2SEGO_OT_clear_region,
     R2SEGO_OT_pick_target,
     R2SEGO_OT_try_rollouts,
+    R2SEGO_OT_run_rollouts,
     R2SEGO_OT_show_rollout,
     R2SEGO_OT_jump_to_attempt,
 )

@@ -11,7 +11,8 @@ from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bun
 
 OPERATORS = {
     "choose_robot", "choose_scope", "clear_region", "draw_region", "inspect_robot", "jump_to_attempt",
-    "pick_target", "region_from_object", "set_behaviours", "set_mount", "show_rollout", "try_rollouts",
+    "pick_target", "region_from_object", "run_rollouts", "set_behaviours", "set_mount", "show_rollout",
+    "try_rollouts",
 }  # fmt: skip
 
 
@@ -149,6 +150,17 @@ def check_a_trial_asks_the_engine_and_is_listed():
     assert bpy.ops.r2sego.try_rollouts(attempts=4) == {"FINISHED"}
     assert calls() == [["try-rollouts", str(BUNDLE), "--attempts", "4", "--json-progress"]]
     assert robot().source == "TRIAL" and len(robot().attempts) == 2
+
+
+def check_a_rounds_rollouts_are_run_alone():
+    open_bundle()
+    conduct("succeed")
+    state().round_index = 0
+    robot().source = "TRIAL"
+    assert bpy.ops.r2sego.run_rollouts() == {"FINISHED"}
+    assert bpy.ops.r2sego.run_rollouts(round_index=1) == {"FINISHED"}
+    assert calls() == [["rollouts", str(BUNDLE), "--round", n, "--json-progress"] for n in ("0", "1")]
+    assert robot().source == "ROUND" and len(robot().attempts) == 4
 
 
 def check_a_rollout_follows_the_timeline():
