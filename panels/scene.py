@@ -34,7 +34,8 @@ class R2SEGO_PT_scene(Step, bpy.types.Panel):
         if job.running and job.title == "Refine":
             layout.progress(factor=job.fraction, text=job.task)
         else:
-            layout.label(text=what_refine_does(scene.rounds_done, scene.rounds_declared), icon="INFO")
+            rounds = scene.rounds_begun, scene.rounds_done, scene.rounds_declared
+            layout.label(text=what_refine_does(*rounds), icon="INFO")
         column = layout.column()
         column.scale_y = 1.2
         column.operator("r2sego.refine", icon="PLAY")

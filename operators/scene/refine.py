@@ -22,7 +22,8 @@ class R2SEGO_OT_refine(EngineOperator, bpy.types.Operator):
     @classmethod
     def description(cls, context, properties):
         scene = context.scene.r2sego
-        what = what_refine_does(scene.rounds_done, scene.rounds_declared) if scene.bundle else ""
+        rounds = scene.rounds_begun, scene.rounds_done, scene.rounds_declared
+        what = what_refine_does(*rounds) if scene.bundle else ""
         return f"{cls.__doc__}. {what}".rstrip(". ")
 
     def arguments(self, context):

@@ -17,8 +17,9 @@ def scope_choices() -> list[str]:
     return sorted(file.stem for file in _SCOPES.glob("*.toml"))
 
 
-def what_refine_does(rounds_done: int, rounds: int) -> str:
+def what_refine_does(rounds_begun: int, rounds_done: int, rounds: int) -> str:
     """What Refine would do next, in words."""
     if rounds_done >= rounds:
         return "Refine redoes what changed"
-    return f"Refine does round {rounds_done + 1} of {rounds}"
+    verb = "goes on in" if rounds_begun > rounds_done else "does"
+    return f"Refine {verb} round {rounds_done + 1} of {rounds}"
