@@ -13,10 +13,11 @@ from bpy.props import (
 from ...r2sego_blender.asset_edits import load_edits
 from ...r2sego_blender.asset_stages import FINAL, INITIAL, stages
 from ...r2sego_blender.bridge.bundle import Bundle
-from ...r2sego_blender.bridge.show_asset import shown_stage
+from ...r2sego_blender.bridge.show_asset import is_current, shown_stage, shows_bundle
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import R2SEgoError
 from ...r2sego_blender.splats.ply_vertices import vertex_count
+from .show_asset import show_stage
 
 
 class R2SEGO_PG_asset_stage(bpy.types.PropertyGroup):
@@ -53,8 +54,6 @@ def _other_stage(group: bpy.types.PropertyGroup, context: bpy.types.Context) -> 
     if not group.stages or not shown_stage(group.shown):
         return
     if shown_stage(group.shown) != group.stages[group.stage].name:
-        from .show_asset import show_stage
-
         try:
             show_stage(group.id_data, group.stages[group.stage].name)
         except R2SEgoError as error:
@@ -128,6 +127,10 @@ class R2SEGO_PG_asset(bpy.types.PropertyGroup):
 def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
     """The listener: take the bundle's assets, edits and scores over."""
     group = scene.r2sego_asset
+    if group.shown is not None and not shows_bundle(group.shown, bundle):
+        group.shown = None
+        group.marks.clear()
+        group.marked = 0
     last = not group.stages or group.stage == len(group.stages) - 1
     group.stages.clear()
     scores = _scores(bundle)
@@ -149,12 +152,23 @@ def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
     wanted = len(group.stages) - 1 if last else min(group.stage, len(group.stages) - 1)
     if group.stage != max(0, wanted):
         group.stage = max(0, wanted)
+    _show_anew(scene, bundle)
     group.edits.clear()
     for edit in load_edits(bundle.path):
         item = group.edits.add()
         item.name = edit.name
         item.regions = ", ".join(region.to_json()["kind"] for region in edit.regions)
     group.edit_index = min(group.edit_index, max(0, len(group.edits) - 1))
+
+
+def _show_anew(scene: bpy.types.Scene, bundle: Bundle) -> None:
+    """Where the shown asset's file has changed since, show it as it is now."""
+    shown = scene.r2sego_asset.shown
+    if shown is None or shown.mode == "EDIT":
+        return
+    for stage in stages(bundle.scene):
+        if stage.name == shown_stage(shown) and not is_current(shown, stage):
+            show_stage(scene, stage.name)
 
 
 def _scores(bundle: Bundle) -> dict[str, float | None]:

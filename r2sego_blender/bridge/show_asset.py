@@ -17,7 +17,7 @@ MARKED = "marked"
 """The attribute of the vertices that are to be deleted."""
 
 _PART = "Asset"
-_STAGE = "r2sego_stage"
+_STAGE, _BUNDLE, _MADE = "r2sego_stage", "r2sego_bundle", "r2sego_made"
 _COLOUR, _RADIUS, _OPACITY, _BACKDROP = "colour", "radius_m", "opacity", "backdrop"
 _NO_TRIANGLES = np.empty((0, 3), np.int32)
 
@@ -52,7 +52,8 @@ def show_asset(scene: bpy.types.Scene, bundle: Bundle, stage: Stage) -> bpy.type
     add_attribute(mesh, _BACKDROP, splats.backdrop, "POINT")
     add_attribute(mesh, MARKED, np.zeros(len(splats), bool), "POINT")
     created = bpy.data.objects.new(mesh.name, mesh)
-    created[_STAGE] = stage.name
+    created[_STAGE], created[_BUNDLE] = stage.name, str(bundle.path)
+    created[_MADE] = _made(stage)
     # The preview draws the splats; Blender's own points would hide it and are slow to draw.
     created.display_type = "BOUNDS"
     created.hide_render = True
@@ -63,6 +64,16 @@ def show_asset(scene: bpy.types.Scene, bundle: Bundle, stage: Stage) -> bpy.type
 def shown_stage(candidate: bpy.types.Object | None) -> str:
     """The name of the stage an object shows, '' when it was not made by ``show_asset``."""
     return str(candidate.get(_STAGE, "")) if candidate is not None else ""
+
+
+def shows_bundle(candidate: bpy.types.Object, bundle: Bundle) -> bool:
+    """Whether an object made by ``show_asset`` shows an asset of this bundle."""
+    return candidate.get(_BUNDLE) == str(bundle.path)
+
+
+def is_current(candidate: bpy.types.Object, stage: Stage) -> bool:
+    """Whether an object made by ``show_asset`` shows this stage's file as it is now."""
+    return candidate.get(_STAGE) == stage.name and candidate.get(_MADE) == _made(stage)
 
 
 def drawn_splats(mesh: bpy.types.Mesh) -> DrawnSplats | None:
@@ -88,3 +99,8 @@ def centres_of(mesh: bpy.types.Mesh) -> np.ndarray:
 def set_marked(mesh: bpy.types.Mesh, marked: np.ndarray) -> None:
     """Mark the vertices (N,) bool as to be deleted, and no others."""
     mesh.attributes[MARKED].data.foreach_set("value", np.ascontiguousarray(marked, bool))
+
+
+def _made(stage: Stage) -> str:
+    """When the stage's file was written; text, since Blender's whole numbers have 32 bits."""
+    return str(stage.file.stat().st_mtime_ns)

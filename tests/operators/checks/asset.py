@@ -3,11 +3,12 @@
 import importlib
 import json
 import os
+import shutil
 from pathlib import Path
 
 import bpy
 import numpy as np
-from support import BUNDLE, MODULE, calls, conduct, copied_bundle, open_bundle, refused, state
+from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle, refused, state
 
 OPERATORS = {
     "add_splat_box", "clear_splat_marks", "compare_photograph", "delete_splats", "evaluate", "export_asset",
@@ -89,6 +90,39 @@ def check_the_slider_shows_each_rounds_asset():
     assert group().stage == 3 and group().shown["r2sego_stage"] == "final"
     assert len([o for o in bpy.data.objects if o.name.startswith("Asset")]) == 1
     assert "initial, 0, 1, final" in refused(bpy.ops.r2sego.show_asset, stage="7")
+
+
+def check_an_asset_that_was_published_anew_is_shown_anew():
+    copy = copied_bundle()
+    bpy.ops.r2sego.show_asset()
+    before = group().shown.name, len(group().shown.data.vertices)
+    bpy.ops.r2sego.refresh_scene()
+    assert (group().shown.name, len(group().shown.data.vertices)) == before
+    shutil.copy(copy / "rounds" / "0" / "asset.ply", copy / "asset.ply")
+    bpy.ops.r2sego.refresh_scene()
+    assert len(group().shown.data.vertices) == SPLATS and group().shown["r2sego_stage"] == "final"
+
+
+def check_another_bundle_begins_without_splats_and_marks():
+    copied_bundle()
+    bpy.ops.r2sego.show_asset()
+    bpy.ops.r2sego.mark_splats_box(lowest=(-0.6, -0.6, 0.4), highest=(0.6, 0.6, 2.0))
+    assert bpy.ops.r2sego.open_scene(directory=str(BUNDLE)) == {"FINISHED"}
+    assert group().shown is None and not group().marks
+    assert "Show the asset first" in refused(bpy.ops.r2sego.add_splat_box)
+
+
+def check_a_blend_keeps_what_is_shown():
+    show("0")
+    bpy.ops.r2sego.mark_splats_box(lowest=(-0.6, -0.6, 0.4), highest=(0.6, 0.6, 2.0))
+    marked = values(group().shown, "marked")
+    file = OUT.parent / "asset.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(file))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.wm.open_mainfile(filepath=str(file))
+    assert group().shown.name == "Asset, round 0" and group().marked == marked.sum() > 0
+    assert (values(group().shown, "marked") == marked).all()
+    assert [stage.name for stage in group().stages] == ["initial", "0", "1", "final"]
 
 
 def check_splats_in_a_box_are_marked():

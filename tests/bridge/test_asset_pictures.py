@@ -1,0 +1,43 @@
+"""Renderings as Blender's images: one of a name, packed, behind the camera over its photograph."""
+
+import fake_bundle
+import numpy as np
+import pytest
+
+pytest.importorskip("bpy", reason="pip bpy is not installed")
+
+import bpy
+
+from r2sego_blender.bridge.asset_pictures import load_picture, photograph_of, put_behind, show_in_editor
+from r2sego_blender.bridge.cameras import create_camera
+from r2sego_blender.errors import SceneError
+from r2sego_blender.images import save_image
+
+
+def picture(file, grey: float):
+    save_image(file, np.full((4, 6, 3), grey, np.float32))
+    return load_picture(file, "capture_0, final")
+
+
+def test_a_new_rendering_takes_the_old_ones_place_everywhere(scene, tmp_path):
+    camera = create_camera("capture_0", fake_bundle.cameras()[0])
+    save_image(tmp_path / "photo.png", np.zeros((4, 6, 3), np.float32))
+    camera.data.background_images.new().image = bpy.data.images.load(str(tmp_path / "photo.png"))
+    put_behind(camera, picture(tmp_path / "picture.png", 0.2))
+    put_behind(camera, picture(tmp_path / "picture.png", 0.8))
+    photograph, rendering = (background.image for background in camera.data.background_images)
+    assert (photograph.name, rendering.name) == ("photo.png", "capture_0, final")
+    assert rendering.pixels[0] == pytest.approx(0.8, abs=0.01)
+    assert len(bpy.data.images) == 2 and rendering.packed_file is not None
+    assert photograph_of(camera) == photograph
+    assert not show_in_editor(rendering)  # without a window there is none
+
+
+def test_a_camera_without_a_photograph_has_none(scene):
+    assert photograph_of(create_camera("own", fake_bundle.cameras()[0])) is None
+    assert photograph_of(None) is None
+
+
+def test_what_is_no_picture_is_refused_by_name(scene, tmp_path):
+    with pytest.raises(SceneError, match=r"none\.png"):
+        load_picture(tmp_path / "none.png", "a")
