@@ -49,9 +49,13 @@ class R2SEGO_OT_demo_scene(EngineOperator, bpy.types.Operator):
     def finish(self, context, result):
         bundle = Bundle.open(self._bundle_path())
         state.show_bundle(context.scene, bundle)
-        bpy.ops.r2sego.import_captures()
-        bpy.ops.r2sego.show_proxy()
-        return f"Made and refined {bundle.path.name}"
+        made = f"Made and refined {bundle.path.name}"
+        try:
+            bpy.ops.r2sego.import_captures()
+            bpy.ops.r2sego.show_proxy()
+        except RuntimeError as error:  # the scene is made all the same
+            return f"{made}, but showing it failed: {str(error).strip().splitlines()[-1]}"
+        return made
 
     def _bundle_path(self):
         folder = Path(bpy.path.abspath(self.directory)).absolute() if self.directory else _documents()

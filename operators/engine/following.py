@@ -5,6 +5,7 @@ saves no backup while one runs, and a refinement takes hours.
 """
 
 import contextlib
+import traceback
 from pathlib import Path
 
 import bpy
@@ -21,6 +22,7 @@ from .properties import note_python
 _TICK_S, _IDLE_S = 0.2, 0.5
 _JOURNAL_FILE = "journal.jsonl"
 _journal_seen: tuple[str, int] | None = None
+_given_up: set[Path] = set()  # folders of jobs that could not be followed
 _looked_in: set[str] = set()  # bundles whose jobs were looked for; "" stands for the own folder
 
 
@@ -40,7 +42,8 @@ def unfollowed_jobs(context) -> list[Job]:
         found for found in (find_jobs(f"{name}/{JOBS_FOLDER}") if name else [])
         if found.running() or not found.followed_elsewhere
     ]  # fmt: skip
-    return in_bundle + [found for found in find_jobs(job.own_folder()) if not found.followed_elsewhere]
+    others = [found for found in find_jobs(job.own_folder()) if not found.followed_elsewhere]
+    return [found for found in in_bundle + others if found.folder not in _given_up]
 
 
 def operator_of(found: Job):
@@ -80,6 +83,19 @@ def _tell_only(found: Job) -> None:
 
 
 def _tick() -> float:
+    try:
+        return _follow()
+    except Exception:  # a timer that raises is never called again
+        traceback.print_exc()
+        if (followed := job.current()) is not None:
+            _given_up.add(followed.folder)
+            job.let_go()
+            job.tell_end(followed.title, "ERROR", "Following it failed: Blender's console says why")
+        return _IDLE_S
+
+
+def _follow() -> float:
+    """One look at the job and the bundle; returns the seconds until the next."""
     followed = job.current()
     if followed is None:
         if note_python():

@@ -168,6 +168,27 @@ def check_the_timer_finds_the_job_of_a_file_that_was_loaded():
     assert (end.title, end.level) == ("Refine", "WARNING")
 
 
+def check_a_job_that_cannot_be_followed_is_given_up_and_the_timer_goes_on():
+    open_bundle()
+    conduct("sleep")
+    job = left_job(bpy.ops.r2sego.refine)
+    following = sys.modules[f"{MODULE}.operators.engine.following"]
+
+    def broken():
+        raise ValueError("a mistake of this program")
+
+    job.events = broken
+    assert following._tick() > 0.0
+    assert not bpy.context.window_manager.r2sego_job.running
+    (end,) = bpy.context.window_manager.r2sego_engine.ended
+    assert (end.title, end.level) == ("Refine", "ERROR")
+    assert job.folder not in [found.folder for found in following.unfollowed_jobs(bpy.context)]
+    following._tick()
+    assert job_module().current() is None
+    job.stop()
+    job.forget()
+
+
 def check_a_job_of_a_bundle_that_is_not_open_is_only_told():
     copy = copied_bundle()
     conduct("slow")
