@@ -1,20 +1,24 @@
 """A scene's robot and scope: declared with what goes together, described, and refused unchanged."""
 
 import json
+import math
 import re
 import shutil
 import sys
 from pathlib import Path
 
 import click.testing
+import numpy as np
 import pytest
 
+from r2sego_blender.arrays import save_arrays
 from r2sego_blender.cli import main
 from r2sego_blender.errors import R2SEgoError
 from r2sego_blender.robot.model import RobotModel
 from r2sego_blender.robot.scope import BehaviourScope
 from r2sego_blender.robot_declaration import SCOPE_FILE, declare_robot, describe_robot, lines
 from r2sego_blender.scene import Scene
+from r2sego_blender.trial_rollouts import newest_surface, placed_scope
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -131,6 +135,23 @@ def test_seats_are_listed_or_why_there_are_none(scene):
     high = declare_robot(scene, changes={"sit_on.height_m": [1.1, 1.2]})
     described = describe_robot(high, seats=True)
     assert described["seats"] == [] and "no seat" in described["no_seats"]
+
+
+def test_a_seat_is_named_by_the_prior_it_is_of(scene):
+    first, *_ = describe_robot(scene, seats=True)["seats"]
+    around = np.array([[x, y, z] for x in (-0.2, 0.2) for y in (-0.2, 0.2) for z in (0.0, 0.4)])
+    priors = scene.path / "geometry" / "priors"
+    priors.mkdir(parents=True)
+    middle = np.array([*first["place_m"], 0.0])
+    save_arrays(priors / "chair.npz", vertices=around + middle, faces=np.array([[0, 1, 2]]))
+    named = describe_robot(scene, seats=True)["seats"]
+    assert named[0]["object"] == "chair"
+    assert all(math.dist(seat["place_m"], first["place_m"]) < 1.5 for seat in named if seat["object"])
+    declared = declare_robot(scene, scope="sit_down", changes={"sit_on.target": "chair"})
+    scope = BehaviourScope.load(declared.declaration.scope)
+    placed = placed_scope(declared, scope, newest_surface(declared))
+    assert placed.sit_on.target == pytest.approx(tuple(first["place_m"]))
+    assert len(placed.region.within) >= 3  # where the captures saw the floor
 
 
 def test_without_a_surface_there_are_no_seats(scene, tmp_path):

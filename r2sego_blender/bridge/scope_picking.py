@@ -7,6 +7,8 @@ import json
 import bpy
 from mathutils import Vector
 
+from .placement_objects import prior_name
+
 
 def floor_point(origin: Vector, direction: Vector, floor_z_m: float = 0.0) -> tuple[float, float] | None:
     """Where a ray meets the floor, (x, y) metres; None where it never does."""
@@ -22,8 +24,8 @@ def floor_point(origin: Vector, direction: Vector, floor_z_m: float = 0.0) -> tu
 def target_under(
     scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, origin: Vector, direction: Vector
 ) -> str:
-    """The target a ray means: a prior object's name where it meets a face of one, else the place
-    ``x,y`` it meets; '' for nothing."""
+    """The target a ray means: an object's name where it meets a shown prior, or a face of the proxy
+    that is of one; else the place ``x,y`` it meets; '' for nothing."""
     hit, place, _, face, shown, _ = scene.ray_cast(depsgraph, origin, direction)
     if not hit:
         return ""
@@ -31,7 +33,9 @@ def target_under(
 
 
 def _object_name(shown: bpy.types.Object, face: int) -> str:
-    """The name of the object a face of the shown proxy is of; '' for the room's, or another mesh."""
+    """The name of a shown prior, or of the object a face of the proxy is of; '' for anything else."""
+    if name := prior_name(shown):
+        return name
     attribute = shown.data.attributes.get("instance") if shown.type == "MESH" else None
     if attribute is None or "instance_names" not in shown.data or face >= len(attribute.data):
         return ""

@@ -120,3 +120,11 @@ def test_a_target_is_the_object_of_a_proxys_face_or_a_place(scene, bundle):
     assert target_under(scene, depsgraph, Vector((0.0, 0.5, 1.5)), Vector((0, 0, -1))) == "table"
     assert target_under(scene, depsgraph, Vector((1.0, -1.5, 1.5)), Vector((0, 0, -1))) == "1.000,-1.500"
     assert target_under(scene, depsgraph, Vector((9.0, 9.0, 1.5)), Vector((0, 0, -1))) == ""
+
+
+def test_a_shown_prior_is_a_target_by_its_name(scene, bundle):
+    bpy.ops.mesh.primitive_cube_add(size=0.5, location=(4.0, 0.0, 0.25))
+    bpy.context.object["r2sego_prior"] = "armchair"
+    bpy.context.view_layer.update()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    assert target_under(scene, depsgraph, Vector((4.0, 0.1, 1.5)), Vector((0, 0, -1))) == "armchair"
