@@ -24,6 +24,10 @@ from .errors import CaptureError
 from .object_priors import move_objects
 from .progress import SILENT, Progress
 from .proxy_edits import move_proxy_edits
+from .robot.moved_scope import moved_scope
+from .robot.scope import BehaviourScope
+from .robot.scope_file import save_scope
+from .robot_declaration import SCOPE_FILE
 from .scene import Scene
 
 
@@ -142,6 +146,10 @@ def _moved(
             "ground": before.ground, "scale_source": before.scale_source,
         }  # fmt: skip
         history = [*corrections_of(scene.path), taken]
+    # Read before anything is written: a scope that cannot be read stops here.
+    given = BehaviourScope.load(scene.declaration.scope)
+    own_scope = (scene.path / SCOPE_FILE).absolute()
+    scope = moved_scope(given, similarity, own_scope)
     # A picture of the old floor must not be taken for the new one's.
     shutil.rmtree(scene.path / GROUND_PICTURES, ignore_errors=True)
     with scene.publishing("captures") as folder:
@@ -156,8 +164,13 @@ def _moved(
         file.write_text(json.dumps(history, indent=1) + "\n", encoding="utf-8")
     with scene.publishing(GROUND_PICTURES) as folder:
         save_ground_pictures(folder, load_captures(scene.captures_folder))
+    source = scene.declaration.scope
+    if scope != given:
+        source = str(own_scope)
+        with scene.publishing(SCOPE_FILE) as file:
+            save_scope(scope, file)
     return scene.declare(
-        world_from_capture=tuple(map(tuple, after.world_from_capture.tolist())),
+        scope=source, world_from_capture=tuple(map(tuple, after.world_from_capture.tolist())),
         ground=after.ground, scale_source=after.scale_source,
     )  # fmt: skip
 

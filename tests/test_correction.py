@@ -35,6 +35,8 @@ from r2sego_blender.errors import CaptureError, SceneError
 from r2sego_blender.images import save_image
 from r2sego_blender.progress import Progress
 from r2sego_blender.robot.model import EMBEDDED_HUMANOID, RobotModel
+from r2sego_blender.robot.scope import BehaviourScope
+from r2sego_blender.robot_declaration import declare_robot
 from r2sego_blender.scene import Declaration, Scene, content_digest
 
 ROOT = Path(__file__).parents[1]
@@ -473,3 +475,19 @@ def test_the_command_line_takes_picks_a_frame_and_an_undo(tmp_path):
     ):
         refused = register(*wrong)
         assert refused.exit_code == 1 and said in refused.output
+
+
+def test_the_robots_region_goes_along_and_comes_back(tmp_path):
+    scene, turn, cameras = _scene(tmp_path, _wrong(6, scale=0.5))
+    region = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+    declared = declare_robot(scene, changes={"region.within": region})
+    made, _ = correct_by_picks(declared, _picks(turn, cameras))
+    within = BehaviourScope.load(made.declaration.scope).region.within
+    assert Path(made.declaration.scope).parent.parent == scene.path.absolute()
+    sides = np.linalg.norm(np.subtract(within, np.roll(within, -1, axis=0)), axis=1)
+    np.testing.assert_allclose(sides, 2.0, rtol=0.01)  # a metre became two; the tilt shortens a little
+    similarity = np.array(json.loads((scene.path / CORRECTIONS).read_text())[0]["new_from_old"])
+    np.testing.assert_allclose(within[0], similarity[:2, 3], atol=1e-6)
+    undone = undo_correction(made)
+    back = BehaviourScope.load(undone.declaration.scope).region.within
+    np.testing.assert_allclose(back, region, atol=0.02)

@@ -45,7 +45,8 @@ MAY_IMPORT = {
     "creation": ABOVE_CAPTURES | {"robot"},
     "object_backends": ABOVE_CAPTURES | {"geometry"},
     "object_priors": ABOVE_CAPTURES | {"geometry", "steps", "object_backends"},
-    "correction": ABOVE_CAPTURES | {"object_priors", "asset_edits", "proxy_edits"},
+    "correction": ABOVE_CAPTURES
+    | {"object_priors", "asset_edits", "proxy_edits", "robot", "robot_declaration"},
     "proxy_edits": FOUNDATION | {"geometry"},
     "coverage_report": FOUNDATION | {"geometry", "selection", "steps"},
     "plan": FOUNDATION | {"pipeline"},

@@ -42,7 +42,6 @@ def read_cloud(bundle: Bundle) -> SparseCloud | None:
         points, colours = points[shuffled], colours[shuffled]
         rgba = np.ones((len(points), 4), np.float32)
         rgba[:, :3] = _LINEAR[colours]
-        _read.clear()  # one room at a time: a cloud may be large
         _read[key] = changed, SparseCloud(np.ascontiguousarray(points), rgba)
     return _read[key][1]
 

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import bpy
-from support import BUNDLE, calls, conduct, copied_bundle, open_bundle, refused, state
+from support import BUNDLE, MODULE, calls, conduct, copied_bundle, open_bundle, refused, state
 
 OPERATORS = {
     "import_captures", "look_through", "look_through_next", "pick_point", "remove_pick", "add_length",
@@ -215,3 +215,19 @@ def check_a_correction_is_taken_back_when_there_is_one():
     (folder / "corrections.json").write_text("{")
     bpy.ops.r2sego.refresh_scene()
     assert "corrections.json" in state().problem
+
+
+def check_nothing_of_the_rooms_is_left_when_the_addon_is_disabled():
+    import addon_utils
+
+    open_bundle()
+    addon_utils.disable(MODULE, default_set=False)
+    try:
+        handlers = [one for one in bpy.types.FileHandler.__subclasses__() if "R2SEGO" in one.__name__]
+        assert not any(one.is_registered for one in handlers)
+        assert not hasattr(bpy.types.Scene, "r2sego_captures")
+        assert not hasattr(bpy.types.Scene, "r2sego_report")
+    finally:
+        addon_utils.enable(MODULE, default_set=False)
+    open_bundle()
+    assert len(shown().captures) == 3
