@@ -174,7 +174,7 @@ def _show_anew(scene: bpy.types.Scene, bundle: Bundle) -> None:
 def _scores(bundle: Bundle) -> dict[str, float | None]:
     """The PSNR of each stage and of other assets on frozen views, by name, as last evaluated."""
     metrics = bundle.metrics()
-    names = {"initial": INITIAL, "refined": FINAL, "vanilla_3dgs": "Vanilla 3DGS"}
+    names = {"initial": INITIAL, "refined": FINAL, "vanilla_3dgs": "Vanilla"}
     scores = {names.get(name, name): arm["psnr"] for name, arm in (metrics.get("arms") or {}).items()}
     return scores | {str(one["round"]): one["psnr"] for one in metrics.get("rounds") or ()}
 

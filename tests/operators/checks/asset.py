@@ -78,6 +78,7 @@ def check_the_asset_is_shown_as_points_with_their_attributes():
     assert not values(shown, "marked").any()
     assert (values(shown, "radius_m") > 0).all() and (values(shown, "opacity") <= 1).all()
     assert shown.hide_render
+    assert "no splat is selected" in refused(bpy.ops.r2sego.mark_selected_splats)
 
 
 def check_the_slider_shows_each_rounds_asset():
