@@ -40,7 +40,8 @@ def declare_robot(
     default again. They are written to a scope file of the bundle's own, which becomes the
     scene's; shipped scopes and a person's files stay as they are. A robot that is given takes
     the place of the scope's own, with that one's mount. Returns the scene as declared then;
-    the next run redoes what depends on it. Raises RobotError or GeometryError, and changes
+    the next run redoes what depends on it. Without anything given it declares a moved
+    bundle's own scope again. Raises RobotError or GeometryError, and changes
     nothing then: a robot or a scope that cannot be read or do not go together, or a target
     that is no object of the scene.
     """
@@ -48,7 +49,7 @@ def declare_robot(
     with scene.locked():
         declared = scene.declaration
         if scope is None:
-            source = declared.scope
+            source = own_scope(scene)
         else:
             source = scope if scope in shipped_scopes() else str(Path(scope).resolve())
         if robot is None:
@@ -66,6 +67,17 @@ def declare_robot(
                 save_scope(changed, file)
             source = str(own)
         return scene.declare(robot=robot, scope=source)
+
+
+def own_scope(scene: Scene) -> str:
+    """The scope the scene declares; of a bundle that was moved or copied its own again.
+
+    A bundle's own scope is declared by its whole path, which is that of the place, or of the
+    bundle, it came from.
+    """
+    declared, own = scene.declaration.scope, (scene.path / SCOPE_FILE).absolute()
+    is_a_bundles = Path(declared).parts[-2:] == Path(SCOPE_FILE).parts
+    return str(own) if is_a_bundles and own.is_file() else declared
 
 
 def sitting_on(target: str, scope: str) -> dict[str, Any]:

@@ -68,6 +68,21 @@ def test_a_region_makes_the_scope_the_bundles_own(scene):
     assert again.region.within == "free_floor" and again.walk_to.speed_m_s == (0.35, 0.7)
 
 
+def test_a_copied_bundle_has_its_own_scope_again(scene, tmp_path):
+    declare_robot(scene, changes={"region.clearance_m": 0.02})
+    copied = tmp_path / "copied.r2s"
+    shutil.copytree(scene.path, copied)
+    declare_robot(scene, changes={"region.clearance_m": 0.3})
+    assert run(copied).exit_code == 0
+    declared = Scene.open(copied).declaration
+    assert declared.scope == str(copied / SCOPE_FILE)
+    assert BehaviourScope.load(declared.scope).region.clearance_m == 0.02
+    shutil.move(copied, tmp_path / "moved.r2s")
+    assert run(tmp_path / "moved.r2s", "--target", "any").exit_code == 0
+    moved = BehaviourScope.load(Scene.open(tmp_path / "moved.r2s").declaration.scope)
+    assert (moved.region.clearance_m, moved.behaviours.sit_on) == (0.02, 1.0)
+
+
 def test_a_shipped_scope_that_nothing_changes_stays_shipped(scene):
     assert declare_robot(scene, scope="sit_down").declaration.scope == "sit_down"
     assert not (scene.path / SCOPE_FILE).exists()

@@ -106,7 +106,7 @@ def test_facts_of_another_robot_are_left_out(copied):
     assert "Body" not in dict(facts.lines())
 
 
-def test_the_bundles_own_scope_is_read_live(copied):
+def test_the_bundles_own_scope_is_read_live(copied, tmp_path):
     own = copied.path / "robot" / "scope.toml"
     own.write_text(
         '[region]\nwithin = [[0, 0], [2, 0], [2, 1.5]]\n[behaviours]\nsit_on = 1\n[sit_on]\ntarget = "chair"'
@@ -116,6 +116,9 @@ def test_the_bundles_own_scope_is_read_live(copied):
     assert facts.region == ((0.0, 0.0), (2.0, 0.0), (2.0, 1.5))
     assert dict(facts.lines())["Region"] == "polygon, 1.50 m²"
     assert dict(facts.lines())["Target"] == "chair"
+    elsewhere = str(tmp_path / "other.r2s" / "robot" / "scope.toml")
+    with pytest.raises(RobotError, match=r"moved or copied.*Press Inspect"):
+        RobotFacts.read(Bundle(copied.scene.declare(scope=elsewhere)))
     own.write_text("[region")
     with pytest.raises(RobotError, match="no TOML"):
         RobotFacts.read(changed)
