@@ -99,9 +99,10 @@ def start_job(
     try:
         place.mkdir(parents=True)
         write_record(place / JOB_FILE, record)
-        # Blender's own Python, and not the engine's, which may be broken.
+        # Blender's own Python where there is one, and not the engine's, which may be broken.
+        own_python = shutil.which(sys.executable or "") or interpreter
         process = subprocess.Popen(
-            [sys.executable, "-m", f"{LIBRARY.name}.workers.supervisor", str(place)],
+            [own_python, "-m", f"{LIBRARY.name}.workers.supervisor", str(place)],
             env=engine_environment() | {JOB_FOLDER_VARIABLE: str(place)},
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             **group_of_its_own(window=False),
