@@ -23,13 +23,21 @@ CONDITION_BACKENDS: Mapping[str, str] = {
 }
 """What renders the structural conditions, by the setting ``generation.renderer``."""
 
+GENERATOR_BACKENDS: Mapping[str, str] = {
+    "blending": "embedded: geometry-guided blending",
+    "viewcrafter": "ViewCrafter",
+    "viewcrafter_512": "ViewCrafter (512 x 320)",
+    "command": "the program in R2SEGO_GENERATOR",
+}
+"""What makes the clips, by the setting ``generation.generator``."""
+
 BACKENDS: Mapping[str, str] = {
     "initial_asset": "embedded: dense stereo to splats",
     "shape_prior": "embedded: room planes",
     "surface": SURFACE_BACKENDS["tsdf"],
     "controller": "embedded: reference motion tracked in MuJoCo",
     "conditions": CONDITION_BACKENDS["z-buffer"],
-    "generator": "embedded: geometry-guided blending",
+    "generator": GENERATOR_BACKENDS["blending"],
     "registration": "embedded: patches of the captures and PnP",
 }
 """The backend of each slot of the paper; none of the defaults is a learned model."""
@@ -40,6 +48,7 @@ def chosen_backends(settings: Settings) -> dict[str, str]:
     return {
         "surface": SURFACE_BACKENDS[settings.proxy.surface],
         "conditions": CONDITION_BACKENDS[settings.generation.renderer],
+        "generator": GENERATOR_BACKENDS[settings.generation.generator],
     }
 
 

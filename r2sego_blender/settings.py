@@ -218,6 +218,11 @@ class GenerationSettings:
     clip_scale: float = setting(
         0.5, "Image scale of the clip's frames before the last, for the embedded generator.", 0.1, 1.0
     )
+    generator: str = setting(
+        "blending",
+        "Who makes the clips: the embedded blending, ViewCrafter, or the program in R2SEGO_GENERATOR.",
+        choices=("blending", "viewcrafter", "viewcrafter_512", "command"),
+    )
     renderer: str = setting(
         "z-buffer",
         "Who renders the structural conditions: the library itself, or an engine of Blender.",

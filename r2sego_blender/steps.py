@@ -23,10 +23,10 @@ from .cameras import Camera
 from .captures.capture import Capture
 from .captures.sparse import SparsePoints, depth_ranges
 from .captures.store import load_captures
-from .generation.blending import BlendingGenerator
 from .generation.conditions import ZBufferRenderer
 from .generation.detours import ClearSpace
 from .generation.ego_views import PseudoObservation, ego_video_reg, load_pseudo_observations
+from .generation.generators import open_generator
 from .generation.point_condition import PointConditions
 from .generation.registration import Landmarks
 from .generation.renderers import make_renderer
@@ -321,15 +321,18 @@ class Steps:
             current = self._proxy(proxy)
             depths = self._depths_of(current)
             observed = self._reliable_depths()
-            generator = BlendingGenerator(self._captures, depths, self.h.generation, observed)
             completed = [self._completed_depth(capture) for capture in self._captures]
-            landmarks = Landmarks.build(self._captures, observed, completed, self.progress)
-            ego_video_reg(
-                Selection.load(self.scene.path / targets), load_candidates(self.scene.path / targets),
-                self._captures, make_renderer(current, self.h.generation), generator, landmarks, self.h,
-                folder, self.progress, ClearSpace(current.vertices, current.faces),
-                PointConditions(self._captures, depths, self.h.generation),
-            )  # fmt: skip
+            renderer = make_renderer(current, self.h.generation)
+            colours = PointConditions(self._captures, depths, self.h.generation)
+            with open_generator(
+                self._captures, depths, observed, renderer, colours, self.h
+            ) as generator:  # before the landmarks: a program that is not there is told at once
+                landmarks = Landmarks.build(self._captures, observed, completed, self.progress)
+                ego_video_reg(
+                    Selection.load(self.scene.path / targets), load_candidates(self.scene.path / targets),
+                    self._captures, renderer, generator, landmarks, self.h, folder, self.progress,
+                    ClearSpace(current.vertices, current.faces), colours,
+                )  # fmt: skip
 
         views = self._step(
             of_round(l, "views"), compute, inputs=[captures, DEPTH, COMPLETED, proxy, targets],

@@ -16,7 +16,7 @@ class Frame:
     """One generated frame.
 
     ``image`` (H, W, 3) float32 in [0, 1]; ``confidence`` (H, W) float32 in [0, 1], how far
-    each pixel may be trusted (all ones from a generator that does not know).
+    each pixel may be trusted; ``generators`` says what stands for one that tells none.
     """
 
     image: np.ndarray

@@ -1,0 +1,57 @@
+"""ViewCrafter (Yu et al., TPAMI 2025), the paper's video generator, in its own environment.
+
+25 frames of the captures' colours on the proxy in, the first of them the reference image, and the
+same 25 without gaps out. ViewCrafter needs Python 3.9, torch 1.13 and an NVIDIA GPU of 24 GB (14
+GB for the small model); it runs in the interpreter that ``R2SEGO_VIEWCRAFTER_PYTHON`` names, on
+the repository in ``R2SEGO_VIEWCRAFTER_REPOSITORY``. What runs there is ``viewcrafter_program``.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from ..errors import MachineError
+from .elsewhere import named_python
+from .viewcrafter_program import FRAMES
+
+PYTHON_VARIABLE = "R2SEGO_VIEWCRAFTER_PYTHON"
+REPOSITORY_VARIABLE = "R2SEGO_VIEWCRAFTER_REPOSITORY"
+CHECKPOINT_VARIABLE = "R2SEGO_VIEWCRAFTER_CHECKPOINT"
+"""Names the weights; without it, they are ``checkpoints/model.ckpt`` in the repository."""
+
+SIZES: Mapping[str, tuple[int, int]] = {"viewcrafter": (1024, 576), "viewcrafter_512": (512, 320)}
+"""(width, height) of the frames of each published model, by the setting ``generation.generator``."""
+
+CURE = (
+    f"Set up github.com/Drexubery/ViewCrafter with its weights, set {PYTHON_VARIABLE} to its environment's "
+    f"python and {REPOSITORY_VARIABLE} to its folder, or use --set generation.generator=blending."
+)
+_NAME = "ViewCrafter"
+_FILES = ("utils/diffusion_utils.py", "configs/inference_pvd_1024.yaml", "configs/inference_pvd_512.yaml")
+
+
+def viewcrafter_command(clip_frames: int) -> list[str]:
+    """The command of ViewCrafter's generator program.
+
+    Raises MachineError when its environment, repository or weights are not there, or it cannot
+    make clips of so many frames.
+    """
+    if clip_frames != FRAMES:
+        raise MachineError(
+            f"{_NAME} makes clips of {FRAMES} frames, not of {clip_frames}", where="generation.clip_frames",
+            cure=f"Use --set generation.clip_frames={FRAMES}.",
+        )  # fmt: skip
+    python = named_python(PYTHON_VARIABLE, _NAME, "generation.generator", CURE)
+    repository = Path(os.environ.get(REPOSITORY_VARIABLE, "")).resolve()
+    for file in _FILES:
+        if not (repository / file).is_file():
+            raise MachineError(
+                f"{REPOSITORY_VARIABLE} names no folder with {file}", where=repository, cure=CURE
+            )
+    checkpoint = Path(os.environ.get(CHECKPOINT_VARIABLE, "") or repository / "checkpoints" / "model.ckpt")
+    if not checkpoint.is_file():
+        raise MachineError(f"the weights of {_NAME} are not there", where=checkpoint, cure=CURE)
+    program = Path(__file__).with_name("viewcrafter_program.py")
+    return [python, str(program), str(repository), str(checkpoint.resolve())]
