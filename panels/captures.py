@@ -41,7 +41,7 @@ class R2SEGO_UL_picked_points(bpy.types.UIList):
         off = f", {item.off_px:.1f} px" if item.off_px >= 0.0 else ""
         told.label(text=f"{len(item.views)}x{off}")
         if item.floor and item.located:
-            told.label(text=f"{item.off_floor_m * 100.0:+.1f} cm")
+            told.label(text=_cm(item.off_floor_m))
         row.prop(item, "floor", text="", icon="MESH_PLANE")
 
 
@@ -101,6 +101,7 @@ class R2SEGO_PT_registration(Step, bpy.types.Panel):
         self._draw_lengths(layout, shown)
         self._draw_height(layout, shown)
         self._draw_lines(context, layout, shown.fit_said, "INFO")
+        self._draw_lines(context, layout, shown.fit_warning, "QUESTION")
         if shown.fit_problem:
             draw_problem(context, layout, shown.fit_problem)
         layout.operator("r2sego.correct_registration", text="Correct by Picks", icon="CHECKMARK").by = "PICKS"
@@ -139,7 +140,7 @@ class R2SEGO_PT_registration(Step, bpy.types.Panel):
             if length.found:
                 told = row.row(align=True)
                 told.alignment = "RIGHT"
-                told.label(text=f"{length.error_m * 100.0:+.1f} cm")
+                told.label(text=_cm(length.error_m))
             row.operator("r2sego.remove_length", text="", icon="X").index = index
         layout.operator("r2sego.add_length", icon="DRIVER_DISTANCE")
 
@@ -150,13 +151,17 @@ class R2SEGO_PT_registration(Step, bpy.types.Panel):
             row.prop(shown, "camera_height", text="")
             layout.prop_search(shown, "height_capture", shown, "captures", icon="CAMERA_DATA")
             if shown.height_error_m:
-                layout.label(text=f"Camera height {shown.height_error_m * 100.0:+.1f} cm", icon="DOT")
+                layout.label(text=f"Camera height {_cm(shown.height_error_m)}", icon="DOT")
 
     def _draw_lines(self, context, layout, text, icon):
         column = layout.column(align=True)
         for line in textwrap.wrap(text, fitting_characters(context, 0.9)):
             column.label(text=line, icon=icon)
             icon = "BLANK1"
+
+
+def _cm(length_m):
+    return f"{round(length_m * 100.0, 1) + 0.0:+.1f} cm"  # and never -0.0
 
 
 CLASSES = (R2SEGO_UL_captures, R2SEGO_UL_picked_points, R2SEGO_PT_captures, R2SEGO_PT_registration)

@@ -90,7 +90,7 @@ def tell(shown) -> None:
         print(f"{point.name}: {off}{floor}")
     for length in shown.lengths:
         print(f"{length.start} to {length.end}: {length.metres:.3f} m, {length.error_m * 100:+.1f} cm")
-    print(shown.fit_problem or shown.fit_said)
+    print(shown.fit_problem or f"{shown.fit_said}; {shown.fit_warning}".rstrip("; "))
 
 
 if __name__ == "__main__":

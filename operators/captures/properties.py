@@ -156,6 +156,7 @@ class R2SEGO_PG_captures(bpy.types.PropertyGroup):
     height_error_m: FloatProperty()
     fit_problem: StringProperty()
     fit_said: StringProperty()
+    fit_warning: StringProperty()
     residuals: CollectionProperty(type=R2SEGO_PG_residual)
     corrections: IntProperty()
 

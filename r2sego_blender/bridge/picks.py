@@ -42,7 +42,7 @@ def show_fit(group: Any, bundle: Bundle) -> None:
     for length in group.lengths:
         length.error_m, length.found = 0.0, False
     group.height_error_m = 0.0
-    group.fit_problem = group.fit_said = ""
+    group.fit_problem = group.fit_said = group.fit_warning = ""
     picks = picks_of(group)
     if not (picks.points or picks.heights):
         return
@@ -59,7 +59,7 @@ def show_fit(group: Any, bundle: Bundle) -> None:
         fit.check()
     except CaptureError as error:
         group.fit_problem = str(error)
-    group.fit_said = "; ".join([*_corrections(fit), *told.warnings])
+    group.fit_said, group.fit_warning = "; ".join(_corrections(fit)), "; ".join(told.warnings)
 
 
 def _show_points_alone(group: Any, picks: Picks, bundle: Bundle) -> None:

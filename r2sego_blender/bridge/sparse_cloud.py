@@ -48,7 +48,8 @@ def read_cloud(bundle: Bundle) -> SparseCloud | None:
 
 def cloud_at(path: str) -> SparseCloud | None:
     """The cloud that ``read_cloud`` read for the bundle at ``path``; reads nothing."""
-    return _read[path][1] if path in _read else None
+    _, cloud = _read.get(path.rstrip("/\\"), (0, None))
+    return cloud
 
 
 def forget_clouds() -> None:
