@@ -64,15 +64,23 @@ class R2SEGO_PT_asset_render(_Part, bpy.types.Panel):
 
     def draw(self, context):
         group, layout = context.scene.r2sego_asset, self.layout
-        layout.operator("r2sego.render_asset", icon="RENDER_STILL").place = "BACKGROUND"
+        row = layout.row(align=True)
+        render = row.operator("r2sego.render_asset", icon="RENDER_STILL")
+        render.place, render.render_pass = "BACKGROUND", group.render_pass
+        row.prop(group, "render_pass", text="")
         layout.prop(group, "compare")
         column = layout.column()
         column.active = group.compare
+        looked_through = context.scene.camera
         for name, side in (("wipe_left", "LEFT"), ("wipe_right", "RIGHT")):
-            column.prop(group, name)
+            column.label(text=f"{side.capitalize()} of the Divider")
+            column.template_ID(group, name, open="image.open")
             row = column.row(align=True)
             row.operator("r2sego.compare_photograph", icon="CAMERA_DATA").side = side
-            row.operator("r2sego.render_asset", text="Render", icon="RENDER_STILL").place = side
+            render = row.operator("r2sego.render_asset", text="Render", icon="RENDER_STILL")
+            render.place, render.render_pass = side, group.render_pass
+            if looked_through is not None:
+                render.camera = looked_through.name
         row = column.row(align=True)
         row.prop(group, "wipe")
         row.operator("r2sego.move_wipe", text="", icon="ARROW_LEFTRIGHT")

@@ -4,6 +4,7 @@ import bpy
 from bpy.props import (
     BoolProperty,
     CollectionProperty,
+    EnumProperty,
     FloatProperty,
     IntProperty,
     PointerProperty,
@@ -11,7 +12,7 @@ from bpy.props import (
 )
 
 from ...r2sego_blender.asset_edits import load_edits
-from ...r2sego_blender.asset_stages import FINAL, INITIAL, stages
+from ...r2sego_blender.asset_stages import FINAL, INITIAL, PASSES, stages
 from ...r2sego_blender.bridge.bundle import Bundle
 from ...r2sego_blender.bridge.show_asset import is_current, shown_stage, shows_bundle
 from ...r2sego_blender.bridge.views_3d import redraw_views
@@ -106,6 +107,10 @@ class R2SEGO_PG_asset(bpy.types.PropertyGroup):
     )  # fmt: skip
     edits: CollectionProperty(type=R2SEGO_PG_asset_edit)
     edit_index: IntProperty(name="Edit", description="The deletion that Restore takes back")
+    render_pass: EnumProperty(
+        name="Pass", description="What the panel's buttons render",
+        items=[(name, name.capitalize(), f"The {name} of each pixel") for name in PASSES],
+    )  # fmt: skip
     compare: BoolProperty(
         name="Compare", description="Show two pictures in the camera's frame, divided where the wipe stands",
         update=_redraw,
