@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .asset_colours import linear_from_srgb
 from .bundle import Bundle
 
-_SRGB = np.arange(256) / 255.0
-_LINEAR = np.where(_SRGB <= 0.04045, _SRGB / 12.92, ((_SRGB + 0.055) / 1.055) ** 2.4).astype(np.float32)
+_LINEAR = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
