@@ -38,7 +38,8 @@ def _draw(context):
         text = f"{group.fit_object}: overlap {group.fit_iou:.2f}"
         if group.fit_residual >= 0.0:
             text += f", points {100.0 * group.fit_residual:.1f} cm off"
-        write(text, frame[0] + 12.0 * scale, frame[1] + 12.0 * scale, size_px=13.0 * scale)
+        # At the top: charts of other rooms stand at the bottom.
+        write(text, frame[0] + 12.0 * scale, frame[1] + frame[3] - 24.0 * scale, size_px=13.0 * scale)
 
 
 _overlay = Overlay(_draw, "POST_PIXEL")

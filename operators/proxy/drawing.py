@@ -54,7 +54,7 @@ class Drawing:
             self._leave(context)
             return {"CANCELLED"}
         at = (event.mouse_x - self._region.x, event.mouse_y - self._region.y)
-        if event.type == "MOUSEMOVE":
+        if event.type in {"MOUSEMOVE", "INBETWEEN_MOUSEMOVE"}:
             self._area.tag_redraw()
             if self._pressed and not self.clicks:
                 self._add(at)

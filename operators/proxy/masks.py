@@ -23,6 +23,7 @@ from .. import state
 from ..base import EngineOperator, ReportingOperator, needs_bundle, needs_idle_engine
 from .drawing import Drawing
 from .engine_files import handed_over
+from .place_prior import rate_again
 from .polls import needs_object, object_named
 from .properties import add_object
 
@@ -132,6 +133,7 @@ class R2SEGO_OT_draw_mask(Drawing, ReportingOperator, bpy.types.Operator):
         write_mask(image, mask & ~region if self.subtract else mask | region)
         group = context.scene.r2sego_proxy
         group.objects[name].masks = sum(bool(read_mask(one).any()) for one in mask_images(name).values())
+        rate_again(context, name)
         redraw_views("WINDOW")
         return f"{name} in {view.name}: {int(read_mask(image).sum())} pixels"
 

@@ -37,7 +37,19 @@ def tell_fit(scene: bpy.types.Scene, shown: bpy.types.Object) -> None:
     group.fit_object, group.fit_iou = prior_name(shown), fit.iou
     group.fit_residual = -1.0 if math.isnan(residual_m) else residual_m
     names = placement_live.windows(shown)
-    group.fit_views = ", ".join(f"{name} {iou:.2f}" for name, iou in zip(names, fit.ious, strict=True))
+    group.fit_views = ", ".join(f"{name}\u00a0{iou:.2f}" for name, iou in zip(names, fit.ious, strict=True))
+
+
+def rate_again(context, name: str) -> None:
+    """Follow the prior of this object anew, if it is the one that is followed: its masks have changed."""
+    group = context.scene.r2sego_proxy
+    if group.fit_object != name:
+        return
+    bundle = state.opened_bundle(context)
+    shown = prior_object(context.scene, bundle.name, name)
+    if shown is not None and placement_live.followed(shown.name):
+        placement_live.begin(bundle, shown)
+        tell_fit(context.scene, shown)
 
 
 @bpy.app.handlers.persistent

@@ -17,6 +17,22 @@ def proxy_shown(context) -> bpy.types.Object:
     return shown
 
 
+def in_object_mode(context, shown: bpy.types.Object) -> None:
+    """Leave Edit Mode, if the shown proxy is in it, with what is selected there."""
+    if shown.mode == "EDIT":
+        context.view_layer.objects.active = shown
+        bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def show_selection(context, shown: bpy.types.Object) -> None:
+    """Enter Edit Mode, where one sees which faces are selected; without a window there is no need."""
+    if bpy.app.background or context.window is None:
+        return
+    context.view_layer.objects.active = shown
+    context.tool_settings.mesh_select_mode = (False, False, True)
+    bpy.ops.object.mode_set(mode="EDIT")
+
+
 def needs_object(cls, context) -> bool:
     """Poll of operators that need a chosen object."""
     if not needs_bundle(cls, context):

@@ -104,7 +104,10 @@ def colour_shown(scene: bpy.types.Scene) -> None:
     group.legend_note = ""
     name = bpy.path.basename(scene.r2sego.bundle.rstrip("/\\")).removesuffix(".r2s")
     shown = shown_proxy(scene, name) if name else None
-    if shown is None or shown.mode == "EDIT":
+    if shown is None:
+        return
+    if shown.mode == "EDIT":
+        group.legend_note = "Leave Edit Mode to change colours"
         return
     found = colour_proxy(shown, group.colour_by)
     if found is None:

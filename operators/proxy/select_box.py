@@ -7,7 +7,7 @@ from bpy.props import BoolProperty, StringProperty
 from ...r2sego_blender.bridge.proxy_edits import face_corners, faces_in_box, select_faces
 from ...r2sego_blender.errors import GeometryError
 from ..base import ReportingOperator, needs_round
-from .polls import proxy_shown
+from .polls import in_object_mode, proxy_shown, show_selection
 
 
 class R2SEGO_OT_select_proxy_box(ReportingOperator, bpy.types.Operator):
@@ -29,11 +29,12 @@ class R2SEGO_OT_select_proxy_box(ReportingOperator, bpy.types.Operator):
         box = bpy.data.objects.get(self.box) if self.box else context.view_layer.objects.active
         if box is None or box == shown:
             raise GeometryError("no box is chosen", cure="Select a mesh or a cube empty around the faces.")
-        if shown.mode == "EDIT":
-            raise GeometryError("the proxy is in Edit Mode", cure="Leave Edit Mode first.")
+        in_object_mode(context, shown)
         context.view_layer.update()
         faces = faces_in_box(face_corners(shown.data), np.linalg.inv(_world_from_box(box)))
-        return f"{select_faces(shown, faces, extend=self.extend)} faces selected"
+        count = select_faces(shown, faces, extend=self.extend)
+        show_selection(context, shown)
+        return f"{count} faces selected"
 
 
 def _world_from_box(box) -> np.ndarray:

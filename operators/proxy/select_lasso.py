@@ -9,7 +9,7 @@ from ...r2sego_blender.bridge.proxy_edits import face_corners, faces_in_lasso, s
 from ...r2sego_blender.errors import GeometryError
 from ..base import ReportingOperator, needs_round
 from .drawing import Drawing
-from .polls import proxy_shown
+from .polls import in_object_mode, proxy_shown, show_selection
 
 
 class R2SEGO_OT_select_proxy_lasso(Drawing, ReportingOperator, bpy.types.Operator):
@@ -50,20 +50,20 @@ class R2SEGO_OT_select_proxy_lasso(Drawing, ReportingOperator, bpy.types.Operato
 
     def perform(self, context):
         shown = proxy_shown(context)
-        if shown.mode == "EDIT":
-            raise GeometryError("the proxy is in Edit Mode", cure="Leave Edit Mode first.")
         polygon = np.array([corner.loc for corner in self.path], np.float64).reshape(-1, 2)
         width, height = self.region_size
         view, window = (np.reshape(m, (4, 4)) for m in (self.view_matrix, self.window_matrix))
         if len(polygon) < 3 or width < 1 or height < 1 or abs(np.linalg.det(view)) < 1e-12:
             raise GeometryError("there is no polygon", cure="Draw around faces in a 3D view.")
         polygon[:, 1] = height - polygon[:, 1]
+        in_object_mode(context, shown)
         camera, parallel = view_camera(view, window, width, height)
         faces = faces_in_lasso(
             face_corners(shown.data), camera, polygon, parallel=parallel, farthest_m=self.farthest,
             facing=self.facing,
         )  # fmt: skip
         count = select_faces(shown, faces, extend=self.extend)
+        show_selection(context, shown)
         return f"{count} faces selected"
 
     def begin(self, context):

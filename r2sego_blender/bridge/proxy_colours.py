@@ -12,7 +12,7 @@ from ..geometry.proxy import PROVENANCE_COLOURS, Provenance
 
 _COLD, _WARM = (0.16, 0.28, 0.55), (0.98, 0.86, 0.22)
 _RED, _ORANGE, _GREEN = (0.82, 0.17, 0.20), (0.95, 0.55, 0.15), (0.28, 0.62, 0.36)
-_BLUE, _DARK = (0.33, 0.47, 0.70), (0.22, 0.23, 0.26)
+_BLUE, _DARK = (0.33, 0.47, 0.70), (0.36, 0.37, 0.41)
 
 
 @dataclass(frozen=True)

@@ -126,6 +126,15 @@ def check_faces_are_selected_in_a_box_and_a_lasso_and_cut():
         assert cut["round"] == 0
         with np.load(BUNDLE / "rounds/0/proxy/proxy.npz") as proxy:
             np.testing.assert_array_equal(cut["corners"], proxy["vertices"][proxy["faces"][[12]]])
+    bpy.context.view_layer.objects.active = bpy.data.objects["Proxy, round 0"]
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    conduct("succeed")
+    assert bpy.ops.r2sego.cut_proxy() == {"FINISHED"}  # in Edit Mode too
+    with np.load(calls()[0][3]) as cut:
+        assert len(cut["corners"]) == 13
+    assert bpy.ops.r2sego.select_proxy_box(box="box") == {"FINISHED"}  # leaves Edit Mode
+    assert selected(mesh) == [12]
     mesh.polygons.foreach_set("select", np.zeros(13, bool))
     assert "no face of the proxy is selected" in refused(bpy.ops.r2sego.cut_proxy)
 
@@ -210,7 +219,7 @@ def check_a_prior_is_placed_by_hand_with_its_fit():
     assert "refused" in bpy.data.objects["Prior lamp"].data.materials[0].name
     assert bpy.ops.r2sego.place_prior(object_name="crate") == {"FINISHED"}
     assert group().fit_object == "crate" and group().fit_iou > 0.9, group().fit_iou
-    assert group().fit_residual < 1e-3 and group().fit_views.startswith("capture_0 0.9")
+    assert group().fit_residual < 1e-3 and group().fit_views.startswith("capture_0\u00a00.9")
     crate.location.x += 0.3
     bpy.context.view_layer.update()  # the handler rates it again
     assert group().fit_iou < 0.8 and group().fit_residual > 0.02, group().fit_iou
@@ -224,6 +233,21 @@ def check_a_prior_is_placed_by_hand_with_its_fit():
     crate.scale.x *= 2.0
     assert "not stretched" in refused(bpy.ops.r2sego.save_placement, object_name="crate")
     assert "there is no object 'sofa'" in refused(bpy.ops.r2sego.place_prior, object_name="sofa")
+
+
+def check_a_mask_drawn_anew_is_rated_at_once():
+    open_bundle()
+    bpy.ops.r2sego.import_captures()
+    bpy.ops.r2sego.show_priors()
+    bpy.ops.r2sego.place_prior(object_name="crate")
+    before = group().fit_iou
+    whole = "0,0 64,0 64,48 0,48"
+    assert bpy.ops.r2sego.draw_mask(object_name="crate", capture="capture_0", points=whole) == {"FINISHED"}
+    assert group().fit_iou < before - 0.1
+    assert bpy.ops.r2sego.draw_mask(
+        object_name="crate", capture="capture_0", points=whole, subtract=True
+    ) == {"FINISHED"}  # fmt: skip
+    assert "capture_0" not in group().fit_views and group().fit_iou > 0.9
 
 
 def check_a_rating_follows_the_mouse():
