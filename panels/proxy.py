@@ -29,7 +29,7 @@ class R2SEGO_PT_proxy(Step, bpy.types.Panel):
         row.operator("r2sego.show_proxy", text="Show", icon="MESH_DATA")
         layout.prop(group, "colour_by", text="Colour")
         proxy_legend.draw_legend(layout, group)
-        layout.operator("r2sego.measure_coverage", icon="HIDE_OFF")
+        layout.operator("r2sego.measure_coverage", icon="CHECKMARK" if group.has_coverage else "HIDE_OFF")
         layout.operator("r2sego.plan_refine", icon="FILE_REFRESH")
         if group.plan:
             column = layout.column(align=True)

@@ -55,6 +55,8 @@ def rate_again(context, name: str) -> None:
 @bpy.app.handlers.persistent
 def follow(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Rate the followed prior again when it was moved."""
+    if not placement_live.following():
+        return
     for update in depsgraph.updates:
         if update.is_updated_transform and isinstance(update.id, bpy.types.Object):
             shown = update.id.original

@@ -2,9 +2,8 @@
 
 import bpy
 
-from ...r2sego_blender.bridge.settings_properties import overrides
-from .. import state
 from ..base import EngineOperator, needs_bundle, needs_idle_engine
+from ..scene.refine import R2SEGO_OT_refine
 
 
 class R2SEGO_OT_plan_refine(EngineOperator, bpy.types.Operator):
@@ -19,12 +18,7 @@ class R2SEGO_OT_plan_refine(EngineOperator, bpy.types.Operator):
         return needs_bundle(cls, context) and needs_idle_engine(cls)
 
     def arguments(self, context):
-        scene, bundle = context.scene.r2sego, state.opened_bundle(context)
-        command = ["plan", str(bundle.path), "--json-progress", "--preset", scene.preset]
-        declared = bundle.scene.declaration.overrides
-        for key, value in overrides(scene.settings, scene.preset, declared).items():
-            command += ["--set", f"{key}={value:.6g}" if isinstance(value, float) else f"{key}={value}"]
-        return command
+        return ["plan", *R2SEGO_OT_refine.arguments(self, context)[1:]]  # as Refine would be started
 
     def finish(self, context, result):
         line = str(result.get("line", ""))

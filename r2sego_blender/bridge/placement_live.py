@@ -30,6 +30,11 @@ def begin(bundle: Bundle, shown: bpy.types.Object) -> tuple[Fit, float]:
     return rated(shown)
 
 
+def following() -> bool:
+    """Whether a prior is being placed."""
+    return bool(_current)
+
+
 def followed(name: str) -> bool:
     """Whether the object of this name is the one being placed."""
     return name in _current
