@@ -325,7 +325,7 @@ class Steps:
             renderer = make_renderer(current, self.h.generation)
             colours = PointConditions(self._captures, depths, self.h.generation)
             with open_generator(
-                self._captures, depths, observed, renderer, colours, self.h
+                self._captures, depths, observed, renderer, colours, self.h, folder
             ) as generator:  # before the landmarks: a program that is not there is told at once
                 landmarks = Landmarks.build(self._captures, observed, completed, self.progress)
                 ego_video_reg(

@@ -34,13 +34,14 @@ _VALID = 0.5
 @contextlib.contextmanager
 def open_generator(
     captures: Sequence[Capture], depths: Sequence[np.ndarray], observed: Sequence[np.ndarray],
-    renderer: Renderer, colours: PointConditions, settings: Settings,
+    renderer: Renderer, colours: PointConditions, settings: Settings, scratch: Path,
 ) -> Iterator[Generator]:  # fmt: skip
     """The generator that ``generation.generator`` names; what it started ends with the context.
 
     ``depths`` and ``observed`` are what the embedded one blends by (``BlendingGenerator``);
-    ``renderer`` and ``colours`` make the conditions of a program's own size. Raises MachineError
-    when a program is not set up on this machine.
+    ``renderer`` and ``colours`` make the conditions of a program's own size; what is asked and
+    answered lies in the folder ``scratch`` meanwhile. Raises MachineError when a program is not
+    set up on this machine.
     """
     chosen = settings.generation
     if chosen.generator == "blending":
@@ -53,7 +54,9 @@ def open_generator(
         command, size = named_command(), named_size()
         name, cure = shlex.join(command), f"Mend the program in {COMMAND_VARIABLE}, see docs/backends.md."
     with GeneratorProgram(command, name, cure) as program:
-        yield ProgramGenerator(program, name, captures, renderer, colours, chosen, settings.seed, size)
+        yield ProgramGenerator(
+            program, name, captures, renderer, colours, chosen, settings.seed, scratch, size
+        )
 
 
 class ProgramGenerator:
@@ -61,13 +64,13 @@ class ProgramGenerator:
 
     def __init__(
         self, program: GeneratorProgram, name: str, captures: Sequence[Capture], renderer: Renderer,
-        colours: PointConditions, settings: GenerationSettings, seed: int,
+        colours: PointConditions, settings: GenerationSettings, seed: int, scratch: Path,
         size: tuple[int, int] | None = None,
     ) -> None:  # fmt: skip
         """``size``: (width, height) of the only frames it makes, None where it makes any."""
         self.name = name
         self._program, self._captures, self._renderer, self._colours = program, captures, renderer, colours
-        self._settings, self._seed, self._size = settings, seed, size
+        self._settings, self._seed, self._scratch, self._size = settings, seed, scratch, size
 
     def generate(self, reference: int, conditions: Sequence[Condition]) -> list[Frame]:
         """See ``Generator``. The program is given conditions of its own size, letterboxed.
@@ -79,8 +82,8 @@ class ProgramGenerator:
         target = conditions[-1].camera
         box = letterbox(target, *(self._size or (target.width, target.height)))
         path = [box.camera.at(condition.camera.world_from_camera) for condition in conditions]
-        with tempfile.TemporaryDirectory(prefix="r2sego-clip-") as name:
-            folder = Path(name)
+        with tempfile.TemporaryDirectory(prefix=".request-", dir=self._scratch) as name:
+            folder = Path(name).resolve()  # the program may run elsewhere
             self._write_request(folder, reference, path)
             told = self._program.answer(folder)
             self.name = str(told["backend"])

@@ -75,11 +75,11 @@ def generator_in(tmp_path, monkeypatch):
     return name
 
 
-def opened(room, settings=SETTINGS):
+def opened(room, scratch, settings=SETTINGS):
     captures, depths, _ = room
     colours = PointConditions(captures, depths, settings.generation)
     renderer = ZBufferRenderer(box_room.proxy())
-    return open_generator(captures, depths, depths, renderer, colours, settings)
+    return open_generator(captures, depths, depths, renderer, colours, settings, scratch)
 
 
 def conditions_of(room):
@@ -127,18 +127,20 @@ def test_what_is_cut_out_of_the_letterbox_is_the_view(room, size):
     assert exact > 28 and exact > box_room.psnr(shifted, straight) + 3
 
 
-def test_the_embedded_one_is_the_default(room):
-    with opened(room, Settings()) as generator:
+def test_the_embedded_one_is_the_default(room, tmp_path):
+    with opened(room, tmp_path, Settings()) as generator:
         assert isinstance(generator, BlendingGenerator)
 
 
 @pytest.mark.parametrize("size", ["", "1024x576"])
-def test_a_program_is_asked_for_its_size_and_answers_at_the_conditions(room, generator_in, monkeypatch, size):
+def test_a_program_is_asked_for_its_size_and_answers_at_the_conditions(
+    room, generator_in, tmp_path, monkeypatch, size
+):
     captures, _, target = room
     kept = generator_in()
     monkeypatch.setenv(SIZE_VARIABLE, size)
     conditions = conditions_of(room)
-    with opened(room) as generator:
+    with opened(room, tmp_path) as generator:
         assert "my generator.py" in generator.name
         frames = generator.generate(1, conditions)
         assert generator.name == "Stand-in 2.1"
@@ -146,7 +148,7 @@ def test_a_program_is_asked_for_its_size_and_answers_at_the_conditions(room, gen
     assert [frame.image.shape for frame in frames] == [(90, 120, 3), (90, 120, 3), (360, 480, 3)]
     truth, _ = box_room.render(target)
     assert box_room.psnr(frames[-1].image, truth) > 23
-    assert box_room.psnr(frames[0].image, resize(captures[1].image(), 120, 90)) > 30
+    assert np.abs(frames[0].image - resize(captures[1].image(), 120, 90)).mean() < 0.01
     for frame, condition in zip(frames, conditions, strict=True):
         assert frame.confidence.dtype == np.float32
         expected = np.where(condition.validity >= 0.5, 1.0, SETTINGS.generation.hole_confidence)
@@ -173,13 +175,13 @@ def test_a_program_is_asked_for_its_size_and_answers_at_the_conditions(room, gen
     assert np.abs(box.cut(load_image(kept / "conditions" / "000_points.png")) - own).max() < 0.03
 
 
-def test_a_program_may_tell_its_confidence(room, generator_in):
+def test_a_program_may_tell_its_confidence(room, generator_in, tmp_path):
     generator_in(
         ANSWERING + '(folder / "confidence").mkdir()\nhalf = np.zeros(size[::-1], np.uint8)\n'
         "half[:, : size[0] // 2] = 204\n"
         'Image.fromarray(half).save(folder / "confidence" / "002.png")\n' + TELLING
     )
-    with opened(room) as generator:
+    with opened(room, tmp_path) as generator:
         frames = generator.generate(1, conditions_of(room))
     np.testing.assert_allclose(frames[2].confidence[:, :240], 0.8, atol=1e-6)
     assert not frames[2].confidence[:, 240:].any()
@@ -197,24 +199,27 @@ def test_a_program_may_tell_its_confidence(room, generator_in):
         ("result['frames'] = 'all'", r"made all frames, not 3\."),
     ],
 )  # fmt: skip
-def test_an_answer_that_is_not_whole_is_told_in_a_line(room, generator_in, mend, said):
+def test_an_answer_that_is_not_whole_is_told_in_a_line(room, generator_in, tmp_path, mend, said):
     generator_in(ANSWERING + mend + "\n" + TELLING)
     with (
-        opened(room) as generator,
+        opened(room, tmp_path) as generator,
         pytest.raises(NativeError, match=f"^Stand-in 2.1: the generator {said}") as caught,
     ):
         generator.generate(1, conditions_of(room))
     assert "\n" not in str(caught.value) and not RUNNING
 
 
-def test_what_is_not_set_up_is_told_before_anything_is_made(room, monkeypatch):
+def test_what_is_not_set_up_is_told_before_anything_is_made(room, tmp_path, monkeypatch):
     monkeypatch.delenv(COMMAND_VARIABLE, raising=False)
     monkeypatch.delenv(viewcrafter.PYTHON_VARIABLE, raising=False)
-    with pytest.raises(MachineError, match=r"no generator is named\. Set R2SEGO_GENERATOR"), opened(room):
+    with (
+        pytest.raises(MachineError, match=r"no generator is named\. Set R2SEGO_GENERATOR"),
+        opened(room, tmp_path),
+    ):
         pass
     for name in viewcrafter.SIZES:
         learned = with_overrides({"generation.generator": name})
-        with pytest.raises(MachineError, match="ViewCrafter is not set up"), opened(room, learned):
+        with pytest.raises(MachineError, match="ViewCrafter is not set up"), opened(room, tmp_path, learned):
             pass
 
 
@@ -228,7 +233,8 @@ def ego_views(room, folder):
     selection = with_references(
         selection, candidates, [capture.camera for capture in captures], renderer.depth, SETTINGS.selection, 2
     )
-    with opened(room) as generator:
+    folder.mkdir()
+    with opened(room, folder) as generator:
         return ego_video_reg(
             selection, candidates, captures, renderer, generator, Landmarks.build(captures, depths),
             SETTINGS, folder, colours=PointConditions(captures, depths, SETTINGS.generation),
@@ -244,6 +250,7 @@ def test_the_loop_runs_with_a_program(room, generator_in, tmp_path):
     record = json.loads((folder / "pose.json").read_text())
     assert record["generator"] == "Stand-in 2.1" and record["accepted"]
     assert len(list((folder / "clip").glob("*.png"))) == 3
+    assert [path.name for path in (tmp_path / "views").iterdir()] == ["000"]
     assert not RUNNING
 
 
