@@ -47,7 +47,7 @@ def start(operator: bpy.types.Operator, arguments: Iterable[str], python: str = 
     if _followed is not None:
         raise SceneError("the engine is busy", cure="Wait until it has ended, or cancel it.")
     arguments = list(arguments)
-    bundle = next((name for name in arguments if Path(name, _BUNDLE_FILE).is_file()), "")
+    bundle = next(filter(_is_bundle, arguments), "")
     notes = {
         "operator": type(operator).bl_idname, "properties": given_properties(operator), "bundle": bundle,
     }  # fmt: skip
@@ -116,6 +116,13 @@ def tell_end(title: str, level: str, line: str) -> None:
     end.title, end.level, end.line = title, level, line[:1].upper() + line[1:]
     while len(ended) > _REMEMBERED_ENDS:
         ended.remove(0)
+
+
+def _is_bundle(argument: str) -> bool:
+    try:
+        return argument != "" and Path(argument, _BUNDLE_FILE).is_file()
+    except OSError:  # longer than any path
+        return False
 
 
 def _duration(seconds: float) -> str:

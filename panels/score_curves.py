@@ -22,6 +22,8 @@ _STEM, _TEXT_PX = 0.14, 11.0
 _kept: dict[int, tuple] = {}
 """What was drawn last in each area of the screen, and of what it was made."""
 
+_MOST_KEPT = 16  # areas that were closed are not told apart from those that are there
+
 
 def register() -> None:
     """Start drawing."""
@@ -51,6 +53,8 @@ def _shown(context) -> tuple[Chart, list, list] | None:
     key = (scores.number, group.rollout, size, margins, scale)
     place = context.area.as_pointer()
     if place not in _kept or _kept[place][0] != key:
+        if len(_kept) >= _MOST_KEPT:
+            _kept.clear()
         _kept[place] = key, _made(scores, group.rollout, size, margins, scale)
     return _kept[place][1]
 

@@ -150,6 +150,16 @@ def _conclude(ended: Job) -> None:
     if ended.followed_elsewhere or not ended.folder.exists():  # the other Blender takes it over
         state.refresh(bpy.context.scene)
         return
+    try:
+        _take_over_in_window(ended)
+    except Exception:
+        job.follow(ended)  # so that the tick gives it up, and does not find it again and again
+        raise
+    pictures.clear(bpy.context.window_manager.r2sego_engine)
+
+
+def _take_over_in_window(ended: Job) -> None:
+    """Take the result over as if a button in a 3D view had been pressed, where there is one."""
     area = next(views_3d(), None)
     with contextlib.ExitStack() as context:
         window = next(iter(bpy.context.window_manager.windows))
@@ -169,7 +179,6 @@ def _conclude(ended: Job) -> None:
                 job.tell_end(ended.title, "ERROR", str(error).strip().splitlines()[-1])
         if bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message=ended.title)
-    pictures.clear(bpy.context.window_manager.r2sego_engine)
 
 
 def _being_edited() -> bool:
@@ -219,8 +228,9 @@ def register() -> None:
 
 def unregister() -> None:
     """Look no longer; a running job goes on."""
+    if not bpy.app.background:
+        bpy.types.STATUSBAR_HT_header.remove(_draw_in_status_bar)
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
-        bpy.types.STATUSBAR_HT_header.remove(_draw_in_status_bar)
     state.listeners.remove(_bundle_shown)
     bpy.app.handlers.load_post.remove(_file_loaded)

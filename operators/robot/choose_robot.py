@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from ...r2sego_blender.errors import RobotError
+from ...r2sego_blender.errors import R2SEgoError, RobotError
 from .. import state
 from .declaring import DeclaringOperator
 
@@ -32,7 +32,11 @@ class R2SEGO_OT_choose_robot(DeclaringOperator, bpy.types.Operator):
     )
 
     def invoke(self, context, event):
-        declared = state.opened_bundle(context).scene.declaration.robot
+        try:
+            declared = state.opened_bundle(context).scene.declaration.robot
+        except R2SEgoError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
         self.robot = next((key for key, name in _EMBEDDED.items() if name == declared), "FILE")
         self.filepath = declared if self.robot == "FILE" else ""
         return context.window_manager.invoke_props_dialog(self, width=400)

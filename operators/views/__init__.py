@@ -23,10 +23,18 @@ def register() -> None:
     """Attach the room's properties; its facts are read whenever the bundle changed."""
     bpy.types.Scene.r2sego_views = bpy.props.PointerProperty(type=R2SEGO_PG_views)
     state.listeners.append(display.read)
+    bpy.app.handlers.load_pre.append(_another_file)
 
 
 def unregister() -> None:
     """Take them away again."""
+    bpy.app.handlers.load_pre.remove(_another_file)
     state.listeners.remove(display.read)
     view_scores.forget_all()
     del bpy.types.Scene.r2sego_views
+
+
+@bpy.app.handlers.persistent
+def _another_file(*_: object) -> None:
+    """The scenes whose scores are remembered go."""
+    view_scores.forget_all()

@@ -189,6 +189,36 @@ def check_a_job_that_cannot_be_followed_is_given_up_and_the_timer_goes_on():
     job.forget()
 
 
+def check_a_job_whose_end_cannot_be_taken_over_is_given_up_once():
+    open_bundle()
+    conduct("succeed")
+    job = left_job(bpy.ops.r2sego.refine)
+    wait_until(lambda: not job.running())
+    following = sys.modules[f"{MODULE}.operators.engine.following"]
+
+    def broken(found):
+        raise TypeError("a mistake of this program")
+
+    take_over, following.take_over = following.take_over, broken
+    try:
+        for _ in range(3):
+            following._tick()
+    finally:
+        following.take_over = take_over
+    (end,) = bpy.context.window_manager.r2sego_engine.ended
+    assert (end.title, end.level) == ("Refine", "ERROR")
+    assert job.folder.exists() and job_module().current() is None
+    job.forget()
+
+
+def check_an_argument_may_be_longer_than_any_path():
+    conduct("succeed")
+    missing = OUT.parent / "not_made.r2s"
+    said = refused(bpy.ops.r2sego.new_scene, filepath=str(missing), captures="/a", scope=500 * "s")
+    assert "not_made.r2s" in said and "Traceback" not in said, said  # the stand-in makes no bundle
+    assert 500 * "s" in calls()[0]
+
+
 def check_a_job_of_a_bundle_that_is_not_open_is_only_told():
     copy = copied_bundle()
     conduct("slow")

@@ -56,6 +56,14 @@ def check_opening_lists_the_attempts_and_the_seats():
     assert len(robot().attempts) == 4
 
 
+def check_the_dialogs_of_a_bundle_that_is_gone_say_so():
+    open_bundle()
+    state()["bundle"] = "/nowhere/room.r2s"
+    for operator in (bpy.ops.r2sego.choose_robot, bpy.ops.r2sego.set_mount, bpy.ops.r2sego.set_behaviours):
+        said = refused(operator, "INVOKE_DEFAULT")
+        assert "/nowhere/room.r2s" in said and "Traceback" not in said, said
+
+
 def check_choosing_robot_and_scope_asks_the_engine():
     open_bundle()
     ops = bpy.ops.r2sego

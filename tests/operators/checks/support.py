@@ -42,10 +42,10 @@ def calls():
     return [json.loads(line) for line in (ENGINE.parent / "calls.jsonl").read_text().splitlines()]
 
 
-def refused(operator, **properties):
+def refused(operator, *how, **properties):
     """What the operator says when it refuses."""
     try:
-        operator(**properties)
+        operator(*how, **properties)
     except RuntimeError as error:
         return str(error)
     raise AssertionError(f"{operator} was not refused")

@@ -1,10 +1,11 @@
 """What holds of the room Views, checked inside Blender."""
 
 import json
+import sys
 
 import bmesh
 import bpy
-from support import BUNDLE, copied_bundle, open_bundle, refused, state
+from support import BUNDLE, MODULE, copied_bundle, open_bundle, refused, state
 
 OPERATORS = {"show_candidates", "pick_candidate", "look_through_candidate"}
 TARGETS = [17, 4, 31]
@@ -33,6 +34,13 @@ def check_the_facts_are_there_as_soon_as_the_bundle_is_open():
     assert [row.candidate for row in group().ranked] == TARGETS
     assert all(row.chosen for row in group().ranked)
     assert group().rollouts == 4
+
+
+def check_another_file_forgets_the_scores_of_the_scenes_that_went():
+    scores = sys.modules[f"{MODULE}.r2sego_blender.bridge.view_scores"]
+    for _ in range(3):
+        open_bundle()
+    assert list(scores._remembered) == [bpy.context.scene.session_uid]
 
 
 def check_frusta_follow_the_properties_and_the_round():
