@@ -4,10 +4,13 @@ A pixel of a structural condition is a point of the proxy. Each capture that see
 point, by its own depth, offers a colour; the best few are averaged with weights that fall
 to zero where a capture drops out (the penalties of the Unstructured Lumigraph, Buehler et
 al. 2001). So at a capture's own pose its photograph comes back, and elsewhere there are no
-seams. Photographs are read bicubically (Catmull and Rom): bilinear reading blurs.
+seams. Photographs are read bicubically (Catmull and Rom): bilinear reading blurs. A capture
+that shows another colour than the rest loses weight: it sees something else, such as a thin
+leg that the proxy lacks.
 
 Points that no capture saw have the colour of their surface, continued in 3D
-(``surface_colours``) and joined to the colours seen around them.
+(``surface_colours``) and joined to the colours seen around them. What is doubtful is softened
+(``doubt``).
 """
 
 from __future__ import annotations
@@ -22,6 +25,7 @@ from ..compiled import inlined, parallel_kernel, prange
 from ..errors import GenerationError
 from ..settings import GenerationSettings
 from .conditions import Condition
+from .doubt import soften_doubt
 from .exposure import exposure_gains
 from .generator import Frame
 from .hole_filling import fill_holes
@@ -36,6 +40,9 @@ _SMALLEST_PENALTY = np.float32(2e-3)
 _SMALLEST_WEIGHT = np.float32(1e-6)  # when the best captures and the next are equal
 # Colours that differ by this (standard deviation, of 1) cut the confidence to 1/e.
 _DISAGREEMENT = np.float32(0.15)
+# A capture whose colour differs by this from all others', over the channels, weighs about a
+# quarter of what it would if they agreed.
+_DISSENT = np.float32(0.1)
 # A capture twice as coarse as the target costs as much as an angle of about six degrees.
 _COARSENESS_PENALTY = np.float32(0.1)
 # A capture's depth that differs as far as it may costs as much as twelve degrees.
@@ -134,7 +141,8 @@ class BlendingGenerator:
         confidence = np.where(
             known, np.maximum(confidence, settings.hole_confidence), settings.hole_confidence
         )
-        return Frame(np.clip(image, 0.0, 1.0), confidence.astype(np.float32))
+        confidence = confidence.astype(np.float32)
+        return Frame(np.clip(soften_doubt(image, confidence), 0.0, 1.0), confidence)
 
 
 @inlined
@@ -166,6 +174,7 @@ def _blend(
         which = np.empty(best + 1, np.int64)
         place = np.empty((best + 1, 2), np.float32)
         colour = np.empty((best + 1, 3), np.float32)
+        share_of = np.empty(best + 1, np.float32)
         for column in range(width):
             z = depth[row, column]
             if z <= 0.0:
@@ -219,7 +228,7 @@ def _blend(
             if found == 0:
                 continue
             used = min(found, best)
-            total = np.float32(0.0)
+            together = np.float32(0.0)
             for k in range(used):
                 j = which[k]
                 wide, high = sizes[j, 0], sizes[j, 1]
@@ -227,11 +236,11 @@ def _blend(
                 b = min(max(place[k, 1] - np.float32(0.5), np.float32(0.0)), np.float32(high - 1))
                 a0, b0 = min(np.int64(a), wide - 2), min(np.int64(b), high - 2)
                 across, down = _catmull_rom(a - np.float32(a0)), _catmull_rom(b - np.float32(b0))
-                weight = np.float32(1.0) / penalty[k]
+                share_of[k] = np.float32(1.0) / penalty[k]
                 if found > best:
-                    weight -= np.float32(1.0) / penalty[best]
-                weight += _SMALLEST_WEIGHT
-                total += weight
+                    share_of[k] -= np.float32(1.0) / penalty[best]
+                share_of[k] += _SMALLEST_WEIGHT
+                together += share_of[k]
                 for c in range(3):
                     colour[k, c] = np.float32(0.0)
                 for i in range(4):
@@ -241,6 +250,18 @@ def _blend(
                         pixel = line + min(max(a0 + m - 1, 0), wide - 1)
                         for c in range(3):
                             colour[k, c] += share * colours[pixel, c]
+            total = np.float32(0.0)
+            for k in range(used):
+                agreed = np.float32(0.0)
+                for i in range(used):
+                    gap = np.float32(0.0)
+                    for c in range(3):
+                        d = colour[k, c] - colour[i, c]
+                        gap += d * d
+                    agreed += share_of[i] / (np.float32(1.0) + gap / (_DISSENT * _DISSENT))
+                agreed /= together
+                weight = share_of[k] * agreed * agreed
+                total += weight
                 for c in range(3):
                     image[row, column, c] += weight * colour[k, c]
             for c in range(3):
