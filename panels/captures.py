@@ -1,11 +1,9 @@
 """The sub-panel Captures: the list, how it is shown, and the registration by hand."""
 
-import textwrap
-
 import bpy
 
 from . import picture_labels, registration_overlay, sparse_cloud
-from .sidebar import Step, draw_problem, fitting_characters
+from .sidebar import Step, draw_problem, write_wrapped
 
 _OFF_PX = 2.0
 """A pick that misses by more is drawn as doubtful."""
@@ -100,8 +98,8 @@ class R2SEGO_PT_registration(Step, bpy.types.Panel):
         self._draw_points(layout, shown)
         self._draw_lengths(layout, shown)
         self._draw_height(layout, shown)
-        self._draw_lines(context, layout, shown.fit_said, "INFO")
-        self._draw_lines(context, layout, shown.fit_warning, "QUESTION")
+        write_wrapped(context, layout, shown.fit_said, "INFO")
+        write_wrapped(context, layout, shown.fit_warning, "QUESTION")
         if shown.fit_problem:
             draw_problem(context, layout, shown.fit_problem)
         layout.operator("r2sego.correct_registration", text="Correct by Picks", icon="CHECKMARK").by = "PICKS"
@@ -111,7 +109,7 @@ class R2SEGO_PT_registration(Step, bpy.types.Panel):
         row = layout.row()
         row.operator("r2sego.undo_correction", icon="LOOP_BACK")
         for residual in shown.residuals:
-            self._draw_lines(context, layout, residual.text, "DOT")
+            write_wrapped(context, layout, residual.text, "DOT")
 
     def _draw_points(self, layout, shown):
         row = layout.row()
@@ -152,12 +150,6 @@ class R2SEGO_PT_registration(Step, bpy.types.Panel):
             layout.prop_search(shown, "height_capture", shown, "captures", icon="CAMERA_DATA")
             if shown.height_error_m:
                 layout.label(text=f"Camera height {_cm(shown.height_error_m)}", icon="DOT")
-
-    def _draw_lines(self, context, layout, text, icon):
-        column = layout.column(align=True)
-        for line in textwrap.wrap(text, fitting_characters(context, 0.9)):
-            column.label(text=line, icon=icon)
-            icon = "BLANK1"
 
 
 def _cm(length_m):

@@ -2,8 +2,7 @@
 
 import bpy
 
-from .sidebar import Sidebar, Step
-from .views_text import write_wrapped
+from .sidebar import Sidebar, Step, write_wrapped
 
 _CONDITIONS = {"DEPTH", "NORMAL", "PROVENANCE", "POINTS"}
 

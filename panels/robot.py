@@ -1,11 +1,9 @@
 """The sub-panel Robot: what is declared, where it may be, what it sits on, and its rollouts."""
 
-import textwrap
-
 import bpy
 
 from .region_overlay import REGION
-from .sidebar import Sidebar, Step, draw_problem, fitting_characters
+from .sidebar import Sidebar, Step, draw_problem, write_wrapped
 
 
 class R2SEGO_UL_attempts(bpy.types.UIList):
@@ -133,10 +131,7 @@ class R2SEGO_PT_rollouts(_Part, bpy.types.Panel):
         if robot.attempt_index < len(robot.attempts):
             chosen = robot.attempts[robot.attempt_index]
             outcome = "succeeded" if chosen.success else chosen.detail or chosen.reason
-            said = f"Attempt {chosen.number}, frame {chosen.frame}: {outcome}"
-            column = layout.column(align=True)
-            for line in textwrap.wrap(said, fitting_characters(context, 1.0)):
-                column.label(text=line)
+            write_wrapped(context, layout, f"Attempt {chosen.number}, frame {chosen.frame}: {outcome}")
             row = layout.row(align=True)
             show = row.operator("r2sego.show_rollout", text="Show", icon="ARMATURE_DATA")
             show.attempt, show.trial, show.every = chosen.number, trial, False

@@ -47,6 +47,14 @@ def fitting_characters(context, share):
     return max(12, int(share * context.region.width / (_CHARACTER_PX * scale)))
 
 
+def write_wrapped(context, layout, text, icon="NONE"):
+    """A text as lines that fit; ``icon`` stands before the first."""
+    column = layout.column(align=True)
+    for line in textwrap.wrap(text, fitting_characters(context, 0.88 if icon == "NONE" else 0.78)):
+        column.label(text=line, icon=icon)
+        icon = "BLANK1" if icon != "NONE" else icon
+
+
 def draw_problem(context, layout, text):
     """A long line of text as a red box, wrapped."""
     box = layout.box()

@@ -3,8 +3,7 @@
 import bpy
 
 from . import score_curves, score_curves_click
-from .sidebar import Sidebar, Step
-from .views_text import write_wrapped
+from .sidebar import Sidebar, Step, write_wrapped
 
 
 class R2SEGO_UL_ranked_views(bpy.types.UIList):
