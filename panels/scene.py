@@ -17,7 +17,6 @@ class R2SEGO_PT_scene(Step, bpy.types.Panel):
     def draw(self, context):
         layout = self.layout
         scene = context.scene.r2sego
-        job = context.window_manager.r2sego_job
         row = layout.row(align=True)
         row.operator("r2sego.new_scene", text="New", icon="FILE_NEW")
         row.operator("r2sego.open_scene", text="Open", icon="FILE_FOLDER")
@@ -31,11 +30,8 @@ class R2SEGO_PT_scene(Step, bpy.types.Panel):
         if summary:
             layout.label(text=summary, icon="GRAPH")
         layout.prop(scene, "preset")
-        if job.running and job.title == "Refine":
-            layout.progress(factor=job.fraction, text=job.task)
-        else:
-            rounds = scene.rounds_begun, scene.rounds_done, scene.rounds_declared
-            layout.label(text=what_refine_does(*rounds), icon="INFO")
+        rounds = scene.rounds_begun, scene.rounds_done, scene.rounds_declared
+        layout.label(text=what_refine_does(*rounds), icon="INFO")
         column = layout.column()
         column.scale_y = 1.2
         column.operator("r2sego.refine", icon="PLAY")
