@@ -1,28 +1,20 @@
 """Settings under a name of the person's own: kept, taken again, removed."""
 
-from pathlib import Path
-
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
 from ...r2sego_blender.bridge.settings_files import keep_settings, kept_settings, read_settings
 from ...r2sego_blender.bridge.settings_properties import overrides, show_settings
+from ...r2sego_blender.bridge.user_folder import user_folder
 from ...r2sego_blender.settings import preset, with_overrides
 from ..base import ReportingOperator
 
-_ROOT = __package__.rsplit(".", 2)[0]
+_FOLDER = "settings"
 _items: list[tuple[str, str, str]] = []  # Blender keeps no copy of an enumeration's texts
 
 
-def _folder():
-    try:
-        return Path(bpy.utils.extension_path_user(_ROOT, path="settings", create=True))
-    except ValueError:  # run from a checkout, which is no installed extension
-        return Path(bpy.utils.user_resource("CONFIG", path="r2sego/settings", create=True))
-
-
 def _kept(operator, context):
-    _items[:] = [(name, name, f"The settings kept as {name}") for name in kept_settings(_folder())]
+    _items[:] = [(name, name, f"The settings kept as {name}") for name in kept_settings(user_folder(_FOLDER))]
     return _items
 
 
@@ -40,7 +32,7 @@ class R2SEGO_OT_keep_settings(ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         scene = context.scene.r2sego
-        keep_settings(_folder(), self.name, scene.preset, overrides(scene.settings, scene.preset))
+        keep_settings(user_folder(_FOLDER), self.name, scene.preset, overrides(scene.settings, scene.preset))
         return f"Kept as {self.name}"
 
 
@@ -55,7 +47,7 @@ class R2SEGO_OT_load_settings(ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         scene = context.scene.r2sego
-        chosen, changed = read_settings(_folder(), self.name)
+        chosen, changed = read_settings(user_folder(_FOLDER), self.name)
         scene.preset = chosen
         show_settings(scene.settings, changed, with_overrides(changed, preset(chosen)))
         return f"Settings: {self.name}"
@@ -71,5 +63,5 @@ class R2SEGO_OT_remove_settings(ReportingOperator, bpy.types.Operator):
     name: EnumProperty(name="Name", description="Which settings", items=_kept)
 
     def perform(self, context):
-        (_folder() / f"{self.name}.toml").unlink(missing_ok=True)
+        (user_folder(_FOLDER) / f"{self.name}.toml").unlink(missing_ok=True)
         return f"Removed {self.name}"
