@@ -11,6 +11,7 @@ import numpy as np
 
 from ..compiled import kernel, parallel_kernel, prange
 from .rasterizer import NEAR_M, cut_bounds, draw_face, edge_plane
+from .view_volume import in_view, side_planes
 
 _CLUSTER = 64  # faces that a view skips together
 _CELL_M = 0.4  # neighbours in a cell stand in the same clusters
@@ -51,7 +52,7 @@ def _spheres(corners: np.ndarray, clusters: np.ndarray) -> np.ndarray:
 @parallel_kernel
 def _count_views(poses, lens, width, height, vertices, faces, clusters, spheres):
     counts = np.zeros((_GROUPS, faces.shape[0]), np.uint32)
-    sides = _side_planes(lens, width, height)
+    sides = side_planes(lens, width, height)
     for group in prange(_GROUPS):
         local, screen = np.empty((vertices.shape[0], 3)), np.empty((vertices.shape[0], 2))
         placed = np.full(vertices.shape[0], -1, np.int32)
@@ -63,7 +64,7 @@ def _count_views(poses, lens, width, height, vertices, faces, clusters, spheres)
             shown[:] = -1
             found = 0
             for c in range(spheres.shape[0]):
-                if _in_view(poses[view], sides, spheres[c]):
+                if in_view(poses[view], sides, spheres[c]):
                     for f in range(clusters[c], clusters[c + 1]):
                         _place(vertices, faces[f], poses[view], lens, view, placed, local, screen)
                         if _reaches_in(local, screen, faces[f], lens, width, height, bounds[f]):
@@ -78,34 +79,6 @@ def _count_views(poses, lens, width, height, vertices, faces, clusters, spheres)
     for group in range(_GROUPS):
         total += counts[group]
     return total
-
-
-@kernel
-def _side_planes(lens, width, height):
-    """(4, 3): the unit normals, inwards, of the planes through the camera and the image's sides."""
-    planes = np.zeros((4, 3))
-    planes[0] = 1.0, 0.0, lens[2] / lens[0]
-    planes[1] = -1.0, 0.0, (width - lens[2]) / lens[0]
-    planes[2] = 0.0, 1.0, lens[3] / lens[1]
-    planes[3] = 0.0, -1.0, (height - lens[3]) / lens[1]
-    for k in range(4):
-        planes[k] /= np.sqrt((planes[k] ** 2).sum())
-    return planes
-
-
-@kernel
-def _in_view(pose, planes, sphere):
-    """Whether a sphere (centre, radius) reaches into the view."""
-    x = pose[0, 0] * sphere[0] + pose[0, 1] * sphere[1] + pose[0, 2] * sphere[2] + pose[0, 3]
-    y = pose[1, 0] * sphere[0] + pose[1, 1] * sphere[1] + pose[1, 2] * sphere[2] + pose[1, 3]
-    z = pose[2, 0] * sphere[0] + pose[2, 1] * sphere[1] + pose[2, 2] * sphere[2] + pose[2, 3]
-    reach = sphere[3] + NEAR_M
-    if z < -sphere[3]:
-        return False
-    for k in range(planes.shape[0]):
-        if planes[k, 0] * x + planes[k, 1] * y + planes[k, 2] * z < -reach:
-            return False
-    return True
 
 
 @kernel

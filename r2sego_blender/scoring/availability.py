@@ -19,6 +19,7 @@ from ..compiled import inlined, kernel, parallel_kernel, prange
 from ..errors import GeometryError
 from ..geometry.proxy import GeometryProxy
 from ..geometry.rasterizer import NEAR_M, cut_bounds, edge_plane
+from ..geometry.view_volume import in_view, side_planes
 from ..splats.packing import morton_order
 from ..splats.vectors import LANES, VECTOR_BYTES, Code, Value, aligned, vector_kernel
 
@@ -27,7 +28,6 @@ SAMPLES = 2
 
 _CLUSTER = 128  # faces: few enough for their vertices to stay in a core's own memory
 _ROUNDING_PX = 1e-6  # bounds are widened by this, so that rounding never loses a sample
-_SIDES = 4  # planes that bound a view beside the near one
 _GREATEST = 1e30  # inverse depth at the camera plane
 
 
@@ -117,9 +117,9 @@ def _render(
         plane, pose = planes + view * plane_bytes, poses[view]
         _clear(plane, plane_bytes // VECTOR_BYTES)
         local, screen = np.empty((3 * _CLUSTER, 3)), np.empty((3 * _CLUSTER, 2))
-        sides = _side_planes(lens, width, height)
+        sides = side_planes(lens, width, height)
         for cluster in range(spheres.shape[0]):
-            if not _seen(pose, sides, spheres[cluster]):
+            if not in_view(pose, sides, spheres[cluster]):
                 continue
             first, last = starts[cluster], starts[cluster + 1]
             for k in range(last - first):
@@ -136,36 +136,6 @@ def _render(
                     screen[k, 1] = local[k, 1] * inverse * lens[1] + lens[3]
             for f in range(cluster * _CLUSTER, min(faces.shape[0], (cluster + 1) * _CLUSTER)):
                 _draw(local, screen, faces[f], supported[f], lens, width, height, offsets, x, y, plane)
-
-
-@kernel
-def _side_planes(lens, width, height):
-    """(4, 3): the unit normals, inwards, of the planes through the camera and the image's sides."""
-    planes = np.zeros((_SIDES, 3))
-    left, right = -lens[2] / lens[0], (width - lens[2]) / lens[0]
-    top, bottom = -lens[3] / lens[1], (height - lens[3]) / lens[1]
-    planes[0] = 1.0, 0.0, -left
-    planes[1] = -1.0, 0.0, right
-    planes[2] = 0.0, 1.0, -top
-    planes[3] = 0.0, -1.0, bottom
-    for k in range(_SIDES):
-        planes[k] /= np.sqrt((planes[k] ** 2).sum())
-    return planes
-
-
-@kernel
-def _seen(pose, planes, sphere):
-    """Whether a sphere reaches into the view."""
-    x = pose[0, 0] * sphere[0] + pose[0, 1] * sphere[1] + pose[0, 2] * sphere[2] + pose[0, 3]
-    y = pose[1, 0] * sphere[0] + pose[1, 1] * sphere[1] + pose[1, 2] * sphere[2] + pose[1, 3]
-    z = pose[2, 0] * sphere[0] + pose[2, 1] * sphere[1] + pose[2, 2] * sphere[2] + pose[2, 3]
-    reach = sphere[3] + NEAR_M
-    if z < -sphere[3]:
-        return False
-    for k in range(planes.shape[0]):
-        if planes[k, 0] * x + planes[k, 1] * y + planes[k, 2] * z < -reach:
-            return False
-    return True
 
 
 @inlined
