@@ -32,9 +32,7 @@ def tables_of(scope: BehaviourScope) -> dict[str, Any]:
 
 def save_scope(scope: BehaviourScope, file: Path) -> None:
     """Write the scope; the files it names are written with their whole paths."""
-    text = _NUMBERS.sub(
-        lambda list_: f"[{', '.join(list_[1].replace(',', ' ').split())}]", tomli_w.dumps(tables_of(scope))
-    )
+    text = _NUMBERS.sub(_in_one_line, tomli_w.dumps(tables_of(scope)))
     file.write_text(text, encoding="utf-8")
 
 
