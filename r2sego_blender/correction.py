@@ -15,7 +15,8 @@ from .captures.correction_history import CORRECTIONS, corrections_of
 from .captures.floor_points import FloorPoint, ground_of, ground_through
 from .captures.ground import Ground
 from .captures.ground_picture import GROUND_PICTURES, save_ground_pictures
-from .captures.picks import Picks, PicksFit, fit_picks
+from .captures.picks import Picks
+from .captures.picks_fit import PicksFit, fit_picks
 from .captures.registration import Registration, corrected
 from .captures.scale import Scale
 from .captures.sparse import SparsePoints

@@ -11,7 +11,7 @@ from ...r2sego_blender.bridge.outliner import find_collection
 from ...r2sego_blender.bridge.picks import picks_of
 from ...r2sego_blender.bridge.registration_frame import remove_frame, world_from_frame
 from ...r2sego_blender.bridge.show_captures import CAPTURES_PART, show_captures
-from ...r2sego_blender.captures.picks import residual_lines
+from ...r2sego_blender.captures.picks_fit import residual_lines
 from ...r2sego_blender.errors import CaptureError
 from .. import state
 from ..base import EngineOperator, needs_bundle, needs_idle_engine

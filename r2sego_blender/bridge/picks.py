@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..arrays import opened_arrays
-from ..captures.picks import CameraHeight, Pick, PickedLength, PickedPoint, Picks, PicksFit, fit_picks
+from ..captures.picks import CameraHeight, Pick, PickedLength, PickedPoint, Picks
+from ..captures.picks_fit import PicksFit, fit_picks
 from ..errors import CaptureError, R2SEgoError, SceneError
 from ..progress import Progress
 from .bundle import Bundle
