@@ -23,6 +23,7 @@ from ..r2sego_blender.errors import R2SEgoError, SceneError
 from ..r2sego_blender.settings import PRESETS
 from ..r2sego_blender.status import describe
 
+_DAMAGE = (R2SEgoError, OSError, ValueError, KeyError, TypeError)
 _PRESET_DOCS = {
     "paper": "The paper's own settings",
     "preview": "A first look in minutes, at a lower quality",
@@ -55,7 +56,7 @@ listeners: list[Callable[[bpy.types.Scene, Bundle], None]] = []
 """Called with the open bundle whenever it was opened or changed, or another round is shown.
 
 A room adds its own when it is registered and reads its cached facts there; it may raise
-R2SEgoError and nothing else.
+R2SEgoError and nothing else, and shows nothing of another bundle then.
 """
 
 
@@ -122,7 +123,7 @@ def show_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
 
 
 def refresh(scene: bpy.types.Scene) -> None:
-    """Read the bundle again into the cached facts; a damaged bundle becomes ``problem``."""
+    """Read the bundle again into the cached facts; what is damaged becomes ``problem``, the rest is read."""
     state = scene.r2sego
     state.facts.clear()
     state.problem = ""
@@ -130,20 +131,14 @@ def refresh(scene: bpy.types.Scene) -> None:
         return
     try:
         bundle = Bundle.open(bundle_name(scene))
-        state.rounds_begun, state.rounds_done = bundle.rounds(), bundle.scene.rounds_done()
-        state.rounds_declared = bundle.scene.declaration.settings.rounds
-        state.has_sparse = bundle.sparse_file.is_file()
-        state.has_collision = bundle.collision_mesh.is_file()
-        state.has_report = bundle.report_page.is_file()
-        for section, label, value in _facts(bundle):
-            fact = state.facts.add()
-            fact.section, fact.label, fact.value = section, label, value
-        for listener in listeners:
-            listener(scene, bundle)
-    except R2SEgoError as error:
-        state.problem = str(error)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        state.problem = f"The bundle is damaged: {error!r}. Run Refine again."
+    except _DAMAGE as error:
+        state.problem = _told(error)
+        return
+    for read in (_read_facts, *listeners):
+        try:
+            read(scene, bundle)
+        except _DAMAGE as error:
+            state.problem = state.problem or _told(error)
 
 
 @bpy.app.handlers.persistent
@@ -151,6 +146,24 @@ def _read_again(_file: str) -> None:
     """A .blend knows its bundle; what is cached of it may be older than the bundle."""
     for scene in bpy.data.scenes:
         refresh(scene)
+
+
+def _told(error: Exception) -> str:
+    if isinstance(error, R2SEgoError):
+        return str(error)
+    return f"The bundle is damaged: {error!r}. Run Refine again."
+
+
+def _read_facts(scene: bpy.types.Scene, bundle: Bundle) -> None:
+    state = scene.r2sego
+    state.rounds_begun, state.rounds_done = bundle.rounds(), bundle.scene.rounds_done()
+    state.rounds_declared = bundle.scene.declaration.settings.rounds
+    state.has_sparse = bundle.sparse_file.is_file()
+    state.has_collision = bundle.collision_mesh.is_file()
+    state.has_report = bundle.report_page.is_file()
+    for section, label, value in _facts(bundle):
+        fact = state.facts.add()
+        fact.section, fact.label, fact.value = section, label, value
 
 
 def _facts(bundle: Bundle) -> Iterator[tuple[str, str, str]]:

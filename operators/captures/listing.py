@@ -3,13 +3,18 @@
 from ...r2sego_blender.bridge.capture_list import listed_captures
 from ...r2sego_blender.bridge.sparse_cloud import read_cloud
 from ...r2sego_blender.captures.correction_history import corrections_of
+from ...r2sego_blender.errors import R2SEgoError
 from .properties import fit_again
 
 
 def read_captures(scene, bundle):
     """Fill the list of captures, the drawn points and the residuals of what is picked."""
     group = scene.r2sego_captures
-    listed = listed_captures(bundle)
+    try:
+        listed = listed_captures(bundle)
+    except R2SEgoError:
+        group.captures.clear()
+        raise
     if [one.name for one in listed] != [one.name for one in group.captures]:
         group.captures.clear()
         for _ in listed:

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, FloatProperty, PointerProperty, StringProperty
 
-from ...r2sego_blender.bridge.report_scores import report_scores
+from ...r2sego_blender.bridge.report_scores import ReportScores, report_scores
 
 
 class R2SEGO_PG_score(bpy.types.PropertyGroup):
@@ -38,9 +38,12 @@ CLASSES = (R2SEGO_PG_score, R2SEGO_PG_cause, R2SEGO_PG_report)
 
 
 def read_report(scene, bundle):
-    """Take the figures of a bundle over, or none before an evaluation."""
-    group = scene.r2sego_report
-    scores = report_scores(bundle)
+    """Take the figures of a bundle over, or none before an evaluation or when they are damaged."""
+    _show(scene.r2sego_report, ReportScores())
+    _show(scene.r2sego_report, report_scores(bundle))
+
+
+def _show(group, scores):
     _fill(group.arms, scores.arms)
     _fill(group.rounds, scores.rounds)
     group.causes.clear()

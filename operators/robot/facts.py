@@ -15,6 +15,7 @@ def read(scene: bpy.types.Scene, bundle: Bundle) -> None:
     """Read the scope, the seats and the attempts. What cannot be read becomes the room's problem."""
     robot = scene.r2sego_robot
     robot.seats.clear()
+    robot.attempts.clear()
     robot.region = robot.problem = ""
     try:
         _read_declared(scene, bundle)

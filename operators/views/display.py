@@ -10,6 +10,7 @@ from ...r2sego_blender.bridge.show_candidates import (
     shown_candidates,
 )
 from ...r2sego_blender.bridge.view_scores import RoundScores, remember, remembered
+from ...r2sego_blender.errors import R2SEgoError
 from .. import state
 
 
@@ -44,8 +45,17 @@ def follow(scene: bpy.types.Scene) -> None:
 
 
 def read(scene: bpy.types.Scene, bundle: Bundle) -> None:
-    """Read the round's scores into what is remembered and into the cached facts."""
-    scores, group = RoundScores.read(bundle, scene.r2sego.round_index), scene.r2sego_views
+    """Read the round's scores into what is remembered and into the cached facts: none when damaged."""
+    try:
+        scores = RoundScores.read(bundle, scene.r2sego.round_index)
+    except R2SEgoError:
+        _take_over(scene, bundle, None)
+        raise
+    _take_over(scene, bundle, scores)
+
+
+def _take_over(scene: bpy.types.Scene, bundle: Bundle, scores: RoundScores | None) -> None:
+    group = scene.r2sego_views
     remember(scene.session_uid, scores)
     group.ranked.clear()
     if scores is None:

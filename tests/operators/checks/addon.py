@@ -1,12 +1,13 @@
 """What holds of the add-on as a whole, checked inside Blender."""
 
 import importlib
+import json
 import sys
 import threading
 from pathlib import Path
 
 import bpy
-from support import MODULE, refused
+from support import MODULE, copied_bundle, refused, state
 
 
 def operators():
@@ -55,3 +56,26 @@ def check_blenders_process_has_loaded_nothing_numeric():
     heavy = {"torch", "numba", "scipy", "cv2", "PIL", "pycolmap", "mujoco", "trimesh", "click"}
     assert heavy.isdisjoint(sys.modules), heavy & set(sys.modules)
     assert threading.active_count() < 10
+
+
+def check_what_is_damaged_is_told_and_all_else_is_read():
+    """No room goes on showing what it knew of the bundle before."""
+    copy = copied_bundle()
+    scene = bpy.context.scene
+    assert len(scene.r2sego_captures.captures) and scene.r2sego_views.candidates
+    state().round_index = 0
+    (copy / "report").mkdir(exist_ok=True)
+    (copy / "report/metrics.json").write_text(
+        json.dumps({"arms": {"refined": {"psnr": 20.0, "ssim": 0.7, "views": []}}})
+    )
+    bpy.ops.r2sego.refresh_scene()
+    assert scene.r2sego_report.summary.startswith("20.00 dB")
+    (copy / "captures/cameras.json").write_text("{")
+    (copy / "rounds/0/selection/selection.json").write_text("{")
+    (copy / "report/metrics.json").write_text('{"arms": {"refined": {"psnr": "much"}}}')
+    bpy.ops.r2sego.refresh_scene()
+    assert "damaged" in state().problem, state().problem
+    assert len(scene.r2sego_captures.captures) == 0
+    assert scene.r2sego_views.candidates == 0
+    assert scene.r2sego_report.summary == ""
+    assert len(scene.r2sego_robot.attempts) == 4
