@@ -16,7 +16,7 @@ from fake_bundle import write_bundle
 HERE = Path(__file__).parent
 PICTURES = display.ROOT / "build" / "window"
 STATES = ("no_engine", "no_scene", "scene", "shown", "working")
-SIZES = {1: (1100, 2600), 2: (1400, 5000)}
+SIZES = {1: (1100, 4300), 2: (1400, 8400)}
 WORKS_TIMES_TWO_S = 2.0
 
 pytestmark = [
