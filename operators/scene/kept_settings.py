@@ -3,7 +3,12 @@
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from ...r2sego_blender.bridge.settings_files import keep_settings, kept_settings, read_settings
+from ...r2sego_blender.bridge.settings_files import (
+    keep_settings,
+    kept_settings,
+    read_settings,
+    remove_settings,
+)
 from ...r2sego_blender.bridge.settings_properties import overrides, show_settings
 from ...r2sego_blender.bridge.user_folder import user_folder
 from ...r2sego_blender.settings import preset, with_overrides
@@ -63,5 +68,5 @@ class R2SEGO_OT_remove_settings(ReportingOperator, bpy.types.Operator):
     name: EnumProperty(name="Name", description="Which settings", items=_kept)
 
     def perform(self, context):
-        (user_folder(_FOLDER) / f"{self.name}.toml").unlink(missing_ok=True)
+        remove_settings(user_folder(_FOLDER), self.name)
         return f"Removed {self.name}"

@@ -53,3 +53,14 @@ def read_settings(folder: Path, name: str) -> tuple[str, dict[str, Any]]:
         ) from error
     with_overrides(overrides, preset(chosen))
     return chosen, overrides
+
+
+def remove_settings(folder: Path, name: str) -> None:
+    """Remove the settings kept under a name. Raises SettingsError when they are not there."""
+    file = folder / f"{name}.toml"
+    try:
+        file.unlink()
+    except OSError as error:
+        raise SettingsError(
+            f"these settings cannot be removed: {error.strerror}", where=file, cure="Choose others."
+        ) from error

@@ -3,7 +3,7 @@
 import pytest
 
 from r2sego_blender.bridge.scene_choices import robot_choices, scope_choices, what_refine_does
-from r2sego_blender.bridge.settings_files import keep_settings, kept_settings, read_settings
+from r2sego_blender.bridge.settings_files import keep_settings, kept_settings, read_settings, remove_settings
 from r2sego_blender.errors import SettingsError
 from r2sego_blender.robot.model import RobotModel
 from r2sego_blender.robot.scope import shipped_scopes
@@ -52,3 +52,12 @@ def test_refine_says_what_it_does_next():
     assert what_refine_does(0, 0, 3) == "Refine does round 1 of 3"
     assert what_refine_does(2, 1, 3) == "Refine goes on in round 2 of 3"
     assert what_refine_does(3, 3, 3) == "Refine redoes what changed"
+
+
+def test_removed_settings_are_gone_and_others_cannot_be_removed(tmp_path):
+    keep_settings(tmp_path, "quick", "preview", {})
+    remove_settings(tmp_path, "quick")
+    assert kept_settings(tmp_path) == []
+    for name in ("quick", ""):
+        with pytest.raises(SettingsError, match="cannot be removed"):
+            remove_settings(tmp_path, name)
