@@ -72,6 +72,7 @@ MAY_IMPORT = {
     "cli_captures": ABOVE_CAPTURES | {"cli_options", "correction"},
     "cli_asset": FOUNDATION | {"asset_edits", "asset_stages", "cli_options", "splats", "steps"},
     "cli_bench": FOUNDATION | {"benchmarks", "cli_options"},
+    "cli_splats": FOUNDATION | {"cli_options", "splat_training", "splats"},
     "cli_views": FOUNDATION | {"generation", "cli_options"},
     "cli": PARTS
     | {
@@ -82,6 +83,7 @@ MAY_IMPORT = {
         "cli_robot",
         "cli_captures",
         "cli_demo",
+        "cli_splats",
         "cli_views",
         "steps",
         "pipeline",

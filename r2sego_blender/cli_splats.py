@@ -1,0 +1,65 @@
+"""The commands on splats alone, without a scene: trained, and taken to other formats."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .cli_options import ANY_PATH, json_progress, overrides_of, progress_of, settings_option, tell
+from .settings import MANY_PHOTOGRAPHS, VANILLA_3DGS
+
+
+@click.command()
+@click.argument("captures", type=ANY_PATH)
+@click.option("--out", required=True, type=ANY_PATH, help="The asset's file; its suffix is its format.")
+@click.option("--poses", type=ANY_PATH, help="As for new; by default what the folder holds.")
+@click.option("--points", type=ANY_PATH, help="PLY to start from; else the COLMAP model's, or triangulated.")
+@click.option("--steps", type=int, help="Short for --set training.steps_per_round=N.")
+@click.option("--gaussians", type=int, help="Short for --set training.max_gaussians=N.")
+@click.option("--seed", type=int, help="Short for --set seed=N.")
+@settings_option
+@click.option("--vanilla", is_flag=True, help="The original 3DGS: its settings and densification.")
+@click.option("--frozen", type=ANY_PATH, help="cameras.json with a 'frozen' list to score on.")
+@click.option("--hold-out", type=int, metavar="K", help="Score on every K-th image, and do not train on it.")
+@click.option("--json", "as_object", is_flag=True, help="The result as one JSON object.")
+@json_progress
+@click.pass_context
+def train(
+    context: click.Context,
+    overrides: tuple[str, ...],
+    vanilla: bool,
+    as_object: bool,
+    as_json: bool,
+    **given: Any,
+) -> None:
+    """Train splats on the photographs CAPTURES alone: no scene, no robot."""
+    from .splat_training import settings_of, train_on_photographs
+
+    progress = progress_of(context, as_json)
+    short = {"training.steps_per_round": "steps", "training.max_gaussians": "gaussians", "seed": "seed"}
+    shorts = {key: value for key, name in short.items() if (value := given.pop(name)) is not None}
+    base = VANILLA_3DGS if vanilla else MANY_PHOTOGRAPHS
+    training = {f"training.{key}": value for key, value in base.items()}
+    settings = settings_of({**training, **overrides_of(overrides), **shorts})
+    trained = train_on_photographs(**given, settings=settings, progress=progress)
+    if as_object and not as_json:
+        click.echo(json.dumps(trained.to_json(), indent=1))
+    elif as_json:
+        tell(progress, **trained.to_json())
+    else:
+        click.echo(trained.line())
+
+
+@click.command()
+@click.argument("source", metavar="IN", type=ANY_PATH)
+@click.argument("target", metavar="OUT", type=ANY_PATH)
+def convert(source: Path, target: Path) -> None:
+    """Write the splats of the file IN as OUT; the suffixes say the formats."""
+    from .splats.formats import load_asset, save_asset
+
+    asset = load_asset(source)
+    save_asset(target, asset)
+    click.echo(f"{target}: {len(asset)} Gaussians of degree {asset.degree}")
