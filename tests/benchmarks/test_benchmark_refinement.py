@@ -6,15 +6,12 @@ import shutil
 import numpy as np
 import pytest
 import trimesh
+from painted_room import write_painted_room
 
 from r2sego_blender.benchmarks.figures import write_figures
 from r2sego_blender.benchmarks.refinement import bench_refinement, lines
-from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.captures.cameras_json import save_cameras_json
-from r2sego_blender.captures.capture import Capture
 from r2sego_blender.errors import EvaluationError, SceneError, SettingsError
 from r2sego_blender.evaluation.arms import ARMS
-from r2sego_blender.geometry.rasterizer import MeshRasterizer
 from r2sego_blender.images import save_image
 from r2sego_blender.scene import Scene, content_digest
 
@@ -27,40 +24,9 @@ TINY = {
 }  # fmt: skip
 
 
-def paint(points: np.ndarray) -> np.ndarray:
-    """A smooth colour that never repeats, for points (..., 3)."""
-    waves = np.random.default_rng(11).normal(size=(24, 3, 3)) * 14.0
-    value = sum(np.sin(points @ wave.T + phase) for phase, wave in enumerate(waves))
-    return np.clip(0.5 + 0.06 * value, 0, 1).astype(np.float32)
-
-
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
-    """A painted room of 4 m by 3 m with a box in it: four captures, two frozen views, 160x120."""
-    folder = tmp_path_factory.mktemp("scene")
-    shell = trimesh.creation.box((4.0, 3.0, 2.4))
-    shell.apply_translation((0, 0, 1.2))
-    shell.invert()
-    box = trimesh.creation.box((1.0, 0.6, 0.7))
-    box.apply_translation((0.9, 0.8, 0.35))
-    mesh = trimesh.util.concatenate([shell, box])
-    instances = np.repeat([0, 1], [len(shell.faces), len(box.faces)])
-    np.savez(folder / "room.npz", V=mesh.vertices, F=mesh.faces, I=instances, names=np.array(["room", "box"]))
-    (folder / "depth").mkdir()
-    rasterizer = MeshRasterizer(mesh.vertices, mesh.faces)
-    places = [(x, -1.2, 1.5, 0.3 * x) for x in (-0.9, -0.3, 0.3, 0.9)]
-    places += [(-0.5, -0.9, 1.3, 0.0), (0.6, -0.8, 1.2, 0.4)]
-    captures = []
-    for index, (x, y, z, aim) in enumerate(places):
-        camera = Camera(160, 120, 105.0, 105.0, 80.0, 60.0, look_at((x, y, z), (aim, 1.0, 0.5)))
-        buffers = rasterizer.render(camera)
-        file = folder / f"view{index}.png"
-        save_image(file, paint(camera.unproject(buffers.depth)))
-        ids = buffers.of_face(instances, missing=-1).astype(np.int16)
-        np.savez(folder / f"depth/view{index}.npz", z=buffers.depth, ids=ids)
-        captures.append(Capture(file.name, file, camera))
-    save_cameras_json(folder / "cameras.json", captures[:4], frozen=captures[4:])
-    return folder
+    return write_painted_room(tmp_path_factory.mktemp("scene"))
 
 
 @pytest.fixture(scope="module")
