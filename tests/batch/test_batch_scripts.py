@@ -21,7 +21,7 @@ def run(blender_environment, tmp_path):
         return subprocess.run(
             [sys.executable, str(BATCH / script), "--", *map(str, arguments)],
             env={**blender_environment, **environment}, cwd=tmp_path,
-            capture_output=True, text=True, timeout=120,
+            capture_output=True, text=True, timeout=1200,
         )  # fmt: skip
 
     return run

@@ -20,7 +20,7 @@ SPOTS = {"A": (-0.4, 0.2, 0.1), "B": (0.5, 0.1, 0.1), "C": (0.1, 0.7, 0.1)}
 def run(environment, *arguments):
     return subprocess.run(
         [sys.executable, str(SCRIPT), "--", *map(str, arguments)], env=environment,
-        capture_output=True, text=True, timeout=180,
+        capture_output=True, text=True, timeout=1200,
     )  # fmt: skip
 
 

@@ -22,7 +22,7 @@ def test_it_is_shown_checked_textured_and_exported(bundle_path, blender_environm
     done = subprocess.run(
         [sys.executable, str(SCRIPT), "--", *map(str, arguments)],
         env={**blender_environment, "R2SEGO_PYTHON": str(engine)},
-        capture_output=True, text=True, timeout=120,
+        capture_output=True, text=True, timeout=1200,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr + done.stdout
     assert "6 faces of convex pieces" in done.stdout and "not passed" in done.stdout

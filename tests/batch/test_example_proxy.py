@@ -14,7 +14,7 @@ SCRIPT = Path(__file__).parents[2] / "batch" / "examples" / "proxy_edits.py"
 def run(environment, *arguments):
     return subprocess.run(
         [sys.executable, str(SCRIPT), "--", *map(str, arguments)],
-        env={**environment, "R2SEGO_PYTHON": sys.executable}, capture_output=True, text=True, timeout=300,
+        env={**environment, "R2SEGO_PYTHON": sys.executable}, capture_output=True, text=True, timeout=1200,
     )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ SCRIPT = Path(__file__).parents[2] / "batch" / "examples" / "robot_rollouts.py"
 def run(environment, *arguments):
     return subprocess.run(
         [sys.executable, str(SCRIPT), "--", *map(str, arguments)], env=environment,
-        capture_output=True, text=True, timeout=180,
+        capture_output=True, text=True, timeout=1200,
     )  # fmt: skip
 
 

@@ -27,7 +27,7 @@ def run(blender_environment, tmp_path):
         return subprocess.run(
             [sys.executable, str(SCRIPT), "--", *map(str, arguments)],
             env={**blender_environment, "R2SEGO_PYTHON": str(engine)},
-            capture_output=True, text=True, timeout=120,
+            capture_output=True, text=True, timeout=1200,
         )  # fmt: skip
 
     return run

@@ -15,7 +15,7 @@ SCRIPT = Path(__file__).parents[2] / "batch" / "examples" / "views_candidates.py
 def run(environment, *arguments):
     return subprocess.run(
         [sys.executable, str(SCRIPT), "--", *map(str, arguments)], env=environment,
-        capture_output=True, text=True, timeout=120,
+        capture_output=True, text=True, timeout=1200,
     )  # fmt: skip
 
 

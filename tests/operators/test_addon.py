@@ -51,7 +51,7 @@ def said(tmp_path_factory):
     out = folder / "said.json"
     done = subprocess.run(
         [*start, "--", str(package), str(folder / "room.r2s"), str(engine), str(out)],
-        env=environment, cwd=folder, capture_output=True, text=True, timeout=300,
+        env=environment, cwd=folder, capture_output=True, text=True, timeout=1200,
     )  # fmt: skip
     assert out.is_file(), done.stdout[-3000:] + done.stderr[-3000:]
     return json.loads(out.read_text())

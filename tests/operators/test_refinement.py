@@ -27,7 +27,7 @@ def test_a_room_is_refined_shown_and_exported_from_inside_blender(tmp_path):
     done = subprocess.run(
         [sys.executable, str(SCRIPT), "--", *map(str, arguments)],
         env={**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path / "user")},
-        capture_output=True, text=True, timeout=600,
+        capture_output=True, text=True, timeout=1200,
     )  # fmt: skip
     assert out.is_file(), done.stdout[-3000:] + done.stderr[-3000:]
     held = json.loads(out.read_text())

@@ -63,7 +63,7 @@ def folder_of(tmp_path: Path, name: str = "clip") -> Path:
     return tmp_path / name
 
 
-def wait_until(true, limit_s: float = 10.0) -> None:
+def wait_until(true, limit_s: float = 60.0) -> None:
     deadline_s = time.monotonic() + limit_s
     while not true():
         assert time.monotonic() < deadline_s
@@ -152,7 +152,7 @@ inner.wait()
         kill_children()
         thread.join(2.0)
         wait_until(lambda: not birth(outer) and not birth(inner), 2.0)
-        assert time.monotonic() - began_s < 2.0
+        assert time.monotonic() - began_s < 10.0  # two seconds on a free machine
     assert len(errors) == 1 and "was killed by signal 9" in errors[0]
 
 
@@ -174,9 +174,9 @@ with GeneratorProgram([{sys.executable!r}, {str(script)!r}], "my", "") as progra
     generator = int((folder / "began").read_text())
     assert birth(generator)
     engine.send_signal(number)
-    _, said = engine.communicate(timeout=2.0)
+    _, said = engine.communicate(timeout=30.0)
     assert engine.returncode == 128 + number and b"cancelled" in said
-    wait_until(lambda: not birth(generator), 2.0)
+    wait_until(lambda: not birth(generator), 10.0)
 
 
 def test_a_program_that_cannot_be_started_is_named(tmp_path):
