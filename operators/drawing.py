@@ -5,9 +5,10 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
-from ...r2sego_blender.errors import R2SEgoError
+from ..r2sego_blender.errors import R2SEgoError
 
 _STEP_PX = 3.0
+_WIDTH_PX = 2.5
 _COLOUR = (1.0, 0.35, 0.2, 1.0)
 
 
@@ -88,8 +89,10 @@ class Drawing:
     def _draw(self) -> None:
         if bpy.context.region != self._region or len(self._points) < 2:
             return
-        shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+        shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
         shader.bind()
+        shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+        shader.uniform_float("lineWidth", _WIDTH_PX)
         shader.uniform_float("color", _COLOUR)
         corners = [(*corner, 0.0) for corner in self._points]
         batch_for_shader(shader, "LINE_STRIP", {"pos": [*corners, corners[0]]}).draw(shader)
