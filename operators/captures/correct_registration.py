@@ -1,7 +1,6 @@
 """Correct the world's ground, scale or frame by what a person showed."""
 
 import json
-from pathlib import Path
 
 import bpy
 import numpy as np
@@ -15,6 +14,7 @@ from ...r2sego_blender.captures.picks_fit import residual_lines
 from ...r2sego_blender.errors import CaptureError
 from .. import state
 from ..base import EngineOperator, needs_bundle, needs_idle_engine
+from ..engine_files import handed_over
 
 
 def show_corrected(context, residuals):
@@ -72,7 +72,7 @@ class R2SEGO_OT_correct_registration(EngineOperator, bpy.types.Operator):
                 "nothing tells the floor or the scale yet",
                 cure="Pick points of the floor, or add a length between two points, or a camera's height.",
             )  # fmt: skip
-        file = Path(bpy.app.tempdir) / "r2sego-picks.json"
+        file = handed_over("picks.json")
         file.write_text(json.dumps(picks.to_json()), encoding="utf-8")
         return [*command, "--picks", str(file)]
 

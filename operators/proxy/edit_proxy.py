@@ -7,7 +7,7 @@ from ...r2sego_blender.bridge.proxy_edits import write_cut, write_drawn
 from ...r2sego_blender.errors import GeometryError
 from .. import state
 from ..base import EngineOperator, needs_bundle, needs_idle_engine, needs_round
-from .engine_files import handed_over
+from ..engine_files import handed_over
 from .polls import proxy_shown
 
 _NEXT = "the next Refine redoes the proxy"

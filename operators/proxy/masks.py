@@ -22,7 +22,7 @@ from ...r2sego_blender.geometry.object_names import plain_name
 from .. import state
 from ..base import EngineOperator, ReportingOperator, needs_bundle, needs_idle_engine
 from ..drawing import Drawing
-from .engine_files import handed_over
+from ..engine_files import handed_over
 from .place_prior import rate_again
 from .polls import needs_object, object_named
 from .properties import add_object

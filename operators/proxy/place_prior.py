@@ -17,7 +17,7 @@ from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import GeometryError
 from .. import state
 from ..base import EngineOperator, ReportingOperator, needs_bundle, needs_idle_engine
-from .engine_files import handed_over
+from ..engine_files import handed_over
 from .polls import declared_object, needs_object
 
 

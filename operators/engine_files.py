@@ -5,7 +5,7 @@ from pathlib import Path
 
 import bpy
 
-from ...r2sego_blender.geometry.object_names import plain_name
+from ..r2sego_blender.geometry.object_names import plain_name
 
 
 def handed_over(name: str) -> Path:
