@@ -23,6 +23,9 @@ NEAR_M = 0.02
 
 _BAND_ROWS = 16  # rows a thread draws at a time: fine enough to balance two cores
 _CHUNK = 4096  # triangles whose bounds a thread computes at a time
+_SLACK = 1e-9
+"""Faces are drawn wider by this share of their size: the faces around a vertex round each for
+itself, and a ray that meets the vertex itself would slip through between all of them."""
 _ROUNDING_PX = 1e-6  # bounds are widened by this, so that rounding never loses a pixel
 
 
@@ -212,7 +215,8 @@ def draw_face(local, faces, bounds, lens, f, first, end, inverse, face):
         for column in range(bounds[f, 0], bounds[f, 1]):
             x = (column + 0.5 - lens[2]) * step_x
             a, b, c = ax * x + a0, bx * x + b0, cx * x + c0
-            if a >= 0.0 and b >= 0.0 and c >= 0.0:
+            least = -_SLACK * (a + b + c)
+            if a >= least and b >= least and c >= least:
                 # A face seen edge-on is ill-conditioned, but never leaves its corners' range.
                 value = np.float32(min(max((a + b + c) * scale, far), near))
                 if value <= 1.0 / NEAR_M and value > inverse[row, column]:

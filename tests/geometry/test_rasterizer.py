@@ -43,6 +43,25 @@ def random_mesh(rng, count, spread):
 
 
 @settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_no_ray_slips_through_where_faces_meet_in_a_vertex(seed):
+    rng = np.random.default_rng(seed)
+    camera = camera_at(look_at(rng.normal(size=3), rng.normal(size=3) + 5.0))
+    depth = 2.0 + rng.random(camera.shape)
+    vertices = camera.centre + (camera.rays() * depth[..., None]).reshape(-1, 3) @ (
+        camera.world_from_camera[:3, :3].T
+    )  # every vertex lies on the ray of a pixel
+    number = np.arange(depth.size).reshape(depth.shape)
+    corners = [number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]]
+    a, b, c, d = (corner.ravel() for corner in corners)
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    seen = MeshRasterizer(vertices, faces).render(camera)
+    inside = (slice(1, -1), slice(1, -1))
+    assert (seen.face[inside] >= 0).all()
+    np.testing.assert_allclose(seen.depth[inside], depth[inside], rtol=1e-5)
+
+
+@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 3.0))
 def test_depth_equals_ray_casting_from_inside_the_mesh(seed, spread):
     rng = np.random.default_rng(seed)
