@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import hand  # found beside this file
 
 _, ZIP, BUNDLE, ENGINE, STATE, SCALE = sys.argv[sys.argv.index("--") + 1 :]
-COLUMNS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85, 0.91)
+COLUMNS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85, 0.88, 0.93)
 
 
 def scene():

@@ -14,7 +14,7 @@ import hand  # found beside this file
 
 _, ZIP, BUNDLE, ENGINE = sys.argv[sys.argv.index("--") + 1 :]
 LEFT_OUT = {"r2sego.open_report": "opens the web browser"}
-COLUMNS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85, 0.91)
+COLUMNS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85, 0.88, 0.93)
 
 
 def install():

@@ -17,7 +17,8 @@ HERE = Path(__file__).parent
 PICTURES = display.ROOT / "build" / "window"
 STATES = ("no_engine", "no_scene", "scene", "shown", "working")
 SIZES = {1: (1100, 4300), 2: (1400, 8400)}
-WORKS_TIMES_TWO_S = 2.0
+CANCELLED_WITHIN_S = 2.0
+MENUS = {"r2sego.load_settings"}  # stand in a menu, which has no operator under the mouse
 
 pytestmark = [
     pytest.mark.slow,
@@ -81,7 +82,7 @@ def dots(looked):
 def test_the_mouse_reaches_every_button_the_panels_draw(looked, state, scale):
     told, _, _ = looked(state, scale)
     assert told["drawn"]
-    assert set(told["met"]) == set(told["drawn"])
+    assert set(told["met"]) == set(told["drawn"]) - MENUS
 
 
 @pytest.mark.parametrize("scale", SIZES)
@@ -103,7 +104,7 @@ def test_while_the_engine_works_it_can_be_cancelled_from_the_tab(looked):
     told, _, _ = looked("working", 1)
     assert "r2sego.cancel" in told["drawn"]
     assert not told["still_running"]
-    assert told["cancelled_after_s"] < WORKS_TIMES_TWO_S
+    assert told["cancelled_after_s"] < CANCELLED_WITHIN_S
 
 
 @pytest.fixture(scope="module")
