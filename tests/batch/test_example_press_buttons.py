@@ -1,0 +1,44 @@
+"""Any operator by its name, with pip bpy."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
+
+SCRIPT = Path(__file__).parents[2] / "batch" / "examples" / "press_buttons.py"
+
+
+def run(environment, *arguments):
+    return subprocess.run(
+        [sys.executable, str(SCRIPT), "--", *map(str, arguments)], env=environment,
+        capture_output=True, text=True, timeout=1200,
+    )  # fmt: skip
+
+
+def test_buttons_are_pressed_in_their_order_with_their_properties(bundle_path, blender_environment, tmp_path):
+    blend = tmp_path / "room.blend"
+    done = run(
+        blender_environment, bundle_path, "import_captures", "points=False", "look_through", "show_proxy",
+        "look_inside=False", "--select", "capture_1", "--save", blend,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    pressed = [line for line in done.stdout.splitlines() if line.endswith(": finished")]
+    assert pressed == ["import_captures: finished", "look_through: finished", "show_proxy: finished"]
+    assert blend.is_file()
+
+
+def test_what_is_no_operator_is_said(bundle_path, blender_environment):
+    done = run(blender_environment, bundle_path, "show_everything")
+    assert done.returncode == 1
+    assert "there is no operator 'show_everything'" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_every_operator_is_listed_with_what_it_does(blender_environment):
+    done = run(blender_environment, "--list")
+    assert done.returncode == 0, done.stderr
+    lines = [line for line in done.stdout.splitlines() if "): " in line]
+    assert len(lines) >= 80
+    assert any(line.startswith("show_proxy(look_inside") for line in lines)
