@@ -8,6 +8,7 @@ engines have and which, unlike material and object indices, take any number of o
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -34,6 +35,7 @@ Provenance tells where nothing is seen (0); Depth and Distance mean nothing ther
 NEAR_M = 0.02
 """Surfaces nearer to the camera plane than this are not drawn, as in the z-buffer."""
 
+_UNFINISHED = ".unfinished-"
 _NAMES = {"cycles": "Cycles", "eevee": "EEVEE"}
 _NAME = "R2S-EGO conditions"
 _EXACT_HALF = 2048  # EEVEE keeps AOVs as 16-bit floats: whole numbers up to here
@@ -70,7 +72,10 @@ class ConditionScene:
         versions.write_multilayer(self._scene)
 
     def render(self, camera: Camera, file: Path) -> None:
-        """Write the passes seen from ``camera`` as the multilayer EXR ``file``."""
+        """Write the passes seen from ``camera`` as the multilayer EXR ``file``, which is never half there.
+
+        Raises GenerationError when Blender could not render or write it.
+        """
         scene = self._scene
         if self._camera is None:
             self._camera = create_camera(_NAME, camera)
@@ -79,8 +84,20 @@ class ConditionScene:
         else:
             set_camera(self._camera, camera)
         use_frame_of(self._camera, scene)
-        scene.render.filepath = str(file)
-        bpy.ops.render.render(write_still=True, scene=scene.name)
+        unfinished = file.with_name(_UNFINISHED + file.name)
+        scene.render.filepath = str(unfinished)
+        try:
+            _render_now(scene)
+        except RuntimeError as error:
+            raise GenerationError(f"Blender could not render: {error}", where=file) from error
+        if not unfinished.is_file():
+            raise GenerationError("Blender wrote no image", where=file, cure="Is the disk full?")
+        try:
+            unfinished.replace(file)
+        except OSError as error:
+            raise GenerationError(
+                f"the image cannot be written: {error.strerror}", where=file, cure="Choose another folder."
+            ) from error
 
     def remove(self) -> None:
         """Take the scene and all that is in it out of Blender."""
@@ -114,18 +131,20 @@ def render_path(
     files = [folder / f"{index:03d}.exr" for index in range(len(path))]
     for index, (camera, file) in enumerate(zip(path, files, strict=True)):
         on_frame(index)
-        try:
-            scene.render(camera, file)
-        except RuntimeError as error:
-            raise GenerationError(f"Blender could not render: {error}", where=file) from error
-        if not file.is_file():
-            raise GenerationError("Blender wrote no image", where=file, cure="Is the disk full?")
+        scene.render(camera, file)
     frames = [{"file": f.name, "camera": c.to_json()} for f, c in zip(files, path, strict=True)]
     content = {"complete": True, "renderer": renderer_name(engine), "passes": PASSES, "frames": frames}
-    unfinished = folder / (MANIFEST + ".tmp")
-    unfinished.write_text(json.dumps(content, indent=1), encoding="utf-8")
+    unfinished = folder / (_UNFINISHED + MANIFEST)
+    with unfinished.open("w", encoding="utf-8") as stream:
+        json.dump(content, stream, indent=1)
+        stream.flush()
+        os.fsync(stream.fileno())
     unfinished.replace(manifest)
     return files
+
+
+def _render_now(scene: bpy.types.Scene) -> None:
+    bpy.ops.render.render(write_still=True, scene=scene.name)
 
 
 def _declare_passes(scene: bpy.types.Scene) -> None:

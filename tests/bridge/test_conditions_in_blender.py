@@ -151,6 +151,37 @@ def test_a_folder_that_cannot_be_written_is_an_error(scene, tmp_path):
     assert not (tmp_path / "manifest.json").exists()
 
 
+def test_a_path_that_ends_half_way_leaves_whole_images_and_no_manifest(tmp_path):
+    class BreakingOff(ConditionScene):
+        def __init__(self):
+            self.left = 2
+
+        def render(self, camera, file):
+            self.left -= 1
+            if not self.left:
+                raise GenerationError("Blender could not render: out of memory", where=file)
+            file.write_bytes(b"exr")
+
+    (tmp_path / bridge.MANIFEST).write_text("{}")  # of an earlier path
+    with pytest.raises(GenerationError, match=r"001\.exr: .*out of memory"):
+        bridge.render_path(BreakingOff(), [LENSES["centred"]] * 3, tmp_path, "cycles")
+    assert [file.name for file in tmp_path.iterdir()] == ["000.exr"]
+
+
+def test_an_image_that_is_cut_off_is_never_taken_for_whole(scene, tmp_path, monkeypatch):
+    conditions = ConditionScene(bumpy_room(), "cycles")
+
+    def cut_off(*args, **given):
+        (tmp_path / ".unfinished-000.exr").write_bytes(b"v/1")
+        raise RuntimeError("no space left")
+
+    monkeypatch.setattr(bridge, "_render_now", cut_off)
+    with pytest.raises(GenerationError, match=r"000\.exr: .*no space left"):
+        conditions.render(LENSES["centred"], tmp_path / "000.exr")
+    assert not (tmp_path / "000.exr").exists()
+    conditions.remove()
+
+
 def test_another_camera_or_a_damaged_image_is_refused(in_cycles, tmp_path):
     with pytest.raises(GenerationError, match="size"):
         read_condition(in_cycles[1][0], PATH[-1])
