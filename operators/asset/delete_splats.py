@@ -1,19 +1,14 @@
 """Delete the marked splats from the asset, restore deleted ones, or forget the marks."""
 
-import shutil
-from pathlib import Path
-
 import bpy
 from bpy.props import StringProperty
 
 from ...r2sego_blender.errors import AssetError
 from .. import state
 from ..base import EngineOperator, ReportingOperator, needs_bundle, needs_idle_engine
+from ..engine_files import hand_over
 from .marks import clear_marks
 from .show_asset import show_stage
-
-_MARKS = ".marks"
-"""Of the bundle: the regions on their way to the engine."""
 
 
 class R2SEGO_OT_delete_splats(EngineOperator, bpy.types.Operator):
@@ -40,11 +35,10 @@ class R2SEGO_OT_delete_splats(EngineOperator, bpy.types.Operator):
         bundle = state.opened_bundle(context).path
         command = ["edit-asset", str(bundle)]
         for index, mark in enumerate(context.scene.r2sego_asset.marks):
-            command += [f"--{mark.kind}", str(_region_file(bundle, index, mark.region))]
+            command += [f"--{mark.kind}", str(hand_over(f"{index:03d}.json", mark.region))]
         return [*command, *(["--name", self.name] if self.name else []), "--json-progress"]
 
     def finish(self, context, result):
-        shutil.rmtree(state.opened_bundle(context).path / _MARKS, ignore_errors=True)
         clear_marks(context.scene)
         return _show_edited(context, result)
 
@@ -95,19 +89,6 @@ class R2SEGO_OT_clear_splat_marks(ReportingOperator, bpy.types.Operator):
     def perform(self, context):
         clear_marks(context.scene)
         return ""
-
-
-def _region_file(bundle: Path, index: int, region: str) -> Path:
-    """A marked region as a file the engine reads."""
-    file = bundle / _MARKS / f"{index:03d}.json"
-    try:
-        file.parent.mkdir(exist_ok=True)
-        file.write_text(region, encoding="utf-8")
-    except OSError as error:
-        raise AssetError(
-            f"the marks cannot be written: {error.strerror}", where=file, cure="Allow writing there."
-        ) from error
-    return file
 
 
 def _show_edited(context, result) -> str:

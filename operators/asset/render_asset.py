@@ -1,23 +1,21 @@
 """Render the asset exactly, from the active camera, by the engine."""
 
-import hashlib
 import json
 from pathlib import Path
 
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from ...r2sego_blender.asset_stages import PASSES, Stage, stage_label, stage_named
+from ...r2sego_blender.asset_stages import PASSES, stage_label, stage_named
 from ...r2sego_blender.bridge.asset_cameras import exact_camera
 from ...r2sego_blender.bridge.asset_pictures import load_picture, put_behind, show_in_editor
+from ...r2sego_blender.bridge.asset_renderings import camera_folder, prune, remove_rendering
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import SceneError
 from .. import state
 from ..base import EngineOperator, needs_idle_engine
+from ..engine_files import hand_over
 from .show_asset import needs_asset
-
-_FOLDER = ".pictures"
-"""Of the bundle: renderings to look at, which no step reads; it may be deleted at any time."""
 
 _PLACES = (
     ("BACKGROUND", "Camera Background", "Look through the camera at the picture"),
@@ -69,9 +67,10 @@ class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
         stage = stage_named(bundle.scene, self.stage or group.stages[group.stage].name)
         # The job's end finds by these what it began with, whatever is chosen then.
         self.camera, self.stage = seen_from.name, stage.name
-        cameras = _cameras_file(bundle.path, camera, stage)
+        cameras = hand_over("cameras.json", json.dumps({"cameras": [camera]}))
+        folder = camera_folder(bundle, stage, camera)
         return [
-            "render", str(bundle.path), "--cameras", str(cameras), "--to", str(cameras.parent),
+            "render", str(bundle.path), "--cameras", str(cameras), "--to", str(folder),
             "--round", stage.name, "--pass", self.render_pass, "--json-progress",
         ]  # fmt: skip
 
@@ -80,7 +79,10 @@ class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
             raise SceneError("the engine told no picture", cure="Render again.")
         name = f"{self.camera}, {stage_label(self.stage).lower()}"
         name += "" if self.render_pass == "colour" else f", {self.render_pass}"
-        image = load_picture(Path(result["files"][0]), name)
+        file, bundle = Path(result["files"][0]), state.opened_bundle(context)
+        image = load_picture(file, name)
+        remove_rendering(bundle, file)  # the image holds it
+        prune(bundle)
         group, seen_from = context.scene.r2sego_asset, bpy.data.objects.get(self.camera)
         if self.place == "BACKGROUND" and seen_from is not None:
             put_behind(seen_from, image)
@@ -92,20 +94,6 @@ class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
             return f"{image.name} is rendered; open an image editor to see it"
         redraw_views()
         return f"{image.name}: {image.size[0]} x {image.size[1]}"
-
-
-def _cameras_file(bundle: Path, camera: dict, stage: Stage) -> Path:
-    """The file that tells the engine the camera, in a folder of its own for this view of this asset."""
-    made = json.dumps([camera, stage.name, stage.file.stat().st_mtime_ns])
-    file = bundle / _FOLDER / hashlib.sha256(made.encode()).hexdigest()[:16] / "cameras.json"
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(json.dumps({"cameras": [camera]}), encoding="utf-8")
-    except OSError as error:
-        raise SceneError(
-            f"the camera cannot be written: {error.strerror}", where=file, cure="Allow writing there."
-        ) from error
-    return file
 
 
 def _camera_object(context, name: str) -> bpy.types.Object | None:

@@ -14,7 +14,7 @@ from ...r2sego_blender.captures.picks_fit import residual_lines
 from ...r2sego_blender.errors import CaptureError
 from .. import state
 from ..base import EngineOperator, needs_bundle, needs_idle_engine
-from ..engine_files import handed_over
+from ..engine_files import hand_over
 
 
 def show_corrected(context, residuals):
@@ -72,8 +72,7 @@ class R2SEGO_OT_correct_registration(EngineOperator, bpy.types.Operator):
                 "nothing tells the floor or the scale yet",
                 cure="Pick points of the floor, or add a length between two points, or a camera's height.",
             )  # fmt: skip
-        file = handed_over("picks.json")
-        file.write_text(json.dumps(picks.to_json()), encoding="utf-8")
+        file = hand_over("picks.json", json.dumps(picks.to_json()))
         return [*command, "--picks", str(file)]
 
     def finish(self, context, result):

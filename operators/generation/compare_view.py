@@ -6,11 +6,11 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
+from ...r2sego_blender.bridge.asset_renderings import renderings_of_view
 from ...r2sego_blender.bridge.view_parts import nearest_truth, view_parts
 from ...r2sego_blender.bridge.view_pictures import compare_picture, show_image
 from ..base import ReportingOperator
 from .properties import DEFAULT_PARTS, PARTS
-from .render_target_views import asset_pictures
 from .views import OfOneView
 
 IMAGE = "R2S-EGO Side by Side"
@@ -47,7 +47,7 @@ class R2SEGO_OT_compare_view(OfOneView, ReportingOperator, bpy.types.Operator):
             )  # fmt: skip
         parts = view_parts(
             bundle, record, {part.lower() for part in self.parts}, clip_frame=self.clip_frame,
-            asset=asset_pictures(bundle, shown, record.rank), truth=truth,
+            asset=renderings_of_view(bundle, shown, record.rank), truth=truth,
         )  # fmt: skip
         image = compare_picture(IMAGE, parts)
         image["view"], image["round"] = record.rank, shown

@@ -1,5 +1,6 @@
 """Shape priors shown, placed by hand with their fit followed live, and the placement kept."""
 
+import json
 import math
 
 import bpy
@@ -17,7 +18,7 @@ from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import GeometryError
 from .. import state
 from ..base import EngineOperator, ReportingOperator, needs_bundle, needs_idle_engine
-from ..engine_files import handed_over
+from ..engine_files import hand_over, handed_over
 from .polls import declared_object, needs_object
 
 
@@ -184,8 +185,9 @@ class R2SEGO_OT_use_mesh_as_prior(EngineOperator, bpy.types.Operator):
             return command
         # The file is in the world already.
         pose = [[float(row == column) for column in range(4)] for row in range(4)]
-        placement = file.with_name("placement.json")
-        placement.write_text(f'{{"world_from_own": {pose}, "locked": {str(self.place == "LOCK").lower()}}}\n')
+        placement = hand_over(
+            "placement.json", json.dumps({"world_from_own": pose, "locked": self.place == "LOCK"})
+        )
         return [*command, "--place", f"{name}={placement}"]
 
     def finish(self, context, result):

@@ -1,6 +1,7 @@
 """What holds of the room Generation, checked inside Blender."""
 
 import json
+import os
 from pathlib import Path
 
 import bpy
@@ -117,18 +118,23 @@ def check_the_asset_is_rendered_from_the_views_by_the_engine():
     copy = copied_bundle()
     (copy / "geometry").mkdir(exist_ok=True)
     (copy / "geometry" / "initial_asset.ply").write_bytes(b"ply\n")
+    earlier = copy / ".pictures" / "of_an_earlier_asset"
+    earlier.mkdir(parents=True)
+    os.utime(earlier, (0.0, 0.0))
     conduct("succeed")
     state().round_index = 0
     for when, stage in (("BEFORE", "initial"), ("AFTER", "0")):
         assert bpy.ops.r2sego.render_target_views(when=when) == {"FINISHED"}
         call = calls()[-1]
         assert call[:2] == ["render", str(copy)] and call[6:8] == ["--round", stage], call
+        assert not Path(call[3]).is_relative_to(copy) and Path(call[5]).parent == copy / ".pictures"
         cameras = json.loads(Path(call[3]).read_text())["cameras"]
         assert [camera["name"] for camera in cameras] == ["000", "001", "002", "003"]
         assert (cameras[0]["width"], cameras[0]["fx"]) == (64, 40.0)
         picture = bpy.data.images.new("asset", 8, 6)
         picture.filepath_raw, picture.file_format = f"{call[5]}/000.png", "PNG"
         picture.save()
+    assert not earlier.exists()
     bpy.ops.r2sego.compare_view(view=0)
     labels = list(bpy.data.images["R2S-EGO Side by Side"]["parts"])
     assert labels[:2] == ["asset before the round", "asset after the round"], labels
