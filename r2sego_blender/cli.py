@@ -341,6 +341,7 @@ def _cancel_at_once() -> None:
     """
     if threading.current_thread() is not threading.main_thread():
         return
+    from .scratch import remove_scratch
     from .workers.child import kill_children
 
     reader, writer = socket.socketpair()
@@ -351,7 +352,8 @@ def _cancel_at_once() -> None:
 
     def wait() -> None:
         number = reader.recv(1)[0]
-        kill_children()
+        kill_children(for_good=True)
+        remove_scratch()
         print("\nr2sego: cancelled; finished steps are kept", file=sys.stderr, flush=True)
         os._exit(128 + number)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -31,6 +30,7 @@ from .geometry.priors import read_record
 from .geometry.shapes import load_shape, mesh_files
 from .object_backends import generated_meshes, segmented_objects
 from .scene import Scene
+from .scratch import ScratchFolder
 from .steps import COMPLETED, OBJECTS, OBSERVED, PLANES, PRIORS
 
 
@@ -65,7 +65,7 @@ def declare_objects(
     nothing then; MachineError and NativeError where a learned backend is missing or fails.
     """
     words = [word.strip() for word in vocabulary if word.strip()]
-    with scene.locked(), tempfile.TemporaryDirectory(prefix="r2sego-") as temporary:
+    with scene.locked(), ScratchFolder() as temporary:
         folder = scene.path / OBJECTS
         captures = load_captures(scene.captures_folder)
         if masks is not None:

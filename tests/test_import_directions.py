@@ -21,6 +21,7 @@ FOUNDATION = {
     "progress",
     "resources",
     "scene",
+    "scratch",
     "settings",
 }
 ABOVE_CAPTURES = FOUNDATION | {"workers", "captures"}

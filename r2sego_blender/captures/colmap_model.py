@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import struct
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 
 from ..errors import CaptureError, NativeError
 from ..progress import SILENT, Progress
+from ..scratch import ScratchFolder
 from ..workers.child import call_in_child
 from .capture import Capture
 from .colmap import load_pycolmap
@@ -133,7 +133,7 @@ def read_in_child(request: dict[str, Any]) -> dict[str, Any]:
     pycolmap = load_pycolmap()
     _limit_memory()
     model, suffix = Path(request["model"]), request["suffix"]
-    with tempfile.TemporaryDirectory() as folder:
+    with ScratchFolder() as folder:
         for name in ("cameras", "images"):
             shutil.copyfile(model / f"{name}{suffix}", Path(folder, f"{name}{suffix}"))
         Path(folder, f"points3D{suffix}").write_bytes(struct.pack("<Q", 0) if suffix == ".bin" else b"")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import cv2
 import numpy as np
 
 from ..errors import CaptureError, NativeError
+from ..scratch import ScratchFolder
 from ..workers.child import call_in_child
 from .capture import Capture
 from .photographs import photograph_size
@@ -116,7 +116,7 @@ def _read_arrays(path: Path) -> np.ndarray:
 
 def _read_exr(path: Path) -> np.ndarray:
     """In a child process: OpenEXR has ended its process over crafted files."""
-    with tempfile.TemporaryDirectory() as folder:
+    with ScratchFolder() as folder:
         copy = Path(folder, "depth.npy")
         try:
             call_in_child(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from ..cameras import Camera
 from ..errors import CaptureError
 from ..images import image_files, load_image, resize
 from ..progress import Progress
+from ..scratch import ScratchFolder
 from ..settings import CaptureSettings
 from ..workers.child import call_in_child
 from .colmap import load_pycolmap
@@ -65,7 +65,7 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
             f"no two of the {len(paths)} photographs share {settings.min_matches} features",
             where=folder_of_photographs, cure=_ADVICE,
         )  # fmt: skip
-    with progress.task("Solving camera poses", total=1) as task, tempfile.TemporaryDirectory() as folder:
+    with progress.task("Solving camera poses", total=1) as task, ScratchFolder() as folder:
         save_matches(Path(folder, "matches.npz"), features, pairs)
         request = {
             "folder": folder, "paths": [str(path) for path in paths], "sizes": sizes,

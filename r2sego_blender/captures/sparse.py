@@ -6,7 +6,6 @@ The first, sparse part of the paper's fragmentary geometry ``M_obs = (P_obs, A_o
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from ..arrays import opened_arrays, save_arrays
 from ..cameras import Camera
 from ..errors import CaptureError
 from ..progress import SILENT, Progress
+from ..scratch import ScratchFolder
 from ..settings import CaptureSettings
 from ..workers.child import call_in_child
 from .capture import Capture
@@ -108,7 +108,7 @@ def triangulate_matches(
 
     Raises CaptureError when there are fewer than ``min_matches``.
     """
-    with progress.task("Triangulating", total=1) as task, tempfile.TemporaryDirectory() as folder:
+    with progress.task("Triangulating", total=1) as task, ScratchFolder() as folder:
         save_matches(Path(folder, "matches.npz"), detected.features, pairs)
         request = {
             "folder": folder, "cameras": [camera.to_json() for camera in cameras],

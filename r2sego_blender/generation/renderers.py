@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import numpy as np
 from ..cameras import Camera
 from ..errors import GenerationError
 from ..geometry.proxy import GeometryProxy
+from ..scratch import ScratchFolder
 from ..settings import GenerationSettings
 from ..workers.blender_renderer import BLENDER_VARIABLE, BlenderWorker, shared_worker
 from .conditions import NOTHING, Condition, Renderer, ZBufferRenderer
@@ -40,14 +40,14 @@ class BlenderRenderer:
     def __init__(self, proxy: GeometryProxy, engine: str, worker: BlenderWorker) -> None:
         """``engine`` is "cycles" or "eevee". Raises MachineError when Blender cannot be started."""
         self._engine, self._worker = engine, worker
-        self._folder = tempfile.TemporaryDirectory(prefix="r2sego-proxy-")
+        self._folder = ScratchFolder()
         self._proxy_file = Path(self._folder.name, "proxy.npz")
         proxy.save(self._proxy_file)
         self.name = f"{_ENGINES[engine]} {worker.version}"
 
     def render(self, path: Sequence[Camera]) -> list[Condition]:
         """See ``Renderer``. Raises GenerationError or NativeError when Blender cannot."""
-        with tempfile.TemporaryDirectory(prefix="r2sego-conditions-") as folder:
+        with ScratchFolder() as folder:
             files = self._worker.render(self._proxy_file, path, self._engine, Path(folder))
             return [read_condition(file, camera) for file, camera in zip(files, path, strict=True)]
 

@@ -7,7 +7,6 @@ input, so each region is cut in a child process, and within a time.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +19,7 @@ from scipy.spatial import QhullError
 from ..arrays import opened_arrays, save_arrays
 from ..errors import GeometryError, NativeError
 from ..progress import SILENT, Progress
+from ..scratch import ScratchFolder
 from ..workers.child import call_in_child
 from .convex import Cutting, Limits, Piece, Soup, convex_hull, decompose
 from .standing_out import FreeSide
@@ -122,7 +122,7 @@ def _region(name: str, vertices: np.ndarray, faces: np.ndarray) -> Region:
 
 
 def _in_child(region: Region, timeout_s: float) -> list[Piece]:
-    with tempfile.TemporaryDirectory(prefix="r2sego-") as folder:
+    with ScratchFolder() as folder:
         request = {"region": str(Path(folder, "region.npz")), "pieces": str(Path(folder, "pieces.npz"))}
         save_arrays(Path(request["region"]), vertices=region.vertices, faces=region.faces)
         count = call_in_child(cut, request, timeout_s=timeout_s)["pieces"]

@@ -6,7 +6,6 @@ clouds are looked at first and the reconstruction runs in a child process.
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from ..errors import GeometryError
+from ..scratch import ScratchFolder
 from ..workers.child import call_in_child
 from .oriented_points import OrientedPoints
 
@@ -33,7 +33,7 @@ def poisson_surface(cloud: OrientedPoints, cell_m: float) -> tuple[np.ndarray, n
     points, normals = checked(cloud)
     extent = float(np.ptp(points, axis=0).max())
     depth = int(np.clip(round(np.log2(_PADDING * extent / cell_m)), *_DEPTHS))
-    with tempfile.TemporaryDirectory(prefix="r2sego-") as folder:
+    with ScratchFolder() as folder:
         source, target = Path(folder, "points.ply"), Path(folder, "surface.ply")
         _write_ply(source, points, normals)
         call_in_child(_reconstruct, {"source": str(source), "target": str(target), "depth": depth})

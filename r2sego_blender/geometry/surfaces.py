@@ -6,7 +6,6 @@ an environment of its own.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
@@ -15,6 +14,7 @@ import numpy as np
 
 from ..arrays import opened_arrays, save_arrays
 from ..errors import GeometryError
+from ..scratch import ScratchFolder
 from ..workers.nksr import reconstruct_elsewhere
 from .oriented_points import OrientedPoints, WeightedDepth
 from .poisson import checked, poisson_surface
@@ -52,7 +52,7 @@ def screened_poisson_surface(
 def nksr_surface(views: Sequence[WeightedDepth], field: DistanceField) -> tuple[np.ndarray, np.ndarray]:
     """NKSR's surface of the views' oriented points; see ``workers.nksr`` for what it needs."""
     points, normals = checked(_cloud(views, field))
-    with tempfile.TemporaryDirectory(prefix="r2sego-") as folder:
+    with ScratchFolder() as folder:
         cloud, surface = Path(folder, "cloud.npz"), Path(folder, "surface.npz")
         save_arrays(cloud, points=points, normals=normals)
         reconstruct_elsewhere(cloud, surface, field.voxel_m)

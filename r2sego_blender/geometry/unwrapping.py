@@ -8,7 +8,6 @@ which always ends.
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +16,7 @@ import numpy as np
 from ..arrays import opened_arrays, save_arrays
 from ..errors import GeometryError, NativeError
 from ..progress import SILENT, Progress
+from ..scratch import ScratchFolder
 from ..settings import TextureSettings
 from ..workers.child import call_in_child
 from .box_unwrapping import box_unwrapped
@@ -56,7 +56,7 @@ def unwrapped(
 
 
 def _by_xatlas(vertices, faces, settings, seconds):
-    with tempfile.TemporaryDirectory(prefix="r2sego-") as folder:
+    with ScratchFolder() as folder:
         mesh, charts = Path(folder, "mesh.npz"), Path(folder, "charts.npz")
         save_arrays(mesh, vertices=vertices, faces=faces)
         request = {

@@ -24,13 +24,13 @@ from typing import Any
 from .. import errors
 from ..cameras import Camera
 from ..errors import MachineError, NativeError
-from .child import RUNNING
+from .by_place import IMPORT_LIBRARY, LIBRARY
+from .child import RUNNING, forget
 
 FRAME_LIMIT_S = 600.0
 """Silence after which a Blender counts as hung, seconds: EEVEE first compiles its shaders."""
 
 _PROTOCOL = 1
-_LIBRARY = Path(__file__).resolve().parents[1]
 _REMEMBERED_LINES = 20
 BLENDER_VARIABLE = "R2SEGO_BLENDER"
 """Names the Blender program: this machine's affair, which no bundle from elsewhere decides."""
@@ -171,7 +171,7 @@ class BlenderWorker:
             self._process.stdin.close()
         for listener in self._listeners:
             listener.join(1.0)
-        RUNNING.discard(self._process)
+        forget(self._process)
         self._process = None
 
 
@@ -183,10 +183,7 @@ def shared_worker(blender: str = "") -> BlenderWorker:
 
 def _command(blender: str) -> list[str]:
     """Raises MachineError when the named Blender, or bpy, is not there."""
-    serve = (
-        f"import sys; sys.path.insert(0, {str(_LIBRARY.parent)!r}); "
-        f"from {_LIBRARY.name}.bridge.render_service import serve; serve()"
-    )
+    serve = f"{IMPORT_LIBRARY}\nfrom {LIBRARY.name}.bridge.render_service import serve\nserve()\n"
     if not blender:
         if importlib.util.find_spec("bpy") is None:
             raise MachineError(

@@ -12,24 +12,40 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from ..errors import NativeError, R2SEgoError
+from ..scratch import ScratchFolder
+from .by_place import IMPORT_LIBRARY, LIBRARY, environment_elsewhere
 
 _PACKAGE = __package__.rpartition(".")[0]
-_PACKAGE_PARENT = Path(__file__).resolve().parents[1 + _PACKAGE.count(".") + 1]
+_CHILD = f"{IMPORT_LIBRARY}\nfrom {LIBRARY.name}.workers.child import serve_call\nserve_call(*sys.argv[1:])\n"
 
 RUNNING: set[subprocess.Popen] = set()
 """The processes that ``kill_children`` ends."""
 
+_GOING_ON = threading.Lock()
 
-def kill_children() -> None:
-    """End every native call and worker under way; for a process that is being cancelled."""
+
+def kill_children(for_good: bool = False) -> None:
+    """End every native call and worker under way.
+
+    ``for_good`` where this process ends next: nobody hears of their end any more.
+    """
+    if for_good:
+        _GOING_ON.acquire()
     for process in tuple(RUNNING):
         process.kill()
+
+
+def forget(process: subprocess.Popen) -> None:
+    """Take a process that has ended from RUNNING; waits for ever once they were killed for good."""
+    RUNNING.discard(process)
+    with _GOING_ON:
+        pass
 
 
 def call_in_child(
@@ -41,22 +57,23 @@ def call_in_child(
 ) -> dict[str, Any]:
     """Call ``function`` with ``request`` in a new process and return its result.
 
-    ``function``, from one JSON-ready dict to another, stands at the top of an importable
-    module; large data goes through files named in the request. ``python`` is the interpreter,
-    of another environment if need be. An R2SEgoError raised inside
+    ``function``, from one JSON-ready dict to another, stands at the top of a module of this
+    library, or of one the child can import; large data goes through files named in the request.
+    ``python`` is the interpreter, of another environment if need be: this library is found there
+    by its place, and nothing else of this environment. An R2SEgoError raised inside
     is raised here again; anything else, an abort or a time-out is a NativeError that carries
     the last line the process printed.
     """
-    name = f"{function.__module__}:{function.__name__}"
-    with tempfile.TemporaryDirectory(prefix="r2sego-") as folder:
+    module = function.__module__
+    if module.startswith(f"{_PACKAGE}."):  # a longer one inside Blender
+        module = f"{LIBRARY.name}{module.removeprefix(_PACKAGE)}"
+    name = f"{module}:{function.__name__}"
+    with ScratchFolder() as folder:
         request_file, manifest = Path(folder, "request.json"), Path(folder, "manifest.json")
         request_file.write_text(json.dumps(request))
-        environment = dict(os.environ)
-        paths = [str(_PACKAGE_PARENT), environment.get("PYTHONPATH", "")]
-        environment["PYTHONPATH"] = os.pathsep.join(filter(None, paths))
-        command = [python, "-m", __name__, name, str(request_file), str(manifest)]
+        command = [python, "-c", _CHILD, name, str(request_file), str(manifest)]
         process = subprocess.Popen(
-            command, env=environment, stdin=subprocess.DEVNULL,
+            command, env=_environment(python, folder), stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
         )  # fmt: skip
         RUNNING.add(process)
@@ -69,7 +86,7 @@ def call_in_child(
         finally:
             process.kill()
             process.wait()
-            RUNNING.discard(process)
+            forget(process)
         outcome = json.loads(manifest.read_text()) if manifest.is_file() else {}
         if "error" in outcome:
             raise _error_class(outcome["error"])(
@@ -85,13 +102,21 @@ def call_in_child(
         return outcome["result"]
 
 
+def _environment(python: str, folder: str) -> dict[str, str]:
+    if python != sys.executable:
+        return environment_elsewhere()
+    # What a killed child leaves among its temporary files goes with the request.
+    return dict(os.environ) | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), folder)
+
+
 def _error_class(name: str) -> type[R2SEgoError]:
     from .. import errors
 
     return getattr(errors, name, NativeError)
 
 
-def _main(function: str, request_file: str, manifest: str) -> None:
+def serve_call(function: str, request_file: str, manifest: str) -> None:
+    """The child's side: call ``function``, "module:name", and leave the manifest."""
     module_name, _, name = function.partition(":")
     module = importlib.import_module(module_name)
     request = json.loads(Path(request_file).read_text())
@@ -105,7 +130,3 @@ def _main(function: str, request_file: str, manifest: str) -> None:
     unfinished = Path(manifest + ".tmp")
     unfinished.write_text(json.dumps(outcome))
     unfinished.replace(manifest)
-
-
-if __name__ == "__main__":
-    _main(*sys.argv[1:])

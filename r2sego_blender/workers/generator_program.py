@@ -20,7 +20,8 @@ from pathlib import Path
 from typing import IO, Any
 
 from ..errors import GenerationError, MachineError, NativeError
-from .child import RUNNING
+from .by_place import environment_elsewhere
+from .child import RUNNING, forget
 from .elsewhere import PROTOCOL
 from .processes import die_with_parent, end_tree, group_of_its_own
 
@@ -115,7 +116,7 @@ class GeneratorProgram:
             self._process.stdin.close()
         self._process.kill()
         self._process.wait()
-        RUNNING.discard(self._process)
+        forget(self._process)
         self._said.close()
         self._process = None
 
@@ -130,8 +131,9 @@ class GeneratorProgram:
         self._said = tempfile.TemporaryFile(prefix="r2sego-")  # noqa: SIM115
         try:
             self._process = _Tree(
-                [*self._command, str(folder)], stdin=subprocess.PIPE, stdout=self._said,
-                stderr=subprocess.STDOUT, preexec_fn=None if os.name == "nt" else die_with_parent,
+                [*self._command, str(folder)], env=environment_elsewhere(),
+                stdin=subprocess.PIPE, stdout=self._said, stderr=subprocess.STDOUT,
+                preexec_fn=None if os.name == "nt" else die_with_parent,
                 **group_of_its_own(window=False),
             )  # fmt: skip
         except OSError as error:

@@ -13,13 +13,13 @@ Result: ``protocol``, ``backend`` with its version, and ``masks``, a list of ``p
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import MachineError, NativeError
+from ..scratch import ScratchFolder
 from .child import call_in_child
 from .elsewhere import (
     PROTOCOL,
@@ -64,7 +64,7 @@ def segment_elsewhere(
     from ..images import load_image_uint8, save_image
 
     python = named_python(PYTHON_VARIABLE, _NAME, "--segment", _CURE)
-    with tempfile.TemporaryDirectory(prefix="r2sego-") as folder:
+    with ScratchFolder() as folder:
         files = {name: Path(folder, f"photograph_{k}.png") for k, name in enumerate(photographs)}
         for name, image in photographs.items():
             save_image(files[name], image)

@@ -1,13 +1,22 @@
 """A native call succeeds only with exit 0 and a complete manifest."""
 
+import json
 import os
+import shutil
+import signal
+import stat
+import subprocess
+import sys
+import tempfile
 import time
 from pathlib import Path
 
 import pytest
 
+import r2sego_blender
 from r2sego_blender.errors import CaptureError, NativeError
-from r2sego_blender.workers import child
+from r2sego_blender.workers import by_place, child, elsewhere
+from r2sego_blender.workers.engine import engine_environment
 
 
 def double(request: dict) -> dict:
@@ -34,11 +43,16 @@ def hang(request: dict) -> dict:
     time.sleep(60)
 
 
+def leave_files(request: dict) -> dict:
+    Path(request["told"]).write_text(tempfile.mkdtemp())
+    os.abort()
+
+
 @pytest.fixture
 def call(monkeypatch):
     """``call_in_child`` for this file's functions: the child imports this file by its name."""
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    for function in (double, leave, abort, crash, refuse, hang):
+    for function in (double, leave, abort, crash, refuse, hang, leave_files):
         monkeypatch.setattr(function, "__module__", Path(__file__).stem)
     return child.call_in_child
 
@@ -68,3 +82,120 @@ def test_a_call_that_takes_too_long_is_ended(call):
     with pytest.raises(NativeError, match="longer than 1 s"):
         call(hang, {}, timeout_s=1.0)
     assert not child.RUNNING
+
+
+def test_temporary_files_of_an_aborted_child_go_with_it(call, tmp_path):
+    with pytest.raises(NativeError):
+        call(leave_files, {"told": str(tmp_path / "told")})
+    left = Path((tmp_path / "told").read_text())
+    assert left.parent.name.startswith("r2sego-") and not left.parent.exists()
+
+
+@pytest.fixture
+def under_pip(tmp_path, monkeypatch) -> tuple[Path, Path]:
+    """This library as pip installs it, beside a package that another environment has too: that
+    folder, and the other environment's python."""
+    packages, others = tmp_path / "site-packages", tmp_path / "other"
+    for folder, words in ((packages, "of the engine"), (others, "of the model")):
+        (folder / "model_weights").mkdir(parents=True)
+        (folder / "model_weights" / "__init__.py").write_text(f"whose = {words!r}\n")
+    shutil.copytree(
+        by_place.LIBRARY, packages / "r2sego_blender", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    (packages / "r2sego_blender" / "workers" / "asking.py").write_text(
+        "import sys\n"
+        "from ..errors import MachineError\n"
+        "def ask(request):\n"
+        "    import model_weights\n"
+        "    if 'refuse' in request: raise MachineError('no GPU', where='here')\n"
+        "    from .. import __file__ as place\n"
+        "    return {'whose': model_weights.whose, 'place': place, 'path': sys.path}\n"
+    )
+    python = tmp_path / "python"
+    python.write_text(
+        f'#!/bin/sh\nPYTHONPATH="${{PYTHONPATH:+$PYTHONPATH:}}{others}" exec "{sys.executable}" -S "$@"\n'
+    )  # -S: an interpreter that has not this one's packages
+    python.chmod(python.stat().st_mode | stat.S_IXUSR)
+    return packages, python
+
+
+ASK = """
+import json, sys
+from r2sego_blender.errors import MachineError
+from r2sego_blender.workers.asking import ask
+from r2sego_blender.workers.child import call_in_child
+try:
+    call_in_child(ask, {"refuse": True}, python=sys.argv[1])
+except MachineError as error:
+    print(json.dumps(call_in_child(ask, {}, python=sys.argv[1]) | {"where": error.where}))
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a shell script stands for the environment")
+@pytest.mark.parametrize("started_by", ["pip", "the add-on"])
+def test_another_environment_gets_this_package_and_no_other(under_pip, tmp_path, monkeypatch, started_by):
+    packages, python = under_pip
+    monkeypatch.setenv("PYTHONPATH", str(packages))
+    if started_by == "the add-on":
+        monkeypatch.setenv("PYTHONSAFEPATH", "1")
+    (tmp_path / "here" / "model_weights").mkdir(parents=True)  # where the person stands
+    (tmp_path / "here" / "model_weights" / "__init__.py").write_text("whose = 'nobody'\n")
+    done = subprocess.run(
+        [sys.executable, "-c", ASK, python], capture_output=True, text=True, cwd=tmp_path / "here"
+    )
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
+    assert answer["whose"] == "of the model" and answer["where"] == "here"
+    assert Path(answer["place"]).parent == packages / "r2sego_blender"
+    assert str(packages) not in answer["path"] and str(tmp_path / "here") not in answer["path"]
+
+
+def test_programs_elsewhere_keep_what_the_person_put_on_the_path(monkeypatch, tmp_path):
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv("R2SEGO_TEST", "kept")
+    assert engine_environment()["PYTHONPATH"].split(os.pathsep)[0] == str(by_place.LIBRARY.parent)
+    monkeypatch.setenv("PYTHONPATH", engine_environment()["PYTHONPATH"])
+    environment = by_place.environment_elsewhere()
+    assert (environment["PYTHONPATH"], environment["R2SEGO_TEST"]) == (str(tmp_path), "kept")
+    monkeypatch.setenv("PYTHONPATH", str(by_place.LIBRARY.parent))
+    assert "PYTHONPATH" not in by_place.environment_elsewhere()
+
+
+def test_inside_blender_the_module_is_named_as_the_child_knows_it(monkeypatch):
+    """The add-on's library has a longer name there."""
+    monkeypatch.setattr(child, "_PACKAGE", "bl_ext.user_default.r2sego.r2sego_blender")
+    monkeypatch.setattr(
+        elsewhere.checked_request, "__module__", f"{child._PACKAGE}.workers.elsewhere"
+    )  # it declines a request that names no protocol, so it has run
+    with pytest.raises(NativeError, match="follows protocol None"):
+        child.call_in_child(elsewhere.checked_request, {})
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_cancelled_command_leaves_no_temporary_folder(tmp_path, number):
+    command = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from r2sego_blender.cli import _cancel_at_once
+from r2sego_blender.scratch import ScratchFolder
+from r2sego_blender.workers.child import call_in_child
+from test_child import hang
+_cancel_at_once()
+with ScratchFolder() as folder:
+    open(folder + "/large", "w").close()
+    call_in_child(hang, {{}})
+"""
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    paths = [str(Path(__file__).parent), str(Path(r2sego_blender.__file__).parents[1])]
+    environment = os.environ | {"TMPDIR": str(temporary), "PYTHONPATH": os.pathsep.join(paths)}
+    engine = subprocess.Popen([sys.executable, "-c", command], stderr=subprocess.PIPE, env=environment)
+    deadline_s = time.monotonic() + 60.0
+    while not list(temporary.glob("*/request.json")) and time.monotonic() < deadline_s:
+        time.sleep(0.05)
+    assert len(list(temporary.iterdir())) == 2
+    engine.send_signal(number)
+    _, said = engine.communicate(timeout=30.0)
+    assert engine.returncode == 128 + number and b"cancelled" in said
+    assert list(temporary.iterdir()) == []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import tempfile
 from functools import reduce
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from pxr import Tf, Usd, UsdGeom, UsdVol, Vt
 
 from ...arrays import opened_arrays
 from ...errors import AssetError
+from ...scratch import ScratchFolder
 from ..asset import SplatAsset
 from ..quaternions import to_rotation
 from . import usd_stage
@@ -74,7 +74,7 @@ def load_usd(path: Path) -> SplatAsset:
     AssetError when the file is damaged or holds no Gaussian splats.
     """
     content(path, 1)
-    with tempfile.TemporaryDirectory(prefix="r2sego-") as folder:
+    with ScratchFolder() as folder:
         arrays_file = Path(folder, "stage.npz")
         command = [sys.executable, "-P", usd_stage.__file__, str(path), str(arrays_file)]
         try:

@@ -1,0 +1,35 @@
+"""This library for another Python, found by its place.
+
+The folder that holds the package is no place to search for modules: under pip it holds every
+package of one environment, and would hide those of the other.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+LIBRARY = Path(__file__).resolve().parents[1]
+
+IMPORT_LIBRARY = f"""\
+import importlib.util, sys
+sys.path[:] = [place for place in sys.path if place]
+spec = importlib.util.spec_from_file_location(
+    {LIBRARY.name!r}, {str(LIBRARY / "__init__.py")!r}, submodule_search_locations=[{str(LIBRARY)!r}]
+)
+sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(sys.modules[spec.name])
+"""
+"""Python's words that import this library as ``r2sego_blender`` and nothing else.
+
+They also leave the working folder unsearched.
+"""
+
+
+def environment_elsewhere() -> dict[str, str]:
+    """This process's variables for a program of another environment: ``PYTHONPATH`` without the
+    folder of this library, which ``engine.engine_environment`` puts there."""
+    environment = dict(os.environ)
+    places = environment.pop("PYTHONPATH", "").split(os.pathsep)
+    kept = [place for place in places if place and Path(place).resolve() != LIBRARY.parent]
+    return environment | ({"PYTHONPATH": os.pathsep.join(kept)} if kept else {})
