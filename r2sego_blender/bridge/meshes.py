@@ -9,7 +9,7 @@ _ATTRIBUTE_TYPES = {"i": "INT", "u": "INT", "b": "BOOLEAN", "f": "FLOAT"}
 
 
 def mesh_from_arrays(name: str, vertices: np.ndarray, triangles: np.ndarray) -> bpy.types.Mesh:
-    """A flat-shaded mesh of vertices (V, 3), metres, and triangles (F, 3), possibly none."""
+    """A flat-shaded mesh of vertices (V, 3), metres, and triangles (F, 3), if any; nothing is selected."""
     mesh = bpy.data.meshes.new(name)
     mesh.vertices.add(len(vertices))
     mesh.vertices.foreach_set("co", np.ascontiguousarray(vertices, np.float32).ravel())
@@ -20,6 +20,8 @@ def mesh_from_arrays(name: str, vertices: np.ndarray, triangles: np.ndarray) -> 
         mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * len(triangles), 3, dtype=np.int32))
     mesh.update(calc_edges=True)
     mesh.shade_flat()
+    for parts in (mesh.vertices, mesh.edges, mesh.polygons):  # new ones are selected
+        parts.foreach_set("select", np.zeros(len(parts), bool))
     return mesh
 
 

@@ -88,6 +88,8 @@ def save_masks(folder: Path, names: list[str]) -> int:
                 continue
             place = folder / name
             place.mkdir(parents=True, exist_ok=True)
+            if image.is_dirty:  # a copy has what was packed, without strokes painted since
+                image.pack()
             copy = image.copy()  # saving would tie the person's own image to the file
             try:
                 copy.file_format = "PNG"

@@ -46,7 +46,6 @@ def show_asset(scene: bpy.types.Scene, bundle: Bundle, stage: Stage) -> bpy.type
     splats = read_stage(stage, bundle.scene.geometry_folder / "backdrop.ply")
     collection = fresh_collection(scene, bundle.name, _PART)
     mesh = mesh_from_arrays(f"Asset, {stage.label.lower()}", splats.means, _NO_TRIANGLES)
-    mesh.vertices.foreach_set("select", np.zeros(len(splats), bool))  # new ones are
     add_colours(mesh, _COLOUR, np.rint(splats.colours * 255.0))
     add_attribute(mesh, _RADIUS, splats.radii_m, "POINT")
     add_attribute(mesh, _OPACITY, splats.opacities, "POINT")
