@@ -86,12 +86,20 @@ def place(collection: bpy.types.Collection, frame: int) -> None:
     recording = _recording(collection[_RECORDING])
     if recording is None:
         return
-    for shown in collection.objects:
+    objects = collection.objects
+    matrices = np.empty((len(objects), 4, 4), np.float32)
+    objects.foreach_get("matrix_basis", matrices.reshape(-1))
+    moved = []
+    for index, shown in enumerate(objects):
         number = shown.get(_ROLLOUT)
         poses = recording.poses.get(number) if number is not None else None
         if poses is not None and len(poses):
-            pose = poses[min(max(frame, 0), len(poses) - 1), shown[_BODY]]
-            shown.matrix_basis = pose.T.tolist()
+            matrices[index] = poses[min(max(frame, 0), len(poses) - 1), shown[_BODY]].T
+            moved.append(shown)
+    # Set one by one, each would have the side bar, the outliner and the properties drawn anew.
+    objects.foreach_set("matrix_basis", matrices.reshape(-1))
+    for shown in moved:
+        shown.update_tag(refresh={"OBJECT"})
 
 
 def forget() -> None:
