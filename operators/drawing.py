@@ -5,25 +5,27 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
-from ..r2sego_blender.errors import R2SEgoError
+from ..r2sego_blender.bridge.views_3d import redraw_views
+from .view_tool import ViewTool
 
 _STEP_PX = 3.0
 _WIDTH_PX = 2.5
 _COLOUR = (1.0, 0.35, 0.2, 1.0)
 
 
-class Drawing:
+class Drawing(ViewTool):
     """An operator whose ``invoke`` draws in the 3D view, then goes to ``execute``.
 
     ``begin(context)`` may refuse by raising R2SEgoError; ``end(context, points)`` puts what was
     drawn, region pixels from the lower left, into the operator's properties.
     """
 
-    hint = ""
+    cursor = "CROSSHAIR"
     clicks = False
     """Whether corners are clicked; else the mouse is dragged."""
 
     _handle = None
+    _shown_in = 0  # the address of the region that shows the line
 
     def begin(self, context) -> None:
         """Before the first point."""
@@ -32,47 +34,38 @@ class Drawing:
         """After the last."""
 
     def invoke(self, context, event):
-        if context.area is None or context.area.type != "VIEW_3D":
-            self.report({"ERROR"}, "Draw in a 3D view")
-            return {"CANCELLED"}
-        # The button stands in the side bar; the line is drawn in the view beside it.
-        self._area, self._space = context.area, context.space_data
-        self._region = next(region for region in context.area.regions if region.type == "WINDOW")
-        self._points, self._pressed = [], False
-        try:
-            self.begin(context)
-        except R2SEgoError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self._handle = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_PIXEL")
-        context.workspace.status_text_set(self.hint)
-        context.window.cursor_modal_set("CROSSHAIR")
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+        return self.start_tool(context)
 
-    def modal(self, context, event):
+    def on_start(self, context):
+        self._points, self._pressed = [], False
+        self.begin(context)
+        self._handle = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_PIXEL")
+
+    def on_event(self, context, event):
+        region = context.region
+        self._shown_in = region.as_pointer()
         if event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS":
-            self._leave(context)
             return {"CANCELLED"}
-        at = (event.mouse_x - self._region.x, event.mouse_y - self._region.y)
+        at = (event.mouse_x - region.x, event.mouse_y - region.y)
         if event.type in {"MOUSEMOVE", "INBETWEEN_MOUSEMOVE"}:
-            self._area.tag_redraw()
+            region.tag_redraw()
             if self._pressed and not self.clicks:
                 self._add(at)
         elif event.type == "LEFTMOUSE" and event.value == "PRESS":
             self._pressed = True
             self._add(at)
         elif self._ended(event):
-            self._leave(context)
             self.end(context, self._points)
             return self.execute(context)
         elif event.type in {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE"} and not self._points:
             return {"PASS_THROUGH"}
         return {"RUNNING_MODAL"}
 
-    def cancel(self, context):
-        """Blender ends the operator, for example because another file is opened."""
-        self._leave(context)
+    def on_leave(self, context):
+        if self._handle is not None:
+            bpy.types.SpaceView3D.draw_handler_remove(self._handle, "WINDOW")
+            self._handle = None
+            redraw_views("WINDOW")
 
     def _ended(self, event) -> bool:
         if self.clicks:
@@ -87,7 +80,7 @@ class Drawing:
             self._points.append(at)
 
     def _draw(self) -> None:
-        if bpy.context.region != self._region or len(self._points) < 2:
+        if bpy.context.region.as_pointer() != self._shown_in or len(self._points) < 2:
             return
         shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
         shader.bind()
@@ -96,12 +89,3 @@ class Drawing:
         shader.uniform_float("color", _COLOUR)
         corners = [(*corner, 0.0) for corner in self._points]
         batch_for_shader(shader, "LINE_STRIP", {"pos": [*corners, corners[0]]}).draw(shader)
-
-    def _leave(self, context) -> None:
-        if self._handle is not None:
-            bpy.types.SpaceView3D.draw_handler_remove(self._handle, "WINDOW")
-            self._handle = None
-        if context.window is not None:
-            context.window.cursor_modal_restore()
-            context.workspace.status_text_set(None)
-        self._area.tag_redraw()

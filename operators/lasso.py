@@ -49,7 +49,7 @@ class Lasso(Drawing):
     def end(self, context, points):
         for point in points:
             self.path.add().loc = point
-        view = self._space.region_3d
+        view = context.region_data
         self.view_matrix = [value for row in view.view_matrix for value in row]
         self.window_matrix = [value for row in view.window_matrix for value in row]
-        self.region_size = self._region.width, self._region.height
+        self.region_size = context.region.width, context.region.height

@@ -8,6 +8,7 @@ from ...r2sego_blender.bridge.asset_pictures import photograph_of
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import SceneError
 from ..base import ReportingOperator
+from ..view_tool import ViewTool
 
 
 class R2SEGO_OT_compare_photograph(ReportingOperator, bpy.types.Operator):
@@ -45,7 +46,7 @@ class R2SEGO_OT_compare_photograph(ReportingOperator, bpy.types.Operator):
         return ""
 
 
-class R2SEGO_OT_move_wipe(ReportingOperator, bpy.types.Operator):
+class R2SEGO_OT_move_wipe(ViewTool, ReportingOperator, bpy.types.Operator):
     """Move the divider between the two pictures with the mouse"""
 
     bl_idname = "r2sego.move_wipe"
@@ -56,6 +57,8 @@ class R2SEGO_OT_move_wipe(ReportingOperator, bpy.types.Operator):
         name="Wipe", description="Where the left picture ends, as a share of the width",
         subtype="FACTOR", min=0.0, max=1.0, default=0.5,
     )  # fmt: skip
+
+    hint = "Wipe: move the mouse, click to keep (ESC cancels)"
 
     @classmethod
     def poll(cls, context):
@@ -72,24 +75,20 @@ class R2SEGO_OT_move_wipe(ReportingOperator, bpy.types.Operator):
     def invoke(self, context, event):
         if context.area is None or context.area.type != "VIEW_3D":
             return self.execute(context)
-        self._before = context.scene.r2sego_asset.wipe
-        self._region = next(r for r in context.area.regions if r.type == "WINDOW")
-        self._view = context.space_data.region_3d
-        context.workspace.status_text_set("Wipe: move the mouse, click to keep (ESC cancels)")
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+        return self.start_tool(context)
 
-    def modal(self, context, event):
-        frame = camera_frame_px(context.scene, self._region, self._view)
+    def on_start(self, context):
+        self._before = self.factor = context.scene.r2sego_asset.wipe
+
+    def on_event(self, context, event):
+        frame = camera_frame_px(context.scene, context.region, context.region_data)
         if event.type == "MOUSEMOVE" and frame is not None:
             left, _, width, _ = frame
-            self.factor = min(1.0, max(0.0, (event.mouse_x - self._region.x - left) / width))
-            context.scene.r2sego_asset.wipe = self.factor
-        elif event.type in {"ESC", "RIGHTMOUSE"} or (event.type == "LEFTMOUSE" and event.value == "PRESS"):
-            kept = event.type == "LEFTMOUSE"
-            context.workspace.status_text_set(None)
-            if kept:
-                return self.execute(context)
+            self.factor = min(1.0, max(0.0, (event.mouse_x - context.region.x - left) / width))
+            context.scene.r2sego_asset.wipe, self.changed = self.factor, True
+        elif event.type == "LEFTMOUSE" and event.value == "PRESS":
+            return self.execute(context)
+        elif event.type in {"ESC", "RIGHTMOUSE"}:
             context.scene.r2sego_asset.wipe = self._before
             return {"CANCELLED"}
         return {"RUNNING_MODAL"}

@@ -2,13 +2,14 @@
 
 import bpy
 from bpy.props import BoolProperty, FloatProperty, StringProperty
-from bpy_extras.view3d_utils import region_2d_to_vector_3d
 
 from ...r2sego_blender.bridge.cameras import camera_of, has_lens
 from ...r2sego_blender.bridge.registration_pixels import next_name, pixel_of_ray
+from ...r2sego_blender.bridge.scope_rays import is_over, mouse_ray
 from ...r2sego_blender.bridge.show_captures import capture_name
 from ...r2sego_blender.errors import CaptureError, R2SEgoError
 from ..base import ReportingOperator, needs_bundle
+from ..view_tool import ViewTool
 from .look_through_next import step_capture
 from .properties import fit_again
 
@@ -17,7 +18,7 @@ _STEPS = {"PAGE_DOWN": 1, "RIGHT_ARROW": 1, "PAGE_UP": -1, "LEFT_ARROW": -1}
 _ENDS = {"RET", "NUMPAD_ENTER", "ESC", "RIGHTMOUSE"}
 
 
-class R2SEGO_OT_pick_point(ReportingOperator, bpy.types.Operator):
+class R2SEGO_OT_pick_point(ViewTool, ReportingOperator, bpy.types.Operator):
     """Pick the same point of the room in several photographs"""
 
     bl_idname = "r2sego.pick_point"
@@ -38,6 +39,9 @@ class R2SEGO_OT_pick_point(ReportingOperator, bpy.types.Operator):
     )
     floor: BoolProperty(name="Floor", description="A new point lies on the floor")
 
+    hint = "Click the point    Page Up, Page Down: other photograph    Enter, ESC: end"
+    cursor = "CROSSHAIR"
+
     @classmethod
     def poll(cls, context):
         if not needs_bundle(cls, context):
@@ -50,44 +54,28 @@ class R2SEGO_OT_pick_point(ReportingOperator, bpy.types.Operator):
     def invoke(self, context, event):
         if self.capture:
             return self.execute(context)
-        if context.area is None or context.area.type != "VIEW_3D":
-            self.report({"ERROR"}, "Pick in a 3D view.")
-            return {"CANCELLED"}
-        try:
-            if not self._looks_through_a_capture(context):
-                step_capture(context, 0)
-        except R2SEgoError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self._picked = False
-        context.window.cursor_modal_set("CROSSHAIR")
-        context.workspace.status_text_set(
-            "Click the point    Page Up, Page Down: other photograph    Enter, ESC: end"
-        )
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+        return self.start_tool(context)
 
-    def modal(self, context, event):
+    def on_start(self, context):
+        if not self._looks_through_a_capture(context):
+            step_capture(context, 0)
+        self.changed = False
+
+    def on_event(self, context, event):
         if event.value == "PRESS" and event.type in _ENDS:
-            return self._leave(context)
+            return {"FINISHED"} if self.changed else {"CANCELLED"}
         if event.value == "PRESS" and event.type in _STEPS:
             try:
                 step_capture(context, _STEPS[event.type])
             except R2SEgoError as error:
                 self.report({"WARNING"}, str(error))
             return {"RUNNING_MODAL"}
-        region = next(region for region in context.area.regions if region.type == "WINDOW")
-        x, y = event.mouse_x - region.x, event.mouse_y - region.y
-        inside = 0 <= x < region.width and 0 <= y < region.height
+        inside = is_over(context.region, event)
         if event.type == "LEFTMOUSE" and inside:
             if event.value == "PRESS":
-                self._click(context, region, (x, y))
+                self._click(context, event)
             return {"RUNNING_MODAL"}
         return {"PASS_THROUGH"} if event.type in _NAVIGATION or not inside else {"RUNNING_MODAL"}
-
-    def cancel(self, context):
-        """Blender ends the operator, for example because another file is opened."""
-        self._leave(context)
 
     def perform(self, context):
         shown = context.scene.r2sego_captures
@@ -123,21 +111,16 @@ class R2SEGO_OT_pick_point(ReportingOperator, bpy.types.Operator):
             and capture_name(camera) in context.scene.r2sego_captures.captures
         )
 
-    def _click(self, context, region, place):
+    def _click(self, context, event):
         if not self._looks_through_a_capture(context):
             self.report({"WARNING"}, "Look through a capture to pick in it")
             return
         camera = camera_of(context.scene.camera)
-        ray = region_2d_to_vector_3d(region, context.space_data.region_3d, place)
+        _, ray = mouse_ray(context.area, event)
         pixel = pixel_of_ray(camera, ray)
         if pixel is None:
             self.report({"WARNING"}, "That is outside the photograph")
             return
         self.capture = capture_name(context.scene.camera)
         self.x_px, self.y_px = pixel
-        self._picked |= self.execute(context) == {"FINISHED"}
-
-    def _leave(self, context):
-        context.window.cursor_modal_restore()
-        context.workspace.status_text_set(None)
-        return {"FINISHED"} if self._picked else {"CANCELLED"}
+        self.changed |= self.execute(context) == {"FINISHED"}

@@ -146,19 +146,22 @@ class R2SEGO_OT_draw_mask(Drawing, ReportingOperator, bpy.types.Operator):
             raise GeometryError("no capture is looked through", cure="Press Look Through first.")
 
     def end(self, context, points):
-        left, bottom, width, height = self._frame(context)
+        frame = self._frame(context)
+        if frame is None:
+            raise GeometryError("no capture is looked through now", cure="Press Look Through, then draw.")
+        left, bottom, width, height = frame
         size = np.array([self._view.camera.width, self._view.camera.height])
         shares = (np.array(points, np.float64) - (left, bottom)) / (width, height)
         shares[:, 1] = 1.0 - shares[:, 1]
         self.points = " ".join(f"{x:.2f},{y:.2f}" for x, y in shares * size)
 
-    def modal(self, context, event):
+    def on_event(self, context, event):
         if event.type == "LEFTMOUSE" and event.value == "PRESS" and not self._points:
             self.subtract = event.ctrl
-        return super().modal(context, event)
+        return super().on_event(context, event)
 
     def _frame(self, context):
-        return camera_frame_px(context.scene, self._region, self._space.region_3d)
+        return camera_frame_px(context.scene, context.region, context.region_data)
 
 
 def _pixels(text: str) -> np.ndarray:

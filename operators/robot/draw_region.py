@@ -4,16 +4,16 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from ...r2sego_blender.bridge.scope_picking import floor_point
-from ...r2sego_blender.bridge.scope_rays import distance_px, is_over, mouse_ray, view_region
+from ...r2sego_blender.bridge.scope_rays import distance_px, is_over, mouse_ray
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.robot.region import format_polygon, parse_polygon
+from ..view_tool import ViewTool
 from .declaring import DeclaringOperator
 
-_HELP = "Click: corner · Backspace: take one back · Enter or the first corner: done · ESC: cancel"
 _CLOSES_PX = 12.0
 
 
-class R2SEGO_OT_draw_region(DeclaringOperator, bpy.types.Operator):
+class R2SEGO_OT_draw_region(ViewTool, DeclaringOperator, bpy.types.Operator):
     """Click the corners of the floor the robot may use, from above; ENTER ends, ESC cancels"""
 
     bl_idname = "r2sego.draw_region"
@@ -25,34 +25,32 @@ class R2SEGO_OT_draw_region(DeclaringOperator, bpy.types.Operator):
         name="From Above", description="Turn the view to look straight down first", default=True
     )
 
-    def invoke(self, context, event):
-        if context.area is None or context.area.type != "VIEW_3D":
-            self.report({"ERROR"}, "The region is drawn in a 3D view")
-            return {"CANCELLED"}
-        if self.from_above:
-            with context.temp_override(region=view_region(context.area)):
-                bpy.ops.view3d.view_axis(type="TOP")
-        self._area, self._corners = context.area, []
-        context.workspace.status_text_set(_HELP)
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+    hint = "Click: corner · Backspace: take one back · Enter or the first corner: done · ESC: cancel"
 
-    def modal(self, context, event):
+    def invoke(self, context, event):
+        return self.start_tool(context)
+
+    def on_start(self, context):
+        if self.from_above:
+            bpy.ops.view3d.view_axis(type="TOP")
+        self._corners = []
+
+    def on_event(self, context, event):
         if event.type == "ESC":
-            return self._leave(context, {"CANCELLED"})
+            return {"CANCELLED"}
         if event.type in {"RET", "NUMPAD_ENTER"} and event.value == "PRESS":
             return self._done(context)
         if event.type in {"BACK_SPACE", "DEL"} and event.value == "PRESS":
             self._corners = self._corners[:-1]
             self._show(context)
             return {"RUNNING_MODAL"}
-        if not is_over(view_region(self._area), event):
+        if not is_over(context.region, event):
             return {"PASS_THROUGH"}
-        point = floor_point(*mouse_ray(self._area, event))
+        point = floor_point(*mouse_ray(context.area, event))
         if event.type == "MOUSEMOVE":
             self._show(context, point)
         if event.type == "LEFTMOUSE" and event.value == "PRESS":
-            closes = len(self._corners) >= 3 and self._is_first(event)
+            closes = len(self._corners) >= 3 and self._is_first(context, event)
             if closes:
                 return self._done(context)
             if point is not None:
@@ -61,19 +59,20 @@ class R2SEGO_OT_draw_region(DeclaringOperator, bpy.types.Operator):
             return {"RUNNING_MODAL"}
         return {"PASS_THROUGH"}  # the view can be turned and moved meanwhile
 
-    def cancel(self, context):
-        """Blender ends the operator, for example because another file is opened."""
-        self._leave(context, {"CANCELLED"})
+    def on_leave(self, context):
+        for scene in bpy.data.scenes:  # another one may have been chosen meanwhile
+            if scene.r2sego_robot.drawing:
+                scene.r2sego_robot.drawing = ""
+        redraw_views()
 
     def changes(self, context):
         return ["--region", format_polygon(parse_polygon(self.polygon))]
 
-    def _is_first(self, event):
-        return distance_px(self._area, event, (*self._corners[0], 0.0)) < _CLOSES_PX
+    def _is_first(self, context, event):
+        return distance_px(context.area, event, (*self._corners[0], 0.0)) < _CLOSES_PX
 
     def _done(self, context):
         self.polygon = format_polygon(self._corners)
-        self._leave(context, set())
         return self.execute(context)
 
     def _show(self, context, under_mouse=None):
@@ -81,9 +80,3 @@ class R2SEGO_OT_draw_region(DeclaringOperator, bpy.types.Operator):
         shown = [*self._corners, *([under_mouse] if under_mouse else [])]
         context.scene.r2sego_robot.drawing = format_polygon(shown)
         redraw_views()
-
-    def _leave(self, context, ended):
-        context.scene.r2sego_robot.drawing = ""
-        context.workspace.status_text_set(None)
-        redraw_views()
-        return ended

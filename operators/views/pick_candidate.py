@@ -4,6 +4,7 @@ import bpy
 from bpy.props import IntProperty
 from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
 
+from ...r2sego_blender.bridge.scope_rays import is_over
 from ...r2sego_blender.bridge.show_candidates import (
     candidate_of_selection,
     candidate_on_ray,
@@ -13,13 +14,13 @@ from ...r2sego_blender.bridge.view_chart import chart_in, covered_margins
 from ...r2sego_blender.bridge.view_scores import remembered
 from ...r2sego_blender.errors import SceneError
 from ..base import ReportingOperator
+from ..view_tool import ViewTool
 from .polls import needs_candidates
 
 _SLACK_PX = 6.0
-_HELP = "Click a frustum, or the curves at the bottom (drag to go along them); ESC ends"
 
 
-class R2SEGO_OT_pick_candidate(ReportingOperator, bpy.types.Operator):
+class R2SEGO_OT_pick_candidate(ViewTool, ReportingOperator, bpy.types.Operator):
     """Click a candidate's frustum, or a frame in the curves, to see why it was chosen or not"""
 
     bl_idname = "r2sego.pick_candidate"
@@ -31,6 +32,8 @@ class R2SEGO_OT_pick_candidate(ReportingOperator, bpy.types.Operator):
         description="The candidate's number; -1 takes the one of the face chosen in Edit Mode",
     )  # fmt: skip
 
+    hint = "Click a frustum, or the curves at the bottom (drag to go along them); ESC ends"
+    cursor = "EYEDROPPER"
     _dragging = False
 
     @classmethod
@@ -64,23 +67,18 @@ class R2SEGO_OT_pick_candidate(ReportingOperator, bpy.types.Operator):
             return self.execute(context)
         if context.area.type != "VIEW_3D":
             return self.execute(context)
-        context.window.cursor_modal_set("EYEDROPPER")
-        context.workspace.status_text_set(_HELP)
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+        return self.start_tool(context)
 
-    def modal(self, context, event):
+    def on_event(self, context, event):
         if event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS":
-            self._leave(context)
-            return {"FINISHED" if self._dragging else "CANCELLED"}
+            return {"FINISHED" if self.changed else "CANCELLED"}
         if self._dragging:
             if event.type == "MOUSEMOVE":
                 self._pick(context, self._on_curves(context, event, outside=True))
             if event.type == "LEFTMOUSE" and event.value == "RELEASE":
-                self._leave(context)
                 return {"FINISHED"}
             return {"RUNNING_MODAL"}
-        if event.type != "LEFTMOUSE" or event.value != "PRESS" or not _within(_window_of(context), event):
+        if event.type != "LEFTMOUSE" or event.value != "PRESS" or not is_over(context.region, event):
             return {"PASS_THROUGH"}
         found = self._on_curves(context, event)
         self._dragging = found >= 0
@@ -90,26 +88,19 @@ class R2SEGO_OT_pick_candidate(ReportingOperator, bpy.types.Operator):
             self.report({"INFO"}, "No candidate is there; ESC ends")
             return {"RUNNING_MODAL"}
         self._pick(context, found)
-        if self._dragging:
-            return {"RUNNING_MODAL"}
-        self._leave(context)
-        return {"FINISHED"}
-
-    def cancel(self, context):
-        """Blender ends the operator, for example because another file is opened."""
-        self._leave(context)
+        return {"RUNNING_MODAL" if self._dragging else "FINISHED"}
 
     def _pick(self, context, candidate):
         if candidate >= 0 and candidate != context.scene.r2sego_views.active:
             self.candidate = candidate
-            self.execute(context)
+            self.changed |= self.execute(context) == {"FINISHED"}
 
     def _on_curves(self, context, event, outside=False):
         """The candidate of the frame under the mouse, -1 when the curves are not there."""
         group, scores = context.scene.r2sego_views, remembered(context.scene.session_uid)
         if scores is None or not group.curves:
             return -1
-        region = _window_of(context)
+        region = context.region
         frames = scores.views.frame[scores.of_rollout(group.rollout)]
         others = [other for other in context.area.regions if other.type != "WINDOW"]
         chart = chart_in(
@@ -123,25 +114,11 @@ class R2SEGO_OT_pick_candidate(ReportingOperator, bpy.types.Operator):
 
     def _on_frusta(self, context, event):
         """The candidate whose frustum is under the mouse, -1 when none is."""
-        scores, region = remembered(context.scene.session_uid), _window_of(context)
+        scores, region = remembered(context.scene.session_uid), context.region
         swarm = None if scores is None else shown_candidates(context.scene, scores.bundle_name)
         if swarm is None or not swarm.visible_get():
             return -1
         place = (event.mouse_x - region.x, event.mouse_y - region.y)
-        view = context.area.spaces.active.region_3d
+        view = context.region_data
         origin = region_2d_to_origin_3d(region, view, place)
         return candidate_on_ray(swarm, origin, region_2d_to_vector_3d(region, view, place))
-
-    def _leave(self, context):
-        context.window.cursor_modal_restore()
-        context.workspace.status_text_set(None)
-
-
-def _window_of(context):
-    """The region of the 3D view in which things are drawn."""
-    return next(region for region in context.area.regions if region.type == "WINDOW")
-
-
-def _within(region, event):
-    x, y = event.mouse_x - region.x, event.mouse_y - region.y
-    return 0 <= x < region.width and 0 <= y < region.height

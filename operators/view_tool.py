@@ -1,0 +1,99 @@
+"""Tools that the mouse works in a 3D view: begun, followed while the view is there, and left cleanly."""
+
+from ..r2sego_blender.bridge.held_view import HeldView
+from ..r2sego_blender.errors import R2SEgoError
+
+_GOING_ON = {"RUNNING_MODAL", "PASS_THROUGH"}
+
+
+class ViewTool:
+    """An operator whose ``invoke`` is ``start_tool``, and which then hears ``on_event`` in one 3D view.
+
+    In both the context's area and region are the view. Keep neither: Blender frees them. The tool
+    ends with what ``on_event`` returns, with a sentence when its view is closed or another scene is
+    chosen, and silently when another file is opened; ``on_leave`` hears of every end.
+    """
+
+    hint = ""
+    """What the status bar tells meanwhile."""
+
+    cursor = ""
+    """The mouse's picture meanwhile, '' for Blender's own."""
+
+    changed = False
+    """Whether it has changed Blender's data already, which an end by itself leaves as it is."""
+
+    _held: HeldView | None = None
+
+    def on_event(self, context, event) -> set[str]:
+        """One event; returns what ``modal`` returns. May raise R2SEgoError, which ends the tool."""
+        raise NotImplementedError
+
+    def on_start(self, context) -> None:
+        """Before the first event. May raise R2SEgoError, which refuses."""
+
+    def on_leave(self, context) -> None:
+        """After the last event, however it ended; there may be no view any more."""
+
+    def start_tool(self, context) -> set[str]:
+        """Begin, in the 3D view whose button or side bar was used."""
+        refusal = _refusal(context)
+        if refusal:
+            self.report({"ERROR"}, f"{self.bl_label}: {refusal}")
+            return {"CANCELLED"}
+        self._held = HeldView(context.area, context.scene)
+        try:
+            area, region = self._held.places(context.screen)
+            with context.temp_override(area=area, region=region):  # the button may stand in the side bar
+                self.on_start(context)
+        except R2SEgoError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        context.workspace.status_text_set(self.hint or None)
+        if self.cursor:
+            context.window.cursor_modal_set(self.cursor)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        lost = self._held.lost(context)
+        if lost:
+            self._leave(context)
+            self.report({"WARNING"}, f"{self.bl_label} ended: {lost}. Start it again where you work now")
+            return self._left()
+        area, region = self._held.places(context.screen)
+        ended = set()
+        try:
+            with context.temp_override(area=area, region=region):
+                ended = self.on_event(context, event)
+        except R2SEgoError as error:
+            self.report({"ERROR"}, str(error))
+            ended = self._left()
+        finally:
+            if not ended & _GOING_ON:
+                self._leave(context)
+        return ended
+
+    def cancel(self, context):
+        """Blender ends the operator, for example because another file is opened."""
+        self._leave(context)
+
+    def _left(self) -> set[str]:
+        return {"FINISHED" if self.changed else "CANCELLED"}  # what changed can be undone
+
+    def _leave(self, context) -> None:
+        self.on_leave(context)
+        if context.window is not None:
+            if self.cursor:
+                context.window.cursor_modal_restore()
+            context.workspace.status_text_set(None)
+
+
+def _refusal(context) -> str:
+    """Why no tool can begin here, '' when one can."""
+    if context.area is None or context.area.type != "VIEW_3D":
+        return "press the button in a 3D view"
+    for other in context.window.modal_operators:
+        if other.bl_idname.startswith("R2SEGO_OT_"):
+            return f"{other.bl_label} is still at work: end it with ESC first"
+    return ""
