@@ -15,6 +15,7 @@ import bpy
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+from capture_lasso import lasso_through
 from enabled_addon import enabled_addon
 
 from r2sego_blender.bridge.script import run_script
@@ -49,7 +50,7 @@ def _clean(options: argparse.Namespace) -> None:
     if options.delete:
         r2sego.mark_splats_box(lowest=options.delete[:3], highest=options.delete[3:])
     if options.lasso:
-        _mark_with_lasso(scene.camera, options.lasso)
+        _mark_with_lasso(scene.camera.name, options.lasso)
     if options.fainter:
         _select_fainter(group.shown, options.fainter)
         r2sego.mark_selected_splats(cell=0.005)
@@ -71,17 +72,12 @@ def _clean(options: argparse.Namespace) -> None:
         print(f"deleted in {edit.name}: {edit.regions}")
 
 
-def _mark_with_lasso(camera: bpy.types.Object, far_m: float) -> None:
-    """Mark what the camera's image shows, but for its edges, up to ``far_m`` away."""
-    bpy.context.view_layer.update()
-    size, view = (200, 150), camera.matrix_world.normalized().inverted()
-    window = camera.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), x=size[0], y=size[1])
-    corners = ((10, 10), (190, 10), (190, 140), (10, 140))
-    bpy.ops.r2sego.mark_splats_lasso(
-        path=[{"name": "", "loc": corner, "time": 0.0} for corner in corners], region_size=size,
-        view_matrix=[value for row in view for value in row],
-        window_matrix=[value for row in window for value in row], far=far_m,
-    )  # fmt: skip
+def _mark_with_lasso(capture: str, far_m: float) -> None:
+    """Mark what a capture's image shows, but for its edges, up to ``far_m`` away."""
+    width, height = bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y
+    left, top, right, bottom = 0.05 * width, 0.05 * height, 0.95 * width, 0.95 * height
+    corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
+    bpy.ops.r2sego.mark_splats_lasso(**lasso_through(capture, corners), far=far_m)
 
 
 def _select_fainter(shown: bpy.types.Object, share: float) -> None:

@@ -30,6 +30,9 @@ def main(arguments: list[str]) -> int:
     for decision in ("accept", "reject", "undecided"):
         parser.add_argument(f"--{decision}", type=int, action="append", default=[], metavar="K")
     parser.add_argument("--render", action="store_true", help="render the asset from the views first")
+    parser.add_argument(
+        "--conditions", type=int, metavar="PERCENT", help="render them along each clip's path"
+    )
     parser.add_argument("--truth", type=Path, help="cameras.json with frozen views to stand beside")
     options = parser.parse_args(arguments)
     with enabled_addon():
@@ -64,6 +67,10 @@ def show(options: argparse.Namespace) -> None:
         image.save()
         print(f"{image.filepath_raw}: {', '.join(image['parts'])}")
     if with_clips:
+        if options.conditions:
+            folder = options.to.absolute() / "conditions"
+            r2sego.render_conditions(view=with_clips[0], directory=str(folder), scale=options.conditions)
+            print(f"{folder}: {len(list(folder.glob('*.exr')))} frames")
         r2sego.show_camera_path(view=with_clips[0])
         r2sego.play_clip(view=with_clips[0])
         bpy.ops.wm.save_as_mainfile(filepath=str(options.to.absolute() / "view.blend"))

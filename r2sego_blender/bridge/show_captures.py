@@ -26,12 +26,14 @@ def show_captures(
     scene: bpy.types.Scene, bundle: Bundle, *, photographs: bool = True, points: bool = True,
     point_radius_m: float = 0.006, photograph_alpha: float = 0.6, display_size_m: float = 0.25,
 ) -> list[bpy.types.Object]:  # fmt: skip
-    """One camera a capture, in place of those shown before; the first becomes the scene's.
+    """One camera a capture, in place of those shown before.
 
+    The scene's becomes that of the capture it had before, else the first.
     Returns the camera objects. Raises SceneError when the bundle's cameras are damaged.
     """
     views = bundle.captures()
     cloud = bundle.sparse_points() if points and bundle.sparse_file.is_file() else None
+    before = capture_name(scene.camera)
     collection = fresh_collection(scene, bundle.name, CAPTURES_PART)
     cameras = []
     for view in views:
@@ -45,7 +47,7 @@ def show_captures(
     if cloud is not None:
         collection.objects.link(_point_object("Sparse points", *cloud, point_radius_m))
     if cameras:
-        use_frame_of(cameras[0], scene)
+        use_frame_of(next((one for one in cameras if one[_NAME] == before), cameras[0]), scene)
     return cameras
 
 

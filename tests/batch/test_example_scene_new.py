@@ -1,0 +1,63 @@
+"""A bundle made from photographs by a script, with pip bpy and the real engine."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from r2sego_blender.cli import main
+from r2sego_blender.scene import Scene
+
+pytest.importorskip("bpy", reason="pip bpy is not installed")
+
+ROOT = Path(__file__).parents[2]
+ROOM = ROOT / "demo" / "room"
+SCRIPT = ROOT / "batch" / "examples" / "scene_new.py"
+
+
+def run(environment, *arguments):
+    return subprocess.run(
+        [sys.executable, str(SCRIPT), "--", *map(str, arguments)],
+        env={**environment, "R2SEGO_PYTHON": sys.executable}, capture_output=True, text=True, timeout=1200,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def photographs(tmp_path):
+    """Three photographs of the demo room."""
+    folder = tmp_path / "photographs"
+    folder.mkdir()
+    for file in sorted((ROOM / "captures").glob("*.png"))[:3]:
+        shutil.copy(file, folder)
+    return folder
+
+
+def test_what_the_engine_refuses_is_told_in_one_line(blender_environment, photographs, tmp_path):
+    done = run(blender_environment, tmp_path / "a.r2s", "--captures", photographs, "--known-length", "a:1:2")
+    assert done.returncode == 1
+    assert "a:1:2" in done.stderr and "Traceback" not in done.stderr
+    assert not (tmp_path / "a.r2s").exists()
+
+
+@pytest.mark.slow
+def test_a_bundle_is_made_as_the_command_does(blender_environment, photographs, tmp_path):
+    poses = json.loads((ROOM / "cameras.json").read_text())
+    given = tmp_path / "cameras.json"
+    given.write_text(json.dumps(poses))
+    choices = ["--captures", photographs, "--poses", given, "--robot", "embedded:wheeled"]
+    done = run(blender_environment, tmp_path / "room.r2s", *choices)
+    assert done.returncode == 0, done.stderr + done.stdout
+    assert "robot, Robot: embedded:wheeled" in done.stdout and "captures, Photos: 3" in done.stdout
+    said = CliRunner().invoke(main, ["new", str(tmp_path / "same.r2s"), *map(str, choices)])
+    assert said.exit_code == 0, said.output
+    made, expected = (Scene.open(tmp_path / name) for name in ("room.r2s", "same.r2s"))
+    assert made.declaration == expected.declaration
+    files = sorted(file.relative_to(expected.path) for file in expected.captures_folder.rglob("*.*"))
+    assert sorted(file.relative_to(made.path) for file in made.captures_folder.rglob("*.*")) == files
+    for file in files:
+        if file.suffix != ".npz":  # which holds the time it was written
+            assert (made.path / file).read_bytes() == (expected.path / file).read_bytes(), file
