@@ -4,6 +4,22 @@ from collections.abc import Callable
 
 import bpy
 
+_MOST_POINTS = 16_000
+"""Discs that a processor in place of a graphics card draws in some hundredths of a second."""
+
+
+def timeline_runs(context: bpy.types.Context) -> bool:
+    """Whether the timeline plays or the mouse drags along it."""
+    return context.screen.is_animation_playing or context.screen.is_scrubbing
+
+
+def points_while_moving(count: int, device: str) -> int:
+    """How many of ``count`` points are drawn while something moves: all, but for OpenGL in software.
+
+    ``device`` is what ``gpu.platform.device_type_get`` tells.
+    """
+    return min(count, _MOST_POINTS) if device == "SOFTWARE" else count
+
 
 class Overlay:
     """A drawing over every 3D view, from ``register`` to ``unregister``.

@@ -5,7 +5,7 @@ import gpu
 from gpu_extras.batch import batch_for_shader
 
 from ..r2sego_blender.bridge.sparse_cloud import cloud_at
-from .overlays import Overlay
+from .overlays import Overlay, points_while_moving, timeline_runs
 
 _VERTEX = """
 void main() {
@@ -47,6 +47,8 @@ def _draw(context):
     size_px = shown.point_size_px * context.preferences.system.ui_scale
     shader.uniform_float("size", size_px)
     drawn = len(cloud.points) if size_px <= 1.0 else min(len(cloud.points), _MOST_WIDE)
+    if timeline_runs(context):
+        drawn = points_while_moving(drawn, gpu.platform.device_type_get())
     _made["batch"].draw_range(shader, elem_start=0, elem_count=drawn)
     gpu.state.program_point_size_set(False)
     gpu.state.depth_test_set("NONE")

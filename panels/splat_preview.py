@@ -14,7 +14,7 @@ import numpy as np
 from ..r2sego_blender.bridge.asset_colours import linear_from_srgb
 from ..r2sego_blender.bridge.show_asset import DrawnSplats, drawn_splats
 from ..r2sego_blender.bridge.views_3d import redraw_views
-from .overlays import Overlay
+from .overlays import Overlay, points_while_moving, timeline_runs
 
 _SETTLED_S = 0.25
 """The view is at rest when it has not moved for so long."""
@@ -194,8 +194,9 @@ def draw(context: bpy.types.Context) -> None:
     view = context.region_data
     world = view.perspective_matrix @ shown.matrix_world
     moving = _motion.moving(context.region.as_pointer(), tuple(value for row in world for value in row))
-    moving |= context.screen.is_animation_playing or context.screen.is_scrubbing
+    moving |= timeline_runs(context)
     count = drawn_count(buffer.count, group.share, group.moving_share, moving)
+    count = points_while_moving(count, gpu.platform.device_type_get()) if moving else count
     shader, discs = _shader()
     gpu.state.depth_test_set("LESS_EQUAL")
     gpu.state.depth_mask_set(True)

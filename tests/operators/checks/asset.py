@@ -235,6 +235,9 @@ def check_what_the_preview_draws():
     assert white == 1.0
     counts = [preview.drawn_count(200, 0.5, 0.25, moving) for moving in (False, True)]
     assert counts == [100, 25] and preview.drawn_count(3, 0.01, 0.01, True) == 1
+    assert preview.points_while_moving(50_000, "NVIDIA") == 50_000
+    assert preview.points_while_moving(50_000, "SOFTWARE") < 20_000
+    assert preview.points_while_moving(7, "SOFTWARE") == 7
     assert preview.scale_px([[1.0, 0.0], [0.0, 2.0]], 300) == 300.0
 
 
