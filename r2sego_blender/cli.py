@@ -325,8 +325,8 @@ def _advance(scene: Path, round_index: int | None, name: str, progress: Progress
             f"there is no round {index}", where="--round",
             cure=f"Give 0 to {rounds - 1}; the scene declares {rounds} rounds.",
         )  # fmt: skip
+    from .layout import of_round
     from .pipeline import refine as run
-    from .steps import of_round
 
     with opened.locked():
         run(opened, progress, until=of_round(index, name))

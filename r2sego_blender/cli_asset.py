@@ -115,7 +115,8 @@ def _asset(source: Path, stage: str) -> SplatAsset:
 
 def _publish_again(scene: Scene, progress: Progress) -> None:
     """The final asset anew, if there is one."""
-    from .steps import Steps, of_round
+    from .layout import of_round
+    from .steps import Steps
 
     last = _last_round(scene)
     if last >= 0:

@@ -9,10 +9,10 @@ from typing import Any
 from .errors import SceneError
 from .geometry.coverage import Coverage, count_seen, face_areas
 from .geometry.proxy import GeometryProxy
+from .layout import of_round
 from .progress import SILENT, Progress
 from .scene import Scene
 from .selection import load_candidates
-from .steps import of_round
 
 _ARRAYS, _FIGURES = "coverage.npz", "coverage.json"
 

@@ -28,10 +28,10 @@ from .geometry.observed import ObservedGeometry
 from .geometry.planes import RoomPlanes
 from .geometry.priors import read_record
 from .geometry.shapes import load_shape, mesh_files
+from .layout import COMPLETED, OBJECTS, OBSERVED, PLANES, PRIORS
 from .object_backends import generated_meshes, segmented_objects
 from .scene import Scene
 from .scratch import ScratchFolder
-from .steps import COMPLETED, OBJECTS, OBSERVED, PLANES, PRIORS
 
 
 def declare_objects(

@@ -6,13 +6,13 @@ from pathlib import Path
 
 from .captures.store import load_captures
 from .errors import SceneError
+from .layout import CAPTURES, of_round
 from .robot.bodies import save_bodies
 from .robot.candidates import ego_camera
 from .robot.model import RobotModel
 from .robot.rollouts import load_rollouts
 from .robot.scope import BehaviourScope
 from .scene import Scene
-from .steps import CAPTURES, of_round
 
 
 def export_bodies(scene: Scene, round_index: int) -> Path:

@@ -8,8 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from .contents import Contents
 from .errors import GeometryError, RobotError
 from .geometry.priors import load_priors, object_place, read_record
+from .layout import OBJECTS, PRIORS
 from .robot.free_floor import free_floor
 from .robot.model import EMBEDDED_HUMANOID, RobotModel
 from .robot.region import area_m2
@@ -18,8 +20,7 @@ from .robot.scope import ANY_SEAT, FREE_FLOOR, BehaviourScope, shipped_scopes
 from .robot.scope_file import changed_scope, save_scope
 from .robot.seats import TARGET_M, Seat, find_seats
 from .scene import Scene
-from .steps import OBJECTS, PRIORS
-from .trial_rollouts import newest_surface, placed_scope
+from .trial_rollouts import newest_surface
 
 SCOPE_FILE = "robot/scope.toml"
 """The bundle's own behaviour scope, once a person has changed a field of one."""
@@ -202,7 +203,9 @@ def _object_names(scene: Scene) -> tuple[str, ...]:
 def _described_seats(scene: Scene, scope: BehaviourScope, robot: RobotModel) -> list[dict[str, Any]]:
     """A seat for each surface to sit on: its middle place, and the object whose seat it is."""
     surface = newest_surface(scene)
-    placed = changed_scope(placed_scope(scene, scope, surface), {"sit_on.target": ANY_SEAT}, scene.path)
+    contents = Contents(scene, scene.declaration.settings)
+    placed = contents.placed_scope(scope, surface.proxy)
+    placed = changed_scope(placed, {"sit_on.target": ANY_SEAT}, scene.path)
     floor = free_floor(robot, placed, surface.collision_mjcf)
     found = find_seats(robot.half_width_m, floor, placed.sit_on, surface.collision_mjcf)
     surfaces: dict[int, list[Seat]] = {}

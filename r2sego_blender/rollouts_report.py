@@ -7,10 +7,10 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
+from .layout import of_round
 from .robot.rollouts import load_rollouts
 from .scene import Scene
 from .selection import ablations
-from .steps import of_round
 
 
 def describe_rollouts(scene: Scene, round_index: int) -> dict[str, Any]:

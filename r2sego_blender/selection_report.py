@@ -6,9 +6,9 @@ from itertools import groupby
 from typing import Any
 
 from .captures.store import load_captures
+from .layout import of_round
 from .scene import Scene
 from .selection import Selection
-from .steps import of_round
 
 
 def describe_selection(scene: Scene, round_index: int, explain: bool = False) -> dict[str, Any]:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,10 +19,8 @@ import numpy as np
 
 from .allocation import allocate_views
 from .asset_edits import EDITS, deleted_by, load_edits
-from .cameras import Camera
-from .captures.capture import Capture
-from .captures.sparse import SparsePoints, depth_ranges
-from .captures.store import load_captures
+from .captures.sparse import depth_ranges
+from .contents import Contents, names_object
 from .generation.conditions import ZBufferRenderer
 from .generation.detours import ClearSpace
 from .generation.ego_views import PseudoObservation, ego_video_reg, load_pseudo_observations
@@ -33,52 +31,42 @@ from .generation.renderers import make_renderer
 from .geometry.bounds import with_missing_bounds
 from .geometry.collision import collision_surface
 from .geometry.collision_files import write_collision
-from .geometry.completion import CompletedDepth, complete_depth
+from .geometry.completion import complete_depth
 from .geometry.edited_proxy import edited
 from .geometry.edits import PROXY_EDITS, load_proxy_edits
 from .geometry.fusion import compose_proxy
 from .geometry.objects import load_objects
-from .geometry.observed import ObservedGeometry, observe
-from .geometry.planes import RoomPlanes, find_planes
-from .geometry.priors import align_objects, load_library, load_priors, object_place, save_priors
-from .geometry.proxy import GeometryProxy
-from .geometry.seen_floor import seen_floor
-from .geometry.stereo import DepthMap, dense_stereo
-from .images import resize_nearest
+from .geometry.observed import observe
+from .geometry.planes import find_planes
+from .geometry.priors import align_objects, load_library, load_priors, save_priors
+from .geometry.stereo import dense_stereo
+from .layout import (
+    BACKDROP,
+    CAPTURES,
+    COLLISION,
+    COMPLETED,
+    DEPTH,
+    INITIAL_ASSET,
+    OBJECTS,
+    OBSERVED,
+    PLANES,
+    PRIORS,
+    REFINED_ASSET,
+    of_round,
+)
 from .progress import Progress
 from .robot.attempts import Rollout
 from .robot.camera_flight import FreeSpace, camera_flights
-from .robot.candidates import candidate_stream, ego_camera
-from .robot.model import RobotModel
+from .robot.candidates import candidate_stream
 from .robot.rollouts import load_rollouts, save_rollouts, successful_rollouts
-from .robot.scope import ANY_SEAT, FREE_FLOOR, BehaviourScope
 from .scene import Scene
 from .selection import Selection, load_candidates, save_candidates
 from .settings import Settings
-from .splats.asset import SplatAsset
 from .splats.backdrop import backdrop
 from .splats.initialization import DepthView, merge_views
-from .splats.ply import load_ply, save_ply
+from .splats.ply import save_ply
 from .splats.rasterizer import render
 from .visual_asset import PseudoView, disc_stride_px, settings_of_round, update_visual_asset
-
-CAPTURES = "captures"
-SPARSE = "captures/sparse.npz"
-DEPTH = "geometry/depth"
-OBSERVED = "geometry/observed.npz"
-PLANES = "geometry/planes.npz"
-COMPLETED = "geometry/completed"
-OBJECTS = "objects"
-PRIORS = "geometry/priors"
-BACKDROP = "geometry/backdrop.ply"
-INITIAL_ASSET = "geometry/initial_asset.ply"
-REFINED_ASSET = "asset.ply"
-COLLISION = "collision"
-
-
-def of_round(index: int, name: str) -> str:
-    """The bundle's name of something that round ``index`` publishes."""
-    return f"rounds/{index}/{name}"
 
 
 class Reached(Exception):  # noqa: N818  (the end of the way, no error)
@@ -106,20 +94,16 @@ class Steps:
         """
 
         def compute_depth(folder: Path) -> None:
-            sparse = SparsePoints.load(self.scene.path / SPARSE)
+            sparse = self._read.sparse()
             maps = dense_stereo(
-                self._captures, depth_ranges(self._captures, sparse), sparse.points, self.h.stereo,
+                self._read.captures, depth_ranges(self._read.captures, sparse), sparse.points, self.h.stereo,
                 self.h.seed, self.progress, visibility=sparse.visibility,
             )  # fmt: skip
-            for capture, depth_map in zip(self._captures, maps, strict=True):
+            for capture, depth_map in zip(self._read.captures, maps, strict=True):
                 depth_map.save(folder / f"{capture.name}.npz")
 
         def compute_asset(file: Path) -> None:
-            views = [
-                DepthView(c.camera, depth, c.image(), self._stride_px)
-                for c, depth in zip(self._captures, self._reliable_depths(), strict=True)
-            ]
-            save_ply(file, merge_views(views))
+            save_ply(file, merge_views(self._lifted(self._read.reliable_depths())))
 
         self._step(DEPTH, compute_depth, inputs=[CAPTURES], parameters=[self.h.stereo, self.h.seed])
         asset = self._step(
@@ -132,15 +116,15 @@ class Steps:
         """M_obs with its support record, and the embedded shape prior: the room's own planes."""
 
         def compute_observed(file: Path) -> None:
-            sparse = SparsePoints.load(self.scene.path / SPARSE)
-            observe(self._captures, self._depth_maps(), sparse, self.h.stereo).save(file)
+            sparse = self._read.sparse()
+            observe(self._read.captures, self._read.depth_maps(), sparse, self.h.stereo).save(file)
 
         def compute_planes(file: Path) -> None:
-            cameras = tuple(capture.camera for capture in self._captures)
             rng = np.random.default_rng([self.h.seed, 0])
-            observed = self._observed()
-            planes = find_planes(observed, cameras, self.h.proxy, rng)
-            with_missing_bounds(planes, self._captures, self._depth_maps(), observed, self.h).save(file)
+            observed = self._read.observed()
+            found = find_planes(observed, self._read.cameras, self.h.proxy, rng)
+            maps = self._read.depth_maps()
+            with_missing_bounds(found, self._read.captures, maps, observed, self.h).save(file)
 
         observed = self._step(OBSERVED, compute_observed, inputs=[captures, DEPTH], parameters=self.h.stereo)
         planes = self._step(
@@ -159,30 +143,26 @@ class Steps:
         """
 
         def compute(folder: Path) -> None:
-            planes = RoomPlanes.load(self.scene.path / priors)
-            completed = complete_depth(self._captures, self._depth_maps(), planes, self.h, self.progress)
-            for capture, one in zip(self._captures, completed, strict=True):
+            maps, planes = self._read.depth_maps(), self._read.planes()
+            completed = complete_depth(self._read.captures, maps, planes, self.h, self.progress)
+            for capture, one in zip(self._read.captures, completed, strict=True):
                 one.save(folder / f"{capture.name}.npz")
 
         def compute_backdrop(file: Path) -> None:
-            views = [
-                DepthView(c.camera, self._completed_depth(c), c.image(), self._stride_px)
-                for c in self._captures
-            ]
+            views = self._lifted(self._read.completed_depths())
             save_ply(file, backdrop(views, self.h.training.backdrop_gaussians))
 
         library = [Path(folder) for folder in [self.scene.declaration.mesh_library] if folder]
 
         def compute_objects(folder: Path) -> None:
-            objects = load_objects(self.scene.path / OBJECTS, self._captures)
+            objects = load_objects(self.scene.path / OBJECTS, self._read.captures)
             if not objects:  # depth maps and meshes need not be read
                 save_priors(folder, ())
                 return
             shapes = [shape for place in library for shape in load_library(place, self.progress)]
             aligned = align_objects(
-                objects, shapes, self._captures, self._observed(), self._reliable_depths(),
-                [self._completed_depth(capture) for capture in self._captures],
-                RoomPlanes.load(self.scene.path / priors).envelope, self.h.priors, self.progress,
+                objects, shapes, self._read.captures, self._read.observed(), self._read.reliable_depths(),
+                self._read.completed_depths(), self._read.planes().envelope, self.h.priors, self.progress,
             )  # fmt: skip
             for one in aligned:
                 if one.refusal:
@@ -214,26 +194,17 @@ class Steps:
         edits = load_proxy_edits(self.scene.path / PROXY_EDITS)
 
         def compute(folder: Path) -> None:
-            current = self._asset(asset)
-            completed = [
-                CompletedDepth.load(self.scene.path / aligned_priors / f"{c.name}.npz")
-                for c in self._captures
-            ]
+            current = self._read.asset(asset)
+            completed = self._read.completed()
             asset_depths = []
             for one in completed:
                 rendering = render(current, one.camera)
                 asset_depths.append((one.camera, rendering.depth, rendering.alpha))
-            envelope = RoomPlanes.load(self.scene.path / PLANES).envelope
+            envelope = self._read.planes().envelope
             proxy = compose_proxy(
-                self._captures,
-                completed,
-                self._observed(),
-                envelope,
-                asset_depths,
-                self.h.proxy,
-                self.progress,
-                load_priors(self.scene.path / PRIORS),
-            )
+                self._read.captures, completed, self._read.observed(), envelope, asset_depths,
+                self.h.proxy, self.progress, load_priors(self.scene.path / PRIORS),
+            )  # fmt: skip
             proxy = edited(proxy, edits, completed)
             proxy.save(folder / "proxy.npz")
             proxy.save_ply(folder / "proxy.ply")
@@ -250,7 +221,8 @@ class Steps:
         """The simulator's collision surface, made of the current proxy."""
 
         def compute(folder: Path) -> None:
-            write_collision(collision_surface(self._proxy(proxy), self.h.collision, self.progress), folder)
+            surface = collision_surface(self._read.proxy(proxy), self.h.collision, self.progress)
+            write_collision(surface, folder)
 
         return self._step(of_round(l, "collision"), compute, inputs=[proxy], parameters=self.h.collision)
 
@@ -259,30 +231,20 @@ class Steps:
 
         A scope that asks for the free floor gets the part of it that captures vouch for.
         """
-        scope, declared = self._scope, self.scene.declaration.robot
-        target = scope.sit_on.target
-        names_object = isinstance(target, str) and target != ANY_SEAT
+        scope, declared = self._read.scope, self.scene.declaration.robot
 
         def compute(folder: Path) -> None:
-            within = scope.region.within
-            if within == FREE_FLOOR:
-                corners = seen_floor(self._proxy(proxy), [c.camera for c in self._captures])
-                within = tuple(map(tuple, corners.tolist()))
             if self.h.selection.candidates == "flight":
-                save_rollouts(folder, self._flights(l, proxy, np.array(within)))
+                save_rollouts(folder, self._flights(l, proxy))
                 return
-            placed = replace(scope, region=replace(scope.region, within=within))
-            if names_object:
-                place = object_place(self.scene.path / PRIORS, target)
-                placed = replace(placed, sit_on=replace(scope.sit_on, target=place))
+            placed, surface = self._read.placed_scope(scope, proxy), self.scene.path / collision / "scene.xml"
             rollouts = successful_rollouts(
-                self._robot, placed, self.scene.path / collision / "scene.xml", self.h.rollouts,
-                self._seed_of(l), self.progress,
-            )  # fmt: skip
+                self._read.robot, placed, surface, self.h.rollouts, self._seed_of(l), self.progress
+            )
             save_rollouts(folder, rollouts)
 
         robot_file = [Path(declared)] if Path(declared).is_file() else []
-        objects = [PRIORS] if names_object else []
+        objects = [PRIORS] if names_object(scope) else []
         return self._step(
             of_round(l, "rollouts"), compute,
             inputs=[CAPTURES, proxy, collision, *objects, *robot_file, *scope.files],
@@ -295,21 +257,21 @@ class Steps:
 
         def compute(folder: Path) -> None:
             stream = candidate_stream(
-                load_rollouts(self.scene.path / candidates), self._scope.episode.max_turn_deg_s
+                load_rollouts(self.scene.path / candidates), self._read.scope.episode.max_turn_deg_s
             )
             selection = allocate_views(
-                stream, self._ego_camera, self._asset(asset), self._proxy(proxy),
-                [capture.camera for capture in self._captures], self.h.selection, [self._seed_of(l), 1],
+                stream, self._read.ego_camera, self._read.asset(asset), self._read.proxy(proxy),
+                self._read.cameras, self.h.selection, [self._seed_of(l), 1],
                 self.h.generation.max_replacements, self.progress,
             )  # fmt: skip
             selection.save(folder)
-            save_candidates(folder, [self._ego_camera.at(pose) for pose in stream.poses])
+            save_candidates(folder, [self._read.ego_camera.at(pose) for pose in stream.poses])
 
         return self._step(
             of_round(l, "selection"), compute, inputs=[CAPTURES, candidates, proxy, asset],
             parameters=[
                 self.h.selection, self._seed_of(l), self.h.generation.max_replacements,
-                self.scene.declaration.robot, self._scope.robot, self._scope.episode,
+                self.scene.declaration.robot, self._read.scope.robot, self._read.scope.episode,
             ],
         )  # fmt: skip
 
@@ -318,19 +280,19 @@ class Steps:
         last frame is kept and registered to the captures."""
 
         def compute(folder: Path) -> None:
-            current = self._proxy(proxy)
-            depths = self._depths_of(current)
-            observed = self._reliable_depths()
-            completed = [self._completed_depth(capture) for capture in self._captures]
+            current = self._read.proxy(proxy)
+            depths = self._read.proxy_depths(current)
+            observed = self._read.reliable_depths()
+            completed = self._read.completed_depths()
             renderer = make_renderer(current, self.h.generation)
-            colours = PointConditions(self._captures, depths, self.h.generation)
+            colours = PointConditions(self._read.captures, depths, self.h.generation)
             with open_generator(
-                self._captures, depths, observed, renderer, colours, self.h, folder
+                self._read.captures, depths, observed, renderer, colours, self.h, folder
             ) as generator:  # before the landmarks: a program that is not there is told at once
-                landmarks = Landmarks.build(self._captures, observed, completed, self.progress)
+                landmarks = Landmarks.build(self._read.captures, observed, completed, self.progress)
                 ego_video_reg(
                     Selection.load(self.scene.path / targets), load_candidates(self.scene.path / targets),
-                    self._captures, renderer, generator, landmarks, self.h, folder, self.progress,
+                    self._read.captures, renderer, generator, landmarks, self.h, folder, self.progress,
                     ClearSpace(current.vertices, current.faces), colours,
                 )  # fmt: skip
 
@@ -351,8 +313,15 @@ class Steps:
         training = settings_of_round(self.h.training, l)
 
         def compute(file: Path) -> None:
-            renderer = ZBufferRenderer(self._proxy(proxy))
-            real = [self._capture_view(capture, renderer) for capture in self._captures]
+            surface = self._read.proxy(proxy)
+            renderer = ZBufferRenderer(surface)
+            # Where a ray leaves the proxy, the completed depth: every photographed pixel is of something.
+            real = self._lifted(
+                np.where(depth > 0.0, depth, completed)
+                for depth, completed in zip(
+                    self._read.proxy_depths(surface), self._read.completed_depths(), strict=True
+                )
+            )
             observations = [
                 observation
                 for views in pseudo_observations
@@ -363,7 +332,7 @@ class Steps:
             save_ply(
                 file,
                 update_visual_asset(
-                    self._asset(asset), self._asset(BACKDROP), real, synthetic,
+                    self._read.asset(asset), self._read.asset(BACKDROP), real, synthetic,
                     training, rng, self.progress,
                 ),
             )  # fmt: skip
@@ -391,84 +360,41 @@ class Steps:
         """A* before its backdrop, without what a person deleted."""
 
         def compose(file: Path) -> None:
-            refined = self._asset(asset)
-            whole = refined.concatenated(self._asset(BACKDROP).with_degree(refined.degree))
+            refined = self._read.asset(asset)
+            whole = refined.concatenated(self._read.asset(BACKDROP).with_degree(refined.degree))
             save_ply(file, whole.subset(~deleted_by(load_edits(self.scene.path), whole.means)))
 
         self._step(REFINED_ASSET, compose, inputs=[asset, BACKDROP, EDITS])
 
-    # ---- what the steps read
+    # ---- what several steps have in common
 
     @cached_property
-    def _captures(self) -> tuple[Capture, ...]:
-        return load_captures(self.scene.captures_folder)
-
-    @cached_property
-    def _robot(self) -> RobotModel:
-        return RobotModel.load(*self._scope.robot_for(self.scene.declaration.robot))
-
-    @cached_property
-    def _scope(self) -> BehaviourScope:
-        return BehaviourScope.load(self.scene.declaration.scope)
-
-    @cached_property
-    def _ego_camera(self) -> Camera:
-        """The head camera's lens, with images of the first capture's size."""
-        first = self._captures[0].camera
-        return ego_camera(self._robot, first.width, first.height)
+    def _read(self) -> Contents:
+        return Contents(self.scene, self.h)
 
     @cached_property
     def _stride_px(self) -> int:
-        return disc_stride_px([capture.camera for capture in self._captures], self.h.training)
+        return disc_stride_px(self._read.cameras, self.h.training)
 
-    def _depths_of(self, proxy: GeometryProxy) -> list[np.ndarray]:
-        """The proxy's depth in each capture, (H, W) float32 metres."""
-        renderer = ZBufferRenderer(proxy)
-        return [renderer.depth(capture.camera) for capture in self._captures]
-
-    def _depth_maps(self) -> list[DepthMap]:
-        return [DepthMap.load(self.scene.path / DEPTH / f"{c.name}.npz") for c in self._captures]
-
-    def _reliable_depths(self) -> list[np.ndarray]:
-        """Each capture's reliable stereo depth (H, W) at the capture's own size, 0 elsewhere."""
+    def _lifted(self, depths: Iterable[np.ndarray]) -> list[DepthView]:
+        """The captures with a depth (H, W) in metres each, to be lifted to splats."""
         return [
-            resize_nearest(np.where(m.reliable(self.h.stereo), m.depth, 0.0), *capture.camera.shape)
-            for capture, m in zip(self._captures, self._depth_maps(), strict=True)
+            DepthView(capture.camera, depth, capture.image(), self._stride_px)
+            for capture, depth in zip(self._read.captures, depths, strict=True)
         ]
 
-    def _observed(self) -> ObservedGeometry:
-        return ObservedGeometry.load(self.scene.path / OBSERVED)
-
-    def _proxy(self, name: str) -> GeometryProxy:
-        return GeometryProxy.load(self.scene.path / name / "proxy.npz")
-
-    def _asset(self, name: str) -> SplatAsset:
-        return load_ply(self.scene.path / name)
-
-    def _capture_view(self, capture: Capture, renderer: ZBufferRenderer) -> DepthView:
-        """A capture with the proxy's depth and, where its rays leave the proxy, its completed
-        one: every photographed pixel is of something."""
-        depth = renderer.depth(capture.camera)
-        depth = np.where(depth > 0.0, depth, self._completed_depth(capture))
-        return DepthView(capture.camera, depth, capture.image(), self._stride_px)
-
-    def _completed_depth(self, capture: Capture) -> np.ndarray:
-        """(H, W) planar metres at the capture's own size."""
-        completed = CompletedDepth.load(self.scene.path / COMPLETED / f"{capture.name}.npz")
-        return resize_nearest(completed.depth, *capture.camera.shape)
-
     def _pseudo_view(self, observation: PseudoObservation, renderer: ZBufferRenderer) -> PseudoView:
-        camera = observation.camera
-        depth = renderer.depth(camera)
-        view = DepthView(camera, depth, observation.image, self._stride_px)
+        depth = renderer.depth(observation.camera)
+        view = DepthView(observation.camera, depth, observation.image, self._stride_px)
         return PseudoView(view, observation.confidence)
 
-    def _flights(self, l: int, proxy: str, outline: np.ndarray) -> tuple[Rollout, ...]:
-        """As many free flights above the outline (n, 2) as there would be rollouts."""
-        surface = self._proxy(proxy)
-        places = np.array([capture.camera.centre for capture in self._captures])
+    def _flights(self, l: int, proxy: str) -> tuple[Rollout, ...]:
+        """As many free flights above the scope's region as there would be rollouts."""
+        scope, surface = self._read.scope, self._read.proxy(proxy)
+        outline = np.array(self._read.outline(scope, proxy))
+        places = np.array([capture.camera.centre for capture in self._read.captures])
         space = FreeSpace(surface.vertices, surface.faces, outline, places)
-        return camera_flights(space, self._scope, self.h.rollouts.successes, self._seed_of(l))
+        return camera_flights(space, scope, self.h.rollouts.successes, self._seed_of(l))
 
     def _seed_of(self, l: int) -> int:
         """A seed of its own for each round, so that initial conditions are resampled."""
@@ -486,7 +412,7 @@ class Steps:
             "views_kept": len(views),
             "mean_deficit": round(float(selection.deficit.mean()), 6),
             "mean_availability": round(float(selection.availability.mean()), 6),
-            "gaussians": len(self._asset(of_round(l, "asset.ply"))),
+            "gaussians": len(self._read.asset(of_round(l, "asset.ply"))),
         }
         file.write_text(json.dumps(counts, indent=1) + "\n")
 

@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-from .captures.store import load_captures
+from .contents import Contents
 from .errors import SceneError
-from .geometry.priors import object_place
-from .geometry.proxy import GeometryProxy
-from .geometry.seen_floor import seen_floor
+from .layout import of_round
 from .progress import SILENT, Progress
 from .robot.attempts import Attempts, Rollout, in_order
 from .robot.bodies import save_bodies
-from .robot.candidates import ego_camera
 from .robot.free_floor import free_floor
-from .robot.model import RobotModel
 from .robot.rollouts import save_rollouts
-from .robot.scope import ANY_SEAT, FREE_FLOOR, BehaviourScope
 from .scene import Scene
-from .steps import PRIORS, of_round
 
 TRIAL = "robot/trial"
 """Rollouts and the robot's bodies of the last trial, as a round has them in two folders."""
@@ -28,34 +22,21 @@ TRIAL = "robot/trial"
 
 @dataclass(frozen=True)
 class Surface:
-    """What rollouts run on: the round that made it, its proxy and its collision scene."""
+    """What rollouts run on: the round that made it, its proxy by the bundle's name, its collision scene."""
 
     round_index: int
-    proxy: Path
+    proxy: str
     collision_mjcf: Path
 
 
 def newest_surface(scene: Scene) -> Surface:
     """The collision surface made last. Raises SceneError when there is none yet."""
     for index in reversed(range(scene.declaration.settings.rounds)):
-        proxy = scene.path / of_round(index, "proxy") / "proxy.npz"
+        proxy = of_round(index, "proxy")
         mjcf = scene.path / of_round(index, "collision") / "scene.xml"
-        if proxy.is_file() and mjcf.is_file():
+        if (scene.path / proxy / "proxy.npz").is_file() and mjcf.is_file():
             return Surface(index, proxy, mjcf)
     raise SceneError("there is no collision surface yet", where=scene.path, cure="Run Refine first.")
-
-
-def placed_scope(scene: Scene, scope: BehaviourScope, surface: Surface) -> BehaviourScope:
-    """``scope`` in this scene, as a round places it: on the floor the captures saw, at its object."""
-    within, target = scope.region.within, scope.sit_on.target
-    if within == FREE_FLOOR:
-        cameras = [capture.camera for capture in load_captures(scene.captures_folder)]
-        within = tuple(map(tuple, seen_floor(GeometryProxy.load(surface.proxy), cameras).tolist()))
-    if isinstance(target, str) and target != ANY_SEAT and scope.behaviours.sit_on > 0.0:
-        target = object_place(scene.path / PRIORS, target)
-    return replace(
-        scope, region=replace(scope.region, within=within), sit_on=replace(scope.sit_on, target=target)
-    )
 
 
 def try_rollouts(scene: Scene, attempts: int, progress: Progress = SILENT) -> tuple[Rollout, ...]:
@@ -66,12 +47,10 @@ def try_rollouts(scene: Scene, attempts: int, progress: Progress = SILENT) -> tu
     behaviour cannot be tried at all: no free floor, no seat, a robot that does not fit.
     """
     with scene.locked():
-        surface, declared = newest_surface(scene), scene.declaration
-        scope = BehaviourScope.load(declared.scope)
-        robot = RobotModel.load(*scope.robot_for(declared.robot))
-        placed = placed_scope(scene, scope, surface)
+        surface, settings = newest_surface(scene), scene.declaration.settings
+        contents = Contents(scene, settings)
+        robot, placed = contents.robot, contents.placed_scope(contents.scope, surface.proxy)
         floor = free_floor(robot, placed, surface.collision_mjcf)
-        settings = declared.settings
         seed = settings.seed * 1000 + surface.round_index
         tried = in_order(
             Attempts(
@@ -80,8 +59,7 @@ def try_rollouts(scene: Scene, attempts: int, progress: Progress = SILENT) -> tu
         )
         rollouts = tuple(progress.track(islice(tried, attempts), "Rollouts", attempts))
         tried.close()
-        first = load_captures(scene.captures_folder)[0].camera
         with scene.publishing(TRIAL) as folder:
             save_rollouts(folder, rollouts)
-            save_bodies(folder, robot, rollouts, ego_camera(robot, first.width, first.height), folder)
+            save_bodies(folder, robot, rollouts, contents.ego_camera, folder)
         return rollouts

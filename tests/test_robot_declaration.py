@@ -13,12 +13,13 @@ import pytest
 
 from r2sego_blender.arrays import save_arrays
 from r2sego_blender.cli import main
+from r2sego_blender.contents import Contents
 from r2sego_blender.errors import R2SEgoError
 from r2sego_blender.robot.model import RobotModel
 from r2sego_blender.robot.scope import BehaviourScope
 from r2sego_blender.robot_declaration import SCOPE_FILE, declare_robot, describe_robot, lines
 from r2sego_blender.scene import Scene
-from r2sego_blender.trial_rollouts import newest_surface, placed_scope
+from r2sego_blender.trial_rollouts import newest_surface
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -164,7 +165,8 @@ def test_a_seat_is_named_by_the_prior_it_is_of(scene):
     assert all(math.dist(seat["place_m"], first["place_m"]) < 1.5 for seat in named if seat["object"])
     declared = declare_robot(scene, scope="sit_down", changes={"sit_on.target": "chair"})
     scope = BehaviourScope.load(declared.declaration.scope)
-    placed = placed_scope(declared, scope, newest_surface(declared))
+    contents = Contents(declared, declared.declaration.settings)
+    placed = contents.placed_scope(scope, newest_surface(declared).proxy)
     assert placed.sit_on.target == pytest.approx(tuple(first["place_m"]))
     assert len(placed.region.within) >= 3  # where the captures saw the floor
 

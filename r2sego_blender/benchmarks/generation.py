@@ -36,12 +36,13 @@ from ..geometry.proxy import GeometryProxy, Provenance
 from ..geometry.rasterizer import MeshRasterizer
 from ..geometry.stereo import DepthMap
 from ..images import resize_nearest
+from ..layout import DEPTH, of_round
 from ..progress import SILENT, Progress
 from ..references import select_reference
 from ..scene import Scene
 from ..settings import Settings
 from ..splats.metrics import psnr, ssim
-from ..steps import DEPTH, Steps, of_round
+from ..steps import Steps
 from .machine import processor
 from .true_objects import declare_true_objects
 

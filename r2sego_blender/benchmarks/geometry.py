@@ -26,20 +26,11 @@ from ..evaluation.ground_truth import GroundTruth, load_ground_truth
 from ..geometry.priors import read_record
 from ..geometry.proxy import GeometryProxy
 from ..geometry.stereo import DepthMap
+from ..layout import BACKDROP, COMPLETED, DEPTH, INITIAL_ASSET, OBSERVED, PLANES, PRIORS, of_round
 from ..progress import SILENT, Progress
 from ..resources import cpu_s, forget_peak_memory, peak_memory_mb
 from ..scene import Declaration, Scene
-from ..steps import (
-    BACKDROP,
-    COMPLETED,
-    DEPTH,
-    INITIAL_ASSET,
-    OBSERVED,
-    PLANES,
-    PRIORS,
-    Steps,
-    of_round,
-)
+from ..steps import Steps
 from .disturbance import disturbed_captures
 from .machine import processor
 from .true_objects import TrueObject, declare_true_objects

@@ -27,11 +27,11 @@ from ..evaluation.ground_truth import load_ground_truth
 from ..evaluation.scene_evaluation import evaluate_scene, frozen_views
 from ..generation.view_records import read_views
 from ..geometry.priors import read_record
+from ..layout import PRIORS, of_round
 from ..pipeline import refine
 from ..progress import SILENT, Progress
 from ..scene import Scene
 from ..settings import with_overrides
-from ..steps import PRIORS, of_round
 from .machine import processor
 from .true_objects import declare_true_objects
 

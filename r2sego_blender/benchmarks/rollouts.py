@@ -21,6 +21,7 @@ from ..creation import create_scene
 from ..errors import RobotError, SettingsError
 from ..geometry.collision_files import write_collision
 from ..images import save_image
+from ..layout import of_round
 from ..progress import SILENT, Progress
 from ..resources import available_cores, cpu_s
 from ..robot.attempts import Rollout
@@ -29,7 +30,7 @@ from ..robot.scope import BehaviourScope
 from ..scene import Declaration, Scene
 from ..scoring.scores import support_scores
 from ..settings import SelectionSettings
-from ..steps import Steps, of_round
+from ..steps import Steps
 from .machine import processor
 from .workloads import made_up_collision, made_up_path, made_up_proxy, made_up_room
 

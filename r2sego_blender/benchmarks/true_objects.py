@@ -21,8 +21,8 @@ from ..evaluation.geometry_scores import AlignmentScore, alignment_score
 from ..evaluation.ground_truth import GroundTruth
 from ..geometry.objects import DeclaredObject, save_objects
 from ..geometry.shapes import Shape
+from ..layout import OBJECTS
 from ..scene import Scene
-from ..steps import OBJECTS
 
 _LARGEST_M, _LEAST_THICK_M = 3.0, 0.1
 _ON_FLOOR_M = 0.05

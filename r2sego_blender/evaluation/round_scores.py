@@ -8,12 +8,12 @@ from typing import Any
 
 from ..captures.capture import Capture
 from ..errors import R2SEgoError
+from ..layout import BACKDROP, of_round
 from ..progress import SILENT, Progress
 from ..scene import Scene
 from ..splats.asset import SplatAsset
 from ..splats.ply import load_ply
 from ..splats.rasterizer import render
-from ..steps import BACKDROP, of_round
 from .frozen import rounded, score
 
 

@@ -21,9 +21,9 @@ from ..captures.store import load_captures
 from ..errors import EvaluationError
 from ..geometry.proxy import GeometryProxy
 from ..geometry.rasterizer import MeshRasterizer
+from ..layout import of_round
 from ..progress import SILENT, Progress
 from ..scene import Scene
-from ..steps import of_round
 from .error_causes import EDGE_PX, CauseShares, near_edges, seen_by_captures, split
 from .frozen import rounded
 from .ground_truth import TRUE_MESH, load_true_mesh

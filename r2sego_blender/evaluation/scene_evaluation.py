@@ -21,6 +21,7 @@ from ..captures.store import load_captures
 from ..errors import R2SEgoError, SceneError
 from ..geometry.observed import ObservedGeometry
 from ..geometry.stereo import DepthMap
+from ..layout import CAPTURES, DEPTH, OBSERVED, SPARSE
 from ..progress import SILENT, Progress
 from ..scene import Scene
 from ..settings import VANILLA_3DGS
@@ -28,7 +29,6 @@ from ..splats.asset import SplatAsset
 from ..splats.observations import Observation
 from ..splats.ply import load_ply, save_ply
 from ..splats.rasterizer import render
-from ..steps import CAPTURES, DEPTH, OBSERVED, SPARSE
 from ..visual_asset import vanilla_asset
 from . import round_scores, scene_causes
 from .arms import ARMS, REFINED, VANILLA_ASSET

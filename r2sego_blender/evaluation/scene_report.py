@@ -13,11 +13,11 @@ from ..captures.capture import Capture
 from ..captures.store import load_captures
 from ..generation.condition_files import load_conditions
 from ..geometry.proxy import GeometryProxy, Provenance
+from ..layout import of_round
 from ..robot.rollouts import load_rollouts
 from ..scene import Scene
 from ..selection import Selection, load_candidates
 from ..settings import entries
-from ..steps import of_round
 from .arms import ARMS
 from .figures import camera_map, depth_picture, top_view
 from .frozen import ArmScore

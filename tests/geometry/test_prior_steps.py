@@ -10,9 +10,10 @@ from r2sego_blender.geometry.objects import DeclaredObject, Placement, save_obje
 from r2sego_blender.geometry.observed import observe
 from r2sego_blender.geometry.planes import RoomPlanes
 from r2sego_blender.geometry.priors import load_priors, read_record
+from r2sego_blender.layout import DEPTH, OBJECTS, OBSERVED, PLANES, PRIORS
 from r2sego_blender.progress import SILENT
 from r2sego_blender.scene import Declaration, Scene
-from r2sego_blender.steps import DEPTH, OBJECTS, OBSERVED, PLANES, PRIORS, Steps
+from r2sego_blender.steps import Steps
 
 IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 SMALL = {"training.backdrop_gaussians": 0, "proxy.planes": 4}

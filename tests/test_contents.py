@@ -1,0 +1,69 @@
+"""A bundle's contents are read as the steps and the trial need them, and the behaviour is placed once."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from r2sego_blender.arrays import save_arrays
+from r2sego_blender.contents import Contents
+from r2sego_blender.errors import GeometryError
+from r2sego_blender.robot_declaration import declare_robot
+from r2sego_blender.scene import Scene
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from made_up_room import made_up_bundle
+
+PROXY = "rounds/0/proxy"
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    """A room whose one aligned object is a chair at (1, 2)."""
+    made = made_up_bundle(tmp_path_factory.mktemp("contents") / "room.r2s")
+    priors = made.path / "geometry" / "priors"
+    priors.mkdir(parents=True)
+    (made.path / "objects" / "chair").mkdir(parents=True)
+    corners = np.array([[0.8, 1.9, 0.0], [1.2, 1.9, 0.4], [1.2, 2.1, 0.4]])
+    save_arrays(priors / "chair.npz", vertices=corners, faces=np.array([[0, 1, 2]]))
+    return made
+
+
+def contents_of(scene: Scene) -> Contents:
+    return Contents(scene, scene.declaration.settings)
+
+
+def test_the_free_floor_is_what_captures_vouch_for_and_a_drawn_region_stays(scene):
+    contents = contents_of(scene)
+    outline = np.array(contents.placed_scope(contents.scope, PROXY).region.within)
+    assert outline.shape[0] >= 3 and outline.shape[1] == 2
+    surface = contents.proxy(PROXY).vertices
+    assert (outline.min(axis=0) >= surface.min(axis=0)[:2] - 0.5).all()
+    assert (outline.max(axis=0) <= surface.max(axis=0)[:2] + 0.5).all()
+    drawn = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
+    small = declare_robot(scene, changes={"region.within": drawn})
+    contents = contents_of(small)
+    assert contents.placed_scope(contents.scope, PROXY).region.within == tuple(map(tuple, drawn))
+
+
+def test_a_named_seat_becomes_its_place_where_the_robot_sits_down(scene):
+    sits = declare_robot(
+        scene, scope="sit_down", changes={"behaviours.sit_on": 1.0, "sit_on.target": "chair"}
+    )
+    contents = contents_of(sits)
+    assert contents.placed_scope(contents.scope, PROXY).sit_on.target == pytest.approx((1.0, 2.0))
+    (sits.path / "geometry" / "priors" / "chair.npz").rename(sits.path / "chair.npz")
+    with pytest.raises(GeometryError, match="no aligned object 'chair'"):
+        contents.placed_scope(contents.scope, PROXY)
+
+
+def test_a_robot_that_never_sits_needs_no_seat(scene):
+    stands = declare_robot(
+        scene,
+        scope="sit_down",
+        changes={"behaviours.sit_on": 0.0, "behaviours.walk_to": 1.0, "sit_on.target": "nothing"},
+    )
+    contents = contents_of(stands)
+    assert contents.placed_scope(contents.scope, PROXY).sit_on.target == "nothing"
