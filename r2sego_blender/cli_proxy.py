@@ -48,6 +48,9 @@ from .settings import PRESETS
 )
 @click.option("--reject", multiple=True, metavar="NAME", help="Take no prior for it; repeatable.")
 @click.option("--reconsider", multiple=True, metavar="NAME", help="Let its figures decide again; repeatable.")
+@click.option(
+    "--remove", multiple=True, metavar="NAME", help="Take an object away, the last one too; repeatable."
+)
 @click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
 def objects(scene: Path, as_json: bool, **given: Any) -> None:
     """Declare SCENE's objects for shape priors, and say what became of them."""

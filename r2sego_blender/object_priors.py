@@ -49,6 +49,7 @@ def declare_objects(
     accept: Sequence[str] = (),
     reject: Sequence[str] = (),
     reconsider: Sequence[str] = (),
+    remove: Sequence[str] = (),
 ) -> Scene:
     """Write what a person says of the objects; returns the scene as declared then.
 
@@ -60,8 +61,8 @@ def declare_objects(
     ``place`` sets poses by hand, from files as ``placement.json``; without a mesh of its own an
     object takes the one of the last run. ``lock`` holds the last run's alignments as they are,
     with their meshes; ``unlock`` lets them go. ``accept`` and ``reject`` overrule what the
-    figures say of a prior, ``reconsider`` lets them decide again. The next run redoes only what
-    depends on it. Raises GeometryError, and changes
+    figures say of a prior, ``reconsider`` lets them decide again. ``remove`` takes objects away,
+    the last one too. The next run redoes only what depends on it. Raises GeometryError, and changes
     nothing then; MachineError and NativeError where a learned backend is missing or fails.
     """
     words = [word.strip() for word in vocabulary if word.strip()]
@@ -75,6 +76,8 @@ def declare_objects(
         else:
             declared = _found(scene, captures) if find else load_objects(folder, captures)
         objects = {one.name: one for one in declared}
+        gone = {_known(objects, name, scene).name for name in remove}
+        objects = {name: one for name, one in objects.items() if name not in gone}
         for name, mesh in (meshes or {}).items():
             load_shape(mesh)  # a mesh that cannot be read is refused now, not in the next run
             one = _known(objects, name, scene)

@@ -231,3 +231,22 @@ def test_new_masks_keep_what_else_is_known_of_an_object(scene, masks, library):
     declare_objects(Scene.open(scene.path), masks=masks)
     chair = _objects(scene)["chair"]
     assert len(chair.masks) == 3 and chair.mesh.name == "mesh.ply" and chair.decision == "reject"
+
+
+def test_objects_are_taken_away_the_last_one_too(scene, masks, library, tmp_path):
+    declare_objects(scene, masks=masks, library=library, meshes={"chair": library / "box.ply"})
+    command = ["objects", str(scene.path), "--remove"]
+    refused = CliRunner().invoke(main, [*command, "sofa"])
+    assert refused.exit_code == 1 and "there is no object 'sofa'" in refused.output
+    assert set(_objects(scene)) == {"chair", "table"}
+    assert CliRunner().invoke(main, [*command, "table"]).exit_code == 0
+    (chair,) = _objects(scene).values()
+    assert chair.name == "chair" and len(chair.masks) == 2 and chair.mesh.is_file()
+    last = CliRunner().invoke(main, [*command, "chair", "--json"])
+    assert last.exit_code == 0 and json.loads(last.output) == []
+    assert _objects(scene) == {} and list((scene.path / "objects").iterdir()) == []
+    assert "no objects are declared" in CliRunner().invoke(main, ["objects", str(scene.path)]).output
+    with pytest.raises(GeometryError, match="no object 'chair'"):  # nothing can be said of it any more
+        declare_objects(scene, remove=["chair"], reject=["chair"])
+    declare_objects(scene, masks=masks)
+    assert set(_objects(scene)) == {"chair", "table"}

@@ -11,6 +11,7 @@ from r2sego_blender.geometry.observed import observe
 from r2sego_blender.geometry.planes import RoomPlanes
 from r2sego_blender.geometry.priors import load_priors, read_record
 from r2sego_blender.layout import DEPTH, OBJECTS, OBSERVED, PLANES, PRIORS
+from r2sego_blender.object_priors import declare_objects
 from r2sego_blender.progress import SILENT
 from r2sego_blender.scene import Declaration, Scene
 from r2sego_blender.steps import Steps
@@ -100,6 +101,10 @@ def test_objects_are_aligned_and_only_when_something_changed(scene, masks, crate
     assert crate_record == record and runs(scene) == 3
     assert ghost["refusal"] == "no mask shows the object"
     assert [one.name for one in load_priors(scene.path / PRIORS)] == ["crate"]
+
+    declare_objects(scene, remove=["crate", "ghost"])
+    assert run(scene) == [] and runs(scene) == 4
+    assert load_priors(scene.path / PRIORS) == ()
 
 
 def test_a_library_that_is_changed_runs_the_step_again(scene, masks, crate, tmp_path):
