@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 from bpy.props import StringProperty
 
-from ..r2sego_blender.errors import R2SEgoError
+from ..r2sego_blender.errors import R2SEgoError, SceneError
 from ..r2sego_blender.workers.jobs import Job
 from . import job, state
 
@@ -36,8 +36,20 @@ def needs_round(cls, context) -> bool:
     return True
 
 
+def told(error: R2SEgoError | OSError) -> str:
+    """The sentence that tells a person of an error. A file that fails on the way is told too: a disk
+    is full, or what was there a moment ago is not."""
+    if isinstance(error, OSError):
+        error = SceneError(
+            f"it cannot be read or written: {error.strerror or error}", where=error.filename,
+            cure="Check that it is there, that you may write there, and that the disk has room.",
+        )  # fmt: skip
+    line = str(error)
+    return line if error.where else line[:1].upper() + line[1:]
+
+
 class ReportingOperator:
-    """An operator whose ``perform`` may raise R2SEgoError; it becomes a report and CANCELLED.
+    """An operator whose ``perform`` may raise R2SEgoError or OSError; it becomes a report and CANCELLED.
 
     ``perform`` raises before it changes anything, so that undo stays right.
     """
@@ -45,8 +57,8 @@ class ReportingOperator:
     def execute(self, context):
         try:
             said = self.perform(context)
-        except R2SEgoError as error:
-            self.report({"ERROR"}, str(error))
+        except (R2SEgoError, OSError) as error:
+            self.report({"ERROR"}, told(error))
             return {"CANCELLED"}
         if said:
             self.report({"INFO"}, said)
@@ -93,8 +105,8 @@ class EngineOperator:
                 job.follow(followed)
             else:
                 followed = self.start(context)
-        except R2SEgoError as error:
-            self.report({"ERROR"}, str(error))
+        except (R2SEgoError, OSError) as error:
+            self.report({"ERROR"}, told(error))
             return {"CANCELLED"}
         if followed.running() and not waits_for_engine(context):
             return {"FINISHED"}
@@ -111,11 +123,11 @@ class EngineOperator:
         level, ended = "INFO", {"FINISHED"}
         try:
             line = self.finish(context, ended_job.result())
-        except R2SEgoError as error:
+        except (R2SEgoError, OSError) as error:
             # A cancelled command keeps its finished steps: what is there has changed.
             state.refresh(context.scene)
             level, ended = "WARNING" if ended_job.cancelled else "ERROR", {"CANCELLED"}
-            line = str(error)
+            line = told(error)
             if not ended_job.cancelled:  # on Blender's console, for whoever looks for the cause
                 print(*ended_job.words(), sep="\n")
         finally:

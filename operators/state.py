@@ -5,6 +5,7 @@ opened, when a job has ended, or when the person asks.
 """
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import bpy
 from bpy.props import (
@@ -99,8 +100,16 @@ def bundle_name(scene: bpy.types.Scene) -> str:
 
 
 def bundle_of(scene: bpy.types.Scene) -> Bundle | None:
-    """The bundle a Blender scene shows, None when none is open. Raises SceneError when it is damaged."""
+    """The bundle a Blender scene shows, None when none is open.
+
+    Raises SceneError when it is damaged, or was moved away or deleted.
+    """
     name = bundle_name(scene)
+    if name and not Path(name).is_dir():
+        raise SceneError(
+            "this scene is no longer there", where=name,
+            cure="Put its folder back, or open it where it is now with Open Scene.",
+        )  # fmt: skip
     return Bundle.open(name) if name else None
 
 
@@ -108,7 +117,7 @@ def opened_bundle(context: bpy.types.Context) -> Bundle:
     """The bundle of the current Blender scene. Raises SceneError when none is open."""
     bundle = bundle_of(context.scene)
     if bundle is None:
-        raise SceneError("no scene bundle is open", cure="Open one with Open Scene, or make one.")
+        raise SceneError("no scene is open", cure="Open one with Open Scene, or make one with New Scene.")
     return bundle
 
 
@@ -127,12 +136,12 @@ def refresh(scene: bpy.types.Scene) -> None:
     state = scene.r2sego
     state.facts.clear()
     state.problem = ""
-    if not state.bundle:
-        return
     try:
-        bundle = Bundle.open(bundle_name(scene))
+        bundle = bundle_of(scene)
     except _DAMAGE as error:
         state.problem = _told(error)
+        return
+    if bundle is None:
         return
     for read in (_read_facts, *listeners):
         try:

@@ -2,6 +2,7 @@
 
 from ..r2sego_blender.bridge.held_view import HeldView
 from ..r2sego_blender.errors import R2SEgoError
+from .base import told
 
 _GOING_ON = {"RUNNING_MODAL", "PASS_THROUGH"}
 
@@ -46,8 +47,8 @@ class ViewTool:
             area, region = self._held.places(context.screen)
             with context.temp_override(area=area, region=region):  # the button may stand in the side bar
                 self.on_start(context)
-        except R2SEgoError as error:
-            self.report({"ERROR"}, str(error))
+        except (R2SEgoError, OSError) as error:
+            self.report({"ERROR"}, told(error))
             return {"CANCELLED"}
         context.workspace.status_text_set(self.hint or None)
         if self.cursor:
@@ -66,8 +67,8 @@ class ViewTool:
         try:
             with context.temp_override(area=area, region=region):
                 ended = self.on_event(context, event)
-        except R2SEgoError as error:
-            self.report({"ERROR"}, str(error))
+        except (R2SEgoError, OSError) as error:
+            self.report({"ERROR"}, told(error))
             ended = self._left()
         finally:
             if not ended & _GOING_ON:

@@ -32,6 +32,36 @@ def check_without_a_bundle_the_buttons_say_why():
         assert "Open a scene first" in refused(getattr(bpy.ops.r2sego, name)), name
 
 
+def check_a_bundle_that_is_gone_is_told_in_one_sentence():
+    """Deleted while it is open; then moved away from under a .blend that shows it."""
+    copy = copied_bundle()
+    bpy.ops.r2sego.import_captures()
+    bpy.ops.r2sego.show_asset()
+    blend = copy.with_name("room.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    away = copy.rename(copy.with_name("elsewhere.r2s"))
+    sentence = (
+        "this scene is no longer there. Put its folder back, or open it where it is now with Open Scene."
+    )
+    for name in ("show_proxy", "show_candidates", "import_captures", "show_asset", "refine", "show_rollout",
+                 "compare_view", "show_priors", "place_frame", "export_asset"):  # fmt: skip
+        given = {"filepath": "/out/a.ply"} if name == "export_asset" else {}
+        said = refused(getattr(bpy.ops.r2sego, name), **given)
+        assert sentence in said and "Traceback" not in said, (name, said)
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    assert state().problem == f"{copy}: {sentence}", state().problem
+    assert bpy.ops.r2sego.open_scene(directory=str(away)) == {"FINISHED"}
+    assert state().problem == "" and bpy.ops.r2sego.show_asset() == {"FINISHED"}
+
+
+def check_a_file_that_fails_is_told_in_one_sentence():
+    base = importlib.import_module(f"{MODULE}.operators.base")
+    assert base.told(OSError(28, "No space left on device", "/room/a.png")).startswith(
+        "/room/a.png: it cannot be read or written: No space left on device. Check"
+    )
+
+
 def check_registering_twice_leaves_nothing_behind():
     import addon_utils
 

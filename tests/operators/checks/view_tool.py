@@ -94,7 +94,7 @@ def check_an_error_ends_a_tool_cleanly():
 
     tool = begun(refuse)
     assert tool.modal(bpy.context, MOVED) == {"CANCELLED"} and tool.left == 1
-    assert tool.report == [("ERROR", "the room is dark. Put on the light.")]
+    assert tool.report == [("ERROR", "The room is dark. Put on the light.")]
 
     def break_off(context, event):
         raise ZeroDivisionError
