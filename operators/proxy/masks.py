@@ -15,6 +15,7 @@ from ...r2sego_blender.bridge.object_masks import (
     save_masks,
     write_mask,
 )
+from ...r2sego_blender.bridge.proxy_objects import read_objects
 from ...r2sego_blender.bridge.show_captures import capture_name
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import GeometryError
@@ -68,7 +69,7 @@ class R2SEGO_OT_new_object(ReportingOperator, bpy.types.Operator):
 
 
 class R2SEGO_OT_remove_object(ReportingOperator, bpy.types.Operator):
-    """Forget an object and its masks in Blender; the bundle keeps what was declared until you declare anew"""
+    """Forget an object and its masks in Blender; Declare takes it from the bundle too"""
 
     bl_idname = "r2sego.remove_object"
     bl_label = "Remove Object"
@@ -82,11 +83,12 @@ class R2SEGO_OT_remove_object(ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         group, name = context.scene.r2sego_proxy, object_named(context, self.name)
+        declared = group.objects[name].declared
         forget_masks(name)
         group.objects.remove(group.objects.find(name))
         group.object_index = min(group.object_index, max(0, len(group.objects) - 1))
         redraw_views("WINDOW")
-        return f"Forgot '{name}'"
+        return f"Forgot '{name}'; Declare takes it from the bundle too" if declared else f"Forgot '{name}'"
 
 
 class R2SEGO_OT_draw_mask(Drawing, ReportingOperator, bpy.types.Operator):
@@ -223,16 +225,23 @@ class R2SEGO_OT_declare_masks(EngineOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return needs_object(cls, context) and needs_idle_engine(cls)
+        if not context.scene.r2sego_proxy.declared_count and not needs_object(cls, context):
+            return False
+        return needs_bundle(cls, context) and needs_idle_engine(cls)
 
     def arguments(self, context):
         bundle, group = state.opened_bundle(context), context.scene.r2sego_proxy
+        if not group.objects:  # all are removed
+            gone = [f"--remove={one.name}" for one in read_objects(bundle)]
+            return ["objects", str(bundle.path), "--json", *gone]
         for item in group.objects:
             if item.declared and not mask_images(item.name):  # not looked at here: stays as it is
                 load_masks(bundle, item.name)
         folder = handed_over("masks")
         if not save_masks(folder, [item.name for item in group.objects]):
-            raise GeometryError("no mask is drawn", cure="Draw the object in two captures at least.")
+            raise GeometryError(
+                "no mask is drawn", cure="Draw an object in two captures at least, or remove the objects."
+            )
         return ["objects", str(bundle.path), "--masks", str(folder), "--json"]
 
     def finish(self, context, result):
@@ -240,6 +249,8 @@ class R2SEGO_OT_declare_masks(EngineOperator, bpy.types.Operator):
         for item in group.objects:
             item.declared = True  # those that the bundle did not take are gone with this
         state.refresh(context.scene)
+        if not group.objects:
+            return "No object is declared any more: the next Refine places no priors"
         return f"{len(group.objects)} objects declared: the next Refine looks for their priors"
 
 

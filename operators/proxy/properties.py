@@ -67,6 +67,7 @@ class R2SEGO_PG_proxy(bpy.types.PropertyGroup):
     legend_note: StringProperty()
     has_coverage: BoolProperty()
     objects: CollectionProperty(type=R2SEGO_PG_proxy_object)
+    declared_count: IntProperty()
     object_index: IntProperty(name="Object", description="The object that masks and priors are edited of")
     mask_tool: EnumProperty(
         name="Tool", description="How a mask is drawn in a capture's camera view",
@@ -141,7 +142,9 @@ def _read_objects(group: bpy.types.PropertyGroup, bundle: Bundle) -> None:
     """The bundle's objects, then those that are only drawn in Blender so far."""
     drawn = [item.name for item in group.objects if not item.declared]
     group.objects.clear()
-    for known in read_objects(bundle):
+    declared = read_objects(bundle)
+    group.declared_count = len(declared)
+    for known in declared:
         item = group.objects.add()
         item.name, item.state, item.why, item.shape = known.name, known.state, known.why, known.shape
         item.masks, item.declared = known.masks, True

@@ -1,6 +1,7 @@
 """What holds of the room Proxy, checked inside Blender."""
 
 import json
+import shutil
 import time
 from pathlib import Path
 
@@ -209,6 +210,22 @@ def check_masks_are_drawn_loaded_and_declared():
     assert set(np.unique(pixels)) == {0.0, 1.0} and 240 < (pixels > 0.5).sum() < 400
     assert bpy.ops.r2sego.remove_object(name="crate") == {"FINISHED"}
     assert "crate" not in group().objects and "crate in capture_0" not in bpy.data.images
+
+
+def check_the_last_object_is_taken_from_the_bundle():
+    open_bundle()
+    for name in ("crate", "lamp"):
+        assert bpy.ops.r2sego.remove_object(name=name) == {"FINISHED"}
+    assert len(group().objects) == 0 and not bpy.ops.r2sego.remove_object.poll()
+    conduct("succeed")
+    assert bpy.ops.r2sego.declare_masks() == {"FINISHED"}
+    assert calls() == [["objects", str(BUNDLE), "--json", "--remove=crate", "--remove=lamp"]]
+    assert len(group().objects) == 2  # the stand-in engine took nothing away
+    copy = copied_bundle()
+    for name in ("crate", "lamp"):
+        shutil.rmtree(copy / "objects" / name)  # as the engine leaves the bundle
+    open_bundle(copy)
+    assert len(group().objects) == 0 and not bpy.ops.r2sego.declare_masks.poll()
 
 
 def check_a_prior_is_placed_by_hand_with_its_fit():
