@@ -49,7 +49,7 @@ def robot(
     from .robot.region import parse_polygon
     from .robot.scope import FREE_FLOOR
     from .robot.scope_file import value_of
-    from .robot_declaration import declare_robot, describe_robot, lines, own_scope, sitting_on
+    from .robot_declaration import declare_robot, describe_robot, lines, sitting_on
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)
@@ -58,7 +58,7 @@ def robot(
         corners = FREE_FLOOR if region == FREE_FLOOR else [[*corner] for corner in parse_polygon(region)]
         changes["region.within"] = corners
     if target is not None:
-        changes = sitting_on(target, scope or own_scope(opened)) | changes
+        changes = sitting_on(target, scope or opened.declaration.scope) | changes
     opened = declare_robot(opened, model, scope, changes)
     show(progress, describe_robot(opened, seats), lines, as_object)
 

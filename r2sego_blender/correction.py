@@ -22,13 +22,13 @@ from .captures.scale import Scale
 from .captures.sparse import SparsePoints
 from .captures.store import load_captures, save_captures
 from .errors import CaptureError
+from .layout import SCOPE_FILE
 from .object_priors import move_objects
 from .progress import SILENT, Progress
 from .proxy_edits import move_proxy_edits
 from .robot.moved_scope import moved_scope
 from .robot.scope import BehaviourScope
 from .robot.scope_file import save_scope
-from .robot_declaration import SCOPE_FILE
 from .scene import Scene
 
 

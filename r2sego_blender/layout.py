@@ -14,6 +14,8 @@ BACKDROP = "geometry/backdrop.ply"
 INITIAL_ASSET = "geometry/initial_asset.ply"
 REFINED_ASSET = "asset.ply"
 COLLISION = "collision"
+SCOPE_FILE = "robot/scope.toml"
+"""The bundle's own behaviour scope, once a person has changed a field of one."""
 
 
 def of_round(index: int, name: str) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 from .contents import Contents
 from .errors import GeometryError, RobotError
 from .geometry.priors import load_priors, object_place, read_record
-from .layout import OBJECTS, PRIORS
+from .layout import OBJECTS, PRIORS, SCOPE_FILE
 from .robot.free_floor import free_floor
 from .robot.model import EMBEDDED_HUMANOID, RobotModel
 from .robot.region import area_m2
@@ -21,9 +21,6 @@ from .robot.scope_file import changed_scope, save_scope
 from .robot.seats import TARGET_M, Seat, find_seats
 from .scene import Scene
 from .trial_rollouts import newest_surface
-
-SCOPE_FILE = "robot/scope.toml"
-"""The bundle's own behaviour scope, once a person has changed a field of one."""
 
 ROBOT_FACTS = "robot/robot.json"
 """What ``describe_robot`` last said, for those who cannot read robots."""
@@ -41,8 +38,7 @@ def declare_robot(
     default again. They are written to a scope file of the bundle's own, which becomes the
     scene's; shipped scopes and a person's files stay as they are. A robot that is given takes
     the place of the scope's own, with that one's mount. Returns the scene as declared then;
-    the next run redoes what depends on it. Without anything given it declares a moved
-    bundle's own scope again. Raises RobotError or GeometryError, and changes
+    the next run redoes what depends on it. Raises RobotError or GeometryError, and changes
     nothing then: a robot or a scope that cannot be read or do not go together, or a target
     that is no object of the scene.
     """
@@ -50,7 +46,7 @@ def declare_robot(
     with scene.locked():
         declared = scene.declaration
         if scope is None:
-            source = own_scope(scene)
+            source = declared.scope
         else:
             source = scope if scope in shipped_scopes() else str(Path(scope).resolve())
         if robot is None:
@@ -68,17 +64,6 @@ def declare_robot(
                 save_scope(changed, file)
             source = str(own)
         return scene.declare(robot=robot, scope=source)
-
-
-def own_scope(scene: Scene) -> str:
-    """The scope the scene declares; of a bundle that was moved or copied its own again.
-
-    A bundle's own scope is declared by its whole path, which is that of the place, or of the
-    bundle, it came from.
-    """
-    declared, own = scene.declaration.scope, (scene.path / SCOPE_FILE).absolute()
-    is_a_bundles = Path(declared).parts[-2:] == Path(SCOPE_FILE).parts
-    return str(own) if is_a_bundles and own.is_file() else declared
 
 
 def sitting_on(target: str, scope: str) -> dict[str, Any]:
@@ -115,7 +100,7 @@ def describe_robot(scene: Scene, seats: bool = False) -> dict[str, Any]:
         "scene": str(scene.path),
         "robot": source,
         "name": source.removeprefix("embedded:") if source in _EMBEDDED else Path(source).stem,
-        "declared": [declared.robot, declared.scope],
+        "declared": [declared.robot, scene.name_of(declared.scope)],
         "joints": int(robot.model.njnt) - 1,
         "legs": len(robot.legs),
         "wheels": len(robot.wheels),

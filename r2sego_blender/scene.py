@@ -26,6 +26,7 @@ from typing import Any
 from . import __version__
 from .backends import BACKENDS, chosen_backends, controller_backend
 from .errors import SceneError
+from .layout import SCOPE_FILE
 from .settings import Settings, preset, with_overrides
 
 FORMAT = 1
@@ -40,7 +41,8 @@ class Declaration:
 
     ``world_from_capture`` is the (4, 4) similarity, row by row, that took the frame of the
     given poses to the world; ``scale_source`` and ``ground`` say how it was found. Where a
-    setting chooses the backend of a slot, ``backends`` follows it.
+    setting chooses the backend of a slot, ``backends`` follows it. ``scope`` is a shipped scope's
+    name or the whole path of a file; one inside the bundle is written relative to it.
     """
 
     captures_source: str
@@ -113,7 +115,8 @@ class Scene:
                 where=f"{file}: format",
                 cure="Open it with the version that made it, or make it anew with `r2sego new`.",
             )
-        return Scene(path, _declaration(data, file))
+        declaration = _declaration(data, file)
+        return Scene(path, dataclasses.replace(declaration, scope=_scope_here(declaration.scope, path)))
 
     def declare(self, **changes: Any) -> Scene:
         """This scene with parts of its declaration changed, on disk too."""
@@ -125,6 +128,10 @@ class Scene:
         return Scene(self.path, declaration)
 
     # ---- places
+
+    def name_of(self, file: str) -> str:
+        """How the bundle names ``file``: relative to itself where it lies inside, else as it is."""
+        return _name_in(self.path, file)
 
     @property
     def captures_folder(self) -> Path:
@@ -306,6 +313,29 @@ def _declaration(data: Mapping[str, Any], file: Path) -> Declaration:
     return declaration
 
 
+def _scope_here(scope: str, bundle: Path) -> str:
+    """The declared ``scope`` of a bundle that may have been moved or copied: its own lies in it.
+
+    Bundles once declared their own scope by its whole path, which is that of where they were.
+    """
+    if not Path(scope).is_absolute():
+        return str((bundle / scope).absolute()) if Path(scope).suffix else scope
+    own = bundle / SCOPE_FILE
+    if Path(scope).parts[-2:] != own.parts[-2:] or not own.is_file():
+        return scope
+    was_a_bundles = not Path(scope).is_file() or (Path(scope).parents[1] / _DECLARATION).is_file()
+    return str(own.absolute()) if was_a_bundles else scope
+
+
+def _name_in(bundle: Path, file: str) -> str:
+    if not Path(file).is_absolute():  # the name of what comes with the library
+        return file
+    for place, folder in ((Path(file), bundle.absolute()), (Path(file).resolve(), bundle.resolve())):
+        if place.is_relative_to(folder):
+            return place.relative_to(folder).as_posix()
+    return file
+
+
 def _write_declaration(file: Path, declaration: Declaration) -> None:
     import tomli_w  # the engine writes bundles; Blender's Python only reads them
 
@@ -317,7 +347,7 @@ def _write_declaration(file: Path, declaration: Declaration) -> None:
             "scale_source": declaration.scale_source,
             "world_from_capture": [list(row) for row in declaration.world_from_capture],
         },
-        "robot": {"model": declaration.robot, "scope": declaration.scope},
+        "robot": {"model": declaration.robot, "scope": _name_in(file.parent, declaration.scope)},
         "priors": {"mesh_library": declaration.mesh_library},
         "backends": dict(declaration.backends),
         "settings": {"preset": declaration.preset, "overrides": dict(declaration.overrides)},

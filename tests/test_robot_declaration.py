@@ -15,9 +15,10 @@ from r2sego_blender.arrays import save_arrays
 from r2sego_blender.cli import main
 from r2sego_blender.contents import Contents
 from r2sego_blender.errors import R2SEgoError
+from r2sego_blender.layout import SCOPE_FILE
 from r2sego_blender.robot.model import RobotModel
 from r2sego_blender.robot.scope import BehaviourScope
-from r2sego_blender.robot_declaration import SCOPE_FILE, declare_robot, describe_robot, lines
+from r2sego_blender.robot_declaration import declare_robot, describe_robot, lines
 from r2sego_blender.scene import Scene
 from r2sego_blender.trial_rollouts import newest_surface
 
@@ -69,19 +70,57 @@ def test_a_region_makes_the_scope_the_bundles_own(scene):
     assert again.region.within == "free_floor" and again.walk_to.speed_m_s == (0.35, 0.7)
 
 
-def test_a_copied_bundle_has_its_own_scope_again(scene, tmp_path):
+def declared_clearance(bundle: Path) -> float:
+    return BehaviourScope.load(Scene.open(bundle).declaration.scope).region.clearance_m
+
+
+def test_a_copied_or_moved_bundle_has_its_own_scope(scene, tmp_path):
     declare_robot(scene, changes={"region.clearance_m": 0.02})
+    assert f'scope = "{SCOPE_FILE}"' in (scene.path / "scene.toml").read_text()
     copied = tmp_path / "copied.r2s"
     shutil.copytree(scene.path, copied)
     declare_robot(scene, changes={"region.clearance_m": 0.3})
-    assert run(copied).exit_code == 0
-    declared = Scene.open(copied).declaration
-    assert declared.scope == str(copied / SCOPE_FILE)
-    assert BehaviourScope.load(declared.scope).region.clearance_m == 0.02
+    assert Scene.open(copied).declaration.scope == str(copied / SCOPE_FILE)
+    assert (declared_clearance(copied), declared_clearance(scene.path)) == (0.02, 0.3)
     shutil.move(copied, tmp_path / "moved.r2s")
     assert run(tmp_path / "moved.r2s", "--target", "any").exit_code == 0
     moved = BehaviourScope.load(Scene.open(tmp_path / "moved.r2s").declaration.scope)
     assert (moved.region.clearance_m, moved.behaviours.sit_on) == (0.02, 1.0)
+    (tmp_path / "link.r2s").symlink_to(tmp_path / "moved.r2s", target_is_directory=True)
+    assert run(tmp_path / "link.r2s", "--scope", tmp_path / "link.r2s" / SCOPE_FILE).exit_code == 0
+    assert f'scope = "{SCOPE_FILE}"' in (tmp_path / "moved.r2s" / "scene.toml").read_text()
+
+
+def test_a_relative_bundle_opens_wherever_one_stands(scene, tmp_path, monkeypatch):
+    declare_robot(scene, changes={"region.clearance_m": 0.02})
+    monkeypatch.chdir(tmp_path)
+    opened = Scene.open(Path("room.r2s"))
+    monkeypatch.chdir(scene.path)
+    assert BehaviourScope.load(opened.declaration.scope).region.clearance_m == 0.02
+    declare_robot(Scene.open(scene.path), scope="walk_and_look")  # no file of the folder one stands in
+    assert 'scope = "walk_and_look"' in (scene.path / "scene.toml").read_text()
+
+
+def test_a_scope_declared_by_its_whole_path_still_opens(scene, tmp_path):
+    """As bundles were written before: by the path of where the bundle was then."""
+
+    def written(bundle: Path, scope: Path) -> None:
+        text = (bundle / "scene.toml").read_text()
+        (bundle / "scene.toml").write_text(text.replace(f'scope = "{SCOPE_FILE}"', f'scope = "{scope}"'))
+
+    declare_robot(scene, changes={"region.clearance_m": 0.02})
+    written(scene.path, scene.path / SCOPE_FILE)
+    assert declared_clearance(scene.path) == 0.02
+    shutil.copytree(scene.path, tmp_path / "copied.r2s")
+    declare_robot(Scene.open(scene.path), changes={"region.clearance_m": 0.3})
+    assert declared_clearance(tmp_path / "copied.r2s") == 0.02  # the other still lies where it was
+    shutil.rmtree(scene.path)
+    assert declared_clearance(tmp_path / "copied.r2s") == 0.02
+    mine = tmp_path / "mine" / SCOPE_FILE  # a person's own file, which only looks like a bundle's
+    mine.parent.mkdir(parents=True)
+    mine.write_text("[region]\nclearance_m = 0.4\n")
+    declare_robot(Scene.open(tmp_path / "copied.r2s"), scope=str(mine))
+    assert declared_clearance(tmp_path / "copied.r2s") == 0.4
 
 
 def test_a_shipped_scope_that_nothing_changes_stays_shipped(scene):

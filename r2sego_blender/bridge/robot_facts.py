@@ -9,10 +9,8 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from ..errors import RobotError
 from ..robot.region import Polygon, area_m2
 from ..robot.scope import FREE_FLOOR, BehaviourScope
 from .bundle import Bundle
@@ -37,18 +35,12 @@ class RobotFacts:
 
     @staticmethod
     def read(bundle: Bundle) -> RobotFacts:
-        """Read both. Raises RobotError where the declared scope cannot be read, or is another bundle's."""
+        """Read both. Raises RobotError where the declared scope cannot be read."""
         declared = bundle.scene.declaration
-        own = (bundle.path / "robot" / "scope.toml").absolute()
-        if Path(declared.scope).parts[-2:] == own.parts[-2:] and Path(declared.scope) != own:
-            raise RobotError(
-                "the bundle was moved or copied, and declares the scope of where it was",
-                where=declared.scope, cure="Press Inspect in the sub-panel Robot.",
-            )  # fmt: skip
         scope = BehaviourScope.load(declared.scope)
         try:
             told = json.loads((bundle.path / "robot" / "robot.json").read_text(encoding="utf-8"))
-            is_of_this = told["declared"] == [declared.robot, declared.scope]
+            is_of_this = told["declared"] == [declared.robot, bundle.scene.name_of(declared.scope)]
         except (OSError, ValueError, KeyError, TypeError):
             is_of_this = False
         return RobotFacts(scope, told if is_of_this else {})

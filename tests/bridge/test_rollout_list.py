@@ -116,9 +116,11 @@ def test_the_bundles_own_scope_is_read_live(copied, tmp_path):
     assert facts.region == ((0.0, 0.0), (2.0, 0.0), (2.0, 1.5))
     assert dict(facts.lines())["Region"] == "polygon, 1.50 m²"
     assert dict(facts.lines())["Target"] == "chair"
-    elsewhere = str(tmp_path / "other.r2s" / "robot" / "scope.toml")
-    with pytest.raises(RobotError, match=r"moved or copied.*Press Inspect"):
-        RobotFacts.read(Bundle(copied.scene.declare(scope=elsewhere)))
+    shutil.copytree(copied.path, tmp_path / "other.r2s")
+    shutil.rmtree(copied.path / "robot")
+    there = RobotFacts.read(Bundle.open(tmp_path / "other.r2s"))
+    assert there.region == facts.region
+    own.parent.mkdir()
     own.write_text("[region")
     with pytest.raises(RobotError, match="no TOML"):
         RobotFacts.read(changed)
