@@ -33,10 +33,14 @@ class R2SEGO_PT_engine(Step, bpy.types.Panel):
 
     def _draw_job(self, context, job, engine):
         column = self.layout.column(align=True)
-        column.label(text=job.title)
+        row = column.row()
+        row.label(text=job.title)
+        since = row.row()
+        since.alignment, since.active = "RIGHT", False
+        since.label(text=f"for {engine.running_for}")
         column.progress(factor=job.fraction, text=f"{job.task} {job.fraction:.0%}")
-        if engine.time_left:
-            column.label(text=engine.time_left, icon="TIME")
+        if engine.time_left and job.fraction < 1.0:
+            column.label(text=f"{engine.time_left} in this step", icon="TIME")
         for line in textwrap.wrap(job.message, fitting_characters(context, 1.0)):
             column.label(text=line)
         if engine.picture_icon:

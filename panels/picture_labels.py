@@ -29,7 +29,8 @@ def _draw(context):
         if place is not None:
             name = capture_name(camera)
             left, bottom = np.array(place) + 6.0 * scale
-            write(name, left, bottom, _CHOSEN if name == chosen else _OTHERS, 11.0 * scale)
+            shown_name = name.rpartition(".")[0] or name  # as in the list
+            write(shown_name, left, bottom, _CHOSEN if name == chosen else _OTHERS, 11.0 * scale)
 
 
 _overlay = Overlay(_draw, "POST_PIXEL")

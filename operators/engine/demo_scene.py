@@ -6,9 +6,15 @@ import bpy
 from bpy.props import EnumProperty, StringProperty
 
 from ...r2sego_blender.bridge.bundle import SUFFIX, Bundle
+from ...r2sego_blender.bridge.show_captures import capture_cameras
+from ...r2sego_blender.errors import R2SEgoError
 from ...r2sego_blender.settings import PRESETS
+from ...r2sego_blender.workers.jobs import Job
 from .. import state
 from ..base import EngineOperator, needs_idle_engine
+from .room_view import hide_startup_cube, look_into
+
+_TAKES = "Takes a quarter of an hour or more; Blender stays free meanwhile"
 
 
 class R2SEGO_OT_demo_scene(EngineOperator, bpy.types.Operator):
@@ -34,7 +40,7 @@ class R2SEGO_OT_demo_scene(EngineOperator, bpy.types.Operator):
     def invoke(self, context, event):
         if not self.directory:
             self.directory = str(_documents())
-        return context.window_manager.invoke_props_dialog(self, width=420)
+        return context.window_manager.invoke_props_dialog(self, width=420, confirm_text="Make and Refine")
 
     def draw(self, context):
         layout = self.layout
@@ -42,24 +48,58 @@ class R2SEGO_OT_demo_scene(EngineOperator, bpy.types.Operator):
         layout.use_property_decorate = False
         layout.prop(self, "directory")
         layout.prop(self, "preset")
+        layout.label(text=_TAKES, icon="TIME")
 
     def arguments(self, context):
         return ["demo", str(self._bundle_path()), "--preset", self.preset, "--json-progress"]
 
     def finish(self, context, result):
         bundle = Bundle.open(self._bundle_path())
+        opened_before = state.bundle_name(context.scene) == str(bundle.path)
         state.show_bundle(context.scene, bundle)
         made = f"Made and refined {bundle.path.name}"
         try:
-            bpy.ops.r2sego.import_captures()
-            bpy.ops.r2sego.show_proxy()
-        except RuntimeError as error:  # the scene is made all the same
+            if not opened_before:
+                _show_captures(context, bundle)
+            bpy.ops.r2sego.show_asset()
+            context.scene.r2sego_captures.show_cloud = False  # which would lie over the splats
+        except (R2SEgoError, RuntimeError) as error:  # the scene is made all the same
             return f"{made}, but showing it failed: {str(error).strip().splitlines()[-1]}"
         return made
 
     def _bundle_path(self):
-        folder = Path(bpy.path.abspath(self.directory)).absolute() if self.directory else _documents()
-        return folder / f"demo_room{SUFFIX}"
+        return _bundle_in(self.directory)
+
+
+def open_begun(context: bpy.types.Context, job: Job) -> None:
+    """Open the bundle of a running *Demo Scene* once it is there, and show its captures.
+
+    Where another bundle is open nothing happens. Raises R2SEgoError when the bundle is damaged,
+    RuntimeError when the captures cannot be shown.
+    """
+    if context.scene.r2sego.bundle or job.notes.get("operator") != R2SEGO_OT_demo_scene.bl_idname:
+        return
+    path = _bundle_in(job.notes.get("properties", {}).get("directory", ""))
+    if (path / "captures" / "sparse.npz").is_file():
+        bundle = Bundle.open(path)
+        state.show_bundle(context.scene, bundle)
+        _show_captures(context, bundle)
+
+
+def _show_captures(context: bpy.types.Context, bundle: Bundle) -> None:
+    """The captures' cameras, in a view that looks into their room."""
+    bpy.ops.r2sego.import_captures()
+    hide_startup_cube(context.scene)
+    context.scene.r2sego_views.curves = False  # a chart over a room seen for the first time
+    if context.area is not None and context.area.type == "VIEW_3D":
+        context.view_layer.update()  # the cameras' places
+        cameras = capture_cameras(context.scene, str(bundle.path))
+        look_into(context.space_data.region_3d, bundle.sparse_points()[0], cameras)
+
+
+def _bundle_in(directory: str) -> Path:
+    folder = Path(bpy.path.abspath(directory)).absolute() if directory else _documents()
+    return folder / f"demo_room{SUFFIX}"
 
 
 def _documents() -> Path:

@@ -5,7 +5,9 @@ saves no backup while one runs, and a refinement takes hours.
 """
 
 import contextlib
+import time
 import traceback
+from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
@@ -17,12 +19,14 @@ from ...r2sego_blender.errors import R2SEgoError
 from ...r2sego_blender.workers.jobs import JOBS_FOLDER, Job, find_jobs
 from .. import job, state
 from . import pictures
+from .demo_scene import open_begun
 from .properties import note_python
 
 _TICK_S, _IDLE_S = 0.2, 0.5
 _JOURNAL_FILE = "journal.jsonl"
 _journal_seen: tuple[str, int] | None = None
 _given_up: set[Path] = set()  # folders of jobs that could not be followed
+_opened_for: set[Path] = set()  # folders of jobs whose bundle was opened while they ran
 _looked_in: set[str] = set()  # bundles whose jobs were looked for; "" stands for the own folder
 
 
@@ -106,14 +110,32 @@ def _follow() -> float:
     job.show(followed)  # a file that was loaded since knows nothing of it
     for event in followed.events():
         job.show_event(event)
-    pictures.show(bpy.context.window_manager.r2sego_engine)
+    engine = bpy.context.window_manager.r2sego_engine
+    engine.running_for = _in_words(time.time() - followed.started)
+    pictures.show(engine)
     if not _being_edited():
+        _open_begun_bundle(followed)
         if followed.running():
             _show_finished_steps()
         else:
             _conclude(followed)
     _redraw()
     return _TICK_S
+
+
+def _open_begun_bundle(followed: Job) -> None:
+    """Open the bundle that the job makes, once: what of it is there is shown while the rest is made."""
+    if followed.folder in _opened_for or bpy.context.scene.r2sego.bundle:
+        return
+    try:
+        with _in_a_view():
+            open_begun(bpy.context, followed)
+            if bpy.context.scene.r2sego.bundle:
+                _opened_for.add(followed.folder)
+                _push_undo("Open Scene")
+    except (R2SEgoError, RuntimeError) as error:  # the job goes on all the same, and tells its end
+        _opened_for.add(followed.folder)
+        print(f"R2S-EGO: {error}")
 
 
 def _show_finished_steps() -> None:
@@ -160,15 +182,7 @@ def _conclude(ended: Job) -> None:
 
 def _take_over_in_window(ended: Job) -> None:
     """Take the result over as if a button in a 3D view had been pressed, where there is one."""
-    area = next(views_3d(), None)
-    with contextlib.ExitStack() as context:
-        window = next(iter(bpy.context.window_manager.windows))
-        if area is not None:
-            window = next(w for w in bpy.context.window_manager.windows if area in w.screen.areas[:])
-            region = next(region for region in area.regions if region.type == "WINDOW")
-            context.enter_context(bpy.context.temp_override(window=window, area=area, region=region))
-        else:
-            context.enter_context(bpy.context.temp_override(window=window))
+    with _in_a_view():
         told = len(bpy.context.window_manager.r2sego_engine.ended)
         try:
             take_over(ended)
@@ -177,8 +191,33 @@ def _take_over_in_window(ended: Job) -> None:
                 _tell_only(ended)
             elif len(bpy.context.window_manager.r2sego_engine.ended) == told:
                 job.tell_end(ended.title, "ERROR", str(error).strip().splitlines()[-1])
-        if bpy.ops.ed.undo_push.poll():
-            bpy.ops.ed.undo_push(message=ended.title)
+        _push_undo(ended.title)
+
+
+@contextlib.contextmanager
+def _in_a_view() -> Iterator[None]:
+    """In the context of the first 3D view, else of the first window; as it is where there is none."""
+    manager = bpy.context.window_manager
+    area, override = next(views_3d(), None), {}
+    if area is not None:
+        override["window"] = next(w for w in manager.windows if area in w.screen.areas[:])
+        override["area"] = area
+        override["region"] = next(region for region in area.regions if region.type == "WINDOW")
+    elif len(manager.windows):
+        override["window"] = manager.windows[0]
+    with bpy.context.temp_override(**override):
+        yield
+
+
+def _push_undo(message: str) -> None:
+    if bpy.ops.ed.undo_push.poll():
+        bpy.ops.ed.undo_push(message=message)
+
+
+def _in_words(seconds: float) -> str:
+    minutes = int(seconds // 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min"
 
 
 def _being_edited() -> bool:

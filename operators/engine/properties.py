@@ -22,6 +22,7 @@ class R2SEGO_PG_engine(bpy.types.PropertyGroup):
     picture: StringProperty(description="The latest preview picture of the running job")
     picture_icon: IntProperty(description="That picture as an icon, 0 while there is none")
     time_left: StringProperty(description="The time its task still takes, in words")
+    running_for: StringProperty(description="How long the job has been running, in words")
     ended: CollectionProperty(type=R2SEGO_PG_ended_job)
 
 

@@ -164,7 +164,6 @@ def _target_objects(
     name = f"Target {place:02d}"
     camera = create_camera(name, views.camera.at(views.poses[index]))
     camera.data.display_size = frustum_m
-    camera.show_name = True
     camera["candidate"] = int(index)
     camera["u"], camera["g"] = float(views.deficit[index]), float(views.availability[index])
     camera["s"] = float(views.score[index])
