@@ -17,10 +17,10 @@ FRAMES = (11, 5, 0, 8)
 _FAILURES = {1: ("body_contact", "mast touched the chair"), 2: ("no_goal", "no place lies in the ranges")}
 
 
-def rollouts(robot: RobotModel) -> list[Rollout]:
-    """Four attempts along an arc, the camera pitched differently in each."""
+def rollouts(robot: RobotModel, of_frames: tuple[int, ...] = FRAMES) -> list[Rollout]:
+    """Attempts of so many frames each along an arc, the camera pitched differently in each."""
     made = []
-    for number, frames in enumerate(FRAMES):
+    for number, frames in enumerate(of_frames):
         turn = np.linspace(0.0, 0.3 * (number + 1), frames)
         qpos = np.tile(robot.rest_qpos, (frames, 1))
         qpos[:, 0] += np.sin(turn) + 0.1 * number

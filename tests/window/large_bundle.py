@@ -1,18 +1,25 @@
-"""A bundle of the size a long refinement leaves: 3,600 candidates, 200,000 proxy faces, 200,000 splats."""
+"""A bundle of the size a long refinement leaves: 3,600 candidates, 200,000 proxy faces, 200,000 splats,
+a humanoid's rollout."""
 
 from pathlib import Path
 
 import numpy as np
 from fake_bundle import ego_camera, write_bundle
+from fake_rollouts import rollouts
 
 from r2sego_blender.cameras import look_at
 from r2sego_blender.geometry.proxy import GeometryProxy
+from r2sego_blender.robot.bodies import save_bodies
+from r2sego_blender.robot.candidates import ego_camera as head_camera
+from r2sego_blender.robot.model import RobotModel
+from r2sego_blender.robot.rollouts import save_rollouts
 from r2sego_blender.selection import Selection, save_candidates
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.ply import save_ply
 
 CANDIDATES, ROLLOUTS = 3600, 12
 TARGETS = 12
+ROBOT, FRAMES = "embedded:humanoid", 250
 FACES = 200_000
 SPLATS = 200_000
 
@@ -29,7 +36,17 @@ def write_large_bundle(path: Path) -> Path:
         save_candidates(folder / "selection", [ego_camera().at(pose) for pose in _poses()])
         save_ply(folder / "asset.ply", asset)
     save_ply(path / "asset.ply", asset)
+    _walk(path / "rounds" / "1")
     return path
+
+
+def _walk(folder: Path) -> None:
+    """The newest round's rollouts as a humanoid's with all its bodies."""
+    robot = RobotModel.load(ROBOT)
+    walks = rollouts(robot, (FRAMES,))
+    save_rollouts(folder / "rollouts", walks)
+    (folder / "bodies").mkdir()
+    save_bodies(folder / "bodies", robot, walks, head_camera(robot, 64, 48), folder / "rollouts")
 
 
 def _poses() -> np.ndarray:

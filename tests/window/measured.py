@@ -4,6 +4,7 @@ blender --enable-event-simulate --python measured.py -- OUT ZIP BUNDLE ENGINE
 """
 
 import json
+import statistics
 import sys
 import time
 from pathlib import Path
@@ -15,7 +16,11 @@ import hand  # found beside this file
 import press  # its install()
 
 SHOW = ("import_captures", "show_proxy", "show_candidates", "show_asset", "show_rollout")
-PLAY_S = 6.0
+ROUNDS = 3
+MEASURED_S = 6.0
+_FAST = 240  # frames a second that nothing reaches
+_RULER_PX = 10  # from the timeline's upper edge, where frames are picked
+_STEP_PX = 15
 
 
 def resident_mb():
@@ -24,31 +29,90 @@ def resident_mb():
     return next(int(line.split()[1]) / 1024 for line in lines if line.startswith("VmRSS"))
 
 
-def played():
-    """Play the timeline, every frame drawn: frames and processor milliseconds a frame."""
+def region_of(kind):
+    """The largest area of this kind and its main region."""
+    areas = [area for area in hand.window().screen.areas if area.type == kind]
+    area = max(areas, key=lambda a: a.width * a.height)
+    return area, next(region for region in area.regions if region.type == "WINDOW")
+
+
+def drawn_frames(acting):
+    """Count the frames while the generator ``acting`` goes on: frames and processor ms a frame."""
     frames = []
-    bpy.context.scene.sync_mode = "NONE"
-    bpy.context.scene.render.fps = 240
-    count = lambda *_: frames.append(time.perf_counter())  # noqa: E731
-    area, _ = hand.view()
-    region = next(region for region in area.regions if region.type == "WINDOW")
+    count = lambda *_: frames.append(1)  # noqa: E731
+    bpy.app.handlers.frame_change_post.append(count)
+    started_s, cpu_s = time.perf_counter(), time.process_time()
+    yield from acting
+    elapsed_s, cpu_s = time.perf_counter() - started_s, time.process_time() - cpu_s
+    bpy.app.handlers.frame_change_post.remove(count)
+    return {"frames_per_s": len(frames) / elapsed_s, "cpu_ms": 1e3 * cpu_s / max(1, len(frames))}
+
+
+def waiting():
+    """Nothing, as long as is measured."""
+    yield MEASURED_S
+
+
+def played():
+    """Play the timeline, every frame drawn."""
+    scene = hand.window().scene
+    scene.sync_mode, scene.render.fps, scene.render.fps_base = "NONE", _FAST, 1.0
+    area, region = region_of("VIEW_3D")
     override = {"window": hand.window(), "area": area, "region": region}
     with bpy.context.temp_override(**override):
         bpy.ops.screen.animation_play()
     yield 1.0
-    bpy.app.handlers.frame_change_post.append(count)
-    started_s, cpu_s = time.perf_counter(), time.process_time()
-    yield PLAY_S
-    elapsed_s, cpu_s = time.perf_counter() - started_s, time.process_time() - cpu_s
-    bpy.app.handlers.frame_change_post.remove(count)
+    told = yield from drawn_frames(waiting())
     with bpy.context.temp_override(**override):
         bpy.ops.screen.animation_cancel()
     yield 0.5
-    return {"frames_per_s": len(frames) / elapsed_s, "cpu_ms": 1e3 * cpu_s / max(1, len(frames))}
+    return told
+
+
+def scrubbed():
+    """Drag along the timeline with the mouse, back and forth."""
+    _, region = region_of("DOPESHEET_EDITOR")
+    y = region.y + region.height - _RULER_PX
+    left, right = region.x + region.width // 5, region.x + 4 * region.width // 5
+    yield from hand.move(left, y)
+    hand.window().event_simulate("LEFTMOUSE", "PRESS", x=left, y=y)
+    yield 0.5
+    assert hand.window().screen.is_scrubbing, "the mouse does not scrub"
+    told = yield from drawn_frames(dragging(left, right, y))
+    hand.window().event_simulate("LEFTMOUSE", "RELEASE", x=left, y=y)
+    yield 0.5
+    return told
+
+
+def dragging(left, right, y):
+    """One step of the mouse each time Blender has drawn."""
+    until_s, x, step = time.perf_counter() + MEASURED_S, left, _STEP_PX
+    while time.perf_counter() < until_s:
+        if not left <= x + step <= right:
+            step = -step
+        x += step
+        hand.window().event_simulate("MOUSEMOVE", "NOTHING", x=x, y=y)
+        yield 0.0
+
+
+def compared(scenes):
+    """Play and scrub each scene by turns; the medians, and how much of a frame ours takes."""
+    told = {"played": {}, "scrubbed": {}}
+    for _ in range(ROUNDS):
+        for name, scene in scenes.items():
+            hand.window().scene = scene
+            yield 1.0
+            for way, measure in (("played", played), ("scrubbed", scrubbed)):
+                told[way].setdefault(name, []).append((yield from measure()))
+    for way in told.values():
+        for name, runs in way.items():
+            way[name] = {key: statistics.median(run[key] for run in runs) for key in runs[0]}
+        way["full_to_empty"] = {key: way["full"][key] / way["empty"][key] for key in way["empty"]}
+    return told
 
 
 def drawn_ms():
-    """Draw the side bar again and again: milliseconds in the panels' draw, all together."""
+    """Draw the side bar again and again: the panels' draw, all together, in processor milliseconds."""
     spent = []
     for cls in hand.panels():
         cls.draw = timed(cls.draw, spent)
@@ -64,31 +128,33 @@ def timed(draw, spent):
     """The panel's draw, its time noted."""
 
     def noting(panel, context):
-        started_s = time.perf_counter()
+        started_s = time.thread_time()
         draw(panel, context)
-        spent.append(time.perf_counter() - started_s)
+        spent.append(time.thread_time() - started_s)
 
     return noting
 
 
 def script():
-    """An empty Blender first, then everything shown."""
+    """Everything is shown in a scene of its own; Blender's first scene stays as empty as it is."""
     yield 1.0
-    told = {"empty": (yield from played()), "empty_mb": resident_mb()}
+    told = {"empty_mb": resident_mb(), "shown": []}
+    empty = hand.window().scene
+    with bpy.context.temp_override(window=hand.window()):
+        bpy.ops.scene.new(type="LINK_COPY")
+    yield 0.5
     press.install()
     yield from hand.open_tab()
-    told["shown"] = []
     for name in SHOW:
-        if hasattr(bpy.types, f"R2SEGO_OT_{name}"):
-            try:
-                getattr(bpy.ops.r2sego, name)()
-                told["shown"].append(name)
-            except RuntimeError as error:
-                told[f"{name} refused"] = str(error)
+        try:
+            getattr(bpy.ops.r2sego, name)()
+            told["shown"].append(name)
+        except RuntimeError as error:
+            told[f"{name} refused"] = str(error)
     yield 2.0
-    told["full"] = yield from played()
     told["panels_draw_ms"] = yield from drawn_ms()
     yield from hand.picture("picture")
+    told.update((yield from compared({"empty": empty, "full": hand.window().scene})))
     told["full_mb"] = resident_mb()
     (hand.OUT / "told.json").write_text(json.dumps(told, indent=1))
 
