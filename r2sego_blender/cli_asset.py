@@ -114,7 +114,7 @@ def _asset(source: Path, stage: str) -> SplatAsset:
 
 
 def _publish_again(scene: Scene, progress: Progress) -> None:
-    """The final asset anew, if there is one."""
+    """The final asset anew; of a refinement that was cut off, made of its newest round."""
     from .layout import of_round
     from .steps import Steps
 
@@ -125,9 +125,8 @@ def _publish_again(scene: Scene, progress: Progress) -> None:
 
 
 def _last_round(scene: Scene) -> int:
-    """The round whose asset the final one is made of; -1 when there is no final one."""
-    rounds = min(scene.rounds_done(), scene.declaration.settings.rounds)
-    return rounds - 1 if scene.asset_file.is_file() else -1
+    """The round whose asset the final one is made of; -1 when none has ended yet."""
+    return min(scene.rounds_done(), scene.declaration.settings.rounds) - 1
 
 
 def _described(scene: Scene) -> dict[str, Any]:

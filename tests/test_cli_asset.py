@@ -86,6 +86,26 @@ def test_a_box_is_deleted_at_once_and_the_rest_kept_to_the_bit(scene, tmp_path):
     assert (told["gaussians"], told["before"]) == (len(left), len(whole))
 
 
+def test_an_edit_shows_at_once_where_a_refinement_was_cut_off(scene, tmp_path):
+    whole = published(scene)
+    scene.asset_file.unlink()  # it is published after the last round alone
+    done = r2sego("edit-asset", scene.path, "--box", box_file(tmp_path), "--json")
+    assert done.exit_code == 0, done.output
+    (edit,) = load_edits(scene.path)
+    left, gone = published(scene), edit.deletes(whole.means)
+    assert left.degree == ROOM.asset.degree > 0
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(left, name), getattr(whole, name)[~gone])
+
+
+def test_an_edit_before_the_first_round_is_kept_for_it(scene, tmp_path):
+    for file in (scene.asset_file, scene.path / "rounds/0/asset.ply"):
+        file.unlink()
+    done = r2sego("edit-asset", scene.path, "--box", box_file(tmp_path), "--json")
+    assert done.exit_code == 0 and "gaussians" not in json.loads(done.stdout)
+    assert len(load_edits(scene.path)) == 1 and not scene.asset_file.exists()
+
+
 def test_an_edit_outlives_a_new_refinement_and_can_be_taken_back(scene, tmp_path):
     before = scene.asset_file.read_bytes()
     assert r2sego("edit-asset", scene.path, "--box", box_file(tmp_path), "--name", "floaters").exit_code == 0
