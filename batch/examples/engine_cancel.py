@@ -42,7 +42,8 @@ def main(arguments: list[str]) -> int:
             ended = bpy.ops.r2sego.refine()
         finally:
             timer.cancel()
-            signal.signal(signal.SIGINT, before)
+            if before is not None:  # Blender's own, which Python cannot give back
+                signal.signal(signal.SIGINT, before)
         print(f"{', '.join(ended).lower()} after {time.monotonic() - started_s:.1f} s")
         for job in bpy.context.window_manager.r2sego_engine.ended:
             print(f"{job.title}: {job.line}")

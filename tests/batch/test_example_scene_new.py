@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -46,6 +47,7 @@ def test_what_the_engine_refuses_is_told_in_one_line(blender_environment, photog
 @pytest.mark.slow
 def test_a_bundle_is_made_as_the_command_does(blender_environment, photographs, tmp_path):
     poses = json.loads((ROOM / "cameras.json").read_text())
+    poses["captures"] = poses["captures"][:3]
     given = tmp_path / "cameras.json"
     given.write_text(json.dumps(poses))
     choices = ["--captures", photographs, "--poses", given, "--robot", "embedded:wheeled"]
@@ -59,5 +61,11 @@ def test_a_bundle_is_made_as_the_command_does(blender_environment, photographs, 
     files = sorted(file.relative_to(expected.path) for file in expected.captures_folder.rglob("*.*"))
     assert sorted(file.relative_to(made.path) for file in made.captures_folder.rglob("*.*")) == files
     for file in files:
-        if file.suffix != ".npz":  # which holds the time it was written
-            assert (made.path / file).read_bytes() == (expected.path / file).read_bytes(), file
+        ours, theirs = made.path / file, expected.path / file
+        if file.suffix == ".npz":  # the archive has the time it was written
+            with np.load(ours) as one, np.load(theirs) as other:
+                assert {name: one[name].tobytes() for name in one} == {
+                    name: other[name].tobytes() for name in other
+                }
+        else:
+            assert ours.read_bytes() == theirs.read_bytes(), file
