@@ -21,6 +21,7 @@ from .allocation import allocate_views
 from .asset_edits import EDITS, deleted_by, load_edits
 from .captures.sparse import depth_ranges
 from .contents import Contents, names_object
+from .generation.carried_decisions import carry_decisions
 from .generation.conditions import ZBufferRenderer
 from .generation.detours import ClearSpace
 from .generation.ego_views import PseudoObservation, ego_video_reg, load_pseudo_observations
@@ -277,7 +278,10 @@ class Steps:
 
     def ego_video_reg(self, l: int, captures: str, proxy: str, targets: str) -> tuple[str, ...]:
         """D_ego^l, Eq. 3: for each target a clip along the path from its reference i(v), whose
-        last frame is kept and registered to the captures."""
+        last frame is kept and registered to the captures.
+
+        What a person decided of a view holds for the one that shows the same now.
+        """
 
         def compute(folder: Path) -> None:
             current = self._read.proxy(proxy)
@@ -295,6 +299,8 @@ class Steps:
                     self._read.captures, renderer, generator, landmarks, self.h, folder, self.progress,
                     ClearSpace(current.vertices, current.faces), colours,
                 )  # fmt: skip
+            for dropped in carry_decisions(self.scene.path / of_round(l, "views"), folder):
+                self.progress.message(f"round {l}, {dropped}", level="warning")
 
         views = self._step(
             of_round(l, "views"), compute, inputs=[captures, DEPTH, COMPLETED, proxy, targets],

@@ -1,0 +1,139 @@
+"""Decisions by hand outlive views that are generated anew, where those show the same."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from box_room import arc
+
+from r2sego_blender import steps as steps_module
+from r2sego_blender.cameras import Camera
+from r2sego_blender.generation.carried_decisions import carry_decisions
+from r2sego_blender.generation.condition_files import save_conditions
+from r2sego_blender.generation.decisions import DECISION, decision_of, save_decision
+from r2sego_blender.progress import Progress
+from r2sego_blender.scene import Declaration, Scene
+from r2sego_blender.settings import Settings
+from r2sego_blender.steps import Steps
+
+IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
+
+
+def write_view(folder: Path, camera: Camera, conditions, estimate: bool = True) -> Path:
+    folder.mkdir(parents=True)
+    save_conditions(folder / "conditions", conditions)
+    record = {"query": camera.to_json(), "estimate": camera.to_json() if estimate else None}
+    (folder / "pose.json").write_text(json.dumps(record))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def cameras() -> list[Camera]:
+    return arc(4, 48, 36)
+
+
+@pytest.fixture
+def before(tmp_path, box_room, cameras) -> Path:
+    """Four views, of which the first was rejected and the third accepted."""
+    conditions = box_room.renderer.render(cameras)
+    for rank, camera in enumerate(cameras):
+        write_view(tmp_path / "before" / f"{rank:03d}", camera, conditions[: rank + 1])
+    save_decision(tmp_path / "before" / "000", False)
+    save_decision(tmp_path / "before" / "002", True)
+    return tmp_path / "before"
+
+
+def test_a_decision_holds_for_the_same_camera_and_condition_whatever_its_rank(
+    tmp_path, before, box_room, cameras
+):
+    conditions = box_room.renderer.render(cameras)  # rendered anew: the files come out the same
+    after = tmp_path / "after"
+    for rank, index in enumerate((2, 3, 0)):
+        write_view(after / f"{rank:03d}", cameras[index], [conditions[index]])  # of the last frame alone
+    assert carry_decisions(before, after) == []
+    assert [decision_of(after / name) for name in ("000", "001", "002")] == [True, None, False]
+
+
+def test_what_shows_something_else_is_decided_anew_and_said(tmp_path, before, box_room, cameras):
+    conditions = box_room.renderer.render(cameras)
+    after = tmp_path / "after"
+    write_view(after / "000", cameras[0], [conditions[1]])  # the camera's, but another surface
+    write_view(after / "001", cameras[1], [conditions[2]])  # the surface, but another camera's
+    write_view(after / "002", cameras[2], [conditions[2]], estimate=False)
+    save_decision(before / "001", False)
+    (before / "003" / DECISION).write_text("{")
+    first, second, third, fourth = carry_decisions(before, after)
+    assert first == "view 0: that it was rejected by hand is dropped, no view shows the same now"
+    assert second.startswith("view 1: that it was rejected")
+    assert third == "view 2: that it was accepted by hand is dropped, no pose could be estimated for it now"
+    assert fourth.startswith("view 3: what was decided of it by hand is damaged")
+    assert not list(after.rglob(DECISION))
+    save_decision(before / "002", False)  # a rejection needs no pose
+    assert len(carry_decisions(before, after)) == 3 and decision_of(after / "002") is False
+
+
+def test_nothing_is_carried_where_there_was_nothing(tmp_path, before):
+    assert carry_decisions(tmp_path / "none", before) == []
+    shutil.rmtree(before / "000" / "conditions")
+    assert carry_decisions(before, tmp_path / "none")[0].endswith("no view shows the same now")
+
+
+class Remembered(Progress):
+    def __init__(self) -> None:
+        self.warnings: list[str] = []
+
+    def message(self, text: str, level: str = "info") -> None:
+        if level == "warning":
+            self.warnings.append(text)
+
+
+def test_the_step_carries_them_and_warns(tmp_path, box_room, cameras, monkeypatch):
+    """The step of the bundle, with a generator that only writes conditions."""
+    shown = box_room.renderer.render(cameras)
+
+    def fill(folder: Path) -> None:
+        (folder / "captures").mkdir()
+
+    declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
+    scene = Scene.create(tmp_path / "room.r2s", declaration, fill)
+    (scene.path / "targets").mkdir()
+
+    def generate(selection, candidates, captures, renderer, generator, landmarks, h, folder, *others):
+        for rank, condition in enumerate(shown):
+            write_view(folder / f"{rank:03d}", cameras[rank], [condition])
+
+    class Nothing:
+        """Stands for what the generator would read."""
+
+        def __init__(self, *given) -> None:
+            self.vertices = self.faces = None
+
+        captures = property(lambda self: ())
+        proxy = proxy_depths = reliable_depths = completed_depths = lambda self, *given: Nothing()
+        load = build = staticmethod(lambda *given: None)
+        __enter__ = lambda self: self  # noqa: E731
+        __exit__ = lambda self, *given: None  # noqa: E731
+
+    for name in ("Contents", "PointConditions", "open_generator", "ClearSpace", "Landmarks", "Selection"):
+        monkeypatch.setattr(steps_module, name, Nothing)
+    monkeypatch.setattr(steps_module, "make_renderer", Nothing)
+    monkeypatch.setattr(steps_module, "load_candidates", Nothing)
+    monkeypatch.setattr(steps_module, "ego_video_reg", generate)
+    progress = Remembered()
+
+    def run() -> Path:
+        (name,) = Steps(scene, Settings(), progress).ego_video_reg(0, "captures", "proxy", "targets")
+        return scene.path / name
+
+    views = run()
+    save_decision(views / "001", False)
+    (scene.path / "targets" / "another").touch()
+    assert decision_of(run() / "001") is False and progress.warnings == []
+    shown[1] = shown[2]
+    (scene.path / "targets" / "another").unlink()
+    assert decision_of(run() / "001") is None
+    assert progress.warnings == [
+        "round 0, view 1: that it was rejected by hand is dropped, no view shows the same now"
+    ]
