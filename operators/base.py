@@ -13,7 +13,7 @@ from . import job, state
 def needs_bundle(cls, context) -> bool:
     """Poll of operators that need an open bundle."""
     if not context.scene.r2sego.bundle:
-        cls.poll_message_set("Open a scene first")
+        cls.poll_message_set("Open a scene first: press New or Open under Scene")
         return False
     return True
 
@@ -21,7 +21,7 @@ def needs_bundle(cls, context) -> bool:
 def needs_idle_engine(cls) -> bool:
     """Poll of operators that start the engine."""
     if job.is_running():
-        cls.poll_message_set("The engine is busy: wait, or cancel it")
+        cls.poll_message_set("The engine is busy: wait until it has ended, or cancel it")
         return False
     return True
 

@@ -38,9 +38,9 @@ class ViewTool:
 
     def start_tool(self, context) -> set[str]:
         """Begin, in the 3D view whose button or side bar was used."""
-        refusal = _refusal(context)
+        refusal = _refusal(context, self.bl_label)
         if refusal:
-            self.report({"ERROR"}, f"{self.bl_label}: {refusal}")
+            self.report({"ERROR"}, refusal)
             return {"CANCELLED"}
         self._held = HeldView(context.area, context.scene)
         try:
@@ -90,10 +90,10 @@ class ViewTool:
             context.workspace.status_text_set(None)
 
 
-def _refusal(context) -> str:
-    """Why no tool can begin here, '' when one can."""
+def _refusal(context, label: str) -> str:
+    """Why the tool of that label cannot begin here, '' when it can."""
     if context.area is None or context.area.type != "VIEW_3D":
-        return "press the button in a 3D view"
+        return f"Press {label} in a 3D view"
     for other in context.window.modal_operators:
         if other.bl_idname.startswith("R2SEGO_OT_"):
             return f"{other.bl_label} is still at work: end it with ESC first"

@@ -57,7 +57,7 @@ class R2SEGO_OT_restore_splats(EngineOperator, bpy.types.Operator):
         if not (needs_bundle(cls, context) and needs_idle_engine(cls)):
             return False
         if not context.scene.r2sego_asset.edits:
-            cls.poll_message_set("Nothing was deleted")
+            cls.poll_message_set("Nothing was deleted yet: mark splats and press Delete Marked first")
             return False
         return True
 
@@ -82,7 +82,7 @@ class R2SEGO_OT_clear_splat_marks(ReportingOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         if not context.scene.r2sego_asset.marks:
-            cls.poll_message_set("Nothing is marked")
+            cls.poll_message_set("Nothing is marked: there are no marks to clear")
             return False
         return True
 
@@ -98,5 +98,5 @@ def _show_edited(context, result) -> str:
     if group.shown is not None and group.stages:
         show_stage(context.scene, group.stages[len(group.stages) - 1].name)
     if "gaussians" not in result:
-        return "Kept for when the scene is refined"
+        return "Kept: the next Refine leaves these splats out"
     return f"{result['gaussians']} of {result['before']} splats are left"

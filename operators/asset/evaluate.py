@@ -26,7 +26,7 @@ class R2SEGO_OT_evaluate(EngineOperator, bpy.types.Operator):
         if not (needs_bundle(cls, context) and needs_idle_engine(cls)):
             return False
         if context.scene.r2sego.rounds_done == 0:
-            cls.poll_message_set("Nothing to score yet: run Refine first")
+            cls.poll_message_set("There is no refined asset to score yet: run Refine first")
             return False
         return True
 
@@ -36,7 +36,7 @@ class R2SEGO_OT_evaluate(EngineOperator, bpy.types.Operator):
 
     def arguments(self, context):
         if not self.filepath:
-            raise CaptureError("no frozen views are chosen", cure="Choose a cameras.json.")
+            raise CaptureError("no held-out photographs are chosen", cure="Choose their cameras.json.")
         bundle = str(state.opened_bundle(context).path)
         return ["evaluate", bundle, "--frozen", bpy.path.abspath(self.filepath), "--json-progress"]
 

@@ -19,7 +19,7 @@ def add_mark(scene: bpy.types.Scene, region: Region) -> str:
     group = scene.r2sego_asset
     held = int(region.holds(world_centres(group.shown)).sum())
     if not held:
-        raise AssetError("no splat is there", cure="Move or enlarge the region, or its depths.")
+        raise AssetError("no splat is there", cure="Move or enlarge the box, or the lasso's distances.")
     mark = group.marks.add()
     described = region.to_json()
     mark.region, mark.kind, mark.splats = json.dumps(described), described["kind"], held

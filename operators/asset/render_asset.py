@@ -50,7 +50,7 @@ class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
         if not (needs_asset(cls, context) and needs_idle_engine(cls)):
             return False
         if not bpy.data.cameras:
-            cls.poll_message_set("There is no camera: import the captures, or add one")
+            cls.poll_message_set("There is no camera: press Import under Captures, or add one")
             return False
         return True
 
@@ -59,8 +59,8 @@ class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
         seen_from = _camera_object(context, self.camera)
         if seen_from is None:
             raise SceneError(
-                "there is no such camera", where=self.camera or "active object",
-                cure="Select a camera, or set the scene's.",
+                f"there is no camera '{self.camera}'" if self.camera else "no camera is chosen",
+                cure="Select a camera, or make one the scene's active camera.",
             )  # fmt: skip
         context.view_layer.update()
         camera = {"name": "picture", **exact_camera(seen_from, context.scene).to_json()}
@@ -76,7 +76,7 @@ class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
 
     def finish(self, context, result):
         if not result.get("files"):
-            raise SceneError("the engine told no picture", cure="Render again.")
+            raise SceneError("the engine made no picture", cure="Render again.")
         name = f"{self.camera}, {stage_label(self.stage).lower()}"
         name += "" if self.render_pass == "colour" else f", {self.render_pass}"
         file, bundle = Path(result["files"][0]), state.opened_bundle(context)

@@ -27,7 +27,7 @@ def needs_shown_asset(cls, context) -> bool:
     if not needs_asset(cls, context):
         return False
     if context.scene.r2sego_asset.shown is None:
-        cls.poll_message_set("Show the asset first")
+        cls.poll_message_set("Show the asset first: press Show Asset")
         return False
     return True
 
@@ -37,7 +37,7 @@ def needs_splats_at_rest(cls, context) -> bool:
     if not needs_shown_asset(cls, context):
         return False
     if context.scene.r2sego_asset.shown.mode == "EDIT":
-        cls.poll_message_set("Leave Edit Mode first, or mark what is selected")
+        cls.poll_message_set("Leave Edit Mode first (Tab), or press Mark Selected")
         return False
     return True
 
@@ -46,7 +46,7 @@ def show_stage(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
     """Show the asset of a stage, and mark anew what is marked. Raises R2SEgoError."""
     bundle = state.bundle_of(scene)
     if bundle is None:
-        raise AssetError("no scene bundle is open", cure="Open one first.")
+        raise AssetError("no scene is open", cure="Open one with Open Scene.")
     stage = stage_named(bundle.scene, name)
     group = scene.r2sego_asset
     group.shown = show_asset(scene, bundle, stage)

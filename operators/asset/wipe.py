@@ -26,7 +26,7 @@ class R2SEGO_OT_compare_photograph(ReportingOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         if context.scene.camera is None:
-            cls.poll_message_set("Look through the camera of a capture first")
+            cls.poll_message_set("The scene has no camera: press Import under Captures")
             return False
         return True
 
@@ -63,7 +63,7 @@ class R2SEGO_OT_move_wipe(ViewTool, ReportingOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         if not context.scene.r2sego_asset.compare:
-            cls.poll_message_set("Compare two pictures first")
+            cls.poll_message_set("Compare two pictures first: put a photograph or a rendering on a side")
             return False
         return True
 

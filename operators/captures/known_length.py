@@ -25,7 +25,7 @@ class R2SEGO_OT_add_length(ReportingOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         if len(context.scene.r2sego_captures.points) < 2:
-            cls.poll_message_set("Pick two points first")
+            cls.poll_message_set("Pick two points in the photographs first")
             return False
         return True
 
@@ -47,7 +47,7 @@ class R2SEGO_OT_add_length(ReportingOperator, bpy.types.Operator):
         names = [point.name for point in shown.points]
         if self.start not in names or self.end not in names or self.start == self.end:
             raise CaptureError(
-                f"a length from '{self.start}' to '{self.end}' is none",
+                f"a length from '{self.start}' to '{self.end}' is none: it needs two picked points",
                 cure=f"Name two of {', '.join(names)}.",
             )  # fmt: skip
         ends = {self.start, self.end}
@@ -72,7 +72,7 @@ class R2SEGO_OT_remove_length(ReportingOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         if not len(context.scene.r2sego_captures.lengths):
-            cls.poll_message_set("No length is given")
+            cls.poll_message_set("There is no length to remove: none was added")
             return False
         return True
 

@@ -26,7 +26,7 @@ class R2SEGO_OT_look_through(ReportingOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         if not has_lens(context.view_layer.objects.active):
-            cls.poll_message_set("Select the camera of a capture or target view first")
+            cls.poll_message_set("Select a camera first: one of a capture or of a target view")
             return False
         return True
 

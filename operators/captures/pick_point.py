@@ -47,7 +47,7 @@ class R2SEGO_OT_pick_point(ViewTool, ReportingOperator, bpy.types.Operator):
         if not needs_bundle(cls, context):
             return False
         if not len(context.scene.r2sego_captures.captures):
-            cls.poll_message_set("The bundle has no captures")
+            cls.poll_message_set("The scene has no captures to pick in: they are missing or damaged")
             return False
         return True
 

@@ -24,7 +24,7 @@ class R2SEGO_OT_remove_pick(ReportingOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         if not len(context.scene.r2sego_captures.points):
-            cls.poll_message_set("Nothing is picked")
+            cls.poll_message_set("No point is picked yet: there is none to remove")
             return False
         return True
 

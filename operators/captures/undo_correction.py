@@ -19,7 +19,7 @@ class R2SEGO_OT_undo_correction(EngineOperator, bpy.types.Operator):
         if not (needs_bundle(cls, context) and needs_idle_engine(cls)):
             return False
         if not context.scene.r2sego_captures.corrections:
-            cls.poll_message_set("There is no correction to take back")
+            cls.poll_message_set("There is no correction to take back: nothing was corrected yet")
             return False
         return True
 

@@ -17,7 +17,7 @@ class R2SEGO_OT_cancel(bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         if not job.is_running():
-            cls.poll_message_set("The engine is idle")
+            cls.poll_message_set("The engine is idle: there is nothing to cancel")
             return False
         return True
 

@@ -19,7 +19,7 @@ class R2SEGO_OT_dismiss_job(ReportingOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         if not context.window_manager.r2sego_engine.ended:
-            cls.poll_message_set("No job has ended since")
+            cls.poll_message_set("No job has ended since: there is nothing to dismiss")
             return False
         return True
 

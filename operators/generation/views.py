@@ -42,6 +42,8 @@ def needs_views(cls, context) -> bool:
     if not needs_round(cls, context):
         return False
     if not len(context.scene.r2sego_generation.views):
-        cls.poll_message_set("This round has no generated views yet: run Refine further")
+        cls.poll_message_set(
+            "This round has no generated views yet: run Refine, which goes on where it ended"
+        )
         return False
     return True

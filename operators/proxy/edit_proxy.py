@@ -95,7 +95,7 @@ class R2SEGO_OT_remove_proxy_edit(_Edit, bpy.types.Operator):
         if not (needs_bundle(cls, context) and needs_idle_engine(cls)):
             return False
         if not context.scene.r2sego_proxy.edits:
-            cls.poll_message_set("The proxy has no edits")
+            cls.poll_message_set("The proxy has no edits: nothing was cut away or added yet")
             return False
         return True
 

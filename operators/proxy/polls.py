@@ -38,7 +38,7 @@ def needs_object(cls, context) -> bool:
     if not needs_bundle(cls, context):
         return False
     if not active_object(context.scene.r2sego_proxy):
-        cls.poll_message_set("There is no object yet: make one, or load those of the bundle")
+        cls.poll_message_set("There is no object yet: press + beside the list to name one")
         return False
     return True
 

@@ -43,4 +43,5 @@ class R2SEGO_OT_select_proxy_lasso(Lasso, ReportingOperator, bpy.types.Operator)
 
     def begin(self, context):
         super().begin(context)
+        proxy_shown(context)  # who draws first and is refused then has drawn in vain
         self.farthest = context.scene.r2sego_proxy.farthest

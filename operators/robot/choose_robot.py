@@ -5,6 +5,7 @@ from bpy.props import EnumProperty, StringProperty
 
 from ...r2sego_blender.errors import R2SEgoError, RobotError
 from .. import state
+from ..base import told
 from .declaring import DeclaringOperator
 
 _EMBEDDED = {"HUMANOID": "embedded:humanoid", "WHEELED": "embedded:wheeled"}
@@ -34,8 +35,8 @@ class R2SEGO_OT_choose_robot(DeclaringOperator, bpy.types.Operator):
     def invoke(self, context, event):
         try:
             declared = state.opened_bundle(context).scene.declaration.robot
-        except R2SEgoError as error:
-            self.report({"ERROR"}, str(error))
+        except (R2SEgoError, OSError) as error:
+            self.report({"ERROR"}, told(error))
             return {"CANCELLED"}
         self.robot = next((key for key, name in _EMBEDDED.items() if name == declared), "FILE")
         self.filepath = declared if self.robot == "FILE" else ""

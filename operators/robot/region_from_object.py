@@ -19,7 +19,7 @@ class R2SEGO_OT_region_from_object(DeclaringOperator, bpy.types.Operator):
         if not super().poll(context):
             return False
         if context.object is None or context.object.type not in {"MESH", "CURVE"}:
-            cls.poll_message_set("Select a mesh or a curve that lies on the floor")
+            cls.poll_message_set("Select a mesh or a curve first: its outline becomes the region")
             return False
         return True
 

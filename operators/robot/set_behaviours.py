@@ -6,6 +6,7 @@ from bpy.props import FloatProperty
 from ...r2sego_blender.bridge.robot_facts import RobotFacts
 from ...r2sego_blender.errors import R2SEgoError
 from .. import state
+from ..base import told
 from .declaring import DeclaringOperator
 
 _NAMES = ("walk_to", "look_around", "step_around", "squat", "sit_on")
@@ -31,8 +32,8 @@ class R2SEGO_OT_set_behaviours(DeclaringOperator, bpy.types.Operator):
     def invoke(self, context, event):
         try:
             declared = RobotFacts.read(state.opened_bundle(context)).scope.behaviours
-        except R2SEgoError as error:
-            self.report({"ERROR"}, str(error))
+        except (R2SEgoError, OSError) as error:
+            self.report({"ERROR"}, told(error))
             return {"CANCELLED"}
         for name in _NAMES:
             setattr(self, name, getattr(declared, name))

@@ -9,6 +9,7 @@ from bpy.props import EnumProperty, FloatProperty, FloatVectorProperty, StringPr
 from ...r2sego_blender.bridge.robot_facts import RobotFacts
 from ...r2sego_blender.errors import R2SEgoError
 from .. import state
+from ..base import told
 from .declaring import DeclaringOperator
 
 
@@ -62,8 +63,8 @@ class R2SEGO_OT_set_mount(DeclaringOperator, bpy.types.Operator):
     def invoke(self, context, event):
         try:
             scope = RobotFacts.read(state.opened_bundle(context)).scope
-        except R2SEgoError as error:
-            self.report({"ERROR"}, str(error))
+        except (R2SEgoError, OSError) as error:
+            self.report({"ERROR"}, told(error))
             return {"CANCELLED"}
         mount, pitch = scope.robot.mount, scope.look.camera_pitch_deg
         self.mount = "OWN" if mount is None else "CAMERA" if isinstance(mount, str) else "PLACE"

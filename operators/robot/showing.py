@@ -6,7 +6,7 @@ from ...r2sego_blender.bridge.rollout_bodies import are_written
 from ...r2sego_blender.bridge.rollout_list import TRIAL
 from ...r2sego_blender.errors import R2SEgoError, SceneError
 from .. import state
-from ..base import EngineOperator, needs_bundle
+from ..base import EngineOperator, needs_bundle, told
 from .facts import round_of
 
 
@@ -40,8 +40,8 @@ class ShowingOperator(EngineOperator):
             if self.job_folder or not are_written(bundle, index):
                 return super().execute(context)
             said = self.show(context, bundle, index)
-        except R2SEgoError as error:
-            self.report({"ERROR"}, str(error))
+        except (R2SEgoError, OSError) as error:
+            self.report({"ERROR"}, told(error))
             return {"CANCELLED"}
         self.report({"INFO"}, said)
         return {"FINISHED"}

@@ -44,7 +44,7 @@ class R2SEGO_OT_pick_candidate(ViewTool, ReportingOperator, bpy.types.Operator):
         scene = context.scene
         group, scores = scene.r2sego_views, remembered(scene.session_uid)
         if scores is None:
-            raise SceneError("the candidates are not read yet", cure="Refresh the scene.")
+            raise SceneError("the candidates are not read yet", cure="Press Refresh.")
         candidate = self.candidate
         if candidate < 0:
             swarm = shown_candidates(scene, scores.bundle_name)

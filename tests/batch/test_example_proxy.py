@@ -41,4 +41,4 @@ def test_what_is_not_kept_is_taken_back(bundle_path, blender_environment):
     assert [file.name for file in (bundle_path / "geometry" / "edits").iterdir()] == ["hole.npz"]
     done = run(blender_environment, bundle_path, "--mask", "attic:1,1 2,2 3,1")
     assert done.returncode == 1
-    assert "there is no capture 'attic'" in done.stderr and "Traceback" not in done.stderr
+    assert "There is no capture 'attic'" in done.stderr and "Traceback" not in done.stderr

@@ -88,4 +88,4 @@ def test_what_the_script_says_of_priors_is_what_the_command_writes(
 def test_an_object_that_is_not_there_is_told_in_one_line(bundle_path, blender_environment):
     done = run(blender_environment, bundle_path, "--decide", "sofa=accept")
     assert done.returncode == 1
-    assert "there is no object 'sofa'" in done.stderr and "Traceback" not in done.stderr
+    assert "There is no object 'sofa'" in done.stderr and "Traceback" not in done.stderr

@@ -34,4 +34,4 @@ def test_the_targets_are_shown_and_explained(bundle_path, blender_environment, t
 def test_what_cannot_be_is_told_in_one_line(bundle_path, blender_environment):
     done = run(blender_environment, bundle_path, "--candidate", 99)
     assert done.returncode == 1
-    assert "there is no candidate 99" in done.stderr and "Traceback" not in done.stderr
+    assert "There is no candidate 99" in done.stderr and "Traceback" not in done.stderr

@@ -32,6 +32,17 @@ def check_without_a_bundle_the_buttons_say_why():
         assert "Open a scene first" in refused(getattr(bpy.ops.r2sego, name)), name
 
 
+def check_every_grey_button_says_why_in_a_sentence():
+    for begin in (lambda: bpy.ops.wm.read_homefile(use_empty=True), copied_bundle):
+        begin()
+        grey = [name for name in operators() if not getattr(bpy.ops.r2sego, name).poll()]
+        assert grey
+        for name in grey:
+            reason = refused(getattr(bpy.ops.r2sego, name)).strip().split(".poll() ", 1)[1]
+            assert "context is incorrect" not in reason, name
+            assert reason[0].isupper() and (":" in reason or "first" in reason), (name, reason)
+
+
 def check_a_bundle_that_is_gone_is_told_in_one_sentence():
     """Deleted while it is open; then moved away from under a .blend that shows it."""
     copy = copied_bundle()

@@ -141,7 +141,7 @@ def check_splats_in_a_box_are_marked():
     assert (values(shown, "marked") == inside).all()  # the empty's cube is that box
     assert bpy.ops.r2sego.clear_splat_marks() == {"FINISHED"}
     assert not values(shown, "marked").any() and group().marked == 0
-    assert "no splat is there" in refused(
+    assert "No splat is there" in refused(
         bpy.ops.r2sego.mark_splats_box, lowest=(50, 0, 0), highest=(51, 1, 1)
     )
 
@@ -216,7 +216,7 @@ def check_floaters_are_marked_but_not_the_backdrop():
     assert bpy.ops.r2sego.mark_floaters(fewest=0, large=0.06) == {"FINISHED"}
     assert (values(shown, "marked") == (values(shown, "radius_m") > 0.06) & ~behind).all()
     bpy.ops.r2sego.clear_splat_marks()
-    assert "no splat is a floater" in refused(bpy.ops.r2sego.mark_floaters, fewest=0)
+    assert "No splat is a floater" in refused(bpy.ops.r2sego.mark_floaters, fewest=0)
 
 
 def check_what_the_preview_draws():
@@ -348,4 +348,4 @@ def check_the_asset_is_written_by_the_engine():
         ".usdc",
         ".usda",
     ]
-    assert "no file is chosen" in refused(bpy.ops.r2sego.export_asset)
+    assert "No file is chosen" in refused(bpy.ops.r2sego.export_asset)

@@ -157,7 +157,7 @@ def check_points_and_lengths_are_taken_away():
     assert bpy.ops.r2sego.remove_length(index=0) == {"FINISHED"}
     assert bpy.ops.r2sego.remove_pick(everything=True) == {"FINISHED"}
     assert not len(shown().points)
-    assert "Nothing is picked" in refused(bpy.ops.r2sego.remove_pick)
+    assert "No point is picked yet" in refused(bpy.ops.r2sego.remove_pick)
 
 
 def check_new_points_get_names_of_their_own():
@@ -170,7 +170,7 @@ def check_new_points_get_names_of_their_own():
 def check_correcting_by_picks_asks_the_engine_with_a_file_of_them():
     open_bundle()
     bpy.ops.r2sego.import_captures()
-    assert "nothing tells" in refused(bpy.ops.r2sego.correct_registration)
+    assert "Nothing tells" in refused(bpy.ops.r2sego.correct_registration)
     pick_all()
     shown().use_camera_height = True
     shown().camera_height = 1.25

@@ -156,7 +156,7 @@ def check_a_drawn_surface_goes_to_the_engine_as_it_lies_in_the_world():
         a, b, c = (drawn["vertices"][drawn["faces"][:, k]] for k in range(3))
     cross = np.cross(b - a, c - a)
     assert abs(np.linalg.norm(cross, axis=1).sum() / 2 - 2.0) < 1e-5 and (cross[:, 2] > 0).all(), cross
-    assert "no mesh object" in refused(bpy.ops.r2sego.draw_proxy_surface, object_name="nothing")
+    assert "No mesh object" in refused(bpy.ops.r2sego.draw_proxy_surface, object_name="nothing")
 
 
 def check_edits_are_listed_and_taken_back():
@@ -195,7 +195,7 @@ def check_masks_are_drawn_loaded_and_declared():
     assert pixels.sum() == 400 and pixels[20:40, 10:30].all()
     for wrong in ("", "1,2 3,4", "a,b c,d e,f"):
         assert refused(bpy.ops.r2sego.draw_mask, points=wrong)
-    assert "there is no capture 'attic'" in refused(bpy.ops.r2sego.draw_mask, points=square, capture="attic")
+    assert "There is no capture 'attic'" in refused(bpy.ops.r2sego.draw_mask, points=square, capture="attic")
     assert bpy.ops.r2sego.paint_mask() == {"FINISHED"}
     assert bpy.ops.r2sego.load_masks() == {"FINISHED"}
     conduct("succeed")
@@ -249,7 +249,7 @@ def check_a_prior_is_placed_by_hand_with_its_fit():
     np.testing.assert_allclose(placed["world_from_own"], np.array(crate.matrix_world))
     crate.scale.x *= 2.0
     assert "not stretched" in refused(bpy.ops.r2sego.save_placement, object_name="crate")
-    assert "there is no object 'sofa'" in refused(bpy.ops.r2sego.place_prior, object_name="sofa")
+    assert "There is no object 'sofa'" in refused(bpy.ops.r2sego.place_prior, object_name="sofa")
 
 
 def check_a_mask_drawn_anew_is_rated_at_once():

@@ -149,7 +149,7 @@ def check_targets_are_told_by_name_or_place():
     open_bundle()
     assert declared(bpy.ops.r2sego.pick_target, target="chair") == ["--target", "chair"]
     assert declared(bpy.ops.r2sego.pick_target, target="1.2,-0.4") == ["--target", "1.2,-0.4"]
-    assert "nothing is there" in refused(bpy.ops.r2sego.pick_target)
+    assert "Nothing is there" in refused(bpy.ops.r2sego.pick_target)
 
 
 def check_a_trial_asks_the_engine_and_is_listed():

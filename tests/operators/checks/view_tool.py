@@ -112,4 +112,4 @@ def check_a_tool_begins_in_a_3d_view_alone():
     open_bundle()
     tool = begun()
     assert tool.start_tool(bpy.context) == {"CANCELLED"}
-    assert tool.report == [("ERROR", "Draw Something: press the button in a 3D view")]
+    assert tool.report == [("ERROR", "Press Draw Something in a 3D view")]

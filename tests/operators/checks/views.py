@@ -75,7 +75,7 @@ def check_a_picked_candidate_says_why():
     group().rollout = 9  # there are four
     assert (group().rollout, group().active_rollout) == (3, 0)
     assert "no candidate 40" in refused(bpy.ops.r2sego.pick_candidate, candidate=40)
-    assert "no candidate is named" in refused(bpy.ops.r2sego.pick_candidate)
+    assert "No candidate is named" in refused(bpy.ops.r2sego.pick_candidate)
 
 
 def check_the_face_chosen_in_edit_mode_is_picked():
@@ -94,7 +94,7 @@ def check_the_face_chosen_in_edit_mode_is_picked():
 
 def check_look_through_candidate():
     open_bundle()
-    assert "no candidate is chosen" in refused(bpy.ops.r2sego.look_through_candidate)
+    assert "No candidate is chosen" in refused(bpy.ops.r2sego.look_through_candidate)
     bpy.ops.r2sego.pick_candidate(candidate=4)
     for arguments, expected in (({}, 4), ({"candidate": 9}, 9)):
         assert bpy.ops.r2sego.look_through_candidate(**arguments) == {"FINISHED"}
