@@ -178,6 +178,8 @@ def _read_facts(scene: bpy.types.Scene, bundle: Bundle) -> None:
 def _facts(bundle: Bundle) -> Iterator[tuple[str, str, str]]:
     told = describe(bundle.scene)
     yield "scene", "Rounds", f"{len(told['rounds'])} of {told['rounds_declared']} done"
+    if told["of_old_frame"]:
+        yield "scene", "Before Correction", f"{told['of_old_frame']}: run Refine"
     yield "captures", "Photos", str(told["captures"])
     yield "captures", "Poses", told["captures_source"]
     yield "captures", "Ground", told["ground"]

@@ -11,8 +11,10 @@ import click
 from .asset_stages import FINAL, PASSES, stage_named
 from .cli_options import ANY_PATH, FOLDER, json_progress, progress_of, show, tell
 from .errors import AssetError
+from .layout import REFINED_ASSET
 from .progress import JsonProgress, Progress
 from .scene import Scene
+from .world_frame import require_present_frame
 
 if TYPE_CHECKING:
     from .splats.asset import SplatAsset
@@ -91,6 +93,7 @@ def edit_asset(
         raise AssetError("nothing is to be edited", where="r2sego edit-asset", cure="Give --box or --list.")
     if regions or remove:
         with opened.locked():
+            require_present_frame(opened, [REFINED_ASSET], "edited")
             load_edits(opened.path)  # damaged ones are refused before anything changes
             if regions:
                 save_edit(opened, AssetEdit(name or next_name(opened.path), regions))

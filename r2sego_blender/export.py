@@ -8,8 +8,10 @@ from pathlib import Path
 
 from .errors import AssetError, SceneError
 from .geometry.proxy import GeometryProxy
+from .layout import COLLISION, REFINED_ASSET, of_round
 from .scene import Scene
 from .splats.formats import SUFFIXES, load_asset, save_asset
+from .world_frame import require_present_frame
 
 
 def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list[Path]:
@@ -19,7 +21,8 @@ def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list
     ``scene.xml`` for MuJoCo, ``scene.urdf`` and ``scene.usd`` with physics), ``proxy.ply`` (faces
     coloured by provenance) and ``cameras.json`` (the captures in the world frame); the asset
     once more for each suffix in ``splats``, such as ``.spz`` (docs/splat_formats.md).
-    Raises SceneError when the scene has no result yet, AssetError for a suffix that is no
+    Raises SceneError when the scene has no result yet, or one of a world frame that was
+    corrected since, AssetError for a suffix that is no
     format of splats.
     """
     for suffix in splats:
@@ -27,13 +30,14 @@ def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list
             raise AssetError(
                 f"'{suffix}' is no format of splats", where="--splats", cure=f"Use {', '.join(SUFFIXES)}."
             )
-    rounds = scene.rounds_done()
+    rounds = min(scene.rounds_done(), scene.declaration.settings.rounds)
     if not scene.asset_file.is_file() or not scene.collision_folder.is_dir() or not rounds:
         raise SceneError(
             "there is nothing to export yet",
             where=scene.path,
             cure=f"Run `r2sego refine {scene.path}` first.",
         )
+    require_present_frame(scene, [REFINED_ASSET, COLLISION, of_round(rounds - 1, "proxy")], "exported")
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copy2(scene.asset_file, folder / "asset.ply")
     shutil.copy2(scene.captures_folder / "cameras.json", folder / "cameras.json")

@@ -9,6 +9,7 @@ from typing import Any
 
 from .pipeline import refine
 from .scene import Scene, content_digest
+from .world_frame import of_old_frame
 
 PARTS = {
     "geometry/depth": "stereo",
@@ -43,6 +44,7 @@ class PlannedScene(Scene):
         super().__init__(scene.path, scene.declaration)
         self.planned: list[PlannedStep] = []
         self._digests: dict[str, str] = {}
+        self._of_old_frame = set(of_old_frame(self))
         self._last = {record["step"]: record.get("inputs") for record in self.journal() if "step" in record}
 
     def step(
@@ -61,7 +63,8 @@ class PlannedScene(Scene):
         elif first is not None:
             why = f"{first} is redone"
         elif self._last.get(target) != self._digest_of_inputs(inputs, parameters):
-            why = "what it reads or a setting has changed"
+            corrected = target in self._of_old_frame
+            why = "the world frame was corrected" if corrected else "what it reads or a setting has changed"
         else:
             why = ""
         self.planned.append(PlannedStep(target, why))

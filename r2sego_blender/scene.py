@@ -28,6 +28,7 @@ from .backends import BACKENDS, chosen_backends, controller_backend
 from .errors import SceneError
 from .layout import SCOPE_FILE
 from .settings import Settings, preset, with_overrides
+from .world_frame import frame_of_output
 
 FORMAT = 1
 _DECLARATION = "scene.toml"
@@ -195,6 +196,9 @@ class Scene:
         self._record(
             step=target, inputs=digest, output=content_digest(place),
             started=round(started, 3), seconds=round(time.time() - started, 3),
+            frame=frame_of_output(
+                self.declaration.world_from_capture, map(str, inputs), self.journal()
+            ),
         )  # fmt: skip
         return place
 

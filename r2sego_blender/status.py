@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 from .scene import Scene
+from .world_frame import results_of_old_frame, rounds_of_old_frame
 
 
 def describe(scene: Scene) -> dict[str, Any]:
@@ -14,6 +15,7 @@ def describe(scene: Scene) -> dict[str, Any]:
     captures = json.loads((scene.captures_folder / "cameras.json").read_text())["captures"]
     rounds = [_describe_round(scene, index) for index in range(scene.rounds_done())]
     metrics_file = scene.report_folder / "metrics.json"
+    old = results_of_old_frame(scene)
     return {
         "scene": str(scene.path),
         "captures": len(captures),
@@ -27,7 +29,9 @@ def describe(scene: Scene) -> dict[str, Any]:
         "backends": scene.backends,
         "rounds_declared": declared.settings.rounds,
         "rounds": rounds,
-        "refined": scene.asset_file.is_file() and len(rounds) >= declared.settings.rounds,
+        "rounds_of_old_frame": list(rounds_of_old_frame(scene)),
+        "of_old_frame": old,
+        "refined": not old and scene.asset_file.is_file() and len(rounds) >= declared.settings.rounds,
         "metrics": json.loads(metrics_file.read_text()) if metrics_file.is_file() else None,
     }
 
@@ -51,6 +55,8 @@ def lines(state: dict[str, Any]) -> list[str]:
             text.append(f"  {name:<14} PSNR {arm['psnr']:.2f} dB, SSIM {arm['ssim']:.3f}")
         text += [_scored_round(entry) for entry in state["metrics"].get("rounds", ())]
         text += _largest_cause(state["metrics"].get("causes", {}))
+    if state["of_old_frame"]:
+        text.append(f"of the world frame before its correction: {state['of_old_frame']}")
     text.append("refined" if state["refined"] else f"next: r2sego refine {state['scene']}")
     return text
 

@@ -19,10 +19,12 @@ from .geometry.proxy import GeometryProxy
 from .geometry.rasterizer import MeshRasterizer
 from .geometry.texturing import bake
 from .geometry.unwrapping import unwrapped
+from .layout import of_round
 from .progress import SILENT, Progress
 from .scene import Scene
 from .settings import Settings
 from .splats.formats.files import publishing
+from .world_frame import require_present_frame
 
 FILE = "textured_proxy.glb"
 """Its name in the bundle."""
@@ -63,7 +65,8 @@ def texture_scene(
     """Write the newest proxy of ``scene`` with colours baked from its captures.
 
     ``file`` ends in ``.glb``; by default it is the bundle's own ``textured_proxy.glb``. The
-    captures' exposures are evened out first. Raises SceneError when there is no proxy yet.
+    captures' exposures are evened out first. Raises SceneError when there is no proxy yet, or its
+    world frame was corrected since.
     """
     started = time.monotonic()
     target = scene.path / FILE if file is None else Path(file)
@@ -128,4 +131,5 @@ def _newest_proxy(scene: Scene) -> GeometryProxy:
             "there is no proxy to texture yet", where=scene.path,
             cure=f"Run `r2sego refine {scene.path}` first.",
         )  # fmt: skip
+    require_present_frame(scene, [of_round(index - 1, "proxy")], "textured")
     return GeometryProxy.load(scene.round_folder(index - 1) / "proxy" / "proxy.npz")

@@ -24,6 +24,7 @@ FOUNDATION = {
     "scene",
     "scratch",
     "settings",
+    "world_frame",
 }
 ABOVE_CAPTURES = FOUNDATION | {"workers", "captures"}
 PARTS = ABOVE_CAPTURES | {"geometry", "robot", "selection", "generation", "splats"}

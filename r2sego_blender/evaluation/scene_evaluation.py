@@ -21,7 +21,7 @@ from ..captures.store import load_captures
 from ..errors import R2SEgoError, SceneError
 from ..geometry.observed import ObservedGeometry
 from ..geometry.stereo import DepthMap
-from ..layout import CAPTURES, DEPTH, OBSERVED, SPARSE
+from ..layout import CAPTURES, DEPTH, OBSERVED, REFINED_ASSET, SPARSE
 from ..progress import SILENT, Progress
 from ..scene import Scene
 from ..settings import VANILLA_3DGS
@@ -30,6 +30,7 @@ from ..splats.observations import Observation
 from ..splats.ply import load_ply, save_ply
 from ..splats.rasterizer import render
 from ..visual_asset import vanilla_asset
+from ..world_frame import require_present_frame
 from . import round_scores, scene_causes
 from .arms import ARMS, REFINED, VANILLA_ASSET
 from .cause_figures import report_causes
@@ -47,7 +48,7 @@ def evaluate_scene(scene: Scene, frozen: Path, progress: Progress = SILENT) -> d
 
     ``frozen`` is a cameras.json, of which the frozen list alone is read, or a folder of
     held-out photographs, which are located against the captures. Raises SceneError when
-    the scene has not been refined.
+    the scene has not been refined, or its world frame was corrected since.
     """
     if not scene.asset_file.is_file():
         raise SceneError(
@@ -55,6 +56,7 @@ def evaluate_scene(scene: Scene, frozen: Path, progress: Progress = SILENT) -> d
             where=scene.path,
             cure=f"Run `r2sego refine {scene.path}` first.",
         )  # fmt: skip
+    require_present_frame(scene, [REFINED_ASSET], "scored")
     views = frozen_views(scene, frozen, progress)
     train_vanilla(scene, progress)
     scores: dict[str, ArmScore] = {}

@@ -1,9 +1,10 @@
 """What holds of the room Scene, checked inside Blender."""
 
+import json
 from pathlib import Path
 
 import bpy
-from support import BUNDLE, OUT, calls, conduct, open_bundle, refused, state
+from support import BUNDLE, OUT, calls, conduct, copied_bundle, open_bundle, refused, state
 
 OPERATORS = {
     "new_scene", "new_scene_from_files", "open_scene", "refine", "refresh_scene", "reset_settings",
@@ -129,3 +130,14 @@ def check_settings_are_kept_under_a_name():
         assert "short run" in str(error)
     else:
         raise AssertionError("removed settings were loaded")
+
+
+def check_what_stands_in_the_frame_before_a_correction_is_told():
+    copy = copied_bundle()
+    assert "Before Correction" not in {fact.label for fact in state().facts}
+    frame = [[1, 0, 0, 0.1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+    with (copy / "journal.jsonl").open("a") as file:
+        file.write(json.dumps({"step": "rounds/0/proxy", "inputs": "", "frame": frame}) + "\n")
+    assert bpy.ops.r2sego.refresh_scene() == {"FINISHED"}
+    facts = {fact.label: fact.value for fact in state().facts if fact.section == "scene"}
+    assert facts["Before Correction"] == "round 0: run Refine"
