@@ -60,8 +60,9 @@ class R2SEGO_PT_captures(Step, bpy.types.Panel):
                 R2SEGO_UL_captures.bl_idname, "", shown, "captures", shown, "active_capture", rows=4
             )
             self._draw_chosen(shown.captures[min(shown.active_capture, len(shown.captures) - 1)])
-        row = layout.row(align=True)
+        row = layout.split(factor=0.36, align=True)
         row.operator("r2sego.import_captures", text="Import", icon="CAMERA_DATA")
+        row = row.row(align=True)
         row.operator("r2sego.look_through", icon="VIEW_CAMERA")
         row.operator("r2sego.look_through_next", text="", icon="TRIA_LEFT").backwards = True
         row.operator("r2sego.look_through_next", text="", icon="TRIA_RIGHT").backwards = False

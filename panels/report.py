@@ -69,7 +69,7 @@ class R2SEGO_PT_report_causes(Step, bpy.types.Panel):
 
 
 def _table(layout, scores, has_lpips):
-    heads = ("PSNR dB", "SSIM", "LPIPS") if has_lpips else ("PSNR dB", "SSIM")
+    heads = ("PSNR", "SSIM", "LPIPS") if has_lpips else ("PSNR dB", "SSIM")
     column = layout.column(align=True)
     _line(column, "", heads, False)
     for score in scores:
@@ -82,7 +82,7 @@ def _table(layout, scores, has_lpips):
 
 
 def _line(column, label, cells, active):
-    split = column.split(factor=0.44)
+    split = column.split(factor=0.4)
     split.active = active
     split.label(text=label)
     grid = split.grid_flow(row_major=True, columns=len(cells), even_columns=True, align=True)

@@ -12,7 +12,9 @@ class R2SEGO_UL_attempts(bpy.types.UIList):
     def draw_item(self, context, layout, data, item, icon, active_data, active_property, index=0, flt_flag=0):
         split = layout.split(factor=0.86)
         name = f"{item.number}  {item.behaviour or 'none'}: {item.reason.replace('_', ' ') or 'succeeded'}"
-        jump = split.operator(
+        row = split.row()
+        row.alignment = "LEFT"
+        jump = row.operator(
             "r2sego.jump_to_attempt", text=name, emboss=False, icon="CHECKMARK" if item.success else "CANCEL"
         )
         jump.attempt, jump.trial = item.number, data.source == "TRIAL"
@@ -31,7 +33,9 @@ class R2SEGO_UL_seats(bpy.types.UIList):
     def draw_item(self, context, layout, data, item, icon, active_data, active_property, index=0, flt_flag=0):
         place = f"{item.place[0]:.3f},{item.place[1]:.3f}"
         text = f"{item.object_name or f'Seat at {place}'}, {item.height:.2f} m high"
-        pick = layout.operator("r2sego.pick_target", text=text, emboss=False, icon="HANDLETYPE_VECTOR_VEC")
+        row = layout.row()
+        row.alignment = "LEFT"
+        pick = row.operator("r2sego.pick_target", text=text, emboss=False, icon="HANDLETYPE_VECTOR_VEC")
         pick.target = item.object_name or place
 
 
