@@ -28,7 +28,7 @@ def main() -> int:
         return 0
     tell(event="progress", task="Dense stereo", done=1, total=4, elapsed_s=1.0, remaining_s=3.0)
     if conduct == "sleep":
-        time.sleep(60)
+        time.sleep(300)
     if conduct == "slow":
         time.sleep(0.5)
     if conduct == "fail":

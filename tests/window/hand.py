@@ -4,7 +4,6 @@ Blender is started with ``--enable-event-simulate``. A script is a generator tha
 seconds it waits, so that Blender draws and answers in between.
 """
 
-import re
 import sys
 import traceback
 from pathlib import Path
@@ -14,12 +13,16 @@ import bpy
 OUT = Path(sys.argv[sys.argv.index("--") + 1])
 TAB = "R2S-EGO"
 _SETTLE_S = 0.15
-_TAB_STEP_PX = 10
+_TAB_STEP_PX = 20
+_TAB_PX = 170  # below the bar's upper end, at interface scale 1, behind Blender's own tabs
 _PICTURE_WAIT_S = 0.1
 
 
-def perform(script):
-    """Run the generator ``script`` from a timer; quit Blender at its end, with its error in the log."""
+def perform(script, plain=False):
+    """Run the generator ``script`` from a timer; quit Blender at its end, with its error in the log.
+
+    ``plain`` draws the 3D view without smooth edges.
+    """
 
     def tick():
         try:
@@ -32,6 +35,8 @@ def perform(script):
         return None
 
     bpy.app.timers.register(tick, first_interval=2.0, persistent=True)
+    if plain:  # software GL draws a tall view many times over for smooth edges
+        bpy.context.preferences.system.viewport_aa = "OFF"
 
 
 def window():
@@ -49,7 +54,7 @@ def view():
 def move(x, y):
     """Move the mouse to a pixel of the window."""
     window().event_simulate("MOUSEMOVE", "NOTHING", x=int(x), y=int(y))
-    yield 0.05
+    yield 0.01
 
 
 def click(x, y):
@@ -72,7 +77,8 @@ def open_tab():
     area, bar = view()
     area.spaces.active.show_region_ui = True
     yield 1.0
-    for y in range(bar.y + bar.height - 5, bar.y, -_TAB_STEP_PX):
+    likely = bar.y + bar.height - _TAB_PX * bpy.context.preferences.system.ui_scale  # each click draws a tab
+    for y in sorted(range(bar.y, bar.y + bar.height, _TAB_STEP_PX), key=lambda y: abs(y - likely)):
         yield from click(bar.x + bar.width - 8, y)
         if bar.active_panel_category == TAB:
             yield 0.5
@@ -99,10 +105,24 @@ class Drawn:
         for cls in panels():
             cls.draw = self._listening(cls.draw, cls.__name__)
 
-    def operators(self):
-        """The identifiers of the operators whose buttons stand in the panels."""
-        text = str(self.layouts)
-        return sorted(set(re.findall(r"bpy\.ops\.(r2sego\.\w+)\(", text)))
+    def buttons(self):
+        """The buttons as Python calls, in the order of drawing: {call: whether it opens a menu}."""
+        found = {}
+        for layout in self.layouts.values():
+            for item in _items(layout):
+                if item.get("operator", "").startswith("bpy.ops.r2sego."):
+                    found[item["operator"]] = "property" in item
+        return found
+
+    def anew(self):
+        """Draw again and forget what is drawn no longer."""
+        self.layouts.clear()
+        view()[1].tag_redraw()
+        for _ in range(20):
+            yield 0.2
+            if len(self.layouts) > 1:
+                break
+        yield 0.2
 
     def _listening(self, draw, name):
         def listening(panel, context):
@@ -110,6 +130,13 @@ class Drawn:
             self.layouts[name] = panel.layout.introspect()
 
         return listening
+
+
+def _items(layout):
+    """All items of an introspected layout, in order."""
+    for item in layout if isinstance(layout, list) else ():
+        yield item
+        yield from _items(item.get("items"))
 
 
 def panels():
@@ -127,27 +154,18 @@ def open_all_panels():
         bpy.utils.register_class(cls)
 
 
-def operator_under_mouse():
-    """The operator of the button under the mouse, '' when there is none."""
+def under_mouse():
+    """The button's operator as a Python call, "property" for a field, "" for all else."""
     area, bar = view()
     manager = bpy.context.window_manager
     manager.clipboard = ""
     with bpy.context.temp_override(window=window(), area=area, region=bar):
         if bpy.ops.ui.copy_python_command_button.poll():
             bpy.ops.ui.copy_python_command_button()
-    found = re.match(r"bpy\.ops\.(r2sego\.\w+)\(", manager.clipboard)
-    return found.group(1) if found else ""
+            return manager.clipboard
+        return "property" if bpy.ops.ui.copy_data_path_button.poll() else ""
 
 
-def sweep(step_px, columns):
-    """Move over the whole side bar; returns {operator: (x, y)} of each button first met."""
-    _, bar = view()
-    met = {}
-    for y in range(bar.y + bar.height - 4, bar.y, -step_px):
-        for share in columns:
-            x = bar.x + share * bar.width
-            yield from move(x, y)
-            name = operator_under_mouse()
-            if name:
-                met.setdefault(name, (int(x), y))
-    return met
+def name_of(call):
+    """The operator's identifier in a Python call: ``r2sego.refine``."""
+    return call.removeprefix("bpy.ops.").partition("(")[0]

@@ -12,9 +12,12 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 import hand  # found beside this file
+import search
 
 _, ZIP, BUNDLE, ENGINE, STATE, SCALE = sys.argv[sys.argv.index("--") + 1 :]
-COLUMNS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85, 0.88, 0.93)
+FOUND_WITHIN_S = 20.0
+CANCEL = "bpy.ops.r2sego.cancel()"
+SEARCHED = ("no_engine", "no_scene", "scene", "shown")
 
 
 def scene():
@@ -41,7 +44,7 @@ def working():
 
 
 STATES = {"no_engine": lambda: None, "no_scene": lambda: None, "scene": scene, "shown": shown,
-          "working": working, "cut": lambda: None}  # fmt: skip
+          "working": working, "left": working, "found": scene, "cut": lambda: None}  # fmt: skip
 
 
 class TEST_PT_cut(bpy.types.Panel):  # noqa: N801
@@ -65,9 +68,41 @@ def install():
     )
     if STATE != "no_engine":
         bpy.context.preferences.addons["bl_ext.user_default.r2sego"].preferences.engine_python = ENGINE
+    bpy.ops.r2sego.keep_settings(name="Kept before")  # so that the menus of kept settings have an entry
     hand.open_all_panels()
     if STATE == "cut":
         bpy.utils.register_class(TEST_PT_cut)
+
+
+def reached(buttons, scale):
+    """Those of ``buttons`` ({call: whether it opens a menu}) that the mouse reaches, sorted."""
+    met, silent = yield from search.find({call for call, menu in buttons.items() if not menu}, scale)
+    for call in (call for call, menu in buttons.items() if menu):
+        near = search.beside(call, list(buttons), met, silent)
+        if (yield from search.open_menu(call, near, scale)):
+            met[call] = near
+            yield from hand.key("ESC")
+    return sorted(met.keys() & buttons.keys())
+
+
+def cancelled(bar, scale):
+    """Cancel by the button, or by ESC over the 3D view what another Blender left: how long it took."""
+    job = bpy.context.window_manager.r2sego_job
+    began_s = time.monotonic()
+    while not job.running and time.monotonic() - began_s < FOUND_WITHIN_S:
+        yield 0.1
+    told = {"running": job.running}
+    if STATE == "working":
+        met, _ = yield from search.find({CANCEL}, scale)
+        started_s = time.monotonic()
+        yield from hand.click(*met[CANCEL])
+    else:
+        yield from hand.move(bar.x - 40, bar.y + bar.height // 2)
+        started_s = time.monotonic()
+        yield from hand.key("ESC")
+    while job.running and time.monotonic() - started_s < 10.0:
+        yield 0.1
+    return told | {"cancelled_after_s": time.monotonic() - started_s, "still_running": job.running}
 
 
 def script():
@@ -75,27 +110,22 @@ def script():
     install()
     scale = float(SCALE)
     drawn = hand.Drawn()
-    STATES[STATE]()
     yield from hand.open_tab()
+    STATES[STATE]()
+    yield from drawn.anew()
     yield 1.0
     _, bar = hand.view()
     yield from hand.move(bar.x - 40, bar.y + 20)
     yield from hand.picture("picture")
-    met = {}
-    if STATE not in ("working", "cut"):
-        met = yield from hand.sweep(int(14 * scale), COLUMNS)
     frame = {"x": bar.x, "y": bar.y, "width": bar.width, "height": bar.height,
              "window_height": hand.window().height}  # fmt: skip
-    told = {"drawn": drawn.operators(), "met": met, "bar": frame, "layouts": drawn.layouts}
-    if STATE == "working":
-        started_s = time.monotonic()
-        bpy.ops.r2sego.cancel()
-        job = bpy.context.window_manager.r2sego_job
-        while job.running and time.monotonic() - started_s < 10.0:
-            yield 0.1
-        told["cancelled_after_s"] = time.monotonic() - started_s
-        told["still_running"] = job.running
+    met = []
+    if STATE in SEARCHED:
+        met = yield from reached(drawn.buttons(), scale)
+    told = {"drawn": sorted(drawn.buttons()), "met": met, "bar": frame, "layouts": drawn.layouts}
+    if STATE in ("working", "found"):
+        told |= yield from cancelled(bar, scale)
     (hand.OUT / "told.json").write_text(json.dumps(told, default=str))
 
 
-hand.perform(script())
+hand.perform(script(), plain=True)

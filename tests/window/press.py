@@ -11,10 +11,13 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 import hand  # found beside this file
+import search
 
 _, ZIP, BUNDLE, ENGINE = sys.argv[sys.argv.index("--") + 1 :]
 LEFT_OUT = {"r2sego.open_report": "opens the web browser"}
-COLUMNS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85, 0.88, 0.93)
+_PASSES = 6  # what is pressed makes others ready: show, then mark, then delete
+_SHIFT_STEP_PX = 10
+_JOB_S = 20.0
 
 
 def install():
@@ -25,75 +28,151 @@ def install():
     )
     bpy.context.preferences.addons["bl_ext.user_default.r2sego"].preferences.engine_python = ENGINE
     hand.open_all_panels()
+    bpy.ops.r2sego.keep_settings(name="Kept before")  # so that the menus of kept settings have an entry
     bpy.ops.r2sego.open_scene(directory=BUNDLE)
 
 
-def ran():
-    """How many operators Blender remembers, and the last."""
-    operators = bpy.context.window_manager.operators
-    return (len(operators), operators[-1].bl_idname if operators else "")
+def listen():
+    """Have the add-on's operators noted as they are called: [[identifier, method, answer], ...]."""
+    notes = []
+    for cls in bpy.types.Operator.__subclasses__():
+        if getattr(cls, "bl_idname", "").startswith("r2sego."):
+            for name in ("invoke", "execute"):
+                if any(name in vars(base) for base in cls.__mro__):
+                    setattr(cls, name, noting(getattr(cls, name), cls.bl_idname, name, notes))
+    return notes
 
 
-def poll(name):
+def noting(method, identifier, name, notes):
+    """The operator's method, which notes its calls."""
+
+    def noted(*arguments):
+        note = [identifier, name, "raised"]
+        notes.append(note)
+        answer = method(*arguments)
+        note[2] = " ".join(sorted(answer))
+        return answer
+
+    def invoke(operator, context, event):  # Blender gives as many arguments as are written here
+        return noted(operator, context, event)
+
+    def execute(operator, context):
+        return noted(operator, context)
+
+    return {"invoke": invoke, "execute": execute}[name]
+
+
+def ready(call):
     """Whether the operator may run where the side bar's buttons call it."""
     area, bar = hand.view()
     with bpy.context.temp_override(window=hand.window(), area=area, region=bar):
-        return getattr(bpy.ops.r2sego, name.removeprefix("r2sego.")).poll()
+        return getattr(bpy.ops.r2sego, hand.name_of(call).removeprefix("r2sego.")).poll()
 
 
-def pressed(name, place):
-    """Click there; tells what opened, then leaves it again."""
-    before, windows = ran(), len(bpy.context.window_manager.windows)
-    areas = {area.type for area in hand.window().screen.areas}
+def moved(call, place, shift):
+    """How far the button has moved up from ``place``, about ``shift``; None when it is not found."""
+    yield from hand.move(place[0], place[1] + shift)
+    if hand.under_mouse() == call:
+        return shift
+    _, bar = hand.view()
+    below, above = bar.y - place[1], bar.y + bar.height - place[1]
+    ways = sorted(range(below, above, _SHIFT_STEP_PX), key=lambda way: abs(way - shift))
+    for some in (ways[:60], ways[60:]):
+        met = yield from search.hover([(place[0], place[1] + way) for way in some])
+        for way in some:
+            if met.get((place[0], place[1] + way)) == call:
+                return way
+    return None
+
+
+def press(call, place, notes):
+    """Click there, leave again whatever it opened; returns the notes of what was called."""
+    (hand.OUT / "pressing.txt").write_text(call)
+    del notes[:]
     yield from hand.click(*place)
-    yield 0.6
-    came = {"ran": ran() != before, "windows": len(bpy.context.window_manager.windows) - windows}
-    came["areas"] = sorted({area.type for area in hand.window().screen.areas} - areas)
-    came["busy"] = bool(bpy.context.window_manager.r2sego_job.running)
+    for _ in range(20):
+        if notes:
+            break
+        yield 0.1
+    said = [list(note) for note in notes]
+    yield 0.2
+    close_what_opened()
+    if any("RUNNING_MODAL" in answer for _, _, answer in said) or not said:
+        for _ in range(2):
+            yield from hand.key("ESC")
+    job = bpy.context.window_manager.r2sego_job
+    if job.running:
+        for _ in range(int(_JOB_S / 0.1)):
+            if not job.running:
+                break
+            yield 0.1
+        yield 0.7  # its result is taken over and shown
+    if bpy.context.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+    if bpy.context.scene.r2sego.bundle != BUNDLE:
+        bpy.ops.r2sego.open_scene(directory=BUNDLE)
+    yield 0.1
+    return said
+
+
+def close_what_opened():
+    """Close other windows and file browsers."""
     for extra in list(bpy.context.window_manager.windows)[1:]:
         with bpy.context.temp_override(window=extra):
             bpy.ops.wm.window_close()
-    for _ in range(3):
-        yield from hand.key("ESC")
     for area in list(hand.window().screen.areas):
         if area.type == "FILE_BROWSER":
             with bpy.context.temp_override(window=hand.window(), area=area):
                 bpy.ops.file.cancel()
-    job = bpy.context.window_manager.r2sego_job
-    for _ in range(50):
-        if not job.running:
-            break
-        yield 0.1
-    return came
+
+
+def press_menu(call, near, notes):
+    """Open the menu and press its first entry; returns the notes of what was called."""
+    entry = yield from search.open_menu(call, near, 1)
+    return (yield from press(call, entry, notes)) if entry else []
 
 
 def script():
-    """Find the buttons, press one after the other, each in the open bundle."""
+    """Press what is ready, from below, and look again until nothing new can be pressed."""
     install()
-    drawn = hand.Drawn()
+    drawn, notes = hand.Drawn(), listen()
     yield from hand.open_tab()
-    yield 1.0
-    met = yield from hand.sweep(14, COLUMNS)
-    told = {}
-    for name in sorted(met):
-        if name in LEFT_OUT or not poll(name):
-            continue
-        # What was pressed before may have moved the buttons: look for this one again.
-        place = met[name]
-        yield from hand.move(*place)
-        if hand.operator_under_mouse() != name:
-            found = yield from hand.sweep(14, COLUMNS)
-            if name not in found:
-                told[name] = {"gone": True}
+    told, first, names = {}, None, set()
+    for _ in range(_PASSES):
+        yield from drawn.anew()
+        buttons = drawn.buttons()
+        first = set(buttons) if first is None else first
+        due = [
+            call for call in buttons
+            if not told.get(call) and (call in first or hand.name_of(call) not in names)
+            and hand.name_of(call) not in LEFT_OUT and ready(call)
+        ]  # fmt: skip
+        if not due:
+            break
+        met, silent = yield from search.find({call for call in due if not buttons[call]}, 1)
+        shift = 0
+        for call in reversed(due):
+            if not ready(call):
                 continue
-            place = found[name]
-        (hand.OUT / "pressing.txt").write_text(name)
-        told[name] = yield from pressed(name, place)
-        if bpy.context.scene.r2sego.bundle != BUNDLE:
-            bpy.ops.r2sego.open_scene(directory=BUNDLE)
-        yield 0.2
-    (hand.OUT / "told.json").write_text(json.dumps({"pressed": told, "drawn": drawn.operators()}))
+            if buttons[call]:
+                near = search.beside(call, list(buttons), met, silent)
+                said = yield from press_menu(call, [(x, y + shift) for x, y in near], notes)
+            elif call not in met:
+                told[call] = "the mouse does not reach it"
+                continue
+            else:
+                by = yield from moved(call, met[call], shift)
+                if by is None:  # drawn no longer, or with other arguments: the next pass sees
+                    continue
+                shift = by
+                said = yield from press(call, (met[call][0], met[call][1] + shift), notes)
+            told[call] = said
+            names.add(hand.name_of(call))
+    yield from drawn.anew()
+    grey = sorted(call for call in drawn.buttons() if call not in told and not ready(call))
+    seen = {"pressed": told, "grey": grey, "first": sorted(first), "last": sorted(drawn.buttons())}
+    (hand.OUT / "told.json").write_text(json.dumps(seen))
 
 
 if __name__ == "__main__":
-    hand.perform(script())
+    hand.perform(script(), plain=True)

@@ -16,9 +16,9 @@ from fake_bundle import write_bundle
 HERE = Path(__file__).parent
 PICTURES = display.ROOT / "build" / "window"
 STATES = ("no_engine", "no_scene", "scene", "shown", "working")
-SIZES = {1: (1100, 4300), 2: (1400, 8400)}
+SIZES = {1: (1100, 7400), 2: (1100, 14800)}  # all panels open with everything they can hold
+LEAST_BUTTONS = 40
 CANCELLED_WITHIN_S = 2.0
-MENUS = {"r2sego.load_settings"}  # stand in a menu, which has no operator under the mouse
 
 pytestmark = [
     pytest.mark.slow,
@@ -78,11 +78,11 @@ def dots(looked):
 
 
 @pytest.mark.parametrize("scale", SIZES)
-@pytest.mark.parametrize("state", ("no_engine", "no_scene", "scene"))
+@pytest.mark.parametrize("state", STATES[:-1])
 def test_the_mouse_reaches_every_button_the_panels_draw(looked, state, scale):
     told, _, _ = looked(state, scale)
-    assert told["drawn"]
-    assert set(told["met"]) == set(told["drawn"]) - MENUS
+    assert len(told["drawn"]) > LEAST_BUTTONS
+    assert told["met"] == told["drawn"]
 
 
 @pytest.mark.parametrize("scale", SIZES)
@@ -102,7 +102,16 @@ def test_no_text_is_cut_off(looked, dots, state, scale):
 
 def test_while_the_engine_works_it_can_be_cancelled_from_the_tab(looked):
     told, _, _ = looked("working", 1)
-    assert "r2sego.cancel" in told["drawn"]
+    assert "bpy.ops.r2sego.cancel()" in told["drawn"]
+    assert told["running"]
+    assert not told["still_running"]
+    assert told["cancelled_after_s"] < CANCELLED_WITHIN_S
+
+
+def test_a_job_outlives_blender_is_found_again_and_ends_with_esc(looked):
+    looked("left", 1)  # that Blender is closed
+    told, _, _ = looked("found", 1)
+    assert told["running"]
     assert not told["still_running"]
     assert told["cancelled_after_s"] < CANCELLED_WITHIN_S
 
@@ -120,12 +129,14 @@ def pressed(material):
     return json.loads((out / "told.json").read_text()), log
 
 
-def test_every_button_that_is_not_grey_does_something_when_pressed(pressed):
+def test_every_button_that_is_not_grey_does_its_work_when_pressed(pressed):
     told, _ = pressed
-    assert len(told["pressed"]) >= 10
-    idle = [name for name, came in told["pressed"].items() if not any(came.values())]
-    assert idle == []
-    assert [name for name, came in told["pressed"].items() if came.get("gone")] == []
+    assert len(told["pressed"]) > LEAST_BUTTONS
+    idle = {
+        call: came for call, came in told["pressed"].items()
+        if not came or not all(came[0][0] in call and answer != "raised" for _, _, answer in came)
+    }  # fmt: skip
+    assert idle == {}
 
 
 def errors(log):

@@ -1,0 +1,118 @@
+"""Finds the buttons of the side bar with the mouse, used inside Blender by the window tests."""
+
+import bpy
+import hand  # found beside this file
+
+_RASTER_PX = 10  # at interface scale 1; the smallest button is 20 wide and high
+_MOVES = 3  # with the first the mouse leaves one button, with the second it is over the next
+_BURST = 600
+_MENU_TRIES = 24
+_CONTENT = 0.9  # of the bar's width
+_WAIT_S = 120.0
+
+
+class TEST_OT_hover(bpy.types.Operator):  # noqa: N801
+    """Notes what is under the mouse at each of many places without a redraw in between.
+
+    It sees each move before the side bar does, so what is under the mouse then is what
+    the move before met.
+    """
+
+    bl_idname, bl_label = "test.hover", "Hover"
+
+    met: dict = {}  # noqa: RUF012
+    left: list = []  # noqa: RUF012
+
+    def invoke(self, context, event):
+        self._last, self._moves = None, 0
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type != "MOUSEMOVE":
+            return {"PASS_THROUGH"}
+        place = (event.mouse_x, event.mouse_y)
+        self._moves = self._moves + 1 if place == self._last else 1
+        self._last = place
+        if self._moves == _MOVES and self.left and place == self.left[0]:
+            self.met[self.left.pop(0)] = hand.under_mouse()
+        return {"PASS_THROUGH"} if self.left else {"FINISHED"}
+
+
+def hover(places):
+    """Move to each place; {(x, y): what is under the mouse there, as hand.under_mouse tells it}."""
+    met = {}
+    for begin in range(0, len(places), _BURST):
+        burst = places[begin : begin + _BURST]
+        TEST_OT_hover.left[:], TEST_OT_hover.met = burst, met
+        with bpy.context.temp_override(window=hand.window()):
+            bpy.ops.test.hover("INVOKE_DEFAULT")
+        for x, y in burst:
+            for _ in range(_MOVES):
+                hand.window().event_simulate("MOUSEMOVE", "NOTHING", x=x, y=y)
+        for _ in range(int(_WAIT_S / 0.02)):
+            yield 0.02
+            if not TEST_OT_hover.left:
+                break
+    return met
+
+
+def find(wanted, scale):
+    """Move over the side bar from above until every call of ``wanted`` was met.
+
+    Returns {call: (x, y)}, and the places where neither an operator's button nor a
+    property is: what opens a menu is among them.
+    """
+    _, bar = hand.view()
+    step = int(_RASTER_PX * scale)
+    # Neither the bar's edge, which a click might drag, nor the tabs.
+    columns = range(bar.x + 2 * step, bar.x + int(_CONTENT * bar.width), step)
+    rows = range(bar.y + bar.height - step // 2, bar.y, -step)
+    met, silent = {}, []
+    each = max(1, _BURST // len(columns))
+    for begin in range(0, len(rows), each):
+        places = [(x, y) for y in rows[begin : begin + each] for x in columns]
+        for place, call in (yield from hover(places)).items():
+            if call:
+                met.setdefault(call, []).append(place)
+            else:
+                silent.append(place)
+        if wanted <= met.keys():
+            break
+    return {call: _middle(places) for call, places in met.items()}, silent
+
+
+def _middle(places):
+    """The place amid the first button's."""
+    return places[len([place for place in places if place[1] == places[0][1]]) // 2]
+
+
+def beside(call, drawn, met, silent):
+    """The places of ``silent`` that are nearest to the buttons drawn before and after ``call``."""
+    at = drawn.index(call)
+    neighbours = [met[other] for other in drawn[:at] if other in met][-1:]
+    neighbours += [met[other] for other in drawn[at + 1 :] if other in met][:1]
+    far = {
+        (x, y): min(abs(y - other_y) + abs(x - other_x) for other_x, other_y in neighbours) for x, y in silent
+    }
+    return sorted(silent, key=far.get)[:_MENU_TRIES]
+
+
+def open_menu(call, places, scale):
+    """Click at ``places`` one after the other until a menu opens that has the operator of ``call``.
+
+    Returns where its first entry is, None if none opened; the menu stays open.
+    """
+    reach = int(6 * _RASTER_PX * scale)
+    for x, y in places:
+        yield from hand.click(x, y)
+        around = [(x, y + off) for off in range(-reach, reach, int(_RASTER_PX * scale))]
+        for place, other in (yield from hover(around)).items():
+            if hand.name_of(other) == hand.name_of(call) and other != call:
+                yield from hand.move(*place)
+                return place
+        yield from hand.key("ESC")
+    return None
+
+
+bpy.utils.register_class(TEST_OT_hover)
