@@ -33,7 +33,7 @@ class R2SEGO_OT_set_up_engine(EngineOperator, bpy.types.Operator):
         return needs_idle_engine(cls)
 
     def invoke(self, context, event):
-        return context.window_manager.invoke_props_dialog(self, width=520)
+        return context.window_manager.invoke_props_dialog(self, width=520, confirm_text="Install")
 
     def draw(self, context):
         layout = self.layout
