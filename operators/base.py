@@ -45,8 +45,7 @@ def told(error: R2SEgoError | OSError) -> str:
             cure="Check that it is there, that you may write there, and that the disk has room.",
         )  # fmt: skip
     line = str(error)
-    begins_with_a_word = line.split(" ", 1)[0].isalpha()  # and not with a file's name
-    return line[:1].upper() + line[1:] if begins_with_a_word and not error.where else line
+    return line if error.where else job.sentence(line)
 
 
 class ReportingOperator:

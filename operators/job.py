@@ -113,9 +113,15 @@ def tell_end(title: str, level: str, line: str) -> None:
     """Keep the line with which a job ended until it is dismissed; ``level``: INFO, WARNING or ERROR."""
     ended = bpy.context.window_manager.r2sego_engine.ended
     end = ended.add()
-    end.title, end.level, end.line = title, level, line[:1].upper() + line[1:]
+    end.title, end.level, end.line = title, level, sentence(line)
     while len(ended) > _REMEMBERED_ENDS:
         ended.remove(0)
+
+
+def sentence(line: str) -> str:
+    """It begins with a capital; but a file's name at its beginning stays as it is."""
+    first = line.split(" ", 1)[0].rstrip(".,:;")
+    return line if any(mark in first for mark in "./\\") else line[:1].upper() + line[1:]
 
 
 def _is_bundle(argument: str) -> bool:

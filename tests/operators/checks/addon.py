@@ -73,6 +73,14 @@ def check_a_file_that_fails_is_told_in_one_sentence():
     )
 
 
+def check_a_sentence_begins_with_a_capital_and_a_files_name_stays():
+    sentence = importlib.import_module(f"{MODULE}.operators.job").sentence
+    assert sentence("there is no scene.") == "There is no scene."
+    assert sentence("stopped: the disk is full.") == "Stopped: the disk is full."
+    for line in ("images/a.png: it is cut off.", "cameras.json: no captures.", "a\\b: gone."):
+        assert sentence(line) == line
+
+
 def check_registering_twice_leaves_nothing_behind():
     import addon_utils
 
