@@ -126,11 +126,9 @@ class R2SEGO_PT_registration(Step, bpy.types.Panel):
         new.point, new.capture, new.floor = "", "", False
         floor = row.operator("r2sego.pick_point", text="Floor", icon="MESH_PLANE")
         floor.point, floor.capture, floor.floor = "", "", True
-        again = row.row(align=True)
-        again.enabled = len(shown.points) > shown.active_point
-        more = again.operator("r2sego.pick_point", text="More", icon="EYEDROPPER")
-        more.point = shown.points[shown.active_point].name if again.enabled else ""
-        more.capture = ""
+        if len(shown.points) > shown.active_point:
+            more = row.operator("r2sego.pick_point", text="More", icon="EYEDROPPER")
+            more.point, more.capture = shown.points[shown.active_point].name, ""
 
     def _draw_lengths(self, layout, shown):
         for index, length in enumerate(shown.lengths):

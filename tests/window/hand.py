@@ -16,6 +16,8 @@ _SETTLE_S = 0.15
 _TAB_STEP_PX = 20
 _TAB_PX = 170  # below the bar's upper end, at interface scale 1, behind Blender's own tabs
 _PICTURE_WAIT_S = 0.1
+_mouse = [0, 0]
+"""Where it was moved to last: Blender takes an event without a place for one at the window's corner."""
 
 
 def perform(script, plain=False):
@@ -53,6 +55,7 @@ def view():
 
 def move(x, y):
     """Move the mouse to a pixel of the window."""
+    _mouse[:] = int(x), int(y)
     window().event_simulate("MOUSEMOVE", "NOTHING", x=int(x), y=int(y))
     yield 0.01
 
@@ -68,7 +71,7 @@ def click(x, y):
 def key(kind):
     """Press and release a key where the mouse is."""
     for value in ("PRESS", "RELEASE"):
-        window().event_simulate(kind, value)
+        window().event_simulate(kind, value, x=_mouse[0], y=_mouse[1])
     yield _SETTLE_S
 
 

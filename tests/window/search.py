@@ -1,5 +1,7 @@
 """Finds the buttons of the side bar with the mouse, used inside Blender by the window tests."""
 
+from collections import Counter
+
 import bpy
 import hand  # found beside this file
 
@@ -7,6 +9,7 @@ _RASTER_PX = 10  # at interface scale 1; the smallest button is 20 wide and high
 _MOVES = 3  # with the first the mouse leaves one button, with the second it is over the next
 _BURST = 600
 _MENU_TRIES = 24
+_TRIES_A_ROW = 2
 _CONTENT = 0.9  # of the bar's width
 _WAIT_S = 120.0
 
@@ -88,14 +91,28 @@ def _middle(places):
 
 
 def beside(call, drawn, met, silent):
-    """The places of ``silent`` that are nearest to the buttons drawn before and after ``call``."""
+    """The places of ``silent`` between the buttons drawn before and after ``call``, the nearest first.
+
+    Two a row: between two rows of buttons there may be a row of places that are on nothing.
+    """
     at = drawn.index(call)
-    neighbours = [met[other] for other in drawn[:at] if other in met][-1:]
-    neighbours += [met[other] for other in drawn[at + 1 :] if other in met][:1]
-    far = {
-        (x, y): min(abs(y - other_y) + abs(x - other_x) for other_x, other_y in neighbours) for x, y in silent
-    }
-    return sorted(silent, key=far.get)[:_MENU_TRIES]
+    before = [met[other] for other in drawn[:at] if other in met][-1:]
+    after = [met[other] for other in drawn[at + 1 :] if other in met][:1]
+    between = [
+        (x, y) for x, y in silent
+        if all(y < top or (y == top and x > left) for left, top in before)
+        and all(y > low or (y == low and x < right) for right, low in after)
+    ]  # fmt: skip
+    # A row below stands often in the next panel, whose heading would be clicked.
+    beside_it = before + [place for place in after if place[1] in {y for _, y in between}]
+    far = {(x, y): min(abs(y - b) + abs(x - a) for a, b in beside_it or after) for x, y in between}
+    rows = Counter()
+    tries = []
+    for place in sorted(between, key=far.get):
+        rows[place[1]] += 1
+        if rows[place[1]] <= _TRIES_A_ROW:
+            tries.append(place)
+    return tries[:_MENU_TRIES]
 
 
 def open_menu(call, places, scale):
@@ -107,9 +124,9 @@ def open_menu(call, places, scale):
     for x, y in places:
         yield from hand.click(x, y)
         around = [(x, y + off) for off in range(-reach, reach, int(_RASTER_PX * scale))]
-        for place, other in (yield from hover(around)).items():
+        for place in sorted(around, key=lambda place: abs(place[1] - y)):  # a menu closes when it is left far
+            other = (yield from hover([place])).get(place, "")
             if hand.name_of(other) == hand.name_of(call) and other != call:
-                yield from hand.move(*place)
                 return place
         yield from hand.key("ESC")
     return None
