@@ -28,7 +28,8 @@ def install():
     )
     bpy.context.preferences.addons["bl_ext.user_default.r2sego"].preferences.engine_python = ENGINE
     hand.open_all_panels()
-    bpy.ops.r2sego.keep_settings(name="Kept before")  # so that the menus of kept settings have an entry
+    for name in ("Kept before", "Kept too"):  # so that Load has an entry after Remove was pressed
+        bpy.ops.r2sego.keep_settings(name=name)
     bpy.ops.r2sego.open_scene(directory=BUNDLE)
 
 
