@@ -10,6 +10,7 @@ _CONTRAST = 45
 _LOW = 0.4  # dots lie in this share of a line, from below
 _WIDTH_OF_SIZE = (0.55, 1.5)
 _LINE_HEIGHT_OF_SIZE = (0.5, 1.6)
+_DOT_OF_SIZE = 0.12
 _FONT_PX = 11.0
 
 
@@ -28,9 +29,10 @@ def templates(control: np.ndarray, scale: float) -> list[np.ndarray]:
     for top, bottom in _runs(text.any(axis=1), *(share * size_px for share in _LINE_HEIGHT_OF_SIZE)):
         low = bottom - round(_LOW * (bottom - top))
         only_low = ~text[top:low].any(axis=0)
+        dot = int(_DOT_OF_SIZE * size_px)  # less is the edge of a letter
         gap = round(0.35 * size_px)  # between two words, too, nothing is high: dots must be there
         for left, right in _runs(only_low, *(share * size_px for share in _WIDTH_OF_SIZE)):
-            if len(_runs(text[low:bottom, left:right].any(axis=0), 1, gap)) >= 3:
+            if len(_runs(text[low:bottom, left:right].any(axis=0), dot, gap)) >= 3:
                 found.append(control[low - gap : bottom + 1, left:right])
     return found
 

@@ -1,6 +1,7 @@
 """Finds the buttons of the side bar with the mouse, used inside Blender by the window tests."""
 
 from collections import Counter
+from itertools import product
 
 import bpy
 import hand  # found beside this file
@@ -120,11 +121,11 @@ def open_menu(call, places, scale):
 
     Returns where its first entry is, None if none opened; the menu stays open.
     """
-    reach = int(6 * _RASTER_PX * scale)
-    for x, y in places:
+    step = int(_RASTER_PX * scale)
+    for (x, y), way in product(places, (-1, 1)):  # it opens below or above, and closes when it is left far
         yield from hand.click(x, y)
-        around = [(x, y + off) for off in range(-reach, reach, int(_RASTER_PX * scale))]
-        for place in sorted(around, key=lambda place: abs(place[1] - y)):  # a menu closes when it is left far
+        for off in range(0, 6 * step, step):
+            place = (x, y + way * off)
             other = (yield from hover([place])).get(place, "")
             if hand.name_of(other) == hand.name_of(call) and other != call:
                 return place
