@@ -23,6 +23,7 @@ FOUNDATION = {
     "resources",
     "scene",
     "scratch",
+    "whole_files",
     "settings",
     "world_frame",
 }

@@ -8,7 +8,6 @@ engines have and which, unlike material and object indices, take any number of o
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -18,6 +17,7 @@ import numpy as np
 from ..cameras import Camera
 from ..errors import GenerationError
 from ..geometry.proxy import GeometryProxy
+from ..whole_files import write_whole
 from . import versions
 from .cameras import create_camera, set_camera, use_frame_of
 from .meshes import add_attribute, assign_materials, mesh_from_arrays
@@ -134,12 +134,7 @@ def render_path(
         scene.render(camera, file)
     frames = [{"file": f.name, "camera": c.to_json()} for f, c in zip(files, path, strict=True)]
     content = {"complete": True, "renderer": renderer_name(engine), "passes": PASSES, "frames": frames}
-    unfinished = folder / (_UNFINISHED + MANIFEST)
-    with unfinished.open("w", encoding="utf-8") as stream:
-        json.dump(content, stream, indent=1)
-        stream.flush()
-        os.fsync(stream.fileno())
-    unfinished.replace(manifest)
+    write_whole(manifest, json.dumps(content, indent=1))
     return files
 
 

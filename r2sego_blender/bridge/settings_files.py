@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import tomllib
 from collections.abc import Mapping
@@ -12,6 +11,7 @@ from typing import Any
 
 from ..errors import SettingsError
 from ..settings import preset, with_overrides
+from ..whole_files import write_whole
 
 
 def kept_settings(folder: Path) -> list[str]:
@@ -32,12 +32,7 @@ def keep_settings(folder: Path, name: str, preset_name: str, overrides: Mapping[
     lines = [f"preset = {json.dumps(preset_name)}", "", "[overrides]"]
     lines += [f"{json.dumps(key)} = {json.dumps(value)}" for key, value in overrides.items()]
     file = folder / f"{name}.toml"
-    unfinished = file.with_name(file.name + ".unfinished")
-    with unfinished.open("w", encoding="utf-8") as stream:
-        stream.write("\n".join(lines) + "\n")
-        stream.flush()
-        os.fsync(stream.fileno())
-    unfinished.replace(file)
+    write_whole(file, "\n".join(lines) + "\n")
     return file
 
 

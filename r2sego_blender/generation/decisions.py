@@ -8,10 +8,10 @@ library alone, so Blender's Python reads it.
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 from ..errors import GenerationError
+from ..whole_files import write_whole
 
 DECISION = "decision.json"
 _CURE = 'Delete the file, or write {"accepted": true, "by": "hand"} or false into it.'
@@ -22,12 +22,7 @@ def save_decision(view: Path, accepted: bool | None) -> None:
     if accepted is None:
         (view / DECISION).unlink(missing_ok=True)
         return
-    partial = view / f"{DECISION}.partial"
-    with partial.open("w", encoding="utf-8") as file:
-        file.write(json.dumps({"accepted": bool(accepted), "by": "hand"}) + "\n")
-        file.flush()
-        os.fsync(file.fileno())
-    partial.replace(view / DECISION)
+    write_whole(view / DECISION, json.dumps({"accepted": bool(accepted), "by": "hand"}) + "\n")
 
 
 def decision_of(view: Path) -> bool | None:

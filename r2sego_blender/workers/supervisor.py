@@ -17,6 +17,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from ..whole_files import write_whole
 from .processes import birth, die_with_parent, end_tree, group_of_its_own, interrupt_group
 
 JOB_FILE, PROCESS_FILE, END_FILE = "job.json", "process.json", "end.json"
@@ -29,12 +30,7 @@ _LOOK_S = 0.1
 
 def write_record(file: Path, record: dict[str, Any]) -> None:
     """Write JSON so that a reader sees all of it or nothing."""
-    unfinished = file.with_name(file.name + ".unfinished")
-    with unfinished.open("w", encoding="utf-8") as stream:
-        json.dump(record, stream)
-        stream.flush()
-        os.fsync(stream.fileno())
-    unfinished.replace(file)
+    write_whole(file, json.dumps(record))
 
 
 def supervise(folder: Path) -> None:
