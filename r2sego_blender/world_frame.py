@@ -47,9 +47,7 @@ def of_old_frame(scene: Scene) -> tuple[str, ...]:
 
 def rounds_of_old_frame(scene: Scene) -> tuple[int, ...]:
     """The rounds, of those declared, of which a result is of an earlier world frame."""
-    parts = [target.split("/") for target in of_old_frame(scene)]
-    indices = {int(part[1]) for part in parts if part[0] == "rounds"}
-    return tuple(sorted(index for index in indices if index < scene.declaration.settings.rounds))
+    return _rounds_of(scene, of_old_frame(scene))
 
 
 def require_present_frame(scene: Scene, targets: Iterable[str], purpose: str) -> None:
@@ -68,13 +66,19 @@ def require_present_frame(scene: Scene, targets: Iterable[str], purpose: str) ->
 def results_of_old_frame(scene: Scene) -> str:
     """What is of an earlier world frame, for people: the rounds, and the asset; '' for nothing."""
     old = of_old_frame(scene)
-    rounds = rounds_of_old_frame(scene)
+    rounds = _rounds_of(scene, old)
     words = [f"round{'s' * (len(rounds) > 1)} {', '.join(map(str, rounds))}"] if rounds else []
     words += [name for target, name in _RESULTS.items() if target in old]
     return ", ".join(words)
 
 
 _RESULTS = {REFINED_ASSET: "asset", COLLISION: "collision surface"}
+
+
+def _rounds_of(scene: Scene, targets: Iterable[str]) -> tuple[int, ...]:
+    parts = [target.split("/") for target in targets]
+    indices = {int(part[1]) for part in parts if part[0] == "rounds"}
+    return tuple(sorted(index for index in indices if index < scene.declaration.settings.rounds))
 
 
 def _frames(journal: Sequence[Mapping[str, Any]]) -> dict[str, Frame]:
