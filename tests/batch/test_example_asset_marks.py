@@ -2,14 +2,13 @@
 
 import json
 import shutil
-import subprocess
-import sys
-from pathlib import Path
+from functools import partial
 
 import fake_asset
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from example_runs import run_with_engine
 
 from r2sego_blender.asset_edits import load_edits
 from r2sego_blender.cli import main
@@ -19,15 +18,8 @@ from r2sego_blender.splats.regions import Box, Cells
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-SCRIPT = Path(__file__).parents[2] / "batch" / "examples" / "asset_marks.py"
+run = partial(run_with_engine, "asset_marks.py")
 BOX = (0.2, -0.1, 1.0, 0.5, 0.6, 0.4)
-
-
-def run(environment, *arguments):
-    return subprocess.run(
-        [sys.executable, str(SCRIPT), "--", *map(str, arguments)],
-        env={**environment, "R2SEGO_PYTHON": sys.executable}, capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
 
 
 def test_what_is_marked_is_deleted_as_the_command_does(bundle_path, blender_environment, tmp_path):

@@ -1,40 +1,25 @@
 """The example of the room Captures, with pip bpy and the real engine."""
 
 import json
-import subprocess
-import sys
-from pathlib import Path
+from functools import partial
 
-import fake_bundle
 import numpy as np
 import pytest
+from example_runs import run_example
+from picked_points import picked_points
 
 from r2sego_blender.captures.store import load_captures
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-SCRIPT = Path(__file__).parents[2] / "batch" / "examples" / "captures_registration.py"
+run = partial(run_example, "captures_registration.py")
 SPOTS = {"A": (-0.4, 0.2, 0.1), "B": (0.5, 0.1, 0.1), "C": (0.1, 0.7, 0.1)}
-
-
-def run(environment, *arguments):
-    return subprocess.run(
-        [sys.executable, str(SCRIPT), "--", *map(str, arguments)], env=environment,
-        capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
 
 
 @pytest.fixture
 def picks(tmp_path):
     """SPOTS, 0.1 m above the world's floor, picked wherever they are seen; A to B is measured double."""
-    points = []
-    for name, spot in SPOTS.items():
-        views = []
-        for index, camera in enumerate(fake_bundle.cameras()):
-            pixel, depth = camera.project(np.array(spot))
-            if camera.sees(pixel, depth):
-                views.append({"capture": f"capture_{index}", "x_px": pixel[0], "y_px": pixel[1]})
-        points.append({"name": name, "floor": True, "views": views})
+    points = picked_points(SPOTS)
     length = 2.0 * float(np.linalg.norm(np.subtract(SPOTS["A"], SPOTS["B"])))
     file = tmp_path / "picks.json"
     file.write_text(json.dumps({"points": points, "lengths": [{"from": "A", "to": "B", "metres": length}]}))

@@ -4,40 +4,28 @@ import json
 import shutil
 import subprocess
 import sys
-from pathlib import Path
+from functools import partial
 
 import fake_bundle
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from example_runs import run_with_engine
+from picked_points import picked_points
 
 from r2sego_blender.captures.store import load_captures
 from r2sego_blender.cli import main
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-SCRIPT = Path(__file__).parents[2] / "batch" / "examples" / "captures_picks.py"
+run = partial(run_with_engine, "captures_picks.py")
 SPOTS = {"A": (-0.4, 0.2, 0.1), "B": (0.5, 0.1, 0.1), "C": (0.1, 0.7, 0.1), "D": (-0.3, 0.9, 0.1)}
-
-
-def run(environment, *arguments):
-    return subprocess.run(
-        [sys.executable, str(SCRIPT), "--", *map(str, arguments)],
-        env={**environment, "R2SEGO_PYTHON": sys.executable}, capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
 
 
 @pytest.fixture
 def picks():
     """SPOTS, 0.1 m above the world's floor; the first pick of C is 6 px off, and A to C 5 cm too long."""
-    points = []
-    for name, spot in SPOTS.items():
-        views = []
-        for index, camera in enumerate(fake_bundle.cameras()):
-            pixel, depth = camera.project(np.array(spot))
-            if camera.sees(pixel, depth):
-                views.append({"capture": f"capture_{index}", "x_px": pixel[0], "y_px": pixel[1]})
-        points.append({"name": name, "floor": True, "views": views})
+    points = picked_points(SPOTS)
     points[2]["views"][0]["x_px"] += 6.0
     far = {ends: float(np.linalg.norm(np.subtract(*(SPOTS[end] for end in ends)))) for ends in ("AB", "AD")}
     lengths = [

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from stand_in_engine import write_stand_in_engine
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
@@ -14,10 +15,7 @@ SCRIPT = ROOT / "batch" / "examples" / "collision_check.py"
 
 
 def test_it_is_shown_checked_textured_and_exported(bundle_path, blender_environment, tmp_path):
-    engine = tmp_path / "python"
-    engine.write_text(f"#!{sys.executable}\n" + (ROOT / "tests" / "operators" / "fake_engine.py").read_text())
-    engine.chmod(0o755)
-    (tmp_path / "conduct.txt").write_text("succeed")
+    engine = write_stand_in_engine(tmp_path)
     arguments = [bundle_path, "--texture", "--faces", "500", "--to", tmp_path / "out", "--splats", ".spz"]
     done = subprocess.run(
         [sys.executable, str(SCRIPT), "--", *map(str, arguments)],
@@ -26,6 +24,6 @@ def test_it_is_shown_checked_textured_and_exported(bundle_path, blender_environm
     )  # fmt: skip
     assert done.returncode == 0, done.stderr + done.stdout
     assert "6 faces of convex pieces" in done.stdout and "not passed" in done.stdout
-    calls = [json.loads(line) for line in (tmp_path / "calls.jsonl").read_text().splitlines()]
+    calls = [json.loads(line) for line in (engine.parent / "calls.jsonl").read_text().splitlines()]
     assert [call[0] for call in calls] == ["check-collision", "texture", "export"]
     assert calls[2][2:] == ["--to", str(tmp_path / "out"), "--splats", ".spz"]

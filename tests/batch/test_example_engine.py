@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from stand_in_engine import write_stand_in_engine
 
 from r2sego_blender.workers.jobs import start_job
 
@@ -19,12 +20,7 @@ SCRIPT = ROOT / "batch" / "examples" / "engine_setup.py"
 @pytest.fixture
 def engine(tmp_path):
     """The stand-in, which succeeds."""
-    engine = tmp_path / "engine" / "python"
-    engine.parent.mkdir()
-    engine.write_text(f"#!{sys.executable}\n" + (ROOT / "tests/operators/fake_engine.py").read_text())
-    engine.chmod(0o755)
-    (engine.parent / "conduct.txt").write_text("succeed")
-    return engine
+    return write_stand_in_engine(tmp_path)
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
+from stand_in_engine import write_stand_in_engine
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
@@ -18,11 +19,7 @@ SCRIPT = ROOT / "batch" / "examples" / "engine_cancel.py"
 @pytest.fixture
 def engine(tmp_path):
     """The stand-in; its conduct stands beside it."""
-    engine = tmp_path / "engine" / "python"
-    engine.parent.mkdir()
-    engine.write_text(f"#!{sys.executable}\n" + (ROOT / "tests/operators/fake_engine.py").read_text())
-    engine.chmod(0o755)
-    return engine
+    return write_stand_in_engine(tmp_path)
 
 
 @pytest.fixture

@@ -1,12 +1,11 @@
 """The example of the room Generation, with pip bpy."""
 
-import subprocess
-import sys
-from pathlib import Path
+from functools import partial
 
 import fake_bundle
 import numpy as np
 import pytest
+from example_runs import run_example
 
 from r2sego_blender.bridge.bundle import Bundle
 from r2sego_blender.generation.conditions import ZBufferRenderer
@@ -14,14 +13,7 @@ from r2sego_blender.generation.renderers import read_condition
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-SCRIPT = Path(__file__).parents[2] / "batch" / "examples" / "generation_views.py"
-
-
-def run(environment, *arguments):
-    return subprocess.run(
-        [sys.executable, str(SCRIPT), "--", *map(str, arguments)], env=environment,
-        capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
+run = partial(run_example, "generation_views.py")
 
 
 def test_views_are_decided_on_listed_and_pictured(bundle_path, blender_environment, tmp_path):

@@ -1,21 +1,13 @@
 """Any operator by its name, with pip bpy."""
 
-import subprocess
-import sys
-from pathlib import Path
+from functools import partial
 
 import pytest
+from example_runs import run_example
 
 bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-SCRIPT = Path(__file__).parents[2] / "batch" / "examples" / "press_buttons.py"
-
-
-def run(environment, *arguments):
-    return subprocess.run(
-        [sys.executable, str(SCRIPT), "--", *map(str, arguments)], env=environment,
-        capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
+run = partial(run_example, "press_buttons.py")
 
 
 def test_buttons_are_pressed_in_their_order_with_their_properties(bundle_path, blender_environment, tmp_path):

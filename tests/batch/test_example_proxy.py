@@ -1,21 +1,13 @@
 """The example of the room Proxy, with pip bpy and the real engine."""
 
-import subprocess
-import sys
-from pathlib import Path
+from functools import partial
 
 import pytest
+from example_runs import run_with_engine
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-SCRIPT = Path(__file__).parents[2] / "batch" / "examples" / "proxy_edits.py"
-
-
-def run(environment, *arguments):
-    return subprocess.run(
-        [sys.executable, str(SCRIPT), "--", *map(str, arguments)],
-        env={**environment, "R2SEGO_PYTHON": sys.executable}, capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
+run = partial(run_with_engine, "proxy_edits.py")
 
 
 def test_the_proxy_is_coloured_edited_and_planned(bundle_path, blender_environment):

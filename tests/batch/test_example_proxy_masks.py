@@ -1,27 +1,19 @@
 """Masks painted and objects removed by a script, with pip bpy and the real engine."""
 
 import shutil
-import subprocess
-import sys
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from example_runs import run_with_engine
 
 from r2sego_blender.cli import main
 from r2sego_blender.images import load_image_uint8, save_image
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-SCRIPT = Path(__file__).parents[2] / "batch" / "examples" / "proxy_masks.py"
-
-
-def run(environment, *arguments):
-    return subprocess.run(
-        [sys.executable, str(SCRIPT), "--", *map(str, arguments)],
-        env={**environment, "R2SEGO_PYTHON": sys.executable}, capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
+run = partial(run_with_engine, "proxy_masks.py")
 
 
 def picture(file, height, width):

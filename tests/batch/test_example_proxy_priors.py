@@ -2,33 +2,25 @@
 
 import json
 import shutil
-import subprocess
-import sys
-from pathlib import Path
+from functools import partial
 
 import fake_proxy
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from example_runs import run_with_engine
 
 from r2sego_blender.cli import main
 from r2sego_blender.geometry.shapes import load_shape
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-SCRIPT = Path(__file__).parents[2] / "batch" / "examples" / "proxy_priors.py"
+run = partial(run_with_engine, "proxy_priors.py")
 
 
 def r2sego(*arguments):
     done = CliRunner().invoke(main, [*map(str, arguments)])
     assert done.exit_code == 0, done.output
-
-
-def run(environment, *arguments):
-    return subprocess.run(
-        [sys.executable, str(SCRIPT), "--", *map(str, arguments)],
-        env={**environment, "R2SEGO_PYTHON": sys.executable}, capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
 
 
 @pytest.fixture

@@ -1,21 +1,13 @@
 """The example of the room Report, with pip bpy."""
 
-import subprocess
-import sys
-from pathlib import Path
+from functools import partial
 
 import pytest
+from example_runs import run_example
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-SCRIPT = Path(__file__).parents[2] / "batch" / "examples" / "report_scores.py"
-
-
-def run(environment, *arguments):
-    return subprocess.run(
-        [sys.executable, str(SCRIPT), "--", *map(str, arguments)], env=environment,
-        capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
+run = partial(run_example, "report_scores.py")
 
 
 def test_scores_rounds_and_causes_are_printed(bundle_path, blender_environment):

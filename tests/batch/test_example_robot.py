@@ -1,10 +1,11 @@
 """The example of the room Robot, with pip bpy and the real engine."""
 
-import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
+from example_runs import run_example
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
@@ -12,14 +13,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from made_up_room import made_up_bundle
 
-SCRIPT = Path(__file__).parents[2] / "batch" / "examples" / "robot_rollouts.py"
-
-
-def run(environment, *arguments):
-    return subprocess.run(
-        [sys.executable, str(SCRIPT), "--", *map(str, arguments)], env=environment,
-        capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
+run = partial(run_example, "robot_rollouts.py")
 
 
 def test_a_robot_is_declared_tried_and_played(blender_environment, tmp_path):

@@ -2,12 +2,12 @@
 
 import json
 import shutil
-import subprocess
-import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from example_runs import run_with_engine
 
 from r2sego_blender.cli import main
 from r2sego_blender.creation import create_scene
@@ -18,15 +18,8 @@ from r2sego_blender.settings import CaptureSettings
 bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
 
 ROOT = Path(__file__).parents[2]
-SCRIPT = ROOT / "batch" / "examples" / "robot_region.py"
+run = partial(run_with_engine, "robot_region.py")
 RUG = ((-0.5, -0.75), (0.75, -0.5), (0.5, 0.75), (-0.75, 0.5))
-
-
-def run(environment, *arguments):
-    return subprocess.run(
-        [sys.executable, str(SCRIPT), "--", *map(str, arguments)],
-        env={**environment, "R2SEGO_PYTHON": sys.executable}, capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
 
 
 def r2sego(*arguments):

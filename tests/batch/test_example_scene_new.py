@@ -2,13 +2,13 @@
 
 import json
 import shutil
-import subprocess
-import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from example_runs import run_with_engine
 
 from r2sego_blender.cli import main
 from r2sego_blender.scene import Scene
@@ -17,14 +17,7 @@ pytest.importorskip("bpy", reason="pip bpy is not installed")
 
 ROOT = Path(__file__).parents[2]
 ROOM = ROOT / "demo" / "room"
-SCRIPT = ROOT / "batch" / "examples" / "scene_new.py"
-
-
-def run(environment, *arguments):
-    return subprocess.run(
-        [sys.executable, str(SCRIPT), "--", *map(str, arguments)],
-        env={**environment, "R2SEGO_PYTHON": sys.executable}, capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
+run = partial(run_with_engine, "scene_new.py")
 
 
 @pytest.fixture

@@ -2,21 +2,15 @@
 
 import subprocess
 import sys
-from pathlib import Path
+from functools import partial
 
 import fake_bundle
 import pytest
+from example_runs import run_example
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-SCRIPT = Path(__file__).parents[2] / "batch" / "examples" / "views_candidates.py"
-
-
-def run(environment, *arguments):
-    return subprocess.run(
-        [sys.executable, str(SCRIPT), "--", *map(str, arguments)], env=environment,
-        capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
+run = partial(run_example, "views_candidates.py")
 
 
 def test_the_targets_are_shown_and_explained(bundle_path, blender_environment, tmp_path):

@@ -31,15 +31,13 @@ NAMES = [
 def said(tmp_path_factory):
     """What every check said inside Blender."""
     from fake_bundle import write_bundle
+    from stand_in_engine import write_stand_in_engine
 
     folder = tmp_path_factory.mktemp("blender")
     subprocess.run(
         [sys.executable, str(ROOT / "batch" / "build_extension.py"), "--out", str(folder)], check=True
     )
-    engine = folder / "engine" / "python"
-    engine.parent.mkdir()
-    engine.write_text(f"#!{sys.executable}\n" + CHECKS.with_name("fake_engine.py").read_text())
-    engine.chmod(0o755)
+    engine = write_stand_in_engine(folder)
     write_bundle(folder / "room.r2s")
     (package,) = folder.glob("*.zip")
     blender = os.environ.get("R2SEGO_TEST_BLENDER")

@@ -69,14 +69,3 @@ def build_zip(folder: Path) -> Path:
     subprocess.run([sys.executable, str(build), "--out", str(folder)], check=True)
     (package,) = folder.glob("*.zip")
     return package
-
-
-def stand_in_engine(folder: Path) -> Path:
-    """An engine that answers from a script, as in ``tests/operators``."""
-    engine = folder / "engine" / "python"
-    engine.parent.mkdir(parents=True)
-    script = (ROOT / "tests" / "operators" / "fake_engine.py").read_text()
-    engine.write_text(f"#!{sys.executable}\n{script}")
-    engine.chmod(0o755)
-    (engine.parent / "conduct.txt").write_text("succeed")
-    return engine

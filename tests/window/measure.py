@@ -13,6 +13,7 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parents[0] / "bridge")]
 import display  # noqa: E402  # found beside this file
 from large_bundle import write_large_bundle  # noqa: E402
+from stand_in_engine import write_stand_in_engine  # noqa: E402
 
 
 def main() -> None:
@@ -21,7 +22,7 @@ def main() -> None:
         raise SystemExit(display.missing())
     out = Path(sys.argv[1]).absolute()
     out.mkdir(parents=True)
-    package, engine = display.build_zip(out), display.stand_in_engine(out)
+    package, engine = display.build_zip(out), write_stand_in_engine(out)
     bundle = write_large_bundle(out / "room.r2s")
     log = display.run(HERE / "measured.py", out / "run", str(package), str(bundle), str(engine))
     if not (out / "run" / "told.json").is_file():

@@ -12,6 +12,7 @@ import display
 import ellipsis_marks
 import pytest
 from fake_bundle import write_bundle
+from stand_in_engine import write_stand_in_engine
 
 HERE = Path(__file__).parent
 PICTURES = display.ROOT / "build" / "window"
@@ -31,7 +32,7 @@ def material(tmp_path_factory):
     """Folder with the zip, the bundle and the stand-in engine."""
     folder = tmp_path_factory.mktemp("window")
     display.build_zip(folder)
-    display.stand_in_engine(folder)
+    write_stand_in_engine(folder)
     write_bundle(folder / "room.r2s")
     return folder
 
