@@ -122,10 +122,10 @@ def script():
     met = []
     if STATE in SEARCHED:
         met = yield from reached(drawn.buttons(), scale)
-    told = {"drawn": sorted(drawn.buttons()), "met": met, "bar": frame, "layouts": drawn.layouts}
+    told = {"drawn": sorted(drawn.buttons()), "met": met, "bar": frame}
     if STATE in ("working", "found"):
         told |= yield from cancelled(bar, scale)
-    (hand.OUT / "told.json").write_text(json.dumps(told, default=str))
+    (hand.OUT / "told.json").write_text(json.dumps(told))
 
 
 hand.perform(script(), plain=True)
