@@ -44,7 +44,8 @@ def working():
 
 
 STATES = {"no_engine": lambda: None, "no_scene": lambda: None, "scene": scene, "shown": shown,
-          "working": working, "left": working, "found": scene, "cut": lambda: None}  # fmt: skip
+          "working": working, "cancelled": working, "left": working, "found": scene,
+          "cut": lambda: None}  # fmt: skip
 
 
 class TEST_PT_cut(bpy.types.Panel):  # noqa: N801
@@ -92,7 +93,7 @@ def cancelled(bar, scale):
     while not job.running and time.monotonic() - began_s < FOUND_WITHIN_S:
         yield 0.1
     told = {"running": job.running}
-    if STATE == "working":
+    if STATE != "found":
         met, _ = yield from search.find({CANCEL}, scale)
         started_s = time.monotonic()
         yield from hand.click(*met[CANCEL])
@@ -123,7 +124,7 @@ def script():
     if STATE in SEARCHED:
         met = yield from reached(drawn.buttons(), scale)
     told = {"drawn": sorted(drawn.buttons()), "met": met, "bar": frame}
-    if STATE in ("working", "found"):
+    if STATE in ("working", "cancelled", "found"):
         told |= yield from cancelled(bar, scale)
     (hand.OUT / "told.json").write_text(json.dumps(told))
 

@@ -18,6 +18,8 @@ HERE = Path(__file__).parent
 PICTURES = display.ROOT / "build" / "window"
 STATES = ("no_engine", "no_scene", "scene", "shown", "working")
 SIZES = {1: (1100, 7400), 2: (1100, 14800)}  # all panels open with everything they can hold
+TIMED = ("cancelled", "left", "found")
+TIMED_SIZE = (1100, 900)  # software GL draws a tall window too slowly to tell what the add-on takes
 LEAST_BUTTONS = 40
 CANCELLED_WITHIN_S = 2.0
 
@@ -50,9 +52,8 @@ def looked(material):
     def look(state, scale):
         if (state, scale) not in seen:
             out = material / f"{state}_{scale}x"
-            log = display.run(
-                HERE / "look.py", out, *arguments(material), state, str(scale), size=SIZES[scale]
-            )
+            size = TIMED_SIZE if state in TIMED else SIZES[scale]
+            log = display.run(HERE / "look.py", out, *arguments(material), state, str(scale), size=size)
             assert (out / "told.json").is_file(), log[-3000:]
             PICTURES.mkdir(parents=True, exist_ok=True)
             picture = PICTURES / f"{out.name}.png"
@@ -102,7 +103,7 @@ def test_no_text_is_cut_off(looked, dots, state, scale):
 
 
 def test_while_the_engine_works_it_can_be_cancelled_from_the_tab(looked):
-    told, _, _ = looked("working", 1)
+    told, _, _ = looked("cancelled", 1)
     assert "bpy.ops.r2sego.cancel()" in told["drawn"]
     assert told["running"]
     assert not told["still_running"]
