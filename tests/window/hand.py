@@ -15,6 +15,7 @@ import bpy
 
 OUT = Path(sys.argv[sys.argv.index("--") + 1])
 TAB = "R2S-EGO"
+PANELS = "R2SEGO_PT"
 _SETTLE_S = 0.15
 _TAB_STEP_PX = 20
 _TAB_PX = 170  # below the bar's upper end, at interface scale 1, behind Blender's own tabs
@@ -106,7 +107,9 @@ def picture(name):
 class Drawn:
     """The buttons that the add-on's panels draw: their layouts are recorded while they draw."""
 
-    def __init__(self):
+    def __init__(self, open_sections=False):
+        """``open_sections`` draws the panels within panels open, which are closed at first."""
+        _Recorded.open_sections = open_sections
         self.drawn = {}
         self._now = []  # of the panel that draws
         for cls in panels():
@@ -161,6 +164,8 @@ class _StandIn:
 class _Recorded:
     """A layout and those made from it, whose add-on's buttons are noted: (name, properties, menu)."""
 
+    open_sections = False
+
     def __init__(self, layout, notes):
         vars(self).update(_layout=layout, _notes=notes)
 
@@ -172,6 +177,8 @@ class _Recorded:
         return partial(self._call, name, found) if callable(found) else found
 
     def _call(self, method, function, *arguments, **named):
+        if method == "panel" and self.open_sections:
+            named["default_closed"] = False
         answer = function(*arguments, **named)
         if method in ("operator", "operator_menu_enum") and arguments[0].startswith("r2sego."):
             self._notes.append((arguments[0], answer, method != "operator"))
@@ -201,14 +208,14 @@ def _written(value):
     return repr(sorted(value) if isinstance(value, set) else value)
 
 
-def panels():
-    """The add-on's panels in the side bar."""
-    return [cls for cls in bpy.types.Panel.__subclasses__() if cls.__name__.startswith("R2SEGO_PT")]
+def panels(of=PANELS):
+    """The add-on's panels in the side bar whose names begin so."""
+    return [cls for cls in bpy.types.Panel.__subclasses__() if cls.__name__.startswith(of)]
 
 
-def open_all_panels():
-    """Register the closed sub-panels anew as open ones: all that can be drawn is drawn."""
-    closed = [cls for cls in panels() if "DEFAULT_CLOSED" in getattr(cls, "bl_options", set())]
+def open_panels(of=PANELS):
+    """Register the closed sub-panels whose names begin with ``of`` anew as open ones."""
+    closed = [cls for cls in panels(of) if "DEFAULT_CLOSED" in getattr(cls, "bl_options", set())]
     for cls in closed:
         bpy.utils.unregister_class(cls)
         cls.bl_options = set(cls.bl_options) - {"DEFAULT_CLOSED"}

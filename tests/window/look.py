@@ -45,7 +45,7 @@ def working():
 
 STATES = {"no_engine": lambda: None, "no_scene": lambda: None, "scene": scene, "shown": shown,
           "working": working, "cancelled": working, "left": working, "found": scene,
-          "cut": lambda: None}  # fmt: skip
+          "settings": lambda: None, "cut": lambda: None}  # fmt: skip
 
 
 class TEST_PT_cut(bpy.types.Panel):  # noqa: N801
@@ -61,7 +61,7 @@ class TEST_PT_cut(bpy.types.Panel):  # noqa: N801
 
 
 def install():
-    """Install the add-on and leave every panel open."""
+    """Install the add-on and leave every panel open; of the settings' state theirs alone, it is long."""
     bpy.context.preferences.view.show_splash = False
     bpy.context.preferences.view.ui_scale = float(SCALE)
     bpy.ops.extensions.package_install_files(
@@ -70,7 +70,7 @@ def install():
     if STATE != "no_engine":
         bpy.context.preferences.addons["bl_ext.user_default.r2sego"].preferences.engine_python = ENGINE
     bpy.ops.r2sego.keep_settings(name="Kept before")  # so that the menus of kept settings have an entry
-    hand.open_all_panels()
+    hand.open_panels(f"{hand.PANELS}_settings" if STATE == "settings" else hand.PANELS)
     if STATE == "cut":
         bpy.utils.register_class(TEST_PT_cut)
 
@@ -110,7 +110,7 @@ def script():
     """Open the state, take its picture, move over everything."""
     install()
     scale = float(SCALE)
-    drawn = hand.Drawn()
+    drawn = hand.Drawn(open_sections=STATE == "settings")
     yield from hand.open_tab()
     STATES[STATE]()
     yield from drawn.anew()

@@ -27,7 +27,7 @@ def install():
         filepath=ZIP, repo="user_default", enable_on_install=True, overwrite=True
     )
     bpy.context.preferences.addons["bl_ext.user_default.r2sego"].preferences.engine_python = ENGINE
-    hand.open_all_panels()
+    hand.open_panels()
     for name in ("Kept before", "Kept too"):  # so that Load has an entry after Remove was pressed
         bpy.ops.r2sego.keep_settings(name=name)
     bpy.ops.r2sego.open_scene(directory=BUNDLE)
@@ -98,7 +98,7 @@ def press(call, place, notes):
     said = [list(note) for note in notes]
     yield 0.2
     close_what_opened()
-    if any("RUNNING_MODAL" in answer for _, _, answer in said) or not said:
+    if any(answer != "FINISHED" for _, _, answer in said) or not said:  # a dialog, or an error's popup
         for _ in range(2):
             yield from hand.key("ESC")
     job = bpy.context.window_manager.r2sego_job

@@ -16,8 +16,9 @@ from stand_in_engine import write_stand_in_engine
 
 HERE = Path(__file__).parent
 PICTURES = display.ROOT / "build" / "window"
-STATES = ("no_engine", "no_scene", "scene", "shown", "working")
-SIZES = {1: (1100, 7400), 2: (1100, 14800)}  # all panels open with everything they can hold
+SEARCHED = ("no_engine", "no_scene", "scene", "shown")
+STATES = (*SEARCHED, "working", "settings")
+SIZES = {1: (700, 7400), 2: (1000, 14800)}  # all panels open with everything they can hold
 TIMED = ("cancelled", "left", "found")
 TIMED_SIZE = (1100, 900)  # software GL draws a tall window too slowly to tell what the add-on takes
 LEAST_BUTTONS = 40
@@ -80,7 +81,7 @@ def dots(looked):
 
 
 @pytest.mark.parametrize("scale", SIZES)
-@pytest.mark.parametrize("state", STATES[:-1])
+@pytest.mark.parametrize("state", SEARCHED)
 def test_the_mouse_reaches_every_button_the_panels_draw(looked, state, scale):
     told, _, _ = looked(state, scale)
     assert len(told["drawn"]) > LEAST_BUTTONS
@@ -136,7 +137,7 @@ def test_every_button_that_is_not_grey_does_its_work_when_pressed(pressed):
     assert len(told["pressed"]) > LEAST_BUTTONS
     idle = {
         call: came for call, came in told["pressed"].items()
-        if not came or not all(came[0][0] in call and answer != "raised" for _, _, answer in came)
+        if not came or isinstance(came, str) or not all(came[0][0] in call and answer != "raised" for _, _, answer in came)
     }  # fmt: skip
     assert idle == {}
 
