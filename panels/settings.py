@@ -17,7 +17,6 @@ class R2SEGO_PT_settings(bpy.types.Panel):
 
     def draw(self, context):
         layout = self.layout
-        layout.use_property_split = True
         layout.use_property_decorate = False
         group = context.scene.r2sego.settings
         row = layout.row(align=True)
@@ -34,6 +33,8 @@ class R2SEGO_PT_settings(bpy.types.Panel):
                 name = property_name(key)
                 row = body.row()
                 row.active = group.is_property_set(name)  # grey: the preset's value holds
+                # A number's name stands in its field, where a long one has room; a choice's beside it.
+                row.use_property_split = group.bl_rna.properties[name].type == "ENUM"
                 row.prop(group, name)
 
 
