@@ -57,8 +57,8 @@ def looked(material):
             log = display.run(HERE / "look.py", out, *arguments(material), state, str(scale), size=size)
             assert (out / "told.json").is_file(), log[-3000:]
             PICTURES.mkdir(parents=True, exist_ok=True)
-            picture = PICTURES / f"{out.name}.png"
-            shutil.copy(out / "picture.png", picture)
+            picture = out / "picture.png"
+            shutil.copy(picture, PICTURES / f"{out.name}.png")
             seen[state, scale] = (json.loads((out / "told.json").read_text()), picture, log)
         return seen[state, scale]
 
