@@ -44,6 +44,10 @@ def render(
 
     progress = progress_of(context, as_json)
     seen_from = load_cameras(cameras)
+    if source.is_dir():
+        opened = Scene.open(source)
+        file = stage_named(opened, stage).file
+        require_present_frame(opened, [file.relative_to(opened.path).as_posix()], "rendered")
     asset = _asset(source, stage)
     started = time.monotonic()
     files = save_pictures(asset, seen_from, folder, tuple(dict.fromkeys(passes)) or ("colour",), progress)

@@ -316,7 +316,7 @@ class TrainingSettings:
     capture_oversampling: int = setting(
         3, "How often a capture is drawn for each pseudo-observation.", 1, 100
     )
-    sh_degree: int = setting(3, "Highest degree of the spherical harmonics.", 0, 3)
+    sh_degree: int = setting(1, "Highest degree of the spherical harmonics.", 0, 3)
     disc_stride_px: int = setting(3, "Pixels a side that share one Gaussian lifted from depth.", 1, 32)
     position_rate: float = setting(
         1.6e-4, "Learning rate of the means at the start, times the scene's extent.", 0.0, 1.0
@@ -355,7 +355,7 @@ class TrainingSettings:
         0.2, "Share of the Gaussians that each step leaves out, drawn anew; 0: none.", 0.0, 0.9
     )
     later_rounds_rate: float = setting(
-        0.3, "Learning rates in rounds after the first over those in the first.", 0.0, 1.0
+        0.3, "Learning rates in the second round over the first's, in the third over the second's.", 0.0, 1.0
     )
     depth_weight: float = setting(0.0, "Weight of relative depth errors against known depth.", 0.0, 10.0)
     normal_weight: float = setting(
@@ -405,7 +405,7 @@ FULL_RESOLUTION: Mapping[str, float] = {
 }
 """TrainingSettings without any step at a lower resolution."""
 
-UNREGULARISED: Mapping[str, float] = {"max_scale_m": 0.0, "dropout_share": 0.0}
+UNREGULARISED: Mapping[str, Any] = {"max_scale_m": 0.0, "dropout_share": 0.0, "sh_degree": 3}
 """TrainingSettings that leave Gaussians as the images alone would have them.
 
 What many photographs see from all sides needs no more; 3DGS has no more.
@@ -450,7 +450,6 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "generation.kept_conditions": "target",
         "training.steps_per_round": 900,
         "training.max_gaussians": 120000,
-        "training.sh_degree": 1,
     },
 }
 """Named sets of overrides; ``paper`` is the dataclasses' own defaults."""

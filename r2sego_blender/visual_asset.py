@@ -35,6 +35,9 @@ _AGREEMENT_SCALE = 0.12
 
 _AGREEMENT_WINDOW_PX = 5
 
+_SLOWEST_ROUND = 2
+"""The round, counted from 0, from which on learning rates fall no more."""
+
 _RATES = ("position_rate", "scale_rate", "rotation_rate", "opacity_rate", "colour_rate")
 """The learning rates of the Gaussians; that of higher harmonics follows the colours'."""
 
@@ -101,11 +104,14 @@ def settings_of_round(settings: TrainingSettings, index: int) -> TrainingSetting
 
     Later rounds start from an asset that knows the captures already. At full rates, and from
     a quarter of the resolution, each would forget and learn them again, and lose a little;
-    so they take ``later_rounds_rate`` of the Gaussians' rates, at full resolution throughout.
+    so the second takes ``later_rounds_rate`` of the Gaussians' rates, at full resolution
+    throughout, and the third that share of the second's. All after it go on as the third:
+    slower still, they would not learn what is new in them.
     """
     if index == 0:
         return settings
-    slower = {name: getattr(settings, name) * settings.later_rounds_rate for name in _RATES}
+    share = settings.later_rounds_rate ** min(index, _SLOWEST_ROUND)
+    slower = {name: getattr(settings, name) * share for name in _RATES}
     return dataclasses.replace(settings, **FULL_RESOLUTION, **slower)
 
 

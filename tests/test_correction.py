@@ -210,7 +210,13 @@ def test_what_a_correction_left_behind_is_told_and_not_used(tmp_path):
     assert planned["geometry/depth"] == "the world frame was corrected"
     frozen = tmp_path / "cameras.json"
     frozen.write_text("{}")
-    for command in (["export", "--to", tmp_path / "out"], ["evaluate", "--frozen", frozen], ["texture"]):
+    given = scene.captures_folder / "cameras.json"
+    for command in (
+        ["export", "--to", tmp_path / "out"],
+        ["evaluate", "--frozen", frozen],
+        ["texture"],
+        ["render", "--cameras", given, "--to", tmp_path / "out"],
+    ):
         refused = CliRunner().invoke(main, [command[0], str(scene.path), *map(str, command[1:])])
         assert refused.exit_code == 1 and "was corrected since it was made" in refused.output, refused.output
         assert "r2sego refine" in refused.output and "--undo" in refused.output

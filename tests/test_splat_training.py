@@ -29,9 +29,9 @@ from r2sego_blender.splats.rasterizer import render
 
 SETTINGS = with_overrides(
     {
+        **{f"training.{key}": value for key, value in UNREGULARISED.items()},
         "training.steps_per_round": 60,
         "training.sh_degree": 1,
-        **{f"training.{key}": value for key, value in UNREGULARISED.items()},
     }
 )
 ROOM = made_up_room(1500, (96, 72))

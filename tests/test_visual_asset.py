@@ -120,18 +120,20 @@ def test_what_differs_from_photograph_to_photograph_is_learnt_less_with_the_regu
 def test_the_first_round_is_as_set_and_later_ones_are_slower_at_full_resolution():
     settings = dataclasses.replace(SETTINGS, later_rounds_rate=0.25)
     assert settings_of_round(settings, 0) == settings
-    later = settings_of_round(settings, 1)
-    assert settings_of_round(settings, 5) == later
+    later, third = settings_of_round(settings, 1), settings_of_round(settings, 2)
+    assert settings_of_round(settings, 5) == third
     rates = {"position_rate", "scale_rate", "rotation_rate", "opacity_rate", "colour_rate"}
     shares = {f"{name}_resolution_share" for name in ("quarter", "half", "three_quarter")}
     for field in dataclasses.fields(settings):
         before, after = getattr(settings, field.name), getattr(later, field.name)
         if field.name in rates:
             assert after == 0.25 * before > 0.0
+            assert getattr(third, field.name) == 0.25 * after
         elif field.name in shares:
             assert after == 0.0 < before
         else:
             assert after == before
+        assert field.name in rates or getattr(third, field.name) == after
 
 
 @pytest.mark.parametrize("index", [0, 1, 2])

@@ -15,9 +15,8 @@ from r2sego_blender.splats.packing import PackedGaussians
 from r2sego_blender.splats.rasterizer import Rasterizer, render
 from r2sego_blender.splats.training import train
 
-SETTINGS = TrainingSettings(
-    sh_degree=0, **FULL_RESOLUTION, **UNREGULARISED, exposure_rate=5e-3, pose_rate=1e-3
-)
+PLAIN = TrainingSettings(**FULL_RESOLUTION, **UNREGULARISED)
+SETTINGS = dataclasses.replace(PLAIN, sh_degree=0, exposure_rate=5e-3, pose_rate=1e-3)
 
 
 def test_a_wrong_pose_is_found_from_the_image() -> None:

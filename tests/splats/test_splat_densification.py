@@ -18,13 +18,12 @@ from r2sego_blender.splats.population import Population
 from r2sego_blender.splats.rasterizer import render
 from r2sego_blender.splats.training import train
 
-BASE = TrainingSettings(
+BASE = dataclasses.replace(
+    TrainingSettings(**FULL_RESOLUTION, **UNREGULARISED),
     sh_degree=0,
     max_gaussians=1000,
     densify_every_steps=20,
     densify_from_share=0.05,
-    **FULL_RESOLUTION,
-    **UNREGULARISED,
 )
 
 

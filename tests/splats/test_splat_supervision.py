@@ -14,7 +14,8 @@ from r2sego_blender.splats.rasterizer import render
 from r2sego_blender.splats.supervision import depth_gradients
 from r2sego_blender.splats.training import train
 
-BOTH = TrainingSettings(depth_weight=0.7, normal_weight=0.3, sh_degree=0, **FULL_RESOLUTION, **UNREGULARISED)
+PLAIN = TrainingSettings(**FULL_RESOLUTION, **UNREGULARISED)
+BOTH = dataclasses.replace(PLAIN, depth_weight=0.7, normal_weight=0.3, sh_degree=0)
 
 
 def slanted_plane(camera: Camera) -> tuple[np.ndarray, np.ndarray]:

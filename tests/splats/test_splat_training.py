@@ -19,7 +19,7 @@ from r2sego_blender.splats.rasterizer import AdamState, Rasterizer, render
 from r2sego_blender.splats.training import bound_scales, train
 
 GROUPS = ("means", "log_scales", "quaternions", "logit_opacities", "sh")
-SETTINGS = TrainingSettings(sh_degree=1, **UNREGULARISED)
+SETTINGS = dataclasses.replace(TrainingSettings(**UNREGULARISED), sh_degree=1)
 
 
 def cameras(count: int, size: tuple[int, int] = (64, 48)) -> list[Camera]:
