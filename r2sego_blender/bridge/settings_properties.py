@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
@@ -10,10 +11,22 @@ import bpy
 
 from ..settings import Entry, Settings, entries, preset
 
+_UNITS = {"m": "m", "m2": "m²", "px": "px", "deg": "deg", "s": "s", "mb": "MB", "n": "N", "nm": "N m"}
+_ABBREVIATIONS = {"sh": "SH", "ssim": "SSIM", "iou": "IoU", "nms": "NMS", "coacd": "CoACD"}
+_SMALL_WORDS = frozenset({"a", "at", "by", "for", "from", "in", "of", "on", "per", "to", "until"})
+
 
 def property_name(key: str) -> str:
     """The property of a dotted key: ``selection.target_views`` is ``selection__target_views``."""
     return key.replace(".", "__")
+
+
+def label(key: str) -> str:
+    """What people call the setting of a dotted key: ``registration.min_spread_px`` is Min Spread (px)."""
+    words = key.rpartition(".")[2].split("_")
+    unit = f" ({_UNITS[words.pop()]})" if len(words) > 1 and words[-1] in _UNITS else ""
+    named = [_ABBREVIATIONS.get(w) or (w if w in _SMALL_WORDS else w.capitalize()) for w in words]
+    return " ".join([named[0][:1].upper() + named[0][1:], *named[1:]]) + unit
 
 
 def sections() -> dict[str, list[str]]:
@@ -57,15 +70,19 @@ def show_settings(group: bpy.types.PropertyGroup, changed: Mapping[str, Any], se
 
 
 def _property(entry: Entry) -> Any:
-    label = entry.key.rpartition(".")[2].replace("_", " ").capitalize()
-    described = {"name": label, "description": entry.doc.rstrip("."), "default": entry.default}
+    described = {"name": label(entry.key), "description": entry.doc.rstrip("."), "default": entry.default}
     ranged = {key: value for key, value in (("min", entry.low), ("max", entry.high)) if value is not None}
     if isinstance(entry.default, bool):
         return bpy.props.BoolProperty(**described)
     if isinstance(entry.default, int):
         return bpy.props.IntProperty(**described, **ranged)
     if isinstance(entry.default, float):
-        return bpy.props.FloatProperty(**described, **ranged, precision=3)
+        return bpy.props.FloatProperty(**described, **ranged, precision=_decimals(entry.default))
     if entry.choices:
         return bpy.props.EnumProperty(**described, items=[(c, c.capitalize(), "") for c in entry.choices])
     return bpy.props.StringProperty(**described)
+
+
+def _decimals(default: float) -> int:
+    """Decimals that show two digits of ``default``, at least three."""
+    return max(3, 1 + math.ceil(-math.log10(default))) if default > 0.0 else 3

@@ -14,7 +14,7 @@ from r2sego_blender.bridge.cameras import camera_of, create_camera, use_frame_of
 from r2sego_blender.bridge.frusta import frustum_triangles  # noqa: E402
 from r2sego_blender.bridge.meshes import read_attribute  # noqa: E402
 from r2sego_blender.bridge.outliner import find_collection  # noqa: E402
-from r2sego_blender.bridge.settings_properties import property_name, sections  # noqa: E402
+from r2sego_blender.bridge.settings_properties import label, property_name, sections  # noqa: E402
 from r2sego_blender.bridge.show_candidates import show_candidates  # noqa: E402
 from r2sego_blender.bridge.show_captures import show_captures  # noqa: E402
 from r2sego_blender.bridge.show_collision import show_collision  # noqa: E402
@@ -173,3 +173,28 @@ def test_every_setting_has_its_property():
     names = set(settings_group().__annotations__)
     assert names == {property_name(entry.key) for entry in entries()}
     assert [key for keys in sections().values() for key in keys] == [entry.key for entry in entries()]
+
+
+@pytest.mark.parametrize(
+    ("key", "name"),
+    [
+        ("seed", "Seed"),
+        ("training.steps_per_round", "Steps per Round"),
+        ("training.sh_degree", "SH Degree"),
+        ("proxy.min_component_m2", "Min Component (m²)"),
+        ("rollouts.max_torque_nm", "Max Torque (N m)"),
+    ],
+)
+def test_a_setting_is_named_with_its_unit(key, name):
+    assert label(key) == name
+
+
+def test_the_default_of_a_setting_can_be_read():
+    """Rounded to the decimals that Blender shows, each number keeps two digits."""
+    from r2sego_blender.bridge.settings_properties import settings_group
+
+    annotations = settings_group().__annotations__
+    for entry in entries():
+        if isinstance(entry.default, float):
+            shown = round(entry.default, annotations[property_name(entry.key)].keywords["precision"])
+            assert shown == pytest.approx(entry.default, rel=0.05), entry.key
