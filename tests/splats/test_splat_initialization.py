@@ -99,7 +99,7 @@ def test_equal_views_leave_one() -> None:
 def test_points_become_isotropic_gaussians_of_their_spacing() -> None:
     grid = np.stack(np.meshgrid(*[np.arange(6) * 0.1] * 3), -1).reshape(-1, 3)
     colours = np.full((len(grid), 3), 51, np.uint8)
-    asset = from_points(grid, colours, TrainingSettings(), np.random.default_rng(0))
+    asset = from_points(grid, colours, TrainingSettings(sh_degree=3), np.random.default_rng(0))
     np.testing.assert_allclose(np.exp(asset.log_scales), 0.1, rtol=1e-4)
     np.testing.assert_allclose(asset.opacities, 0.1, atol=1e-6)
     np.testing.assert_allclose(asset.base_colours, 0.2, atol=1e-6)
