@@ -86,6 +86,9 @@ _CONVINCING = 1.0  # aggregated cost below which a plane is taken
 _SURE = 0.7  # aggregated cost above which probable depth is likelier than a plane
 _BEHIND_ENVELOPE_M = 0.05
 _NEAREST_M = 0.3
+_FARTHEST = 2.0
+"""No plane is continued beyond this many times the farthest trusted depth of all captures: where
+no wall ends a floor, it would go on to the horizon."""
 
 
 def complete_depth(
@@ -99,10 +102,11 @@ def complete_depth(
     trusted = trusted_depth(depth_maps, settings.stereo)
     probable = probable_depth(depth_maps, trusted, settings.stereo)
     views = [_View.of(*view) for view in zip(captures, depth_maps, trusted, probable, strict=True)]
+    farthest_m = _FARTHEST * max((float(view.known.max()) for view in views), default=0.0) or np.inf
     with progress.task("Completing depth", len(views)) as task:
         completed = []
         for index in range(len(views)):
-            completed.append(_completed(index, views, planes, settings))
+            completed.append(_completed(index, views, planes, farthest_m, settings))
             task.advance()
     return tuple(completed)
 
@@ -151,7 +155,9 @@ class _View:
         return _View(camera, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), known, probable, mode, votes)
 
 
-def _completed(index: int, views: Sequence[_View], planes: RoomPlanes, settings: Settings) -> CompletedDepth:
+def _completed(
+    index: int, views: Sequence[_View], planes: RoomPlanes, farthest_m: float, settings: Settings
+) -> CompletedDepth:
     view = views[index]
     others = [
         (other, *_depth_in(view.camera, other.camera))
@@ -159,11 +165,13 @@ def _completed(index: int, views: Sequence[_View], planes: RoomPlanes, settings:
     ]
     moments = _moments(view.grey)
     bound = _nearest(planes.envelope.depths(view.camera))
+    bound[bound > farthest_m] = 0.0
+    last = np.where(bound > 0, bound + _BEHIND_ENVELOPE_M, farthest_m)
     anchor = _anchor(index, views)
     best_cost = np.full(view.camera.shape, np.inf, np.float32)
     best_depth = np.zeros(view.camera.shape, np.float32)
     for depth, row in zip(planes.depths(view.camera), planes.inverse_depth_rows(view.camera), strict=True):
-        hidden = (depth < _NEAREST_M) | ((bound > 0) & (depth > bound + _BEHIND_ENVELOPE_M))
+        hidden = (depth < _NEAREST_M) | (depth > last)
         if hidden.all():
             continue
         cost = _plane_cost(view, moments, others, depth, row, anchor)

@@ -85,6 +85,19 @@ def test_without_planes_the_nearest_depth_fills(room):
     assert (view.source == DepthSource.FILLED).any()
 
 
+def test_a_floor_that_no_wall_ends_is_not_continued_to_the_horizon(room):
+    floor = RoomPlanes(np.array([[0.0, 0.0, 1.0]]), np.zeros(1), np.array([1000]), np.array([True]))
+    level = dataclasses.replace(room.captures[0].camera, world_from_camera=look_at((0, 0, 1.5), (5, 0, 1.5)))
+    assert floor.depths(level).max() > 100.0
+    captures = [dataclasses.replace(room.captures[0], camera=level), *room.captures[1:]]
+    unknown = with_holes(room.depth_maps[0], np.ones(room.depth_maps[0].depth.shape, bool))
+    maps = [dataclasses.replace(unknown, camera=level), *room.depth_maps[1:]]
+    farthest = max(depth_map.depth.max() for depth_map in maps[1:])
+    view = complete_depth(captures, maps, floor, SETTINGS)[0]
+    assert (view.depth > 0).all() and view.depth.max() < 2.1 * farthest
+    assert (view.source == DepthSource.ENVELOPE).any()
+
+
 def test_depth_that_others_see_through_is_not_trusted(room):
     floating = np.zeros(room.depth_maps[1].depth.shape, bool)
     floating[50:60, 60:75] = True
