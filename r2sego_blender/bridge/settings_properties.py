@@ -23,10 +23,12 @@ def property_name(key: str) -> str:
 
 def label(key: str) -> str:
     """What people call the setting of a dotted key: ``registration.min_spread_px`` is Min Spread (px)."""
-    words = key.rpartition(".")[2].split("_")
-    unit = f" ({_UNITS[words.pop()]})" if len(words) > 1 and words[-1] in _UNITS else ""
-    named = [_ABBREVIATIONS.get(w) or (w if w in _SMALL_WORDS else w.capitalize()) for w in words]
-    return " ".join([named[0][:1].upper() + named[0][1:], *named[1:]]) + unit
+    written = key.rpartition(".")[2].replace("three_quarter", "3/4")  # in full it has no room in its field
+    words = written.split("_")
+    unit = _UNITS.get(words[-1], "") if len(words) > 1 else ""
+    named = [_ABBREVIATIONS.get(word, word.capitalize()) for word in (words[:-1] if unit else words)]
+    small = [word.lower() if word.lower() in _SMALL_WORDS else word for word in named[1:]]
+    return " ".join([named[0], *small]) + (f" ({unit})" if unit else "")
 
 
 def sections() -> dict[str, list[str]]:

@@ -183,10 +183,16 @@ def test_every_setting_has_its_property():
         ("training.sh_degree", "SH Degree"),
         ("proxy.min_component_m2", "Min Component (m²)"),
         ("rollouts.max_torque_nm", "Max Torque (N m)"),
+        ("training.three_quarter_resolution_share", "3/4 Resolution Share"),
     ],
 )
 def test_a_setting_is_named_with_its_unit(key, name):
     assert label(key) == name
+
+
+def test_the_name_of_a_setting_has_room_in_its_field():
+    """Beside a number, in a side bar as wide as Blender makes it; the window tests look at it."""
+    assert max(len(label(entry.key)) for entry in entries()) <= 25
 
 
 def test_the_default_of_a_setting_can_be_read():
