@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .asset_stages import FINAL, PASSES, stage_named
+from .asset_stages import FINAL, PASSES, Stage, stage_named
 from .cli_options import ANY_PATH, FOLDER, json_progress, progress_of, show, tell
 from .errors import AssetError
 from .layout import REFINED_ASSET
@@ -40,15 +40,12 @@ def render(
     as_json: bool,
 ) -> None:
     """Render a scene's asset, or a splat file, exactly from given cameras."""
+    from .splats.formats import load_asset
     from .splats.pictures import load_cameras, save_pictures
 
     progress = progress_of(context, as_json)
     seen_from = load_cameras(cameras)
-    if source.is_dir():
-        opened = Scene.open(source)
-        file = stage_named(opened, stage).file
-        require_present_frame(opened, [file.relative_to(opened.path).as_posix()], "rendered")
-    asset = _asset(source, stage)
+    asset = _present_asset(Scene.open(source), stage) if source.is_dir() else load_asset(source)
     started = time.monotonic()
     files = save_pictures(asset, seen_from, folder, tuple(dict.fromkeys(passes)) or ("colour",), progress)
     seconds = round(time.monotonic() - started, 3)
@@ -107,17 +104,21 @@ def edit_asset(
     show(progress, _described(opened), _lines, as_object)
 
 
-def _asset(source: Path, stage: str) -> SplatAsset:
-    """The asset of a splat file, or of a bundle at a stage, with the backdrop behind it."""
+def _present_asset(scene: Scene, name: str) -> SplatAsset:
+    """The same as ``_asset``. Raises SceneError when it is of an earlier world frame."""
+    stage = stage_named(scene, name)
+    require_present_frame(scene, [stage.file.relative_to(scene.path).as_posix()], "rendered")
+    return _asset(stage)
+
+
+def _asset(stage: Stage) -> SplatAsset:
+    """A bundle's asset at a stage, with the backdrop behind it."""
     from .splats.formats import load_asset
 
-    if not source.is_dir():
-        return load_asset(source)
-    chosen = stage_named(Scene.open(source), stage)
-    asset = load_asset(chosen.file)
-    if chosen.backdrop is None:
+    asset = load_asset(stage.file)
+    if stage.backdrop is None:
         return asset
-    return asset.concatenated(load_asset(chosen.backdrop).with_degree(asset.degree))
+    return asset.concatenated(load_asset(stage.backdrop).with_degree(asset.degree))
 
 
 def _publish_again(scene: Scene, progress: Progress) -> None:
@@ -145,7 +146,7 @@ def _described(scene: Scene) -> dict[str, Any]:
     last = _last_round(scene)
     if last < 0:
         return {"edits": listed}
-    means = _asset(scene.path, str(last)).means
+    means = _asset(stage_named(scene, str(last))).means
     for edit, one in zip(edits, listed, strict=True):
         one["deleted"] = int(edit.deletes(means).sum())
     left = len(means) - int(deleted_by(edits, means).sum())

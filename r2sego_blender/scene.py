@@ -28,6 +28,7 @@ from .backends import BACKENDS, chosen_backends, controller_backend
 from .errors import SceneError
 from .layout import SCOPE_FILE
 from .settings import Settings, preset, with_overrides
+from .whole_files import write_whole
 from .world_frame import frame_of_output
 
 FORMAT = 1
@@ -356,10 +357,7 @@ def _write_declaration(file: Path, declaration: Declaration) -> None:
         "backends": dict(declaration.backends),
         "settings": {"preset": declaration.preset, "overrides": dict(declaration.overrides)},
     }
-    unfinished = file.with_name(_UNFINISHED + file.name)
-    unfinished.write_text(tomli_w.dumps(data), encoding="utf-8")
-    _flush(unfinished)
-    unfinished.replace(file)
+    write_whole(file, tomli_w.dumps(data))
 
 
 @contextlib.contextmanager

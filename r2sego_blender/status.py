@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from .scene import Scene
-from .world_frame import results_of_old_frame, rounds_of_old_frame
+from .world_frame import in_words, of_old_frame, rounds_among
 
 
 def describe(scene: Scene) -> dict[str, Any]:
@@ -15,7 +15,9 @@ def describe(scene: Scene) -> dict[str, Any]:
     captures = json.loads((scene.captures_folder / "cameras.json").read_text())["captures"]
     rounds = [_describe_round(scene, index) for index in range(scene.rounds_done())]
     metrics_file = scene.report_folder / "metrics.json"
-    old = results_of_old_frame(scene)
+    rounds_declared = declared.settings.rounds
+    old = of_old_frame(scene)
+    old_in_words = in_words(old, rounds_declared)
     return {
         "scene": str(scene.path),
         "captures": len(captures),
@@ -27,11 +29,11 @@ def describe(scene: Scene) -> dict[str, Any]:
         "preset": declared.preset,
         "overrides": dict(declared.overrides),
         "backends": scene.backends,
-        "rounds_declared": declared.settings.rounds,
+        "rounds_declared": rounds_declared,
         "rounds": rounds,
-        "rounds_of_old_frame": list(rounds_of_old_frame(scene)),
-        "of_old_frame": old,
-        "refined": not old and scene.asset_file.is_file() and len(rounds) >= declared.settings.rounds,
+        "rounds_of_old_frame": list(rounds_among(old, rounds_declared)),
+        "of_old_frame": old_in_words,
+        "refined": not old_in_words and scene.asset_file.is_file() and len(rounds) >= rounds_declared,
         "metrics": json.loads(metrics_file.read_text()) if metrics_file.is_file() else None,
     }
 

@@ -6,7 +6,7 @@ was until they run again. The journal notes each result's frame. Blender's Pytho
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from .errors import SceneError
@@ -45,9 +45,11 @@ def of_old_frame(scene: Scene) -> tuple[str, ...]:
     return tuple(target for target in old if (scene.path / target).exists())
 
 
-def rounds_of_old_frame(scene: Scene) -> tuple[int, ...]:
-    """The rounds, of those declared, of which a result is of an earlier world frame."""
-    return _rounds_of(scene, of_old_frame(scene))
+def rounds_among(targets: Iterable[str], declared: int) -> tuple[int, ...]:
+    """The rounds, of so many declared, of which a result is among ``targets``."""
+    parts = [target.split("/") for target in targets]
+    indices = {int(part[1]) for part in parts if part[0] == "rounds"}
+    return tuple(sorted(index for index in indices if index < declared))
 
 
 def require_present_frame(scene: Scene, targets: Iterable[str], purpose: str) -> None:
@@ -63,22 +65,15 @@ def require_present_frame(scene: Scene, targets: Iterable[str], purpose: str) ->
             )  # fmt: skip
 
 
-def results_of_old_frame(scene: Scene) -> str:
-    """What is of an earlier world frame, for people: the rounds, and the asset; '' for nothing."""
-    old = of_old_frame(scene)
-    rounds = _rounds_of(scene, old)
+def in_words(targets: Collection[str], declared: int) -> str:
+    """``targets`` for people: the rounds, of so many declared, and the results; '' for nothing."""
+    rounds = rounds_among(targets, declared)
     words = [f"round{'s' * (len(rounds) > 1)} {', '.join(map(str, rounds))}"] if rounds else []
-    words += [name for target, name in _RESULTS.items() if target in old]
+    words += [name for target, name in _RESULTS.items() if target in targets]
     return ", ".join(words)
 
 
 _RESULTS = {REFINED_ASSET: "asset", COLLISION: "collision surface"}
-
-
-def _rounds_of(scene: Scene, targets: Iterable[str]) -> tuple[int, ...]:
-    parts = [target.split("/") for target in targets]
-    indices = {int(part[1]) for part in parts if part[0] == "rounds"}
-    return tuple(sorted(index for index in indices if index < scene.declaration.settings.rounds))
 
 
 def _frames(journal: Sequence[Mapping[str, Any]]) -> dict[str, Frame]:

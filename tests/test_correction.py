@@ -41,7 +41,7 @@ from r2sego_blender.robot_declaration import declare_robot
 from r2sego_blender.scene import Declaration, Scene, content_digest
 from r2sego_blender.status import describe
 from r2sego_blender.status import lines as status_lines
-from r2sego_blender.world_frame import of_old_frame, require_present_frame, rounds_of_old_frame
+from r2sego_blender.world_frame import of_old_frame, require_present_frame
 
 ROOT = Path(__file__).parents[1]
 LENS = Camera(160, 120, 110.0, 112.0, 78.0, 61.0, np.eye(4))
@@ -228,7 +228,7 @@ def test_what_a_correction_left_behind_is_told_and_not_used(tmp_path):
     corrected.step("geometry/depth", lambda folder: (folder / "new").touch(), inputs=["captures"])
     corrected.step("rounds/0/proxy", lambda folder: (folder / "new").touch(), inputs=["geometry/depth"])
     assert not {"geometry/depth", "rounds/0/proxy"} & set(of_old_frame(corrected))
-    assert rounds_of_old_frame(corrected) == (0, 1)  # its asset is still as it was
+    assert describe(corrected)["rounds_of_old_frame"] == [0, 1]  # its asset is still as it was
     _as_if_refined(corrected)
     told = describe(corrected)
     assert told["refined"] and told["of_old_frame"] == ""

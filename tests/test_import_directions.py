@@ -23,8 +23,8 @@ FOUNDATION = {
     "resources",
     "scene",
     "scratch",
-    "whole_files",
     "settings",
+    "whole_files",
     "world_frame",
 }
 ABOVE_CAPTURES = FOUNDATION | {"workers", "captures"}

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SceneError
+from ..whole_files import write_whole
 from .frozen import ArmScore, ViewScore, rounded
 
 
@@ -36,9 +37,7 @@ def write_metrics(path: Path, arms: Mapping[str, ArmScore], **more: Any) -> dict
     """
     document = {"arms": {name: _arm(arms[name]) for name in sorted(arms)}, **more}
     path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(path.name + ".part")
-    unfinished.write_text(json.dumps(document, indent=1, sort_keys=True, allow_nan=False) + "\n")
-    unfinished.replace(path)
+    write_whole(path, json.dumps(document, indent=1, sort_keys=True, allow_nan=False) + "\n")
     return document
 
 

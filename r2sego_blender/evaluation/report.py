@@ -9,6 +9,7 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
+from ..whole_files import write_whole
 from .charts import candidate_chart, round_chart
 from .figures import PROVENANCE_COLOURS, save_figure
 from .report_data import Picture, ReportData
@@ -45,9 +46,7 @@ def write_report(folder: Path, report: ReportData) -> Path:
         total_s=sum(seconds for _, seconds in report.timings),
     )
     page = folder / "index.html"
-    unfinished = page.with_name("index.html.part")
-    unfinished.write_text(html, encoding="utf-8")
-    unfinished.replace(page)
+    write_whole(page, html)
     writer.remove_others()
     return page
 

@@ -15,6 +15,6 @@ def run_example(script, environment, *arguments):
     )  # fmt: skip
 
 
-def run_with_engine(script, environment, *arguments):
-    """The same, with this Python as the engine's."""
-    return run_example(script, {**environment, "R2SEGO_PYTHON": sys.executable}, *arguments)
+def run_with_engine(script, environment, *arguments, engine=sys.executable):
+    """The same, with this Python, or another one, as the engine's."""
+    return run_example(script, {**environment, "R2SEGO_PYTHON": str(engine)}, *arguments)

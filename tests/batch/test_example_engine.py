@@ -2,19 +2,15 @@
 
 import json
 import shutil
-import subprocess
-import sys
-from pathlib import Path
+from functools import partial
 
 import pytest
+from example_runs import run_with_engine
 from stand_in_engine import write_stand_in_engine
 
 from r2sego_blender.workers.jobs import start_job
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
-
-ROOT = Path(__file__).parents[2]
-SCRIPT = ROOT / "batch" / "examples" / "engine_setup.py"
 
 
 @pytest.fixture
@@ -26,15 +22,7 @@ def engine(tmp_path):
 @pytest.fixture
 def run(blender_environment, engine):
     """Run the example with these arguments."""
-
-    def run(*arguments):
-        return subprocess.run(
-            [sys.executable, str(SCRIPT), "--", *map(str, arguments)],
-            env={**blender_environment, "R2SEGO_PYTHON": str(engine)},
-            capture_output=True, text=True, timeout=1200,
-        )  # fmt: skip
-
-    return run
+    return partial(run_with_engine, "engine_setup.py", blender_environment, engine=engine)
 
 
 def test_the_engine_is_asked_and_the_demo_scene_made(run, engine, bundle_path, tmp_path):

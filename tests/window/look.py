@@ -11,7 +11,8 @@ from pathlib import Path
 import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
-import hand  # found beside this file
+import drawn_buttons  # found beside this file
+import hand
 import search
 
 _, ZIP, BUNDLE, ENGINE, STATE, SCALE = sys.argv[sys.argv.index("--") + 1 :]
@@ -70,7 +71,8 @@ def install():
     if STATE != "no_engine":
         bpy.context.preferences.addons["bl_ext.user_default.r2sego"].preferences.engine_python = ENGINE
     bpy.ops.r2sego.keep_settings(name="Kept before")  # so that the menus of kept settings have an entry
-    hand.open_panels(f"{hand.PANELS}_settings" if STATE == "settings" else hand.PANELS)
+    settings = f"{drawn_buttons.PANELS}_settings"
+    drawn_buttons.open_panels(settings if STATE == "settings" else drawn_buttons.PANELS)
     if STATE == "cut":
         bpy.utils.register_class(TEST_PT_cut)
 
@@ -110,7 +112,7 @@ def script():
     """Open the state, take its picture, move over everything."""
     install()
     scale = float(SCALE)
-    drawn = hand.Drawn(open_sections=STATE == "settings")
+    drawn = drawn_buttons.Drawn(open_sections=STATE == "settings")
     yield from hand.open_tab()
     STATES[STATE]()
     yield from drawn.anew()

@@ -12,7 +12,8 @@ from pathlib import Path
 import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
-import hand  # found beside this file
+import drawn_buttons  # found beside this file
+import hand
 import press  # its install()
 
 SHOW = ("import_captures", "show_proxy", "show_candidates", "show_asset", "show_rollout")
@@ -114,7 +115,7 @@ def compared(scenes):
 def drawn_ms():
     """Draw the side bar again and again: the panels' draw, all together, in processor milliseconds."""
     spent = []
-    for cls in hand.panels():
+    for cls in drawn_buttons.panels():
         cls.draw = timed(cls.draw, spent)
     redraws = 20
     for _ in range(redraws):

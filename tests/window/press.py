@@ -10,7 +10,8 @@ from pathlib import Path
 import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
-import hand  # found beside this file
+import drawn_buttons  # found beside this file
+import hand
 import search
 
 _, ZIP, BUNDLE, ENGINE = sys.argv[sys.argv.index("--") + 1 :]
@@ -27,7 +28,7 @@ def install():
         filepath=ZIP, repo="user_default", enable_on_install=True, overwrite=True
     )
     bpy.context.preferences.addons["bl_ext.user_default.r2sego"].preferences.engine_python = ENGINE
-    hand.open_panels()
+    drawn_buttons.open_panels()
     for name in ("Kept before", "Kept too"):  # so that Load has an entry after Remove was pressed
         bpy.ops.r2sego.keep_settings(name=name)
     bpy.ops.r2sego.open_scene(directory=BUNDLE)
@@ -67,13 +68,13 @@ def ready(call):
     """Whether the operator may run where the side bar's buttons call it."""
     area, bar = hand.view()
     with bpy.context.temp_override(window=hand.window(), area=area, region=bar):
-        return getattr(bpy.ops.r2sego, hand.name_of(call).removeprefix("r2sego.")).poll()
+        return getattr(bpy.ops.r2sego, drawn_buttons.name_of(call).removeprefix("r2sego.")).poll()
 
 
 def moved(call, place, shift):
     """How far the button has moved up from ``place``, about ``shift``; None when it is not found."""
     yield from hand.move(place[0], place[1] + shift)
-    if hand.under_mouse() == call:
+    if search.under_mouse() == call:
         return shift
     _, bar = hand.view()
     below, above = bar.y - place[1], bar.y + bar.height - place[1]
@@ -136,7 +137,7 @@ def press_menu(call, near, notes):
 def script():
     """Press what is ready, from below, and look again until nothing new can be pressed."""
     install()
-    drawn, notes = hand.Drawn(), listen()
+    drawn, notes = drawn_buttons.Drawn(), listen()
     yield from hand.open_tab()
     told, first, names = {}, None, set()
     for _ in range(_PASSES):
@@ -145,8 +146,8 @@ def script():
         first = set(buttons) if first is None else first
         due = [
             call for call in buttons
-            if not told.get(call) and (call in first or hand.name_of(call) not in names)
-            and hand.name_of(call) not in LEFT_OUT and ready(call)
+            if not told.get(call) and (call in first or drawn_buttons.name_of(call) not in names)
+            and drawn_buttons.name_of(call) not in LEFT_OUT and ready(call)
         ]  # fmt: skip
         if not due:
             break
@@ -168,7 +169,7 @@ def script():
                 shift = by
                 said = yield from press(call, (met[call][0], met[call][1] + shift), notes)
             told[call] = said
-            names.add(hand.name_of(call))
+            names.add(drawn_buttons.name_of(call))
     yield from drawn.anew()
     grey = sorted(call for call in drawn.buttons() if call not in told and not ready(call))
     seen = {"pressed": told, "grey": grey, "first": sorted(first), "last": sorted(drawn.buttons())}

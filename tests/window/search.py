@@ -1,10 +1,12 @@
 """Finds the buttons of the side bar with the mouse, used inside Blender by the window tests."""
 
+import ast
 from collections import Counter
 from itertools import product
 
 import bpy
-import hand  # found beside this file
+import drawn_buttons  # found beside this file
+import hand
 
 _RASTER_PX = 10  # at interface scale 1; the smallest button is 20 wide and high
 _MOVES = 3  # with the first the mouse leaves one button, with the second it is over the next
@@ -13,6 +15,20 @@ _MENU_TRIES = 24
 _TRIES_A_ROW = 2
 _CONTENT = 0.9  # of the bar's width
 _WAIT_S = 120.0
+
+
+def under_mouse():
+    """The button's operator as a Python call, "property" for a field, "" for all else."""
+    area, bar = hand.view()
+    manager = bpy.context.window_manager
+    manager.clipboard = ""
+    with bpy.context.temp_override(window=hand.window(), area=area, region=bar):
+        if bpy.ops.ui.copy_python_command_button.poll():
+            bpy.ops.ui.copy_python_command_button()
+            call = ast.parse(manager.clipboard, mode="eval").body
+            given = {word.arg: ast.literal_eval(word.value) for word in call.keywords}
+            return drawn_buttons.call_of(ast.unparse(call.func).removeprefix("bpy.ops."), given)
+        return "property" if bpy.ops.ui.copy_data_path_button.poll() else ""
 
 
 class TEST_OT_hover(bpy.types.Operator):  # noqa: N801
@@ -39,12 +55,12 @@ class TEST_OT_hover(bpy.types.Operator):  # noqa: N801
         self._moves = self._moves + 1 if place == self._last else 1
         self._last = place
         if self._moves == _MOVES and self.left and place == self.left[0]:
-            self.met[self.left.pop(0)] = hand.under_mouse()
+            self.met[self.left.pop(0)] = under_mouse()
         return {"PASS_THROUGH"} if self.left else {"FINISHED"}
 
 
 def hover(places):
-    """Move to each place; {(x, y): what is under the mouse there, as hand.under_mouse tells it}."""
+    """Move to each place; {(x, y): what is under the mouse there, as under_mouse tells it}."""
     met = {}
     for begin in range(0, len(places), _BURST):
         burst = places[begin : begin + _BURST]
@@ -127,7 +143,7 @@ def open_menu(call, places, scale):
         for off in range(0, 6 * step, step):
             place = (x, y + way * off)
             other = (yield from hover([place])).get(place, "")
-            if hand.name_of(other) == hand.name_of(call) and other != call:
+            if drawn_buttons.name_of(other) == drawn_buttons.name_of(call) and other != call:
                 return place
         yield from hand.key("ESC")
     return None
