@@ -233,6 +233,10 @@ class Scene:
                     records.append(json.loads(line))
         return records
 
+    def outputs(self) -> dict[str, str]:
+        """The ``content_digest`` of each step's last result, by its target, as the journal noted it."""
+        return {record["step"]: record["output"] for record in self.journal() if "output" in record}
+
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
         """Hold the bundle for writing. Raises SceneError when another process holds it."""

@@ -10,7 +10,8 @@ import bpy
 from mathutils import Euler
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "window"))
-import hand  # found in the window tests
+import drawn_buttons  # found in the window tests
+import hand
 
 _, ZIP, BUNDLE, ENGINE, NAME = sys.argv[sys.argv.index("--") + 1 :]
 VIEW_ANGLES_RAD = (0.85, 0.0, -0.45)
@@ -81,7 +82,7 @@ def install(opened):
         filepath=ZIP, repo="user_default", enable_on_install=True, overwrite=True
     )
     bpy.context.preferences.addons["bl_ext.user_default.r2sego"].preferences.engine_python = ENGINE
-    steps = [cls for cls in hand.panels() if cls.bl_idname != "R2SEGO_PT_main"]
+    steps = [cls for cls in drawn_buttons.panels() if cls.bl_idname != "R2SEGO_PT_main"]
     for cls in reversed(steps):
         bpy.utils.unregister_class(cls)
     for cls in steps:

@@ -20,6 +20,8 @@ from ...r2sego_blender.errors import R2SEgoError
 from ...r2sego_blender.splats.ply_vertices import vertex_count
 from .show_asset import show_stage
 
+_FEW_SPLATS = 10000
+
 
 class R2SEGO_PG_asset_stage(bpy.types.PropertyGroup):
     """An asset the bundle holds; its name is initial, a round's number or final."""
@@ -138,16 +140,14 @@ def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
         group.marked = 0
     last = not group.stages or group.stage == len(group.stages) - 1
     group.stages.clear()
-    scores = _scores(bundle)
-    metrics_file = bundle.scene.report_folder / "metrics.json"
-    # What changed since then is not what was scored.
-    scored_at = metrics_file.stat().st_mtime if scores else 0.0
+    scores, scored, outputs = _scores(bundle), bundle.metrics().get("assets", {}), bundle.scene.outputs()
     for stage in stages(bundle.scene):
         item = group.stages.add()
         item.name, item.label, item.gaussians = stage.name, stage.label, vertex_count(stage.file)
-        told = [f"{item.gaussians:,} splats".replace(",", "\u2009")]
+        told = [_count(item.gaussians)]
         score = scores.pop(stage.name, None)
-        if score is not None and stage.file.stat().st_mtime <= scored_at:
+        target = stage.file.relative_to(bundle.scene.path).as_posix()
+        if score is not None and scored.get(target) == outputs.get(target):  # it has not changed since
             told.append(f"{score:.2f} dB")
         _tell(scene, stage.label, ", ".join(told))
     for name, score in scores.items():
@@ -182,6 +182,11 @@ def _scores(bundle: Bundle) -> dict[str, float | None]:
     names = {"initial": INITIAL, "refined": FINAL, "vanilla_3dgs": "Vanilla"}
     scores = {names.get(name, name): arm["psnr"] for name, arm in (metrics.get("arms") or {}).items()}
     return scores | {str(one["round"]): one["psnr"] for one in metrics.get("rounds") or ()}
+
+
+def _count(gaussians: int) -> str:
+    """So short that a score has room beside it."""
+    return f"{gaussians} splats" if gaussians < _FEW_SPLATS else f"{gaussians / 1000:.0f}k splats"
 
 
 def _tell(scene: bpy.types.Scene, label: str, value: str) -> None:

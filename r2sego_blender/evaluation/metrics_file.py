@@ -10,11 +10,12 @@
      "causes": {"told_by": "the true room's mesh",
                 "shares": [{"cause": "wrong_depth", "label": "wrong depth", "error": 0.41,
                             "pixels": 0.12, "psnr": 17.31, "mended_by": "..."}, ...],
-                "views": [{"name": "frozen_00", "error": {"wrong_depth": 0.38, ...}}, ...]}}
+                "views": [{"name": "frozen_00", "error": {"wrong_depth": 0.38, ...}}, ...]},
+     "assets": {"asset.ply": "<SHA-256>", "rounds/0/asset.ply": ...}}
 
 A score that is no finite number (the PSNR of two equal images) is ``null``, and so is what
 cannot be told of a cause. ``causes`` may have a ``note``; where there are none at all, it is
-``{"unavailable": "why"}``.
+``{"unavailable": "why"}``. ``assets`` are the digests of what was scored, as the journal has them.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from ..captures.store import load_captures
 from ..errors import R2SEgoError, SceneError
 from ..geometry.observed import ObservedGeometry
 from ..geometry.stereo import DepthMap
-from ..layout import CAPTURES, DEPTH, OBSERVED, REFINED_ASSET, SPARSE
+from ..layout import CAPTURES, DEPTH, OBSERVED, REFINED_ASSET, SPARSE, of_round
 from ..progress import SILENT, Progress
 from ..scene import Scene
 from ..settings import VANILLA_3DGS
@@ -73,7 +73,7 @@ def evaluate_scene(scene: Scene, frozen: Path, progress: Progress = SILENT) -> d
     causes = _causes(scene, frozen, views, renderings[REFINED], refined_depths, progress)
     metrics = write_metrics(
         scene.report_folder / "metrics.json", scores,
-        rounds=round_scores.as_entries(rounds), causes=scene_causes.as_entry(causes),
+        rounds=round_scores.as_entries(rounds), causes=scene_causes.as_entry(causes), assets=_scored(scene),
     )  # fmt: skip
     pictures = _pictures(views, scores, renderings)
     split = report_causes(causes, scores[REFINED], pictures)
@@ -128,6 +128,13 @@ def table(metrics: Mapping[str, Any]) -> str:
     count = len(metrics["arms"][REFINED]["views"])
     lines += [f"mean over {count} frozen views", "", *scene_causes.lines(metrics["causes"])]
     return "\n".join(lines)
+
+
+def _scored(scene: Scene) -> dict[str, str]:
+    """The assets as they are now, by their digests: what changes later is not what was scored."""
+    rounds = (of_round(index, "asset.ply") for index in range(scene.declaration.settings.rounds))
+    outputs = scene.outputs()
+    return {name: outputs[name] for name in (*(a.asset for a in ARMS.values()), *rounds) if name in outputs}
 
 
 def _renderer(asset: SplatAsset, depths: list[np.ndarray]) -> Callable[[Camera], np.ndarray]:

@@ -13,6 +13,7 @@ from r2sego_blender.captures.cameras_json import save_cameras_json
 from r2sego_blender.evaluation import scene_evaluation, scene_report
 from r2sego_blender.evaluation.report_data import Round
 from r2sego_blender.evaluation.scene_causes import CAUSES
+from r2sego_blender.scene import content_digest
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.ply import save_ply
 from r2sego_blender.status import lines
@@ -60,6 +61,15 @@ def test_rounds_and_causes_are_in_the_file_the_page_and_the_table(evaluated):
     table = scene_evaluation.table(metrics)
     assert mark in table and "told by the proxy alone" in table
     assert table.index("round 0") < table.index("round 1") < table.index("mean over 3 frozen views")
+
+
+def test_the_scores_say_of_which_assets_they_are(evaluated):
+    scene, frozen = evaluated
+    scene.step("asset.ply", lambda file: save_ply(file, splats(0.62)), inputs=[])
+    assets = scene_evaluation.evaluate_scene(scene, frozen)["assets"]
+    assert assets == {"asset.ply": content_digest(scene.asset_file)}
+    scene.step("asset.ply", lambda file: save_ply(file, splats(0.7)), inputs=[], parameters=["anew"])
+    assert scene.outputs()["asset.ply"] != assets["asset.ply"]
 
 
 def test_a_bundle_that_lost_its_proxy_is_scored_and_says_so(evaluated):

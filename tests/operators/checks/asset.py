@@ -64,11 +64,17 @@ def check_the_bundles_assets_are_known_when_it_opens():
 
 def check_an_asset_that_changed_since_it_was_scored_has_no_score():
     copy = copied_bundle()
-    later = (copy / "report" / "metrics.json").stat().st_mtime + 10.0
-    os.utime(copy / "asset.ply", (later, later))
-    bpy.ops.r2sego.refresh_scene()
-    facts = {fact.label: fact.value for fact in state().facts if fact.section == "asset"}
-    assert facts["Final"] == "72 splats", facts
+    journal, metrics = copy / "journal.jsonl", copy / "report" / "metrics.json"
+    told = json.loads(metrics.read_text())
+    metrics.write_text(json.dumps({**told, "assets": {"asset.ply": "as it was"}}))
+    later = metrics.stat().st_mtime + 10.0
+    for digest, final in (("as it was", "72 splats, 25.10 dB"), ("as it is", "72 splats")):
+        with journal.open("a") as file:
+            file.write(json.dumps({"step": "asset.ply", "output": digest}) + "\n")
+        os.utime(copy / "asset.ply", (later, later))  # a copied file is not a changed one
+        bpy.ops.r2sego.refresh_scene()
+        facts = {fact.label: fact.value for fact in state().facts if fact.section == "asset"}
+        assert facts["Final"] == final, facts
 
 
 def check_the_asset_is_shown_as_points_with_their_attributes():
