@@ -25,7 +25,7 @@ from .detours import ClearSpace
 from .generator import Frame, Generator
 from .paths import camera_path, reference_from_frame
 from .point_condition import PointConditions
-from .registration import Landmarks, RegisteredFrame, register_frame
+from .registration import Landmarks, RegisteredFrame, hopeless, register_frame
 
 _CLIP_FRAME_MS = 80
 _CLIP_LAST_MS = 1200  # the kept frame rests before the clip starts again
@@ -67,7 +67,8 @@ def ego_video_reg(
     targets and as many more as may replace them. Paths go around what ``space`` has in their
     way; with ``colours`` the captures' colours stay beside the conditions. A frame that cannot
     be generated or registered is rejected, with its reason in ``pose.json``, and the
-    next-ranked survivor takes its place, at most ``generation.max_replacements`` times.
+    next-ranked survivor takes its place, at most ``generation.max_replacements`` times; one
+    of which it is clear beforehand is not generated.
     Returns the accepted ones in rank order, as ``load_pseudo_observations`` reads them.
     """
     wanted = len(selection.targets)
@@ -158,6 +159,9 @@ def _generate(
     path = camera_path(reference, target, settings.generation.clip_frames, way and way.points)
     path = (*(camera.scaled(settings.generation.clip_scale) for camera in path[:-1]), path[-1])
     _write_path(folder / "path.json", view, reference, path, way.note if way else "")
+    why = hopeless(target, reference, landmarks, settings.registration)
+    if why:
+        return _give_up(folder, view, generator.name, target, f"not generated, {why}")
     conditions = renderer.render(path)
     kept = conditions if settings.generation.kept_conditions == "clip" else conditions[-1:]
     points = () if colours is None else colours.render(view.reference, kept)
@@ -166,13 +170,18 @@ def _generate(
         clip = generator.generate(view.reference, conditions)
         _check_clip(clip, conditions, generator.name)
     except GenerationError as error:
-        _write_pose(folder / "pose.json", view, generator.name, target, None, f"rejected: {error}")
-        return f"rejected: {error}"
+        return _give_up(folder, view, generator.name, target, str(error))
     _write_clip(folder, clip)
     image = load_image(folder / "frame.png")  # registered as it will be read for training
     registered = register_frame(image, target, reference, landmarks, settings.registration, settings.seed)
     _write_pose(folder / "pose.json", view, generator.name, target, registered, registered.reason)
     return None if registered.camera is not None else registered.reason
+
+
+def _give_up(folder: Path, view: _View, generator: str, query: Camera, why: str) -> str:
+    """Write a view without a frame; its reason."""
+    _write_pose(folder / "pose.json", view, generator, query, None, f"rejected: {why}")
+    return f"rejected: {why}"
 
 
 def _check_clip(clip: Sequence[Frame], conditions: Sequence[Condition], generator: str) -> None:

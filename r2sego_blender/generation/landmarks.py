@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -12,8 +12,8 @@ from ..cameras import Camera
 from ..captures.capture import Capture
 from ..errors import GenerationError
 from ..progress import SILENT, Progress
-from .capture_surfaces import CaptureSurface
-from .patch_matching import corners, match_patches
+from .capture_surfaces import CaptureSurface, MovedCapture
+from .patch_matching import PatchMatches, corners, match_patches
 
 _GLANCE_SIDE_PX = 80  # enough to tell how much of a view a capture shows
 _PATCH_EVERY_PX = 24  # one corner a cell of this size
@@ -92,13 +92,33 @@ def find_landmarks(
     """
     small = camera.fitted(side_px)
     image = cv2.resize(grey, (small.width, small.height), interpolation=cv2.INTER_AREA)
+    reach = max(2, round(reach_px * small.width / camera.width))
+
+    def match(moved: MovedCapture, columns: np.ndarray, rows: np.ndarray) -> PatchMatches:
+        return match_patches(moved.grey, columns, rows, image, reach, min_correlation, match_ratio)
+
+    return _found(camera, small, surfaces, match)
+
+
+def landmarks_to_be_seen(camera: Camera, surfaces: Sequence[CaptureSurface], side_px: int) -> FoundLandmarks:
+    """The surfaces' patches where ``camera`` would see them: those that are looked for, all found."""
+
+    def place(moved: MovedCapture, columns: np.ndarray, rows: np.ndarray) -> PatchMatches:
+        return PatchMatches(columns, rows, np.stack([columns, rows], axis=1) + 0.5, np.ones(len(columns)))
+
+    return _found(camera, camera.fitted(side_px), surfaces, place)
+
+
+def _found(
+    camera: Camera, small: Camera, surfaces: Sequence[CaptureSurface],
+    match: Callable[[MovedCapture, np.ndarray, np.ndarray], PatchMatches],
+) -> FoundLandmarks:  # fmt: skip
     scale = np.array([camera.width / small.width, camera.height / small.height])
-    reach = max(2, round(reach_px / scale[0]))
     pixels, points, spreads, expected = [np.empty((0, 2))], [np.empty((0, 3))], [np.empty((0, 3))], 0
     for surface in surfaces:
         moved = surface.seen_from(small)
         columns, rows = corners(moved.grey, moved.depth > 0.0, _PATCH_EVERY_PX)
-        found = match_patches(moved.grey, columns, rows, image, reach, min_correlation, match_ratio)
+        found = match(moved, columns, rows)
         placed, spread = surface.lift(moved, small, found.columns, found.rows)
         pixels.append(found.places * scale)
         points.append(placed)

@@ -22,7 +22,7 @@ from ..captures.pnp import estimate_pose
 from ..captures.pose_refinement import RefinedPose, refine_pose
 from ..settings import RegistrationSettings
 from .capture_surfaces import CaptureSurface
-from .landmarks import FoundLandmarks, Landmarks, find_landmarks
+from .landmarks import FoundLandmarks, Landmarks, find_landmarks, landmarks_to_be_seen
 
 _COARSE_SIDE_PX, _FINE_SIDE_PX = 320, 640
 _COARSE_INLIERS = 8  # fewer are found in any frame by chance
@@ -36,6 +36,7 @@ _FINE_RATIO = 0.95  # in a small reach even repeated texture has one place
 _FINE_PASSES = 4
 _SETTLED = 0.5  # of the fine reach: what moved less was found where it belongs
 _SPREAD_CELLS = (3, 4)  # rows, columns
+_HOPELESS = 2.0  # of a limit: what misses it by less is tried, and a person may accept it
 _ERROR_CELLS = 8  # to a row: matches nearer than that share their surface's error
 
 
@@ -103,6 +104,23 @@ def register_frame(
     return _judged(found, refined, query, settings)
 
 
+def hopeless(query: Camera, reference: Camera, landmarks: Landmarks, settings: RegistrationSettings) -> str:
+    """Why no frame made for the ``query`` can be registered, however good it is; "" when one may be.
+
+    All the captures' patches to be seen are taken as found where they belong: hardly any frame's
+    pose is more certain. The arguments are those of ``register_frame``.
+    """
+    surfaces = landmarks.seen_best(query, reference, settings.max_captures)
+    there = landmarks_to_be_seen(query, surfaces, _FINE_SIDE_PX)
+    if _HOPELESS * there.expected < settings.min_inliers:
+        return f"of the captures' patches {there.expected} are to be seen, {settings.min_inliers} are needed"
+    refined = _refined(there, query, query.fx, reference, settings)
+    if refined is None:
+        return "the captures' patches to be seen determine no pose"
+    uncertain = _uncertain(refined, settings, "would be", _HOPELESS)
+    return uncertain and f"at best {uncertain}"
+
+
 def _coarse_pose(
     found: FoundLandmarks, query: Camera, reference: Camera, settings: RegistrationSettings, seed: int
 ) -> Camera | None:
@@ -164,12 +182,8 @@ def _judged(
         failed = f"{said}, {settings.min_agreement:.0%} are needed"
     elif spread < settings.min_spread:
         failed = f"the patches cover {spread:.0%} of the image, {settings.min_spread:.0%} are needed"
-    elif refined.sigma_m > settings.max_sigma_m:
-        failed = f"its place is uncertain by {refined.sigma_m:.3f} m, {settings.max_sigma_m:g} are allowed"
-    elif refined.sigma_deg > settings.max_sigma_deg:
-        failed = (
-            f"its turn is uncertain by {refined.sigma_deg:.1f} deg, {settings.max_sigma_deg:g} are allowed"
-        )
+    elif uncertain := _uncertain(refined, settings, "is"):
+        failed = uncertain
     elif abs(estimate.fx / query.fx - 1.0) > settings.max_focal_error:
         failed = f"its focal length is {estimate.fx:.0f} px instead of {query.fx:.0f}"
     else:
@@ -189,6 +203,16 @@ def _nothing(found: FoundLandmarks, failed: str) -> RegisteredFrame:
         sigma_m=np.inf, sigma_deg=np.inf, offset_m=np.inf, turn_deg=np.inf, focal_px=np.nan,
         reason=f"rejected: {failed}",
     )  # fmt: skip
+
+
+def _uncertain(refined: RefinedPose, settings: RegistrationSettings, verb: str, leeway: float = 1.0) -> str:
+    """Why the pose is too uncertain, "" when it is not."""
+    sigma_m, sigma_deg = refined.sigma_m, refined.sigma_deg
+    if sigma_m > leeway * settings.max_sigma_m:
+        return f"its place {verb} uncertain by {sigma_m:.3f} m, {settings.max_sigma_m:g} are allowed"
+    if sigma_deg > leeway * settings.max_sigma_deg:
+        return f"its turn {verb} uncertain by {sigma_deg:.1f} deg, {settings.max_sigma_deg:g} are allowed"
+    return ""
 
 
 def _strayed(estimate: Camera, query: Camera, settings: RegistrationSettings, leeway: float = 1.0) -> str:

@@ -134,6 +134,18 @@ def test_replacements_are_bounded(tmp_path, room_a, scene):
     assert generator.calls == 3  # two targets and two replacements
 
 
+def test_what_no_frame_could_be_registered_for_is_not_generated(tmp_path, room_a, scene):
+    best, *others = scene.candidates
+    far_above = best.at(best.world_from_camera + np.outer([0.0, 0.0, 40.0, 0.0], [0.0, 0.0, 0.0, 1.0]))
+    moved = SimpleNamespace(**{**vars(scene), "candidates": [far_above, *others]})
+    generator = FailingAt(scene.generator)
+    assert [o.rank for o in views_of(room_a, moved, generator, tmp_path)] == [1, 2]
+    assert generator.calls == 1  # counted from 0
+    record = json.loads((tmp_path / "000/pose.json").read_text())
+    assert record["reason"].startswith("rejected: not generated, of the captures' patches ")
+    assert {file.name for file in (tmp_path / "000").iterdir()} == {"path.json", "pose.json"}
+
+
 def test_a_generator_that_returns_too_little_is_rejected(tmp_path, room_a, scene):
     short = SimpleNamespace(name="short", generate=lambda reference, conditions: [])
     assert views_of(room_a, scene, short, tmp_path) == ()

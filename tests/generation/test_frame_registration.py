@@ -12,7 +12,7 @@ from r2sego_blender.cameras import look_at, rotation_angle_rad
 from r2sego_blender.errors import GenerationError
 from r2sego_blender.generation.blending import BlendingGenerator
 from r2sego_blender.generation.landmarks import Landmarks
-from r2sego_blender.generation.registration import register_frame
+from r2sego_blender.generation.registration import hopeless, register_frame
 from r2sego_blender.settings import GenerationSettings, RegistrationSettings
 
 SETTINGS = RegistrationSettings()
@@ -178,6 +178,28 @@ def test_each_gate_says_why(room_a, landmarks):
     long = replace(view.camera, fx=view.camera.fx * 1.05, fy=view.camera.fy * 1.05)
     free = {"focal_sigma": 0.1, "max_focal_error": 0.02, "max_sigma_m": 5.0, "max_sigma_deg": 90.0}
     assert "focal length is" in reason(query=long, **free)
+
+
+@pytest.mark.parametrize("index", [2, 9])
+def test_what_can_be_registered_is_not_hopeless_and_no_frame_is_more_certain(room_a, landmarks, index):
+    view, reference = room_a.frozen[index], room_a.captures[2].camera
+    assert hopeless(view.camera, reference, landmarks, SETTINGS) == ""
+    frame = registered(room_a, landmarks, view.image(), view.camera)
+    # A photograph is placed hardly worse than at best, so the limit it half keeps is hopeless there.
+    tight = replace(SETTINGS, max_sigma_m=frame.sigma_m / 3.0)
+    assert "at best its place would be uncertain" in hopeless(view.camera, reference, landmarks, tight)
+    loose = replace(SETTINGS, max_sigma_m=frame.sigma_m / 1.5, max_sigma_deg=frame.sigma_deg / 1.5)
+    assert hopeless(view.camera, reference, landmarks, loose) == ""
+
+
+def test_what_captures_do_not_show_is_hopeless(room_a, landmarks):
+    capture = room_a.captures[2].camera
+    away = capture.at(capture.world_from_camera @ np.diag([1.0, -1.0, -1.0, 1.0]))  # turned round
+    few = replace(landmarks, surfaces=landmarks.surfaces[2:3])
+    said = hopeless(away, capture, few, SETTINGS)
+    assert "patches 0 are to be seen, 30 are needed" in said
+    assert "9000 are needed" in hopeless(capture, capture, few, replace(SETTINGS, min_inliers=9000))
+    assert "its turn would be" in hopeless(capture, capture, few, replace(SETTINGS, max_sigma_deg=0.001))
 
 
 def test_a_frame_without_texture_is_rejected(room_a, landmarks):
