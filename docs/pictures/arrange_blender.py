@@ -28,6 +28,7 @@ def proxy():
     bpy.ops.r2sego.show_proxy()
     bpy.ops.r2sego.show_candidates()
     bpy.context.scene.r2sego_views.active = int(bpy.data.objects["Target 00"]["candidate"])
+    bpy.context.scene.r2sego_views.curves = True
     yield 0.0
 
 
@@ -36,21 +37,18 @@ def support_gap():
     bpy.ops.r2sego.import_captures()
     bpy.ops.r2sego.show_proxy()
     bpy.context.scene.r2sego_proxy.colour_by = "SUPPORT_GAP"
-    bpy.context.scene.r2sego_views.curves = False
     yield 0.0
 
 
 def splats():
     """The refined asset's splats."""
     bpy.ops.r2sego.show_asset()
-    bpy.context.scene.r2sego_views.curves = False
     yield 0.0
 
 
 def wipe():
     """A robot's view: the initial asset on the left of the divider, the refined one on the right."""
     bpy.ops.r2sego.show_candidates(shown="TARGETS")
-    bpy.context.scene.r2sego_views.curves = False
     bpy.context.view_layer.objects.active = bpy.data.objects[WIPE_CAMERA]
     bpy.ops.r2sego.look_through()
     bpy.context.space_data.region_3d.view_camera_zoom = CAMERA_ZOOM

@@ -90,7 +90,6 @@ def _show_captures(context: bpy.types.Context, bundle: Bundle) -> None:
     """The captures' cameras, in a view that looks into their room."""
     bpy.ops.r2sego.import_captures()
     hide_startup_cube(context.scene)
-    context.scene.r2sego_views.curves = False  # a chart over a room seen for the first time
     if context.area is not None and context.area.type == "VIEW_3D":
         context.view_layer.update()  # the cameras' places
         cameras = capture_cameras(context.scene, str(bundle.path))

@@ -122,7 +122,7 @@ class R2SEGO_PG_views(bpy.types.PropertyGroup):
     )  # fmt: skip
     origin: StringProperty(name="Attempt", description="Which attempt of the round the rollout is")
     curves: BoolProperty(
-        name="Scores over Time", default=True, update=_curves_changed,
+        name="Scores over Time", update=_curves_changed,
         description="Draw u, g and s of the rollout's frames at the bottom of the 3D view",
     )  # fmt: skip
     set_frame: BoolProperty(

@@ -68,7 +68,7 @@ def ego_video_reg(
     way; with ``colours`` the captures' colours stay beside the conditions. A frame that cannot
     be generated or registered is rejected, with its reason in ``pose.json``, and the
     next-ranked survivor takes its place, at most ``generation.max_replacements`` times; one
-    of which it is clear beforehand is not generated.
+    of which it is clear beforehand is not generated, only its last condition rendered.
     Returns the accepted ones in rank order, as ``load_pseudo_observations`` reads them.
     """
     wanted = len(selection.targets)
@@ -160,12 +160,12 @@ def _generate(
     path = (*(camera.scaled(settings.generation.clip_scale) for camera in path[:-1]), path[-1])
     _write_path(folder / "path.json", view, reference, path, way.note if way else "")
     why = hopeless(target, reference, landmarks, settings.registration)
-    if why:
-        return _give_up(folder, view, generator.name, target, f"not generated, {why}")
-    conditions = renderer.render(path)
+    conditions = renderer.render(path[-1:] if why else path)
     kept = conditions if settings.generation.kept_conditions == "clip" else conditions[-1:]
     points = () if colours is None else colours.render(view.reference, kept)
     save_conditions(folder / "conditions", kept, points)
+    if why:
+        return _give_up(folder, view, generator.name, target, f"not generated, {why}")
     try:
         clip = generator.generate(view.reference, conditions)
         _check_clip(clip, conditions, generator.name)

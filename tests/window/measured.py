@@ -152,6 +152,7 @@ def script():
             told["shown"].append(name)
         except RuntimeError as error:
             told[f"{name} refused"] = str(error)
+    bpy.context.scene.r2sego_views.curves = True
     yield 2.0
     told["panels_draw_ms"] = yield from drawn_ms()
     yield from hand.picture("picture")
