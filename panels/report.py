@@ -19,6 +19,8 @@ class R2SEGO_PT_report(Step, bpy.types.Panel):
         report = context.scene.r2sego_report
         if len(report.arms):
             _table(layout, report.arms, report.has_lpips)
+            if report.outdated:
+                layout.label(text="The asset changed since", icon="INFO")
         elif context.scene.r2sego.bundle:
             layout.label(text="Not evaluated yet", icon="INFO")
         row = layout.row(align=True)

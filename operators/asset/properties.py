@@ -14,6 +14,7 @@ from bpy.props import (
 from ...r2sego_blender.asset_edits import load_edits
 from ...r2sego_blender.asset_stages import FINAL, INITIAL, PASSES, stages
 from ...r2sego_blender.bridge.bundle import Bundle
+from ...r2sego_blender.bridge.report_scores import not_scored
 from ...r2sego_blender.bridge.show_asset import is_current, shown_stage, shows_bundle
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import R2SEgoError
@@ -140,14 +141,14 @@ def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
         group.marked = 0
     last = not group.stages or group.stage == len(group.stages) - 1
     group.stages.clear()
-    scores, scored, outputs = _scores(bundle), bundle.metrics().get("assets", {}), bundle.scene.outputs()
+    scores, changed = _scores(bundle), not_scored(bundle)
     for stage in stages(bundle.scene):
         item = group.stages.add()
         item.name, item.label, item.gaussians = stage.name, stage.label, vertex_count(stage.file)
         told = [_count(item.gaussians)]
         score = scores.pop(stage.name, None)
         target = stage.file.relative_to(bundle.scene.path).as_posix()
-        if score is not None and scored.get(target) == outputs.get(target):  # it has not changed since
+        if score is not None and target not in changed:
             told.append(f"{score:.2f} dB")
         _tell(scene, stage.label, ", ".join(told))
     for name, score in scores.items():

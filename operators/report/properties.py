@@ -31,6 +31,7 @@ class R2SEGO_PG_report(bpy.types.PropertyGroup):
     causes: CollectionProperty(type=R2SEGO_PG_cause)
     causes_note: StringProperty()
     has_lpips: BoolProperty()
+    outdated: BoolProperty()
     summary: StringProperty()
 
 
@@ -53,7 +54,7 @@ def _show(group, scores):
         shown.error, shown.pixels = _known(cause.error), _known(cause.pixels)
     group.causes_note = scores.causes_note
     group.has_lpips = any(arm.lpips is not None for arm in scores.arms)
-    group.summary = scores.summary
+    group.outdated, group.summary = scores.outdated, scores.summary
 
 
 def _fill(shown, scores):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..errors import SceneError
+from ..layout import REFINED_ASSET
 from .bundle import Bundle
 
 ARM_LABELS = {"refined": "Refined", "vanilla_3dgs": "Vanilla 3DGS", "initial": "Initial"}
@@ -37,16 +38,22 @@ class Cause:
 
 @dataclass(frozen=True)
 class ReportScores:
-    """What an evaluation came to; ``causes_note`` says by what causes were told, or why not."""
+    """What an evaluation came to; ``causes_note`` says by what causes were told, or why not.
+
+    ``outdated``: the refined asset has changed since.
+    """
 
     arms: tuple[Score, ...] = ()
     rounds: tuple[Score, ...] = ()
     causes: tuple[Cause, ...] = ()
     causes_note: str = ""
+    outdated: bool = False
 
     @property
     def summary(self) -> str:
-        """The refined asset's scores and its gain over vanilla 3DGS, '' before an evaluation."""
+        """The refined asset's scores and its gain over vanilla 3DGS, '' where they are not known."""
+        if self.outdated:
+            return ""
         arms = {arm.label: arm for arm in self.arms}
         refined, vanilla = (arms.get(ARM_LABELS[name]) for name in ("refined", "vanilla_3dgs"))
         if refined is None or refined.psnr is None or refined.ssim is None:
@@ -68,12 +75,19 @@ def report_scores(bundle: Bundle) -> ReportScores:
             tuple(_score(f"Round {one['round']}", one) for one in metrics.get("rounds", ())),
             tuple(_cause(one) for one in causes.get("shares", ())),
             str(causes.get("unavailable") or causes.get("told_by") or ""),
+            outdated=bool(metrics) and REFINED_ASSET in not_scored(bundle),
         )
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise SceneError(
             f"the field {error} is missing or wrong", where=bundle.scene.report_folder / "metrics.json",
             cure="Run Evaluate again.",
         ) from error  # fmt: skip
+
+
+def not_scored(bundle: Bundle) -> frozenset[str]:
+    """The results in a bundle, by their names, that are not as they were when the assets were scored."""
+    scored, now = bundle.metrics().get("assets") or {}, bundle.scene.outputs()
+    return frozenset(name for name in {*scored, *now} if scored.get(name) != now.get(name))
 
 
 def _place(name: str) -> int:

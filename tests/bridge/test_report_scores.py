@@ -50,6 +50,16 @@ def test_what_is_not_known_is_left_out(evaluated):
     assert told.causes == () and told.causes_note == "no depth" and told.summary == ""
 
 
+def test_of_an_asset_that_changed_since_there_is_no_summary(evaluated):
+    bundle = evaluated({"arms": {"refined": _arm(25.0)}, "assets": {"asset.ply": "as it was"}})
+    journal = bundle.scene.path / "journal.jsonl"
+    for digest, outdated in (("as it was", False), ("as it is", True)):
+        journal.write_text(json.dumps({"step": "asset.ply", "output": digest}) + "\n")
+        told = report_scores(bundle)
+        assert (told.outdated, told.summary == "") == (outdated, outdated)
+        assert told.arms[0].psnr == 25.0
+
+
 @pytest.mark.parametrize(
     "damage",
     [{"arms": {"refined": {"psnr": 1}}}, {"arms": []}, {"rounds": [{}]}, {"causes": {"shares": [3]}}],

@@ -75,6 +75,7 @@ def check_an_asset_that_changed_since_it_was_scored_has_no_score():
         bpy.ops.r2sego.refresh_scene()
         facts = {fact.label: fact.value for fact in state().facts if fact.section == "asset"}
         assert facts["Final"] == final, facts
+        assert bpy.context.scene.r2sego_report.outdated == (digest == "as it is")
 
 
 def check_the_asset_is_shown_as_points_with_their_attributes():
