@@ -112,11 +112,12 @@ def hopeless(query: Camera, reference: Camera, landmarks: Landmarks, settings: R
     """
     surfaces = landmarks.seen_best(query, reference, settings.max_captures)
     there = landmarks_to_be_seen(query, surfaces, _FINE_SIDE_PX)
-    if _HOPELESS * there.expected < settings.min_inliers:
-        return f"of the captures' patches {there.expected} are to be seen, {settings.min_inliers} are needed"
+    seen, needed = there.expected, settings.min_inliers
+    if _HOPELESS * seen < needed:
+        return f"only {seen} of the captures' patches would be seen, {needed} are needed"
     refined = _refined(there, query, query.fx, reference, settings)
     if refined is None:
-        return "the captures' patches to be seen determine no pose"
+        return "what would be seen of the captures determines no pose"
     uncertain = _uncertain(refined, settings, "would be", _HOPELESS)
     return uncertain and f"at best {uncertain}"
 

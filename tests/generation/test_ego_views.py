@@ -142,7 +142,7 @@ def test_what_no_frame_could_be_registered_for_is_not_generated(tmp_path, room_a
     assert [o.rank for o in views_of(room_a, moved, generator, tmp_path)] == [1, 2]
     assert generator.calls == 1  # counted from 0
     record = json.loads((tmp_path / "000/pose.json").read_text())
-    assert record["reason"].startswith("rejected: not generated, of the captures' patches ")
+    assert record["reason"].startswith("rejected: not generated, only 0 of the captures' ")
     assert {file.name for file in (tmp_path / "000").iterdir()} == {"path.json", "conditions", "pose.json"}
     assert [c.camera.shape for c in load_conditions(tmp_path / "000/conditions")] == [(480, 640)]
 
