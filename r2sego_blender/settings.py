@@ -450,6 +450,8 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "generation.kept_conditions": "target",
         "training.steps_per_round": 900,
         "training.max_gaussians": 120000,
+        "training.dropout_share": 0.0,
+        "training.later_rounds_rate": 1.0,
     },
 }
 """Named sets of overrides; ``paper`` is the dataclasses' own defaults."""
