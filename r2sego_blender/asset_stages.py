@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .errors import AssetError
+from .layout import BACKDROP, INITIAL_ASSET, REFINED_ASSET, of_round
 from .scene import Scene
 
 INITIAL, FINAL = "initial", "final"
@@ -16,13 +17,14 @@ PASSES = ("colour", "alpha", "depth", "normals")
 
 @dataclass(frozen=True)
 class Stage:
-    """One asset: ``name`` is initial, a round's number or final.
+    """One asset: ``name`` is initial, a round's number or final; ``target`` is its name in the bundle.
 
     ``backdrop`` is the file of what stands behind it and is not in it; None where nothing is
     to be added.
     """
 
     name: str
+    target: str
     file: Path
     backdrop: Path | None = None
 
@@ -43,14 +45,14 @@ def stages(scene: Scene) -> tuple[Stage, ...]:
     A round's asset is kept without the backdrop, which the final one holds; the initial one is
     shown as it is, as in the evaluation.
     """
-    backdrop = scene.geometry_folder / "backdrop.ply"
+    backdrop = scene.path / BACKDROP
     behind = backdrop if backdrop.is_file() else None
-    all_ = [Stage(INITIAL, scene.geometry_folder / "initial_asset.ply")]
-    all_ += [
-        Stage(str(index), scene.round_folder(index) / "asset.ply", behind)
-        for index in range(scene.rounds_done())
-    ]
-    all_.append(Stage(FINAL, scene.asset_file))
+    rounds = {str(index): of_round(index, "asset.ply") for index in range(scene.rounds_done())}
+    targets = {INITIAL: INITIAL_ASSET, **rounds, FINAL: REFINED_ASSET}
+    all_ = (
+        Stage(name, target, scene.path / target, behind if name in rounds else None)
+        for name, target in targets.items()
+    )
     return tuple(stage for stage in all_ if stage.file.is_file())
 
 

@@ -107,7 +107,7 @@ def edit_asset(
 def _present_asset(scene: Scene, name: str) -> SplatAsset:
     """The same as ``_asset``. Raises SceneError when it is of an earlier world frame."""
     stage = stage_named(scene, name)
-    require_present_frame(scene, [stage.file.relative_to(scene.path).as_posix()], "rendered")
+    require_present_frame(scene, [stage.target], "rendered")
     return _asset(stage)
 
 

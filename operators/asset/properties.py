@@ -1,5 +1,8 @@
 """What Blender remembers of the visual asset: what is shown, marked, deleted and compared."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import bpy
 from bpy.props import (
     BoolProperty,
@@ -141,14 +144,14 @@ def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
         group.marked = 0
     last = not group.stages or group.stage == len(group.stages) - 1
     group.stages.clear()
-    scores, changed = _scores(bundle), not_scored(bundle)
+    metrics = bundle.metrics()
+    scores, changed = _scores(metrics), not_scored(bundle, metrics)
     for stage in stages(bundle.scene):
         item = group.stages.add()
         item.name, item.label, item.gaussians = stage.name, stage.label, vertex_count(stage.file)
         told = [_count(item.gaussians)]
         score = scores.pop(stage.name, None)
-        target = stage.file.relative_to(bundle.scene.path).as_posix()
-        if score is not None and target not in changed:
+        if score is not None and stage.target not in changed:
             told.append(f"{score:.2f} dB")
         _tell(scene, stage.label, ", ".join(told))
     for name, score in scores.items():
@@ -177,9 +180,8 @@ def _show_anew(scene: bpy.types.Scene, bundle: Bundle) -> None:
             show_stage(scene, stage.name)
 
 
-def _scores(bundle: Bundle) -> dict[str, float | None]:
+def _scores(metrics: Mapping[str, Any]) -> dict[str, float | None]:
     """The PSNR of each stage and of other assets on frozen views, by name, as last evaluated."""
-    metrics = bundle.metrics()
     names = {"initial": INITIAL, "refined": FINAL, "vanilla_3dgs": "Vanilla"}
     scores = {names.get(name, name): arm["psnr"] for name, arm in (metrics.get("arms") or {}).items()}
     return scores | {str(one["round"]): one["psnr"] for one in metrics.get("rounds") or ()}

@@ -75,7 +75,7 @@ def report_scores(bundle: Bundle) -> ReportScores:
             tuple(_score(f"Round {one['round']}", one) for one in metrics.get("rounds", ())),
             tuple(_cause(one) for one in causes.get("shares", ())),
             str(causes.get("unavailable") or causes.get("told_by") or ""),
-            outdated=bool(metrics) and REFINED_ASSET in not_scored(bundle),
+            outdated=bool(metrics) and REFINED_ASSET in not_scored(bundle, metrics),
         )
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise SceneError(
@@ -84,9 +84,9 @@ def report_scores(bundle: Bundle) -> ReportScores:
         ) from error  # fmt: skip
 
 
-def not_scored(bundle: Bundle) -> frozenset[str]:
-    """The results in a bundle, by their names, that are not as they were when the assets were scored."""
-    scored, now = bundle.metrics().get("assets") or {}, bundle.scene.outputs()
+def not_scored(bundle: Bundle, metrics: Mapping[str, Any]) -> frozenset[str]:
+    """The results in a bundle, by their names, that are not as they were when ``metrics`` were made."""
+    scored, now = metrics.get("assets") or {}, bundle.scene.outputs()
     return frozenset(name for name in {*scored, *now} if scored.get(name) != now.get(name))
 
 

@@ -180,8 +180,9 @@ def _generate(
 
 def _give_up(folder: Path, view: _View, generator: str, query: Camera, why: str) -> str:
     """Write a view without a frame; its reason."""
-    _write_pose(folder / "pose.json", view, generator, query, None, f"rejected: {why}")
-    return f"rejected: {why}"
+    reason = f"rejected: {why}"
+    _write_pose(folder / "pose.json", view, generator, query, None, reason)
+    return reason
 
 
 def _check_clip(clip: Sequence[Frame], conditions: Sequence[Condition], generator: str) -> None:
