@@ -3,7 +3,8 @@
 Numba's own cache looks at the time of the one file a kernel stands in, not at the
 kernels it calls, nor at the constants that are compiled in. Here the cache folder is named
 by a digest of every source file of the packages that hold kernels, of Numba's version and
-of this CPU, so a changed source compiles anew.
+of this CPU, so a changed source compiles anew. A kernel gives the same bits in the process
+that compiles it and in those that load it.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from pathlib import Path
 
 import numba
 from llvmlite import binding as llvm
-from numba.core import event
+from numba.core import codegen, event
 
 _LIBRARY = Path(__file__).resolve().parent
 _MARK = b".compiled " + b"import"  # in two parts: this file holds no kernel
@@ -54,6 +55,30 @@ class _Announcement(event.Listener):
 
 
 event.register("numba:compile", _Announcement())
+
+
+class _SelfContainedLibrary(codegen.JITCodeLibrary):
+    """A kernel's machine code, which calls no code of another kernel's.
+
+    Numba links the parts of a kernel, such as the body of its parallel loop, by name, and
+    each part is in memory too as it was before it was linked and optimised once more. In
+    the process that compiles, a call by name finds the earlier part; in one that loads the
+    kernel from the cache, the later one, which rounds otherwise: the first run on a machine
+    would differ from all others. Parts that are linked get no name outside their kernel here.
+    """
+
+    def finalize(self) -> None:
+        self._own = {function.name for function in self.get_defined_functions()}
+        super().finalize()
+
+    def _optimize_final_module(self) -> None:  # Numba's step after all parts are linked
+        for function in self.get_defined_functions():
+            if function.name not in self._own:
+                function.linkage = "internal"
+        super()._optimize_final_module()
+
+
+codegen.JITCPUCodegen._library_class = _SelfContainedLibrary
 
 # Waiting threads give their core back: Blender, torch or another scene may want it.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")

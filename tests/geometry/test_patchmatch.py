@@ -22,8 +22,8 @@ def transfer(a: Camera, b: Camera) -> np.ndarray:
     return np.column_stack([infinite, b.matrix @ relative[:3, 3]])
 
 
-@pytest.fixture
-def pair():
+def random_pair():
+    """Two cameras, their grey images, a reference, its sources and a field of planes."""
     rng = np.random.default_rng(7)
     a, b = camera(0.0), camera(0.3, 0.1)
     greys = [rng.integers(0, 256, (48, 64)).astype(np.float32) / 255 for _ in range(2)]
@@ -38,6 +38,11 @@ def pair():
     planes[..., 2] = rng.uniform(0.25, 0.5, (48, 64))
     field = patchmatch.Field(planes, np.zeros((48, 64), np.float32), np.zeros((48, 64, 1), np.float32))
     return a, b, greys, reference, sources, field
+
+
+@pytest.fixture
+def pair():
+    return random_pair()
 
 
 def bilinear(grey: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
