@@ -106,13 +106,7 @@ def decompose_by_coacd(
             progress.message(
                 f"CoACD fails on {region.name}, which is cut into planes: {error}", level="warning"
             )
-            pieces += _coarsened(soup, limits, most, floored)
-    return pieces
-
-
-def _coarsened(soup: Soup, limits: Limits, most: int, floored: bool) -> list[Piece]:
-    while (pieces := decompose(soup, limits, most, floored)) is None:
-        limits = limits.coarser()
+            pieces += decompose(soup, limits, most, floored)[0]
     return pieces
 
 

@@ -80,8 +80,14 @@ def collision_surface(
         )  # fmt: skip
         return CollisionSurface(vertices, faces, tuple(pieces), floor, 0.0, np.inf)
     soup = Soup.of(vertices, faces[~on_floor])
-    while (pieces := decompose(soup, limits, settings.max_pieces, floored)) is None:
-        limits = limits.coarser()
+    pieces, limits = decompose(soup, limits, settings.max_pieces, floored, progress)
+    if limits.tolerance_m > settings.tolerance_m:
+        progress.message(
+            f"collision pieces stand out by up to {100 * limits.tolerance_m:.1f} cm, not the "
+            f"{100 * settings.tolerance_m:.1f} cm that are set: with less they would be more than "
+            f"{settings.max_pieces} (collision.max_pieces)",
+            level="warning",
+        )
     return CollisionSurface(vertices, faces, tuple(pieces), floor, 0.0, limits.tolerance_m)
 
 

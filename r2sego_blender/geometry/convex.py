@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from ..progress import SILENT, Progress, Task
 from .standing_out import FreeSide, parts_by_area, sampled
 
 _OVERLOOKED_AREA = 0.03  # share of a piece's area whose protrusion is noise, not shape
@@ -25,13 +26,18 @@ _SMALLEST_PIECE_M2 = 2e-4
 _JOINABLE = 2  # joining flats leaves at least one piece in this many
 _JOINED_TOLERANCE = 1.5  # thickness of a joined flat in tolerances: its noise goes both ways
 _JOINING_ROUNDS = 10
+_LOOKS = 4  # at how many parts of a large piece's points it is looked, one after the other
+_LARGE = 1000
 
 
 @dataclass(frozen=True)
 class Soup:
     """Triangles: ``corners`` (T, 3, 3), ``centroids`` (T, 3), unit ``normals`` (T, 3)
-    towards free space and ``areas`` (T,), all float64."""
+    towards free space and ``areas`` (T,), all float64; ``points`` (P, 3) are the different
+    corners, to a micrometre, and ``faces`` (T, 3) says which are a triangle's."""
 
+    points: np.ndarray
+    faces: np.ndarray
     corners: np.ndarray
     centroids: np.ndarray
     normals: np.ndarray
@@ -40,11 +46,16 @@ class Soup:
     @staticmethod
     def of(vertices: np.ndarray, faces: np.ndarray) -> Soup:
         """The triangles of a mesh that have an area."""
-        corners = np.asarray(vertices, np.float64)[faces]
+        vertices = np.asarray(vertices, np.float64)
+        points, point = np.unique(np.round(vertices, 6), axis=0, return_inverse=True)
+        corners = vertices[faces]
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         length = np.linalg.norm(cross, axis=1)
         good = length > 1e-12
-        return Soup(corners[good], corners[good].mean(1), cross[good] / length[good, None], length[good] / 2)
+        return Soup(
+            points, point.ravel()[faces[good]], corners[good], corners[good].mean(1),
+            cross[good] / length[good, None], length[good] / 2,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -72,23 +83,24 @@ Piece = tuple[np.ndarray, np.ndarray]
 """A convex piece: vertices (v, 3) float64 and faces (f, 3) int32, counter-clockwise."""
 
 
-def decompose(soup: Soup, limits: Limits, most: int, floored: bool = False) -> list[Piece] | None:
-    """At most ``most`` convex pieces that cover the surface, or None if these limits need more.
+def decompose(
+    soup: Soup, limits: Limits, most: int, floored: bool = False, progress: Progress = SILENT
+) -> tuple[list[Piece], Limits]:
+    """At most ``most`` convex pieces that cover the surface, and the limits they keep: those
+    given, or coarser ones where they would be more.
 
     ``floored`` says that z = 0 is a floor, on which pieces stand out as well. A piece is closed
     and has a volume. Deterministic.
     """
     if not len(soup.areas):
-        return []
-    cutting = Cutting.of(soup, limits, floored)
-    members = _partition(cutting, _JOINABLE * most)
-    if members is None:
-        return None
-    members = _joined(cutting, members)
-    members = [piece for piece in members if soup.areas[piece].sum() > _SMALLEST_PIECE_M2]
-    if len(members) > most:
-        return None
-    return [cutting.solid(piece) for piece in members]
+        return [], limits
+    free = FreeSide.of(soup.corners, soup.normals, floored)
+    while True:
+        cutting = Cutting(soup, free, limits)
+        members = _members(cutting, most, progress)
+        if members is not None:
+            return [cutting.solid(piece) for piece in members], limits
+        limits = limits.coarser()
 
 
 @dataclass(frozen=True)
@@ -102,11 +114,6 @@ class Cutting:
     free: FreeSide
     limits: Limits
 
-    @staticmethod
-    def of(soup: Soup, limits: Limits, floored: bool) -> Cutting:
-        """All of ``soup``, at least one triangle, and z = 0 where ``floored``."""
-        return Cutting(soup, FreeSide.of(soup.corners, soup.normals, floored), limits)
-
     def fits(self, piece: np.ndarray) -> bool:
         """Whether the solid of these triangles stands out no farther than the limits."""
         vertices, faces = self.solid(piece)
@@ -115,11 +122,18 @@ class Cutting:
         double = np.linalg.norm(normals, axis=1)
         carrying = normals[:, 2] > _UPWARD * double
         points, facet = sampled(corners, parts_by_area(double, _ASKED_SPACING_M))
-        out = self.free.standing_out(points)
         weights = (double / np.bincount(facet, minlength=len(faces)))[facet]
-        if (out[carrying[facet]] > self.limits.carrying_m).any():
-            return False
-        return weights[out > self.limits.tolerance_m].sum() <= _OVERLOOKED_AREA * weights.sum()
+        looks = _LOOKS if len(points) > _LARGE else 1
+        overlooked = _OVERLOOKED_AREA * double.sum()
+        for look in range(looks):  # most of what does not fit is seen at once
+            some = slice(look, None, looks)
+            out = self.free.standing_out(points[some])
+            if (out[carrying[facet[some]]] > self.limits.carrying_m).any():
+                return False
+            overlooked -= weights[some][out > self.limits.tolerance_m].sum()
+            if overlooked < 0.0:
+                return False
+        return True
 
     def solid(self, piece: np.ndarray) -> Piece:
         """The hull of the triangles and of themselves moved back, away from their free side.
@@ -127,7 +141,7 @@ class Cutting:
         They move as far as the limits say, or less where they would come out behind.
         """
         soup, thickness_m = self.soup, self.limits.thickness_m
-        points = np.unique(np.round(soup.corners[piece].reshape(-1, 3), 6), axis=0)
+        points = soup.points[np.unique(soup.faces[piece])]
         mean = soup.areas[piece] @ soup.normals[piece]
         length = np.sqrt(mean @ mean)
         if length > 0.2 * soup.areas[piece].sum():
@@ -142,11 +156,21 @@ class Cutting:
         return convex_hull(points)
 
 
-def _partition(cutting: Cutting, most: int) -> list[np.ndarray] | None:
-    """The triangles' indices by piece: boxes cut until what is in them fits, or they are small.
+def _members(cutting: Cutting, most: int, progress: Progress) -> list[np.ndarray] | None:
+    """The triangles' indices by piece, None when there would be more than ``most`` pieces."""
+    areas = cutting.soup.areas
+    with progress.task("Cutting into convex pieces", len(areas)) as task:
+        members = _partition(cutting, _JOINABLE * most, task)
+    if members is None:
+        return None
+    with progress.task("Joining flat pieces", _JOINING_ROUNDS) as task:
+        members = _joined(cutting, members, task)
+    members = [piece for piece in members if areas[piece].sum() > _SMALLEST_PIECE_M2]
+    return members if len(members) <= most else None
 
-    None when there would be more than ``most``.
-    """
+
+def _partition(cutting: Cutting, most: int, task: Task) -> list[np.ndarray] | None:
+    """Boxes cut until what is in them fits, or they are small; None when they are more than ``most``."""
     soup, limits = cutting.soup, cutting.limits
     cells = np.floor((soup.centroids - soup.centroids.min(0)) / limits.cell_m).astype(np.int64)
     _, cell = np.unique(cells, axis=0, return_inverse=True)
@@ -158,6 +182,7 @@ def _partition(cutting: Cutting, most: int) -> list[np.ndarray] | None:
         piece = pending.pop()
         if _extent(soup, piece).max() <= limits.smallest_m or cutting.fits(piece):
             members.append(piece)
+            task.advance(len(piece))
         else:
             pending.extend(_halves(soup, piece))
         if len(members) + len(pending) > most:
@@ -203,7 +228,7 @@ def _unevenness(points: np.ndarray, weights: np.ndarray) -> float:
     return float(max(0.0, np.linalg.eigvalsh((away * weights[:, None]).T @ away)[0]))
 
 
-def _joined(cutting: Cutting, members: list[np.ndarray]) -> list[np.ndarray]:
+def _joined(cutting: Cutting, members: list[np.ndarray], task: Task) -> list[np.ndarray]:
     """Pieces of one flat joined with their neighbours, larger ones first."""
     soup, limits = cutting.soup, cutting.limits
     pieces = dict(enumerate(members))
@@ -241,8 +266,10 @@ def _joined(cutting: Cutting, members: list[np.ndarray]) -> list[np.ndarray]:
                 refused = {pair for pair in refused if a not in pair and b not in pair}
             else:
                 refused.add((a, b))
+        task.advance()
         if not changed:
             break
+    task.advance(task.total - task.done)
     return [pieces[n] for n in sorted(pieces)]
 
 

@@ -1,5 +1,7 @@
 """The collision surface in MuJoCo: it compiles where it is, and balls rest on it."""
 
+from contextlib import contextmanager
+
 import mujoco
 import numpy as np
 import pytest
@@ -13,9 +15,26 @@ from r2sego_blender.geometry.collision import collision_surface
 from r2sego_blender.geometry.collision_files import write_collision
 from r2sego_blender.geometry.convex import Limits, Soup, decompose
 from r2sego_blender.geometry.proxy import GeometryProxy
+from r2sego_blender.progress import Progress, Task
 from r2sego_blender.settings import CollisionSettings
 
 SETTINGS = CollisionSettings()
+
+
+class Told(Progress):
+    """Keeps its warnings and its tasks."""
+
+    def __init__(self):
+        self.warnings, self.tasks = [], []
+
+    @contextmanager
+    def task(self, title, total):
+        self.tasks.append(Task(title, total))
+        yield self.tasks[-1]
+
+    def message(self, text, level="info"):
+        if level == "warning":
+            self.warnings.append(text)
 
 
 def as_proxy(mesh):
@@ -145,10 +164,22 @@ def test_the_number_of_pieces_is_bounded():
     rng = np.random.default_rng(0)
     bumps.vertices *= 1 + 0.15 * rng.normal(size=(len(bumps.vertices), 1))
     bumps.apply_translation((0, 0, 3))
-    few = CollisionSettings(max_pieces=60)
-    surface = collision_surface(as_proxy(bumps), few)
+    few, told = CollisionSettings(max_pieces=60), Told()
+    surface = collision_surface(as_proxy(bumps), few, told)
     assert len(surface.pieces) <= 60
     assert surface.tolerance_m > few.tolerance_m
+    (warning,) = told.warnings
+    assert f"{100 * surface.tolerance_m:.1f} cm" in warning
+    assert "more than 60 (collision.max_pieces)" in warning
+
+
+def test_the_work_is_told_to_its_end(furnished, surface):
+    told = Told()
+    again = collision_surface(furnished, SETTINGS, told)
+    assert len(again.pieces) == len(surface.pieces)
+    assert told.warnings == []
+    assert [task.title for task in told.tasks] == ["Cutting into convex pieces", "Joining flat pieces"]
+    assert all(task.done == task.total > 0 for task in told.tasks)
 
 
 def test_the_same_proxy_gives_the_same_files(furnished, surface, tmp_path):
@@ -169,7 +200,7 @@ def test_pieces_cover_the_whole_surface(seed):
     mesh = trimesh.creation.icosphere(2, 1.0)
     mesh.vertices *= rng.uniform(0.5, 1.5, 3) * (1 + 0.1 * rng.normal(size=(len(mesh.vertices), 1)))
     soup = Soup.of(mesh.vertices, mesh.faces)
-    pieces = decompose(soup, Limits(0.8, 0.1, 0.03, 0.03, 0.05), 100_000)
+    pieces, _ = decompose(soup, Limits(0.8, 0.1, 0.03, 0.03, 0.05), 100_000)
     covered = np.zeros(len(soup.areas), bool)
     for vertices, _ in pieces:
         planes = ConvexHull(vertices).equations
