@@ -8,22 +8,28 @@ between the markers in README.md, with the date and this machine.
 
 from __future__ import annotations
 
+import argparse
 import datetime
 import json
 import os
-import sys
 from pathlib import Path
 
 from r2sego_blender.benchmarks.machine import processor
+from r2sego_blender.errors import R2SEgoError
 from r2sego_blender.scene import Scene
 
 README = Path(__file__).resolve().parents[1] / "README.md"
 BEGIN, END = "<!-- results: made by batch/results.py -->", "<!-- end of results -->"
 
 
+def metrics_file(scene: Scene) -> Path:
+    """Where ``r2sego evaluate`` left the scores."""
+    return scene.report_folder / "metrics.json"
+
+
 def row(scene: Scene) -> str:
     """One scene as a line of the Markdown table."""
-    arms = json.loads((scene.report_folder / "metrics.json").read_text())["arms"]
+    arms = json.loads(metrics_file(scene).read_text())["arms"]
     captures = json.loads((scene.captures_folder / "cameras.json").read_text())["captures"]
     scores = [
         f"{arms[a]['psnr']:.2f} / {arms[a]['ssim']:.3f}" for a in ("initial", "vanilla_3dgs", "refined")
@@ -53,13 +59,25 @@ def table(scenes: list[Scene]) -> str:
     return "\n".join(lines)
 
 
-def main(paths: list[str]) -> None:
+def main() -> None:
+    """Read the command line and write the table into README.md."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("scene", nargs="+", type=Path, help="an evaluated scene's bundle")
+    paths = parser.parse_args().scene
+    try:
+        scenes = [Scene.open(path) for path in paths]
+    except R2SEgoError as error:
+        parser.error(str(error))
+    unscored = [path for path, scene in zip(paths, scenes, strict=True) if not metrics_file(scene).is_file()]
+    if unscored:
+        parser.error(f"{unscored[0]}: not evaluated yet. Run `r2sego evaluate {unscored[0]}` first.")
     text = README.read_text(encoding="utf-8")
     before, _, rest = text.partition(BEGIN)
     _, _, after = rest.partition(END)
-    made = table([Scene.open(Path(path)) for path in paths])
-    README.write_text(f"{before}{BEGIN}\n{made}\n{END}{after}", encoding="utf-8")
+    README.write_text(f"{before}{BEGIN}\n{table(scenes)}\n{END}{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()
