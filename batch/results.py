@@ -22,14 +22,9 @@ README = Path(__file__).resolve().parents[1] / "README.md"
 BEGIN, END = "<!-- results: made by batch/results.py -->", "<!-- end of results -->"
 
 
-def metrics_file(scene: Scene) -> Path:
-    """Where ``r2sego evaluate`` left the scores."""
-    return scene.report_folder / "metrics.json"
-
-
 def row(scene: Scene) -> str:
     """One scene as a line of the Markdown table."""
-    arms = json.loads(metrics_file(scene).read_text())["arms"]
+    arms = json.loads(scene.metrics_file.read_text())["arms"]
     captures = json.loads((scene.captures_folder / "cameras.json").read_text())["captures"]
     scores = [
         f"{arms[a]['psnr']:.2f} / {arms[a]['ssim']:.3f}" for a in ("initial", "vanilla_3dgs", "refined")
@@ -70,9 +65,9 @@ def main() -> None:
         scenes = [Scene.open(path) for path in paths]
     except R2SEgoError as error:
         parser.error(str(error))
-    unscored = [path for path, scene in zip(paths, scenes, strict=True) if not metrics_file(scene).is_file()]
-    if unscored:
-        parser.error(f"{unscored[0]}: not evaluated yet. Run `r2sego evaluate {unscored[0]}` first.")
+    for scene in scenes:
+        if not scene.metrics_file.is_file():
+            parser.error(f"{scene.path}: not evaluated yet. Run `r2sego evaluate {scene.path}` first.")
     text = README.read_text(encoding="utf-8")
     before, _, rest = text.partition(BEGIN)
     _, _, after = rest.partition(END)

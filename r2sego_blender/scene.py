@@ -156,6 +156,11 @@ class Scene:
         return self.path / "report"
 
     @property
+    def metrics_file(self) -> Path:
+        """The scores that the last evaluation left, if there was one."""
+        return self.report_folder / "metrics.json"
+
+    @property
     def asset_file(self) -> Path:
         """The refined visual asset, an Inria PLY."""
         return self.path / "asset.ply"

@@ -14,7 +14,6 @@ def describe(scene: Scene) -> dict[str, Any]:
     declared = scene.declaration
     captures = json.loads((scene.captures_folder / "cameras.json").read_text())["captures"]
     rounds = [_describe_round(scene, index) for index in range(scene.rounds_done())]
-    metrics_file = scene.report_folder / "metrics.json"
     rounds_declared = declared.settings.rounds
     old = of_old_frame(scene)
     old_in_words = in_words(old, rounds_declared)
@@ -34,7 +33,7 @@ def describe(scene: Scene) -> dict[str, Any]:
         "rounds_of_old_frame": list(rounds_among(old, rounds_declared)),
         "of_old_frame": old_in_words,
         "refined": not old_in_words and scene.asset_file.is_file() and len(rounds) >= rounds_declared,
-        "metrics": json.loads(metrics_file.read_text()) if metrics_file.is_file() else None,
+        "metrics": json.loads(scene.metrics_file.read_text()) if scene.metrics_file.is_file() else None,
     }
 
 

@@ -182,7 +182,7 @@ class Bundle:
 
     def metrics(self) -> dict[str, Any]:
         """The report's figures, empty when there are none."""
-        file = self.scene.report_folder / "metrics.json"
+        file = self.scene.metrics_file
         return _json(file) if file.is_file() else {}
 
 

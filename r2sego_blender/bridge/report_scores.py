@@ -79,7 +79,7 @@ def report_scores(bundle: Bundle) -> ReportScores:
         )
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise SceneError(
-            f"the field {error} is missing or wrong", where=bundle.scene.report_folder / "metrics.json",
+            f"the field {error} is missing or wrong", where=bundle.scene.metrics_file,
             cure="Run Evaluate again.",
         ) from error  # fmt: skip
 

@@ -72,7 +72,7 @@ def evaluate_scene(scene: Scene, frozen: Path, progress: Progress = SILENT) -> d
     rounds = score_rounds(scene, views, progress)
     causes = _causes(scene, frozen, views, renderings[REFINED], refined_depths, progress)
     metrics = write_metrics(
-        scene.report_folder / "metrics.json", scores,
+        scene.metrics_file, scores,
         rounds=round_scores.as_entries(rounds), causes=scene_causes.as_entry(causes), assets=_scored(scene),
     )  # fmt: skip
     pictures = _pictures(views, scores, renderings)
