@@ -12,6 +12,7 @@ from .geometry.collision_check import WITHIN_M, CollisionCheck, check_collision
 from .geometry.proxy import GeometryProxy
 from .progress import SILENT, Progress
 from .robot.model import RobotModel
+from .robot.mujoco_warnings import described, mujoco_warnings
 from .robot.scope import BehaviourScope
 from .robot.standing import Standing, stand
 from .scene import Scene
@@ -66,13 +67,16 @@ def check_scene(scene: Scene, progress: Progress = SILENT) -> CollisionReport:
             cure=f"Run `r2sego refine {scene.path}` first.",
         )  # fmt: skip
     proxy = GeometryProxy.load(scene.round_folder(rounds - 1) / "proxy" / "proxy.npz")
-    surface = check_collision(scene.collision_folder, (proxy.vertices, proxy.faces), progress)
     declared = scene.declaration
     scope = BehaviourScope.load(declared.scope)
-    standing = stand(
-        RobotModel.load(*scope.robot_for(declared.robot)), scope,
-        scene.collision_folder / "scene.xml", declared.settings.rollouts,
-    )  # fmt: skip
+    with mujoco_warnings() as heard:
+        surface = check_collision(scene.collision_folder, (proxy.vertices, proxy.faces), progress)
+        standing = stand(
+            RobotModel.load(*scope.robot_for(declared.robot)), scope,
+            scene.collision_folder / "scene.xml", declared.settings.rollouts,
+        )  # fmt: skip
+    if heard:
+        progress.message(f"MuJoCo warned: {described(heard)}", "warning")
     return CollisionReport(surface, standing)
 
 

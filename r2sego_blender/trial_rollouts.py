@@ -13,7 +13,7 @@ from .progress import SILENT, Progress
 from .robot.attempts import Attempts, Rollout, in_order
 from .robot.bodies import save_bodies
 from .robot.free_floor import free_floor
-from .robot.rollouts import save_rollouts
+from .robot.rollouts import save_rollouts, tell_warnings
 from .scene import Scene
 
 TRIAL = "robot/trial"
@@ -59,6 +59,7 @@ def try_rollouts(scene: Scene, attempts: int, progress: Progress = SILENT) -> tu
         )
         rollouts = tuple(progress.track(islice(tried, attempts), "Rollouts", attempts))
         tried.close()
+        tell_warnings(rollouts, progress)
         with scene.publishing(TRIAL) as folder:
             save_rollouts(folder, rollouts)
             save_bodies(folder, robot, rollouts, contents.ego_camera, folder)

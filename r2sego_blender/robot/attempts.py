@@ -12,7 +12,7 @@ import threading
 from collections import deque
 from collections.abc import Generator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import count
 from multiprocessing.connection import wait
@@ -27,6 +27,7 @@ from .failures import Judge, Reason
 from .free_floor import FreeFloor
 from .model import RobotModel
 from .mount import CameraMount
+from .mujoco_warnings import mujoco_warnings
 from .quality import Quality
 from .scope import BehaviourScope
 from .simulation import simulate
@@ -41,7 +42,8 @@ class Rollout:
     ``world_from_camera`` are at the scope's camera rate. A failed one carries its ``reason``,
     what happened in ``detail``, and ends at ``frame``, the last before the failure.
     ``seed`` is (the round's seed, the attempt): the rollout depends on nothing else.
-    ``controller`` names what drove it; ``quality`` is what the simulation measured.
+    ``controller`` names what drove it; ``quality`` is what the simulation measured;
+    ``warnings`` are MuJoCo's own, in the order they came.
     """
 
     success: bool
@@ -55,6 +57,7 @@ class Rollout:
     detail: str = ""
     controller: str = ""
     quality: Quality = Quality()
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,11 @@ class Attempts:
 
     def run(self, number: int) -> Rollout:
         """Attempt ``number``."""
+        with mujoco_warnings() as heard:
+            rollout = self._rollout(number)
+        return replace(rollout, warnings=tuple(heard))
+
+    def _rollout(self, number: int) -> Rollout:
         key = (self.seed, number)
         controller, robot = self._controller, self._model
         drive = controller.draw(np.random.default_rng(key))

@@ -17,6 +17,12 @@ from .seats import Seat
 
 # On scene geoms that are more than floor a foot may stand where they are as flat as this.
 _FLOOR_NORMAL_Z = 0.7
+# MuJoCo counts these, and goes on from the resting robot at the origin.
+_DIVERGED = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+)
 
 
 class Reason(StrEnum):
@@ -61,7 +67,8 @@ class Judge:
     def state(self, data: mujoco.MjData, contacts: Contacts, seat: Seat | None, meter: Meter) -> Verdict:
         """The first failure condition that holds now."""
         failures = self._failures
-        if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
+        finite = np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()
+        if not finite or any(data.warning[kind].number for kind in _DIVERGED):
             return Reason.NON_FINITE, "the simulation diverged"
         lowest_m = self._lowest_m if seat is None else min(self._lowest_m, seat.height_m)
         if data.qpos[2] < lowest_m:

@@ -6,6 +6,7 @@ import dataclasses
 import json
 from collections import Counter
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 
 from ..arrays import opened_arrays, save_arrays
@@ -16,6 +17,7 @@ from .attempts import Attempts, Rollout, in_order
 from .failures import Reason
 from .free_floor import free_floor
 from .model import RobotModel
+from .mujoco_warnings import described
 from .quality import Quality
 from .scope import BehaviourScope
 
@@ -60,9 +62,19 @@ def successful_rollouts(
             if task.done == settings.successes:
                 break
             if len(attempts) == settings.max_attempts:
+                tell_warnings(attempts, progress)
                 raise _too_few(attempts, task.done, settings, collision_mjcf)
     tried.close()
+    tell_warnings(attempts, progress)
     return tuple(attempts)
+
+
+def tell_warnings(attempts: Sequence[Rollout], progress: Progress) -> None:
+    """Tell the person what MuJoCo warned of in these attempts, if it did, as one warning."""
+    warned = [attempt for attempt in attempts if attempt.warnings]
+    if warned:
+        words = described(chain.from_iterable(attempt.warnings for attempt in warned))
+        progress.message(f"MuJoCo warned in {len(warned)} of {len(attempts)} attempts: {words}", "warning")
 
 
 def save_rollouts(folder: Path, rollouts: Sequence[Rollout]) -> None:
@@ -82,6 +94,7 @@ def save_rollouts(folder: Path, rollouts: Sequence[Rollout]) -> None:
                 "controller": rollout.controller,
                 "seed": list(rollout.seed),
                 "quality": dataclasses.asdict(rollout.quality),
+                "warnings": list(rollout.warnings),
             }
         )
     save_arrays(folder / _ARRAYS, **arrays)
@@ -107,6 +120,7 @@ def load_rollouts(folder: Path) -> tuple[Rollout, ...]:
                 detail=record["detail"],
                 controller=record["controller"],
                 quality=Quality.from_json(record["quality"]),
+                warnings=tuple(record.get("warnings", ())),  # bundles of before 2026-11-22 have none
             )
             for index, record in enumerate(records)
         )

@@ -53,6 +53,9 @@ def simulate(composition: Composition, drive: Drive, judge: Judge, camera_rate_h
             reason, detail = judge.state(data, contacts, drive.seat, meter)
             if reason:
                 break
+    if reason is Reason.NON_FINITE:  # since the last look the state may be anything
+        known = np.searchsorted(times, (step - check_steps + 1) * step_s, side="right")
+        qpos, times = qpos[: max(1, known)], times[: max(1, known)]
     if not reason:
         reason, detail = judge.end(data, drive.goal, drive.seat, meter)
     return Simulated(np.array(qpos), np.array(times), reason, detail, meter)

@@ -150,3 +150,27 @@ def test_camera_ranges_are_those_of_the_poses(humanoid, room, composition, judge
     forward = poses[:, :3, 2]
     down = np.degrees(np.arctan2(-forward[:, 2], np.linalg.norm(forward[:, :2], axis=1)))
     np.testing.assert_allclose(quality.camera_pitch_deg, (down.min(), down.max()), atol=1e-6)
+
+
+@dataclass
+class Thrown(Pushed):
+    """Stands until the speed of its base is no number any more."""
+
+    from_step: int = 150
+
+    def apply(self, data: mujoco.MjData, step: int) -> None:
+        super().apply(data, step)
+        if step == self.from_step:
+            data.qvel[0] = np.inf
+
+
+def test_a_diverged_simulation_ends_before_it_did(humanoid, composition, judge):
+    """MuJoCo puts the robot back at the origin and goes on: none of that is the rollout's."""
+    place = humanoid.rest_qpos.copy()
+    place[:2] = -0.4, 0.3
+    thrown = simulate(composition, Thrown(composition, place, humanoid.mount, 0.0), judge, 100.0)
+    assert thrown.reason == Reason.NON_FINITE
+    assert len(thrown.qpos) == len(thrown.times_s)
+    step_s = composition.model.opt.timestep
+    assert 150 * step_s - 0.03 < thrown.times_s[-1] <= 150 * step_s
+    np.testing.assert_allclose(thrown.qpos[:, :2], np.tile(place[:2], (len(thrown.qpos), 1)), atol=0.02)
