@@ -1,20 +1,14 @@
 """A bundle's contents are read as the steps and the trial need them, and the behaviour is placed once."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from made_up_room import made_up_bundle
 
 from r2sego_blender.arrays import save_arrays
 from r2sego_blender.contents import Contents
 from r2sego_blender.errors import GeometryError
 from r2sego_blender.robot_declaration import declare_robot
 from r2sego_blender.scene import Scene
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-from made_up_room import made_up_bundle
 
 PROXY = "rounds/0/proxy"
 

@@ -14,6 +14,7 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from progress_recorder import ProgressRecorder
 from scipy.spatial.transform import Rotation
 
 from r2sego_blender.cameras import Camera, look_at
@@ -34,7 +35,6 @@ from r2sego_blender.correction import (
 from r2sego_blender.errors import CaptureError, SceneError
 from r2sego_blender.images import save_image
 from r2sego_blender.plan import plan_refinement
-from r2sego_blender.progress import Progress
 from r2sego_blender.robot.model import EMBEDDED_HUMANOID, RobotModel
 from r2sego_blender.robot.scope import BehaviourScope
 from r2sego_blender.robot_declaration import declare_robot
@@ -106,15 +106,6 @@ def _shown(turn, cameras, spots=FLOOR, views=(0, 2)):
     """The pixels a person would click."""
     spots = spots @ turn[:3, :3].T
     return [FloorPoint(tuple((f"p{v}", tuple(cameras[v].project(spot)[0])) for v in views)) for spot in spots]
-
-
-class Remembered(Progress):
-    def __init__(self) -> None:
-        self.warnings: list[str] = []
-
-    def message(self, text: str, level: str = "info") -> None:
-        if level == "warning":
-            self.warnings.append(text)
 
 
 def _assert_true(scene, cameras, places_m=1e-6):
@@ -323,7 +314,7 @@ def test_a_scale_that_hung_on_the_old_floor_is_pointed_out(tmp_path):
         folder = tmp_path / source[:5]
         folder.mkdir()
         scene, turn, cameras = _scene(folder, _wrong(), source=source)
-        told = Remembered()
+        told = ProgressRecorder()
         made = correct_registration(scene, floor=_shown(turn, cameras), progress=told)
         assert any("the scale is kept" in text for text in told.warnings) is warned
         assert made.declaration.scale_source == source
@@ -365,7 +356,7 @@ def test_an_unsure_point_counts_for_little_and_an_unsure_tilt_is_said():
     captures = [Capture(f"p{i}", None, camera) for i, camera in enumerate(cameras)]
     spots = np.vstack([FLOOR, [[0.9, 2.6, 0.12]]]) @ turn[:3, :3].T
     placed = [_Placed(spot, sigma) for spot, sigma in zip(spots, [0.004] * 4 + [0.2], strict=True)]
-    told = Remembered()
+    told = ProgressRecorder()
     ground = ground_through(captures, None, placed, told)
     assert np.degrees(np.arccos(ground.normal[2])) < 0.05 and abs(ground.offset) < 1e-3
     assert not told.warnings

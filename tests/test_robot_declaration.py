@@ -4,12 +4,12 @@ import json
 import math
 import re
 import shutil
-import sys
 from pathlib import Path
 
 import click.testing
 import numpy as np
 import pytest
+from made_up_room import made_up_bundle
 
 from r2sego_blender.arrays import save_arrays
 from r2sego_blender.cli import main
@@ -21,10 +21,6 @@ from r2sego_blender.robot.scope import BehaviourScope
 from r2sego_blender.robot_declaration import declare_robot, describe_robot, lines
 from r2sego_blender.scene import Scene
 from r2sego_blender.trial_rollouts import newest_surface
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-from made_up_room import made_up_bundle
 
 SQUARE = "0.0,-1.0 2.0,-1.0 2.0,1.0 0.0,1.0"
 

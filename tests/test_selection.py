@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from progress_recorder import ProgressRecorder
 
 from r2sego_blender.errors import GenerationError
-from r2sego_blender.progress import Progress
 from r2sego_blender.selection import (
     Selection,
     select_targets,
@@ -17,15 +17,6 @@ from r2sego_blender.selection import (
 from r2sego_blender.settings import SelectionSettings
 
 FEW = SelectionSettings(target_views=3, nms_window=5)
-
-
-class Listening(Progress):
-    def __init__(self):
-        self.said = []
-
-    def message(self, text, level="info"):
-        self.said.append((level, text))
-
 
 # Scores of a few values only, so that ties are common; frames with gaps.
 streams = st.lists(
@@ -160,10 +151,10 @@ def test_reasons_say_what_happened():
 
 
 def test_too_few_survivors_are_taken_and_told():
-    listening = Listening()
-    selection = select_targets([0.5, 0.4], [1.0, 1.0], [0, 0], [0, 1], FEW, listening)
+    recorder = ProgressRecorder()
+    selection = select_targets([0.5, 0.4], [1.0, 1.0], [0, 0], [0, 1], FEW, recorder)
     assert selection.targets.tolist() == [0]
-    assert listening.said == [("warning", selection.note)]
+    assert recorder.messages == [("warning", selection.note)]
     assert selection.note.startswith("1 target views instead of 3: of 2 candidates, 1 survive")
 
 

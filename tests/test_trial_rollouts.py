@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_up_room import made_up_bundle
 
 from r2sego_blender.errors import SceneError
 from r2sego_blender.robot.rollouts import load_rollouts
@@ -16,10 +17,6 @@ from r2sego_blender.scene import content_digest
 from r2sego_blender.settings import RolloutSettings
 from r2sego_blender.steps import Steps
 from r2sego_blender.trial_rollouts import TRIAL, try_rollouts
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-from made_up_room import made_up_bundle
 
 ROOT = Path(__file__).parents[1]
 SHORT = {"episode.duration_s": 1.0, "walk_to.distance_m": [0.1, 0.6]}

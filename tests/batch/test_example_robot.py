@@ -1,15 +1,11 @@
 """The example of the room Robot, with pip bpy and the real engine."""
 
-import sys
 from functools import partial
-from pathlib import Path
 
 import pytest
 from example_runs import run_example
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from made_up_room import made_up_bundle
 

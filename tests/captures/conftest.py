@@ -8,11 +8,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from progress_recorder import ProgressRecorder
 
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.images import save_image
-from r2sego_blender.progress import Progress
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"
 TEXELS_PER_M = 160
@@ -110,17 +110,6 @@ def shared() -> Callable[[str], Path]:
     return find
 
 
-class RememberedMessages(Progress):
-    """A progress that remembers its warnings."""
-
-    def __init__(self) -> None:
-        self.warnings: list[str] = []
-
-    def message(self, text: str, level: str = "info") -> None:
-        if level == "warning":
-            self.warnings.append(text)
-
-
 @pytest.fixture
-def messages() -> RememberedMessages:
-    return RememberedMessages()
+def messages() -> ProgressRecorder:
+    return ProgressRecorder()

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from box_room import arc
+from progress_recorder import ProgressRecorder
 
 from r2sego_blender import steps as steps_module
 from r2sego_blender.cameras import Camera
 from r2sego_blender.generation.carried_decisions import carry_decisions
 from r2sego_blender.generation.condition_files import save_conditions
 from r2sego_blender.generation.decisions import DECISION, decision_of, save_decision
-from r2sego_blender.progress import Progress
 from r2sego_blender.scene import Declaration, Scene
 from r2sego_blender.settings import Settings
 from r2sego_blender.steps import Steps
@@ -80,15 +80,6 @@ def test_nothing_is_carried_where_there_was_nothing(tmp_path, before):
     assert carry_decisions(before, tmp_path / "none")[0].endswith("no view shows the same now")
 
 
-class Remembered(Progress):
-    def __init__(self) -> None:
-        self.warnings: list[str] = []
-
-    def message(self, text: str, level: str = "info") -> None:
-        if level == "warning":
-            self.warnings.append(text)
-
-
 def test_the_step_carries_them_and_warns(tmp_path, box_room, cameras, monkeypatch):
     """The step of the bundle, with a generator that only writes conditions."""
     shown = box_room.renderer.render(cameras)
@@ -121,7 +112,7 @@ def test_the_step_carries_them_and_warns(tmp_path, box_room, cameras, monkeypatc
     monkeypatch.setattr(steps_module, "make_renderer", Nothing)
     monkeypatch.setattr(steps_module, "load_candidates", Nothing)
     monkeypatch.setattr(steps_module, "ego_video_reg", generate)
-    progress = Remembered()
+    progress = ProgressRecorder()
 
     def run() -> Path:
         (name,) = Steps(scene, Settings(), progress).ego_video_reg(0, "captures", "proxy", "targets")

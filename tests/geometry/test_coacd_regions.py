@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from progress_recorder import ProgressRecorder
 
 from r2sego_blender.errors import GeometryError, NativeError
 from r2sego_blender.geometry import coacd_regions
@@ -10,21 +11,10 @@ from r2sego_blender.geometry.coacd_regions import Region, decompose_by_coacd, re
 from r2sego_blender.geometry.collision import collision_surface
 from r2sego_blender.geometry.convex import Limits, convex_hull
 from r2sego_blender.geometry.proxy import GeometryProxy
-from r2sego_blender.progress import Progress
 from r2sego_blender.settings import CollisionSettings
 from r2sego_blender.workers.child import call_in_child
 
 LIMITS = Limits(0.4, 0.06, 0.02, 0.01, 0.05)
-
-
-class Warnings(Progress):
-    """Keeps what it is told."""
-
-    def __init__(self):
-        self.texts = []
-
-    def message(self, text, level="info"):
-        self.texts.append((level, text))
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +96,7 @@ def test_the_setting_chooses_coacd():
 
 
 def test_a_region_out_of_time_is_cut_into_planes_and_named(angle):
-    warnings = Warnings()
+    recorder = ProgressRecorder()
     pieces = decompose_by_coacd(
         np.asarray(angle.vertices),
         np.asarray(angle.faces),
@@ -114,9 +104,9 @@ def test_a_region_out_of_time_is_cut_into_planes_and_named(angle):
         LIMITS,
         100,
         timeout_s=0.05,
-        progress=warnings,
+        progress=recorder,
     )
-    ((level, text),) = warnings.texts
+    ((level, text),) = recorder.messages
     assert level == "warning" and "object 0" in text and "longer" in text
     assert covered(np.asarray(angle.triangles_center), pieces, 1e-5).mean() > 0.99
 

@@ -1,13 +1,12 @@
 """The collision surface in MuJoCo: it compiles where it is, and balls rest on it."""
 
-from contextlib import contextmanager
-
 import mujoco
 import numpy as np
 import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from progress_recorder import ProgressRecorder
 from scipy.spatial import ConvexHull
 
 from r2sego_blender.errors import GeometryError
@@ -15,26 +14,9 @@ from r2sego_blender.geometry.collision import collision_surface
 from r2sego_blender.geometry.collision_files import write_collision
 from r2sego_blender.geometry.convex import Limits, Soup, decompose
 from r2sego_blender.geometry.proxy import GeometryProxy
-from r2sego_blender.progress import Progress, Task
 from r2sego_blender.settings import CollisionSettings
 
 SETTINGS = CollisionSettings()
-
-
-class Told(Progress):
-    """Keeps its warnings and its tasks."""
-
-    def __init__(self):
-        self.warnings, self.tasks = [], []
-
-    @contextmanager
-    def task(self, title, total):
-        self.tasks.append(Task(title, total))
-        yield self.tasks[-1]
-
-    def message(self, text, level="info"):
-        if level == "warning":
-            self.warnings.append(text)
 
 
 def as_proxy(mesh):
@@ -164,7 +146,7 @@ def test_the_number_of_pieces_is_bounded():
     rng = np.random.default_rng(0)
     bumps.vertices *= 1 + 0.15 * rng.normal(size=(len(bumps.vertices), 1))
     bumps.apply_translation((0, 0, 3))
-    few, told = CollisionSettings(max_pieces=60), Told()
+    few, told = CollisionSettings(max_pieces=60), ProgressRecorder()
     surface = collision_surface(as_proxy(bumps), few, told)
     assert len(surface.pieces) <= 60
     assert surface.tolerance_m > few.tolerance_m
@@ -174,7 +156,7 @@ def test_the_number_of_pieces_is_bounded():
 
 
 def test_the_work_is_told_to_its_end(furnished, surface):
-    told = Told()
+    told = ProgressRecorder()
     again = collision_surface(furnished, SETTINGS, told)
     assert len(again.pieces) == len(surface.pieces)
     assert told.warnings == []

@@ -17,6 +17,7 @@ from furniture import (
     random_similarity,
     standing,
 )
+from progress_recorder import ProgressRecorder
 from scipy.spatial import cKDTree
 
 from r2sego_blender.captures.capture import Capture
@@ -35,7 +36,6 @@ from r2sego_blender.geometry.priors import (
     save_priors,
 )
 from r2sego_blender.geometry.shapes import Shape
-from r2sego_blender.progress import Progress
 from r2sego_blender.settings import PriorSettings
 
 WORLD_FROM_CHAIR = standing(20.0, (0.1, 0.3))
@@ -252,14 +252,9 @@ def test_a_library_leaves_out_what_cannot_be_read(tmp_path):
         vertices, faces = FURNITURE[name]()
         trimesh.Trimesh(vertices, faces, process=False).export(tmp_path / f"{name}.ply")
     (tmp_path / "broken.glb").write_bytes(b"glTF")
-    told = []
-
-    class Listening(Progress):
-        def message(self, text: str, level: str = "info") -> None:
-            told.append((level, text))
-
-    assert [shape.name for shape in load_library(tmp_path, Listening())] == ["chair", "table"]
-    ((level, text),) = told
+    told = ProgressRecorder()
+    assert [shape.name for shape in load_library(tmp_path, told)] == ["chair", "table"]
+    ((level, text),) = told.messages
     assert level == "warning" and "broken.glb" in text
 
 

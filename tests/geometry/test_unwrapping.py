@@ -7,26 +7,16 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from progress_recorder import ProgressRecorder
 
 from r2sego_blender.errors import GeometryError
 from r2sego_blender.geometry import unwrapping
 from r2sego_blender.geometry.box_unwrapping import box_unwrapped
 from r2sego_blender.geometry.texels import overlapping_faces, texel_map
 from r2sego_blender.geometry.unwrapping import unwrapped
-from r2sego_blender.progress import Progress
 from r2sego_blender.settings import TextureSettings
 
 SETTINGS = TextureSettings(size_px=256, padding_px=2)
-
-
-class Listening(Progress):
-    """Keeps what it is told."""
-
-    def __init__(self) -> None:
-        self.told: list[tuple[str, str]] = []
-
-    def message(self, text: str, level: str = "info") -> None:
-        self.told.append((level, text))
 
 
 def folded() -> trimesh.Trimesh:
@@ -68,12 +58,12 @@ def test_charts_do_not_overlap_and_the_surface_is_the_same(room, shape, seconds)
 
 
 def test_the_fallback_says_why(room):
-    listening = Listening()
+    recorder = ProgressRecorder()
     mesh, settings = room.mesh, replace(SETTINGS, unwrap_seconds=0.0)
-    result = unwrapped(mesh.vertices, mesh.faces, settings, listening)
+    result = unwrapped(mesh.vertices, mesh.faces, settings, recorder)
     assert result.method == "boxes, since xatlas gave no charts"
-    assert [level for level, _ in listening.told] == ["warning"] * 2
-    assert all("took longer" in text for _, text in listening.told)
+    assert [level for level, _ in recorder.messages] == ["warning"] * 2
+    assert all("took longer" in text for _, text in recorder.messages)
 
 
 def test_fewer_faces_are_tried_before_boxes(room, monkeypatch):

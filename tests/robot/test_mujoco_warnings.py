@@ -7,9 +7,9 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from progress_recorder import ProgressRecorder
 
 from r2sego_blender.errors import RobotError
-from r2sego_blender.progress import Progress
 from r2sego_blender.robot.mujoco_warnings import described, mujoco_warnings
 from r2sego_blender.robot.rollouts import load_rollouts, save_rollouts, successful_rollouts
 from r2sego_blender.robot.scope import BehaviourScope, Episode, WalkTo
@@ -20,14 +20,6 @@ SCOPE = replace(
     episode=Episode(duration_s=2.0), walk_to=WalkTo(distance_m=(0.1, 1.0)),
 )  # fmt: skip
 BALL = "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
-
-
-class Told(Progress):
-    def __init__(self) -> None:
-        self.messages: list[tuple[str, str]] = []
-
-    def message(self, text: str, level: str = "info") -> None:
-        self.messages.append((text, level))
 
 
 @pytest.fixture
@@ -78,16 +70,16 @@ def test_a_simulation_that_diverges_fails_by_it(humanoid, box_room, elsewhere, p
     room = box_room()
     heavy = '<mujoco><option gravity="0 0 -1e13"/>'
     room.write_text(room.read_text().replace("<mujoco>", heavy))
-    told, settings = Told(), RolloutSettings(successes=1, max_attempts=2, processes=processes)
+    told, settings = ProgressRecorder(), RolloutSettings(successes=1, max_attempts=2, processes=processes)
     with pytest.raises(RobotError, match=r"2 failed by non_finite \(the simulation diverged\)"):
         successful_rollouts(humanoid, SCOPE, room, settings, 0, told)
-    ((text, level),) = told.messages
+    ((level, text),) = told.messages
     assert level == "warning" and text.startswith("MuJoCo warned in 2 of 2 attempts: Nan, Inf or huge value")
     assert not list(elsewhere.iterdir())
 
 
 def test_a_rollout_keeps_its_warnings(humanoid, box_room, tmp_path):
-    told = Told()
+    told = ProgressRecorder()
     (rollout,) = successful_rollouts(humanoid, SCOPE, box_room(), RolloutSettings(successes=1), 1, told)
     assert rollout.warnings == () and not told.messages
     save_rollouts(tmp_path, [replace(rollout, warnings=("it gave up",))])

@@ -5,29 +5,12 @@ import hashlib
 import subprocess
 import sys
 import zipfile
-from contextlib import contextmanager
 
 import pytest
+from progress_recorder import ProgressRecorder
 
 from r2sego_blender.errors import MachineError
-from r2sego_blender.progress import Progress, Task
 from r2sego_blender.workers.environment import make_environment, python_of, required_packages
-
-
-class Told(Progress):
-    """Remembers the messages, and how far each task came."""
-
-    def __init__(self):
-        self.lines, self.tasks = [], []
-
-    @contextmanager
-    def task(self, title, total):
-        task = Task(title, total)
-        self.tasks.append(task)
-        yield task
-
-    def message(self, text, level="info"):
-        self.lines.append(text)
 
 
 def write_wheel(folder):
@@ -64,13 +47,13 @@ def test_wheels_are_installed_and_a_missing_one_is_named(tmp_path):
     wheels = tmp_path / "wheels"
     wheels.mkdir()
     write_wheel(wheels)
-    told = Told()
+    told = ProgressRecorder()
     python = make_environment(tmp_path / "engine", ["tinything==1.0"], wheels, told)
     answer = subprocess.run(
         [python, "-c", "import tinything; print(tinything.ANSWER)"], capture_output=True, text=True
     )
     assert answer.stdout.strip() == "42"
-    assert any(line.startswith("Installing") for line in told.lines)
+    assert any(text.startswith("Installing") for _, text in told.messages)
     assert [(task.title, task.total) for task in told.tasks][::2] == [
         ("Making an environment", 1), ("Installing packages", 1)
     ]  # fmt: skip
@@ -93,20 +76,20 @@ def test_what_was_downloaded_stays_for_the_next_try(tmp_path):
         "file.write_bytes(bytes(3_000_000)); time.sleep(1.0)\n"
         "print('ERROR: no route to the index.'); print('and a line after it'); sys.exit(1)",
     )
-    told = Told()
+    told = ProgressRecorder()
     with pytest.raises(MachineError, match=r"no route to the index\. Check the network"):
         make_environment(tmp_path / "engine", ["torch"], None, told)
     assert (told.tasks[1].title, told.tasks[1].done) == ("Downloading, MB", 3)
     assert make_environment(tmp_path / "engine", ["torch"], None, told) == python
-    assert "Using cached torch" in told.lines
+    assert ("info", "Using cached torch") in told.messages
     assert not (tmp_path / "engine" / ".downloads").exists()
 
 
 def test_a_disk_without_room_and_a_missing_folder_are_told_first(tmp_path):
     with pytest.raises(MachineError, match="MB are needed"):
-        make_environment(tmp_path / "engine", [], None, Told(), needed_mb=10**12)
+        make_environment(tmp_path / "engine", [], None, ProgressRecorder(), needed_mb=10**12)
     with pytest.raises(MachineError, match="no such folder of wheels"):
-        make_environment(tmp_path / "engine", [], tmp_path / "wheels", Told())
+        make_environment(tmp_path / "engine", [], tmp_path / "wheels", ProgressRecorder())
     assert not (tmp_path / "engine").exists()
 
 
