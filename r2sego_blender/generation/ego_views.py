@@ -96,10 +96,11 @@ def ego_video_reg(
                 kept = folder / f"{rank:03d}" / "frame.png"
                 progress.picture("Generated view", lambda kept=kept: load_image(kept))
             else:
-                progress.message(f"target view of rank {rank + 1}, {reason}", level="warning")
+                progress.message(f"target view of rank {rank + 1}, {reason}")
     if accepted < wanted:
         progress.message(
-            f"{accepted} of {wanted} target views could be generated and registered", level="warning"
+            f"{accepted} of {wanted} target views could be generated and registered, no other is left to try",
+            level="warning",
         )
     return load_pseudo_observations(folder)
 
