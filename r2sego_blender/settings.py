@@ -301,13 +301,13 @@ class TrainingSettings:
         12000, "Gaussians of the shell behind what no photograph shows; 0: none.", 0, 200000
     )
     quarter_resolution_share: float = setting(
-        0.12, "Share of the steps, at the start, run at a quarter of the resolution.", 0.0, 1.0
+        0.0, "Share of the steps, at the start, run at a quarter of the resolution.", 0.0, 1.0
     )
     half_resolution_share: float = setting(
-        0.43, "Share of the steps, after those, run at half of the resolution.", 0.0, 1.0
+        0.0, "Share of the steps, after those, run at half of the resolution.", 0.0, 1.0
     )
     three_quarter_resolution_share: float = setting(
-        0.3, "Share of the steps, after those, run at three quarters of the resolution.", 0.0, 1.0
+        0.0, "Share of the steps, after those, run at three quarters of the resolution.", 0.0, 1.0
     )
     image_cache_mb: int = setting(1024, "Memory for prepared images, the rest is loaded anew.", 16, 65536)
     captures_first_share: float = setting(
@@ -317,7 +317,13 @@ class TrainingSettings:
         3, "How often a capture is drawn for each pseudo-observation.", 1, 100
     )
     sh_degree: int = setting(1, "Highest degree of the spherical harmonics.", 0, 3)
-    disc_stride_px: int = setting(3, "Pixels a side that share one Gaussian lifted from depth.", 1, 32)
+    disc_stride_px: int = setting(
+        2, "Pixels a side that share one Gaussian lifted from depth, where there is detail.", 1, 32
+    )
+    detailed_share: float = setting(
+        0.4, "Share of a picture, with the most detail, that gets those; elsewhere twice as many share one.",
+        0.0, 1.0,
+    )  # fmt: skip
     position_rate: float = setting(
         1.6e-4, "Learning rate of the means at the start, times the scene's extent.", 0.0, 1.0
     )
@@ -431,6 +437,7 @@ MANY_PHOTOGRAPHS: Mapping[str, Any] = {
     **UNREGULARISED,
     "densification": "growth",
     "densify_until_share": 0.7,
+    "quarter_resolution_share": 0.12,
     "half_resolution_share": 0.58,
     "three_quarter_resolution_share": 0.25,
     "rate_swing": 2.0,
@@ -452,6 +459,9 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "training.max_gaussians": 120000,
         "training.dropout_share": 0.0,
         "training.later_rounds_rate": 1.0,
+        "training.quarter_resolution_share": 0.12,
+        "training.half_resolution_share": 0.43,
+        "training.three_quarter_resolution_share": 0.3,
     },
 }
 """Named sets of overrides; ``paper`` is the dataclasses' own defaults."""

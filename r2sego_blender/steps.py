@@ -109,7 +109,7 @@ class Steps:
         self._step(DEPTH, compute_depth, inputs=[CAPTURES], parameters=[self.h.stereo, self.h.seed])
         asset = self._step(
             INITIAL_ASSET, compute_asset, inputs=[CAPTURES, DEPTH],
-            parameters=[self.h.stereo, self._stride_px],
+            parameters=[self.h.stereo, self._stride_px, self.h.training.detailed_share],
         )  # fmt: skip
         return CAPTURES, asset
 
@@ -384,8 +384,9 @@ class Steps:
 
     def _lifted(self, depths: Iterable[np.ndarray]) -> list[DepthView]:
         """The captures with a depth (H, W) in metres each, to be lifted to splats."""
+        share = self.h.training.detailed_share
         return [
-            DepthView(capture.camera, depth, capture.image(), self._stride_px)
+            DepthView(capture.camera, depth, capture.image(), self._stride_px, detailed_share=share)
             for capture, depth in zip(self._read.captures, depths, strict=True)
         ]
 

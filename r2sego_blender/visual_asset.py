@@ -26,8 +26,8 @@ from .splats.training_pictures import shown_from
 _MISSING_ALPHA = 0.8
 """Below this alpha a pixel is missing, as in the asset deficit u."""
 
-_FILL_COARSENESS = 2
-"""Discs that fill holes are this much wider than those on stereo: their depth is completed,
+_FILL_COARSENESS = 3
+"""Discs that fill holes are this much wider than the finest on stereo: their depth is completed,
 often from one capture, and fine discs at a guessed depth only overfit."""
 
 _AGREEMENT_SCALE = 0.12
@@ -59,7 +59,8 @@ def disc_stride_px(cameras: Sequence[Camera], settings: TrainingSettings) -> int
     About half of the captures' discs show what another one shows better and fall away.
     """
     pixels = sum(camera.width * camera.height for camera in cameras)
-    return max(settings.disc_stride_px, round(math.sqrt(pixels / (2.0 * settings.max_gaussians))))
+    discs = pixels * (1.0 + 3.0 * settings.detailed_share) / 4.0  # at a stride of one pixel
+    return max(settings.disc_stride_px, round(math.sqrt(discs / (2.0 * settings.max_gaussians))))
 
 
 def grow(

@@ -64,9 +64,9 @@ def test_growing_leaves_pixels_without_geometry_alone():
 
 
 def test_the_budget_of_gaussians_is_hard():
-    few = dataclasses.replace(SETTINGS, max_gaussians=300)
+    few = dataclasses.replace(SETTINGS, max_gaussians=200)
     asset = grow(SplatAsset.empty(), [wall_view(0.0), wall_view(1.2)], few, np.random.default_rng(0))
-    assert len(asset) == 300
+    assert len(asset) == 200
 
 
 def test_a_generated_frame_is_trusted_where_it_agrees_with_the_asset():
@@ -114,22 +114,26 @@ def test_what_differs_from_photograph_to_photograph_is_learnt_less_with_the_regu
 
     settings = dataclasses.replace(SETTINGS, steps_per_round=200)
     assert (settings.max_scale_m, settings.dropout_share) == (0.15, 0.2)
-    assert quality(settings) > quality(dataclasses.replace(settings, **UNREGULARISED)) + 1.0
+    assert quality(settings) > quality(dataclasses.replace(settings, **UNREGULARISED)) + 0.5
 
 
 def test_the_first_round_is_as_set_and_later_ones_are_slower_at_full_resolution():
-    settings = dataclasses.replace(SETTINGS, later_rounds_rate=0.25)
+    lower = {
+        "quarter_resolution_share": 0.1,
+        "half_resolution_share": 0.4,
+        "three_quarter_resolution_share": 0.3,
+    }
+    settings = dataclasses.replace(SETTINGS, later_rounds_rate=0.25, **lower)
     assert settings_of_round(settings, 0) == settings
     later, third = settings_of_round(settings, 1), settings_of_round(settings, 2)
     assert settings_of_round(settings, 5) == third
     rates = {"position_rate", "scale_rate", "rotation_rate", "opacity_rate", "colour_rate"}
-    shares = {f"{name}_resolution_share" for name in ("quarter", "half", "three_quarter")}
     for field in dataclasses.fields(settings):
         before, after = getattr(settings, field.name), getattr(later, field.name)
         if field.name in rates:
             assert after == 0.25 * before > 0.0
             assert getattr(third, field.name) == 0.25 * after
-        elif field.name in shares:
+        elif field.name in lower:
             assert after == 0.0 < before
         else:
             assert after == before
@@ -188,10 +192,13 @@ def test_an_update_uses_its_depth_only_where_that_has_a_weight():
     assert trained(views, 1.0) != trained(told, 1.0)
 
 
-@pytest.mark.parametrize(("captures", "stride_px"), [(1, 3), (6, 3), (13, 4), (60, 9)])
-def test_more_captures_share_the_budget_by_coarser_discs(captures, stride_px):
+@pytest.mark.parametrize(
+    ("captures", "detailed_share", "stride_px"),
+    [(1, 1.0, 3), (6, 1.0, 3), (13, 1.0, 4), (60, 1.0, 9), (13, 0.0, 3), (60, 0.0, 4)],
+)
+def test_more_captures_share_the_budget_by_coarser_discs(captures, detailed_share, stride_px):
     camera = Camera(640, 480, 500, 500, 320, 240, np.eye(4))
-    settings = TrainingSettings(max_gaussians=120000, disc_stride_px=3)
+    settings = TrainingSettings(max_gaussians=120000, disc_stride_px=3, detailed_share=detailed_share)
     assert disc_stride_px([camera] * captures, settings) == stride_px
 
 

@@ -47,7 +47,8 @@ class DepthView:
     """A photograph with its depth, to be turned into Gaussians.
 
     ``image`` (H, W, 3) float32 in [0, 1]; ``depth`` (H, W) planar metres, 0 unknown; every
-    ``stride_px``-th pixel a side becomes a Gaussian, where ``mask`` (H, W) bool allows.
+    ``stride_px``-th pixel a side becomes a Gaussian in the ``detailed_share`` of the image whose
+    colours change most, every second of those elsewhere, where ``mask`` (H, W) bool allows.
     """
 
     camera: Camera
@@ -55,6 +56,7 @@ class DepthView:
     image: np.ndarray
     stride_px: int
     mask: np.ndarray | None = None
+    detailed_share: float = 1.0
 
 
 def from_points(
@@ -132,16 +134,44 @@ def gaussians(
 
 
 def _discs(view: DepthView) -> tuple[SplatAsset, np.ndarray]:
-    """The view's discs and their footprints (n,) on the surface, metres."""
-    camera, stride = view.camera, view.stride_px
+    """The view's discs and the footprints (n,) of its strides on the surface there, metres."""
+    if view.detailed_share >= 1.0:
+        return _even_discs(view, view.stride_px, view.mask)
+    detailed = _detailed(view.image, view.stride_px, view.detailed_share)
+    mask = np.ones_like(detailed) if view.mask is None else view.mask
+    fine, fine_m = _even_discs(view, view.stride_px, mask & detailed)
+    coarse, coarse_m = _even_discs(view, 2 * view.stride_px, mask & ~detailed)
+    return fine.concatenated(coarse), np.concatenate([fine_m, coarse_m])
+
+
+def _detailed(image: np.ndarray, stride_px: int, share: float) -> np.ndarray:
+    """(H, W) bool: the ``share`` of the squares of two strides whose four quarters differ most.
+
+    That difference is what one Gaussian in place of four would lose.
+    """
+    colours = cv2.blur(np.asarray(image, np.float32), (stride_px, stride_px))
+    colours = colours[stride_px // 2 :: stride_px, stride_px // 2 :: stride_px]
+    rows, columns = colours.shape[0] // 2, colours.shape[1] // 2
+    quarters = colours[: 2 * rows, : 2 * columns].reshape(rows, 2, columns, 2, 3)
+    difference = quarters.var(axis=(1, 3)).mean(axis=-1)
+    chosen = difference > np.quantile(difference, 1.0 - share) if difference.size else difference > 0.0
+    detailed = np.ones(image.shape[:2], bool)  # what is left at the rim holds no whole square
+    whole = chosen.repeat(2 * stride_px, axis=0).repeat(2 * stride_px, axis=1)
+    detailed[: whole.shape[0], : whole.shape[1]] = whole
+    return detailed
+
+
+def _even_discs(view: DepthView, stride: int, mask: np.ndarray | None) -> tuple[SplatAsset, np.ndarray]:
+    """One disc for each ``stride`` square in ``mask``, and the footprints of the view's strides."""
+    camera = view.camera
     rays = camera.rays()
     depth = np.asarray(view.depth, np.float64)
     normals = _normals(camera, depth)
     squares = (slice(stride // 2, None, stride),) * 2
     image = cv2.blur(np.asarray(view.image, np.float32), (stride, stride))
     usable = (depth > _NEAREST_M) & (np.linalg.norm(normals, axis=-1) > 0.5)
-    if view.mask is not None:
-        usable &= view.mask
+    if mask is not None:
+        usable &= mask
     usable = usable[squares]
     ray, z, normal = rays[squares][usable], depth[squares][usable], normals[squares][usable]
 
@@ -156,6 +186,8 @@ def _discs(view: DepthView) -> tuple[SplatAsset, np.ndarray]:
     step_u, step_v = stride / camera.fx, stride / camera.fy
     along_u = z[:, None] * (np.array([step_u, 0, 0]) - ray * (normal[:, 0] * step_u / slope)[:, None])
     along_v = z[:, None] * (np.array([0, step_v, 0]) - ray * (normal[:, 1] * step_v / slope)[:, None])
+    # The square's middle is the sampled pixel's centre, or its corner where the stride is even.
+    middle = ray * z[:, None] - (0.5 / stride if stride % 2 == 0 else 0.0) * (along_u + along_v)
     spread = along_u[:, :, None] * along_u[:, None, :] + along_v[:, :, None] * along_v[:, None, :]
     variances, axes = np.linalg.eigh(spread)
     head_on_m = z * step_u
@@ -165,14 +197,14 @@ def _discs(view: DepthView) -> tuple[SplatAsset, np.ndarray]:
     axes[:, :, 0] *= np.sign(np.linalg.det(axes))[:, None]
     world_axes = camera.world_from_camera[:3, :3] @ axes
     asset = gaussians(
-        means=(ray * z[:, None]) @ camera.world_from_camera[:3, :3].T + camera.centre,
+        means=middle @ camera.world_from_camera[:3, :3].T + camera.centre,
         sigmas_m=np.maximum(sigmas_m, 1e-5),
         quaternions=from_rotation(world_axes) if len(z) else np.ones((0, 4)),
         opacity=_DISC_OPACITY,
         colours=image[squares][usable].astype(np.float64),
     )
     facing = np.maximum(-slope / np.linalg.norm(ray, axis=1), _SMALLEST_COSINE)
-    return asset, head_on_m / facing
+    return asset, z * view.stride_px / camera.fx / facing
 
 
 def _normals(camera: Camera, depth: np.ndarray) -> np.ndarray:

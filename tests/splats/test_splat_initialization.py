@@ -74,6 +74,46 @@ def test_normals_do_not_bend_at_a_silhouette() -> None:
     assert np.abs(normals[:, 2]).min() > 0.99
 
 
+def speckled_wall(share: float, speckled_px: slice, stride_px: int = 2) -> DepthView:
+    """A grey wall seen head-on, whose columns ``speckled_px`` have random colours."""
+    camera = Camera(160, 120, 160.0, 160.0, 80.0, 60.0, np.eye(4))
+    image = np.full((120, 160, 3), 0.5, np.float32)
+    speckles = image[:, speckled_px]
+    speckles[:] = np.random.default_rng(0).uniform(0.2, 0.8, speckles.shape)
+    return DepthView(camera, np.full((120, 160), 2.0, np.float32), image, stride_px, detailed_share=share)
+
+
+@pytest.mark.parametrize("stride_px", [2, 3])
+def test_detail_gets_the_fine_discs(stride_px: int) -> None:
+    """Half of the wall has detail: fine discs there, twice as wide ones in the other half."""
+    view = speckled_wall(0.5, slice(80, None), stride_px)
+    asset = merge_views([view])
+    width_px = np.sort(np.exp(asset.log_scales), axis=1)[:, 1] * 160.0 / 2.0 / 0.6
+    column = view.camera.project(asset.means)[0][:, 0]
+    inner = np.abs(column - 80.0) > 2 * stride_px
+    inner &= (column > 2 * stride_px) & (column < 160 - 2 * stride_px)
+    np.testing.assert_allclose(width_px[inner & (column > 80)], stride_px, rtol=1e-3)
+    np.testing.assert_allclose(width_px[inner & (column < 80)], 2 * stride_px, rtol=1e-3)
+    image = render(asset, view.camera)
+    assert image.alpha[8:-8, 8:-8].min() > 0.85  # nothing is left open where they meet
+
+
+def test_all_is_fine_or_all_is_coarse() -> None:
+    fine, coarse = (merge_views([speckled_wall(share, slice(None))]) for share in (1.0, 0.0))
+    evenly = [from_depth(v.camera, v.depth, v.image, 2) for v in [speckled_wall(1.0, slice(None))]]
+    assert len(fine) == len(evenly[0])
+    assert len(fine) / len(coarse) == pytest.approx(4.0, rel=0.1)
+
+
+@pytest.mark.parametrize("stride_px", [1, 2, 3, 4])
+def test_a_disc_lies_in_the_middle_of_its_square(stride_px: int) -> None:
+    view = plane_view(floor_camera(), UP, 0.0)
+    asset = from_depth(view.camera, view.depth, view.image, stride_px)
+    pixels, _ = view.camera.project(asset.means)
+    square = pixels / stride_px - 0.5
+    np.testing.assert_allclose(square, np.round(square), atol=0.02)
+
+
 def test_merging_keeps_each_surface_once_and_from_the_finest_view() -> None:
     near = plane_view(floor_camera(size_px=120), UP, 0.0)
     far = plane_view(floor_camera(back_m=2.5), UP, 0.0)
