@@ -459,6 +459,8 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "training.max_gaussians": 120000,
         "training.dropout_share": 0.0,
         "training.later_rounds_rate": 1.0,
+        "training.disc_stride_px": 3,
+        "training.detailed_share": 1.0,
         "training.quarter_resolution_share": 0.12,
         "training.half_resolution_share": 0.43,
         "training.three_quarter_resolution_share": 0.3,

@@ -392,7 +392,8 @@ class Steps:
 
     def _pseudo_view(self, observation: PseudoObservation, renderer: ZBufferRenderer) -> PseudoView:
         depth = renderer.depth(observation.camera)
-        view = DepthView(observation.camera, depth, observation.image, self._stride_px)
+        share = self.h.training.detailed_share
+        view = DepthView(observation.camera, depth, observation.image, self._stride_px, detailed_share=share)
         return PseudoView(view, observation.confidence)
 
     def _flights(self, l: int, proxy: str) -> tuple[Rollout, ...]:

@@ -26,8 +26,8 @@ from .splats.training_pictures import shown_from
 _MISSING_ALPHA = 0.8
 """Below this alpha a pixel is missing, as in the asset deficit u."""
 
-_FILL_COARSENESS = 3
-"""Discs that fill holes are this much wider than the finest on stereo: their depth is completed,
+_FILL_COARSENESS = 2
+"""Discs that fill holes are this much wider than the mean one on stereo: their depth is completed,
 often from one capture, and fine discs at a guessed depth only overfit."""
 
 _AGREEMENT_SCALE = 0.12
@@ -59,8 +59,13 @@ def disc_stride_px(cameras: Sequence[Camera], settings: TrainingSettings) -> int
     About half of the captures' discs show what another one shows better and fall away.
     """
     pixels = sum(camera.width * camera.height for camera in cameras)
-    discs = pixels * (1.0 + 3.0 * settings.detailed_share) / 4.0  # at a stride of one pixel
+    discs = pixels / _mean_stride(1, settings.detailed_share) ** 2  # at a stride of one pixel
     return max(settings.disc_stride_px, round(math.sqrt(discs / (2.0 * settings.max_gaussians))))
+
+
+def _mean_stride(stride_px: int, detailed_share: float) -> float:
+    """The stride that would give as many discs everywhere: ``detailed_share`` has four for one."""
+    return 2.0 * stride_px / math.sqrt(1.0 + 3.0 * detailed_share)
 
 
 def grow(
@@ -74,7 +79,7 @@ def grow(
     """
     for view in views:
         missing = (render(asset, view.camera).alpha < _MISSING_ALPHA) & (view.depth > 0.0)
-        stride_px = _FILL_COARSENESS * view.stride_px
+        stride_px = math.ceil(_FILL_COARSENESS * _mean_stride(view.stride_px, view.detailed_share))
         added = from_depth(view.camera, view.depth, view.image, stride_px, missing)
         room = settings.max_gaussians - len(asset)
         if len(added) > room:

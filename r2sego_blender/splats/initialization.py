@@ -204,7 +204,7 @@ def _even_discs(view: DepthView, stride: int, mask: np.ndarray | None) -> tuple[
         colours=image[squares][usable].astype(np.float64),
     )
     facing = np.maximum(-slope / np.linalg.norm(ray, axis=1), _SMALLEST_COSINE)
-    return asset, z * view.stride_px / camera.fx / facing
+    return asset, z * (view.stride_px / camera.fx) / facing
 
 
 def _normals(camera: Camera, depth: np.ndarray) -> np.ndarray:
