@@ -321,9 +321,8 @@ class TrainingSettings:
         2, "Pixels a side that share one Gaussian lifted from depth, where there is detail.", 1, 32
     )
     detailed_share: float = setting(
-        0.4, "Share of a picture, with the most detail, that gets those; elsewhere twice as many share one.",
-        0.0, 1.0,
-    )  # fmt: skip
+        0.4, "Share of a picture with most detail; elsewhere twice as many pixels a side share one.", 0.0, 1.0
+    )
     position_rate: float = setting(
         1.6e-4, "Learning rate of the means at the start, times the scene's extent.", 0.0, 1.0
     )

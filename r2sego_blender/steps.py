@@ -19,6 +19,7 @@ import numpy as np
 
 from .allocation import allocate_views
 from .asset_edits import EDITS, deleted_by, load_edits
+from .cameras import Camera
 from .captures.sparse import depth_ranges
 from .contents import Contents, names_object
 from .generation.carried_decisions import carry_decisions
@@ -384,17 +385,20 @@ class Steps:
 
     def _lifted(self, depths: Iterable[np.ndarray]) -> list[DepthView]:
         """The captures with a depth (H, W) in metres each, to be lifted to splats."""
-        share = self.h.training.detailed_share
         return [
-            DepthView(capture.camera, depth, capture.image(), self._stride_px, detailed_share=share)
+            self._depth_view(capture.camera, depth, capture.image())
             for capture, depth in zip(self._read.captures, depths, strict=True)
         ]
 
     def _pseudo_view(self, observation: PseudoObservation, renderer: ZBufferRenderer) -> PseudoView:
         depth = renderer.depth(observation.camera)
+        return PseudoView(
+            self._depth_view(observation.camera, depth, observation.image), observation.confidence
+        )
+
+    def _depth_view(self, camera: Camera, depth: np.ndarray, image: np.ndarray) -> DepthView:
         share = self.h.training.detailed_share
-        view = DepthView(observation.camera, depth, observation.image, self._stride_px, detailed_share=share)
-        return PseudoView(view, observation.confidence)
+        return DepthView(camera, depth, image, self._stride_px, detailed_share=share)
 
     def _flights(self, l: int, proxy: str) -> tuple[Rollout, ...]:
         """As many free flights above the scope's region as there would be rollouts."""

@@ -79,13 +79,7 @@ def decompose_by_coacd(
     a warning names it. Raises GeometryError when vertices are not finite, or a face names
     a vertex that is not there.
     """
-    if not np.isfinite(vertices).all() or (
-        len(faces) and not 0 <= faces.min() <= faces.max() < len(vertices)
-    ):
-        raise GeometryError(
-            "the surface has vertices that are not finite, or faces of vertices that are not there",
-            where="convex decomposition", cure="Make the proxy again.",
-        )  # fmt: skip
+    _check(vertices, faces, "convex decomposition")
     soup = Soup.of(vertices, faces)
     if not len(soup.areas):
         return []
@@ -108,6 +102,17 @@ def decompose_by_coacd(
             )
             pieces += decompose(soup, limits, most, floored)[0]
     return pieces
+
+
+def _check(vertices: np.ndarray, faces: np.ndarray, where: str) -> None:
+    """CoACD reads outside its arrays for a face of a vertex that is not there, or ends the process."""
+    if not np.isfinite(vertices).all() or (
+        len(faces) and not 0 <= faces.min() <= faces.max() < len(vertices)
+    ):
+        raise GeometryError(
+            "the surface has vertices that are not finite, or faces of vertices that are not there",
+            where=where, cure="Make the proxy again.",
+        )  # fmt: skip
 
 
 def _region(name: str, vertices: np.ndarray, faces: np.ndarray) -> Region:
@@ -140,12 +145,14 @@ def cut(request: dict) -> dict:
     """Run CoACD on the file ``region``; writes the pieces' vertices to the file ``pieces``.
 
     For a child process. CoACD's own seed is fixed: the same region gives the same pieces.
+    Raises GeometryError for a region without faces, or one damaged as ``decompose_by_coacd`` says.
     """
     import coacd
 
     coacd.set_log_level("error")
     with opened_arrays(Path(request["region"]), GeometryError, "this region cannot be read") as region:
         vertices, faces = np.asarray(region["vertices"], np.float64), np.asarray(region["faces"], np.int32)
+    _check(vertices, faces, request["region"])
     if not len(faces):
         raise GeometryError("the region has no faces", where=request["region"])
     # CoACD is at its best near the origin.

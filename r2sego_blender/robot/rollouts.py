@@ -59,13 +59,12 @@ def successful_rollouts(
         for rollout in tried:
             attempts.append(rollout)
             task.advance(int(rollout.success))
-            if task.done == settings.successes:
+            if task.done == settings.successes or len(attempts) == settings.max_attempts:
                 break
-            if len(attempts) == settings.max_attempts:
-                tell_warnings(attempts, progress)
-                raise _too_few(attempts, task.done, settings, collision_mjcf)
     tried.close()
     tell_warnings(attempts, progress)
+    if task.done < settings.successes:
+        raise _too_few(attempts, task.done, settings, collision_mjcf)
     return tuple(attempts)
 
 

@@ -135,12 +135,12 @@ def gaussians(
 
 def _discs(view: DepthView) -> tuple[SplatAsset, np.ndarray]:
     """The view's discs and the footprints (n,) of its strides on the surface there, metres."""
+    normals, usable = _surface(view)
     if view.detailed_share >= 1.0:
-        return _even_discs(view, view.stride_px, view.mask)
+        return _even_discs(view, view.stride_px, normals, usable)
     detailed = _detailed(view.image, view.stride_px, view.detailed_share)
-    mask = np.ones_like(detailed) if view.mask is None else view.mask
-    fine, fine_m = _even_discs(view, view.stride_px, mask & detailed)
-    coarse, coarse_m = _even_discs(view, 2 * view.stride_px, mask & ~detailed)
+    fine, fine_m = _even_discs(view, view.stride_px, normals, usable & detailed)
+    coarse, coarse_m = _even_discs(view, 2 * view.stride_px, normals, usable & ~detailed)
     return fine.concatenated(coarse), np.concatenate([fine_m, coarse_m])
 
 
@@ -161,17 +161,15 @@ def _detailed(image: np.ndarray, stride_px: int, share: float) -> np.ndarray:
     return detailed
 
 
-def _even_discs(view: DepthView, stride: int, mask: np.ndarray | None) -> tuple[SplatAsset, np.ndarray]:
-    """One disc for each ``stride`` square in ``mask``, and the footprints of the view's strides."""
+def _even_discs(
+    view: DepthView, stride: int, normals: np.ndarray, usable: np.ndarray
+) -> tuple[SplatAsset, np.ndarray]:
+    """One disc for each ``usable`` square of ``stride``, and the footprints of the view's strides."""
     camera = view.camera
     rays = camera.rays()
     depth = np.asarray(view.depth, np.float64)
-    normals = _normals(camera, depth)
     squares = (slice(stride // 2, None, stride),) * 2
     image = cv2.blur(np.asarray(view.image, np.float32), (stride, stride))
-    usable = (depth > _NEAREST_M) & (np.linalg.norm(normals, axis=-1) > 0.5)
-    if mask is not None:
-        usable &= mask
     usable = usable[squares]
     ray, z, normal = rays[squares][usable], depth[squares][usable], normals[squares][usable]
 
@@ -207,6 +205,16 @@ def _even_discs(view: DepthView, stride: int, mask: np.ndarray | None) -> tuple[
     return asset, z * (view.stride_px / camera.fx) / facing
 
 
+def _surface(view: DepthView) -> tuple[np.ndarray, np.ndarray]:
+    """Normals (H, W, 3) as ``_normals`` has them, and (H, W) bool where a disc may lie."""
+    depth = np.asarray(view.depth, np.float64)
+    normals = _normals(view.camera, depth)
+    usable = (depth > _NEAREST_M) & (np.linalg.norm(normals, axis=-1) > 0.5)
+    if view.mask is not None:
+        usable &= view.mask
+    return normals, usable
+
+
 def _normals(camera: Camera, depth: np.ndarray) -> np.ndarray:
     """(H, W, 3) float64 unit normals in the camera frame, towards the camera; 0 at the border.
 
@@ -233,12 +241,9 @@ def _footprint_map(view: DepthView) -> np.ndarray:
     """(H, W) metres a stride covers on the surface; infinite where there is no disc."""
     rays = view.camera.rays()
     depth = np.asarray(view.depth, np.float64)
-    normals = _normals(view.camera, depth)
+    normals, usable = _surface(view)
     cosine = np.abs((normals * rays).sum(axis=-1)) / np.linalg.norm(rays, axis=-1)
     footprint_m = depth / view.camera.fx * view.stride_px / np.maximum(cosine, _SMALLEST_COSINE)
-    usable = (depth > _NEAREST_M) & (np.linalg.norm(normals, axis=-1) > 0.5)
-    if view.mask is not None:
-        usable &= view.mask
     return np.where(usable, footprint_m, np.inf)
 
 

@@ -13,6 +13,7 @@ from r2sego_blender.robot.contacts import scene_contacts
 from r2sego_blender.robot.failures import Judge, Reason
 from r2sego_blender.robot.free_floor import free_floor
 from r2sego_blender.robot.mount import CameraMount
+from r2sego_blender.robot.mujoco_warnings import mujoco_warnings
 from r2sego_blender.robot.quality import Meter
 from r2sego_blender.robot.scope import BehaviourScope
 from r2sego_blender.robot.seats import Seat
@@ -168,7 +169,9 @@ def test_a_diverged_simulation_ends_before_it_did(humanoid, composition, judge):
     """MuJoCo puts the robot back at the origin and goes on: none of that is the rollout's."""
     place = humanoid.rest_qpos.copy()
     place[:2] = -0.4, 0.3
-    thrown = simulate(composition, Thrown(composition, place, humanoid.mount, 0.0), judge, 100.0)
+    with mujoco_warnings() as heard:  # else MuJoCo leaves a log where the tests run
+        thrown = simulate(composition, Thrown(composition, place, humanoid.mount, 0.0), judge, 100.0)
+    assert heard
     assert thrown.reason == Reason.NON_FINITE
     assert len(thrown.qpos) == len(thrown.times_s)
     step_s = composition.model.opt.timestep
