@@ -6,7 +6,8 @@ homography, how well the plane agrees with reliable depth nearby (this capture's
 the others saw), and whether it stays clear of space the others saw to be free. The costs are
 aggregated along the image's edges by a guided filter. Where no plane is sure, depth that two
 captures agree on is taken although it matched badly; then a plane that convinces, the
-envelope of the room and, where there is none, the nearest completed depth.
+envelope of the room and, where there is none, the nearest completed depth. What the colours
+of the other captures contradict then moves nearer, patch by patch (``patch_depth``).
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from ..progress import SILENT, Progress
 from ..settings import Settings, StereoSettings
 from .edges import aligned_to_edges
 from .evidence import KnownDepth, collect_votes
+from .patch_depth import ColourView, nearer_depth
 from .planes import RoomPlanes
 from .probable import probable_depth
 from .stereo import DepthMap
@@ -139,6 +141,7 @@ class _View:
     surfaces nearby suggest, with ``votes``."""
 
     camera: Camera
+    colour: ColourView
     grey: np.ndarray
     known: np.ndarray
     probable: np.ndarray
@@ -152,7 +155,8 @@ class _View:
         mode, votes, own = aligned_to_edges(image, trusted.depth, depth_map.normal, camera)
         fattened = (trusted.depth > 0) & (votes > _OUTVOTED * own)
         known = np.where(fattened, mode, trusted.depth)
-        return _View(camera, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), known, probable, mode, votes)
+        colour, grey = ColourView(camera, image, known), cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+        return _View(camera, colour, grey, known, probable, mode, votes)
 
 
 def _completed(
@@ -195,7 +199,10 @@ def _completed(
         (on_envelope, bound, DepthSource.ENVELOPE),
     ):
         depth[mask], source[mask] = values[mask], kind
-    return CompletedDepth(_filled(depth, observed), source, view.camera)
+    depth = _filled(depth, observed)
+    nearer = nearer_depth(view.colour, [other.colour for other, _, _ in others], depth)
+    depth[nearer > 0], source[nearer > 0] = nearer[nearer > 0], DepthSource.PLANE
+    return CompletedDepth(depth, source, view.camera)
 
 
 def overlapping(index: int, views: Sequence[Any], count: int) -> list[Any]:
