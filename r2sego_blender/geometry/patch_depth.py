@@ -86,12 +86,13 @@ def nearer_depth(view: ColourView, others: Sequence[ColourView], depth: np.ndarr
     tried = nearest_m * np.exp(_DEPTH_STEP * np.arange(steps))
 
     evidence = _Evidence(view, others, asked, patches, area)
-    staying, stays_seen = evidence.against(depth[asked], np.ones(1))
+    staying, stays_seen = evidence.against(depth[asked], np.ones(1), np.full(count, np.inf))
     staying = np.where(stays_seen >= _FEWEST_VIEWS, staying, 0.0)
-    moving, seen = evidence.against(np.ones(asked.sum()), tried)
+    farthest_m = present * (1 - _LEAST_NEARER)
+    moving, seen = evidence.against(np.ones(asked.sum()), tried, farthest_m)
     unseen = seen < np.maximum(_FEWEST_VIEWS, _KEPT_VIEWS * stays_seen)
     moving += _MOVED + np.where(unseen, _UNSEEN, 0.0)
-    moving[tried[:, None] > present * (1 - _LEAST_NEARER)] = _NEVER
+    moving[tried[:, None] > farthest_m] = _NEVER
 
     costs = np.concatenate([moving, staying]) * area
     start, end, neighbour, weight = _borders(patches, view.colours)
@@ -112,16 +113,20 @@ class _Evidence:
     patches: np.ndarray
     area: np.ndarray
 
-    def against(self, depth: np.ndarray, factors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def against(
+        self, depth: np.ndarray, factors: np.ndarray, largest: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """(L, P) cost of each patch when its asked pixels have ``depth`` (M,) times each of
         ``factors`` (L,), 0 and up, and (L, P) how many captures see it there.
+
+        Factors above a patch's ``largest`` (P,) are not looked at: as if nobody saw it there.
 
         The better half of those counts: the others may see something that stands before it.
         """
         pixels, rays = self.view.colours[self.asked], self.view.camera.rays()[self.asked]
         compared = [
             _compared(
-                pixels, rays * depth[:, None], self.patches[self.asked], len(self.area), factors,
+                pixels, rays * depth[:, None], self.patches[self.asked], factors, largest,
                 other.camera.camera_from_world @ self.view.camera.world_from_camera,
                 np.array([other.camera.fx, other.camera.fy, other.camera.cx, other.camera.cy]),
                 other.colours, other.known, _FULL_DIFFERENCE, _FREE_MARGIN,
@@ -171,27 +176,20 @@ def _between(first, second, share):
 
 @parallel_kernel
 def _compared(
-    colours,
-    points,
-    patches,
-    count,
-    factors,
-    pose,
-    lens,
-    other_colours,
-    other_known,
-    full_difference,
+    colours, points, patches, factors, largest, pose, lens, other_colours, other_known, full_difference,
     free_margin,
-):
+):  # fmt: skip
     """(L, P) sums over the pixels of each patch, for each factor of their ``points``: the difference
     of the colours in [0, 1], how many the other capture sees, and how often it sees through them."""
     height, width = other_known.shape
-    difference = np.zeros((len(factors), count))
-    seen = np.zeros((len(factors), count))
-    through = np.zeros((len(factors), count))
+    difference = np.zeros((len(factors), len(largest)))
+    seen = np.zeros((len(factors), len(largest)))
+    through = np.zeros((len(factors), len(largest)))
     for row in prange(len(factors)):
         for p in range(len(patches)):
             patch = patches[p]
+            if factors[row] > largest[patch]:
+                continue
             x, y, z = points[p, 0] * factors[row], points[p, 1] * factors[row], points[p, 2] * factors[row]
             depth = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
             if depth <= 1e-3:

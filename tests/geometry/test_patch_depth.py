@@ -113,18 +113,19 @@ def test_the_comparison_is_as_a_plain_one(seen, others):
     rows, columns = rng.integers(0, HEIGHT_PX, 400), rng.integers(0, WIDTH_PX, 400)
     points = view.camera.rays()[rows, columns] * rng.uniform(1.0, 4.0, 400)[:, None]
     colours, patches = view.colours[rows, columns], rng.integers(0, 9, 400)
-    factors = np.array([0.5, 0.9, 1.3])
+    factors, largest = np.array([0.5, 0.9, 1.3]), np.where(np.arange(9) < 4, np.inf, 1.0)
     relative = other.camera.camera_from_world @ view.camera.world_from_camera
     lens = np.array([other.camera.fx, other.camera.fy, other.camera.cx, other.camera.cy])
     sums = module._compared(
-        colours, points, patches, 9, factors, relative, lens, other.colours, other.known, 25.0, 0.04
+        colours, points, patches, factors, largest, relative, lens, other.colours, other.known, 25.0, 0.04
     )
     plain = np.zeros((3, len(factors), 9))
     for row, factor in enumerate(factors):
         local = points * factor @ relative[:3, :3].T + relative[:3, 3]
         pixels = local[:, :2] / local[:, 2:] * lens[:2] + lens[2:] - 0.5
         for (u, v), depth, colour, patch in zip(pixels, local[:, 2], colours, patches, strict=True):
-            if not (0 <= u < WIDTH_PX - 1 and 0 <= v < HEIGHT_PX - 1):
+            inside = 0 <= u < WIDTH_PX - 1 and 0 <= v < HEIGHT_PX - 1
+            if factor > largest[patch] or not inside:
                 continue
             known = other.known[round(np.floor(v + 0.5)), round(np.floor(u + 0.5))]
             if 0 < known < 0.96 * depth:
