@@ -17,7 +17,7 @@ _, ZIP, BUNDLE, ENGINE, NAME = sys.argv[sys.argv.index("--") + 1 :]
 VIEW_ANGLES_RAD = (0.85, 0.0, -0.45)
 VIEW_CENTRE_M = (2.3, 0.3, 0.6)
 VIEW_DISTANCE_M = 8.2
-WIPE_CAMERA, WIPE = "Target 02", 0.33
+WIPE_CAMERA, WIPE = "Target 00", 0.33
 CAMERA_ZOOM = 6.0
 SETTLED_S = 1.0
 
