@@ -17,7 +17,7 @@ from ..cameras import Camera
 from ..errors import GeometryError
 from .bundle import Bundle, CapturedView
 from .materials import plain_material
-from .meshes import mesh_from_arrays
+from .meshes import arrays_from_mesh, mesh_from_arrays
 from .object_masks import load_masks, mask_images, read_mask
 from .outliner import find_collection, fresh_collection
 from .placement import Fit, MaskWindow, fit_of, mask_window, points_on_object, surface_samples
@@ -148,13 +148,7 @@ def placement_of(bundle: Bundle, shown: bpy.types.Object) -> Placement:
     for view in (views[k] for k in chosen):
         depth = _known_depth(bundle, view)
         windows.append(mask_window(view.name, view.camera, masks[view.name], depth))
-    mesh = shown.data
-    mesh.calc_loop_triangles()
-    vertices = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get("co", vertices)
-    faces = np.empty(3 * len(mesh.loop_triangles), np.int32)
-    mesh.loop_triangles.foreach_get("vertices", faces)
-    vertices, faces = vertices.reshape(-1, 3), faces.reshape(-1, 3)
+    vertices, faces = arrays_from_mesh(shown.data)
     return Placement(
         surface_samples(vertices, faces), BVHTree.FromPolygons(vertices.tolist(), faces.tolist()),
         tuple(window for window in windows if window is not None),

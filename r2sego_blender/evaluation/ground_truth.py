@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arrays import opened_arrays
+from ..arrays import opened_arrays, save_arrays
 from ..cameras import Camera
 from ..captures.cameras_json import read_cameras_json
 from ..captures.photographs import Photograph, captures_of
@@ -87,6 +87,19 @@ def load_ground_truth(folder: Path) -> GroundTruth:
     vertices, faces, instances, names = _surface(folder / TRUE_MESH)
     views = _views(photographs, cameras, folder / "depth", len(names))
     return GroundTruth(views, vertices, faces, instances, names)
+
+
+def save_ground_truth(truth: GroundTruth, folder: Path) -> None:
+    """Write ``depth/*.npz`` and ``room.npz`` into a scene folder, as ``load_ground_truth`` reads them.
+
+    Its ``cameras.json`` must name a photograph for each of the views.
+    """
+    (folder / "depth").mkdir(exist_ok=True)
+    for view in truth.views:
+        save_arrays(folder / "depth" / f"{view.name}.npz", z=view.depth, ids=view.ids)
+    save_arrays(
+        folder / TRUE_MESH, V=truth.vertices, F=truth.faces, I=truth.instances, names=np.array(truth.names)
+    )
 
 
 def load_true_mesh(file: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -31,7 +31,7 @@ from ..images import resize
 from ..progress import SILENT, Progress
 from ..settings import Settings, StereoSettings
 from .edges import aligned_to_edges
-from .evidence import KnownDepth, collect_votes
+from .evidence import FREE_MARGIN, KnownDepth, collect_votes
 from .patch_depth import ColourView, nearer_depth
 from .planes import RoomPlanes
 from .probable import probable_depth
@@ -82,7 +82,6 @@ _AGREEMENT_WEIGHT = 0.8  # of the disagreement with reliable depth, in [0, 1]
 _NO_EVIDENCE = 0.6  # the disagreement assumed where there is no reliable depth
 _AGREEMENT_SCALE = 0.03  # relative depth difference of full disagreement
 _CONTRADICTION = 0.5  # cost of each capture that saw through the plane
-_FREE_MARGIN = 0.04  # relative depth beyond which another capture saw through a point
 _OUT_OF_VIEW = 2.0  # cost of a plane that cannot be seen at a pixel
 _CONVINCING = 1.0  # aggregated cost below which a plane is taken
 _SURE = 0.7  # aggregated cost above which probable depth is likelier than a plane
@@ -127,7 +126,7 @@ def trusted_depth(depth_maps: Sequence[DepthMap], settings: StereoSettings) -> t
     for i, view in enumerate(reliable):
         seen = view.depth > 0
         points = view.camera.unproject(view.depth)[seen]
-        votes = collect_votes(points, [v for j, v in enumerate(reliable) if j != i], _FREE_MARGIN)
+        votes = collect_votes(points, [v for j, v in enumerate(reliable) if j != i], FREE_MARGIN)
         depth = view.depth.copy()
         depth[seen] = np.where(2 * votes.through < np.maximum(votes.agree, 1), depth[seen], 0)
         trusted.append(KnownDepth(view.camera, depth))
@@ -135,15 +134,12 @@ def trusted_depth(depth_maps: Sequence[DepthMap], settings: StereoSettings) -> t
 
 
 @dataclass(frozen=True)
-class _View:
+class _View(ColourView):
     """A capture at the size of its depth map: ``known`` is its trusted depth aligned to the
     image's edges, 0 elsewhere; ``probable`` its probable depth elsewhere; ``likely`` what its
     surfaces nearby suggest, with ``votes``."""
 
-    camera: Camera
-    colour: ColourView
     grey: np.ndarray
-    known: np.ndarray
     probable: np.ndarray
     likely: np.ndarray
     votes: np.ndarray
@@ -155,8 +151,7 @@ class _View:
         mode, votes, own = aligned_to_edges(image, trusted.depth, depth_map.normal, camera)
         fattened = (trusted.depth > 0) & (votes > _OUTVOTED * own)
         known = np.where(fattened, mode, trusted.depth)
-        colour, grey = ColourView(camera, image, known), cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
-        return _View(camera, colour, grey, known, probable, mode, votes)
+        return _View(camera, image, known, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), probable, mode, votes)
 
 
 def _completed(
@@ -200,8 +195,9 @@ def _completed(
     ):
         depth[mask], source[mask] = values[mask], kind
     depth = _filled(depth, observed)
-    nearer = nearer_depth(view.colour, [other.colour for other, _, _ in others], depth)
-    depth[nearer > 0], source[nearer > 0] = nearer[nearer > 0], DepthSource.PLANE
+    nearer = nearer_depth(view, [other for other, _, _ in others], depth)
+    moved = nearer > 0
+    depth[moved], source[moved] = nearer[moved], DepthSource.PLANE
     return CompletedDepth(depth, source, view.camera)
 
 
@@ -264,8 +260,8 @@ def _plane_cost(view, moments, others, depth, row, anchor):
         known = cv2.warpPerspective(other.known, homography, flags=exact, borderValue=0, **warp)
         reached = depth * slope + shift
         there = (grey >= 0) & (reached > 0)
-        occluded = (known > 0) & (known < reached * (1 - _FREE_MARGIN))
-        contradictions += there & (known > reached * (1 + _FREE_MARGIN))
+        occluded = (known > 0) & (known < reached * (1 - FREE_MARGIN))
+        contradictions += there & (known > reached * (1 + FREE_MARGIN))
         cost = 1 - _correlation(view.grey, mean, variance, np.maximum(grey, 0))
         cost = np.where(there & ~occluded, np.clip(cost, 0, 1), np.float32(np.inf))
         second = np.minimum(second, np.maximum(first, cost))

@@ -15,6 +15,9 @@ import numpy as np
 from ..cameras import Camera
 from ..compiled import inlined, parallel_kernel, prange
 
+FREE_MARGIN = 0.04
+"""Relative depth beyond which a capture sees through a point."""
+
 
 @dataclass(frozen=True)
 class KnownDepth:

@@ -20,6 +20,7 @@ from scipy import ndimage
 
 from ..cameras import Camera
 from ..compiled import inlined, kernel, parallel_kernel, prange
+from .evidence import FREE_MARGIN
 from .superpixels import superpixels
 
 _PATCH_PX = 7
@@ -35,7 +36,6 @@ _FAR_M = 1e3  # of a patch without any depth
 
 _FULL_DIFFERENCE = 25.0  # CIELAB: a pixel of another thing
 _SEEN_THROUGH = 0.5  # cost of each capture whose trusted depth lies behind
-_FREE_MARGIN = 0.04  # relative depth that counts as before or behind another
 _MOVED = 0.2  # cost of moving at all: what the photographs do not tell apart stays
 _FEWEST_VIEWS = 2  # less say nothing of a depth
 _KEPT_VIEWS = 0.7  # share of the captures that see the present depth, which must see the new one
@@ -85,7 +85,9 @@ def nearer_depth(view: ColourView, others: Sequence[ColourView], depth: np.ndarr
     steps = int(np.log(depth[asked].max() / nearest_m) / _DEPTH_STEP) + 1
     tried = nearest_m * np.exp(_DEPTH_STEP * np.arange(steps))
 
-    evidence = _Evidence(view, others, asked, patches, area)
+    evidence = _Evidence(
+        view.camera, view.colours[asked], view.camera.rays()[asked], patches[asked], area, others
+    )
     staying, stays_seen = evidence.against(depth[asked], np.ones(1), np.full(count, np.inf))
     staying = np.where(stays_seen >= _FEWEST_VIEWS, staying, 0.0)
     farthest_m = present * (1 - _LEAST_NEARER)
@@ -105,31 +107,32 @@ def nearer_depth(view: ColourView, others: Sequence[ColourView], depth: np.ndarr
 
 @dataclass(frozen=True)
 class _Evidence:
-    """What other captures say against depths of a view's patches."""
+    """What the ``others`` say against depths of a camera's patches: of its M asked pixels the
+    ``colours`` and ``rays`` (M, 3) and the ``patches`` (M,), and how many each patch has, ``area`` (P,)."""
 
-    view: ColourView
-    others: Sequence[ColourView]
-    asked: np.ndarray
+    camera: Camera
+    colours: np.ndarray
+    rays: np.ndarray
     patches: np.ndarray
     area: np.ndarray
+    others: Sequence[ColourView]
 
     def against(
         self, depth: np.ndarray, factors: np.ndarray, largest: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """(L, P) cost of each patch when its asked pixels have ``depth`` (M,) times each of
+        """(L, P) cost of each patch when its pixels have ``depth`` (M,) times each of
         ``factors`` (L,), 0 and up, and (L, P) how many captures see it there.
 
-        Factors above a patch's ``largest`` (P,) are not looked at: as if nobody saw it there.
-
         The better half of those counts: the others may see something that stands before it.
+        Factors above a patch's ``largest`` (P,) are not looked at: as if nobody saw it there.
         """
-        pixels, rays = self.view.colours[self.asked], self.view.camera.rays()[self.asked]
+        points = self.rays * depth[:, None]
         compared = [
             _compared(
-                pixels, rays * depth[:, None], self.patches[self.asked], factors, largest,
-                other.camera.camera_from_world @ self.view.camera.world_from_camera,
+                self.colours, points, self.patches, factors, largest,
+                other.camera.camera_from_world @ self.camera.world_from_camera,
                 np.array([other.camera.fx, other.camera.fy, other.camera.cx, other.camera.cy]),
-                other.colours, other.known, _FULL_DIFFERENCE, _FREE_MARGIN,
+                other.colours, other.known, _FULL_DIFFERENCE, FREE_MARGIN,
             )
             for other in self.others
         ]  # fmt: skip

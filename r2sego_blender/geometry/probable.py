@@ -14,10 +14,8 @@ import numpy as np
 
 from ..settings import StereoSettings
 from .consistency import support
-from .evidence import KnownDepth, collect_votes
+from .evidence import FREE_MARGIN, KnownDepth, collect_votes
 from .stereo import DepthMap
-
-_FREE_MARGIN = 0.04  # relative depth beyond which a capture sees through a point
 
 
 def probable_depth(
@@ -38,7 +36,7 @@ def probable_depth(
         agreed = (count > 0) & (view.depth == 0)
         points = depth_map.camera.unproject(depth_map.depth)[agreed]
         others = [other for j, other in enumerate(trusted) if j != i]
-        agreed[agreed] = collect_votes(points, others, _FREE_MARGIN).through == 0
+        agreed[agreed] = collect_votes(points, others, FREE_MARGIN).through == 0
         _, patch, sizes, _ = cv2.connectedComponentsWithStats(agreed.astype(np.uint8), connectivity=4)
         agreed &= sizes[patch, cv2.CC_STAT_AREA] >= settings.min_segment_share * agreed.size
         probable.append(np.where(agreed, depth_map.depth, 0).astype(np.float32))

@@ -11,7 +11,7 @@ from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.cameras_json import save_cameras_json
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.errors import CaptureError, EvaluationError
-from r2sego_blender.evaluation.ground_truth import load_ground_truth
+from r2sego_blender.evaluation.ground_truth import load_ground_truth, save_ground_truth
 from r2sego_blender.geometry.rasterizer import MeshRasterizer
 from r2sego_blender.images import save_image
 
@@ -45,6 +45,21 @@ def scene(tmp_path) -> Path:
 def spoil(file: Path, **changes: object) -> None:
     data = dict(np.load(file)) | changes
     np.savez(file, **{key: value for key, value in data.items() if value is not None})
+
+
+def test_what_was_written_is_read_again(scene):
+    before = load_ground_truth(scene)
+    for file in ("room.npz", "depth/view0.npz", "depth/view1.npz", "depth/view2.npz"):
+        (scene / file).unlink()
+    save_ground_truth(before, scene)
+    after = load_ground_truth(scene)
+    assert after.names == before.names
+    for name in ("vertices", "faces", "instances"):
+        np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
+    for a, b in zip(after.views, before.views, strict=True):
+        assert a.name == b.name
+        np.testing.assert_array_equal(a.depth, b.depth)
+        np.testing.assert_array_equal(a.ids, b.ids)
 
 
 def test_what_the_captures_see_lies_on_the_surface(scene):
