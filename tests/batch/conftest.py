@@ -1,6 +1,5 @@
 import os
 import sys
-import tempfile
 from pathlib import Path
 
 import pytest
@@ -16,7 +15,6 @@ def bundle_path(tmp_path):
 
 
 @pytest.fixture(scope="session")
-def blender_environment():
+def blender_environment(tmp_path_factory):
     """The environment of a Blender whose own files go to a new folder."""
-    folder = tempfile.mkdtemp(prefix="r2sego-blender-user-")
-    return {**os.environ, "BLENDER_USER_RESOURCES": folder}
+    return {**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path_factory.mktemp("blender_user"))}

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-os.environ.setdefault("BLENDER_USER_RESOURCES", tempfile.mkdtemp(prefix="r2sego-blender-user-"))
+_own_files = tempfile.TemporaryDirectory(prefix="r2sego-blender-user-")  # goes when the tests end
+os.environ.setdefault("BLENDER_USER_RESOURCES", _own_files.name)
 sys.path.insert(0, str(Path(__file__).parent))
 
 

@@ -1,5 +1,6 @@
 """What holds of the room Engine, checked inside Blender."""
 
+import contextlib
 import importlib.util
 import os
 import shutil
@@ -360,7 +361,8 @@ def check_an_engine_is_set_up_from_a_folder_of_wheels():
     """The folder lacks the packages: the failure is told, and what was begun stays for another try."""
     wheels = OUT.parent / "wheels"
     wheels.mkdir(exist_ok=True)
-    said = refused(bpy.ops.r2sego.set_up_engine, wheels=str(wheels))
+    with disk_needed_mb(0):
+        said = refused(bpy.ops.r2sego.set_up_engine, wheels=str(wheels))
     if importlib.util.find_spec("ensurepip") is None:  # Debian without python3-venv
         assert "an environment cannot be made here" in said and "python3-venv" in said, said
     else:
@@ -368,6 +370,23 @@ def check_an_engine_is_set_up_from_a_folder_of_wheels():
     assert preferences().engine_python == str(ENGINE)
     (end,) = bpy.context.window_manager.r2sego_engine.ended
     assert (end.title, end.level) == ("Set Up Engine", "ERROR")
+
+
+def check_a_disk_without_room_for_the_engine_is_told():
+    with disk_needed_mb(10**12):
+        said = refused(bpy.ops.r2sego.set_up_engine, wheels=str(OUT.parent))
+    assert "MB left" in said and f"{10**12} MB are needed" in said, said
+
+
+@contextlib.contextmanager
+def disk_needed_mb(needed_mb):
+    """The engine asks for so much room meanwhile; what is free here is not the checks' matter."""
+    set_up = sys.modules[f"{MODULE}.operators.engine.set_up_engine"]
+    before, set_up.REQUIRED_MB = set_up.REQUIRED_MB, needed_mb
+    try:
+        yield
+    finally:
+        set_up.REQUIRED_MB = before
 
 
 def check_a_preview_picture_is_read_once_and_again_when_it_changes():
