@@ -19,6 +19,7 @@ from bpy.props import (
 )
 
 from ..r2sego_blender.bridge.bundle import Bundle
+from ..r2sego_blender.bridge.moved_bundle import found_again, turn_to, way_from
 from ..r2sego_blender.bridge.settings_properties import settings_group, show_settings
 from ..r2sego_blender.errors import R2SEgoError, SceneError
 from ..r2sego_blender.settings import PRESETS
@@ -72,6 +73,7 @@ class R2SEGO_PG_scene(bpy.types.PropertyGroup):
     bundle: StringProperty(
         name="Bundle", description="The scene bundle (.r2s folder) shown here", subtype="DIR_PATH"
     )
+    way_to_bundle: StringProperty(description="The bundle's place as seen from the saved .blend")
     preset: EnumProperty(
         name="Preset", description="Named settings of the refinement",
         items=[(name, name.capitalize(), _PRESET_DOCS.get(name, name)) for name in PRESETS],
@@ -151,9 +153,22 @@ def refresh(scene: bpy.types.Scene) -> None:
 
 
 @bpy.app.handlers.persistent
-def _read_again(_file: str) -> None:
+def _note_way(file: str) -> None:
+    """A .blend about to be saved also knows its bundle from where it lies itself: both may be moved."""
+    for scene in bpy.data.scenes:
+        name = bundle_name(scene)
+        scene.r2sego.way_to_bundle = way_from(file, name) if name else ""
+
+
+@bpy.app.handlers.persistent
+def _read_again(file: str) -> None:
     """A .blend knows its bundle; what is cached of it may be older than the bundle."""
     for scene in bpy.data.scenes:
+        before = bundle_name(scene)
+        now = found_again(file, before, scene.r2sego.way_to_bundle)
+        if now is not None:
+            turn_to(now, before)
+            scene.r2sego.bundle = str(now)
         refresh(scene)
 
 
@@ -212,12 +227,14 @@ def register() -> None:
         bpy.utils.register_class(cls)
     bpy.types.Scene.r2sego = PointerProperty(type=R2SEGO_PG_scene)
     bpy.types.WindowManager.r2sego_job = PointerProperty(type=R2SEGO_PG_job)
+    bpy.app.handlers.save_pre.append(_note_way)
     bpy.app.handlers.load_post.append(_read_again)
 
 
 def unregister() -> None:
     """Take them away again."""
     bpy.app.handlers.load_post.remove(_read_again)
+    bpy.app.handlers.save_pre.remove(_note_way)
     del bpy.types.WindowManager.r2sego_job
     del bpy.types.Scene.r2sego
     for cls in reversed(_CLASSES):

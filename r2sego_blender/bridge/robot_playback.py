@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import R2SEgoError
 from .bundle import Bundle
 from .cameras import object_pose
+from .moved_bundle import BUNDLE_MARK
 from .rollout_bodies import RobotBodies
 from .rollout_list import camera_poses
 
@@ -52,7 +53,7 @@ class Recording:
         return max((len(poses) for poses in self.poses.values()), default=1) - 1
 
 
-_recordings: dict[str, Recording | None] = {}
+_recordings: dict[tuple[str, str], Recording | None] = {}
 
 
 def mark(shown: bpy.types.Object, number: int, body: int) -> None:
@@ -64,12 +65,10 @@ def play(
     collection: bpy.types.Collection, bundle: Bundle, round_index: int, digest: str, recording: Recording
 ) -> None:
     """Have the collection's marked objects follow the timeline from now on."""
-    told = {
-        "bundle": str(bundle.path), "round": round_index, "rollouts": [*recording.poses], "digest": digest,
-    }  # fmt: skip
-    collection[_RECORDING] = json.dumps(told)
+    told = {"round": round_index, "rollouts": [*recording.poses], "digest": digest}
+    collection[BUNDLE_MARK], collection[_RECORDING] = str(bundle.path), json.dumps(told)
     _recordings.clear()
-    _recordings[collection[_RECORDING]] = recording
+    _recordings[_key(collection)] = recording
 
 
 def shown_rollouts(collection: bpy.types.Collection | None) -> tuple[int, tuple[int, ...], str] | None:
@@ -83,7 +82,7 @@ def shown_rollouts(collection: bpy.types.Collection | None) -> tuple[int, tuple[
 
 def place(collection: bpy.types.Collection, frame: int) -> None:
     """Set every marked object's place at ``frame``; a rollout that has ended stays at its end."""
-    recording = _recording(collection[_RECORDING])
+    recording = _recording(collection)
     if recording is None:
         return
     objects = collection.objects
@@ -138,16 +137,21 @@ def _playing(scene: bpy.types.Scene) -> Iterator[bpy.types.Collection]:
             yield collection
 
 
-def _recording(told: str) -> Recording | None:
+def _key(collection: bpy.types.Collection) -> tuple[str, str]:
+    return collection.get(BUNDLE_MARK, ""), collection[_RECORDING]
+
+
+def _recording(collection: bpy.types.Collection) -> Recording | None:
     """The recording a collection tells of; None, once and for all, where it is not there any more."""
-    if told not in _recordings:
+    key = _key(collection)
+    if key not in _recordings:
         try:
-            where = json.loads(told)
-            bundle = Bundle.open(where["bundle"])
+            path, where = key[0], json.loads(key[1])
+            bundle = Bundle.open(path)
             bodies = RobotBodies.load(bundle, where["round"])
             is_same = bodies.digest == where["digest"]
             numbers = tuple(where["rollouts"])
-            _recordings[told] = Recording.read(bundle, where["round"], numbers, bodies) if is_same else None
+            _recordings[key] = Recording.read(bundle, where["round"], numbers, bodies) if is_same else None
         except (R2SEgoError, ValueError, KeyError, TypeError):
-            _recordings[told] = None
-    return _recordings[told]
+            _recordings[key] = None
+    return _recordings[key]

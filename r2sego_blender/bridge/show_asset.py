@@ -10,6 +10,7 @@ import numpy as np
 from ..asset_stages import Stage
 from .bundle import Bundle
 from .meshes import add_attribute, add_colours, mesh_from_arrays, read_attribute
+from .moved_bundle import BUNDLE_MARK
 from .outliner import fresh_collection
 from .splat_ply import read_stage
 
@@ -17,7 +18,7 @@ MARKED = "marked"
 """The attribute of the vertices that are to be deleted."""
 
 _PART = "Asset"
-_STAGE, _BUNDLE, _MADE = "r2sego_stage", "r2sego_bundle", "r2sego_made"
+_STAGE, _MADE = "r2sego_stage", "r2sego_made"
 _COLOUR, _RADIUS, _OPACITY, _BACKDROP = "colour", "radius_m", "opacity", "backdrop"
 _NO_TRIANGLES = np.empty((0, 3), np.int32)
 
@@ -52,7 +53,7 @@ def show_asset(scene: bpy.types.Scene, bundle: Bundle, stage: Stage) -> bpy.type
     add_attribute(mesh, _BACKDROP, splats.backdrop, "POINT")
     add_attribute(mesh, MARKED, np.zeros(len(splats), bool), "POINT")
     created = bpy.data.objects.new(mesh.name, mesh)
-    created[_STAGE], created[_BUNDLE] = stage.name, str(bundle.path)
+    created[_STAGE], created[BUNDLE_MARK] = stage.name, str(bundle.path)
     created[_MADE] = _made(stage)
     # The preview draws the splats; Blender's own points would hide it and are slow to draw.
     created.display_type = "BOUNDS"
@@ -68,7 +69,7 @@ def shown_stage(candidate: bpy.types.Object | None) -> str:
 
 def shows_bundle(candidate: bpy.types.Object, bundle: Bundle) -> bool:
     """Whether an object made by ``show_asset`` shows an asset of this bundle."""
-    return candidate.get(_BUNDLE) == str(bundle.path)
+    return candidate.get(BUNDLE_MARK) == str(bundle.path)
 
 
 def is_current(candidate: bpy.types.Object, stage: Stage) -> bool:

@@ -2,12 +2,13 @@
 
 import importlib
 import json
+import shutil
 import sys
 import threading
 from pathlib import Path
 
 import bpy
-from support import MODULE, copied_bundle, refused, state
+from support import MODULE, OUT, copied_bundle, refused, state
 
 
 def operators():
@@ -64,6 +65,44 @@ def check_a_bundle_that_is_gone_is_told_in_one_sentence():
     assert state().problem == f"{copy}: {sentence}", state().problem
     assert bpy.ops.r2sego.open_scene(directory=str(away)) == {"FINISHED"}
     assert state().problem == "" and bpy.ops.r2sego.show_asset() == {"FINISHED"}
+
+
+def check_a_bundle_moved_together_with_its_blend_is_found_again():
+    """With all that is shown of it: pictures, the asset, a rollout on the timeline."""
+    together = OUT.parent / "together"
+    shutil.rmtree(together, ignore_errors=True)
+    shutil.copytree(copied_bundle(), together / "scenes" / "room.r2s")
+    bpy.ops.r2sego.open_scene(directory=str(together / "scenes" / "room.r2s"))
+    bpy.ops.wm.save_as_mainfile(filepath=str(together / "room.blend"))
+    bpy.ops.r2sego.import_captures()  # a file's first save makes paths relative: these stay whole
+    bpy.ops.r2sego.show_asset()
+    bpy.ops.r2sego.show_rollout(round_index=0, attempt=0)
+    bpy.context.scene.frame_set(5)
+    placed = places_of_bodies()
+    bpy.ops.wm.save_as_mainfile(filepath=str(together / "room.blend"))
+    moved = together.rename(together.with_name("moved"))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.wm.open_mainfile(filepath=str(moved / "room.blend"))
+    now = moved / "scenes" / "room.r2s"
+    assert (state().bundle, state().problem) == (str(now), "")
+    assert bpy.ops.r2sego.refresh_scene() == {"FINISHED"}
+    shown = bpy.context.scene.r2sego_asset.shown
+    assert shown is not None and shown["r2sego_bundle"] == str(now)
+    photographs = [image for image in bpy.data.images if "captures" in image.filepath]
+    assert len(photographs) == 3 and all(image.has_data or image.size[0] for image in photographs)
+    assert all(image.filepath.startswith(str(now)) for image in photographs)
+    bpy.context.scene.frame_set(0)
+    assert places_of_bodies() != placed
+    bpy.context.scene.frame_set(5)
+    assert places_of_bodies() == placed
+    shutil.rmtree(moved)
+
+
+def places_of_bodies():
+    """Where the shown robot's bodies stand."""
+    return {
+        body.name: tuple(body.matrix_world.translation) for body in bpy.data.objects if "r2sego_body" in body
+    }
 
 
 def check_a_file_that_fails_is_told_in_one_sentence():

@@ -1,0 +1,45 @@
+"""A bundle that moved together with the .blend that shows it is found again beside it.
+
+What is shown in a .blend names its bundle by the whole path, on objects and collections
+(``BUNDLE_MARK``) and in pictures' files; moved, all of them are turned to the new place.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import bpy
+
+BUNDLE_MARK = "r2sego_bundle"
+"""The custom property with the path of the bundle that an object or a collection was made from."""
+
+
+def way_from(blend: str, bundle: str) -> str:
+    """The relative path from a .blend's folder to a bundle; '' where there is none (two drives)."""
+    try:
+        return os.path.relpath(bundle, Path(blend).parent)
+    except ValueError:
+        return ""
+
+
+def found_again(blend: str, bundle: str, way: str) -> Path | None:
+    """Where a bundle is that is no longer at ``bundle``, and was at ``way`` when ``blend`` was saved.
+
+    None where it never moved, or is not there either.
+    """
+    if not (blend and way) or Path(bundle).is_dir():
+        return None
+    place = Path(os.path.normpath(Path(blend).parent / way))
+    return place if place.is_dir() else None
+
+
+def turn_to(now: Path, before: str) -> None:
+    """All that this file shows of the bundle at ``before`` is of the one at ``now`` from here on."""
+    for block in (*bpy.data.objects, *bpy.data.collections):
+        if block.get(BUNDLE_MARK) == before:
+            block[BUNDLE_MARK] = str(now)
+    for image in bpy.data.images:
+        file = Path(bpy.path.abspath(image.filepath))
+        if image.filepath and file.is_relative_to(before):
+            image.filepath = str(now / file.relative_to(before))  # Blender reads it from there
