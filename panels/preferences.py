@@ -1,13 +1,21 @@
-"""The add-on's preferences: which Python runs the engine."""
+"""The add-on's preferences: which Python runs the engine, and how much is drawn."""
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import IntProperty, StringProperty
+
+from ..r2sego_blender.bridge.light_drawing import draw_fewer_faces
+from ..r2sego_blender.bridge.show_proxy import shown_proxies
 
 ROOT = __package__.rpartition(".")[0]
 
 
+def _draw_so_many(preferences, context):
+    for shown in shown_proxies():
+        draw_fewer_faces(shown, preferences.drawn_faces)
+
+
 class R2SEGO_AP_preferences(bpy.types.AddonPreferences):
-    """Which Python runs the engine"""
+    """Which Python runs the engine, and how much is drawn"""
 
     bl_idname = ROOT
 
@@ -17,6 +25,10 @@ class R2SEGO_AP_preferences(bpy.types.AddonPreferences):
         "empty = the variable R2SEGO_PYTHON",
     )  # fmt: skip
     engine_found: StringProperty(options={"SKIP_SAVE"})
+    drawn_faces: IntProperty(
+        name="Proxy Faces Drawn", default=0, min=0, soft_max=200_000, step=1000, update=_draw_so_many,
+        description="The most faces of a geometry proxy that 3D views draw outside Edit Mode; 0 = all",
+    )  # fmt: skip
 
     def draw(self, context):
         layout = self.layout
@@ -25,6 +37,11 @@ class R2SEGO_AP_preferences(bpy.types.AddonPreferences):
         row.operator("r2sego.set_up_engine", icon="IMPORT")
         row.operator("r2sego.check_engine", icon="CHECKMARK")
         layout.label(text=self.engine_found or "Not checked yet")
+        layout.separator()
+        layout.prop(self, "drawn_faces")
+        row = layout.row()
+        row.operator("r2sego.draw_faster", icon="SHADING_WIRE")
+        row.label(text="For a Blender without a graphics card")
 
 
 CLASSES = (R2SEGO_AP_preferences,)

@@ -1,5 +1,6 @@
-"""The scene bundle and its refinement."""
+"""The scene bundle, its refinement, and how heavily it is drawn."""
 
+from .draw_faster import R2SEGO_OT_draw_faster
 from .kept_settings import R2SEGO_OT_keep_settings, R2SEGO_OT_load_settings, R2SEGO_OT_remove_settings
 from .new_scene import R2SEGO_OT_new_scene
 from .new_scene_from_files import R2SEGO_FH_captures, R2SEGO_OT_new_scene_from_files
@@ -18,6 +19,7 @@ CLASSES = (
     R2SEGO_OT_keep_settings,
     R2SEGO_OT_load_settings,
     R2SEGO_OT_remove_settings,
+    R2SEGO_OT_draw_faster,
     R2SEGO_FH_scene,
     R2SEGO_FH_captures,
 )

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..geometry.proxy import PROVENANCE_COLOURS, GeometryProxy, Provenance
 from .bundle import Bundle
+from .light_drawing import draw_fewer_faces, drawn_faces
 from .materials import plain_material
 from .meshes import add_attribute, arrays_from_mesh, assign_materials, mesh_from_arrays, read_attribute
 from .outliner import find_collection, fresh_collection
@@ -35,6 +36,7 @@ def show_proxy(scene: bpy.types.Scene, bundle: Bundle, round_index: int) -> bpy.
         add_attribute(mesh, _SEEN, coverage.seen)
         mesh[_VIEWS] = coverage.views
     created = bpy.data.objects.new(mesh.name, mesh)
+    draw_fewer_faces(created, drawn_faces())
     collection.objects.link(created)
     return created
 
@@ -44,6 +46,11 @@ def shown_proxy(scene: bpy.types.Scene, bundle_name: str) -> bpy.types.Object | 
     collection = find_collection(scene, bundle_name, _PART)
     objects = collection.objects if collection is not None else ()
     return next((one for one in objects if one.type == "MESH" and _ROUND in one.data), None)
+
+
+def shown_proxies() -> list[bpy.types.Object]:
+    """All objects of this file that ``show_proxy`` made."""
+    return [one for one in bpy.data.objects if one.type == "MESH" and _ROUND in one.data]
 
 
 def shown_round(shown: bpy.types.Object) -> int:

@@ -4,11 +4,21 @@ import json
 from pathlib import Path
 
 import bpy
-from support import BUNDLE, OUT, calls, conduct, copied_bundle, open_bundle, refused, state
+from support import (
+    BUNDLE,
+    OUT,
+    calls,
+    conduct,
+    copied_bundle,
+    open_bundle,
+    preferences,
+    refused,
+    state,
+)  # fmt: skip
 
 OPERATORS = {
     "new_scene", "new_scene_from_files", "open_scene", "refine", "refresh_scene", "reset_settings",
-    "keep_settings", "load_settings", "remove_settings",
+    "keep_settings", "load_settings", "remove_settings", "draw_faster",
 }  # fmt: skip
 
 
@@ -141,3 +151,30 @@ def check_what_stands_in_the_frame_before_a_correction_is_told():
     assert bpy.ops.r2sego.refresh_scene() == {"FINISHED"}
     facts = {fact.label: fact.value for fact in state().facts if fact.section == "scene"}
     assert facts["Before Correction"] == "round 0: run Refine"
+
+
+def check_drawing_faster_changes_views_and_no_mesh():
+    open_bundle()
+    state().round_index = 0
+    bpy.ops.r2sego.show_proxy()
+    proxy = bpy.data.objects["Proxy, round 0"]
+    faces = len(proxy.data.polygons)
+    assert bpy.ops.r2sego.draw_faster() == {"FINISHED"}
+    system = bpy.context.preferences.system
+    assert system.viewport_aa == "OFF" and not system.use_overlay_smooth_wire
+    views = [area.spaces.active for screen in bpy.data.screens for area in screen.areas
+             if area.type == "VIEW_3D"]  # fmt: skip
+    assert views and not any(view.overlay.show_floor for view in views)
+    assert preferences().drawn_faces == 30_000 > faces and not proxy.modifiers  # nothing to leave out
+    preferences().drawn_faces = faces // 2
+    assert drawn(proxy) < faces == len(proxy.data.polygons)
+    bpy.ops.r2sego.show_proxy()  # anew
+    proxy = bpy.data.objects["Proxy, round 0"]
+    assert drawn(proxy) < faces == len(proxy.data.polygons)
+    preferences().drawn_faces = 0
+    assert drawn(proxy) == faces
+
+
+def drawn(shown):
+    """The faces that views draw of an object."""
+    return len(shown.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.polygons)

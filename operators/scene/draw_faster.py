@@ -1,0 +1,25 @@
+"""Draw the 3D views faster where there is no graphics card."""
+
+import bpy
+
+from ...r2sego_blender.bridge.engine_python import addon_preferences
+from ...r2sego_blender.bridge.light_drawing import FACES_DRAWN, draw_fewer_faces, lighten_views
+from ...r2sego_blender.bridge.show_proxy import shown_proxies
+from ..base import ReportingOperator
+
+
+class R2SEGO_OT_draw_faster(ReportingOperator, bpy.types.Operator):
+    """Without a graphics card: switch smooth edges and the grid off, and draw fewer faces of the proxy"""
+
+    bl_idname = "r2sego.draw_faster"
+    bl_label = "Draw Faster"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def perform(self, context):
+        lighten_views()
+        preferences = addon_preferences()
+        if preferences is not None:
+            preferences.drawn_faces = FACES_DRAWN
+        for shown in shown_proxies():  # a script on a checkout has no preferences
+            draw_fewer_faces(shown, FACES_DRAWN)
+        return f"Smooth edges and grid are off, a proxy is drawn with {FACES_DRAWN} faces at most"

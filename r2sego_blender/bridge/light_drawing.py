@@ -1,0 +1,45 @@
+"""Lighter 3D views, for a Blender that draws without a graphics card."""
+
+from __future__ import annotations
+
+import bpy
+
+from .engine_python import addon_preferences
+
+FACES_DRAWN = 30_000
+"""Of a proxy: more of them cost software more than the pixels they cover."""
+
+_MODIFIER = "Fewer Faces Drawn"
+
+
+def lighten_views() -> None:
+    """Leave out what costs software most: smooth edges and wires, and the grid on the floor."""
+    system = bpy.context.preferences.system
+    system.viewport_aa = "OFF"
+    system.use_overlay_smooth_wire = system.use_edit_mode_smooth_wire = False
+    bpy.context.preferences.is_dirty = True  # so that Blender saves them
+    for screen in bpy.data.screens:
+        for space in (area.spaces.active for area in screen.areas if area.type == "VIEW_3D"):
+            overlay = space.overlay
+            overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = False
+
+
+def drawn_faces() -> int:
+    """How many faces of a proxy the person wants drawn at most, 0 for all."""
+    preferences = addon_preferences()
+    return preferences.drawn_faces if preferences is not None else 0
+
+
+def draw_fewer_faces(shown: bpy.types.Object, most: int) -> None:
+    """Have the views draw about ``most`` faces of a mesh at most, with 0 all of them.
+
+    Edit Mode, renders and whatever reads the mesh have every face.
+    """
+    modifier = shown.modifiers.get(_MODIFIER)
+    if modifier is not None:
+        shown.modifiers.remove(modifier)
+    count = len(shown.data.polygons)
+    if 0 < most < count:
+        modifier = shown.modifiers.new(_MODIFIER, "DECIMATE")
+        modifier.ratio = most / count
+        modifier.show_render = modifier.show_in_editmode = False
