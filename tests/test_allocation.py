@@ -1,6 +1,5 @@
 """RobotProxy as a pure function: of candidates, asset, proxy and settings, and of nothing else."""
 
-import numba
 import numpy as np
 import pytest
 
@@ -55,14 +54,9 @@ def test_targets_are_where_the_asset_lacks_and_the_proxy_has(room):
     assert selection.overlaps.shape == (len(cameras), 2)
 
 
-def test_the_same_arguments_give_the_same_bits_on_one_thread(room):
+def test_the_same_arguments_give_the_same_bits_on_one_thread(room, with_threads):
     first = allocate_views(*room, SETTINGS)
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
-        second = allocate_views(*room, SETTINGS)
-    finally:
-        numba.set_num_threads(before)
+    second = with_threads(1, lambda: allocate_views(*room, SETTINGS))
     assert same(first, second)
 
 

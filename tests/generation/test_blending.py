@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numba
 import numpy as np
 import pytest
 from box_room import arc, lens, proxy, psnr, render, write_captures
@@ -175,19 +174,13 @@ def test_no_foreground_colour_on_the_background(tmp_path, shift_px, erosion_px):
     assert frame.image[background][:, 2].min() > 0.8
 
 
-def test_the_same_bits_for_one_and_two_threads(box_room):
+def test_the_same_bits_for_one_and_two_threads(box_room, with_threads):
     generator = BlendingGenerator(box_room.captures, box_room.depths, SETTINGS)
     condition = box_room.renderer.condition(lens().at(look_at([0.3, -1.2, 1.5], [0.0, 0.5, 0.6])))
-    threads = numba.get_num_threads()
-    frames = []
-    try:
-        for count in {1, threads}:
-            numba.set_num_threads(count)
-            frames.append(generator.blend(condition))
-    finally:
-        numba.set_num_threads(threads)
-    np.testing.assert_array_equal(frames[0].image, frames[-1].image)
-    np.testing.assert_array_equal(frames[0].confidence, frames[-1].confidence)
+    with_one = with_threads(1, lambda: generator.blend(condition))
+    with_all = generator.blend(condition)
+    np.testing.assert_array_equal(with_one.image, with_all.image)
+    np.testing.assert_array_equal(with_one.confidence, with_all.confidence)
 
 
 def test_a_view_nobody_saw_is_an_error(box_room):

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import cv2
-import numba
 import numpy as np
 import pytest
 from box_room import TABLE, arc, lens, proxy, render
@@ -68,7 +67,7 @@ def test_instances_are_the_proxys_objects():
     np.testing.assert_array_equal(condition.instance == 7, condition.provenance == Provenance.OBSERVED + 1)
 
 
-def test_passes_are_those_of_the_face_at_each_pixel_for_any_number_of_threads():
+def test_passes_are_those_of_the_face_at_each_pixel_for_any_number_of_threads(with_threads):
     """Random triangles, both sides of them, against look-ups in numpy."""
     rng = np.random.default_rng(7)
     count = 30
@@ -87,11 +86,8 @@ def test_passes_are_those_of_the_face_at_each_pixel_for_any_number_of_threads():
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     rays = camera.rays() @ camera.world_from_camera[:3, :3].T
     free = (normal * rays).sum(-1) < 0
-    before, rendered = numba.get_num_threads(), []
-    for threads in (1, before):
-        numba.set_num_threads(threads)
-        rendered += ZBufferRenderer(loose).render([camera])
-    numba.set_num_threads(before)
+    with_one = with_threads(1, lambda: ZBufferRenderer(loose).render([camera]))
+    rendered = with_one + ZBufferRenderer(loose).render([camera])
     for one in rendered:
         towards = np.where(free[..., None], normal, -normal)
         np.testing.assert_allclose(one.normal, np.where(seen[..., None], towards, 0.0), atol=1e-6)

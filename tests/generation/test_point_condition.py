@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numba
 import numpy as np
 import pytest
 from box_room import arc, lens, psnr, render, texture, write_captures
@@ -115,15 +114,12 @@ def test_a_point_keeps_its_colour_as_the_camera_moves(box_room, tmp_path):
     assert np.mean(np.abs(gain[0][by_reference] - gains[3]) < 0.05) > 0.97
 
 
-def test_threads_do_not_matter(box_room, points):
+def test_threads_do_not_matter(box_room, points, with_threads):
     conditions = box_room.renderer.render([CORNER])
-    before, frames = numba.get_num_threads(), []
-    for threads in (1, before):
-        numba.set_num_threads(threads)
-        frames.append(points.render(1, conditions)[0])
-    numba.set_num_threads(before)
-    np.testing.assert_array_equal(frames[0].colour, frames[1].colour)
-    np.testing.assert_array_equal(frames[0].visibility, frames[1].visibility)
+    with_one = with_threads(1, lambda: points.render(1, conditions)[0])
+    with_all = points.render(1, conditions)[0]
+    np.testing.assert_array_equal(with_one.colour, with_all.colour)
+    np.testing.assert_array_equal(with_one.visibility, with_all.visibility)
 
 
 def test_bad_captures_are_refused(box_room):

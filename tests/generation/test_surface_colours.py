@@ -1,6 +1,5 @@
 """Colours in 3D: surfaces keep and continue their own, whatever the view; a plain reference."""
 
-import numba
 import numpy as np
 import pytest
 from box_room import ROOM, TABLE, arc, lens, proxy, render, texture, write_captures
@@ -128,16 +127,9 @@ def test_spreading_keeps_the_known_and_stays_within_it():
     np.testing.assert_allclose(spread(np.zeros_like(known), np.full(3, 0.3, np.float32)), 0.3, atol=1e-5)
 
 
-def test_the_same_bits_for_one_and_two_threads(sides):
+def test_the_same_bits_for_one_and_two_threads(sides, with_threads):
     rng = np.random.default_rng(2)
     points, normals = rng.uniform(-2, 2, (500, 3)), rng.normal(size=(500, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    threads = numba.get_num_threads()
-    found = []
-    try:
-        for count in {1, threads}:
-            numba.set_num_threads(count)
-            found.append(sides.at(points, normals))
-    finally:
-        numba.set_num_threads(threads)
-    np.testing.assert_array_equal(found[0], found[-1])
+    with_one = with_threads(1, lambda: sides.at(points, normals))
+    np.testing.assert_array_equal(with_one, sides.at(points, normals))

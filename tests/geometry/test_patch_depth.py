@@ -1,6 +1,5 @@
 """Depth by patches of one colour: a thin bar before a patterned wall, rendered ray by ray."""
 
-import numba
 import numpy as np
 import pytest
 
@@ -96,14 +95,11 @@ def test_without_trusted_depth_and_without_any_nothing_fails(seen, others):
     assert not nearer_depth(blind, others, np.zeros(truth.shape, np.float32)).any()
 
 
-def test_the_number_of_threads_changes_nothing(seen, others):
-    before = numba.get_num_threads()
-    found = []
-    for threads in (1, before):
-        numba.set_num_threads(threads)
-        found.append(nearer_depth(seen[0], others, np.full(seen[1].shape, WALL_M, np.float32)))
-    numba.set_num_threads(before)
-    np.testing.assert_array_equal(*found)
+def test_the_number_of_threads_changes_nothing(seen, others, with_threads):
+    def found():
+        return nearer_depth(seen[0], others, np.full(seen[1].shape, WALL_M, np.float32))
+
+    np.testing.assert_array_equal(with_threads(1, found), found())
 
 
 def test_the_comparison_is_as_a_plain_one(seen, others):

@@ -1,6 +1,5 @@
 """The energy of poses against what it should say, and its search."""
 
-import numba
 import numpy as np
 import pytest
 from furniture import (
@@ -189,15 +188,11 @@ def test_a_near_start_ends_at_the_true_pose(problem, chair):
     np.testing.assert_allclose(pose[:9], true[:9], atol=0.02)
 
 
-def test_one_thread_and_two_find_the_same_bits(problem, starts):
-    before, found = numba.get_num_threads(), []
-    try:
-        for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
-            numba.set_num_threads(threads)
-            found.append((energies(problem, starts), *refined(problem, starts, STEPS, 40)))
-    finally:
-        numba.set_num_threads(before)
-    for one, two in zip(*found, strict=True):
+def test_one_thread_and_two_find_the_same_bits(problem, starts, with_threads):
+    def found():
+        return energies(problem, starts), *refined(problem, starts, STEPS, 40)
+
+    for one, two in zip(with_threads(1, found), with_threads(2, found), strict=True):
         np.testing.assert_array_equal(one, two)
 
 

@@ -2,7 +2,6 @@
 
 import time
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -123,19 +122,15 @@ def test_a_floor_below_the_camera_is_cut_at_the_near_plane():
     np.testing.assert_allclose(buffers.depth[inside], expected[inside], rtol=1e-5)
 
 
-def test_the_lower_face_wins_a_tie_and_threads_do_not_matter():
+def test_the_lower_face_wins_a_tie_and_threads_do_not_matter(with_threads):
     vertices, faces = random_mesh(np.random.default_rng(1), 400, 1.0)
     twice = np.concatenate([faces, faces])
     camera = camera_at(look_at((0.1, 0.2, 0.3), (1, 0, 0)), 200, 150, 90.0)
-    before = numba.get_num_threads()
-    results = []
-    for threads in (1, before):
-        numba.set_num_threads(threads)
-        results.append(MeshRasterizer(vertices, twice).render(camera))
-    numba.set_num_threads(before)
-    assert results[0].face.max() < len(faces)
-    np.testing.assert_array_equal(results[0].depth, results[1].depth)
-    np.testing.assert_array_equal(results[0].face, results[1].face)
+    with_one = with_threads(1, lambda: MeshRasterizer(vertices, twice).render(camera))
+    with_all = MeshRasterizer(vertices, twice).render(camera)
+    assert with_one.face.max() < len(faces)
+    np.testing.assert_array_equal(with_one.depth, with_all.depth)
+    np.testing.assert_array_equal(with_one.face, with_all.face)
 
 
 def test_attributes_are_interpolated_perspective_correctly():
@@ -169,7 +164,7 @@ def test_broken_meshes_are_refused(vertices, faces):
 
 
 @pytest.mark.slow
-def test_two_hundred_thousand_triangles_render_in_time():
+def test_two_hundred_thousand_triangles_render_in_time(with_threads):
     trimesh = pytest.importorskip("trimesh")
     mesh = trimesh.creation.box((5.0, 4.0, 2.6)).subdivide_loop(0)
     for _ in range(7):
@@ -177,13 +172,13 @@ def test_two_hundred_thousand_triangles_render_in_time():
     rasterizer = MeshRasterizer(mesh.vertices, mesh.faces)
     camera = camera_at(look_at((0.5, 0.3, 0.2), (2, 1, -0.5)), 640, 480, 381.0)
     rasterizer.render(camera)
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)  # processor time of one thread does not depend on what else runs
-    times_s = []
-    for _ in range(10):
+
+    def time_s():
         started_s = time.process_time()
         rasterizer.render(camera)
-        times_s.append(time.process_time() - started_s)
-    numba.set_num_threads(threads)
+        return time.process_time() - started_s
+
+    # processor time of one thread does not depend on what else runs
+    times_s = [with_threads(1, time_s) for _ in range(10)]
     assert len(mesh.faces) >= 190_000
     assert min(times_s) < 0.5  # how quick it is, `r2sego bench conditions` says

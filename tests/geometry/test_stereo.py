@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
@@ -108,18 +107,14 @@ def test_support_counts_other_captures_only(maps) -> None:
         assert (found.support[found.reliable(SETTINGS)] >= 1).all()
 
 
-def test_the_same_bits_for_one_and_two_threads(scene) -> None:
+def test_the_same_bits_for_one_and_two_threads(scene, with_threads) -> None:
     captures, _, _, points = scene
     settings = replace(SETTINGS, max_side_px=80, iterations=2)
-    before = numba.get_num_threads()
-    results = []
-    try:
-        for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
-            numba.set_num_threads(threads)
-            results.append(dense_stereo(captures, [RANGE_M] * 4, points, settings, seed=1))
-    finally:
-        numba.set_num_threads(before)
-    for one, two in zip(*results, strict=True):
+
+    def found():
+        return dense_stereo(captures, [RANGE_M] * 4, points, settings, seed=1)
+
+    for one, two in zip(with_threads(1, found), with_threads(2, found), strict=True):
         for name in ("depth", "normal", "cost", "support"):
             assert np.array_equal(getattr(one, name), getattr(two, name), equal_nan=True)
 

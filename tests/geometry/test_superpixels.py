@@ -1,6 +1,5 @@
 """Superpixels: small, of one colour, and as a plain search chooses them."""
 
-import numba
 import numpy as np
 import pytest
 
@@ -60,11 +59,6 @@ def test_pictures_smaller_than_a_patch_have_patches_too(shape):
     assert patches.shape == shape and patches.min() == 0
 
 
-def test_the_number_of_threads_changes_nothing(picture):
-    before = numba.get_num_threads()
-    found = []
-    for threads in (1, before):
-        numba.set_num_threads(threads)
-        found.append(superpixels(picture[0], 7, 12.0))
-    numba.set_num_threads(before)
-    np.testing.assert_array_equal(*found)
+def test_the_number_of_threads_changes_nothing(picture, with_threads):
+    with_one = with_threads(1, lambda: superpixels(picture[0], 7, 12.0))
+    np.testing.assert_array_equal(with_one, superpixels(picture[0], 7, 12.0))

@@ -1,6 +1,5 @@
 """Texels against a plain reference that asks every face about every texel."""
 
-import numba
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -96,16 +95,12 @@ def test_faces_that_share_an_edge_do_not_overlap():
     assert (texel_map(uvs.reshape(-1, 2), faces, 200, 0.0).face >= 0).all()
 
 
-def test_threads_do_not_change_the_bits():
+def test_threads_do_not_change_the_bits(with_threads):
     uvs, faces = triangles(5, 300)
-    threads = numba.get_num_threads()
-    maps = []
-    try:
-        for count in (1, threads):
-            numba.set_num_threads(count)
-            maps.append((texel_map(uvs, faces, 200, 1.5), overlapping_faces(uvs, faces, 200)))
-    finally:
-        numba.set_num_threads(threads)
-    np.testing.assert_array_equal(maps[0][0].face, maps[1][0].face)
-    np.testing.assert_array_equal(maps[0][0].weights, maps[1][0].weights)
-    np.testing.assert_array_equal(maps[0][1], maps[1][1])
+
+    def arrays():
+        texels = texel_map(uvs, faces, 200, 1.5)
+        return texels.face, texels.weights, overlapping_faces(uvs, faces, 200)
+
+    for one, other in zip(with_threads(1, arrays), arrays(), strict=True):
+        np.testing.assert_array_equal(one, other)

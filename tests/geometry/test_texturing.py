@@ -5,7 +5,6 @@ import io
 import json
 import struct
 
-import numba
 import numpy as np
 import pytest
 import trimesh
@@ -160,13 +159,10 @@ def test_captures_of_two_exposures_pass_softly_into_each_other(room, mesh, image
     assert steps[3] < 0.2 * steps[1]
 
 
-def test_the_same_input_gives_the_same_bits_on_any_number_of_threads(mesh, images, cameras, textured):
-    threads = numba.get_num_threads()
-    try:
-        numba.set_num_threads(1)
-        again = bake(mesh, images, cameras, SETTINGS)
-    finally:
-        numba.set_num_threads(threads)
+def test_the_same_input_gives_the_same_bits_on_any_number_of_threads(
+    mesh, images, cameras, textured, with_threads
+):
+    again = with_threads(1, lambda: bake(mesh, images, cameras, SETTINGS))
     np.testing.assert_array_equal(again.texture, textured.texture)
     assert again.glb() == textured.glb()
 

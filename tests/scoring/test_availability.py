@@ -1,6 +1,5 @@
 """Validity against the structural conditions' rasteriser, sample by sample."""
 
-import numba
 import numpy as np
 import pytest
 
@@ -89,16 +88,12 @@ def test_faces_that_no_capture_saw_are_not_available():
     assert not ValidityRenderer(unseen).available_shares(cameras, 0.01).any()
 
 
-def test_the_bits_do_not_depend_on_the_threads_nor_on_the_company():
+def test_the_bits_do_not_depend_on_the_threads_nor_on_the_company(with_threads):
     rng = np.random.default_rng(3)
     proxy, cameras = triangle_soup(rng, 2000, 0.3), cameras_inside(rng, 9)
-    renderer, before = ValidityRenderer(proxy), numba.get_num_threads()
+    renderer = ValidityRenderer(proxy)
     together = renderer.available_shares(cameras, 0.8)
-    numba.set_num_threads(1)
-    try:
-        with_one = renderer.available_shares(cameras, 0.8)
-    finally:
-        numba.set_num_threads(before)
+    with_one = with_threads(1, lambda: renderer.available_shares(cameras, 0.8))
     alone = [renderer.available_shares([camera], 0.8)[0] for camera in cameras]
     np.testing.assert_array_equal(with_one, together)
     np.testing.assert_array_equal(alone, together)

@@ -1,6 +1,5 @@
 """Alpha alone against the rasteriser's, and the deficit against a count of its pixels."""
 
-import numba
 import numpy as np
 import pytest
 
@@ -69,15 +68,11 @@ def test_fewer_pixels_are_a_sample_of_the_full_image(views):
     assert (np.abs(sampled - whole) < 1e-4).mean() > 0.999
 
 
-def test_the_bits_do_not_depend_on_the_threads(views):
+def test_the_bits_do_not_depend_on_the_threads(views, with_threads):
     asset, cameras, _ = views
-    renderer, before = AlphaRenderer(asset), numba.get_num_threads()
+    renderer = AlphaRenderer(asset)
     with_all = renderer.missing_shares(cameras, 0.8)
-    numba.set_num_threads(1)
-    try:
-        with_one = renderer.missing_shares(cameras, 0.8)
-    finally:
-        numba.set_num_threads(before)
+    with_one = with_threads(1, lambda: renderer.missing_shares(cameras, 0.8))
     np.testing.assert_array_equal(with_one, with_all)
 
 

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 import pytest
 import torch
@@ -182,23 +181,22 @@ def test_finite_numbers_give_finite_images_gradients_and_steps(asset: SplatAsset
     assert np.isfinite(pose).all()
 
 
-def test_the_same_bits_for_every_run_and_number_of_threads() -> None:
+def test_the_same_bits_for_every_run_and_number_of_threads(with_threads) -> None:
     asset, camera = random_asset(np.random.default_rng(9), count=3000), small_camera(160, 120)
-    upstream, threads, results = upstream_of(camera), numba.get_num_threads(), []
-    try:
-        for count in (1, threads, threads):
-            numba.set_num_threads(count)
-            packed, rasterizer = PackedGaussians.of(asset), Rasterizer()
-            state = AdamState.of(packed)
-            rates = np.full(packed.values.shape[1], 1e-3, np.float32)
-            for _ in range(3):
-                rasterizer.forward(packed, camera, BACKGROUND)
-                gradients = rasterizer.backward(*upstream)
-                pose = rasterizer.step(state, rates, 1e-3, 1e-3, with_alpha=True, with_depth=True)
-            arrays = [getattr(gradients, name) for name in (*GROUPS, "pose")]
-            arrays += [getattr(packed.asset(), name) for name in GROUPS]
-            results.append([*arrays, pose, rasterizer.planes, state.first, state.second, state.steps])
-    finally:
-        numba.set_num_threads(threads)
-    for other in results[1:]:
-        assert all(a.tobytes() == b.tobytes() for a, b in zip(results[0], other, strict=True))
+    upstream = upstream_of(camera)
+
+    def results() -> list[np.ndarray]:
+        packed, rasterizer = PackedGaussians.of(asset), Rasterizer()
+        state = AdamState.of(packed)
+        rates = np.full(packed.values.shape[1], 1e-3, np.float32)
+        for _ in range(3):
+            rasterizer.forward(packed, camera, BACKGROUND)
+            gradients = rasterizer.backward(*upstream)
+            pose = rasterizer.step(state, rates, 1e-3, 1e-3, with_alpha=True, with_depth=True)
+        arrays = [getattr(gradients, name) for name in (*GROUPS, "pose")]
+        arrays += [getattr(packed.asset(), name) for name in GROUPS]
+        return [*arrays, pose, rasterizer.planes, state.first, state.second, state.steps]
+
+    with_one = with_threads(1, results)
+    for with_all in (results(), results()):
+        assert all(a.tobytes() == b.tobytes() for a, b in zip(with_one, with_all, strict=True))

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -179,17 +178,12 @@ def test_instances_of_another_number_are_refused() -> None:
         render_outputs(random_asset(np.random.default_rng(0)), small_camera(), np.zeros(3, np.int32))
 
 
-def test_the_same_bits_for_every_number_of_threads() -> None:
+def test_the_same_bits_for_every_number_of_threads(with_threads) -> None:
     asset, camera = random_asset(np.random.default_rng(9), 3000), small_camera(160, 120)
-    instances, threads, results = np.arange(3000) % 17, numba.get_num_threads(), []
-    try:
-        for count in (1, threads):
-            numba.set_num_threads(count)
-            results.append(render_outputs(asset, camera, instances))
-    finally:
-        numba.set_num_threads(threads)
-    one, other = results
-    assert all(getattr(one, name).tobytes() == getattr(other, name).tobytes() for name in MAPS)
+    instances = np.arange(3000) % 17
+    with_one = with_threads(1, lambda: render_outputs(asset, camera, instances))
+    with_all = render_outputs(asset, camera, instances)
+    assert all(getattr(with_one, name).tobytes() == getattr(with_all, name).tobytes() for name in MAPS)
 
 
 def views(count: int) -> list[Camera]:

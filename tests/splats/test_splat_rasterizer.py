@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import numba
 import numpy as np
 import pytest
 import torch
@@ -55,22 +54,18 @@ def test_gradients_equal_the_reference_in_every_group(seed: int) -> None:
         assert error < 1e-4, name
 
 
-def test_the_same_bits_for_every_run_and_number_of_threads() -> None:
+def test_the_same_bits_for_every_run_and_number_of_threads(with_threads) -> None:
     asset, camera = random_asset(np.random.default_rng(9), count=3000), small_camera(160, 120)
     upstream = image_gradients(camera, 0)
-    threads = numba.get_num_threads()
-    results = []
-    try:
-        for count in (1, threads, threads):
-            numba.set_num_threads(count)
-            gradients = gradients_of(asset, camera, *upstream)
-            image = render(asset, camera, BACKGROUND)
-            results.append([image.colour, image.depth, *(getattr(gradients, name) for name in GROUPS)])
-    finally:
-        numba.set_num_threads(threads)
-    for other in results[1:]:
-        for a, b in zip(results[0], other, strict=True):
-            assert a.tobytes() == b.tobytes()
+
+    def results() -> list[np.ndarray]:
+        gradients = gradients_of(asset, camera, *upstream)
+        image = render(asset, camera, BACKGROUND)
+        return [image.colour, image.depth, *(getattr(gradients, name) for name in GROUPS)]
+
+    with_one = with_threads(1, results)
+    for with_all in (results(), results()):
+        assert all(a.tobytes() == b.tobytes() for a, b in zip(with_one, with_all, strict=True))
 
 
 def test_degenerate_gaussians_do_no_harm() -> None:

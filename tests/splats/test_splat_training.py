@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import dataclasses
 
-import numba
 import numpy as np
 import pytest
 import torch
@@ -110,17 +109,15 @@ def test_the_input_is_not_changed() -> None:
         np.testing.assert_array_equal(getattr(start, name), getattr(before, name))
 
 
-def test_the_same_seed_gives_the_same_bits_for_any_number_of_threads() -> None:
+def test_the_same_seed_gives_the_same_bits_for_any_number_of_threads(with_threads) -> None:
     _, start, views = scene()
-    threads, results = numba.get_num_threads(), []
-    try:
-        for count in (1, threads, threads):
-            numba.set_num_threads(count)
-            results.append(train(start, views, 40, SETTINGS, np.random.default_rng(7)))
-    finally:
-        numba.set_num_threads(threads)
-    for other in results[1:]:
-        assert all(getattr(results[0], n).tobytes() == getattr(other, n).tobytes() for n in GROUPS)
+
+    def trained() -> SplatAsset:
+        return train(start, views, 40, SETTINGS, np.random.default_rng(7))
+
+    with_one = with_threads(1, trained)
+    for with_all in (trained(), trained()):
+        assert same_bits(with_one, with_all)
 
 
 def test_pixels_without_confidence_teach_nothing() -> None:
@@ -238,19 +235,17 @@ def test_without_dropout_only_the_order_of_the_images_is_drawn() -> None:
     assert used.bit_generator.state == expected.bit_generator.state
 
 
-def test_the_regularised_training_is_the_same_for_any_number_of_threads() -> None:
+def test_the_regularised_training_is_the_same_for_any_number_of_threads(with_threads) -> None:
     _, start, views = scene()
     settings = TrainingSettings(sh_degree=1, max_scale_m=0.3)
     assert settings.dropout_share > 0.0
-    threads, results = numba.get_num_threads(), []
-    try:
-        for count in (1, threads):
-            numba.set_num_threads(count)
-            results.append(train(start, views, 30, settings, np.random.default_rng(7)))
-    finally:
-        numba.set_num_threads(threads)
-    assert same_bits(*results)
-    assert not same_bits(results[0], train(start, views, 30, settings, np.random.default_rng(8)))
+
+    def trained(seed: int = 7) -> SplatAsset:
+        return train(start, views, 30, settings, np.random.default_rng(seed))
+
+    with_one = with_threads(1, trained)
+    assert same_bits(with_one, trained())
+    assert not same_bits(with_one, trained(8))
 
 
 def test_depth_that_no_loss_asks_for_changes_nothing_and_is_not_prepared() -> None:
