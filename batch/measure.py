@@ -4,7 +4,7 @@
 
 ``--data`` is a folder with ``scenes/room_a``, ``captures/holo_office`` and ``captures/tum_desk``
 as the README names them. What is held out was fixed by index before any result was seen and
-is never an input. Afterwards ``python batch/results.py build/*.r2s`` writes the table.
+is never an input. Afterwards ``python batch/results.py --write build/*.r2s`` writes the table.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@ blender --background --python batch/examples/press_buttons.py -- SCENE
 python batch/examples/press_buttons.py -- SCENE remove_object name=chair --save room.blend  (pip bpy)
 
 A name is an operator of ``bpy.ops.r2sego``; what follows it are its properties, as Python writes
-their values (text needs no quotes). ``--select NAME`` chooses an object first. ``--list`` prints
-every operator with its properties.
+their values (text needs no quotes). ``--select NAME`` chooses an object before each button. ``--list``
+prints every operator with its properties. Options may stand anywhere.
 """
 
 import argparse
@@ -33,7 +33,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--select", help="the object to make active before each button, if it is there")
     parser.add_argument("--save", type=Path, help="a .blend to save afterwards")
     parser.add_argument("--list", action="store_true", help="print every operator and its properties")
-    options = parser.parse_args(arguments)
+    options = parser.parse_intermixed_args(arguments)
     with enabled_addon():
         if options.list:
             print("\n".join(described(name) for name in dir(bpy.ops.r2sego)))
@@ -42,7 +42,7 @@ def main(arguments: list[str]) -> int:
             parser.error("name a scene, or --list")
         bpy.ops.r2sego.open_scene(directory=str(options.scene.absolute()))
         for name, properties in calls(options.buttons):
-            if options.select in bpy.data.objects:
+            if options.select and options.select in bpy.data.objects:
                 bpy.context.view_layer.objects.active = bpy.data.objects[options.select]
             done = getattr(bpy.ops.r2sego, name)(**properties)
             print(f"{name}: {', '.join(done).lower()}")

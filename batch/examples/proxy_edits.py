@@ -3,7 +3,8 @@
 blender --background --python batch/examples/proxy_edits.py -- SCENE [--round 0] [--mask CAPTURE:X,Y X,Y X,Y]
 python batch/examples/proxy_edits.py -- SCENE [--cut-box X,Y,Z:SIDE] [--keep]  (pip bpy)
 
-What it edits it takes back, unless --keep is given.
+What it edits it takes back, unless --keep is given. A capture is named with its suffix, as in the
+bundle: --mask "photo_01.png:10,10 90,10 90,60".
 """
 
 import argparse

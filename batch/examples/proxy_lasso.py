@@ -1,9 +1,10 @@
 """Cut the proxy's faces that a capture shows inside a polygon.
 
-blender --background --python batch/examples/proxy_lasso.py -- SCENE --lasso "photo_01:10,10 90,10 90,60"
-python batch/examples/proxy_lasso.py -- SCENE --lasso "a:1,1 9,1 9,9" --lasso "b:2,2 8,2 8,8" --name window
+blender --background --python batch/examples/proxy_lasso.py -- SCENE --lasso "photo_01.png:10,10 90,10 90,60"
+python batch/examples/proxy_lasso.py -- SCENE --lasso "a.png:1,1 9,1 9,9" --lasso "b.png:2,2 8,2 8,8" --name x
 
-Without --name it only says how many faces are selected. Pixels count from the top left corner.
+Without --name it only says how many faces are selected. Pixels count from the top left corner. A
+capture is named with its suffix, as in the bundle.
 """
 
 import argparse

@@ -1,9 +1,10 @@
 """Paint objects' masks on the captures from pictures, remove objects, and declare what is left.
 
-blender --background --python batch/examples/proxy_masks.py -- SCENE --paint chair:photo_01=chair_01.png
+blender --background --python batch/examples/proxy_masks.py -- SCENE --paint chair:photo_01.png=chair_01.png
 python batch/examples/proxy_masks.py -- SCENE --remove lamp  (pip bpy)
 
-A picture has its capture's size and is white where the capture shows the object.
+A picture has its capture's size and is white where the capture shows the object. A capture is named
+with its suffix, as in the bundle.
 """
 
 import argparse

@@ -22,6 +22,13 @@ def test_buttons_are_pressed_in_their_order_with_their_properties(bundle_path, b
     assert blend.is_file()
 
 
+def test_buttons_are_pressed_without_a_choice_of_an_object(bundle_path, blender_environment, tmp_path):
+    blend = tmp_path / "room.blend"
+    done = run(blender_environment, "--save", blend, bundle_path, "show_proxy", "look_inside=False")
+    assert done.returncode == 0, done.stderr
+    assert "show_proxy: finished" in done.stdout and blend.is_file()
+
+
 def test_what_is_no_operator_is_said(bundle_path, blender_environment):
     done = run(blender_environment, bundle_path, "show_everything")
     assert done.returncode == 1

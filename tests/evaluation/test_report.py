@@ -187,6 +187,26 @@ def test_the_page_names_every_part(tmp_path, report):
         assert part in page.text, part
 
 
+def test_what_became_of_views_and_attempts_is_said_once(tmp_path, report):
+    one = report.rounds[0]
+    assert "1 kept of 2 views tried" in told(tmp_path / "plain", report)
+    assert "stand-ins" not in told(tmp_path / "plain", report)
+    refused = replace(one.targets[1], verdict="rejected: 20 of 20 patches agree, 30 are needed")
+    for count, said in ((1, "1 kept of 3 views tried (2 targets, 1 stand-in)"),
+                        (5, "1 kept of 7 views tried (2 targets, 5 stand-ins)")):  # fmt: skip
+        more = replace(one, targets=(*one.targets, *[refused] * count))
+        text = told(tmp_path / "more", replace(report, rounds=(more,)))
+        assert said in text
+    assert "rejected 20 of 20 patches agree" in text and "rejected: " not in text
+    assert "Attempt Outcome Behaviour and reason" in text and "Seed Outcome" not in text
+
+
+def told(folder, report) -> str:
+    """The page's words, a space between any two."""
+    html = write_report(folder, report).read_text(encoding="utf-8")
+    return " ".join(re.sub(r"<[^>]*>", " ", html).split())
+
+
 def test_pictures_lie_beside_the_page_and_have_alt_texts(tmp_path, report):
     path = write_report(tmp_path, report)
     page = Page(path.read_text(encoding="utf-8"))
