@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 from bpy.props import StringProperty
 
-from ..r2sego_blender.errors import R2SEgoError, SceneError
+from ..r2sego_blender.errors import R2SEgoError, of_file
 from ..r2sego_blender.workers.jobs import Job
 from . import job, state
 
@@ -40,10 +40,7 @@ def told(error: R2SEgoError | OSError) -> str:
     """The sentence that tells a person of an error. A file that fails on the way is told too: a disk
     is full, or what was there a moment ago is not."""
     if isinstance(error, OSError):
-        error = SceneError(
-            f"it cannot be read or written: {error.strerror or error}", where=error.filename,
-            cure="Check that it is there, that you may write there, and that the disk has room.",
-        )  # fmt: skip
+        error = of_file(error)
     line = str(error)
     return line if error.where else job.sentence(line)
 

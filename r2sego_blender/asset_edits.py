@@ -41,7 +41,7 @@ class AssetEdit:
 
 def load_edits(bundle: Path) -> tuple[AssetEdit, ...]:
     """The bundle's edits by name. Raises AssetError when a file is damaged."""
-    return tuple(_load(file) for file in sorted((bundle / EDITS).glob("*.json")))
+    return tuple(_load(file) for file in sorted((bundle / EDITS).glob("[!.]*.json")))
 
 
 def deleted_by(edits: Sequence[AssetEdit], means: np.ndarray) -> np.ndarray:
@@ -54,7 +54,7 @@ def deleted_by(edits: Sequence[AssetEdit], means: np.ndarray) -> np.ndarray:
 
 def next_name(bundle: Path) -> str:
     """The first free one of edit_001, edit_002 and on."""
-    taken = {file.stem for file in (bundle / EDITS).glob("*.json")}
+    taken = {file.stem for file in (bundle / EDITS).glob("[!.]*.json")}
     return next(name for name in (f"edit_{i:03d}" for i in range(1, len(taken) + 2)) if name not in taken)
 
 

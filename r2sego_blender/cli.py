@@ -40,7 +40,7 @@ from .cli_proxy import PROXY_COMMANDS
 from .cli_robot import robot, robot_bodies, try_rollouts
 from .cli_splats import convert, train
 from .cli_views import views
-from .errors import R2SEgoError, SettingsError
+from .errors import R2SEgoError, SettingsError, of_file
 from .progress import JsonProgress, Progress
 from .scene import Scene
 from .settings import PRESETS, with_overrides
@@ -51,7 +51,12 @@ class _Commands(click.Group):
 
     def invoke(self, context: click.Context) -> Any:
         try:
-            return super().invoke(context)
+            try:
+                return super().invoke(context)
+            except BrokenPipeError:  # nobody reads any more
+                raise
+            except OSError as error:
+                raise of_file(error) from error
         except R2SEgoError as error:
             if context.obj and context.obj.get("json"):
                 JsonProgress().emit(event="error", kind=type(error).__name__, text=str(error))

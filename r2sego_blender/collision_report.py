@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .errors import SceneError
-from .geometry.collision_check import WITHIN_M, CollisionCheck, check_collision
+from .geometry.collision_check import VERTEX_TOLERANCE_M, WITHIN_M, CollisionCheck, check_collision
 from .geometry.proxy import GeometryProxy
 from .progress import SILENT, Progress
 from .robot.model import RobotModel
@@ -103,7 +103,26 @@ def lines(report: CollisionReport) -> list[str]:
     else:
         why = facts["robot_failure"] or f"its pelvis moved by {100 * facts['robot_pelvis_offset_m']:.1f} cm"
         text.append(f"the robot does not stand at ({x:.2f}, {y:.2f}): {why}")
+    text.append("passed" if report.passed else f"not passed: {'; '.join(_failures(report))}")
     return text
+
+
+def _failures(report: CollisionReport) -> list[str]:
+    """What did not pass, and where it is worst."""
+    surface, found = report.surface, []
+    if surface.vertex_error_m > VERTEX_TOLERANCE_M:
+        found.append("pieces are not where they were written")
+    off = np.flatnonzero(~surface.on_surface)
+    if len(off):
+        worst = off[np.argmax(np.abs(surface.gap_m[off]))]
+        place = ", ".join(f"{x:.2f}" for x in surface.ends[worst])
+        gap_cm, count = 100.0 * surface.gap_m[worst], len(surface.starts)
+        side = "above" if gap_cm > 0.0 else "below"
+        how = f"{abs(gap_cm):.1f} cm {side}" if np.isfinite(gap_cm) else "far from"
+        found.append(f"{len(off)} of {count} spheres; the worst ends at ({place}), {how} the surface")
+    if not report.standing.stands:
+        found.append("the robot")
+    return found
 
 
 def _largest(gaps_m: np.ndarray) -> float | None:

@@ -20,9 +20,10 @@ from .geometry.proxy import GeometryProxy
 from .geometry.seen_floor import seen_floor
 from .geometry.stereo import DepthMap
 from .images import resize_nearest
-from .layout import COMPLETED, DEPTH, OBSERVED, PLANES, PRIORS, SPARSE
+from .layout import COMPLETED, DEPTH, OBSERVED, PLANES, PRIORS, SPARSE, capture_files
 from .robot.candidates import ego_camera
 from .robot.model import RobotModel
+from .robot.robot_file import robot_digest
 from .robot.scope import ANY_SEAT, FREE_FLOOR, BehaviourScope
 from .scene import Scene
 from .settings import Settings
@@ -52,6 +53,11 @@ class Contents:
         """The captures' cameras."""
         return tuple(capture.camera for capture in self.captures)
 
+    @cached_property
+    def capture_files(self) -> list[str]:
+        """What the files of each capture are called in a step's folder."""
+        return capture_files([capture.name for capture in self.captures])
+
     def sparse(self) -> SparsePoints:
         """The triangulated points."""
         return SparsePoints.load(self.scene.path / SPARSE)
@@ -60,6 +66,13 @@ class Contents:
     def scope(self) -> BehaviourScope:
         """The declared behaviour, as it is written."""
         return BehaviourScope.load(self.scene.declaration.scope)
+
+    @cached_property
+    def robot_file(self) -> tuple[str, ...]:
+        """What a step that reads the robot depends on: its file's digest, nothing where it is embedded."""
+        source, _ = self.scope.robot_for(self.scene.declaration.robot)
+        digest = robot_digest(source)
+        return (digest,) if digest else ()
 
     @cached_property
     def robot(self) -> RobotModel:
@@ -76,7 +89,7 @@ class Contents:
 
     def depth_maps(self) -> list[DepthMap]:
         """Each capture's dense stereo."""
-        return [DepthMap.load(self.scene.path / DEPTH / f"{c.name}.npz") for c in self.captures]
+        return [DepthMap.load(self.scene.path / DEPTH / file) for file in self.capture_files]
 
     def reliable_depths(self) -> list[np.ndarray]:
         """Each capture's reliable stereo depth (H, W) at the capture's own size, 0 elsewhere."""
@@ -95,7 +108,7 @@ class Contents:
 
     def completed(self) -> list[CompletedDepth]:
         """Each capture's completed depth."""
-        return [CompletedDepth.load(self.scene.path / COMPLETED / f"{c.name}.npz") for c in self.captures]
+        return [CompletedDepth.load(self.scene.path / COMPLETED / file) for file in self.capture_files]
 
     def completed_depths(self) -> list[np.ndarray]:
         """The same as (H, W) planar metres at the captures' own sizes."""

@@ -67,3 +67,11 @@ class MachineError(R2SEgoError):
 
 class NativeError(R2SEgoError):
     """Native code, run in a process of its own, that ended without a complete result."""
+
+
+def of_file(error: OSError) -> SceneError:
+    """A file that fails on the way, in a sentence: a disk is full, or what was there is not any more."""
+    return SceneError(
+        f"it cannot be read or written: {error.strerror or error}", where=error.filename,
+        cure="Check that it is there, that you may write there, and that the disk has room.",
+    )  # fmt: skip

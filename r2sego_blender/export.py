@@ -21,9 +21,9 @@ def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list
     ``scene.xml`` for MuJoCo, ``scene.urdf`` and ``scene.usd`` with physics), ``proxy.ply`` (faces
     coloured by provenance) and ``cameras.json`` (the captures in the world frame); the asset
     once more for each suffix in ``splats``, such as ``.spz`` (docs/splat_formats.md).
-    Raises SceneError when the scene has no result yet, or one of a world frame that was
-    corrected since, AssetError for a suffix that is no
-    format of splats.
+    Nothing appears before all of it is written; a ``collision`` that was there goes. Raises
+    SceneError when the scene has no result yet, or one of a world frame that was corrected since,
+    and for a folder inside the scene; AssetError for a suffix that is no format of splats.
     """
     for suffix in splats:
         if suffix not in SUFFIXES:
@@ -37,17 +37,40 @@ def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list
             where=scene.path,
             cure=f"Run `r2sego refine {scene.path}` first.",
         )
+    if folder.resolve().is_relative_to(scene.path.resolve()):
+        raise SceneError(
+            "a scene is not exported into itself", where=folder, cure="Choose a folder outside the scene."
+        )
     require_present_frame(scene, [REFINED_ASSET, COLLISION, of_round(rounds - 1, "proxy")], "exported")
     folder.mkdir(parents=True, exist_ok=True)
+    staging = folder / ".unfinished-export"
+    shutil.rmtree(staging, ignore_errors=True)
+    try:
+        names = _write(scene, staging, scene.round_folder(rounds - 1), splats)
+        for name in names:
+            _replace(staging / name, folder / name)
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+    return [folder / name for name in names]
+
+
+def _write(scene: Scene, folder: Path, last_round: Path, splats: Sequence[str]) -> list[str]:
+    """Write everything into a new folder; returns the names."""
+    folder.mkdir()
     shutil.copy2(scene.asset_file, folder / "asset.ply")
     shutil.copy2(scene.captures_folder / "cameras.json", folder / "cameras.json")
-    shutil.copytree(scene.collision_folder, folder / "collision", dirs_exist_ok=True)
-    proxy = GeometryProxy.load(scene.round_folder(rounds - 1) / "proxy" / "proxy.npz")
-    proxy.save_ply(folder / "proxy.ply")
-    written = [folder / name for name in ("asset.ply", "collision", "proxy.ply", "cameras.json")]
+    shutil.copytree(scene.collision_folder, folder / "collision")
+    GeometryProxy.load(last_round / "proxy" / "proxy.npz").save_ply(folder / "proxy.ply")
+    names = ["asset.ply", "collision", "proxy.ply", "cameras.json"]
     asset = load_asset(scene.asset_file) if splats else None
     for suffix in splats:
-        if (path := folder / f"asset{suffix}") not in written:
-            save_asset(path, asset)
-            written.append(path)
-    return written
+        if (name := f"asset{suffix}") not in names:
+            save_asset(folder / name, asset)
+            names.append(name)
+    return names
+
+
+def _replace(made: Path, place: Path) -> None:
+    if place.is_dir():
+        shutil.rmtree(place)
+    made.replace(place)

@@ -38,6 +38,10 @@ def load_image_uint8(path: Path) -> np.ndarray:
                     where=path, cure="Scale it down.",
                 )  # fmt: skip
             return np.asarray(ImageOps.exif_transpose(image).convert("RGB"))
+    except Image.DecompressionBombError as error:
+        raise CaptureError(
+            "the image has more pixels than is sensible", where=path, cure="Scale it down."
+        ) from error
     except FileNotFoundError as error:
         raise CaptureError("the image is missing", where=path, cure="Check the path.") from error
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:

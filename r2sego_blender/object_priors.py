@@ -26,9 +26,9 @@ from .geometry.objects import (
 )
 from .geometry.observed import ObservedGeometry
 from .geometry.planes import RoomPlanes
-from .geometry.priors import read_record
+from .geometry.priors import library_files, read_record
 from .geometry.shapes import load_shape, mesh_files
-from .layout import COMPLETED, OBJECTS, OBSERVED, PLANES, PRIORS
+from .layout import COMPLETED, OBJECTS, OBSERVED, PLANES, PRIORS, capture_files
 from .object_backends import generated_meshes, segmented_objects
 from .scene import Scene
 from .scratch import ScratchFolder
@@ -98,7 +98,7 @@ def declare_objects(
             for name in names:
                 objects[name] = replace(_known(objects, name, scene), decision=decision)
         with scene.publishing(OBJECTS) as place:
-            save_objects(place, list(objects.values()))
+            save_objects(place, list(objects.values()), [capture.name for capture in captures])
         return scene if library is None else scene.declare(mesh_library=str(found))
 
 
@@ -107,13 +107,13 @@ def move_objects(scene: Scene, similarity: np.ndarray) -> None:
     folder = scene.path / OBJECTS
     if not folder.is_dir():
         return
-    moved = []
-    for one in load_objects(folder, load_captures(scene.captures_folder)):
+    moved, captures = [], load_captures(scene.captures_folder)
+    for one in load_objects(folder, captures):
         if (held := one.placement) is not None:
             one = replace(one, placement=replace(held, world_from_own=similarity @ held.world_from_own))
         moved.append(one)
     with scene.publishing(OBJECTS) as place:
-        save_objects(place, moved)
+        save_objects(place, moved, [capture.name for capture in captures])
 
 
 def describe_objects(scene: Scene) -> list[dict[str, Any]]:
@@ -171,7 +171,8 @@ def _found(scene: Scene, captures: Sequence[Capture]) -> tuple[DeclaredObject, .
         raise GeometryError(
             "the captures have no depth yet", where=scene.path, cure="Run `r2sego refine` first."
         )
-    completed = [CompletedDepth.load(scene.path / COMPLETED / f"{c.name}.npz") for c in captures]
+    files = capture_files([capture.name for capture in captures])
+    completed = [CompletedDepth.load(scene.path / COMPLETED / file) for file in files]
     found = find_objects(captures, completed, RoomPlanes.load(scene.path / PLANES).envelope)
     if not found:
         raise GeometryError(
@@ -223,8 +224,7 @@ def _with_what_is_known(
 def _mesh_of_last_run(one: DeclaredObject, scene: Scene, library: Path | None) -> Path:
     """The mesh of the library that the last run took for an object. Raises GeometryError: none."""
     shape = _records(scene).get(one.name, {}).get("shape")
-    meshes = mesh_files(library) if library is not None else []
-    mesh = next((path for path in meshes if path.stem == shape), None)
+    mesh = library_files(library).get(shape) if library is not None else None
     if mesh is None:
         raise GeometryError(
             f"'{one.name}' has no mesh to place", where=scene.path,

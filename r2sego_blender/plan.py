@@ -45,7 +45,7 @@ class PlannedScene(Scene):
         self.planned: list[PlannedStep] = []
         self._digests: dict[str, str] = {}
         self._of_old_frame = set(of_old_frame(self))
-        self._last = {record["step"]: record.get("inputs") for record in self.journal() if "step" in record}
+        self._last = self.recorded()
 
     def step(
         self,

@@ -37,10 +37,10 @@ def declare_robot(
     ``changes`` are values by the fields' names, such as ``region.within``; None is the
     default again. They are written to a scope file of the bundle's own, which becomes the
     scene's; shipped scopes and a person's files stay as they are. A robot that is given takes
-    the place of the scope's own, with that one's mount. Returns the scene as declared then;
-    the next run redoes what depends on it. Raises RobotError or GeometryError, and changes
-    nothing then: a robot or a scope that cannot be read or do not go together, or a target
-    that is no object of the scene.
+    the place of the scope's own, and that one's mount goes; without one the scope's counts.
+    Returns the scene as declared then; the next run redoes what depends on it. Raises RobotError
+    or GeometryError, and changes nothing then: a robot or a scope that cannot be read or do not
+    go together, or a target that is no object of the scene.
     """
     changes = dict(changes or {})
     with scene.locked():
@@ -49,12 +49,14 @@ def declare_robot(
             source = declared.scope
         else:
             source = scope if scope in shipped_scopes() else str(Path(scope).resolve())
+        given = BehaviourScope.load(source)
         if robot is None:
-            robot = declared.robot
+            robot = replaced = declared.robot
         else:
             robot = robot if robot in _EMBEDDED else str(Path(robot).resolve())
-        given = BehaviourScope.load(source)
-        if given.robot_for(declared.robot)[0] != robot:
+            # A scope that is given with it, and names no robot, was written for it.
+            replaced = given.robot.model or (declared.robot if scope is None else robot)
+        if replaced != robot:
             changes = {"robot.model": None, "robot.mount": None} | changes
         own = (scene.path / SCOPE_FILE).absolute()
         changed = changed_scope(given, changes, own) if changes else given

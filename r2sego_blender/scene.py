@@ -14,6 +14,7 @@ import dataclasses
 import errno
 import hashlib
 import json
+import math
 import os
 import shutil
 import time
@@ -25,7 +26,7 @@ from typing import Any
 
 from . import __version__
 from .backends import BACKENDS, chosen_backends, controller_backend
-from .errors import SceneError
+from .errors import SceneError, SettingsError
 from .layout import SCOPE_FILE
 from .settings import Settings, preset, with_overrides
 from .whole_files import write_whole
@@ -199,6 +200,8 @@ class Scene:
         started = time.time()
         with _disk_errors(place), self.publishing(target) as staging:
             compute(staging)
+            if self._recorded(target) is not None:
+                self._record(publishing=target)  # killed from here on, the old record is no longer true
         self._record(
             step=target, inputs=digest, output=content_digest(place),
             started=round(started, 3), seconds=round(time.time() - started, 3),
@@ -231,12 +234,24 @@ class Scene:
 
     def journal(self) -> list[dict[str, Any]]:
         """The records of every step run so far, oldest first; a cut-off line is passed over."""
+        return [record for record in self._journal_lines() if "step" in record]
+
+    def _journal_lines(self) -> list[dict[str, Any]]:
         records = []
         with contextlib.suppress(FileNotFoundError):
             for line in (self.path / _JOURNAL).read_text(encoding="utf-8").splitlines():
                 with contextlib.suppress(json.JSONDecodeError):
                     records.append(json.loads(line))
         return records
+
+    def recorded(self) -> dict[str, str]:
+        """The digest of what each step read, by its target; without those killed while they published."""
+        inputs = {}
+        for record in self._journal_lines():
+            inputs.pop(record.get("publishing"), None)
+            if "step" in record and "inputs" in record:
+                inputs[record["step"]] = record["inputs"]
+        return inputs
 
     def outputs(self) -> dict[str, str]:
         """The ``content_digest`` of each step's last result, by its target, as the journal noted it."""
@@ -266,10 +281,7 @@ class Scene:
         return content_digest(self.path / item)
 
     def _recorded(self, target: str) -> str | None:
-        for record in reversed(self.journal()):
-            if record.get("step") == target:
-                return record.get("inputs")
-        return None
+        return self.recorded().get(target)
 
     def _record(self, **record: Any) -> None:
         with _disk_errors(self.path), (self.path / _JOURNAL).open("a", encoding="utf-8") as file:
@@ -279,12 +291,17 @@ class Scene:
 
 
 def content_digest(path: Path) -> str:
-    """A SHA-256 over a file's bytes, or over a folder's names and bytes; '' when it is missing."""
+    """A SHA-256 over a file's bytes, or over a folder's names and bytes; '' when it is missing.
+
+    Hidden files, such as a file manager's ``.DS_Store``, are none of a folder's.
+    """
     digest = hashlib.sha256()
     if path.is_dir():
         for file in sorted(p for p in path.rglob("*") if p.is_file()):
-            digest.update(file.relative_to(path).as_posix().encode())
-            digest.update(content_digest(file).encode())
+            name = file.relative_to(path)
+            if not any(part.startswith(".") for part in name.parts):
+                digest.update(name.as_posix().encode())
+                digest.update(content_digest(file).encode())
     elif path.is_file():
         with path.open("rb") as stream:
             digest = hashlib.file_digest(stream, "sha256")
@@ -305,26 +322,39 @@ def _declaration(data: Mapping[str, Any], file: Path) -> Declaration:
     try:
         declaration = Declaration(
             captures_source=data["captures"]["source"],
-            world_from_capture=tuple(
-                tuple(map(float, r)) for r in data["registration"]["world_from_capture"]
-            ),
+            world_from_capture=_matrix(data["registration"]["world_from_capture"]),
             ground=data["registration"]["ground"],
             scale_source=data["registration"]["scale_source"],
             robot=data["robot"]["model"],
             scope=data["robot"]["scope"],
             mesh_library=data.get("priors", {}).get("mesh_library", ""),
             preset=data["settings"]["preset"],
-            overrides=data["settings"].get("overrides", {}),
+            overrides=_table(data["settings"].get("overrides", {}), "settings.overrides"),
             backends=data["backends"],
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except SettingsError as error:
+        raise SettingsError(error.what, where=f"{file}: {error.where}", cure=error.cure) from error
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise SceneError(
             f"the field {error} is missing or wrong",
             where=file,
             cure="Make the scene anew with `r2sego new`.",
         ) from error
-    _ = declaration.settings
     return declaration
+
+
+def _table(value: Any, name: str) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise ValueError(name)
+    return value
+
+
+def _matrix(rows: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
+    """The (4, 4) finite numbers, row by row. Raises ValueError or TypeError for anything else."""
+    matrix = tuple(tuple(map(float, row)) for row in rows)
+    if [len(row) for row in matrix] != [4] * 4 or not all(map(math.isfinite, sum(matrix, ()))):
+        raise ValueError("registration.world_from_capture")
+    return matrix
 
 
 def _scope_here(scope: str, bundle: Path) -> str:

@@ -67,6 +67,13 @@ class StereoSettings:
     )
     point_spacing_m: float = setting(0.02, "Side of a voxel that keeps one observed point.", 0.002, 0.5)
 
+    def __post_init__(self) -> None:
+        if self.patch_stride_px > self.patch_radius_px:  # such a window may have no samples at all
+            raise SettingsError(
+                f"{self.patch_stride_px} is above stereo.patch_radius_px, {self.patch_radius_px}",
+                where="setting stereo.patch_stride_px", cure="Lower it, or widen the window.",
+            )  # fmt: skip
+
 
 @dataclass(frozen=True)
 class PriorSettings:
@@ -497,20 +504,19 @@ def with_overrides(overrides: Mapping[str, Any], base: Settings = Settings()) ->
     Raises SettingsError naming the key, the closest known key, or the allowed range.
     """
     known = {entry.key: entry for entry in entries(base)}
+    sections: dict[str, dict[str, Any]] = {}
     for key, raw in overrides.items():
         if key not in known:
             close = [k for k in known if k.startswith(key)]
             close += difflib.get_close_matches(key, known, n=1, cutoff=0.4)
             hint = f"Did you mean {close[0]}?" if close else "See docs/settings.md."
             raise SettingsError(f"there is no setting '{key}'", where="settings", cure=hint)
-        value = _parsed(known[key], raw)
         section, _, name = key.rpartition(".")
-        if section:
-            inner = dataclasses.replace(getattr(base, section), **{name: value})
-            base = dataclasses.replace(base, **{section: inner})
-        else:
-            base = dataclasses.replace(base, **{name: value})
-    return base
+        sections.setdefault(section, {})[name] = _parsed(known[key], raw)
+    # Each section at once: what its settings must keep to together holds at the end only.
+    changed = sections.pop("", {})
+    changed |= {name: dataclasses.replace(getattr(base, name), **new) for name, new in sections.items()}
+    return dataclasses.replace(base, **changed)
 
 
 def preset(name: str) -> Settings:
@@ -528,7 +534,7 @@ def _parsed(entry: Entry, raw: Any) -> Any:
         if kind is int and not isinstance(raw, str) and raw != int(raw):
             raise ValueError
         value = kind(raw)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise SettingsError(
             f"'{raw}' is not {'a whole number' if kind is int else 'a number'}",
             where=f"setting {entry.key}", cure=f"The default is {entry.default}.",

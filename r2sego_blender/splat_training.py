@@ -78,7 +78,8 @@ class Trained:
         held, peak = self.held_out, self.peak_rss_mb
         scored = ""
         if held is not None:
-            scored = f", PSNR {held.psnr:.2f} dB and SSIM {held.ssim:.3f} on {held.views} held-out views"
+            views = "1 held-out view" if held.views == 1 else f"{held.views} held-out views"
+            scored = f", PSNR {held.psnr:.2f} dB and SSIM {held.ssim:.3f} on {views}"
         memory = "" if peak is None else f", at most {peak:.0f} MB"
         return (
             f"{self.path}: {self.gaussians} Gaussians from {self.images} images{scored}; "

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
+from .errors import SceneError
 from .scene import Scene
 from .world_frame import in_words, of_old_frame, rounds_among
+
+_COUNTS = {"rollouts_succeeded", "rollouts_failed", "candidates", "targets", "views_kept"}
+"""What is told of each round."""
 
 
 def describe(scene: Scene) -> dict[str, Any]:
@@ -33,7 +38,7 @@ def describe(scene: Scene) -> dict[str, Any]:
         "rounds_of_old_frame": list(rounds_among(old, rounds_declared)),
         "of_old_frame": old_in_words,
         "refined": not old_in_words and scene.asset_file.is_file() and len(rounds) >= rounds_declared,
-        "metrics": json.loads(scene.metrics_file.read_text()) if scene.metrics_file.is_file() else None,
+        "metrics": _read(scene.metrics_file) if scene.metrics_file.is_file() else None,
     }
 
 
@@ -63,7 +68,25 @@ def lines(state: dict[str, Any]) -> list[str]:
 
 
 def _describe_round(scene: Scene, index: int) -> dict[str, int]:
-    return json.loads((scene.round_folder(index) / "metrics.json").read_text())
+    counts = _read(scene.round_folder(index) / "metrics.json")
+    missing = _COUNTS - counts.keys()
+    if missing:
+        raise _damaged(scene.round_folder(index) / "metrics.json", f"'{min(missing)}' is missing")
+    return counts
+
+
+def _read(file: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (ValueError, OSError) as error:
+        raise _damaged(file, str(error)) from error
+    if not isinstance(content, dict):
+        raise _damaged(file, "it holds no table")
+    return content
+
+
+def _damaged(file: Path, why: str) -> SceneError:
+    return SceneError(f"this file of the scene is damaged: {why}", where=file, cure="Run Refine again.")
 
 
 def _scored_round(entry: dict[str, Any]) -> str:

@@ -101,8 +101,8 @@ class Steps:
                 self._read.captures, depth_ranges(self._read.captures, sparse), sparse.points, self.h.stereo,
                 self.h.seed, self.progress, visibility=sparse.visibility,
             )  # fmt: skip
-            for capture, depth_map in zip(self._read.captures, maps, strict=True):
-                depth_map.save(folder / f"{capture.name}.npz")
+            for file, depth_map in zip(self._read.capture_files, maps, strict=True):
+                depth_map.save(folder / file)
 
         def compute_asset(file: Path) -> None:
             save_ply(file, merge_views(self._lifted(self._read.reliable_depths())))
@@ -147,8 +147,8 @@ class Steps:
         def compute(folder: Path) -> None:
             maps, planes = self._read.depth_maps(), self._read.planes()
             completed = complete_depth(self._read.captures, maps, planes, self.h, self.progress)
-            for capture, one in zip(self._read.captures, completed, strict=True):
-                one.save(folder / f"{capture.name}.npz")
+            for file, one in zip(self._read.capture_files, completed, strict=True):
+                one.save(folder / file)
 
         def compute_backdrop(file: Path) -> None:
             views = self._lifted(self._read.completed_depths())
@@ -245,12 +245,14 @@ class Steps:
             )
             save_rollouts(folder, rollouts)
 
-        robot_file = [Path(declared)] if Path(declared).is_file() else []
         objects = [PRIORS] if names_object(scope) else []
         return self._step(
             of_round(l, "rollouts"), compute,
-            inputs=[CAPTURES, proxy, collision, *objects, *robot_file, *scope.files],
-            parameters=[self.h.rollouts, self.h.selection.candidates, self._seed_of(l), declared, scope],
+            inputs=[CAPTURES, proxy, collision, *objects, *scope.files],
+            parameters=[
+                self.h.rollouts, self.h.selection.candidates, self._seed_of(l), declared, scope,
+                *self._read.robot_file,
+            ],
         )  # fmt: skip
 
     def robot_proxy(self, l: int, candidates: str, proxy: str, asset: str) -> str:
@@ -274,6 +276,7 @@ class Steps:
             parameters=[
                 self.h.selection, self._seed_of(l), self.h.generation.max_replacements,
                 self.scene.declaration.robot, self._read.scope.robot, self._read.scope.episode,
+                *self._read.robot_file,
             ],
         )  # fmt: skip
 
@@ -349,7 +352,10 @@ class Steps:
             inputs=[asset, BACKDROP, captures, COMPLETED, proxy, *pseudo_observations],
             parameters=[training, self.h.seed],
         )  # fmt: skip
-        self._step(of_round(l, "metrics.json"), lambda file: self._count(l, file), inputs=[refined])
+        self._step(
+            of_round(l, "metrics.json"), lambda file: self._count(l, file),
+            inputs=[refined, *(of_round(l, part) for part in ("rollouts", "selection", "views"))],
+        )  # fmt: skip
         return refined
 
     # ---- line 14

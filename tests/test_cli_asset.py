@@ -98,6 +98,13 @@ def test_an_edit_shows_at_once_where_a_refinement_was_cut_off(scene, tmp_path):
         np.testing.assert_array_equal(getattr(left, name), getattr(whole, name)[~gone])
 
 
+def test_a_cut_off_edit_is_no_edit(scene, tmp_path):
+    done = r2sego("edit-asset", scene.path, "--box", box_file(tmp_path), "--json")
+    assert done.exit_code == 0
+    (scene.path / "asset_edits" / ".unfinished-edit_002.json").write_text("{")
+    assert [edit.name for edit in load_edits(scene.path)] == ["edit_001"]
+
+
 def test_an_edit_before_the_first_round_is_kept_for_it(scene, tmp_path):
     for file in (scene.asset_file, scene.path / "rounds/0/asset.ply"):
         file.unlink()

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from r2sego_blender.benchmarks.workloads import made_up_room
-from r2sego_blender.errors import AssetError
+from r2sego_blender.errors import AssetError, R2SEgoError, SceneError
 from r2sego_blender.export import export_scene
 from r2sego_blender.geometry.proxy import GeometryProxy
-from r2sego_blender.scene import Declaration, Scene
+from r2sego_blender.scene import Declaration, Scene, content_digest
 from r2sego_blender.splats.formats import load_asset, save_asset
 
 IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
@@ -52,3 +52,28 @@ def test_an_unknown_format_is_refused_before_anything_is_written(scene, tmp_path
     with pytest.raises(AssetError, match=r"\.obj.*\.spz"):
         export_scene(scene, tmp_path / "out", [".spz", ".obj"])
     assert not (tmp_path / "out").exists()
+
+
+def test_a_second_export_replaces_what_is_no_more(scene, tmp_path):
+    out = tmp_path / "out"
+    export_scene(scene, out)
+    (out / "collision" / "ghost.obj").write_text("v 0 0 0\n")
+    (out / "mine.txt").write_text("kept")
+    export_scene(scene, out)
+    assert not (out / "collision" / "ghost.obj").exists() and (out / "mine.txt").read_text() == "kept"
+    assert {path.name for path in out.iterdir()} == {*PLAIN, "mine.txt"}
+
+
+def test_nothing_appears_when_a_part_is_damaged(scene, tmp_path):
+    (scene.round_folder(0) / "proxy" / "proxy.npz").write_bytes(b"cut off")
+    with pytest.raises(R2SEgoError, match=r"proxy\.npz"):
+        export_scene(scene, tmp_path / "out")
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+@pytest.mark.parametrize("inside", ["", "rounds/0", "collision"])
+def test_a_scene_is_not_exported_into_itself(scene, inside):
+    before = content_digest(scene.path)
+    with pytest.raises(SceneError, match="into itself"):
+        export_scene(scene, scene.path / inside)
+    assert content_digest(scene.path) == before

@@ -91,7 +91,7 @@ def test_a_mesh_is_made_from_the_photograph_that_shows_most(captures, monkeypatc
     drawn = DeclaredObject("chair", {"p0.png": small, "p1.png": large})
     (made,) = generated_meshes([drawn], captures, tmp_path)
     assert dict(made.backends) == {"mesh": "SAM 3D Objects 0.0.1"}
-    save_objects(tmp_path / "objects", [made])
+    save_objects(tmp_path / "objects", [made], [one.name for one in captures])
     (again,) = load_objects(tmp_path / "objects", captures)
     assert dict(again.backends) == dict(made.backends) and again.mesh.suffix == ".glb"
 
@@ -108,9 +108,8 @@ def test_no_mesh_or_no_mask_is_an_error(captures, monkeypatch, tmp_path):
 
 @pytest.mark.parametrize("content", ["[]", "{", ""])
 def test_a_damaged_record_of_backends_is_named(captures, tmp_path, content):
-    save_objects(
-        tmp_path, [DeclaredObject("chair", {"p0.png": np.ones((60, 80), bool)}, backends={"masks": "x"})]
-    )
+    drawn = DeclaredObject("chair", {"p0.png": np.ones((60, 80), bool)}, backends={"masks": "x"})
+    save_objects(tmp_path, [drawn], [one.name for one in captures])
     (tmp_path / "chair" / "backends.json").write_text(content)
     with pytest.raises(GeometryError, match=r"backends\.json"):
         load_objects(tmp_path, captures)

@@ -66,6 +66,18 @@ def test_a_region_makes_the_scope_the_bundles_own(scene):
     assert again.region.within == "free_floor" and again.walk_to.speed_m_s == (0.35, 0.7)
 
 
+def test_the_scopes_own_robot_stays_unless_another_is_given(scene, tmp_path):
+    scope = tmp_path / "scope.toml"
+    scope.write_text('[robot]\nmodel = "embedded:wheeled"\n')
+    declared = declare_robot(scene, scope=str(scope))
+    assert declared.declaration.scope == str(scope)
+    assert describe_robot(declared)["robot"] == "embedded:wheeled"
+    assert run(scene.path).exit_code == 0  # asked to show it
+    assert describe_robot(Scene.open(scene.path))["robot"] == "embedded:wheeled"
+    assert run(scene.path, "--robot", "embedded:humanoid").exit_code == 0
+    assert describe_robot(Scene.open(scene.path))["robot"] == "embedded:humanoid"
+
+
 def declared_clearance(bundle: Path) -> float:
     return BehaviourScope.load(Scene.open(bundle).declaration.scope).region.clearance_m
 

@@ -4,9 +4,11 @@ import errno
 import json
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
+import tomli_w
 
 from r2sego_blender.backends import CONDITION_BACKENDS, SURFACE_BACKENDS
 from r2sego_blender.errors import SceneError, SettingsError
@@ -91,6 +93,35 @@ def test_open_names_the_file_and_the_cure(tmp_path, text):
     assert caught.value.cure
 
 
+@pytest.mark.parametrize(
+    ("section", "wrong", "told"),
+    [
+        ("settings", {"overrides": [1]}, "the field settings.overrides is missing or wrong"),
+        ("settings", {"overrides": {"no.such": 1}}, "there is no setting 'no.such'"),
+        ("settings", {"overrides": {"rounds": float("inf")}}, "setting rounds: 'inf' is not a whole number"),
+        ("settings", {"preset": "no"}, "there is no preset 'no'"),
+        ("registration", {"world_from_capture": [[1.0, 2.0]]}, "the field registration.world_from_capture"),
+        (
+            "registration",
+            {"world_from_capture": [[0.0] * 4] * 5},
+            "the field registration.world_from_capture",
+        ),
+        ("registration", {"world_from_capture": [[float("nan")] * 4] * 4}, "registration.world_from_capture"),
+        ("registration", {"world_from_capture": 1.0}, "missing or wrong"),
+        ("priors", 3, "missing or wrong"),
+    ],
+)
+def test_a_wrong_declaration_is_an_error_that_names_its_file(tmp_path, section, wrong, told):
+    scene = make_scene(tmp_path)
+    file = scene.path / "scene.toml"
+    data = tomllib.loads(file.read_text())
+    data[section] = data[section] | wrong if isinstance(wrong, dict) else wrong
+    file.write_text(tomli_w.dumps(data))
+    with pytest.raises((SceneError, SettingsError)) as caught:
+        Scene.open(scene.path)
+    assert str(caught.value).startswith(f"{file}: ") and told in str(caught.value) and caught.value.cure
+
+
 def test_open_refuses_a_folder_that_is_no_bundle(tmp_path):
     with pytest.raises(SceneError, match="r2sego new"):
         Scene.open(tmp_path)
@@ -144,6 +175,39 @@ def test_a_failed_step_keeps_the_earlier_result(tmp_path):
         scene.step("geometry/maps", fail, parameters=2)
     assert content_digest(scene.geometry_folder) == digest
     assert scene.step("geometry/maps", write, parameters=3).is_dir()
+
+
+def test_a_step_killed_as_its_result_took_its_place_is_run_again(tmp_path, monkeypatch):
+    """Settings a, then b killed before the journal has them, then a again: what is there is of b."""
+    scene = make_scene(tmp_path)
+
+    def made(content):
+        return scene.step("a.txt", lambda file: file.write_text(content), parameters=content).read_text()
+
+    assert made("a") == "a"
+    record = Scene._record
+
+    def killed(self, **told):
+        if "step" in told:
+            raise KeyboardInterrupt
+        record(self, **told)
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(Scene, "_record", killed)
+        made("b")
+    assert (scene.path / "a.txt").read_text() == "b"
+    assert made("a") == "a" == made("a")
+
+
+def test_hidden_files_are_no_content(tmp_path):
+    folder = tmp_path / "captures"
+    folder.mkdir()
+    (folder / "a.txt").write_text("a")
+    before = content_digest(folder)
+    (folder / ".DS_Store").write_text("a file manager's")
+    assert content_digest(folder) == before
+    (folder / "b.txt").write_text("b")
+    assert content_digest(folder) != before
 
 
 def test_a_cut_off_journal_line_is_passed_over(tmp_path):

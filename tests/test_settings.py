@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from r2sego_blender.errors import SettingsError
-from r2sego_blender.settings import PRESETS, Settings, entries, preset, with_overrides
+from r2sego_blender.settings import PRESETS, Settings, StereoSettings, entries, preset, with_overrides
 
 
 def test_the_defaults_are_the_papers():
@@ -44,10 +44,24 @@ def test_unknown_names_come_with_the_nearest_known_one():
         preset("previw")
 
 
-@pytest.mark.parametrize("value", ["", "many", "1.5", -1, 10**12, float("nan"), None])
+@pytest.mark.parametrize("value", ["", "many", "1.5", -1, 10**12, float("nan"), float("inf"), None])
 def test_values_outside_type_or_range_are_refused(value):
     with pytest.raises(SettingsError, match=r"training\.steps_per_round"):
         with_overrides({"training.steps_per_round": value})
+
+
+def test_a_matching_window_without_samples_is_refused():
+    with pytest.raises(SettingsError, match=r"stereo\.patch_stride_px: 4 is above .*patch_radius_px, 3"):
+        with_overrides({"stereo.patch_radius_px": 3, "stereo.patch_stride_px": 4})
+    with pytest.raises(SettingsError, match=r"stereo\.patch_stride_px"):
+        StereoSettings(patch_radius_px=2, patch_stride_px=3)
+
+
+def test_settings_that_belong_together_are_changed_together():
+    wide = with_overrides({"stereo.patch_stride_px": 4, "stereo.patch_radius_px": 15, "seed": 3})
+    assert (wide.stereo.patch_radius_px, wide.stereo.patch_stride_px, wide.seed) == (15, 4, 3)
+    narrow = with_overrides({"stereo.patch_radius_px": 2, "stereo.patch_stride_px": 2}, wide)
+    assert (narrow.stereo.patch_radius_px, narrow.stereo.patch_stride_px, narrow.seed) == (2, 2, 3)
 
 
 def test_settings_are_frozen():

@@ -50,7 +50,9 @@ class R2SEGO_OT_restore_splats(EngineOperator, bpy.types.Operator):
     bl_label = "Restore"
     bl_options = {"REGISTER"}
 
-    name: StringProperty(name="Name", description="The deletion; empty means the one chosen in the list")
+    name: StringProperty(
+        name="Name", description="The deletion; empty means the one chosen in the list", options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def poll(cls, context):

@@ -36,11 +36,11 @@ class R2SEGO_OT_mark_splats_box(ReportingOperator, bpy.types.Operator):
 
     lowest: FloatVectorProperty(
         name="Lowest Corner", description="In the world; equal corners mean the active object's box",
-        subtype="XYZ_LENGTH", unit="LENGTH", size=3,
+        subtype="XYZ_LENGTH", unit="LENGTH", size=3, options={"SKIP_SAVE"},
     )  # fmt: skip
     highest: FloatVectorProperty(
         name="Highest Corner", description="In the world; equal corners mean the active object's box",
-        subtype="XYZ_LENGTH", unit="LENGTH", size=3,
+        subtype="XYZ_LENGTH", unit="LENGTH", size=3, options={"SKIP_SAVE"},
     )  # fmt: skip
 
     @classmethod

@@ -34,10 +34,14 @@ class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     camera: StringProperty(
-        name="Camera", description="The camera object; empty means the active one, else the scene's"
+        name="Camera",
+        description="The camera object; empty means the active one, else the scene's",
+        options={"SKIP_SAVE"},
     )
     stage: StringProperty(
-        name="Asset", description="initial, a round's number, or final; empty means where the slider stands"
+        name="Asset",
+        description="initial, a round's number, or final; empty means where the slider stands",
+        options={"SKIP_SAVE"},
     )
     render_pass: EnumProperty(
         name="Pass", description="What is rendered",

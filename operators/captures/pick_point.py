@@ -29,8 +29,10 @@ class R2SEGO_OT_pick_point(ViewTool, ReportingOperator, bpy.types.Operator):
     )
     bl_options = {"REGISTER", "UNDO"}
 
-    point: StringProperty(name="Point", description="Name of the point; empty = a new point")
-    capture: StringProperty(name="Capture", description="The capture it is picked in")
+    point: StringProperty(
+        name="Point", description="Name of the point; empty = a new point", options={"SKIP_SAVE"}
+    )
+    capture: StringProperty(name="Capture", description="The capture it is picked in", options={"SKIP_SAVE"})
     x_px: FloatProperty(
         name="X", description="Pixels from the left of the capture's image", subtype="PIXEL", min=0.0
     )

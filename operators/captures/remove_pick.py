@@ -15,11 +15,17 @@ class R2SEGO_OT_remove_pick(ReportingOperator, bpy.types.Operator):
     bl_label = "Remove Point"
     bl_options = {"REGISTER", "UNDO"}
 
-    point: StringProperty(name="Point", description="Name of the point; empty = the chosen one")
-    capture: StringProperty(
-        name="Capture", description="Only its pick in this capture; empty = the whole point"
+    point: StringProperty(
+        name="Point", description="Name of the point; empty = the chosen one", options={"SKIP_SAVE"}
     )
-    everything: BoolProperty(name="Everything", description="Every picked point and length")
+    capture: StringProperty(
+        name="Capture",
+        description="Only its pick in this capture; empty = the whole point",
+        options={"SKIP_SAVE"},
+    )
+    everything: BoolProperty(
+        name="Everything", description="Every picked point and length", options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def poll(cls, context):

@@ -28,7 +28,11 @@ class R2SEGO_OT_compare_view(OfOneView, ReportingOperator, bpy.types.Operator):
         options={"ENUM_FLAG"}, default=DEFAULT_PARTS,
     )  # fmt: skip
     clip_frame: IntProperty(
-        name="Clip Frame", description="Which frame of the clip; -1 takes the middle one", default=-1, min=-1
+        name="Clip Frame",
+        description="Which frame of the clip; -1 takes the middle one",
+        default=-1,
+        min=-1,
+        options={"SKIP_SAVE"},
     )
     truth: StringProperty(
         name="Ground Truth", subtype="FILE_PATH",

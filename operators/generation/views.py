@@ -15,8 +15,9 @@ class OfOneView:
     """An operator on one generated view, by its rank; -1 means the list's active one."""
 
     view: IntProperty(
-        name="View", description="The view's rank, from 0; -1 takes the list's active one", default=-1, min=-1
-    )
+        name="View", description="The view's rank, from 0; -1 takes the list's active one", default=-1,
+        min=-1, options={"SKIP_SAVE"},
+    )  # fmt: skip
 
     @classmethod
     def poll(cls, context):

@@ -59,8 +59,12 @@ class R2SEGO_OT_draw_proxy_surface(_Edit, bpy.types.Operator):
     bl_label = "Add Active Mesh"
     bl_options = {"REGISTER"}
 
-    object_name: StringProperty(name="Object", description="The mesh object; empty = the active one")
-    name: StringProperty(name="Name", description="What the edit is called; empty = as the object")
+    object_name: StringProperty(
+        name="Object", description="The mesh object; empty = the active one", options={"SKIP_SAVE"}
+    )
+    name: StringProperty(
+        name="Name", description="What the edit is called; empty = as the object", options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def poll(cls, context):
@@ -88,7 +92,9 @@ class R2SEGO_OT_remove_proxy_edit(_Edit, bpy.types.Operator):
     bl_label = "Remove Edit"
     bl_options = {"REGISTER"}
 
-    name: StringProperty(name="Name", description="The edit; empty = the one chosen in the list")
+    name: StringProperty(
+        name="Name", description="The edit; empty = the one chosen in the list", options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def poll(cls, context):

@@ -75,7 +75,9 @@ class R2SEGO_OT_remove_object(ReportingOperator, bpy.types.Operator):
     bl_label = "Remove Object"
     bl_options = {"REGISTER", "UNDO"}
 
-    name: StringProperty(name="Object", description="The object; empty = the chosen one")
+    name: StringProperty(
+        name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def poll(cls, context):
@@ -98,8 +100,12 @@ class R2SEGO_OT_draw_mask(Drawing, ReportingOperator, bpy.types.Operator):
     bl_label = "Draw Mask"
     bl_options = {"REGISTER", "UNDO"}
 
-    object_name: StringProperty(name="Object", description="The object; empty = the chosen one")
-    capture: StringProperty(name="Capture", description="The capture; empty = the one looked through")
+    object_name: StringProperty(
+        name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"}
+    )
+    capture: StringProperty(
+        name="Capture", description="The capture; empty = the one looked through", options={"SKIP_SAVE"}
+    )
     points: StringProperty(
         name="Points", options={"SKIP_SAVE"},
         description="Pixels of the photograph from its top left corner, such as 10,20 30,20 30,40",
@@ -180,8 +186,12 @@ class R2SEGO_OT_paint_mask(ReportingOperator, bpy.types.Operator):
     bl_label = "Paint Mask"
     bl_options = {"REGISTER", "UNDO"}
 
-    object_name: StringProperty(name="Object", description="The object; empty = the chosen one")
-    capture: StringProperty(name="Capture", description="The capture; empty = the one looked through")
+    object_name: StringProperty(
+        name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"}
+    )
+    capture: StringProperty(
+        name="Capture", description="The capture; empty = the one looked through", options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def poll(cls, context):
@@ -238,7 +248,7 @@ class R2SEGO_OT_declare_masks(EngineOperator, bpy.types.Operator):
             if item.declared and not mask_images(item.name):  # not looked at here: stays as it is
                 load_masks(bundle, item.name)
         folder = handed_over("masks")
-        if not save_masks(folder, [item.name for item in group.objects]):
+        if not save_masks(bundle, folder, [item.name for item in group.objects]):
             raise GeometryError(
                 "no mask is drawn", cure="Draw an object in two captures at least, or remove the objects."
             )

@@ -98,7 +98,9 @@ class R2SEGO_OT_place_prior(ReportingOperator, bpy.types.Operator):
     bl_label = "Place Prior"
     bl_options = {"REGISTER", "UNDO"}
 
-    object_name: StringProperty(name="Object", description="The object; empty = the chosen one")
+    object_name: StringProperty(
+        name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def poll(cls, context):
@@ -124,7 +126,9 @@ class R2SEGO_OT_save_placement(EngineOperator, bpy.types.Operator):
     bl_label = "Save Placement"
     bl_options = {"REGISTER"}
 
-    object_name: StringProperty(name="Object", description="The object; empty = the chosen one")
+    object_name: StringProperty(
+        name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"}
+    )
     locked: BoolProperty(
         name="Lock", default=True, description="Keep it exactly there; else the alignment begins there"
     )
@@ -158,8 +162,12 @@ class R2SEGO_OT_use_mesh_as_prior(EngineOperator, bpy.types.Operator):
     bl_label = "Use Active Mesh"
     bl_options = {"REGISTER"}
 
-    object_name: StringProperty(name="Object", description="The object; empty = the chosen one")
-    mesh: StringProperty(name="Mesh", description="The mesh object; empty = the active one")
+    object_name: StringProperty(
+        name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"}
+    )
+    mesh: StringProperty(
+        name="Mesh", description="The mesh object; empty = the active one", options={"SKIP_SAVE"}
+    )
     place: bpy.props.EnumProperty(
         name="Pose", description="Where the shape goes",
         items=[
@@ -202,7 +210,9 @@ class R2SEGO_OT_decide_prior(EngineOperator, bpy.types.Operator):
     bl_label = "Decide"
     bl_options = {"REGISTER"}
 
-    object_name: StringProperty(name="Object", description="The object; empty = the chosen one")
+    object_name: StringProperty(
+        name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"}
+    )
     decision: bpy.props.EnumProperty(
         name="Decision", description="What becomes of the prior in the next Refine",
         items=[

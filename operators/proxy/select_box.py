@@ -17,7 +17,9 @@ class R2SEGO_OT_select_proxy_box(ReportingOperator, bpy.types.Operator):
     bl_label = "Select in Box"
     bl_options = {"REGISTER", "UNDO"}
 
-    box: StringProperty(name="Box", description="The object whose box counts; empty = the active one")
+    box: StringProperty(
+        name="Box", description="The object whose box counts; empty = the active one", options={"SKIP_SAVE"}
+    )
     extend: BoolProperty(name="Extend", description="Keep what is selected already")
 
     @classmethod

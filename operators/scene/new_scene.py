@@ -31,10 +31,12 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
     captures: StringProperty(
         name="Photographs", description="Folder of photographs of the room, three at least",
         subtype="DIR_PATH",
+        options={"SKIP_SAVE"},
     )  # fmt: skip
     poses: StringProperty(
         name="Poses", subtype="FILE_PATH",
         description="transforms.json, cameras.json or a COLMAP folder; empty = solve the poses",
+        options={"SKIP_SAVE"},
     )  # fmt: skip
     robot: StringProperty(
         name="Robot", default="embedded:humanoid", search=_matching(robot_choices),

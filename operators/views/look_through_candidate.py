@@ -19,7 +19,11 @@ class R2SEGO_OT_look_through_candidate(ReportingOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     candidate: IntProperty(
-        name="Candidate", description="The candidate's number; -1 takes the active one", default=-1, min=-1
+        name="Candidate",
+        description="The candidate's number; -1 takes the active one",
+        default=-1,
+        min=-1,
+        options={"SKIP_SAVE"},
     )
 
     @classmethod

@@ -30,6 +30,7 @@ class R2SEGO_OT_pick_candidate(ViewTool, ReportingOperator, bpy.types.Operator):
     candidate: IntProperty(
         name="Candidate", default=-1, min=-1,
         description="The candidate's number; -1 takes the one of the face chosen in Edit Mode",
+        options={"SKIP_SAVE"},
     )  # fmt: skip
 
     hint = "Click a frustum, or the curves at the bottom (drag to go along them); ESC ends"

@@ -36,7 +36,7 @@ from ..geometry.proxy import GeometryProxy, Provenance
 from ..geometry.rasterizer import MeshRasterizer
 from ..geometry.stereo import DepthMap
 from ..images import resize_nearest
-from ..layout import DEPTH, of_round
+from ..layout import DEPTH, capture_files, of_round
 from ..progress import SILENT, Progress
 from ..references import select_reference
 from ..scene import Scene
@@ -173,7 +173,8 @@ def _true_arm(bundle: Scene, truth: GroundTruth) -> _Arm:
 
 def _arm(bundle: Scene, proxy: GeometryProxy, captures: tuple[Capture, ...]) -> _Arm:
     settings = bundle.declaration.settings
-    maps = [DepthMap.load(bundle.path / DEPTH / f"{capture.name}.npz") for capture in captures]
+    files = capture_files([capture.name for capture in captures])
+    maps = [DepthMap.load(bundle.path / DEPTH / file) for file in files]
     observed = [
         resize_nearest(np.where(one.reliable(settings.stereo), one.depth, 0.0), *capture.camera.shape)
         for one, capture in zip(maps, captures, strict=True)

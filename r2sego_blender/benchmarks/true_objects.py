@@ -104,7 +104,8 @@ def declare_true_objects(
     """
     objects = true_objects(truth, rng)
     wrong = write_library(folder, objects, other_scene, _WRONG_MESHES, rng)
-    save_objects(bundle.path / OBJECTS, rough_masks(truth, objects, rng))
+    masks = rough_masks(truth, objects, rng)
+    save_objects(bundle.path / OBJECTS, masks, [view.name for view in truth.views])
     return objects, wrong
 
 

@@ -33,7 +33,7 @@ def drawn_faces() -> int:
 def draw_fewer_faces(shown: bpy.types.Object, most: int) -> None:
     """Have the views draw about ``most`` faces of a mesh at most, with 0 all of them.
 
-    Edit Mode, renders and whatever reads the mesh have every face.
+    Edit Mode, renders and whatever reads the object's mesh have every face.
     """
     modifier = shown.modifiers.get(_MODIFIER)
     if modifier is not None:

@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 
 from ..errors import GeometryError
+from ..layout import mask_stems
 from .bundle import Bundle, CapturedView
 from .proxy_edits import in_polygon
 from .proxy_objects import mask_files
@@ -65,8 +66,9 @@ def revision(image: bpy.types.Image) -> int:
 def load_masks(bundle: Bundle, name: str) -> int:
     """Take the bundle's masks of an object into images, in place of those drawn; how many."""
     files, count = mask_files(bundle, name), 0
+    stems = _stems(bundle)
     for view in bundle.captures():
-        file = files.get(Path(view.name).stem)
+        file = files.get(stems[view.name])
         if file is None:
             continue
         mask = _mask_of_file(file)
@@ -79,9 +81,9 @@ def load_masks(bundle: Bundle, name: str) -> int:
     return count
 
 
-def save_masks(folder: Path, names: list[str]) -> int:
+def save_masks(bundle: Bundle, folder: Path, names: list[str]) -> int:
     """Write the masks of objects as ``r2sego objects --masks`` reads them; how many are not empty."""
-    count = 0
+    count, stems = 0, _stems(bundle)
     for name in names:
         for capture, image in mask_images(name).items():
             if not read_mask(image).any():
@@ -93,7 +95,7 @@ def save_masks(folder: Path, names: list[str]) -> int:
             copy = image.copy()  # saving would tie the person's own image to the file
             try:
                 copy.file_format = "PNG"
-                copy.filepath_raw = str(place / f"{Path(capture).stem}.png")
+                copy.filepath_raw = str(place / f"{stems.get(capture, Path(capture).stem)}.png")
                 copy.save()
             finally:
                 bpy.data.images.remove(copy)
@@ -133,6 +135,10 @@ def _near_line(centres: np.ndarray, points: np.ndarray, reach: float) -> np.ndar
         share = np.clip((centres - start) @ along / max(along @ along, 1e-12), 0.0, 1.0)
         near |= ((centres - start - share[:, None] * along) ** 2).sum(1) <= reach**2
     return near
+
+
+def _stems(bundle: Bundle) -> dict[str, str]:
+    return mask_stems([view.name for view in bundle.captures()])
 
 
 def _mask_of_file(file: Path) -> np.ndarray:

@@ -10,11 +10,18 @@ _PLAIN = (bool, int, float, str)
 
 
 def given_properties(operator: bpy.types.Operator) -> dict[str, Any]:
-    """The properties that were set, names of files made absolute. Collections are left out."""
+    """The properties that were set, now or when it was last called, names of files made absolute.
+
+    Collections are left out.
+    """
     given = {}
     for prop in operator.properties.rna_type.properties:
         name = prop.identifier
-        if name == "rna_type" or prop.is_readonly or not operator.properties.is_property_set(name):
+        if (
+            name == "rna_type"
+            or prop.is_readonly
+            or not operator.properties.is_property_set(name, ghost=False)
+        ):
             continue
         value = getattr(operator, name)
         if isinstance(value, str) and value.startswith("//"):  # beside the .blend of now

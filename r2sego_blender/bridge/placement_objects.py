@@ -15,6 +15,7 @@ from mathutils.bvhtree import BVHTree
 from ..arrays import opened_arrays
 from ..cameras import Camera
 from ..errors import GeometryError
+from ..layout import COMPLETED, capture_files
 from .bundle import Bundle, CapturedView
 from .materials import plain_material
 from .meshes import arrays_from_mesh, mesh_from_arrays
@@ -144,9 +145,10 @@ def placement_of(bundle: Bundle, shown: bpy.types.Object) -> Placement:
     masks = {capture: read_mask(image) for capture, image in mask_images(name).items()}
     views = bundle.captures()
     chosen = [k for k, view in enumerate(views) if view.name in masks and masks[view.name].any()]
-    windows = []
-    for view in (views[k] for k in chosen):
-        depth = _known_depth(bundle, view)
+    windows, files = [], capture_files([view.name for view in views])
+    for k in chosen:
+        view = views[k]
+        depth = _known_depth(bundle.path / COMPLETED / files[k], view.camera)
         windows.append(mask_window(view.name, view.camera, masks[view.name], depth))
     vertices, faces = arrays_from_mesh(shown.data)
     return Placement(
@@ -157,10 +159,8 @@ def placement_of(bundle: Bundle, shown: bpy.types.Object) -> Placement:
     )  # fmt: skip
 
 
-def _known_depth(bundle: Bundle, view: CapturedView) -> np.ndarray | None:
-    """(H, W) the capture's completed depth at its camera's size, if there is one."""
-    camera = view.camera
-    file = bundle.scene.geometry_folder / "completed" / f"{view.name}.npz"
+def _known_depth(file: Path, camera: Camera) -> np.ndarray | None:
+    """(H, W) the completed depth in a capture's file at its camera's size, if there is one."""
     if not file.is_file():
         return None
     with opened_arrays(file, GeometryError, "this is no completed depth", _CURE) as data:

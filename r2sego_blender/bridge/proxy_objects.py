@@ -74,7 +74,7 @@ def prior_mesh(bundle: Bundle, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def mask_files(bundle: Bundle, name: str) -> dict[str, Path]:
-    """The declared masks of an object by the stem of their captures' names."""
+    """The declared masks of an object by their stems, see ``layout.mask_stems``."""
     return {file.stem: file for file in sorted((bundle.path / "objects" / name / "masks").glob("*.png"))}
 
 

@@ -29,16 +29,19 @@ def target_under(
     hit, place, _, face, shown, _ = scene.ray_cast(depsgraph, origin, direction)
     if not hit:
         return ""
-    return _object_name(shown, face) or f"{place.x:.3f},{place.y:.3f}"
+    return _object_name(shown, depsgraph, face) or f"{place.x:.3f},{place.y:.3f}"
 
 
-def _object_name(shown: bpy.types.Object, face: int) -> str:
-    """The name of a shown prior, or of the object a face of the proxy is of; '' for anything else."""
+def _object_name(shown: bpy.types.Object, depsgraph: bpy.types.Depsgraph, face: int) -> str:
+    """The name of a shown prior, or of the object a drawn face of the proxy is of; '' for anything else."""
     if name := prior_name(shown):
         return name
-    attribute = shown.data.attributes.get("instance") if shown.type == "MESH" else None
-    if attribute is None or "instance_names" not in shown.data or face >= len(attribute.data):
+    mesh = shown.original.data if shown.type == "MESH" else None
+    if mesh is None or "instance_names" not in mesh:
         return ""
-    instance = attribute.data[face].value
-    names = json.loads(shown.data["instance_names"])
+    drawn = shown.evaluated_get(depsgraph).data.attributes.get("instance")  # where fewer faces are drawn
+    if drawn is None or face >= len(drawn.data):
+        return ""
+    instance = drawn.data[face].value
+    names = json.loads(mesh["instance_names"])
     return names[instance - 1] if 1 <= instance <= len(names) else ""

@@ -50,6 +50,10 @@ def photograph_size(path: Path) -> tuple[int, int, int]:
         with Image.open(path) as image:
             orientation = int(image.getexif().get(_EXIF_ORIENTATION, 1) or 1)
             return image.width, image.height, _QUARTER_TURNS.get(orientation, 0)
+    except Image.DecompressionBombError as error:
+        raise CaptureError(
+            "the photograph has more pixels than is sensible", where=path, cure="Scale it down."
+        ) from error
     except FileNotFoundError as error:
         raise CaptureError("the photograph is missing", where=path, cure="Check the path.") from error
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:

@@ -73,8 +73,8 @@ def register(
     ground = find_ground(sparse.points, cameras, settings.floor_tolerance_m / unit_m, imported.up)
     if not ground.found:
         progress.message(
-            f"{ground.description}: check that the room stands level on z = 0, or add a photograph "
-            "that shows the floor", level="warning",
+            f"{ground.description}: see in report/ground/ whether the room stands level on z = 0, and "
+            "correct it with `r2sego register`, or add a photograph that shows the floor", level="warning",
         )  # fmt: skip
     if known is None:
         known, source = _scale_from_height(captures, ground, scale)
@@ -113,7 +113,7 @@ def corrected(
     moved_m = known * float(ground.height(captures[0].camera.centre)) - captures[0].camera.centre[2]
     progress.message(
         f"up turns by {turn_deg:.1f} degrees, a metre becomes {known:.3f} m, the first camera is "
-        f"{moved_m:+.3f} m higher above the floor"
+        f"{abs(moved_m):.3f} m {'lower' if moved_m < 0.0 else 'higher'} above the floor"
     )
     similarity = _world_from_capture(captures[0], ground, known)
     together = similarity @ registration.world_from_capture

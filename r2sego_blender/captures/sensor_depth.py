@@ -138,10 +138,13 @@ def read_exr_in_child(request: dict[str, Any]) -> dict[str, Any]:
 
 
 def _upright(depth: np.ndarray, capture: Capture, path: Path) -> np.ndarray:
-    """The map turned as the photograph is; sensors store both unturned."""
+    """The map turned as the photograph is; sensors store both unturned.
+
+    Only where its shape says so it is upright already.
+    """
     width, height = capture.photograph_size
     turns = 0 if capture.straight or not capture.image_path else photograph_size(capture.image_path)[2]
-    for quarter_turns in {0, turns}:
+    for quarter_turns in (turns, 0):
         turned = np.rot90(depth, -quarter_turns)
         aspect = turned.shape[1] / turned.shape[0]
         if abs(aspect / (width / height) - 1.0) <= _ASPECT_TOLERANCE:

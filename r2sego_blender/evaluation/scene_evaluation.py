@@ -21,7 +21,7 @@ from ..captures.store import load_captures
 from ..errors import R2SEgoError, SceneError
 from ..geometry.observed import ObservedGeometry
 from ..geometry.stereo import DepthMap
-from ..layout import CAPTURES, DEPTH, OBSERVED, REFINED_ASSET, SPARSE, of_round
+from ..layout import CAPTURES, DEPTH, OBSERVED, REFINED_ASSET, SPARSE, capture_files, of_round
 from ..progress import SILENT, Progress
 from ..scene import Scene
 from ..settings import VANILLA_3DGS
@@ -85,7 +85,8 @@ def frozen_views(scene: Scene, frozen: Path, progress: Progress = SILENT) -> tup
     """The frozen views in the world frame."""
     if frozen.is_dir():
         captures = load_captures(scene.captures_folder)
-        maps = [DepthMap.load(scene.path / DEPTH / f"{capture.name}.npz") for capture in captures]
+        files = capture_files([capture.name for capture in captures])
+        maps = [DepthMap.load(scene.path / DEPTH / file) for file in files]
         h = scene.declaration.settings
         depths = [np.where(m.reliable(h.stereo), m.depth, 0.0) for m in maps]
         sparse = SparsePoints.load(scene.path / SPARSE)

@@ -39,7 +39,7 @@ from .report_data import (
 from .round_scores import RoundScore, below
 
 _PAPER_BACKENDS = {
-    "initial_asset": "DUSt3R/VGGT-family reconstructor",
+    "initial_asset": "feed-forward pointmap-to-Gaussian reconstructor of the DUSt3R/VGGT family",
     "shape_prior": "SAM 3 and SAM 3D",
     "surface": "NKSR",
     "controller": "SONIC/WBC behaviour controller",

@@ -46,18 +46,18 @@ def support(
     usable: Sequence[np.ndarray],
     tolerance: float,
 ) -> tuple[np.ndarray, ...]:
-    """For each depth map (H, W) uint8, the number of other captures that agree with it.
+    """For each depth map (H, W) uint8, the number of other captures that agree with it, 255 at most.
 
     Only pixels that are ``usable`` (H, W) bool agree or count."""
     kept = [np.where(mask, depth, np.float32(0.0)) for mask, depth in zip(usable, depths, strict=True)]
     counts = []
     for i, camera in enumerate(cameras):
         points = camera.unproject(kept[i])
-        count = np.zeros(camera.shape, np.uint8)
+        count = np.zeros(camera.shape, np.int32)
         for j, other in enumerate(cameras):
             if j != i:
                 count += agreement(points, other, kept[j], normals[j], tolerance, normals[i])
-        counts.append(np.where(usable[i], count, 0).astype(np.uint8))
+        counts.append(np.where(usable[i], count.clip(max=255), 0).astype(np.uint8))
     return tuple(counts)
 
 

@@ -97,7 +97,7 @@ def load_proxy_edits(folder: Path) -> tuple[Edit, ...]:
 
     Raises GeometryError naming the damaged file.
     """
-    edits = [_load(path) for path in sorted(folder.glob("*.npz"))]
+    edits = [_load(path) for path in sorted(folder.glob("[!.]*.npz"))]
     return tuple(sorted(edits, key=lambda edit: (edit.order, edit.name)))
 
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 import trimesh
 from scipy import ndimage
-from scipy.spatial import ConvexHull, cKDTree
+from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from ..cameras import Camera
 from ..captures.capture import Capture
@@ -204,11 +204,19 @@ def _outside_priors(vertices, faces, priors, envelope, trusted, settings):
         asked = np.flatnonzero(kept & free & ((centroids > low) & (centroids < high)).all(1))
         samples, _ = trimesh.remesh.subdivide_to_size(prior.vertices, prior.faces, reach / 2)
         away = cKDTree(samples).query(centroids[asked], distance_upper_bound=reach, workers=-1)[0]
-        hull = ConvexHull(prior.vertices).equations
-        inside = (centroids[asked] @ hull[:, :3].T + hull[:, 3] < 0).all(1)
+        inside = _in_hull(centroids[asked], prior.vertices)
         taken = (np.isfinite(away) | inside) & ~seen[asked]
         kept[asked[taken | (away < reach / 2)]] = False
     return faces[kept]
+
+
+def _in_hull(points, vertices):
+    """(P,) bool: which points lie in the vertices' convex hull; none where those are flat, as a rug's."""
+    try:
+        hull = ConvexHull(vertices).equations
+    except QhullError:
+        return np.zeros(len(points), bool)
+    return (points @ hull[:, :3].T + hull[:, 3] < 0).all(1)
 
 
 def _closed(vertices, faces, field, envelope, trusted):

@@ -2,7 +2,8 @@
 
 They stand in the bundle's ``objects/<name>/``:
 
-    masks/<capture>.png   white where the photograph shows the object; no file, not drawn
+    masks/<stem>.png      white where the photograph shows the object; no file, not drawn.
+                          ``layout.mask_stems``: the stems are the photographs'
     mesh.glb              the shape, where the person gives one (any of ``MESH_SUFFIXES``)
     placement.json        its pose by hand: ``world_from_own`` (4, 4), and ``locked``
     decision.json         ``decision``: "accept" or "reject" its prior, whatever the figures say
@@ -18,12 +19,14 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import trimesh
 
 from ..captures.capture import Capture
 from ..errors import GeometryError
-from ..images import load_image_uint8
+from ..images import load_image_uint8, save_image
+from ..layout import mask_stems
 from .object_names import plain_name
-from .shapes import MESH_SUFFIXES
+from .shapes import MESH_SUFFIXES, load_shape
 
 _WHITE = 128
 
@@ -67,15 +70,20 @@ def load_objects(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObj
     return tuple(_object(place, captures) for place in sorted(folder.iterdir()) if place.is_dir())
 
 
-def save_objects(folder: Path, objects: Sequence[DeclaredObject]) -> None:
-    """Write masks, placements and decisions as ``load_objects`` reads them; a mesh is copied."""
+def save_objects(folder: Path, objects: Sequence[DeclaredObject], capture_names: Sequence[str]) -> None:
+    """Write masks, placements and decisions as ``load_objects`` reads them; a mesh is copied.
+
+    ``capture_names`` are those of all captures, drawn on or not. Raises GeometryError for a glTF
+    mesh of several files that cannot be made one.
+    """
+    stems = mask_stems(capture_names)
     for one in objects:
         place = folder / one.name
         (place / "masks").mkdir(parents=True, exist_ok=True)
         for name, mask in one.masks.items():
-            cv2.imwrite(str(place / "masks" / f"{Path(name).stem}.png"), mask.astype(np.uint8) * 255)
+            save_image(place / "masks" / f"{stems[name]}.png", mask.astype(np.uint8) * 255)
         if one.mesh is not None:
-            (place / f"mesh{one.mesh.suffix.lower()}").write_bytes(one.mesh.read_bytes())
+            _save_mesh(one.mesh, place)
         if one.placement is not None:
             pose = one.placement.world_from_own.tolist()
             text = json.dumps({"world_from_own": pose, "locked": one.placement.locked}, indent=1)
@@ -93,8 +101,8 @@ def read_masks(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObjec
 
     Either a folder for each object with a black and white image for each photograph, or one
     image for each photograph whose values number the objects, 0 for none, with a
-    ``names.json`` if they have names. Files are called as the photographs. Raises
-    GeometryError or CaptureError naming the file.
+    ``names.json`` if they have names. Files are called as the photographs, see
+    ``layout.mask_stems``. Raises GeometryError or CaptureError naming the file.
     """
     if not folder.is_dir():
         raise GeometryError("there is no such folder", where=folder, cure="Give the folder of the masks.")
@@ -123,6 +131,24 @@ def told_apart(objects: Sequence[DeclaredObject]) -> tuple[DeclaredObject, ...]:
         taken.add(name.lower())
         found.append(replace(one, name=name))
     return tuple(found)
+
+
+def _save_mesh(mesh: Path, place: Path) -> None:
+    """Copy a mesh into an object's folder; one of several files becomes one, of its shape alone."""
+    suffix = mesh.suffix.lower()
+    if suffix != ".gltf" or _has_its_buffers(mesh):
+        (place / f"mesh{suffix}").write_bytes(mesh.read_bytes())
+        return
+    shape = load_shape(mesh)
+    trimesh.Trimesh(shape.vertices, shape.faces, process=False).export(place / "mesh.glb")
+
+
+def _has_its_buffers(gltf: Path) -> bool:
+    try:
+        buffers = json.loads(gltf.read_bytes()).get("buffers", [])
+        return all(buffer.get("uri", "data:").startswith("data:") for buffer in buffers)
+    except (AttributeError, TypeError, ValueError):
+        return False  # damaged, which reading it says
 
 
 def _object(place: Path, captures: Sequence[Capture]) -> DeclaredObject:
@@ -183,10 +209,10 @@ def read_placement(path: Path) -> Placement:
 
 
 def _masks(folder: Path, captures: Sequence[Capture]) -> dict[str, np.ndarray]:
-    files = _by_stem(folder)
+    files = _mask_files(folder, captures)
     found = {}
     for capture in captures:
-        path = files.get(_stem(capture))
+        path = files.get(capture.name)
         if path is not None:
             image = load_image_uint8(path)
             grey = image if image.ndim == 2 else image.max(axis=2)
@@ -195,7 +221,7 @@ def _masks(folder: Path, captures: Sequence[Capture]) -> dict[str, np.ndarray]:
 
 
 def _numbered(folder: Path, captures: Sequence[Capture]) -> list[DeclaredObject]:
-    files = _by_stem(folder)
+    files = _mask_files(folder, captures)
     names_file = folder / "names.json"
     try:
         names = dict(json.loads(names_file.read_text(encoding="utf-8"))) if names_file.is_file() else {}
@@ -205,7 +231,7 @@ def _numbered(folder: Path, captures: Sequence[Capture]) -> list[DeclaredObject]
         ) from error
     masks: dict[int, dict[str, np.ndarray]] = {}
     for capture in captures:
-        path = files.get(_stem(capture))
+        path = files.get(capture.name)
         if path is None:
             continue
         numbers = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
@@ -236,9 +262,14 @@ def _at_working_size(mask: np.ndarray, capture: Capture) -> np.ndarray:
     return cv2.resize(image, shape[::-1], interpolation=cv2.INTER_AREA) > 0.5
 
 
-def _by_stem(folder: Path) -> dict[str, Path]:
-    return {path.stem: path for path in sorted(folder.iterdir()) if path.suffix.lower() == ".png"}
-
-
-def _stem(capture: Capture) -> str:
-    return Path(capture.name).stem
+def _mask_files(folder: Path, captures: Sequence[Capture]) -> dict[str, Path]:
+    """The masks in a folder by the captures' names. Raises GeometryError where one may be of several."""
+    files = {path.stem: path for path in sorted(folder.iterdir()) if path.suffix.lower() == ".png"}
+    stems = mask_stems([capture.name for capture in captures])
+    for stem in sorted(files.keys() - stems.values()):
+        if alike := [name for name in stems if Path(name).stem == stem]:
+            raise GeometryError(
+                f"the mask may be of {' or of '.join(alike)}", where=files[stem],
+                cure=f"Call it {' or '.join(f'{stems[name]}.png' for name in alike)}.",
+            )  # fmt: skip
+    return {name: files[stem] for name, stem in stems.items() if stem in files}

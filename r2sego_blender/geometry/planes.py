@@ -165,6 +165,8 @@ def _bounding(planes, points, centres, settings):
     bounding[0] = True  # the floor is known from the registration
     reach = planes.normals @ np.median(np.concatenate([points, centres]), axis=0) - planes.offsets
     for i in np.flatnonzero(bounding):
+        if not bounding[i]:  # a twin of one before
+            continue
         twins = bounding & (planes.normals @ planes.normals[i] > _PARALLEL)
         twins &= np.abs(reach - reach[i]) < _SAME_WALL_M
         weighty = twins & (planes.inliers >= 0.2 * planes.inliers[twins].max())

@@ -9,9 +9,10 @@ figures, the refused ones too.
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -206,14 +207,24 @@ def read_record(folder: Path) -> list[dict[str, Any]]:
         ) from error
 
 
-def load_library(folder: Path, progress: Progress = SILENT) -> tuple[Shape, ...]:
-    """The shapes in a folder of meshes; those that cannot be read are left out with a warning."""
+def library_files(folder: Path) -> dict[str, Path]:
+    """The meshes of a library by the names of their shapes, in order: ``chair``, or ``chair.glb``
+    where another format has that name too. Raises GeometryError for none."""
     files = mesh_files(folder)
+    stems, whole = Counter(path.stem for path in files), {path.name for path in files}
+    alone = [stems[path.stem] == 1 and path.stem not in whole for path in files]
+    return {path.stem if own else path.name: path for path, own in zip(files, alone, strict=True)}
+
+
+def load_library(folder: Path, progress: Progress = SILENT) -> tuple[Shape, ...]:
+    """The shapes in a folder of meshes, named as by ``library_files``; those that cannot be read
+    are left out with a warning."""
+    files = library_files(folder)
     shapes = []
     with progress.task("Reading the mesh library", len(files)) as task:
-        for path in files:
+        for name, path in files.items():
             try:
-                shapes.append(load_shape(path))
+                shapes.append(replace(load_shape(path), name=name))
             except GeometryError as error:
                 progress.message(f"left out: {error}", "warning")
             task.advance()

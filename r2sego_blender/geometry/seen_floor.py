@@ -20,7 +20,7 @@ def seen_floor(proxy: GeometryProxy, cameras: Sequence[Camera]) -> np.ndarray:
 
     It holds the floor faces that some capture saw and the places the captures were taken
     from: beyond it the room may end, and the proxy's floor there is only continued. Raises
-    GeometryError when the captures saw no floor.
+    GeometryError when the captures saw no floor and were taken along a line.
     """
     corners = proxy.vertices[proxy.faces].astype(np.float64)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

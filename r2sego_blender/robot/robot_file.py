@@ -9,6 +9,7 @@ left out; what could run code, or make something huge of a short text, is refuse
 
 from __future__ import annotations
 
+import hashlib
 import re
 from pathlib import Path, PurePosixPath
 from xml.etree import ElementTree
@@ -120,6 +121,23 @@ def gather_robot(path: Path) -> tuple[Element, dict[str, bytes]]:
         if element.tag == "geom" and element.get("type") in _REFUSED_SHAPES:
             raise _refused(element, "type", _REFUSED_SHAPES[element.get("type")])
     return root, _take_meshes(folder, root)
+
+
+def robot_digest(source: str) -> str:
+    """SHA-256 of all that a robot's file is made of, its includes and meshes too.
+
+    '' for an embedded robot, and where the file cannot be read.
+    """
+    if source in _EMBEDDED:
+        return ""
+    try:
+        root, files = gather_robot(Path(source))
+    except RobotError:
+        return ""
+    digest = hashlib.sha256(ElementTree.tostring(root))
+    for name in sorted(files):
+        digest.update(name.encode() + hashlib.sha256(files[name]).digest())
+    return digest.hexdigest()
 
 
 def _tree(folder: RobotFolder, path: Path, at: str) -> Element:

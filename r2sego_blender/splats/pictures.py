@@ -43,11 +43,13 @@ def load_cameras(file: Path) -> dict[str, Camera]:
         try:
             camera = Camera.from_json(entry)
             name = str(entry.get("name", f"{index:03d}"))
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
             raise AssetError(
                 f"the camera is damaged: {error!r}", where=where, cure="Give all fields as numbers."
             ) from error
-        if not 0 < camera.width * camera.height <= _LARGEST_PX or min(camera.fx, camera.fy) <= 0.0:
+        size, lens = (camera.width, camera.height), (camera.fx, camera.fy, camera.cx, camera.cy)
+        fits = min(size) > 0 and camera.width * camera.height <= _LARGEST_PX
+        if not (fits and np.isfinite(lens).all() and min(camera.fx, camera.fy) > 0.0):
             raise AssetError("the camera has no sensible size or lens", where=where, cure="Mend it.")
         if name in cameras or not name or name.startswith(".") or set(name) & set('/\\:*?"<>|\0'):
             raise AssetError(f"'{name}' cannot name a picture of its own", where=where, cure="Rename it.")

@@ -1,5 +1,6 @@
 """The outline of what lies on the floor, as a region; and what lies under the mouse."""
 
+import json
 import math
 
 import numpy as np
@@ -9,6 +10,7 @@ bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
 
 from mathutils import Vector  # noqa: E402
 
+from r2sego_blender.bridge.light_drawing import draw_fewer_faces  # noqa: E402
 from r2sego_blender.bridge.scope_outline import closed_loops, convex_hull, outline_of  # noqa: E402
 from r2sego_blender.bridge.scope_picking import floor_point, target_under  # noqa: E402
 from r2sego_blender.bridge.show_proxy import show_proxy  # noqa: E402
@@ -120,6 +122,21 @@ def test_a_target_is_the_object_of_a_proxys_face_or_a_place(scene, bundle):
     assert target_under(scene, depsgraph, Vector((0.0, 0.5, 1.5)), Vector((0, 0, -1))) == "table"
     assert target_under(scene, depsgraph, Vector((1.0, -1.5, 1.5)), Vector((0, 0, -1))) == "1.000,-1.500"
     assert target_under(scene, depsgraph, Vector((9.0, 9.0, 1.5)), Vector((0, 0, -1))) == ""
+
+
+def test_a_target_is_the_same_where_fewer_faces_are_drawn(scene, bundle):
+    proxy = show_proxy(scene, bundle, 0)
+    draw_fewer_faces(proxy, len(proxy.data.polygons) - 2)
+    bpy.context.view_layer.update()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    drawn = proxy.evaluated_get(depsgraph).data
+    assert len(drawn.polygons) < len(proxy.data.polygons)
+    names = json.loads(proxy.data["instance_names"])
+    for face in drawn.polygons:
+        origin = face.center + 0.01 * face.normal
+        instance = drawn.attributes["instance"].data[face.index].value
+        found = target_under(scene, depsgraph, proxy.matrix_world @ origin, -face.normal)
+        assert (found == names[instance - 1]) if instance else ("," in found)
 
 
 def test_a_shown_prior_is_a_target_by_its_name(scene, bundle):

@@ -135,16 +135,36 @@ def test_depth_that_is_not_sure_is_not_believed(tmp_path, rng, room, room_camera
     assert 0 < near.max() <= 3.0
 
 
-def test_depth_is_turned_upright_with_its_photograph(tmp_path, rng):
+@pytest.mark.parametrize(
+    ("orientation", "shape", "quarter_turns"),
+    [(6, (24, 32), -1), (3, (24, 32), 2), (6, (32, 32), -1), (8, (32, 32), 1), (1, (24, 32), 0)],
+)
+def test_depth_is_turned_upright_with_its_photograph(tmp_path, rng, orientation, shape, quarter_turns):
+    """Also where the shape does not tell: upside down, and square."""
     exif = Image.Exif()
-    exif[274] = 6
-    Image.fromarray(np.zeros((48, 64, 3), np.uint8)).save(tmp_path / "a.png", exif=exif)
-    depth = rng.uniform(1, 3, (24, 32)).astype(np.float32)
+    exif[274] = orientation
+    stored = np.zeros((2 * shape[0], 2 * shape[1], 3), np.uint8)
+    Image.fromarray(stored).save(tmp_path / "a.png", exif=exif)
+    depth = rng.uniform(1, 3, shape).astype(np.float32)
     np.save(tmp_path / "a.npy", depth)
     (tmp_path / "depth").mkdir()
     (tmp_path / "a.npy").rename(tmp_path / "depth" / "a.npy")
+    upright = np.rot90(depth, quarter_turns)
+    height, width = 2 * upright.shape[0], 2 * upright.shape[1]
+    camera = Camera(width, height, 50.0, 50.0, width / 2, height / 2, np.eye(4))
+    capture = Capture("a.png", tmp_path / "a.png", camera)
+    assert np.array_equal(SensorDepth(tmp_path / "depth").of(capture), upright)
+
+
+def test_depth_that_is_upright_already_is_not_turned(tmp_path, rng):
+    exif = Image.Exif()
+    exif[274] = 6
+    Image.fromarray(np.zeros((48, 64, 3), np.uint8)).save(tmp_path / "a.png", exif=exif)
+    (tmp_path / "depth").mkdir()
+    depth = rng.uniform(1, 3, (32, 24)).astype(np.float32)
+    np.save(tmp_path / "depth" / "a.npy", depth)
     capture = Capture("a.png", tmp_path / "a.png", Camera(48, 64, 50.0, 50.0, 24.0, 32.0, np.eye(4)))
-    assert np.array_equal(SensorDepth(tmp_path / "depth").of(capture), np.rot90(depth, -1))
+    assert np.array_equal(SensorDepth(tmp_path / "depth").of(capture), depth)
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89PNG garbage", b"\x93NUMPY\x01\x00", b"PK\x03\x04 cut"])

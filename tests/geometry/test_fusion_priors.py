@@ -141,3 +141,11 @@ def test_faces_know_which_objects_prior_they_are_of():
     corners = proxy.vertices[proxy.faces[proxy.instance == 2]].reshape(-1, 3)
     np.testing.assert_allclose(corners.min(0), [1.0, -1.0, 0.0], atol=1e-6)
     np.testing.assert_allclose(corners.max(0), [1.3, -0.7, 0.4], atol=1e-6)
+
+
+def test_a_flat_prior_takes_no_more_than_its_surface():
+    """A rug has no inside."""
+    vertices = np.array([[-0.6, -0.5, 0.01], [0.6, -0.5, 0.01], [0.6, 0.5, 0.01], [-0.6, 0.5, 0.01]])
+    rug = AlignedPrior("rug", vertices, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+    prior, others = split(composed([TABLE], [rug]))
+    assert len(prior) == 2 and on_the_box(others, TABLE, 0.03).sum() > 100

@@ -16,6 +16,7 @@ from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.lens import Lens
 from r2sego_blender.errors import CaptureError, GeometryError
 from r2sego_blender.geometry.objects import DeclaredObject, Placement, load_objects, read_masks, save_objects
+from r2sego_blender.geometry.shapes import load_shape
 from r2sego_blender.images import save_image
 
 CAMERA = Camera(80, 60, 70.0, 70.0, 40.0, 30.0, np.eye(4))
@@ -51,7 +52,7 @@ def test_what_is_saved_is_loaded(tmp_path):
     placement = Placement(random_similarity(np.random.default_rng(0)), locked=True)
     sofa = DeclaredObject("sofa", {"a": disc(20, 20, 9), "c": disc(50, 30, 5)}, mesh, placement)
     lamp = DeclaredObject("lamp", {"b": disc(60, 40, 12)})
-    save_objects(tmp_path / "objects", [sofa, lamp])
+    save_objects(tmp_path / "objects", [sofa, lamp], ["a", "b", "c"])
     first, second = load_objects(tmp_path / "objects", captures("a", "b", "c"))
     assert (first.name, second.name) == ("lamp", "sofa")
     assert_masks(first.masks, lamp.masks)
@@ -105,6 +106,73 @@ def test_a_damaged_mask_is_an_error_that_names_it(tmp_path):
         load_objects(tmp_path, captures("a"))
 
 
+@pytest.mark.parametrize("names", [("cam0/0000.png", "cam1/0000.png"), ("a.jpg", "a.png")])
+def test_captures_that_share_a_stem_keep_masks_of_their_own(tmp_path, names):
+    first, second = names
+    masks = {first: disc(20, 20, 9), second: disc(60, 40, 5)}
+    told = [DeclaredObject("both", masks), DeclaredObject("one", {second: masks[second]})]
+    save_objects(tmp_path, told, names)
+    both, one = load_objects(tmp_path, captures(*names))
+    assert_masks(both.masks, masks)
+    assert_masks(one.masks, {second: masks[second]})
+
+
+def test_a_mask_that_may_be_of_several_captures_is_refused(tmp_path):
+    rig = captures("cam0/0000.png", "cam1/0000.png", "left.png")
+    save_mask(tmp_path / "chair" / "0000.png", disc(20, 20, 9))
+    with pytest.raises(GeometryError, match=r"may be of cam0/0000\.png or of cam1/0000\.png") as caught:
+        read_masks(tmp_path, rig)
+    assert caught.value.where == str(tmp_path / "chair" / "0000.png")
+    assert caught.value.cure == "Call it cam0_0000.png.png or cam1_0000.png.png."
+    (tmp_path / "chair" / "0000.png").rename(tmp_path / "chair" / "cam1_0000.png.png")
+    (found,) = read_masks(tmp_path, rig)
+    assert_masks(found.masks, {"cam1/0000.png": disc(20, 20, 9)})
+
+
+def test_a_mask_is_saved_where_the_path_is_no_ascii(tmp_path):
+    chair = DeclaredObject("chair", {"a": disc(20, 20, 9)})
+    save_objects(tmp_path / "Möbel 家具", [chair], ["a"])
+    (found,) = load_objects(tmp_path / "Möbel 家具", captures("a"))
+    assert_masks(found.masks, chair.masks)
+
+
+def test_a_mask_that_cannot_be_written_is_no_silent_loss(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OSError, match="No space left"):
+        save_objects(tmp_path, [DeclaredObject("chair", {"a": disc(20, 20, 9)})], ["a"])
+
+
+def test_a_mesh_of_several_files_is_saved_as_one(tmp_path):
+    box = trimesh.creation.box((1, 2, 3))
+    for name, data in trimesh.exchange.gltf.export_gltf(trimesh.Scene(box)).items():
+        (tmp_path / ("box.gltf" if name.endswith(".gltf") else name)).write_bytes(data)
+    save_objects(tmp_path / "objects", [DeclaredObject("box", {}, tmp_path / "box.gltf")], [])
+    (found,) = load_objects(tmp_path / "objects", [])
+    assert found.mesh.name == "mesh.glb"
+    whole, own = load_shape(tmp_path / "box.gltf"), load_shape(found.mesh)
+    np.testing.assert_array_equal(own.vertices, whole.vertices)
+    np.testing.assert_array_equal(own.faces, whole.faces)
+
+
+def test_a_gltf_mesh_in_one_file_is_copied(tmp_path):
+    box = trimesh.creation.box((1, 2, 3))
+    parts = trimesh.exchange.gltf.export_gltf(trimesh.Scene(box), embed_buffers=True)
+    (tmp_path / "box.gltf").write_bytes(parts["model.gltf"])
+    save_objects(tmp_path / "objects", [DeclaredObject("box", {}, tmp_path / "box.gltf")], [])
+    (found,) = load_objects(tmp_path / "objects", [])
+    assert found.mesh.name == "mesh.gltf" and found.mesh.read_bytes() == parts["model.gltf"]
+
+
+@pytest.mark.parametrize("content", ['{"buffers": [{"uri": "gone.bin"}]}', "{", "[]", '{"buffers": [3]}'])
+def test_a_mesh_without_its_buffers_is_refused(tmp_path, content):
+    (tmp_path / "box.gltf").write_text(content)
+    with pytest.raises(GeometryError, match=r"box\.gltf"):
+        save_objects(tmp_path / "objects", [DeclaredObject("box", {}, tmp_path / "box.gltf")], [])
+
+
 # ---- masks from elsewhere
 
 
@@ -145,7 +213,7 @@ def test_objects_of_one_name_are_told_apart(tmp_path):
     )
     found = read_masks(tmp_path, captures("a"))
     assert [one.name for one in found] == ["chair", "chair_2", "Chair_3", "chair_2_2"]
-    save_objects(tmp_path / "objects", found)
+    save_objects(tmp_path / "objects", found, ["a"])
     again = load_objects(tmp_path / "objects", captures("a"))
     assert sorted(one.masks["a"].sum() for one in again) == sorted(one.masks["a"].sum() for one in found)
     assert len(again) == 4
@@ -159,7 +227,7 @@ def test_names_are_those_of_files(tmp_path_factory, name):
     (folder / "names.json").write_text(json.dumps({"1": name}), encoding="utf-8")
     (found,) = read_masks(folder, captures("a"))
     assert found.name and found.name.isascii() and not found.name.startswith(".")
-    save_objects(folder / "objects", [found])
+    save_objects(folder / "objects", [found], ["a"])
     assert [one.name for one in load_objects(folder / "objects", captures("a"))] == [found.name]
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.errors import GeometryError
-from r2sego_blender.geometry.planes import RoomPlanes, find_planes
+from r2sego_blender.geometry.planes import RoomPlanes, _bounding, find_planes
 from r2sego_blender.settings import ProxySettings
 
 SETTINGS = ProxySettings()
@@ -59,6 +59,17 @@ def test_what_hangs_on_a_wall_does_not_bound_the_room(room, observed_points):
     assert len(matching(planes, np.array([0.0, -1, 0]), -1.44)) == 1
     walls = planes.envelope.normals[:, 1] < -0.9
     np.testing.assert_allclose(planes.envelope.offsets[walls], [-1.5], atol=0.01)
+
+
+def test_of_bounds_on_both_sides_of_one_the_outermost_stays():
+    """The first, in the middle, gives way to the outer; the inner is then no twin of any that is left."""
+    planes = RoomPlanes(
+        np.array([[0.0, 0, 1], [0, -1, 0], [0, -1, 0], [0, -1, 0]]), np.array([0.0, -1.5, -1.6, -1.4]),
+        np.array([900, 100, 100, 100]), np.zeros(4, bool),
+    )  # fmt: skip
+    points = np.random.default_rng(0).uniform((-1, -1, 0.1), (1, 1, 2), (1000, 3))
+    found = _bounding(planes, points, np.array([[0.0, -1.0, 1.5]]), SETTINGS)
+    np.testing.assert_array_equal(found, [True, False, True, False])
 
 
 def test_walls_are_exactly_upright_and_floors_exactly_level(room, observed_points):

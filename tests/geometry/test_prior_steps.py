@@ -1,16 +1,23 @@
 """The step that aligns a bundle's declared objects: what it publishes and what runs it again."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
 
+import r2sego_blender.steps as steps_module
+from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.sparse import SparsePoints
 from r2sego_blender.captures.store import load_captures, save_captures
+from r2sego_blender.contents import Contents
 from r2sego_blender.geometry.objects import DeclaredObject, Placement, save_objects
 from r2sego_blender.geometry.observed import observe
 from r2sego_blender.geometry.planes import RoomPlanes
 from r2sego_blender.geometry.priors import load_priors, read_record
-from r2sego_blender.layout import DEPTH, OBJECTS, OBSERVED, PLANES, PRIORS
+from r2sego_blender.layout import COMPLETED, DEPTH, OBJECTS, OBSERVED, PLANES, PRIORS
 from r2sego_blender.object_priors import declare_objects
 from r2sego_blender.progress import SILENT
 from r2sego_blender.scene import Declaration, Scene
@@ -32,9 +39,8 @@ def crate() -> trimesh.Trimesh:
     return trimesh.creation.box(bounds=((0.4, 0.5, 0.0), (1.4, 1.1, 0.7)))
 
 
-@pytest.fixture(scope="module")
-def scene(room, tmp_path_factory) -> Scene:
-    """A bundle with captures, exact depth, observed points and planes, as the steps before leave it."""
+def registered(path: Path, room, captures: Sequence[Capture]) -> Scene:
+    """A bundle with captures and the room's sparse points, as the registration leaves it."""
 
     def fill(folder):
         (folder / "captures").mkdir()
@@ -45,12 +51,18 @@ def scene(room, tmp_path_factory) -> Scene:
         sparse = SparsePoints(
             points, np.zeros(points.shape, np.uint8), seen, np.zeros(len(points)), pixels.astype(np.float32)
         )
-        save_captures(folder / "captures", room.captures, sparse)
-        (folder / DEPTH).mkdir(parents=True)
+        save_captures(folder / "captures", captures, sparse)
 
     declaration = Declaration("photos", IDENTITY, "floor plane", "metric poses", overrides=SMALL)
-    scene = Scene.create(tmp_path_factory.mktemp("priors") / "room.r2s", declaration, fill)
+    return Scene.create(path, declaration, fill)
+
+
+@pytest.fixture(scope="module")
+def scene(room, tmp_path_factory) -> Scene:
+    """A bundle with captures, exact depth, observed points and planes, as the steps before leave it."""
+    scene = registered(tmp_path_factory.mktemp("priors") / "room.r2s", room, room.captures)
     captures = load_captures(scene.captures_folder)
+    (scene.path / DEPTH).mkdir(parents=True)
     for capture, depth in zip(captures, room.depth_maps, strict=True):
         depth.save(scene.path / DEPTH / f"{capture.name}.npz")
     settings = scene.declaration.settings
@@ -76,7 +88,7 @@ def run(scene: Scene) -> list[dict]:
 
 
 def runs(scene: Scene) -> int:
-    return sum(record["step"] == PRIORS for record in scene.journal())
+    return sum(record.get("step") == PRIORS for record in scene.journal())
 
 
 def test_objects_are_aligned_and_only_when_something_changed(scene, masks, crate, tmp_path):
@@ -86,7 +98,7 @@ def test_objects_are_aligned_and_only_when_something_changed(scene, masks, crate
     mesh = tmp_path / "crate.ply"
     crate.export(mesh)
     held = DeclaredObject("crate", masks, mesh, Placement(np.eye(4), locked=True))
-    save_objects(scene.path / OBJECTS, [held])
+    save_objects(scene.path / OBJECTS, [held], list(masks))
     (record,) = run(scene)
     assert record["refusal"] == "" and record["silhouette_iou"] > 0.9 and record["point_distance_m"] < 0.01
     (prior,) = load_priors(scene.path / PRIORS)
@@ -96,7 +108,7 @@ def test_objects_are_aligned_and_only_when_something_changed(scene, masks, crate
     before = runs(scene)
     assert run(scene) == [record] and runs(scene) == before == 2
     nowhere = {name: np.zeros_like(mask) for name, mask in masks.items()}
-    save_objects(scene.path / OBJECTS, [DeclaredObject("ghost", nowhere)])
+    save_objects(scene.path / OBJECTS, [DeclaredObject("ghost", nowhere)], list(masks))
     crate_record, ghost = run(scene)
     assert crate_record == record and runs(scene) == 3
     assert ghost["refusal"] == "no mask shows the object"
@@ -107,12 +119,30 @@ def test_objects_are_aligned_and_only_when_something_changed(scene, masks, crate
     assert load_priors(scene.path / PRIORS) == ()
 
 
+def test_the_captures_of_a_rig_may_repeat_their_file_names(room, tmp_path, monkeypatch):
+    """Named by paths, even absolute ones, their depth lies in the bundle all the same."""
+    names = ["cam0/0000.png", "cam1/0000.png", str(tmp_path / "cam2" / "0000.png"), "left.png"]
+    captures = [replace(one, name=name) for one, name in zip(room.captures, names, strict=True)]
+    scene = registered(tmp_path / "rig.r2s", room, captures)
+    monkeypatch.setattr(steps_module, "dense_stereo", lambda *_, **__: room.depth_maps)
+    steps = Steps(scene, scene.declaration.settings, SILENT)
+    steps.align_priors(*steps.observed_and_prior_geometry(steps.register_inputs()[0]))
+    for target in (DEPTH, COMPLETED):
+        files = [path.name for path in sorted((scene.path / target).iterdir())]
+        assert len(files) == 4 and files[:2] == ["cam0_0000.png.npz", "cam1_0000.png.npz"]
+        assert "left.png.npz" in files
+    assert [path.name for path in tmp_path.iterdir()] == ["rig.r2s"]
+    contents = Contents(scene, scene.declaration.settings)
+    for read in (contents.depth_maps(), contents.completed()):
+        assert [one.camera.to_json() for one in read] == [one.camera.to_json() for one in room.depth_maps]
+
+
 def test_a_library_that_is_changed_runs_the_step_again(scene, masks, crate, tmp_path):
     library = tmp_path / "library"
     library.mkdir()
     declared = scene.declare(mesh_library=str(library))
     assert Scene.open(scene.path).declaration == declared.declaration
-    save_objects(scene.path / OBJECTS, [DeclaredObject("box", masks)])
+    save_objects(scene.path / OBJECTS, [DeclaredObject("box", masks)], list(masks))
     crate.export(library / "crate.ply")
     found = {record["name"]: record for record in run(declared)}
     assert found["box"]["shape"] == "crate" and found["box"]["silhouette_iou"] > 0.85

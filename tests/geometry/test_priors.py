@@ -30,6 +30,7 @@ from r2sego_blender.geometry.priors import (
     ObjectPrior,
     align_objects,
     gather_evidence,
+    library_files,
     load_library,
     load_priors,
     read_record,
@@ -256,6 +257,20 @@ def test_a_library_leaves_out_what_cannot_be_read(tmp_path):
     assert [shape.name for shape in load_library(tmp_path, told)] == ["chair", "table"]
     ((level, text),) = told.messages
     assert level == "warning" and "broken.glb" in text
+
+
+def test_meshes_of_one_name_in_two_formats_are_told_apart(scene, tmp_path):
+    """The worse of the two, read first, once got the other's pose."""
+    for name, file in (("table", "seat.obj"), ("chair", "seat.ply"), ("lamp", "lamp.ply")):
+        trimesh.Trimesh(*FURNITURE[name](), process=False).export(tmp_path / file)
+    library = load_library(tmp_path)
+    assert [shape.name for shape in library] == list(library_files(tmp_path))
+    assert [shape.name for shape in library] == ["lamp", "seat.obj", "seat.ply"]
+    (found,) = aligned(scene, [DeclaredObject("seat", scene.masks)], library)
+    assert found.record["shape"] == "seat.ply"
+    assert sorted(found.record["rough"]) == ["lamp", "seat.obj", "seat.ply"]
+    truth = moved(FURNITURE["chair"]()[0], WORLD_FROM_CHAIR)
+    assert np.linalg.norm(found.prior.vertices - truth, axis=1).max() < 0.03
 
 
 def test_a_person_overrules_the_figures(scene, chair_file, own_from_chair, tmp_path):

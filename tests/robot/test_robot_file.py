@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from r2sego_blender.errors import RobotError
 from r2sego_blender.robot.model import RobotModel
-from r2sego_blender.robot.robot_file import gather_robot, robot_spec
+from r2sego_blender.robot.robot_file import gather_robot, robot_digest, robot_spec
 from r2sego_blender.robot.safe_xml import parse_xml
 
 _BODY = '<body><freejoint/><geom type="mesh" mesh="part" name="shape"/></body>'
@@ -99,6 +99,22 @@ def test_includes_are_put_in(folder):
     path = write(folder, '<mujoco><include file="parts/first.xml"/></mujoco>')
     assert robot_spec(str(path)).compile().body("b").id == 1
     assert {name.name for name in opened_by(path)} == {"robot.xml", "first.xml", "more.xml"}
+
+
+def test_the_digest_knows_includes_and_meshes(folder):
+    assert robot_digest("embedded:humanoid") == robot_digest(str(folder / "none.xml")) == ""
+    path = write(folder, mjcf())
+    before = robot_digest(str(path))
+    assert before == robot_digest(str(path)) != ""
+    mesh = next(folder.rglob("*.stl"))
+    trimesh.creation.box((1.0, 2.0, 3.0)).export(mesh)
+    changed = robot_digest(str(path))
+    assert changed != before
+    write(folder, include("more.xml"))
+    write(folder, "<mujoco><worldbody/></mujoco>", "more.xml")
+    first = robot_digest(str(path))
+    write(folder, '<mujoco><worldbody><body name="b"/></worldbody></mujoco>', "more.xml")
+    assert robot_digest(str(path)) not in (first, changed, "")
 
 
 OUTSIDE = {

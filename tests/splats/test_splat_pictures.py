@@ -66,7 +66,19 @@ def test_damaged_cameras_are_refused_with_their_place(tmp_path, content, words):
 
 
 @pytest.mark.parametrize(
-    "change", [{"name": "../up"}, {"name": ""}, {"width": 10**6, "height": 10**6}, {"fx": 0.0}]
+    "change",
+    [
+        {"name": "../up"},
+        {"name": ""},
+        {"width": 10**6, "height": 10**6},
+        {"width": -4, "height": -4},
+        {"width": float("inf")},
+        {"fx": 0.0},
+        {"fx": float("nan")},
+        {"fy": float("inf")},
+        {"cx": float("nan")},
+        {"cy": float("-inf")},
+    ],
 )
 def test_a_camera_that_cannot_be_rendered_or_named_is_refused(room, tmp_path, change):
     file = tmp_path / "cameras.json"

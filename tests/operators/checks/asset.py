@@ -1,5 +1,6 @@
 """What holds of the room Asset, checked inside Blender."""
 
+import contextlib
 import importlib
 import json
 import os
@@ -295,6 +296,26 @@ def check_a_camera_is_handed_to_the_engine_exactly():
     lens = json.loads((copy / "captures" / "cameras.json").read_text())["captures"][1]
     for name in ("width", "height", "fx", "fy", "cx", "cy", "world_from_camera"):
         np.testing.assert_allclose(camera[name], lens[name], atol=1e-5)
+
+
+def check_a_second_render_takes_the_camera_and_asset_of_then():
+    """As pressed in a window, where Blender keeps what an operator was called with."""
+    copied_bundle()
+    bpy.ops.r2sego.import_captures()
+    conduct("fail")
+    first, second = (bpy.data.objects[f"capture_{k}"] for k in (0, 1))
+    told = []
+    for camera, stage in ((first, 0), (second, 1)):
+        bpy.context.view_layer.objects.active = camera
+        group().stage = stage
+        with contextlib.suppress(RuntimeError):
+            bpy.ops.r2sego.render_asset("EXEC_DEFAULT", True)
+        call = calls()[-1]
+        (handed,) = json.loads(Path(call[3]).read_text())["cameras"]
+        told.append((call[call.index("--round") + 1], np.array(handed["world_from_camera"])))
+    (one_stage, one_pose), (other_stage, other_pose) = told
+    assert one_stage != other_stage
+    assert np.abs(one_pose - other_pose).max() > 0.01
 
 
 def check_any_perspective_camera_is_a_pinhole_in_pixels():

@@ -158,6 +158,9 @@ def check_points_and_lengths_are_taken_away():
     assert bpy.ops.r2sego.remove_pick(everything=True) == {"FINISHED"}
     assert not len(shown().points)
     assert "No point is picked yet" in refused(bpy.ops.r2sego.remove_pick)
+    pick_all()
+    assert bpy.ops.r2sego.remove_pick("EXEC_DEFAULT", True) == {"FINISHED"}  # as pressed: it remembers
+    assert len(shown().points) == 2
 
 
 def check_new_points_get_names_of_their_own():
