@@ -13,7 +13,9 @@ from r2sego_blender.captures.store import load_captures
 from r2sego_blender.cli import main
 from r2sego_blender.creation import create_scene
 from r2sego_blender.evaluation.scene_evaluation import evaluate_scene
+from r2sego_blender.evaluation.scene_report import write_scene_report
 from r2sego_blender.export import export_scene
+from r2sego_blender.generation.decisions import save_decision
 from r2sego_blender.geometry.proxy import GeometryProxy
 from r2sego_blender.pipeline import refine
 from r2sego_blender.scene import Scene, content_digest
@@ -71,6 +73,16 @@ def test_every_round_leaves_what_it_did(small_room):
             assert generated or not pose["accepted"]
         assert json.loads((folder / "metrics.json").read_text())["gaussians"] <= 20000
     assert describe(small_room)["refined"]
+
+
+def test_the_report_tells_what_was_decided_by_hand(small_room, tmp_path):
+    copy = shutil.copytree(small_room.path, tmp_path / "room.r2s")
+    view = next(iter(sorted((copy / "rounds/0/views").iterdir())))
+    by_gate = json.loads((view / "pose.json").read_text())["accepted"]
+    save_decision(view, not by_gate)
+    page = write_scene_report(Scene.open(copy)).read_text()
+    assert ("rejected by hand" if by_gate else "accepted by hand") in page
+    assert ".0 inliers" not in page
 
 
 def test_the_room_of_a_later_round_has_other_rollouts(small_room):

@@ -124,7 +124,8 @@ def table(metrics: Mapping[str, Any]) -> str:
     for arm, source in ARMS.items():
         scored = metrics["arms"][arm]
         lpips = "n/a" if scored["lpips_alex"] is None else f"{scored['lpips_alex']:.3f}"
-        lines.append(f"{source.label:<16}{scored['psnr']:>9.2f}{scored['ssim']:>8.3f}{lpips:>8}")
+        psnr = float("inf") if scored["psnr"] is None else scored["psnr"]
+        lines.append(f"{source.label:<16}{psnr:>9.2f}{scored['ssim']:>8.3f}{lpips:>8}")
     lines += round_scores.lines(metrics["rounds"])
     count = len(metrics["arms"][REFINED]["views"])
     lines += [f"mean over {count} frozen views", "", *scene_causes.lines(metrics["causes"])]

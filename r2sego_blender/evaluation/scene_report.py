@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 from ..captures.capture import Capture
 from ..captures.store import load_captures
 from ..generation.condition_files import load_conditions
+from ..generation.view_records import ViewRecord, read_views
 from ..geometry.proxy import GeometryProxy, Provenance
 from ..layout import of_round
 from ..robot.rollouts import load_rollouts
@@ -58,7 +58,7 @@ def write_scene_report(
 ) -> Path:
     """Write ``report/index.html`` from what the bundle holds, with scores where there are some."""
     declared = scene.declaration
-    rounds = range(scene.rounds_done())
+    rounds = range(min(scene.rounds_done(), declared.settings.rounds))
     last = GeometryProxy.load(scene.path / of_round(rounds[-1], "proxy") / "proxy.npz") if rounds else None
     reasons = [score.lpips_reason for score in (scores or {}).values()]
     return write_report(
@@ -120,7 +120,8 @@ def _round(scene: Scene, index: int) -> Round:
     candidates = load_candidates(scene.path / of_round(index, "selection"))
     poses = np.stack([camera.world_from_camera for camera in candidates])
     captures = load_captures(scene.captures_folder)
-    views = sorted((scene.path / of_round(index, "views")).glob("*/pose.json"))
+    budget = scene.declaration.settings.selection.target_views
+    views = read_views(scene.path / of_round(index, "views"), budget)
     return Round(
         number=index,
         rollouts=tuple(
@@ -142,23 +143,23 @@ def _round(scene: Scene, index: int) -> Round:
     )
 
 
-def _target(pose_file: Path, selection: Selection, captures: Sequence[Capture]) -> Target:
-    record: dict[str, Any] = json.loads(pose_file.read_text())
-    folder = pose_file.parent
-    conditions = load_conditions(folder / "conditions")
-    frame = folder / "frame.png"
+def _target(view: ViewRecord, selection: Selection, captures: Sequence[Capture]) -> Target:
+    conditions = load_conditions(view.folder / "conditions")
+    frame = view.folder / "frame.png"
+    photographs = {capture.name: capture.image_path for capture in captures}
+    inliers = view.figures.get("inliers")
     return Target(
-        name=f"rank {record['rank'] + 1}, rollout {record['rollout']}, frame {record['frame']}",
-        accepted=record["accepted"],
-        verdict=record["reason"],
-        reference_name=record["reference_name"],
-        reference=captures[record["reference"]].image_path,
+        name=f"rank {view.rank + 1}, rollout {view.rollout}, frame {view.frame}",
+        accepted=view.accepted,
+        verdict=view.fate,
+        reference_name=view.reference,
+        reference=photographs[view.reference],
         condition=depth_picture(conditions[-1].depth) if conditions else None,
         generated=frame if frame.is_file() else None,
-        score=float(selection.score[record["candidate"]]),
-        inliers=record.get("inliers"),
-        offset_m=record.get("offset_m"),
-        turn_deg=record.get("turn_deg"),
+        score=float(selection.score[view.candidate]),
+        inliers=None if inliers is None else int(inliers),
+        offset_m=view.figures.get("offset_m"),
+        turn_deg=view.figures.get("turn_deg"),
     )
 
 
