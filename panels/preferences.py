@@ -3,15 +3,13 @@
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-from ..r2sego_blender.bridge.light_drawing import draw_fewer_faces
-from ..r2sego_blender.bridge.show_proxy import shown_proxies
+from ..r2sego_blender.bridge.show_proxy import draw_fewer_faces_of_all
 
 ROOT = __package__.rpartition(".")[0]
 
 
 def _draw_so_many(preferences, context):
-    for shown in shown_proxies():
-        draw_fewer_faces(shown, preferences.drawn_faces)
+    draw_fewer_faces_of_all(preferences.drawn_faces)
 
 
 class R2SEGO_AP_preferences(bpy.types.AddonPreferences):

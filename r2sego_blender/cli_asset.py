@@ -134,7 +134,7 @@ def _publish_again(scene: Scene, progress: Progress) -> None:
 
 def _last_round(scene: Scene) -> int:
     """The round whose asset the final one is made of; -1 when none has ended yet."""
-    return min(scene.rounds_done(), scene.declaration.settings.rounds) - 1
+    return scene.rounds_of_result() - 1
 
 
 def _described(scene: Scene) -> dict[str, Any]:

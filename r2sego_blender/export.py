@@ -30,7 +30,7 @@ def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list
             raise AssetError(
                 f"'{suffix}' is no format of splats", where="--splats", cure=f"Use {', '.join(SUFFIXES)}."
             )
-    rounds = min(scene.rounds_done(), scene.declaration.settings.rounds)
+    rounds = scene.rounds_of_result()
     if not scene.asset_file.is_file() or not scene.collision_folder.is_dir() or not rounds:
         raise SceneError(
             "there is nothing to export yet",

@@ -177,6 +177,10 @@ class Scene:
             done += 1
         return done
 
+    def rounds_of_result(self) -> int:
+        """How many rounds the result stands on: those done, but none beyond the declared ones."""
+        return min(self.rounds_done(), self.declaration.settings.rounds)
+
     # ---- steps
 
     def step(
@@ -195,12 +199,13 @@ class Scene:
         """
         place = self.path / target
         digest = self._digest_of_inputs(inputs, parameters)
-        if place.exists() and self._recorded(target) == digest:
+        before = self.recorded().get(target)
+        if place.exists() and before == digest:
             return place
         started = time.time()
         with _disk_errors(place), self.publishing(target) as staging:
             compute(staging)
-            if self._recorded(target) is not None:
+            if before is not None:
                 self._record(publishing=target)  # killed from here on, the old record is no longer true
         self._record(
             step=target, inputs=digest, output=content_digest(place),
@@ -279,9 +284,6 @@ class Scene:
 
     def _digest_of_input(self, item: str | Path) -> str:
         return content_digest(self.path / item)
-
-    def _recorded(self, target: str) -> str | None:
-        return self.recorded().get(target)
 
     def _record(self, **record: Any) -> None:
         with _disk_errors(self.path), (self.path / _JOURNAL).open("a", encoding="utf-8") as file:

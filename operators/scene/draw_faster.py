@@ -3,8 +3,8 @@
 import bpy
 
 from ...r2sego_blender.bridge.engine_python import addon_preferences
-from ...r2sego_blender.bridge.light_drawing import FACES_DRAWN, draw_fewer_faces, lighten_views
-from ...r2sego_blender.bridge.show_proxy import shown_proxies
+from ...r2sego_blender.bridge.light_drawing import FACES_DRAWN, lighten_views
+from ...r2sego_blender.bridge.show_proxy import draw_fewer_faces_of_all
 from ..base import ReportingOperator
 
 
@@ -19,7 +19,7 @@ class R2SEGO_OT_draw_faster(ReportingOperator, bpy.types.Operator):
         lighten_views()
         preferences = addon_preferences()
         if preferences is not None:
-            preferences.drawn_faces = FACES_DRAWN
-        for shown in shown_proxies():  # a script on a checkout has no preferences
-            draw_fewer_faces(shown, FACES_DRAWN)
+            preferences.drawn_faces = FACES_DRAWN  # which has the shown proxies drawn so
+        else:  # a script on a checkout
+            draw_fewer_faces_of_all(FACES_DRAWN)
         return f"Smooth edges and grid are off, a proxy is drawn with {FACES_DRAWN} faces at most"

@@ -17,11 +17,9 @@ def given_properties(operator: bpy.types.Operator) -> dict[str, Any]:
     given = {}
     for prop in operator.properties.rna_type.properties:
         name = prop.identifier
-        if (
-            name == "rna_type"
-            or prop.is_readonly
-            or not operator.properties.is_property_set(name, ghost=False)
-        ):
+        if name == "rna_type" or prop.is_readonly:
+            continue
+        if not operator.properties.is_property_set(name, ghost=False):
             continue
         value = getattr(operator, name)
         if isinstance(value, str) and value.startswith("//"):  # beside the .blend of now

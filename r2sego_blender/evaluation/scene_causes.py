@@ -123,7 +123,7 @@ def split_by_cause(
     shows nothing. ``frozen`` is what the views were read of: a ``room.npz`` beside it is the
     true room. The proxy is the last round's. Raises GeometryError when that is not there.
     """
-    last = min(scene.rounds_done(), scene.declaration.settings.rounds) - 1
+    last = scene.rounds_of_result() - 1
     proxy = GeometryProxy.load(scene.path / of_round(max(last, 0), "proxy") / "proxy.npz")
     found = MeshRasterizer(proxy.vertices, proxy.faces)
     captures = [capture.camera for capture in load_captures(scene.captures_folder)]

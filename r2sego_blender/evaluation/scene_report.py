@@ -58,7 +58,7 @@ def write_scene_report(
 ) -> Path:
     """Write ``report/index.html`` from what the bundle holds, with scores where there are some."""
     declared = scene.declaration
-    rounds = range(min(scene.rounds_done(), declared.settings.rounds))
+    rounds = range(scene.rounds_of_result())
     last = GeometryProxy.load(scene.path / of_round(rounds[-1], "proxy") / "proxy.npz") if rounds else None
     reasons = [score.lpips_reason for score in (scores or {}).values()]
     return write_report(
