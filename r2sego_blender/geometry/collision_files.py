@@ -97,15 +97,18 @@ def _obj(vertices: np.ndarray, faces: np.ndarray) -> str:
 
 
 def _mjcf(names: list[str], floor: FloorBox | None) -> str:
-    """A static MuJoCo scene: the floor's box and one mesh geom for each piece."""
+    """A static MuJoCo scene: the floor's box and one mesh geom for each piece.
+
+    It sets no unit of angles, which would become that of a robot it is included beside.
+    """
     root = ElementTree.Element("mujoco", model="room")
-    ElementTree.SubElement(root, "compiler", angle="radian", meshdir=HULLS)
+    ElementTree.SubElement(root, "compiler", meshdir=HULLS)
     assets = ElementTree.SubElement(root, "asset")
     world = ElementTree.SubElement(root, "worldbody")
     if floor is not None:
         ElementTree.SubElement(
             world, "geom", name=FLOOR, type="box", size=_numbers(floor.half), pos=_numbers(floor.centre),
-            euler=_numbers((0, 0, floor.yaw_rad)), rgba=_FLOOR_RGBA,
+            quat=_numbers((np.cos(floor.yaw_rad / 2), 0, 0, np.sin(floor.yaw_rad / 2))), rgba=_FLOOR_RGBA,
         )  # fmt: skip
     for name in names:
         # Static pieces need no inertia; "convex" never fails on a thin one.

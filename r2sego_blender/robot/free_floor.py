@@ -17,12 +17,10 @@ from .mujoco_warnings import mujoco_warnings
 from .scope import FREE_FLOOR, BehaviourScope
 
 CELL_M = 0.05
-# Above the floor's own roughness, below what a step clears.
-_ANKLE_M = 0.06
 # The floor is looked for downwards from here.
 _PROBE_FROM_M = 0.3
 FLATNESS_M = 0.03
-"""What rises above the floor by more than this is an obstacle."""
+"""What rises above the floor by more than this is an obstacle, to the planner and to the judge."""
 _MAX_CELLS = 400_000
 
 
@@ -63,8 +61,9 @@ class FreeFloor:
 def free_floor(robot: RobotModel, scope: BehaviourScope, collision_mjcf: Path) -> FreeFloor:
     """The free floor of the scene for this robot and scope.
 
-    A cell is free where an upright cylinder around the resting robot, from ankle to head and
-    grown by the scope's clearance, touches nothing and a flat floor lies below. The largest
+    A cell is free where an upright cylinder around the resting robot, from ``FLATNESS_M`` above
+    the floor to the head and grown by the scope's clearance, touches nothing and a flat floor
+    lies below. The largest
     connected piece is kept. Raises RobotError when nothing is left.
     """
     radius_m = robot.radius_m + scope.region.clearance_m
@@ -86,7 +85,7 @@ def free_floor(robot: RobotModel, scope: BehaviourScope, collision_mjcf: Path) -
     free = inside & (np.abs(floor_z - floor_z_m) < FLATNESS_M)
     with mujoco_warnings() as warned:
         for row, column in np.argwhere(free):
-            data.qpos[:3] = (*centres[row, column], floor_z_m + (_ANKLE_M + robot.height_m) / 2.0)
+            data.qpos[:3] = (*centres[row, column], floor_z_m + (FLATNESS_M + robot.height_m) / 2.0)
             mujoco.mj_kinematics(model, data)
             mujoco.mj_collision(model, data)
             free[row, column] = data.ncon == 0 and not warned  # a contact it gave up on is one
@@ -114,7 +113,7 @@ def _with_probe(collision_mjcf: Path, radius_m: float, height_m: float) -> tuple
     body.add_freejoint()  # MuJoCo never collides two bodies that cannot move
     body.add_geom(
         name="free_floor_probe", type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-        size=(radius_m, (height_m - _ANKLE_M) / 2.0, 0.0), contype=1, conaffinity=2,
+        size=(radius_m, (height_m - FLATNESS_M) / 2.0, 0.0), contype=1, conaffinity=2,
     )  # fmt: skip
     model = compile_scene(spec, collision_mjcf)
     return model, model.geom("free_floor_probe").id

@@ -1,12 +1,14 @@
 """The files of a collision surface: each is read back by what it is for."""
 
 import re
+import shutil
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 from pxr import Usd, UsdGeom, UsdPhysics, UsdValidation
 
 from r2sego_blender.errors import GeometryError
@@ -151,6 +153,53 @@ def test_a_scene_without_a_floor_has_none(surface, tmp_path):
         assert mujoco.MjModel.from_xml_path(str(tmp_path / name)).ngeom == len(surface.pieces)
     stage = Usd.Stage.Open(str(tmp_path / "scene.usd"))
     assert not stage.GetPrimAtPath("/room/collision/floor")
+
+
+_ROBOT = """<mujoco model="arm"><compiler meshdir="meshes"/>
+<asset><mesh name="link" file="link.stl"/></asset>
+<worldbody><body name="base" pos="0 0 1"><geom type="mesh" mesh="link"/>
+<body name="arm" euler="0 0 90"><joint name="elbow" range="-45 90"/><geom type="mesh" mesh="link"/></body>
+</body></worldbody></mujoco>"""
+
+
+def _room_geoms(model, prefix):
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    ids = [g for g in range(model.ngeom) if model.geom_type[g] == mujoco.mjtGeom.mjGEOM_BOX]
+    ids += [g for g in range(model.ngeom) if model.geom(g).name.startswith(f"{prefix}piece_")]
+    return np.concatenate([data.geom_xpos[ids], data.geom_xmat[ids], model.geom_size[ids]], axis=1)
+
+
+def test_the_mjcf_is_attached_beside_a_robot_with_meshes_and_degrees_of_its_own(surface, folder, tmp_path):
+    """As docs/bundle.md says it is done, in XML and in Python."""
+    (tmp_path / "arm" / "meshes").mkdir(parents=True)
+    trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "arm" / "meshes" / "link.stl")
+    (tmp_path / "arm" / "arm.xml").write_text(_ROBOT)
+    shutil.copytree(folder, tmp_path / "collision")
+    alone = _room_geoms(mujoco.MjModel.from_xml_path(str(folder / "scene.xml")), "")
+    (tmp_path / "world.xml").write_text(
+        '<mujoco><asset><model name="room" file="collision/scene.xml"/>'
+        '<model name="arm" file="arm/arm.xml"/></asset><worldbody>'
+        '<attach model="room" prefix="room/"/><attach model="arm" prefix="arm/"/></worldbody></mujoco>'
+    )
+    in_xml = mujoco.MjModel.from_xml_path(str(tmp_path / "world.xml"))
+    robot = mujoco.MjSpec.from_file(str(tmp_path / "arm" / "arm.xml"))
+    room = mujoco.MjSpec.from_file(str(tmp_path / "collision" / "scene.xml"))
+    robot.attach(room, prefix="room/", frame=robot.worldbody.add_frame())
+    for model, elbow in ((in_xml, "arm/elbow"), (robot.compile(), "elbow")):
+        np.testing.assert_allclose(_room_geoms(model, "room/"), alone, atol=1e-12)
+        np.testing.assert_allclose(np.degrees(model.joint(elbow).range), (-45, 90))
+
+
+def test_a_robot_included_beside_the_mjcf_keeps_its_degrees(surface, folder, tmp_path):
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "world.xml").write_text(
+        '<mujoco><include file="scene.xml"/><worldbody><body pos="0 0 1" euler="0 0 90">'
+        '<joint name="turn" range="-45 90"/><geom size="0.1"/></body></worldbody></mujoco>'
+    )
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "world.xml"))
+    np.testing.assert_allclose(np.degrees(model.joint("turn").range), (-45, 90))
+    np.testing.assert_allclose(model.body_quat[-1], (0.5**0.5, 0, 0, 0.5**0.5), atol=1e-12)
 
 
 def test_the_floors_box_has_its_top_under_the_rectangle(surface):

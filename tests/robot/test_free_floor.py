@@ -9,7 +9,7 @@ import pytest
 from scipy import ndimage
 
 from r2sego_blender.errors import RobotError
-from r2sego_blender.robot.free_floor import CELL_M, free_floor
+from r2sego_blender.robot.free_floor import CELL_M, FLATNESS_M, free_floor
 from r2sego_blender.robot.scope import BehaviourScope, Region
 
 SCOPE = BehaviourScope("test")
@@ -59,6 +59,20 @@ def test_low_sills_and_low_lamps_are_obstacles(humanoid, box_room, tmp_path):
         path.write_text(text.replace("</worldbody>", obstacle))
         floor = free_floor(humanoid, SCOPE, path)
         assert not floor.is_free(np.array([[x, y] for x in np.linspace(-1.5, 1.5, 9)])).any()
+
+
+def test_what_the_judge_takes_for_no_floor_keeps_the_feet_away(humanoid, box_room, tmp_path):
+    """A strip between two rows of cells: no ray of a cell's centre meets it."""
+    radius_m = humanoid.radius_m + SCOPE.region.clearance_m
+    for height_m, free in ((FLATNESS_M + 0.015, False), (FLATNESS_M - 0.001, True)):
+        path = tmp_path / "scene.xml"
+        strip = f'<geom type="box" size="2.2 0.005 {height_m / 2}" pos="0 0 {height_m / 2}"/></worldbody>'
+        path.write_text(box_room(()).read_text().replace("</worldbody>", strip))
+        floor = free_floor(humanoid, SCOPE, path)
+        rows, columns = np.indices(floor.free.shape)
+        near = np.abs(floor.points(rows, columns)[..., 1]) < radius_m - 1e-6
+        assert not np.isclose(floor.points(rows, columns)[..., 1], 0.0, atol=0.006).any()
+        assert floor.free[near].any() == free
 
 
 def test_what_is_only_drawn_is_no_obstacle(humanoid, box_room, tmp_path):
