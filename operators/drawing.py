@@ -41,6 +41,9 @@ class Drawing(ViewTool):
         self.begin(context)
         self._handle = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_PIXEL")
 
+    def in_midst(self):
+        return bool(self._points)
+
     def on_event(self, context, event):
         region = context.region
         self._shown_in = region.as_pointer()

@@ -33,6 +33,10 @@ class ViewTool:
     def on_start(self, context) -> None:
         """Before the first event. May raise R2SEgoError, which refuses."""
 
+    def in_midst(self) -> bool:
+        """Whether it goes on where it is when the mouse comes to another quarter of a quad view."""
+        return False
+
     def on_leave(self, context) -> None:
         """After the last event, however it ended; there may be no view any more."""
 
@@ -62,6 +66,8 @@ class ViewTool:
             self._leave(context)
             self.report({"WARNING"}, f"{self.bl_label} ended: {lost}. Start it again where you work now")
             return self._left()
+        if not self.in_midst():
+            self._held.turn_to_mouse(context.screen, event)
         area, region = self._held.places(context.screen)
         ended = set()
         try:

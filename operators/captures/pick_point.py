@@ -108,7 +108,7 @@ class R2SEGO_OT_pick_point(ViewTool, ReportingOperator, bpy.types.Operator):
     def _looks_through_a_capture(self, context):
         camera = context.scene.camera
         return (
-            context.space_data.region_3d.view_perspective == "CAMERA"
+            context.region_data.view_perspective == "CAMERA"
             and has_lens(camera)
             and capture_name(camera) in context.scene.r2sego_captures.captures
         )
@@ -118,7 +118,7 @@ class R2SEGO_OT_pick_point(ViewTool, ReportingOperator, bpy.types.Operator):
             self.report({"WARNING"}, "Look through a capture to pick in it")
             return
         camera = camera_of(context.scene.camera)
-        _, ray = mouse_ray(context.area, event)
+        _, ray = mouse_ray(context.region, event)
         pixel = pixel_of_ray(camera, ray)
         if pixel is None:
             self.report({"WARNING"}, "That is outside the photograph")

@@ -46,7 +46,7 @@ class R2SEGO_OT_draw_region(ViewTool, DeclaringOperator, bpy.types.Operator):
             return {"RUNNING_MODAL"}
         if not is_over(context.region, event):
             return {"PASS_THROUGH"}
-        point = floor_point(*mouse_ray(context.area, event))
+        point = floor_point(*mouse_ray(context.region, event))
         if event.type == "MOUSEMOVE":
             self._show(context, point)
         if event.type == "LEFTMOUSE" and event.value == "PRESS":
@@ -69,7 +69,7 @@ class R2SEGO_OT_draw_region(ViewTool, DeclaringOperator, bpy.types.Operator):
         return ["--region", format_polygon(parse_polygon(self.polygon))]
 
     def _is_first(self, context, event):
-        return distance_px(context.area, event, (*self._corners[0], 0.0)) < _CLOSES_PX
+        return distance_px(context.region, event, (*self._corners[0], 0.0)) < _CLOSES_PX
 
     def _done(self, context):
         self.polygon = format_polygon(self._corners)

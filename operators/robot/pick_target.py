@@ -36,7 +36,7 @@ class R2SEGO_OT_pick_target(ViewTool, DeclaringOperator, bpy.types.Operator):
         clicked = event.type == "LEFTMOUSE" and event.value == "PRESS"
         if not clicked or not is_over(context.region, event):
             return {"PASS_THROUGH"}
-        ray = mouse_ray(context.area, event)
+        ray = mouse_ray(context.region, event)
         self.target = target_under(context.scene, context.evaluated_depsgraph_get(), *ray)
         return self.execute(context)
 

@@ -70,6 +70,9 @@ class R2SEGO_OT_pick_candidate(ViewTool, ReportingOperator, bpy.types.Operator):
             return self.execute(context)
         return self.start_tool(context)
 
+    def in_midst(self):
+        return self._dragging
+
     def on_event(self, context, event):
         if event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS":
             return {"FINISHED" if self.changed else "CANCELLED"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .scope_rays import view_region
+from .scope_rays import is_over, view_region
 
 
 class HeldView:
@@ -27,6 +27,13 @@ class HeldView:
                     if region.as_pointer() == self._region and region.type == "WINDOW":
                         return area, region
         return None
+
+    def turn_to_mouse(self, screen: bpy.types.Screen | None, event: bpy.types.Event) -> None:
+        """In quad view, the quarter under the mouse is the view from now on."""
+        places = self.places(screen)
+        for region in places[0].regions if places is not None else ():
+            if region.type == "WINDOW" and is_over(region, event):
+                self._region = region.as_pointer()
 
     def lost(self, context: bpy.types.Context) -> str:
         """Why a tool cannot go on in this window, '' when it can."""

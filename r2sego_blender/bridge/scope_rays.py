@@ -1,4 +1,7 @@
-"""What lies under the mouse in a 3D view: the ray from the eye through a pixel."""
+"""What lies under the mouse in a 3D view: the ray from the eye through a pixel.
+
+A view's region knows its own eye: an area in quad view has four of each.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,9 @@ from mathutils import Vector
 
 
 def view_region(area: bpy.types.Area) -> bpy.types.Region:
-    """The region of a 3D view's area that shows the scene."""
-    return next(region for region in area.regions if region.type == "WINDOW")
+    """The region of a 3D view's area that shows the scene; in quad view the one that
+    ``region_3d`` of its space is of, which turns freely."""
+    return [region for region in area.regions if region.type == "WINDOW"][-1]
 
 
 def is_over(region: bpy.types.Region, event: bpy.types.Event) -> bool:
@@ -18,17 +22,18 @@ def is_over(region: bpy.types.Region, event: bpy.types.Event) -> bool:
     return 0 <= x < region.width and 0 <= y < region.height
 
 
-def mouse_ray(area: bpy.types.Area, event: bpy.types.Event) -> tuple[Vector, Vector]:
+def mouse_ray(region: bpy.types.Region, event: bpy.types.Event) -> tuple[Vector, Vector]:
     """Origin and direction, in the world, of the ray under the mouse."""
-    region, view = view_region(area), area.spaces.active.region_3d
     pixel = (event.mouse_x - region.x, event.mouse_y - region.y)
-    return region_2d_to_origin_3d(region, view, pixel), region_2d_to_vector_3d(region, view, pixel)
+    return (
+        region_2d_to_origin_3d(region, region.data, pixel),
+        region_2d_to_vector_3d(region, region.data, pixel),
+    )
 
 
-def distance_px(area: bpy.types.Area, event: bpy.types.Event, point: tuple[float, float, float]) -> float:
+def distance_px(region: bpy.types.Region, event: bpy.types.Event, point: tuple[float, float, float]) -> float:
     """How far the mouse is from a world point on the screen; infinite behind the eye."""
-    region, view = view_region(area), area.spaces.active.region_3d
-    place = location_3d_to_region_2d(region, view, Vector(point))
+    place = location_3d_to_region_2d(region, region.data, Vector(point))
     if place is None:
         return float("inf")
     return (Vector((event.mouse_x - region.x, event.mouse_y - region.y)) - place).length
