@@ -19,7 +19,7 @@ from bpy.props import (
 )
 
 from ..r2sego_blender.bridge.bundle import Bundle
-from ..r2sego_blender.bridge.moved_bundle import found_again, turn_to, way_from
+from ..r2sego_blender.bridge.moved_bundle import found_again, turn_to, way_from, whole_path
 from ..r2sego_blender.bridge.settings_properties import settings_group, show_settings
 from ..r2sego_blender.errors import R2SEgoError, SceneError
 from ..r2sego_blender.settings import PRESETS
@@ -98,7 +98,7 @@ _CLASSES = (R2SEGO_PG_fact, R2SEGO_PG_job, SettingsGroup, R2SEGO_PG_scene)
 
 def bundle_name(scene: bpy.types.Scene) -> str:
     """The whole path of the open bundle, '' when none is."""
-    return bpy.path.abspath(scene.r2sego.bundle)
+    return whole_path(scene.r2sego.bundle)
 
 
 def bundle_of(scene: bpy.types.Scene) -> Bundle | None:

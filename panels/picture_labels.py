@@ -3,6 +3,7 @@
 import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 
+from ..r2sego_blender.bridge.moved_bundle import whole_path
 from ..r2sego_blender.bridge.show_captures import capture_cameras, capture_name
 from .flat_shapes import write
 from .overlays import Overlay
@@ -22,7 +23,7 @@ def _draw(context):
         return
     scale = context.preferences.system.ui_scale
     chosen = shown.captures[min(shown.active_capture, len(shown.captures) - 1)].name
-    for camera in capture_cameras(scene, scene.r2sego.bundle):
+    for camera in capture_cameras(scene, whole_path(scene.r2sego.bundle)):
         if camera.hide_get():
             continue
         place = location_3d_to_region_2d(context.region, context.region_data, camera.matrix_world.translation)

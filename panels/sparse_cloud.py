@@ -1,9 +1,9 @@
 """The overlay of the triangulated points: drawn as they are, without objects, quick with 200 000."""
 
-import bpy
 import gpu
 from gpu_extras.batch import batch_for_shader
 
+from ..r2sego_blender.bridge.moved_bundle import whole_path
 from ..r2sego_blender.bridge.sparse_cloud import cloud_at
 from .overlays import Overlay, points_while_moving, timeline_runs
 
@@ -30,7 +30,7 @@ def _draw(context):
     shown = getattr(scene, "r2sego_captures", None)
     if shown is None or not shown.show_cloud or not scene.r2sego.bundle or not _overlays(context):
         return
-    cloud = cloud_at(bpy.path.abspath(scene.r2sego.bundle))
+    cloud = cloud_at(whole_path(scene.r2sego.bundle))
     if cloud is None or not len(cloud.points):
         return
     if _made.get("cloud") is not cloud:  # to the GPU once, not once a frame

@@ -23,12 +23,12 @@ def show_corrected(context, residuals):
     state.refresh(scene)
     bundle = state.opened_bundle(context)
     shown = scene.r2sego_captures
-    if find_collection(scene, bundle.name, CAPTURES_PART) is not None:
+    if find_collection(scene, bundle.path, CAPTURES_PART) is not None:
         show_captures(
             scene, bundle, photographs=shown.show_photographs, points=False,
             photograph_alpha=shown.photograph_opacity,
         )  # fmt: skip
-    remove_frame(scene, bundle.name)
+    remove_frame(scene, bundle.path)
     shown.residuals.clear()
     for line in residual_lines(residuals):
         shown.residuals.add().text = line
@@ -62,7 +62,7 @@ class R2SEGO_OT_correct_registration(EngineOperator, bpy.types.Operator):
         command = ["register", str(bundle.path), "--json-progress"]
         if self.by == "FRAME":
             context.view_layer.update()
-            pose = world_from_frame(context.scene, bundle.name)
+            pose = world_from_frame(context.scene, bundle.path)
             return [*command, "--frame", ",".join(f"{number:.9g}" for number in np.ravel(pose[:3]))]
         shown = context.scene.r2sego_captures
         picks = picks_of(shown)

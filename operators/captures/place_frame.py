@@ -23,7 +23,7 @@ class R2SEGO_OT_place_frame(ReportingOperator, bpy.types.Operator):
         return needs_bundle(cls, context)
 
     def perform(self, context):
-        frame = place_frame(context.scene, state.opened_bundle(context).name)
+        frame = place_frame(context.scene, state.opened_bundle(context).path)
         for chosen in list(context.selected_objects):
             chosen.select_set(False)
         frame.select_set(True)

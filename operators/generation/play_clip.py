@@ -35,7 +35,7 @@ class R2SEGO_OT_play_clip(OfOneView, ReportingOperator, bpy.types.Operator):
             )
         path = bundle.camera_path(shown, record.rank)
         scene, name = context.scene, f"View {record.rank:03d}"
-        _, camera = show_path(scene, bundle.name, name, path, _FIRST_FRAME)
+        _, camera = show_path(scene, bundle.path, name, path, _FIRST_FRAME)
         image = clip_image("R2S-EGO Clip", files)
         put_behind(camera, image, len(files), _FIRST_FRAME)
         use_frame_of(camera, scene)

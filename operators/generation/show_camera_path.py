@@ -18,7 +18,7 @@ class R2SEGO_OT_show_camera_path(OfOneView, ReportingOperator, bpy.types.Operato
     def perform(self, context):
         bundle, shown, record = self.chosen(context)
         path = bundle.camera_path(shown, record.rank)
-        _, camera = show_path(context.scene, bundle.name, f"View {record.rank:03d}", path)
+        _, camera = show_path(context.scene, bundle.path, f"View {record.rank:03d}", path)
         use_frame_of(camera, context.scene)
         context.scene.frame_set(1)
         return f"View {record.rank}: {len(path)} frames, {record.note or 'a straight way'}"

@@ -26,7 +26,7 @@ class R2SEGO_OT_measure_coverage(EngineOperator, bpy.types.Operator):
     def finish(self, context, result):
         state.refresh(context.scene)
         bundle, index = state.opened_bundle(context), context.scene.r2sego.round_index
-        shown = shown_proxy(context.scene, bundle.name)
+        shown = shown_proxy(context.scene, bundle.path)
         if shown is not None and shown.mode != "EDIT" and shown_round(shown) == index:
             show_proxy(context.scene, bundle, index)
             colour_shown(context.scene)

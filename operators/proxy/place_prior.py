@@ -25,7 +25,7 @@ from .polls import declared_object, needs_object
 def shown_prior(context, name: str):
     """The shown prior of an object, by default of the chosen one. Raises GeometryError: none."""
     bundle, found = state.opened_bundle(context), declared_object(context, name)
-    shown = prior_object(context.scene, bundle.name, found)
+    shown = prior_object(context.scene, bundle.path, found)
     if shown is None:
         raise GeometryError(f"the prior of '{found}' is not shown", cure="Press Show Priors first.")
     return shown
@@ -47,7 +47,7 @@ def rate_again(context, name: str) -> None:
     if group.fit_object != name:
         return
     bundle = state.opened_bundle(context)
-    shown = prior_object(context.scene, bundle.name, name)
+    shown = prior_object(context.scene, bundle.path, name)
     if shown is not None and placement_live.followed(shown.name):
         placement_live.begin(bundle, shown)
         tell_fit(context.scene, shown)

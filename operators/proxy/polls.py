@@ -11,7 +11,7 @@ from .properties import active_object
 
 def proxy_shown(context) -> bpy.types.Object:
     """The proxy's object. Raises GeometryError when none is shown."""
-    shown = shown_proxy(context.scene, state.opened_bundle(context).name)
+    shown = shown_proxy(context.scene, state.opened_bundle(context).path)
     if shown is None:
         raise GeometryError("no proxy is shown", cure="Press Show first.")
     return shown

@@ -17,6 +17,7 @@ from ...r2sego_blender.bridge.proxy_coverage import read_coverage
 from ...r2sego_blender.bridge.proxy_objects import read_objects
 from ...r2sego_blender.bridge.show_proxy import colour_proxy, shown_proxy
 from ...r2sego_blender.geometry.edits import PROXY_EDITS, load_proxy_edits
+from .. import state
 
 _KINDS = {"cut": "cut away", "draw": "drawn"}
 
@@ -103,8 +104,7 @@ def colour_shown(scene: bpy.types.Scene) -> None:
     group = scene.r2sego_proxy
     group.legend.clear()
     group.legend_note = ""
-    name = bpy.path.basename(scene.r2sego.bundle.rstrip("/\\")).removesuffix(".r2s")
-    shown = shown_proxy(scene, name) if name else None
+    shown = shown_proxy(scene, state.bundle_name(scene))
     if shown is None:
         return
     if shown.mode == "EDIT":

@@ -21,7 +21,7 @@ from ..whole_files import write_whole
 from . import versions
 from .cameras import create_camera, set_camera, use_frame_of
 from .meshes import add_attribute, assign_materials, mesh_from_arrays
-from .outliner import clear
+from .outliner import remove_objects
 
 MANIFEST = "manifest.json"
 """Written last: a folder without it holds no complete path."""
@@ -101,7 +101,7 @@ class ConditionScene:
 
     def remove(self) -> None:
         """Take the scene and all that is in it out of Blender."""
-        clear(self._scene.collection)
+        remove_objects(self._scene.collection.objects)
         bpy.data.materials.remove(self._material)
         bpy.data.scenes.remove(self._scene)
 

@@ -1,6 +1,6 @@
 """A bundle that moved together with the .blend that shows it is found again beside it.
 
-What is shown in a .blend names its bundle by the whole path, on objects and collections
+What a .blend holds of a bundle names it by the whole path, on objects, collections and masks
 (``BUNDLE_MARK``) and in pictures' files; moved, all of them are turned to the new place.
 """
 
@@ -12,7 +12,13 @@ from pathlib import Path
 import bpy
 
 BUNDLE_MARK = "r2sego_bundle"
-"""The custom property with the path of the bundle that an object or a collection was made from."""
+"""The custom property with the path of the bundle that an object, a collection or a mask belongs to."""
+
+
+def whole_path(written: str) -> str:
+    """A bundle's whole path as ``Bundle`` has it, however a property writes it: from the .blend, or with
+    a slash at its end. '' stays ''."""
+    return str(Path(bpy.path.abspath(written)).absolute()) if written else ""
 
 
 def way_from(blend: str, bundle: str) -> str:
@@ -35,8 +41,8 @@ def found_again(blend: str, bundle: str, way: str) -> Path | None:
 
 
 def turn_to(now: Path, before: str) -> None:
-    """All that this file shows of the bundle at ``before`` is of the one at ``now`` from here on."""
-    for block in (*bpy.data.objects, *bpy.data.collections):
+    """All that this file holds of the bundle at ``before`` is of the one at ``now`` from here on."""
+    for block in (*bpy.data.objects, *bpy.data.collections, *bpy.data.images):
         if block.get(BUNDLE_MARK) == before:
             block[BUNDLE_MARK] = str(now)
     for image in bpy.data.images:

@@ -1,41 +1,71 @@
-"""One collection per bundle and part, replaced as a whole when the part is shown again."""
+"""One collection per bundle and part, replaced as a whole when the part is shown again.
+
+They are known by what they carry, the bundle's path and the part: a person may rename them and
+move them under other collections, and another bundle's folder may have the same name.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from pathlib import Path
+
 import bpy
 
-_KEY = "r2sego"
+from .bundle import SUFFIX
+from .moved_bundle import BUNDLE_MARK
+
+_PART = "r2sego_part"
+_ROOT = ""
+"""In place of a part: the collection that holds the bundle's parts."""
 
 
-def fresh_collection(scene: bpy.types.Scene, bundle_name: str, part: str) -> bpy.types.Collection:
-    """An empty collection ``part`` below the bundle's; what it held before is removed."""
-    root = _child(scene.collection, bundle_name, bundle_name)
-    collection = _child(root, f"{bundle_name}/{part}", part)
+def fresh_collection(scene: bpy.types.Scene, bundle_path: str | Path, part: str) -> bpy.types.Collection:
+    """The collection ``part`` of the bundle at ``bundle_path``; what was made for it before is removed."""
+    collection = find_collection(scene, bundle_path, part)
+    if collection is None:
+        root = find_collection(scene, bundle_path, _ROOT)
+        if root is None:
+            name = Path(bundle_path).name.removesuffix(SUFFIX)
+            root = _new_collection(scene.collection, name, bundle_path, _ROOT)
+        collection = _new_collection(root, part, bundle_path, part)
     clear(collection)
     return collection
 
 
-def find_collection(scene: bpy.types.Scene, bundle_name: str, part: str) -> bpy.types.Collection | None:
-    """The collection of a part, if it was shown."""
-    key = f"{bundle_name}/{part}"
-    return next((c for c in scene.collection.children_recursive if c.get(_KEY) == key), None)
+def find_collection(
+    scene: bpy.types.Scene, bundle_path: str | Path, part: str
+) -> bpy.types.Collection | None:
+    """The collection of a part of the bundle at ``bundle_path``, if it was shown."""
+    for collection in scene.collection.children_recursive:
+        if collection.get(_PART) == part and collection.get(BUNDLE_MARK) == str(bundle_path):
+            return collection
+    return None
+
+
+def link(collection: bpy.types.Collection, made: bpy.types.Object) -> None:
+    """Put an object that was made of the bundle into one of its collections, for ``clear`` to remove."""
+    made[BUNDLE_MARK] = collection[BUNDLE_MARK]
+    collection.objects.link(made)
 
 
 def clear(collection: bpy.types.Collection) -> None:
-    """Remove the collection's objects, and their meshes and cameras when nothing else uses them."""
-    for name in [o.name for o in collection.objects]:
-        removed = bpy.data.objects[name]
-        data = removed.data
-        bpy.data.objects.remove(removed)
+    """Remove what ``link`` put there; what a person put there stays."""
+    remove_objects(one for one in collection.objects if one.get(BUNDLE_MARK) == collection[BUNDLE_MARK])
+
+
+def remove_objects(removed: Iterable[bpy.types.Object]) -> None:
+    """Remove objects, and their meshes and cameras when nothing else uses them."""
+    for one in list(removed):
+        data = one.data
+        bpy.data.objects.remove(one)
         if data is not None and data.users == 0:
             bpy.data.batch_remove([data])
 
 
-def _child(parent: bpy.types.Collection, key: str, name: str) -> bpy.types.Collection:
-    for child in parent.children:
-        if child.get(_KEY) == key:
-            return child
-    child = bpy.data.collections.new(name)
-    child[_KEY] = key
-    parent.children.link(child)
-    return child
+def _new_collection(
+    parent: bpy.types.Collection, name: str, bundle_path: str | Path, part: str
+) -> bpy.types.Collection:
+    collection = bpy.data.collections.new(name)
+    collection[BUNDLE_MARK], collection[_PART] = str(bundle_path), part
+    parent.children.link(collection)
+    return collection

@@ -20,7 +20,7 @@ from .bundle import Bundle, CapturedView
 from .materials import plain_material
 from .meshes import arrays_from_mesh, mesh_from_arrays
 from .object_masks import load_masks, mask_images, read_mask
-from .outliner import find_collection, fresh_collection
+from .outliner import find_collection, fresh_collection, link
 from .placement import Fit, MaskWindow, fit_of, mask_window, points_on_object, surface_samples
 from .proxy_edits import world_triangles
 from .proxy_objects import prior_file, prior_mesh, read_objects
@@ -69,7 +69,7 @@ def show_priors(scene: bpy.types.Scene, bundle: Bundle) -> list[bpy.types.Object
 
     Their meshes stand in their own frame, so ``matrix_world`` is ``world_from_own``.
     """
-    collection = fresh_collection(scene, bundle.name, _PART)
+    collection = fresh_collection(scene, bundle.path, _PART)
     shown = []
     for known in read_objects(bundle):
         if prior_file(bundle, known.name) is None:
@@ -87,14 +87,14 @@ def show_priors(scene: bpy.types.Scene, bundle: Bundle) -> list[bpy.types.Object
         created[_KEY] = known.name
         if known.world_from_own is None:  # made by symmetry: nothing to place
             created.lock_location = created.lock_rotation = created.lock_scale = (True, True, True)
-        collection.objects.link(created)
+        link(collection, created)
         shown.append(created)
     return shown
 
 
-def prior_object(scene: bpy.types.Scene, bundle_name: str, name: str) -> bpy.types.Object | None:
+def prior_object(scene: bpy.types.Scene, bundle_path: str | Path, name: str) -> bpy.types.Object | None:
     """The shown prior of an object."""
-    collection = find_collection(scene, bundle_name, _PART)
+    collection = find_collection(scene, bundle_path, _PART)
     objects = collection.objects if collection is not None else ()
     return next((one for one in objects if one.get(_KEY) == name), None)
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bpy
 import numpy as np
 
 from ..errors import SceneError
-from .outliner import find_collection, fresh_collection
+from .outliner import find_collection, fresh_collection, link
 
 _PART = "Registration"
 _ROLE = "r2sego_role"
@@ -14,41 +16,41 @@ _FRAME = "world frame"
 _GRID_M, _STEP_M = 4.0, 1.0
 
 
-def place_frame(scene: bpy.types.Scene, bundle_name: str) -> bpy.types.Object:
+def place_frame(scene: bpy.types.Scene, bundle_path: str | Path) -> bpy.types.Object:
     """Arrows at the world's origin with a grid of a metre's lines, in place of earlier ones."""
-    collection = fresh_collection(scene, bundle_name, _PART)
+    collection = fresh_collection(scene, bundle_path, _PART)
     frame = bpy.data.objects.new("World Frame", None)
     frame.empty_display_type, frame.empty_display_size = "ARROWS", 1.0
     frame.show_name, frame.show_in_front = True, True
     frame[_ROLE] = _FRAME
-    collection.objects.link(frame)
+    link(collection, frame)
     grid = bpy.data.objects.new("World Frame Grid", _grid_mesh())
     grid.parent = frame
     grid.display_type, grid.hide_select, grid.hide_render = "WIRE", True, True
-    collection.objects.link(grid)
+    link(collection, grid)
     return frame
 
 
-def find_frame(scene: bpy.types.Scene, bundle_name: str) -> bpy.types.Object | None:
+def find_frame(scene: bpy.types.Scene, bundle_path: str | Path) -> bpy.types.Object | None:
     """The arrows of ``place_frame``, None when they are gone."""
-    collection = find_collection(scene, bundle_name, _PART)
+    collection = find_collection(scene, bundle_path, _PART)
     if collection is None:
         return None
     return next((one for one in collection.objects if one.get(_ROLE) == _FRAME), None)
 
 
-def world_from_frame(scene: bpy.types.Scene, bundle_name: str) -> np.ndarray:
+def world_from_frame(scene: bpy.types.Scene, bundle_path: str | Path) -> np.ndarray:
     """(4, 4) float64: where the arrows stand now. Raises SceneError when there are none."""
-    frame = find_frame(scene, bundle_name)
+    frame = find_frame(scene, bundle_path)
     if frame is None:
         raise SceneError("there is no frame to take", cure="Place Frame, then move and turn its arrows.")
     return np.array(frame.matrix_world, np.float64)
 
 
-def remove_frame(scene: bpy.types.Scene, bundle_name: str) -> None:
+def remove_frame(scene: bpy.types.Scene, bundle_path: str | Path) -> None:
     """Take the arrows and their grid away."""
-    if find_frame(scene, bundle_name) is not None:
-        fresh_collection(scene, bundle_name, _PART)
+    if find_frame(scene, bundle_path) is not None:
+        fresh_collection(scene, bundle_path, _PART)
 
 
 def _grid_mesh() -> bpy.types.Mesh:

@@ -11,7 +11,7 @@ from ..asset_stages import Stage
 from .bundle import Bundle
 from .meshes import add_attribute, add_colours, mesh_from_arrays, read_attribute
 from .moved_bundle import BUNDLE_MARK
-from .outliner import fresh_collection
+from .outliner import fresh_collection, link
 from .splat_ply import read_stage
 
 MARKED = "marked"
@@ -45,7 +45,7 @@ def show_asset(scene: bpy.types.Scene, bundle: Bundle, stage: Stage) -> bpy.type
     Raises AssetError when its file is damaged.
     """
     splats = read_stage(stage, bundle.scene.geometry_folder / "backdrop.ply")
-    collection = fresh_collection(scene, bundle.name, _PART)
+    collection = fresh_collection(scene, bundle.path, _PART)
     mesh = mesh_from_arrays(f"Asset, {stage.label.lower()}", splats.means, _NO_TRIANGLES)
     add_colours(mesh, _COLOUR, np.rint(splats.colours * 255.0))
     add_attribute(mesh, _RADIUS, splats.radii_m, "POINT")
@@ -53,12 +53,11 @@ def show_asset(scene: bpy.types.Scene, bundle: Bundle, stage: Stage) -> bpy.type
     add_attribute(mesh, _BACKDROP, splats.backdrop, "POINT")
     add_attribute(mesh, MARKED, np.zeros(len(splats), bool), "POINT")
     created = bpy.data.objects.new(mesh.name, mesh)
-    created[_STAGE], created[BUNDLE_MARK] = stage.name, str(bundle.path)
-    created[_MADE] = _made(stage)
+    created[_STAGE], created[_MADE] = stage.name, _made(stage)
     # The preview draws the splats; Blender's own points would hide it and are slow to draw.
     created.display_type = "BOUNDS"
     created.hide_render = True
-    collection.objects.link(created)
+    link(collection, created)
     return created
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bmesh
 import bpy
 import numpy as np
@@ -11,7 +13,7 @@ from .cameras import create_camera, object_pose, set_camera
 from .frusta import FACES_PER_FRUSTUM, face_steps, frustum_triangles
 from .materials import plain_material, ramp_materials
 from .meshes import add_attribute, assign_materials, mesh_from_arrays, read_attribute
-from .outliner import clear, find_collection, fresh_collection
+from .outliner import clear, find_collection, fresh_collection, link
 
 SCORES = ("s", "u", "g")
 """What frusta may be coloured by: the score, the asset's deficit, the geometry's availability."""
@@ -40,24 +42,24 @@ def show_candidates(
     """
     views = bundle.candidates(round_index)
     kept = {"all": np.ones(len(views.score), bool), "survivors": views.survived, "targets": views.chosen}
-    collection = fresh_collection(scene, bundle.name, _CANDIDATES)  # first, so that names are free again
+    collection = fresh_collection(scene, bundle.path, _CANDIDATES)  # first, so that names are free again
     swarm = _candidate_object(views, np.flatnonzero(kept[shown]), round_index, frustum_m)
     swarm["round"], swarm["shown"], swarm["frustum_m"] = round_index, shown, frustum_m
     _colour(swarm, colour_by)
-    collection.objects.link(swarm)
-    targets = fresh_collection(scene, bundle.name, _TARGETS)
+    link(collection, swarm)
+    targets = fresh_collection(scene, bundle.path, _TARGETS)
     cameras = []
     for place, index in enumerate(views.targets()):
         camera, frustum = _target_objects(views, index, place, frustum_m * _TARGET_ENLARGEMENT)
-        targets.objects.link(camera)
-        targets.objects.link(frustum)
+        link(targets, camera)
+        link(targets, frustum)
         cameras.append(camera)
     return swarm, cameras
 
 
-def shown_candidates(scene: bpy.types.Scene, bundle_name: str) -> bpy.types.Object | None:
+def shown_candidates(scene: bpy.types.Scene, bundle_path: str | Path) -> bpy.types.Object | None:
     """The mesh of frusta that ``show_candidates`` made, None when it is not there."""
-    collection = find_collection(scene, bundle_name, _CANDIDATES)
+    collection = find_collection(scene, bundle_path, _CANDIDATES)
     found = [] if collection is None else [o for o in collection.objects if o.type == "MESH" and "round" in o]
     return found[0] if found else None
 
@@ -96,36 +98,36 @@ def candidate_of_selection(swarm: bpy.types.Object) -> int:
 
 
 def mark_candidate(
-    scene: bpy.types.Scene, bundle_name: str, views: CandidateViews, index: int, frustum_m: float
+    scene: bpy.types.Scene, bundle_path: str | Path, views: CandidateViews, index: int, frustum_m: float
 ) -> bpy.types.Object | None:
     """A larger frustum in another colour at candidate ``index``; -1 takes it away."""
-    collection = find_collection(scene, bundle_name, _ACTIVE)
+    collection = find_collection(scene, bundle_path, _ACTIVE)
     if index < 0:
         if collection is not None:
             clear(collection)
         return None
-    marker = next((o for o in collection.objects if o.type == "MESH"), None) if collection else None
+    marker = next((o for o in collection.objects if "frustum_m" in o), None) if collection else None
     size_m = frustum_m * _ACTIVE_ENLARGEMENT
     if marker is None or marker["frustum_m"] != size_m:
         marker = _frustum_object(_ACTIVE, views, size_m, "R2S-EGO active", _ACTIVE_COLOUR)
         marker["frustum_m"] = size_m
         marker.show_in_front = True
-        fresh_collection(scene, bundle_name, _ACTIVE).objects.link(marker)
+        link(fresh_collection(scene, bundle_path, _ACTIVE), marker)
     marker["candidate"] = int(index)
     marker.matrix_world = object_pose(views.poses[index]).T.tolist()
     return marker
 
 
 def candidate_camera(
-    scene: bpy.types.Scene, bundle_name: str, views: CandidateViews, index: int
+    scene: bpy.types.Scene, bundle_path: str | Path, views: CandidateViews, index: int
 ) -> bpy.types.Object:
     """One camera with the exact lens, moved to candidate ``index``."""
     camera = views.camera.at(views.poses[index])
-    collection = find_collection(scene, bundle_name, _VIEW)
-    created = next((o for o in collection.objects if o.type == "CAMERA"), None) if collection else None
+    collection = find_collection(scene, bundle_path, _VIEW)
+    created = next((o for o in collection.objects if "candidate" in o), None) if collection else None
     if created is None:
         created = create_camera(_VIEW, camera)
-        fresh_collection(scene, bundle_name, _VIEW).objects.link(created)
+        link(fresh_collection(scene, bundle_path, _VIEW), created)
     set_camera(created, camera)
     created["candidate"] = int(index)
     return created

@@ -7,11 +7,11 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from .bundle import SUFFIX, Bundle
+from .bundle import Bundle
 from .cameras import create_camera, use_frame_of
 from .materials import attribute_material
 from .meshes import add_attribute, add_colours, mesh_from_arrays
-from .outliner import find_collection, fresh_collection
+from .outliner import find_collection, fresh_collection, link
 
 CAPTURES_PART = "Captures"
 """The part of the bundle's collection that holds the captures."""
@@ -34,7 +34,7 @@ def show_captures(
     views = bundle.captures()
     cloud = bundle.sparse_points() if points and bundle.sparse_file.is_file() else None
     before = capture_name(scene.camera)
-    collection = fresh_collection(scene, bundle.name, CAPTURES_PART)
+    collection = fresh_collection(scene, bundle.path, CAPTURES_PART)
     cameras = []
     for view in views:
         created = create_camera(view.name, view.camera)
@@ -42,10 +42,10 @@ def show_captures(
         created[_NAME], created[_IMAGE] = view.name, str(view.image_path)
         if photographs:
             _add_photograph(created.data, view.image_path, photograph_alpha)
-        collection.objects.link(created)
+        link(collection, created)
         cameras.append(created)
     if cloud is not None:
-        collection.objects.link(_point_object("Sparse points", *cloud, point_radius_m))
+        link(collection, _point_object("Sparse points", *cloud, point_radius_m))
     if cameras:
         use_frame_of(next((one for one in cameras if one[_NAME] == before), cameras[0]), scene)
     return cameras
@@ -73,8 +73,7 @@ def show_photographs(scene: bpy.types.Scene, bundle_path: str, shown: bool, alph
 
 def capture_cameras(scene: bpy.types.Scene, bundle_path: str) -> list[bpy.types.Object]:
     """The cameras of those captures of the bundle at ``bundle_path`` that are shown."""
-    bundle_name = Path(bundle_path).name.removesuffix(SUFFIX)
-    collection = find_collection(scene, bundle_name, CAPTURES_PART) if bundle_path else None
+    collection = find_collection(scene, bundle_path, CAPTURES_PART)
     return [one for one in collection.objects if capture_name(one)] if collection is not None else []
 
 

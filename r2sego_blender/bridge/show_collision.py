@@ -11,7 +11,7 @@ from ..errors import SceneError
 from .bundle import Bundle
 from .materials import ramp_materials
 from .meshes import add_attribute, assign_materials, mesh_from_arrays
-from .outliner import fresh_collection
+from .outliner import fresh_collection, link
 
 _PART, _TEXTURED = "Collision", "Textured proxy"
 _PIECE_COLOURS = 8
@@ -33,13 +33,13 @@ def show_collision(scene: bpy.types.Scene, bundle: Bundle, *, pieces: bool = Tru
     vertices = np.concatenate([v for v, _ in parts])
     faces = np.concatenate([f + start for (_, f), start in zip(parts, starts, strict=True)])
     piece = np.repeat(np.arange(len(parts), dtype=np.int32), [len(f) for _, f in parts])
-    collection = fresh_collection(scene, bundle.name, _PART)
+    collection = fresh_collection(scene, bundle.path, _PART)
     mesh = mesh_from_arrays("Collision", vertices, faces)
     add_attribute(mesh, "piece", piece)
     # Neighbouring pieces get distant colours, so that their borders show.
     assign_materials(mesh, ramp_materials("R2S-EGO piece", _PIECE_COLOURS), piece * 3 % _PIECE_COLOURS)
     created = bpy.data.objects.new(mesh.name, mesh)
-    collection.objects.link(created)
+    link(collection, created)
     return created
 
 
@@ -57,11 +57,11 @@ def show_textured(scene: bpy.types.Scene, bundle: Bundle, file: Path) -> list[bp
             f"the textured mesh cannot be read: {error}", where=file, cure="Texture again."
         ) from error
     added = [one for one in bpy.data.objects if one not in before]
-    collection = fresh_collection(scene, bundle.name, _TEXTURED)
+    collection = fresh_collection(scene, bundle.path, _TEXTURED)
     for one in added:
         for other in list(one.users_collection):
             other.objects.unlink(one)
-        collection.objects.link(one)
+        link(collection, one)
     return added
 
 

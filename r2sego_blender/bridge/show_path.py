@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -11,7 +12,7 @@ from mathutils import Matrix
 from ..cameras import Camera
 from .cameras import create_camera, object_pose
 from .materials import plain_material
-from .outliner import fresh_collection
+from .outliner import fresh_collection, link
 
 _PART = "Camera path"
 _COLOUR = (0.98, 0.90, 0.25)
@@ -19,18 +20,18 @@ _WIDTH_M = 0.004
 
 
 def show_path(
-    scene: bpy.types.Scene, bundle_name: str, name: str, path: Sequence[Camera], first_frame: int = 1
+    scene: bpy.types.Scene, bundle_path: str | Path, name: str, path: Sequence[Camera], first_frame: int = 1
 ) -> tuple[bpy.types.Object, bpy.types.Object]:
     """The way as a curve and a camera at ``path[i]`` in frame ``first_frame + i``.
 
     They stand in place of those shown before; the timeline's preview range becomes the
     clip's. Returns the curve and the camera.
     """
-    collection = fresh_collection(scene, bundle_name, _PART)
+    collection = fresh_collection(scene, bundle_path, _PART)
     curve = _curve(f"{name} path", np.array([camera.centre for camera in path]))
     camera = create_camera(f"{name} clip", path[-1])
     for made in (curve, camera):
-        collection.objects.link(made)
+        link(collection, made)
     _animate(camera, path, first_frame)
     scene.use_preview_range = True
     scene.frame_preview_start, scene.frame_preview_end = first_frame, first_frame + len(path) - 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -12,7 +13,7 @@ from .bundle import Bundle
 from .light_drawing import draw_fewer_faces, drawn_faces
 from .materials import plain_material
 from .meshes import add_attribute, arrays_from_mesh, assign_materials, mesh_from_arrays, read_attribute
-from .outliner import find_collection, fresh_collection
+from .outliner import find_collection, fresh_collection, link
 from .proxy_colours import Colouring, ProxyFaces, coloured
 from .proxy_coverage import read_coverage
 
@@ -29,7 +30,7 @@ def show_proxy(scene: bpy.types.Scene, bundle: Bundle, round_index: int) -> bpy.
     """
     proxy = bundle.proxy(round_index)
     coverage = read_coverage(bundle, round_index, len(proxy.faces))
-    collection = fresh_collection(scene, bundle.name, _PART)
+    collection = fresh_collection(scene, bundle.path, _PART)
     mesh = proxy_mesh(proxy, f"Proxy, round {round_index}")
     mesh[_ROUND] = round_index
     if coverage is not None:
@@ -37,13 +38,13 @@ def show_proxy(scene: bpy.types.Scene, bundle: Bundle, round_index: int) -> bpy.
         mesh[_VIEWS] = coverage.views
     created = bpy.data.objects.new(mesh.name, mesh)
     draw_fewer_faces(created, drawn_faces())
-    collection.objects.link(created)
+    link(collection, created)
     return created
 
 
-def shown_proxy(scene: bpy.types.Scene, bundle_name: str) -> bpy.types.Object | None:
+def shown_proxy(scene: bpy.types.Scene, bundle_path: str | Path) -> bpy.types.Object | None:
     """The object that ``show_proxy`` made, if it is still there."""
-    collection = find_collection(scene, bundle_name, _PART)
+    collection = find_collection(scene, bundle_path, _PART)
     objects = collection.objects if collection is not None else ()
     return next((one for one in objects if one.type == "MESH" and _ROUND in one.data), None)
 

@@ -14,7 +14,7 @@ from .bundle import Bundle
 from .cameras import create_camera, use_frame_of
 from .materials import plain_material
 from .meshes import assign_materials, mesh_from_arrays
-from .outliner import find_collection, fresh_collection
+from .outliner import find_collection, fresh_collection, link
 from .robot_playback import CAMERA, ROOT, Recording
 from .rollout_bodies import RobotBodies, digest_of
 from .rollout_list import attempts
@@ -46,14 +46,14 @@ def show_rollouts(
             "it never began: there is nothing to show", where="rollout", cure="Choose another rollout."
         )
     recording = Recording.read(bundle, round_index, tuple(numbers), bodies)
-    collection = fresh_collection(scene, bundle.name, PART)
+    collection = fresh_collection(scene, bundle.path, PART)
     meshes = [_mesh(name, *shape) for name, shape in zip(bodies.names, bodies.shapes, strict=True)]
     roots = []
     for number in numbers:
         root = bpy.data.objects.new(f"Rollout {number}", None)
         root.empty_display_type, root.empty_display_size = "PLAIN_AXES", _EMPTY_SIZE_M
         robot_playback.mark(root, number, ROOT)
-        collection.objects.link(root)
+        link(collection, root)
         camera = create_camera(f"Head camera {number}", bodies.camera)
         camera.data.display_size = _CAMERA_SIZE_M
         parts = [bpy.data.objects.new(f"{mesh.name}, rollout {number}", mesh) for mesh in meshes]
@@ -61,7 +61,7 @@ def show_rollouts(
             part.parent = root
             part.rotation_mode = "QUATERNION"
             robot_playback.mark(part, number, index if part != camera else CAMERA)
-            collection.objects.link(part)
+            link(collection, part)
         if look_through and not roots:
             use_frame_of(camera, scene)
         roots.append(root)
@@ -73,7 +73,7 @@ def show_rollouts(
 
 def are_shown(scene: bpy.types.Scene, bundle: Bundle, round_index: int, numbers: Sequence[int]) -> bool:
     """Whether exactly these rollouts, as they are in the bundle now, are shown."""
-    shown = robot_playback.shown_rollouts(find_collection(scene, bundle.name, PART))
+    shown = robot_playback.shown_rollouts(find_collection(scene, bundle.path, PART))
     return shown == (round_index, tuple(numbers), digest_of(bundle, round_index))
 
 

@@ -24,7 +24,7 @@ _remembered: dict[int, RoundScores] = {}
 class RoundScores:
     """A round's candidates with their scores and the reasons of the selection.
 
-    ``bundle_name`` is the bundle's, ``captures`` are its captures' names; ``origins`` say which
+    ``bundle_name`` is the bundle's whole path, ``captures`` are its captures' names; ``origins`` say which
     attempt each rollout is, empty where they are not known. ``stamp`` is another one when
     the selection was made anew, ``number`` each time it was read.
     """
@@ -46,7 +46,7 @@ class RoundScores:
         stamp = f"{round_index} {file.stat().st_mtime_ns}"
         captures = tuple(view.name for view in bundle.captures())
         return RoundScores(
-            bundle.name, stamp, bundle.candidates(round_index), read_reasons(bundle, round_index), captures,
+            str(bundle.path), stamp, bundle.candidates(round_index), read_reasons(bundle, round_index), captures,
             _origins(bundle, round_index),
         )  # fmt: skip
 

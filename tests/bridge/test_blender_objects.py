@@ -108,9 +108,9 @@ def test_showing_twice_replaces(scene, bundle):
         show_captures(scene, bundle)
         show_proxy(scene, bundle, 0)
         show_candidates(scene, bundle, 0)
-    assert len(find_collection(scene, "room", "Captures").objects) == 4
-    assert len(find_collection(scene, "room", "Geometry proxy").objects) == 1
-    assert len(find_collection(scene, "room", "Target views").objects) == 2 * len(fake_bundle.TARGETS)
+    assert len(find_collection(scene, bundle.path, "Captures").objects) == 4
+    assert len(find_collection(scene, bundle.path, "Geometry proxy").objects) == 1
+    assert len(find_collection(scene, bundle.path, "Target views").objects) == 2 * len(fake_bundle.TARGETS)
     assert len(bpy.data.cameras) == 3 + len(fake_bundle.TARGETS)
     assert len(bpy.data.meshes) == 1 + 1 + 1 + len(fake_bundle.TARGETS)
 

@@ -85,20 +85,20 @@ def test_the_face_chosen_in_edit_mode_names_its_candidate(scene, bundle):
 
 def test_the_active_one_is_marked_and_moves(scene, bundle):
     views = bundle.candidates(0)
-    first = mark_candidate(scene, bundle.name, views, 5, 0.1)
-    again = mark_candidate(scene, bundle.name, views, 9, 0.1)
+    first = mark_candidate(scene, bundle.path, views, 5, 0.1)
+    again = mark_candidate(scene, bundle.path, views, 9, 0.1)
     assert first == again and again["candidate"] == 9
     bpy.context.view_layer.update()
     np.testing.assert_allclose(np.array(again.matrix_world)[:3, 3], views.poses[9][:3, 3], atol=1e-6)
-    mark_candidate(scene, bundle.name, views, -1, 0.1)
-    assert not find_collection(scene, "room", "Active candidate").objects
+    mark_candidate(scene, bundle.path, views, -1, 0.1)
+    assert not find_collection(scene, bundle.path, "Active candidate").objects
 
 
 def test_a_candidates_camera_has_its_lens_and_pose(scene, bundle):
     views = bundle.candidates(0)
     for index in (3, 30):
-        created = candidate_camera(scene, bundle.name, views, index)
-        mark_candidate(scene, bundle.name, views, index, 0.1 + index)  # another size leaves the camera
+        created = candidate_camera(scene, bundle.path, views, index)
+        mark_candidate(scene, bundle.path, views, index, 0.1 + index)  # another size leaves the camera
         bpy.context.view_layer.update()
         back = camera_of(created)
         np.testing.assert_allclose(back.world_from_camera, views.poses[index], atol=1e-6)
@@ -107,7 +107,7 @@ def test_a_candidates_camera_has_its_lens_and_pose(scene, bundle):
 
 
 def test_what_is_shown_is_found_again(scene, bundle):
-    assert shown_candidates(scene, "room") is None
+    assert shown_candidates(scene, bundle.path) is None
     swarm, _ = show_candidates(scene, bundle, 1, shown="targets", colour_by="g")
-    assert shown_candidates(scene, "room") == swarm
+    assert shown_candidates(scene, bundle.path) == swarm
     assert (swarm["round"], swarm["shown"], swarm["colour_by"]) == (1, "targets", "g")

@@ -128,6 +128,6 @@ def test_what_cannot_be_shown_changes_nothing(scene, bundle):
         with pytest.raises(SceneError, match=says):
             show_robot.show_rollouts(scene, bundle, round_index, numbers)
     assert sorted(bpy.data.objects.keys()) == before
-    assert find_collection(scene, bundle.name, show_robot.PART) is not None
+    assert find_collection(scene, bundle.path, show_robot.PART) is not None
     shown = show_robot.show_rollouts(scene, bundle, 0, range(len(fake_rollouts.FRAMES)))
     assert len(shown) == sum(frames > 0 for frames in fake_rollouts.FRAMES)

@@ -92,7 +92,7 @@ def test_without_a_window_nothing_is_opened(scene):
 
 def test_the_camera_goes_along_the_path(scene, bundle):
     path = bundle.camera_path(0, 0)
-    curve, camera = show_path(scene, bundle.name, "View 000", path, first_frame=5)
+    curve, camera = show_path(scene, bundle.path, "View 000", path, first_frame=5)
     for frame, expected in enumerate(path, start=5):
         scene.frame_set(frame)
         back = camera_of(camera)
@@ -106,13 +106,13 @@ def test_the_camera_goes_along_the_path(scene, bundle):
 
 def test_showing_another_path_replaces_the_first(scene, bundle):
     for _ in range(2):
-        show_path(scene, bundle.name, "View 000", bundle.camera_path(0, 0))
-    assert len(find_collection(scene, "room", "Camera path").objects) == 2
+        show_path(scene, bundle.path, "View 000", bundle.camera_path(0, 0))
+    assert len(find_collection(scene, bundle.path, "Camera path").objects) == 2
     assert len(bpy.data.cameras) == len(bpy.data.curves) == 1
 
 
 def test_a_clip_is_a_sequence_behind_its_camera(scene, bundle, record):
-    _, camera = show_path(scene, bundle.name, "View 000", bundle.camera_path(0, 0))
+    _, camera = show_path(scene, bundle.path, "View 000", bundle.camera_path(0, 0))
     files = clip_files(record.folder)
     for _ in range(2):
         image = clip_image("Clip 000", files)

@@ -1,10 +1,11 @@
 """What holds of the room Captures, checked inside Blender."""
 
 import json
+import shutil
 from pathlib import Path
 
 import bpy
-from support import BUNDLE, MODULE, calls, conduct, copied_bundle, open_bundle, refused, state
+from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle, refused, state
 
 OPERATORS = {
     "import_captures", "look_through", "look_through_next", "pick_point", "remove_pick", "add_length",
@@ -102,6 +103,27 @@ def check_one_capture_after_the_other_is_looked_through():
         seen.append(bpy.context.scene.camera.name)
     assert seen == ["capture_1", "capture_2", "capture_0", "capture_2"]
     assert bpy.context.scene.render.resolution_y == 80
+
+
+def check_a_bundle_written_with_a_slash_at_its_end_is_the_same():
+    open_bundle()
+    bpy.ops.r2sego.import_captures()
+    state()["bundle"] = f"{BUNDLE}/"
+    assert bpy.ops.r2sego.look_through_next() == {"FINISHED"}
+    assert bpy.ops.r2sego.import_captures() == {"FINISHED"}
+    assert len([one for one in bpy.data.objects if one.type == "CAMERA"]) == 3
+
+
+def check_two_bundles_of_one_name_are_shown_side_by_side():
+    open_bundle()
+    bpy.ops.r2sego.import_captures()
+    first = [one.name for one in bpy.data.objects]
+    copy = OUT.parent / "copies" / BUNDLE.name
+    shutil.rmtree(copy, ignore_errors=True)
+    shutil.copytree(BUNDLE, copy)
+    bpy.ops.r2sego.open_scene(directory=str(copy))
+    bpy.ops.r2sego.import_captures()
+    assert len(bpy.data.objects) == 2 * len(first) and all(name in bpy.data.objects for name in first)
 
 
 def check_all_photographs_are_switched_and_faded_at_once():

@@ -1,0 +1,59 @@
+"""Whose a collection is: two bundles of one name, what a person moved, and what a person put there."""
+
+import pytest
+
+bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
+
+from r2sego_blender.bridge.moved_bundle import turn_to  # noqa: E402
+from r2sego_blender.bridge.outliner import find_collection, fresh_collection, link  # noqa: E402
+
+
+def made(collection, name="made"):
+    created = bpy.data.objects.new(name, bpy.data.meshes.new(name))
+    link(collection, created)
+    return created
+
+
+def test_two_bundles_of_one_name_have_collections_of_their_own(scene):
+    first = fresh_collection(scene, "/a/room.r2s", "Captures")
+    kept = made(first)
+    second = fresh_collection(scene, "/b/room.r2s", "Captures")
+    assert second != first and list(first.objects) == [kept]
+    assert find_collection(scene, "/a/room.r2s", "Captures") == first
+    assert find_collection(scene, "/b/room.r2s", "Captures") == second
+    assert len(scene.collection.children) == 2
+
+
+def test_collections_that_a_person_moved_or_renamed_are_found(scene):
+    part = fresh_collection(scene, "/a/room.r2s", "Captures")
+    made(part)
+    (root,) = scene.collection.children
+    folder = bpy.data.collections.new("my things")
+    scene.collection.children.link(folder)
+    for moved, parent in ((root, scene.collection), (part, root)):
+        parent.children.unlink(moved)
+        folder.children.link(moved)
+    root.name = part.name = "renamed"
+    assert fresh_collection(scene, "/a/room.r2s", "Captures") == part and not part.objects
+    other = fresh_collection(scene, "/a/room.r2s", "Proxy")
+    assert list(root.children) == [other]
+    assert len(scene.collection.children_recursive) == 4
+
+
+def test_what_a_person_put_into_a_part_stays_when_it_is_shown_again(scene):
+    part = fresh_collection(scene, "/a/room.r2s", "Captures")
+    made(part)
+    own = bpy.data.objects.new("own", bpy.data.meshes.new("own"))
+    part.objects.link(own)
+    assert list(fresh_collection(scene, "/a/room.r2s", "Captures").objects) == [own]
+    assert [mesh.name for mesh in bpy.data.meshes] == ["own"]
+
+
+def test_what_belongs_to_a_moved_bundle_is_turned_to_it(scene, tmp_path):
+    part = fresh_collection(scene, "/a/room.r2s", "Captures")
+    made(part)
+    made(fresh_collection(scene, "/b/room.r2s", "Captures"), "other")
+    turn_to(tmp_path / "room.r2s", "/a/room.r2s")
+    assert find_collection(scene, tmp_path / "room.r2s", "Captures") == part
+    fresh_collection(scene, tmp_path / "room.r2s", "Captures")
+    assert [one.name for one in bpy.data.objects] == ["other"]
