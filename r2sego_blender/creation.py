@@ -10,11 +10,12 @@ from .captures.refinement import triangulate_refined
 from .captures.registration import register
 from .captures.scale import Scale
 from .captures.store import save_captures
-from .errors import CaptureError, SceneError
+from .errors import CaptureError
 from .progress import SILENT, Progress
+from .robot.controller import check_controller
 from .robot.model import EMBEDDED_HUMANOID, RobotModel
 from .robot.scope import BehaviourScope, shipped_scopes
-from .scene import Declaration, Scene
+from .scene import Declaration, Scene, require_place
 from .settings import CaptureSettings
 
 
@@ -34,13 +35,13 @@ def create_scene(
     are solved from the photographs. Everything that can be wrong is looked at before the
     bundle appears: raises CaptureError, RobotError or SceneError and leaves nothing behind.
     """
-    if path.exists():
-        raise SceneError("it exists already", where=path, cure="Choose another name, or remove it.")
+    require_place(path)
     if not captures.is_dir():
         raise CaptureError("there is no such folder", where=captures, cure="Give the folder of photographs.")
     robot = robot if robot.startswith("embedded:") else str(Path(robot).resolve())
     scope = scope if scope in shipped_scopes() else str(Path(scope).resolve())
-    RobotModel.load(*BehaviourScope.load(scope).robot_for(robot))
+    behaviour = BehaviourScope.load(scope)
+    check_controller(RobotModel.load(*behaviour.robot_for(robot)), behaviour)
 
     imported = import_captures(captures, poses, settings, progress)
     progress.message(f"{len(imported.captures)} captures: {imported.source}")

@@ -12,6 +12,7 @@ from .contents import Contents
 from .errors import GeometryError, RobotError
 from .geometry.priors import load_priors, object_place, read_record
 from .layout import OBJECTS, PRIORS, SCOPE_FILE
+from .robot.controller import check_controller
 from .robot.free_floor import free_floor
 from .robot.model import EMBEDDED_HUMANOID, RobotModel
 from .robot.region import area_m2
@@ -26,7 +27,6 @@ ROBOT_FACTS = "robot/robot.json"
 """What ``describe_robot`` last said, for those who cannot read robots."""
 
 _EMBEDDED = (EMBEDDED_HUMANOID, EMBEDDED_WHEELED)
-_NEEDS_LEGS = ("squat", "sit_on")
 
 
 def declare_robot(
@@ -39,10 +39,13 @@ def declare_robot(
     scene's; shipped scopes and a person's files stay as they are. A robot that is given takes
     the place of the scope's own, and that one's mount goes; without one the scope's counts.
     Returns the scene as declared then; the next run redoes what depends on it. Raises RobotError
-    or GeometryError, and changes nothing then: a robot or a scope that cannot be read or do not
-    go together, or a target that is no object of the scene.
+    or GeometryError, and changes nothing then: a robot or a scope, its policy or motions that
+    cannot be read or do not go together, or a target that is no object of the scene. Where
+    nothing is given, nothing is looked at.
     """
     changes = dict(changes or {})
+    if robot is None and scope is None and not changes:
+        return scene
     with scene.locked():
         declared = scene.declaration
         if scope is None:
@@ -164,12 +167,7 @@ def lines(described: dict[str, Any]) -> list[str]:
 
 def _check(scene: Scene, scope: BehaviourScope, robot: RobotModel) -> None:
     """Refuse what no rollout of ``robot`` could do."""
-    for name in _NEEDS_LEGS:
-        if robot.is_wheeled and getattr(scope.behaviours, name) > 0.0:
-            raise RobotError(
-                f"behaviours.{name} takes legs, and {robot.source} has none", where=scope.name,
-                cure="Set it to 0, or give a robot with legs.",
-            )  # fmt: skip
+    check_controller(robot, scope)
     target = scope.sit_on.target
     if scope.behaviours.sit_on > 0.0 and isinstance(target, str) and target != ANY_SEAT:
         known = _object_names(scene)

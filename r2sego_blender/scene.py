@@ -17,6 +17,7 @@ import json
 import math
 import os
 import shutil
+import tempfile
 import time
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -84,8 +85,7 @@ class Scene:
         Raises SceneError when ``path`` exists; nothing is left behind when ``fill`` fails.
         """
         path = Path(path)
-        if path.exists():
-            raise SceneError("it exists already", where=path, cure="Choose another name, or remove it.")
+        require_place(path)
         staging = path.with_name(f"{_UNFINISHED}{path.name}-{os.getpid()}")
         with _disk_errors(path):
             shutil.rmtree(staging, ignore_errors=True)
@@ -290,6 +290,24 @@ class Scene:
             file.write(json.dumps(record) + "\n")
             file.flush()
             os.fsync(file.fileno())
+
+
+def require_place(path: Path) -> None:
+    """Raises SceneError where a new bundle ``path`` cannot be: something is there, or nothing can be written.
+
+    Leaves nothing behind.
+    """
+    if path.exists():
+        raise SceneError("it exists already", where=path, cure="Choose another name, or remove it.")
+    try:
+        folder = next(place for place in path.absolute().parents if place.exists())
+        with tempfile.TemporaryDirectory(prefix=_UNFINISHED, dir=folder):
+            pass
+    except OSError as error:
+        raise SceneError(
+            f"no scene can be written there: {error.strerror}", where=path,
+            cure="Choose another folder, or allow writing.",
+        ) from error  # fmt: skip
 
 
 def content_digest(path: Path) -> str:

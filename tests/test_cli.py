@@ -107,6 +107,26 @@ def test_new_refuses_a_robot_that_does_not_compile(photographs, tmp_path, text):
     assert "robot.xml" in line
 
 
+def test_new_refuses_a_scope_whose_policy_is_not_there(photographs, tmp_path):
+    (tmp_path / "mine.toml").write_text(
+        "[controller]\nkind = 'policy'\nfile = 'gone.onnx'\nlayout = 'falcon_g1_29dof'\n"
+    )
+    scope = ["--scope", tmp_path / "mine.toml"]
+    line = refused(r2sego("new", tmp_path / "a.r2s", "--captures", photographs, *scope))
+    assert f"{tmp_path / 'gone.onnx'}: " in line and "controller.file" in line
+
+
+def test_new_learns_at_once_that_it_cannot_write(photographs, tmp_path):
+    (tmp_path / "file").write_text("mine")
+    for target in (Path("/proc/a.r2s"), tmp_path / "file" / "deep" / "a.r2s"):
+        line = refused(r2sego("new", target, "--captures", photographs))  # of which there are none
+        assert str(target) in line and "no scene can be written there" in line
+    for index in range(2):
+        noise(photographs / f"{index}.png", index)
+    refused(r2sego("new", tmp_path / "other" / "a.r2s", "--captures", photographs))
+    assert {path.name for path in tmp_path.iterdir()} == {"file", photographs.name}
+
+
 def test_new_refuses_a_scale_it_cannot_read(photographs, tmp_path):
     line = refused(r2sego("new", tmp_path / "a.r2s", "--captures", photographs, "--known-length", "a:1:2"))
     assert "PHOTO:X,Y:X,Y:METRES" in line

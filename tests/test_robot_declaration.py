@@ -178,6 +178,14 @@ def test_the_mount_is_a_field_of_the_scope(scene):
         (["--scope", "nowhere.toml"], "cannot be read"),
         (["--set", "robot.mount=third_eye"], "no camera 'third_eye'"),
         (["--set", "walk_to.speed_m_s=[0.1, 9]"], "from 0.05 to 1.2"),
+        (
+            ["--set", "controller.kind=policy", "--set", "controller.layout=falcon"],
+            "controller.file is missing",
+        ),
+        (
+            ["--set", "controller.kind=replay", "--set", 'controller.motions=["gone.csv"]'],
+            "robot/gone.csv: this motion cannot be read. Check controller.motions",
+        ),
     ],
 )
 def test_what_cannot_be_is_refused_and_nothing_changes(scene, arguments, says):

@@ -8,6 +8,7 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
+from ..errors import RobotError
 from ..settings import RolloutSettings
 from .composition import Composition
 from .free_floor import FreeFloor
@@ -15,6 +16,8 @@ from .model import RobotModel
 from .mount import CameraMount
 from .scope import BehaviourScope
 from .seats import Seat
+
+_NEEDS_LEGS = ("squat", "sit_on")
 
 
 class Drive(Protocol):
@@ -65,3 +68,24 @@ def make_controller(
     from .tracking import TrackingController
 
     return TrackingController(robot, floor, scope, collision_mjcf, settings)
+
+
+def check_controller(robot: RobotModel, scope: BehaviourScope) -> None:
+    """Refuse, before there is a surface to stand on, what no rollout of ``robot`` could do.
+
+    Policies and motions are read and tried as ``make_controller`` does. Raises RobotError.
+    """
+    for name in _NEEDS_LEGS:
+        if robot.is_wheeled and getattr(scope.behaviours, name) > 0.0:
+            raise RobotError(
+                f"behaviours.{name} takes legs, and {robot.source} has none", where=scope.name,
+                cure="Set it to 0, or give a robot with legs.",
+            )  # fmt: skip
+    if scope.controller.kind == "policy":
+        from .policy import DeclaredPolicy
+
+        DeclaredPolicy.load(robot, scope)
+    elif scope.controller.kind == "replay":
+        from .replay import DeclaredMotions
+
+        DeclaredMotions.load(robot, scope)

@@ -8,7 +8,7 @@ height of the base.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
@@ -37,6 +37,33 @@ _LIFTS = 4
 _STANDS_S = 0.5
 
 
+@dataclass(frozen=True)
+class DeclaredPolicy:
+    """The policy of a scope, read, and what of a robot it drives.
+
+    ``weights`` (4,) say how often each behaviour is drawn, and sum to 1; ``rest`` (nq,) is the
+    configuration at rest; ``servos`` are those of the policy's joints, the held, then all others.
+    """
+
+    layout: PolicyLayout
+    file: PolicyFile
+    weights: np.ndarray
+    rest: np.ndarray
+    servos: dict[str, Servo]
+
+    @staticmethod
+    def load(robot: RobotModel, scope: BehaviourScope) -> DeclaredPolicy:
+        """Raises RobotError as ``PolicyController`` does."""
+        for field in ("file", "layout"):
+            if not getattr(scope.controller, field):
+                raise RobotError(
+                    f"controller.{field} is missing", where=scope.name, cure="See docs/controllers.md."
+                )
+        layout = PolicyLayout.load(scope.controller.layout)
+        file, weights = PolicyFile(scope.controller.file, layout), _weights(scope, layout)
+        return DeclaredPolicy(layout, file, weights, *_held_and_driven(robot, layout))
+
+
 class PolicyController:
     """Draws ways in the scope and has a policy go them; serves ``Controller``.
 
@@ -49,20 +76,15 @@ class PolicyController:
         settings: RolloutSettings,
     ) -> None:  # fmt: skip
         self._robot, self._floor = robot, floor
-        for field in ("file", "layout"):
-            if not getattr(scope.controller, field):
-                raise RobotError(
-                    f"controller.{field} is missing", where=scope.name, cure="See docs/controllers.md."
-                )
-        self._layout = layout = PolicyLayout.load(scope.controller.layout)
-        self._file = PolicyFile(scope.controller.file, layout)
+        policy = DeclaredPolicy.load(robot, scope)
+        self._layout, self._file, self._weights = policy.layout, policy.file, policy.weights
+        self._rest = policy.rest
         self.name = f"policy {self._file.path.name}"
-        self._weights = _weights(scope, layout)
+        layout = self._layout
         speed = _within(scope.walk_to.speed_m_s, layout.commands.vx_m_s[1])
         self._scope = replace(scope, walk_to=replace(scope.walk_to, speed_m_s=speed))
-        self._rest, servos = _held_and_driven(robot, layout)
         self.composition = compose(
-            robot, collision_mjcf, settings, servos=servos, wrench=False, step_s=layout.step_s
+            robot, collision_mjcf, settings, servos=policy.servos, wrench=False, step_s=layout.step_s
         )
 
     def draw(self, rng: np.random.Generator) -> PolicyDrive | None:

@@ -13,9 +13,8 @@ import numpy as np
 from ..errors import RobotError
 from .declarations import read_declaration, shipped_names
 from .humanoid import Servo
-from .scope import Range
+from .scope import LAYOUTS, Range
 
-_PRESETS = Path(__file__).parent / "policies"
 _MAX_HISTORY = 1000
 PER_TERM, PER_STEP = "per_term", "per_step"
 
@@ -130,13 +129,14 @@ class PolicyLayout:
         Raises RobotError naming the file and the field: an unknown field, a value of another
         kind, size or range.
         """
-        path, data = read_declaration(source, _PRESETS, "observation layout", "docs/controllers.md")
+        what = "observation layout (controller.layout)"
+        path, data = read_declaration(source, LAYOUTS, what, "docs/controllers.md")
         return _Reader(path).layout(data)
 
 
 def shipped_layouts() -> tuple[str, ...]:
     """Names of the layouts that come with the library."""
-    return shipped_names(_PRESETS)
+    return shipped_names(LAYOUTS)
 
 
 _REQUIRED = object()

@@ -70,6 +70,36 @@ def load_take(path: str | Path, robot: RobotModel) -> Take:
     return Take(Path(path).stem, qpos, seated_span(qpos, robot))
 
 
+@dataclass(frozen=True)
+class DeclaredMotions:
+    """The recorded motions of a scope on a robot.
+
+    ``sits`` is the share of draws that sit down, ``seated`` those that sit long enough for it.
+    """
+
+    takes: tuple[Take, ...]
+    sits: float
+    seated: tuple[Take, ...]
+
+    @staticmethod
+    def load(robot: RobotModel, scope: BehaviourScope) -> DeclaredMotions:
+        """Raises RobotError as ``ReplayController`` does."""
+        if not scope.controller.motions:
+            raise RobotError("controller.motions is empty", where=scope.name, cure="Name recorded motions.")
+        takes = tuple(load_take(path, robot) for path in scope.controller.motions)
+        sits = scope.behaviours.sit_on / sum(astuple(scope.behaviours))
+        hold_s = scope.sit_on.hold_s + _SEATED_MARGIN_S
+        seated = tuple(
+            take for take in takes if take.seated and take.seated[1] - take.seated[0] > hold_s * RATE_HZ
+        )
+        if sits and not seated:
+            raise RobotError(
+                f"no motion sits for sit_on.hold_s = {scope.sit_on.hold_s:g} s", where=scope.name,
+                cure="Set behaviours.sit_on to 0, or name a motion that sits.",
+            )  # fmt: skip
+        return DeclaredMotions(takes, sits, seated)
+
+
 class ReplayController:
     """Draws recorded motions, or parts as long as an episode, at places where they fit; serves
     ``Controller``.
@@ -83,23 +113,14 @@ class ReplayController:
         settings: RolloutSettings,
     ) -> None:  # fmt: skip
         self._robot, self._floor, self._scope = robot, floor, scope
-        motions = scope.controller.motions
-        if not motions:
-            raise RobotError("controller.motions is empty", where=scope.name, cure="Name recorded motions.")
+        declared, motions = DeclaredMotions.load(robot, scope), scope.controller.motions
+        self._takes, self._sits, self._seated = declared.takes, declared.sits, declared.seated
         self.name = (
             f"replay {Path(motions[0]).name}" if len(motions) == 1 else f"replay {len(motions)} motions"
         )
         self._lowest_m = scope.failures.fall_height * robot.rest_height_m
-        self._takes = [load_take(path, robot) for path in motions]
-        self._sits = scope.behaviours.sit_on / sum(astuple(scope.behaviours))
         self._seats: tuple[Seat, ...] = ()
         if self._sits:
-            self._seated = [take for take in self._takes if self._sits_long_enough(take)]
-            if not self._seated:
-                raise RobotError(
-                    f"no motion sits for sit_on.hold_s = {scope.sit_on.hold_s:g} s", where=scope.name,
-                    cure="Set behaviours.sit_on to 0, or name a motion that sits.",
-                )  # fmt: skip
             self._seats = find_seats(robot.half_width_m, floor, scope.sit_on, collision_mjcf)
         self.composition = compose(robot, collision_mjcf, settings)
 
@@ -134,10 +155,6 @@ class ReplayController:
             if qpos is not None:
                 return self._reference(take, qpos, seat, rng)
         return None
-
-    def _sits_long_enough(self, take: Take) -> bool:
-        hold_s = self._scope.sit_on.hold_s + _SEATED_MARGIN_S
-        return take.seated is not None and take.seated[1] - take.seated[0] > hold_s * RATE_HZ
 
     def _reference(
         self, take: Take, qpos: np.ndarray, seat: Seat | None, rng: np.random.Generator

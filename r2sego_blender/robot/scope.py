@@ -20,6 +20,9 @@ Range = tuple[float, float]
 FREE_FLOOR = "free_floor"
 ANY_SEAT = "any"
 CONTROLLERS = ("reference", "policy", "replay")
+LAYOUTS = Path(__file__).parent / "policies"
+"""The observation layouts that come with the library."""
+
 _PRESETS = Path(__file__).parent / "scopes"
 
 
@@ -268,11 +271,14 @@ class _Reader:
         return value if choices else self._file(place, value)
 
     def _file(self, place: str, value: Any) -> str:
-        """A file beside the scope's; a name that is no file there stays a name."""
+        """The whole path of a file beside the scope's, there or not; shipped names stay names."""
         if not isinstance(value, str):
             raise self._error(place, f"is {value!r}", "Write a file's name in quotes.")
         beside = self.path.parent / value
-        return str(beside.resolve()) if value and beside.exists() else value
+        shipped = value.startswith("embedded:") or (
+            place == "controller.layout" and value in shipped_names(LAYOUTS)
+        )
+        return value if not value or (shipped and not beside.exists()) else str(beside.resolve())
 
     def _target(self, place: str, value: Any) -> str | tuple[float, float]:
         if isinstance(value, str) and value:

@@ -13,6 +13,7 @@ from tiny_policies import onnx_policy, torchscript_policy
 
 from r2sego_blender.errors import RobotError
 from r2sego_blender.robot.attempts import Attempts, Rollout
+from r2sego_blender.robot.controller import check_controller
 from r2sego_blender.robot.free_floor import free_floor
 from r2sego_blender.robot.model import RobotModel
 from r2sego_blender.robot.policy import PolicyController, PolicyDrive
@@ -201,6 +202,23 @@ def test_files_that_are_no_policies_are_refused(tmp_path, knees):
         assert str(raised.value).startswith(str(tmp_path / name))
     with pytest.raises(RobotError, match="this policy cannot be read"):
         PolicyFile(tmp_path / "missing.onnx", knees)
+
+
+@pytest.mark.parametrize(
+    ("control", "says"),
+    [
+        ("file = 'gone.onnx'\nlayout = 'knees.toml'", r"gone.onnx: this policy .*controller.file"),
+        ("file = 'cut.onnx'\nlayout = 'knees.toml'", r"cut.onnx: this is no ONNX network"),
+        ("file = 'cut.onnx'\nlayout = 'gone.toml'", r"gone.toml: .*controller.layout"),
+    ],
+)
+def test_a_scope_is_refused_for_its_policy_before_there_is_a_room(tmp_path, knees, humanoid, control, says):
+    (tmp_path / "cut.onnx").write_bytes(b"cut off")
+    (tmp_path / "mine.toml").write_text(f"[controller]\nkind = 'policy'\n{control}")
+    scope = BehaviourScope.load(tmp_path / "mine.toml")
+    with pytest.raises(RobotError, match=says) as raised:
+        check_controller(humanoid, scope)
+    assert str(raised.value).startswith(str(tmp_path))
 
 
 def test_a_pickle_is_not_run_as_torchscript(tmp_path, knees):

@@ -169,6 +169,7 @@ def test_a_height_command_needs_its_ranges(tmp_path):
 
 def test_a_missing_layout_names_the_shipped_ones(tmp_path):
     with pytest.raises(
-        RobotError, match=r"nowhere.toml: this observation layout cannot be read. .*falcon_g1"
+        RobotError,
+        match=r"nowhere.toml: this observation layout \(controller.layout\) cannot be read. .*falcon_g1",
     ):
         PolicyLayout.load(tmp_path / "nowhere.toml")

@@ -47,8 +47,22 @@ def test_files_lie_beside_the_scope(load, tmp_path):
         motions = ["walk.csv", "absent.csv"]
     """)
     assert scope.robot_for("embedded:humanoid") == (str(tmp_path / "h1.xml"), scope.robot.mount)
-    assert scope.controller.motions == (str(tmp_path / "walk.csv"), "absent.csv")
+    assert scope.controller.motions == (str(tmp_path / "walk.csv"), str(tmp_path / "absent.csv"))
     assert set(scope.files) == {tmp_path / "h1.xml", tmp_path / "walk.csv"}
+
+
+def test_no_file_of_the_folder_one_stands_in_is_taken(load, tmp_path, monkeypatch):
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    for name in ("walk.onnx", "walk.toml", "walk.csv"):
+        (elsewhere / name).write_text("")
+    scope = load("controller = {file = 'walk.onnx', layout = 'walk.toml', motions = ['walk.csv']}")
+    assert not scope.files
+    assert scope.controller.layout == str(tmp_path / "walk.toml")
+    assert scope.controller.file == str(tmp_path / "walk.onnx")
+    assert load("controller.layout = 'falcon_g1_29dof'").controller.layout == "falcon_g1_29dof"
+    assert load("robot.model = 'embedded:wheeled'").robot_for("")[0] == "embedded:wheeled"
 
 
 def test_the_scene_s_robot_serves_where_the_scope_names_none(load):
