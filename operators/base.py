@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 from bpy.props import StringProperty
 
-from ..r2sego_blender.errors import R2SEgoError, of_file
+from ..r2sego_blender.errors import R2SEgoError, SceneError, of_file
 from ..r2sego_blender.workers.jobs import Job
 from . import job, state
 
@@ -34,6 +34,23 @@ def needs_round(cls, context) -> bool:
         cls.poll_message_set("Nothing refined yet: run Refine first")
         return False
     return True
+
+
+def require_visible(context, one: bpy.types.Object) -> None:
+    """Raise SceneError for an object that is hidden, or whose collection is: Blender lets nobody
+    select or edit it."""
+    context.view_layer.update()
+    if not one.visible_get():
+        raise SceneError(f"'{one.name}' is hidden", cure="Show it and its collection in the Outliner.")
+
+
+def select_only(context, one: bpy.types.Object) -> None:
+    """Select one object, no others, and make it the active one. Raises SceneError for a hidden one."""
+    require_visible(context, one)
+    for other in list(context.view_layer.objects.selected):
+        other.select_set(False)
+    one.select_set(True)
+    context.view_layer.objects.active = one
 
 
 def told(error: R2SEgoError | OSError) -> str:

@@ -7,7 +7,7 @@ from bpy.props import FloatVectorProperty
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import AssetError
 from ...r2sego_blender.splats.regions import Box
-from ..base import ReportingOperator
+from ..base import ReportingOperator, select_only
 from .marks import add_mark
 from .show_asset import needs_splats_at_rest
 
@@ -81,9 +81,6 @@ class R2SEGO_OT_add_splat_box(ReportingOperator, bpy.types.Operator):
         box.empty_display_type, box.empty_display_size = "CUBE", 1.0
         box.location, box.scale = context.scene.cursor.location, self.half_extents
         context.scene.collection.objects.link(box)
-        for other in context.view_layer.objects.selected:
-            other.select_set(False)
-        box.select_set(True)
-        context.view_layer.objects.active = box
+        select_only(context, box)
         redraw_views()
         return ""

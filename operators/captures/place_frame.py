@@ -3,8 +3,9 @@
 import bpy
 
 from ...r2sego_blender.bridge.registration_frame import place_frame
+from ...r2sego_blender.errors import SceneError
 from .. import state
-from ..base import ReportingOperator, needs_bundle
+from ..base import ReportingOperator, needs_bundle, select_only, told
 
 
 class R2SEGO_OT_place_frame(ReportingOperator, bpy.types.Operator):
@@ -24,8 +25,8 @@ class R2SEGO_OT_place_frame(ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         frame = place_frame(context.scene, state.opened_bundle(context).path)
-        for chosen in list(context.selected_objects):
-            chosen.select_set(False)
-        frame.select_set(True)
-        context.view_layer.objects.active = frame
+        try:
+            select_only(context, frame)
+        except SceneError as hidden:  # it is placed all the same
+            return told(hidden)
         return "Move and turn the arrows onto the floor, then Correct by Frame"

@@ -17,7 +17,14 @@ from ...r2sego_blender.bridge.placement_objects import (
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import GeometryError
 from .. import state
-from ..base import EngineOperator, ReportingOperator, needs_bundle, needs_idle_engine
+from ..base import (
+    EngineOperator,
+    ReportingOperator,
+    needs_bundle,
+    needs_idle_engine,
+    require_visible,
+    select_only,
+)
 from ..engine_files import hand_over, handed_over
 from .polls import declared_object, needs_object
 
@@ -108,13 +115,10 @@ class R2SEGO_OT_place_prior(ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         shown = shown_prior(context, self.object_name)
-        context.view_layer.update()
+        require_visible(context, shown)
         placement_live.begin(state.opened_bundle(context), shown)
         tell_fit(context.scene, shown)
-        for other in context.view_layer.objects.selected:
-            other.select_set(False)
-        shown.select_set(True)
-        context.view_layer.objects.active = shown
+        select_only(context, shown)
         redraw_views()
         return f"{prior_name(shown)}: overlap {context.scene.r2sego_proxy.fit_iou:.2f}"
 

@@ -5,7 +5,7 @@ import bpy
 from ...r2sego_blender.bridge.show_proxy import shown_proxy
 from ...r2sego_blender.errors import GeometryError
 from .. import state
-from ..base import needs_bundle
+from ..base import needs_bundle, require_visible
 from .properties import active_object
 
 
@@ -20,13 +20,14 @@ def proxy_shown(context) -> bpy.types.Object:
 def in_object_mode(context, shown: bpy.types.Object) -> None:
     """Leave Edit Mode, if the shown proxy is in it, with what is selected there."""
     if shown.mode == "EDIT":
+        require_visible(context, shown)
         context.view_layer.objects.active = shown
         bpy.ops.object.mode_set(mode="OBJECT")
 
 
 def show_selection(context, shown: bpy.types.Object) -> None:
     """Enter Edit Mode, where one sees which faces are selected; without a window there is no need."""
-    if bpy.app.background or context.window is None:
+    if bpy.app.background or context.window is None or not shown.visible_get():
         return
     context.view_layer.objects.active = shown
     context.tool_settings.mesh_select_mode = (False, False, True)

@@ -225,6 +225,15 @@ def check_the_arrows_become_the_world():
     assert "World Frame" not in bpy.data.objects  # the world is there now
 
 
+def check_arrows_in_a_hidden_collection_are_placed_all_the_same():
+    open_bundle()
+    bpy.ops.r2sego.place_frame()
+    (arrows,) = bpy.data.objects["World Frame"].users_collection
+    bpy.context.view_layer.layer_collection.children["room"].children[arrows.name].exclude = True
+    assert bpy.ops.r2sego.place_frame() == {"FINISHED"}
+    assert "World Frame" in bpy.data.objects and bpy.context.view_layer.objects.active is None
+
+
 def check_a_correction_is_taken_back_when_there_is_one():
     open_bundle()
     assert "no correction" in refused(bpy.ops.r2sego.undo_correction)

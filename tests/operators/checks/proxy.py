@@ -252,6 +252,24 @@ def check_a_prior_is_placed_by_hand_with_its_fit():
     assert "There is no object 'sofa'" in refused(bpy.ops.r2sego.place_prior, object_name="sofa")
 
 
+def check_a_hidden_prior_is_not_placed_but_told():
+    open_bundle()
+    bpy.ops.r2sego.show_priors()
+    (priors,) = bpy.data.objects["Prior crate"].users_collection
+    room = bpy.context.view_layer.layer_collection.children["room"]
+    hideable = room.children[priors.name]
+    for hide, show in (
+        (lambda: setattr(hideable, "exclude", True), lambda: setattr(hideable, "exclude", False)),
+        (lambda: setattr(priors, "hide_viewport", True), lambda: setattr(priors, "hide_viewport", False)),
+    ):
+        hide()
+        said = refused(bpy.ops.r2sego.place_prior, object_name="crate")
+        assert "'Prior crate' is hidden. Show it and its collection in the Outliner" in said, said
+        assert group().fit_object == ""
+        show()
+    assert bpy.ops.r2sego.place_prior(object_name="crate") == {"FINISHED"}
+
+
 def check_a_mask_drawn_anew_is_rated_at_once():
     open_bundle()
     bpy.ops.r2sego.import_captures()
