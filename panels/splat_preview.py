@@ -186,7 +186,9 @@ def draw(context: bpy.types.Context) -> None:
     """Draw the shown asset into the current 3D view."""
     group = context.scene.r2sego_asset
     shown = group.shown
-    if not group.preview or shown is None or shown.mode == "EDIT" or not shown.visible_get():
+    if not group.preview or shown is None or shown.mode == "EDIT":
+        return
+    if not shown.visible_get(viewport=context.space_data):
         return
     buffer = _buffer(shown, group)
     if buffer is None:

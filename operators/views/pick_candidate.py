@@ -120,7 +120,7 @@ class R2SEGO_OT_pick_candidate(ViewTool, ReportingOperator, bpy.types.Operator):
         """The candidate whose frustum is under the mouse, -1 when none is."""
         scores, region = remembered(context.scene.session_uid), context.region
         swarm = None if scores is None else shown_candidates(context.scene, scores.bundle_name)
-        if swarm is None or not swarm.visible_get():
+        if swarm is None or not swarm.visible_get(viewport=context.space_data):
             return -1
         place = (event.mouse_x - region.x, event.mouse_y - region.y)
         view = context.region_data
