@@ -61,6 +61,12 @@ A room adds its own when it is registered and reads its cached facts there; it m
 R2SEgoError and nothing else, and shows nothing of another bundle then.
 """
 
+forgetters: list[Callable[[bpy.types.Scene, Bundle], None]] = []
+"""Called with the open bundle, before the listeners, when it is another one than before.
+
+A room that keeps what a person began in a bundle adds its own, and forgets it there.
+"""
+
 
 def _other_round(group: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
     """The rooms read what they show of the round now chosen."""
@@ -73,6 +79,7 @@ class R2SEGO_PG_scene(bpy.types.PropertyGroup):
     bundle: StringProperty(
         name="Bundle", description="The scene bundle (.r2s folder) shown here", subtype="DIR_PATH"
     )
+    kept_of: StringProperty(description="The bundle in which what the rooms keep was begun")
     way_to_bundle: StringProperty(description="The bundle's place as seen from the saved .blend")
     preset: EnumProperty(
         name="Preset", description="Named settings of the refinement",
@@ -145,7 +152,7 @@ def refresh(scene: bpy.types.Scene) -> None:
         return
     if bundle is None:
         return
-    for read in (_read_facts, *listeners):
+    for read in (_forget_other, _read_facts, *listeners):
         try:
             read(scene, bundle)
         except _DAMAGE as error:
@@ -168,7 +175,7 @@ def _read_again(file: str) -> None:
         now = found_again(file, before, scene.r2sego.way_to_bundle)
         if now is not None:
             turn_to(now, before)
-            scene.r2sego.bundle = str(now)
+            scene.r2sego.bundle = scene.r2sego.kept_of = str(now)
         refresh(scene)
 
 
@@ -176,6 +183,24 @@ def _told(error: Exception) -> str:
     if isinstance(error, R2SEgoError):
         return str(error)
     return f"The bundle is damaged: {error!r}. Run Refine again."
+
+
+def _forget_other(scene: bpy.types.Scene, bundle: Bundle) -> None:
+    """Have the rooms forget what was begun in another bundle than this one."""
+    before, now = scene.r2sego.kept_of, str(bundle.path)
+    if before and before != now:
+        if _was_moved(scene, before, bundle):
+            turn_to(bundle.path, before)
+        else:
+            for forget in forgetters:
+                forget(scene, bundle)
+    scene.r2sego.kept_of = now
+
+
+def _was_moved(scene: bpy.types.Scene, before: str, bundle: Bundle) -> bool:
+    """Whether a person moved the bundle that was at ``before``, and opened it where it is now."""
+    known = [one.name for one in scene.r2sego_captures.captures]
+    return not Path(before).is_dir() and known == [view.name for view in bundle.captures()]
 
 
 def _read_facts(scene: bpy.types.Scene, bundle: Bundle) -> None:

@@ -3,8 +3,9 @@
 import numpy as np
 
 from ..r2sego_blender.bridge.asset_frame import camera_frame_px
+from ..r2sego_blender.bridge.moved_bundle import whole_path
 from ..r2sego_blender.bridge.placement_live import followed, mask_outline, prior_outline
-from ..r2sego_blender.bridge.show_captures import capture_name
+from ..r2sego_blender.bridge.show_captures import looked_through
 from .flat_shapes import segments, write
 from .overlays import Overlay
 
@@ -19,8 +20,11 @@ def on_screen(shares, frame):
 
 def _draw(context):
     group = getattr(context.scene, "r2sego_proxy", None)
-    capture = capture_name(context.scene.camera)
-    if group is None or not group.show_outlines or not capture:
+    if group is None or not group.show_outlines:
+        return
+    bundle_path = whole_path(context.scene.r2sego.bundle)
+    capture = looked_through(context.scene, bundle_path)
+    if not capture:
         return
     if not context.space_data.overlay.show_overlays:
         return
@@ -30,10 +34,12 @@ def _draw(context):
     scale = context.preferences.system.ui_scale
     for index, item in enumerate(group.objects):
         chosen = index == group.object_index
-        lines = mask_outline(item.name, capture)
+        lines = mask_outline(bundle_path, item.name, capture)
         segments(on_screen(lines, frame), _MASK if chosen else _OTHER, (2.0 if chosen else 1.0) * scale)
     shown = context.view_layer.objects.active
-    if group.fit_object and shown is not None and followed(shown.name):
+    if not group.fit_object or shown is None or not followed(shown.name):
+        return
+    if shown.visible_get(viewport=context.space_data):
         segments(on_screen(prior_outline(shown, capture), frame), _PRIOR, 2.0 * scale)
         text = f"{group.fit_object}: overlap {group.fit_iou:.2f}"
         if group.fit_residual >= 0.0:

@@ -5,8 +5,9 @@ import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 
 from ..r2sego_blender.bridge.cameras import camera_of, has_lens
+from ..r2sego_blender.bridge.moved_bundle import whole_path
 from ..r2sego_blender.bridge.registration_pixels import points_at
-from ..r2sego_blender.bridge.show_captures import capture_name
+from ..r2sego_blender.bridge.show_captures import looked_through
 from .flat_shapes import segments, write
 from .overlays import Overlay
 
@@ -46,7 +47,7 @@ def _picked_here(context, shown):
     camera = context.scene.camera
     if context.region_data.view_perspective != "CAMERA" or not has_lens(camera):
         return {}
-    name, lens = capture_name(camera), camera_of(camera)
+    name, lens = looked_through(context.scene, whole_path(context.scene.r2sego.bundle)), camera_of(camera)
     places = {}
     for point in shown.points:
         for view in point.views:

@@ -6,7 +6,7 @@ from . import properties
 from .correct_registration import R2SEGO_OT_correct_registration
 from .import_captures import R2SEGO_OT_import_captures
 from .known_length import R2SEGO_OT_add_length, R2SEGO_OT_remove_length
-from .listing import read_captures
+from .listing import forget_picks, read_captures
 from .look_through import R2SEGO_OT_look_through
 from .look_through_next import R2SEGO_OT_look_through_next
 from .pick_point import R2SEGO_OT_pick_point
@@ -33,10 +33,12 @@ def register():
     """Attach the properties, and read the captures of every opened bundle."""
     properties.attach()
     state.listeners.append(read_captures)
+    state.forgetters.append(forget_picks)
 
 
 def unregister():
     """Take them away."""
+    state.forgetters.remove(forget_picks)
     state.listeners.remove(read_captures)
     forget_clouds()
     properties.detach()

@@ -7,6 +7,15 @@ from ...r2sego_blender.errors import R2SEgoError
 from .properties import fit_again
 
 
+def forget_picks(scene, bundle):
+    """Forget what was picked and chosen in another bundle."""
+    group = scene.r2sego_captures
+    for kept in (group.captures, group.points, group.lengths, group.residuals):
+        kept.clear()
+    for name in ("active_capture", "active_point", "use_camera_height", "height_capture", "camera_height"):
+        group.property_unset(name)
+
+
 def read_captures(scene, bundle):
     """Fill the list of captures, the drawn points and the residuals of what is picked."""
     group = scene.r2sego_captures

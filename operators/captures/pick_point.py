@@ -6,8 +6,9 @@ from bpy.props import BoolProperty, FloatProperty, StringProperty
 from ...r2sego_blender.bridge.cameras import camera_of, has_lens
 from ...r2sego_blender.bridge.registration_pixels import next_name, pixel_of_ray
 from ...r2sego_blender.bridge.scope_rays import is_over, mouse_ray
-from ...r2sego_blender.bridge.show_captures import capture_name
+from ...r2sego_blender.bridge.show_captures import looked_through
 from ...r2sego_blender.errors import CaptureError, R2SEgoError
+from .. import state
 from ..base import ReportingOperator, needs_bundle
 from ..view_tool import ViewTool
 from .look_through_next import step_capture
@@ -110,7 +111,7 @@ class R2SEGO_OT_pick_point(ViewTool, ReportingOperator, bpy.types.Operator):
         return (
             context.region_data.view_perspective == "CAMERA"
             and has_lens(camera)
-            and capture_name(camera) in context.scene.r2sego_captures.captures
+            and _looked_through(context) in context.scene.r2sego_captures.captures
         )
 
     def _click(self, context, event):
@@ -123,6 +124,10 @@ class R2SEGO_OT_pick_point(ViewTool, ReportingOperator, bpy.types.Operator):
         if pixel is None:
             self.report({"WARNING"}, "That is outside the photograph")
             return
-        self.capture = capture_name(context.scene.camera)
+        self.capture = _looked_through(context)
         self.x_px, self.y_px = pixel
         self.changed |= self.execute(context) == {"FINISHED"}
+
+
+def _looked_through(context):
+    return looked_through(context.scene, state.bundle_name(context.scene))

@@ -41,6 +41,7 @@ def register() -> None:
     """Attach the room's properties, read each bundle that is opened, follow a prior that is moved."""
     bpy.types.Scene.r2sego_proxy = PointerProperty(type=properties.R2SEGO_PG_proxy)
     state.listeners.append(properties.read_bundle)
+    state.forgetters.append(properties.forget_bundle)
     for handlers, handler in _HANDLERS:
         handlers.append(handler)
 
@@ -50,5 +51,6 @@ def unregister() -> None:
     for handlers, handler in _HANDLERS:
         handlers.remove(handler)
     placement_live.forget()
+    state.forgetters.remove(properties.forget_bundle)
     state.listeners.remove(properties.read_bundle)
     del bpy.types.Scene.r2sego_proxy

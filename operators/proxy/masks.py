@@ -16,7 +16,7 @@ from ...r2sego_blender.bridge.object_masks import (
     write_mask,
 )
 from ...r2sego_blender.bridge.proxy_objects import read_objects
-from ...r2sego_blender.bridge.show_captures import capture_name
+from ...r2sego_blender.bridge.show_captures import looked_through
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import GeometryError
 from ...r2sego_blender.geometry.object_names import plain_name
@@ -31,14 +31,25 @@ from .properties import add_object
 
 def captured_view(context, capture: str):
     """The capture of this name, by default the one that is looked through. Raises GeometryError: none."""
-    name = capture or capture_name(context.scene.camera)
-    found = next((view for view in state.opened_bundle(context).captures() if view.name == name), None)
+    bundle = state.opened_bundle(context)
+    name = capture or looked_through(context.scene, bundle.path)
+    found = next((view for view in bundle.captures() if view.name == name), None)
     if found is None:
         raise GeometryError(
             f"there is no capture '{name}'" if name else "no capture is looked through",
             cure="Import the captures, and look through one.",
         )  # fmt: skip
     return found
+
+
+def _masks_to_edit(context, name: str, view) -> dict[str, bpy.types.Image]:
+    """An object's masks by capture, one of ``view`` among them; with those of the bundle, which Declare
+    would otherwise replace by the edited one alone."""
+    bundle = state.opened_bundle(context)
+    if context.scene.r2sego_proxy.objects[name].declared:
+        load_masks(bundle, name, anew=False)
+    mask_image(bundle.path, name, view)
+    return mask_images(bundle.path, name)
 
 
 class R2SEGO_OT_new_object(ReportingOperator, bpy.types.Operator):
@@ -86,7 +97,7 @@ class R2SEGO_OT_remove_object(ReportingOperator, bpy.types.Operator):
     def perform(self, context):
         group, name = context.scene.r2sego_proxy, object_named(context, self.name)
         declared = group.objects[name].declared
-        forget_masks(name)
+        forget_masks(state.bundle_name(context.scene), name)
         group.objects.remove(group.objects.find(name))
         group.object_index = min(group.object_index, max(0, len(group.objects) - 1))
         redraw_views("WINDOW")
@@ -136,11 +147,12 @@ class R2SEGO_OT_draw_mask(Drawing, ReportingOperator, bpy.types.Operator):
         if len(points) < (1 if self.tool == "BRUSH" else 3):
             raise GeometryError("too few points", cure="Draw around the object.")
         region = drawn_region(view.camera.shape, points, self.tool, self.radius)
-        image = mask_image(name, view)
+        images = _masks_to_edit(context, name, view)
+        image = images[view.name]
         mask = read_mask(image)
         write_mask(image, mask & ~region if self.subtract else mask | region)
-        group = context.scene.r2sego_proxy
-        group.objects[name].masks = sum(bool(read_mask(one).any()) for one in mask_images(name).values())
+        item = context.scene.r2sego_proxy.objects[name]
+        item.masks = sum(bool(read_mask(one).any()) for one in images.values())
         rate_again(context, name)
         redraw_views("WINDOW")
         return f"{name} in {view.name}: {int(read_mask(image).sum())} pixels"
@@ -198,7 +210,8 @@ class R2SEGO_OT_paint_mask(ReportingOperator, bpy.types.Operator):
         return needs_object(cls, context)
 
     def perform(self, context):
-        image = mask_image(object_named(context, self.object_name), captured_view(context, self.capture))
+        name, view = object_named(context, self.object_name), captured_view(context, self.capture)
+        image = _masks_to_edit(context, name, view)[view.name]
         areas = context.screen.areas if context.screen is not None else ()
         editors = [area for area in areas if area.type == "IMAGE_EDITOR"]
         for area in editors:
@@ -245,8 +258,8 @@ class R2SEGO_OT_declare_masks(EngineOperator, bpy.types.Operator):
             gone = [f"--remove={one.name}" for one in read_objects(bundle)]
             return ["objects", str(bundle.path), "--json", *gone]
         for item in group.objects:
-            if item.declared and not mask_images(item.name):  # not looked at here: stays as it is
-                load_masks(bundle, item.name)
+            if item.declared:  # what was not looked at here stays as it is
+                load_masks(bundle, item.name, anew=False)
         folder = handed_over("masks")
         if not save_masks(bundle, folder, [item.name for item in group.objects]):
             raise GeometryError(

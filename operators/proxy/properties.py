@@ -11,7 +11,9 @@ from bpy.props import (
     StringProperty,
 )
 
+from ...r2sego_blender.bridge import placement_live
 from ...r2sego_blender.bridge.bundle import Bundle
+from ...r2sego_blender.bridge.object_masks import masked_objects
 from ...r2sego_blender.bridge.proxy_colours import COLOURINGS
 from ...r2sego_blender.bridge.proxy_coverage import read_coverage
 from ...r2sego_blender.bridge.proxy_objects import read_objects
@@ -118,6 +120,17 @@ def colour_shown(scene: bpy.types.Scene) -> None:
     for label, colour, area in zip(colouring.labels, colouring.colours, areas, strict=True):
         line = group.legend.add()
         line.name, line.colour, line.area = label, colour, float(area)
+
+
+def forget_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
+    """Forget another bundle's objects; those whose masks were drawn for this one are back."""
+    group = scene.r2sego_proxy
+    placement_live.forget()
+    group.objects.clear()
+    for name in ("object_index", "edit_index", "fit_object", "fit_iou", "fit_residual", "fit_views"):
+        group.property_unset(name)
+    for name in masked_objects(bundle.path):
+        add_object(group, name)
 
 
 def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:

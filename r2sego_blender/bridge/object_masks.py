@@ -1,6 +1,7 @@
 """Masks of objects as Blender images of the captures' size: drawn on, painted on, handed to the engine.
 
-An image is one mask: white where the photograph shows the object. Its custom properties name both.
+An image is one mask: white where the photograph shows the object. Its custom properties name both,
+and the bundle they are of.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from ..errors import GeometryError
 from ..layout import mask_stems
 from .bundle import Bundle, CapturedView
+from .moved_bundle import BUNDLE_MARK
 from .proxy_edits import in_polygon
 from .proxy_objects import mask_files
 
@@ -21,20 +23,26 @@ _OBJECT, _CAPTURE, _REVISION = "r2sego_object", "r2sego_capture", "r2sego_revisi
 _WHITE = 0.5
 
 
-def mask_images(name: str) -> dict[str, bpy.types.Image]:
-    """The masks of an object that Blender holds, by the captures' names."""
-    return {image[_CAPTURE]: image for image in bpy.data.images if image.get(_OBJECT) == name}
+def mask_images(bundle_path: str | Path, name: str) -> dict[str, bpy.types.Image]:
+    """The masks of a bundle's object that Blender holds, by the captures' names."""
+    return {image[_CAPTURE]: image for image in _masks(bundle_path) if image[_OBJECT] == name}
 
 
-def mask_image(name: str, view: CapturedView) -> bpy.types.Image:
-    """The mask of an object in a capture; an empty one is made where there is none."""
-    image = mask_images(name).get(view.name)
+def masked_objects(bundle_path: str | Path) -> list[str]:
+    """The names of the bundle's objects of which Blender holds a mask that is not empty."""
+    return sorted({image[_OBJECT] for image in _masks(bundle_path) if read_mask(image).any()})
+
+
+def mask_image(bundle_path: str | Path, name: str, view: CapturedView) -> bpy.types.Image:
+    """The mask of a bundle's object in a capture; an empty one is made where there is none."""
+    image = mask_images(bundle_path, name).get(view.name)
     if image is not None:
         return image
     width, height = view.camera.width, view.camera.height
     image = bpy.data.images.new(f"{name} in {view.name}", width, height, alpha=False)
     image.colorspace_settings.name = "Non-Color"
-    image[_OBJECT], image[_CAPTURE] = name, view.name
+    image[BUNDLE_MARK], image[_OBJECT], image[_CAPTURE] = str(bundle_path), name, view.name
+    image.use_fake_user = True  # nothing in Blender uses it: it would not be saved
     write_mask(image, np.zeros((height, width), bool))
     return image
 
@@ -63,20 +71,24 @@ def revision(image: bpy.types.Image) -> int:
     return int(image.get(_REVISION, 0))
 
 
-def load_masks(bundle: Bundle, name: str) -> int:
-    """Take the bundle's masks of an object into images, in place of those drawn; how many."""
+def load_masks(bundle: Bundle, name: str, *, anew: bool = True) -> int:
+    """Take the bundle's masks of an object into images; how many.
+
+    They replace those drawn, or where not ``anew`` only join them: in captures without one.
+    """
     files, count = mask_files(bundle, name), 0
     stems = _stems(bundle)
+    there = {} if anew else mask_images(bundle.path, name)
     for view in bundle.captures():
         file = files.get(stems[view.name])
-        if file is None:
+        if file is None or view.name in there:
             continue
         mask = _mask_of_file(file)
         if mask.shape != view.camera.shape:
             raise GeometryError(
                 "the mask is not of the capture's size", where=file, cure="Declare the masks again."
             )
-        write_mask(mask_image(name, view), mask)
+        write_mask(mask_image(bundle.path, name, view), mask)
         count += 1
     return count
 
@@ -85,7 +97,7 @@ def save_masks(bundle: Bundle, folder: Path, names: list[str]) -> int:
     """Write the masks of objects as ``r2sego objects --masks`` reads them; how many are not empty."""
     count, stems = 0, _stems(bundle)
     for name in names:
-        for capture, image in mask_images(name).items():
+        for capture, image in mask_images(bundle.path, name).items():
             if not read_mask(image).any():
                 continue
             place = folder / name
@@ -103,9 +115,9 @@ def save_masks(bundle: Bundle, folder: Path, names: list[str]) -> int:
     return count
 
 
-def forget_masks(name: str) -> None:
-    """Remove the images of an object."""
-    for image in mask_images(name).values():
+def forget_masks(bundle_path: str | Path, name: str) -> None:
+    """Remove the images of a bundle's object."""
+    for image in mask_images(bundle_path, name).values():
         bpy.data.images.remove(image)
 
 
@@ -124,6 +136,11 @@ def drawn_region(shape: tuple[int, int], points: np.ndarray, tool: str, radius_p
     inside = _near_line(centres, points, reach) if tool == "BRUSH" else in_polygon(centres, points)
     region[low[1] : high[1], low[0] : high[0]] = inside.reshape(x.shape)
     return region
+
+
+def _masks(bundle_path: str | Path) -> list[bpy.types.Image]:
+    path = str(bundle_path)
+    return [image for image in bpy.data.images if _OBJECT in image and image.get(BUNDLE_MARK) == path]
 
 
 def _near_line(centres: np.ndarray, points: np.ndarray, reach: float) -> np.ndarray:

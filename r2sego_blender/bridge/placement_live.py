@@ -66,14 +66,14 @@ def prior_outline(shown: bpy.types.Object, capture: str) -> np.ndarray:
     return _outlines[key]
 
 
-def mask_outline(name: str, capture: str) -> np.ndarray:
+def mask_outline(bundle_path: str, name: str, capture: str) -> np.ndarray:
     """(2 S, 2) shares of the capture's frame, from its top left: the border of an object's mask."""
-    image = mask_images(name).get(capture)
+    image = mask_images(bundle_path, name).get(capture)
     if image is None:
         return np.zeros((0, 2), np.float32)
-    key = ("mask", name, capture, revision(image))
+    key = ("mask", bundle_path, name, capture, revision(image))
     if key not in _outlines:
-        for old in [old for old in _outlines if old[:3] == key[:3]]:
+        for old in [old for old in _outlines if old[:-1] == key[:-1]]:
             del _outlines[old]
         _outlines[key] = outline(read_mask(image)) / tuple(image.size)
     return _outlines[key]

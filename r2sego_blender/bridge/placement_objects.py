@@ -135,14 +135,13 @@ def write_mesh(file: Path, one: bpy.types.Object, depsgraph: bpy.types.Depsgraph
 
 
 def placement_of(bundle: Bundle, shown: bpy.types.Object) -> Placement:
-    """Gather what rates a shown prior; the bundle's masks are taken into images where there are none.
+    """Gather what rates a shown prior; the bundle's masks join those that Blender holds.
 
     Raises GeometryError for damaged files.
     """
     name = prior_name(shown)
-    if not mask_images(name):
-        load_masks(bundle, name)
-    masks = {capture: read_mask(image) for capture, image in mask_images(name).items()}
+    load_masks(bundle, name, anew=False)
+    masks = {capture: read_mask(image) for capture, image in mask_images(bundle.path, name).items()}
     views = bundle.captures()
     chosen = [k for k, view in enumerate(views) if view.name in masks and masks[view.name].any()]
     windows, files = [], capture_files([view.name for view in views])

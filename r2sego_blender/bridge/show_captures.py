@@ -11,6 +11,7 @@ from .bundle import Bundle
 from .cameras import create_camera, use_frame_of
 from .materials import attribute_material
 from .meshes import add_attribute, add_colours, mesh_from_arrays
+from .moved_bundle import BUNDLE_MARK
 from .outliner import find_collection, fresh_collection, link
 
 CAPTURES_PART = "Captures"
@@ -54,6 +55,12 @@ def show_captures(
 def capture_name(camera: bpy.types.Object | None) -> str:
     """The capture whose camera this is, '' for any other object."""
     return str(camera.get(_NAME, "")) if camera is not None else ""
+
+
+def looked_through(scene: bpy.types.Scene, bundle_path: str | Path) -> str:
+    """The capture of the bundle at ``bundle_path`` whose camera is the scene's, '' where it is another."""
+    camera = scene.camera
+    return capture_name(camera) if camera is not None and camera.get(BUNDLE_MARK) == str(bundle_path) else ""
 
 
 def capture_camera(scene: bpy.types.Scene, bundle_path: str, name: str) -> bpy.types.Object | None:

@@ -46,8 +46,8 @@ class RoundScores:
         stamp = f"{round_index} {file.stat().st_mtime_ns}"
         captures = tuple(view.name for view in bundle.captures())
         return RoundScores(
-            str(bundle.path), stamp, bundle.candidates(round_index), read_reasons(bundle, round_index), captures,
-            _origins(bundle, round_index),
+            str(bundle.path), stamp, bundle.candidates(round_index), read_reasons(bundle, round_index),
+            captures, _origins(bundle, round_index),
         )  # fmt: skip
 
     def __len__(self) -> int:

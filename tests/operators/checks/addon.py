@@ -68,13 +68,15 @@ def check_a_bundle_that_is_gone_is_told_in_one_sentence():
 
 
 def check_a_bundle_moved_together_with_its_blend_is_found_again():
-    """With all that is shown of it: pictures, the asset, a rollout on the timeline."""
+    """With all that is kept of it: pictures, masks, the asset, a rollout on the timeline."""
     together = OUT.parent / "together"
     shutil.rmtree(together, ignore_errors=True)
     shutil.copytree(copied_bundle(), together / "scenes" / "room.r2s")
     bpy.ops.r2sego.open_scene(directory=str(together / "scenes" / "room.r2s"))
     bpy.ops.wm.save_as_mainfile(filepath=str(together / "room.blend"))
     bpy.ops.r2sego.import_captures()  # a file's first save makes paths relative: these stay whole
+    bpy.ops.r2sego.new_object(name="chair")
+    bpy.ops.r2sego.draw_mask(points="10,20 30,20 30,40 10,40")
     bpy.ops.r2sego.show_asset()
     bpy.ops.r2sego.show_rollout(round_index=0, attempt=0)
     bpy.context.scene.frame_set(5)
@@ -86,6 +88,8 @@ def check_a_bundle_moved_together_with_its_blend_is_found_again():
     now = moved / "scenes" / "room.r2s"
     assert (state().bundle, state().problem) == (str(now), "")
     assert bpy.ops.r2sego.refresh_scene() == {"FINISHED"}
+    assert bpy.data.images["chair in capture_0"]["r2sego_bundle"] == str(now)
+    assert "chair" in bpy.context.scene.r2sego_proxy.objects
     shown = bpy.context.scene.r2sego_asset.shown
     assert shown is not None and shown["r2sego_bundle"] == str(now)
     photographs = [image for image in bpy.data.images if "captures" in image.filepath]

@@ -1,11 +1,23 @@
 """What holds of the room Captures, checked inside Blender."""
 
+import importlib
 import json
-import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
-from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle, refused, state
+from support import (
+    BUNDLE,
+    MODULE,
+    bundle_of_one_name,
+    calls,
+    conduct,
+    copied_bundle,
+    open_bundle,
+    open_here,
+    refused,
+    state,
+)  # fmt: skip
 
 OPERATORS = {
     "import_captures", "look_through", "look_through_next", "pick_point", "remove_pick", "add_length",
@@ -118,10 +130,7 @@ def check_two_bundles_of_one_name_are_shown_side_by_side():
     open_bundle()
     bpy.ops.r2sego.import_captures()
     first = [one.name for one in bpy.data.objects]
-    copy = OUT.parent / "copies" / BUNDLE.name
-    shutil.rmtree(copy, ignore_errors=True)
-    shutil.copytree(BUNDLE, copy)
-    bpy.ops.r2sego.open_scene(directory=str(copy))
+    open_here(bundle_of_one_name())
     bpy.ops.r2sego.import_captures()
     assert len(bpy.data.objects) == 2 * len(first) and all(name in bpy.data.objects for name in first)
 
@@ -152,6 +161,35 @@ def check_picked_points_are_placed_with_their_residuals():
     view = shown().points["A"].views[0]
     bpy.ops.r2sego.pick_point(point="A", capture=view.capture, x_px=view.x_px + 0.4, y_px=view.y_px)
     assert shown().points["A"].off_px > 0.05 and len(shown().points) == 3
+
+
+def check_picks_stay_with_their_bundle():
+    copy = copied_bundle()
+    pick_all()
+    bpy.ops.r2sego.add_length(start="A", end="B", metres=1.0)
+    shown().use_camera_height, shown().camera_height = True, 1.25
+    shown().height_capture = "capture_1"
+    shown().active_capture = 2
+    open_here(copy)  # again
+    bpy.ops.r2sego.refresh_scene()
+    assert len(shown().points) == 3 and len(shown().lengths) == 1 and shown().use_camera_height
+    open_here(copy.rename(copy.with_name("moved_with_picks.r2s")))  # it only moved
+    assert len(shown().points) == 3 and shown().lengths[0].end == "B" and shown().active_capture == 2
+    open_here(BUNDLE)
+    assert not len(shown().points) and not len(shown().lengths) and not shown().use_camera_height
+    assert (shown().height_capture, shown().active_capture) == ("capture_0", 0)
+    assert shown().fit_problem == shown().fit_said == ""
+
+
+def check_a_capture_of_another_bundle_is_not_looked_through():
+    open_bundle()
+    bpy.ops.r2sego.import_captures()
+    open_here(bundle_of_one_name())
+    assert bpy.ops.r2sego.new_object(name="chair") == {"FINISHED"}
+    square = "10,20 30,20 30,40 10,40"
+    assert "No capture is looked through" in refused(bpy.ops.r2sego.draw_mask, points=square)
+    bpy.ops.r2sego.import_captures()
+    assert bpy.ops.r2sego.draw_mask(points=square) == {"FINISHED"}
 
 
 def check_wrong_picks_are_told_before_anything_is_moved():
@@ -223,6 +261,30 @@ def check_the_arrows_become_the_world():
     assert call[3] == "--frame" and len(numbers) == 12
     assert abs(numbers[0] - 0.9553365) < 1e-6 and abs(numbers[7] + 0.25) < 1e-6
     assert "World Frame" not in bpy.data.objects  # the world is there now
+
+
+def check_cameras_that_a_view_does_not_show_have_no_label():
+    open_bundle()
+    bpy.ops.r2sego.import_captures()
+    cameras = sorted((one for one in bpy.data.objects if one.type == "CAMERA"), key=lambda one: one.name)
+    (captures,) = cameras[0].users_collection
+    labels = importlib.import_module(f"{MODULE}.panels.picture_labels")
+    space = next(a for a in bpy.context.screen.areas if a.type == "VIEW_3D").spaces.active
+    context = SimpleNamespace(scene=bpy.context.scene, space_data=space)
+
+    def labelled():
+        bpy.context.view_layer.update()
+        return sorted(camera.name for camera in labels.labelled(context))
+
+    assert labelled() == [camera.name for camera in cameras]
+    cameras[0].hide_set(True)
+    cameras[1].hide_viewport = True
+    assert labelled() == [cameras[2].name]
+    space.show_object_viewport_camera = False
+    assert labelled() == []
+    space.show_object_viewport_camera = True
+    captures.hide_viewport = True
+    assert labelled() == []
 
 
 def check_arrows_in_a_hidden_collection_are_placed_all_the_same():

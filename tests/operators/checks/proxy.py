@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 from mathutils import Matrix
-from support import BUNDLE, OUT, calls, conduct, copied_bundle, open_bundle, refused, state
+from support import BUNDLE, OUT, calls, conduct, copied_bundle, open_bundle, open_here, refused, state
 
 OPERATORS = {
     "show_proxy", "measure_coverage", "select_proxy_lasso", "select_proxy_box", "cut_proxy",
@@ -210,6 +210,56 @@ def check_masks_are_drawn_loaded_and_declared():
     assert set(np.unique(pixels)) == {0.0, 1.0} and 240 < (pixels > 0.5).sum() < 400
     assert bpy.ops.r2sego.remove_object(name="crate") == {"FINISHED"}
     assert "crate" not in group().objects and "crate in capture_0" not in bpy.data.images
+
+
+def drawn_pixels(image):
+    """How many pixels of a mask are white."""
+    return int((np.array(bpy.data.images[image].pixels).reshape(-1, 4)[:, 0] > 0.5).sum())
+
+
+def check_masks_and_objects_stay_with_their_bundle():
+    """Two bundles with captures of one name; the one is moved, and the .blend is saved meanwhile."""
+    copy = copied_bundle()
+    square = "10,20 30,20 30,40 10,40"
+    assert bpy.ops.r2sego.new_object(name="chair") == {"FINISHED"}
+    assert bpy.ops.r2sego.draw_mask(capture="capture_0", points=square) == {"FINISHED"}
+    bpy.ops.r2sego.refresh_scene()
+    assert "chair" in group().objects
+    open_here(BUNDLE)
+    assert "chair" not in group().objects and len(group().objects) == 2
+    bpy.ops.r2sego.new_object(name="chair")
+    bpy.ops.r2sego.draw_mask(capture="capture_0", points=square.replace("40", "25"))
+    assert [drawn_pixels(name) for name in ("chair in capture_0", "chair in capture_0.001")] == [400, 100]
+    conduct("succeed")
+    bpy.ops.r2sego.declare_masks()
+    written = bpy.data.images.load(str(Path(calls()[0][3]) / "chair" / "capture_0.png"))
+    assert drawn_pixels(written.name) == 100
+    open_here(copy)
+    assert "chair" in group().objects and not group().objects["chair"].declared
+    blend = copy.with_name("masks.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    moved = copy.rename(copy.with_name("moved_with_masks.r2s"))
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    open_here(moved)
+    assert "chair" in group().objects
+    bpy.ops.r2sego.remove_object(name="chair")
+    assert "chair in capture_0" not in bpy.data.images and "chair in capture_0.001" in bpy.data.images
+
+
+def check_the_first_stroke_on_a_declared_object_keeps_its_other_masks():
+    open_bundle()
+    corner = "0,0 4,0 4,4 0,4"
+    assert bpy.ops.r2sego.draw_mask(object_name="crate", capture="capture_0", points=corner) == {"FINISHED"}
+    assert group().objects["crate"].masks == 3
+    drawn = drawn_pixels("crate in capture_0")
+    assert bpy.ops.r2sego.paint_mask(object_name="lamp", capture="capture_1") == {"FINISHED"}
+    conduct("succeed")
+    assert bpy.ops.r2sego.declare_masks() == {"FINISHED"}
+    folder = Path(calls()[0][3])
+    for name, count in (("crate", 3), ("lamp", 3)):
+        assert len(list((folder / name).glob("*.png"))) == count, name
+    of_bundle = bpy.data.images.load(str(BUNDLE / "objects/crate/masks/capture_0.png"))
+    assert 0 < drawn_pixels(of_bundle.name) < drawn
 
 
 def check_the_last_object_is_taken_from_the_bundle():

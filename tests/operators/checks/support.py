@@ -24,11 +24,22 @@ def open_bundle(path=BUNDLE):
 
 def copied_bundle():
     """A copy of the bundle that a check may write into, opened."""
+    copy = bundle_of_one_name()
+    open_bundle(copy)
+    return copy
+
+
+def bundle_of_one_name():
+    """A copy of the bundle in a folder of the same name elsewhere."""
     copy = OUT.parent / "copies" / BUNDLE.name
     shutil.rmtree(copy, ignore_errors=True)
     shutil.copytree(BUNDLE, copy)
-    open_bundle(copy)
     return copy
+
+
+def open_here(path):
+    """Open a bundle in the Blender scene in which another one is open."""
+    assert bpy.ops.r2sego.open_scene(directory=str(path)) == {"FINISHED"}
 
 
 def conduct(text):
