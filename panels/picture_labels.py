@@ -14,6 +14,12 @@ _MOST = 60
 _CHOSEN, _OTHERS = (1.0, 0.75, 0.3, 1.0), (0.9, 0.9, 0.9, 0.85)
 
 
+def labelled(context):
+    """The captures' cameras that the 3D view shows."""
+    cameras = capture_cameras(context.scene, whole_path(context.scene.r2sego.bundle))
+    return [camera for camera in cameras if camera.visible_get(viewport=context.space_data)]
+
+
 def _draw(context):
     scene = context.scene
     shown = getattr(scene, "r2sego_captures", None)
@@ -23,9 +29,7 @@ def _draw(context):
         return
     scale = context.preferences.system.ui_scale
     chosen = shown.captures[min(shown.active_capture, len(shown.captures) - 1)].name
-    for camera in capture_cameras(scene, whole_path(scene.r2sego.bundle)):
-        if camera.hide_get():
-            continue
+    for camera in labelled(context):
         place = location_3d_to_region_2d(context.region, context.region_data, camera.matrix_world.translation)
         if place is not None:
             name = capture_name(camera)
