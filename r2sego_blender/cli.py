@@ -161,7 +161,7 @@ def status(scene: Path, as_json: bool) -> None:
     """Say what SCENE holds and how far it has come."""
     from .status import describe, lines
 
-    state = describe(Scene.open(scene))
+    state = describe(Scene.open(scene), look_at_results=True)
     click.echo(json.dumps(state, indent=1) if as_json else "\n".join(lines(state)))
 
 

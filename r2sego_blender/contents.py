@@ -26,6 +26,7 @@ from .robot.model import RobotModel
 from .robot.robot_file import robot_digest
 from .robot.scope import ANY_SEAT, FREE_FLOOR, BehaviourScope
 from .scene import Scene
+from .selection import Selection, load_candidates
 from .settings import Settings
 from .splats.asset import SplatAsset
 from .splats.ply import load_ply
@@ -125,6 +126,10 @@ class Contents:
         """The proxy's depth in each capture, (H, W) float32 metres."""
         renderer = ZBufferRenderer(proxy)
         return [renderer.depth(camera) for camera in self.cameras]
+
+    def selection(self, name: str) -> tuple[Selection, list[Camera]]:
+        """The target views of a round, and the candidates they are chosen from."""
+        return Selection.load(self.scene.path / name), load_candidates(self.scene.path / name)
 
     def asset(self, name: str) -> SplatAsset:
         """Splats of the bundle."""

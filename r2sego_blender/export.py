@@ -22,8 +22,9 @@ def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list
     coloured by provenance) and ``cameras.json`` (the captures in the world frame); the asset
     once more for each suffix in ``splats``, such as ``.spz`` (docs/splat_formats.md).
     Nothing appears before all of it is written; a ``collision`` that was there goes. Raises
-    SceneError when the scene has no result yet, or one of a world frame that was corrected since,
-    and for a folder inside the scene; AssetError for a suffix that is no format of splats.
+    SceneError when the scene has no result yet, one of a world frame that was corrected since, or
+    one that was damaged or changed since, and for a folder inside the scene; AssetError for a
+    suffix that is no format of splats.
     """
     for suffix in splats:
         if suffix not in SUFFIXES:
@@ -42,6 +43,11 @@ def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list
             "a scene is not exported into itself", where=folder, cure="Choose a folder outside the scene."
         )
     require_present_frame(scene, [REFINED_ASSET, COLLISION, of_round(rounds - 1, "proxy")], "exported")
+    for name in scene.damaged_results():
+        raise SceneError(
+            "it is not as it was made: cut off, or changed", where=scene.path / name,
+            cure=f"Keep a copy of what you changed; `r2sego refine {scene.path}` makes it again.",
+        )  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     staging = folder / ".unfinished-export"
     shutil.rmtree(staging, ignore_errors=True)

@@ -54,6 +54,7 @@ class PlannedScene(Scene):
         *,
         inputs: Sequence[str | Path] = (),
         parameters: Any = None,
+        read: Callable[[], object] | None = None,
     ) -> Path:
         """Note whether ``Scene.step`` would run ``compute``, if what it reads is as it seems."""
         redone = {step.target for step in self.planned if step.why}
@@ -66,7 +67,7 @@ class PlannedScene(Scene):
             corrected = target in self._of_old_frame
             why = "the world frame was corrected" if corrected else "what it reads or a setting has changed"
         else:
-            why = ""
+            why = "it is damaged" if self.is_damaged(target, read) else ""
         self.planned.append(PlannedStep(target, why))
         return self.path / target
 

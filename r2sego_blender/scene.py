@@ -1,10 +1,10 @@
 """The scene bundle on disk: declared in ``scene.toml``, filled step by step, never half-written.
 
 A step of Algorithm 1 publishes one file or folder. It runs again only when the content of
-its inputs, its parameters or the library's version changed; ``journal.jsonl`` remembers
-the digests. Results are written beside their place, flushed and renamed, so a cut-off run
-leaves the bundle as it was. This module needs NumPy at most, so Blender's Python reads
-bundles with it.
+its inputs, its parameters or the library's version changed, or its result was damaged;
+``journal.jsonl`` remembers the digests. Results are written beside their place, flushed and
+renamed, so a cut-off run leaves the bundle as it was. This module needs NumPy at most, so
+Blender's Python reads bundles with it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from typing import Any
 from . import __version__
 from .backends import BACKENDS, chosen_backends, controller_backend
 from .errors import SceneError, SettingsError
-from .layout import SCOPE_FILE
+from .layout import COLLISION, REFINED_ASSET, SCOPE_FILE
 from .settings import Settings, preset, with_overrides
 from .whole_files import write_whole
 from .world_frame import frame_of_output
@@ -190,17 +190,20 @@ class Scene:
         *,
         inputs: Sequence[str | Path] = (),
         parameters: Any = None,
+        read: Callable[[], object] | None = None,
     ) -> Path:
         """Make ``target`` by ``compute`` unless it is there and nothing it reads has changed.
 
         ``target`` is a path inside the bundle, a file when it has a suffix, else a folder;
         ``compute`` writes it at the path it is given. ``inputs`` are files and folders,
         inside the bundle when relative; ``parameters`` are dataclasses or JSON values.
+        ``read`` reads the result as later steps do: one that is not as it was published is
+        kept as a person's edit where that succeeds. Without it any change is damage.
         """
         place = self.path / target
         digest = self._digest_of_inputs(inputs, parameters)
         before = self.recorded().get(target)
-        if place.exists() and before == digest:
+        if place.exists() and before == digest and not self.is_damaged(target, read):
             return place
         started = time.time()
         with _disk_errors(place), self.publishing(target) as staging:
@@ -215,6 +218,27 @@ class Scene:
             ),
         )  # fmt: skip
         return place
+
+    def is_damaged(self, target: str, read: Callable[[], object] | None = None) -> bool:
+        """Whether a result is not what its step published and, where it can be edited, ``read`` fails.
+
+        Of results that no journal noted nothing is said.
+        """
+        published = self.outputs().get(target)
+        if published is None or self._digest_of_input(target) == published:
+            return False
+        if read is None:
+            return True
+        try:
+            read()
+        except Exception:  # whatever a reader raises, the steps after it cannot read it either
+            return True
+        return False
+
+    def damaged_results(self) -> tuple[str, ...]:
+        """The names of the scene's results that are no more what was published: cut off, or changed."""
+        results = (REFINED_ASSET, COLLISION)
+        return tuple(name for name in results if (self.path / name).exists() and self.is_damaged(name))
 
     @contextlib.contextmanager
     def publishing(self, target: str) -> Iterator[Path]:

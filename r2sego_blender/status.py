@@ -14,14 +14,20 @@ _COUNTS = {"rollouts_succeeded", "rollouts_failed", "candidates", "targets", "vi
 """What is told of each round."""
 
 
-def describe(scene: Scene) -> dict[str, Any]:
-    """The scene's state, JSON-ready: declaration, rounds done and what each left."""
+def describe(scene: Scene, look_at_results: bool = False) -> dict[str, Any]:
+    """The scene's state, JSON-ready: declaration, rounds done and what each left.
+
+    With ``look_at_results`` they are read through, and ``damaged`` names those that are not as they
+    were published.
+    """
     declared = scene.declaration
     captures = json.loads((scene.captures_folder / "cameras.json").read_text())["captures"]
     rounds = [_describe_round(scene, index) for index in range(scene.rounds_done())]
     rounds_declared = declared.settings.rounds
     old = of_old_frame(scene)
     old_in_words = in_words(old, rounds_declared)
+    damaged = scene.damaged_results() if look_at_results else ()
+    is_whole = scene.asset_file.is_file() and not old_in_words and not damaged
     return {
         "scene": str(scene.path),
         "captures": len(captures),
@@ -37,7 +43,8 @@ def describe(scene: Scene) -> dict[str, Any]:
         "rounds": rounds,
         "rounds_of_old_frame": list(rounds_among(old, rounds_declared)),
         "of_old_frame": old_in_words,
-        "refined": not old_in_words and scene.asset_file.is_file() and len(rounds) >= rounds_declared,
+        "damaged": list(damaged),
+        "refined": is_whole and len(rounds) >= rounds_declared,
         "metrics": _read(scene.metrics_file) if scene.metrics_file.is_file() else None,
     }
 
@@ -63,6 +70,7 @@ def lines(state: dict[str, Any]) -> list[str]:
         text += _largest_cause(state["metrics"].get("causes", {}))
     if state["of_old_frame"]:
         text.append(f"of the world frame before its correction: {state['of_old_frame']}")
+    text += [f"not as it was made: {name}" for name in state["damaged"]]
     text.append("refined" if state["refined"] else f"next: r2sego refine {state['scene']}")
     return text
 

@@ -25,7 +25,12 @@ from .contents import Contents, names_object
 from .generation.carried_decisions import carry_decisions
 from .generation.conditions import ZBufferRenderer
 from .generation.detours import ClearSpace
-from .generation.ego_views import PseudoObservation, ego_video_reg, load_pseudo_observations
+from .generation.ego_views import (
+    PseudoObservation,
+    check_views,
+    ego_video_reg,
+    load_pseudo_observations,
+)
 from .generation.generators import open_generator
 from .generation.point_condition import PointConditions
 from .generation.registration import Landmarks
@@ -40,7 +45,7 @@ from .geometry.fusion import compose_proxy
 from .geometry.objects import load_objects
 from .geometry.observed import observe
 from .geometry.planes import find_planes
-from .geometry.priors import align_objects, load_library, load_priors, save_priors
+from .geometry.priors import align_objects, load_library, load_priors, read_record, save_priors
 from .geometry.stereo import dense_stereo
 from .layout import (
     BACKDROP,
@@ -62,7 +67,7 @@ from .robot.camera_flight import FreeSpace, camera_flights
 from .robot.candidates import candidate_stream
 from .robot.rollouts import load_rollouts, save_rollouts, successful_rollouts
 from .scene import Scene
-from .selection import Selection, load_candidates, save_candidates
+from .selection import Selection, save_candidates
 from .settings import Settings
 from .splats.backdrop import backdrop
 from .splats.initialization import DepthView, merge_views
@@ -107,10 +112,14 @@ class Steps:
         def compute_asset(file: Path) -> None:
             save_ply(file, merge_views(self._lifted(self._read.reliable_depths())))
 
-        self._step(DEPTH, compute_depth, inputs=[CAPTURES], parameters=[self.h.stereo, self.h.seed])
+        self._step(
+            DEPTH, compute_depth, inputs=[CAPTURES], parameters=[self.h.stereo, self.h.seed],
+            read=self._read.depth_maps,
+        )  # fmt: skip
         asset = self._step(
             INITIAL_ASSET, compute_asset, inputs=[CAPTURES, DEPTH],
             parameters=[self.h.stereo, self._stride_px, self.h.training.detailed_share],
+            read=lambda: self._read.asset(INITIAL_ASSET),
         )  # fmt: skip
         return CAPTURES, asset
 
@@ -128,10 +137,13 @@ class Steps:
             maps = self._read.depth_maps()
             with_missing_bounds(found, self._read.captures, maps, observed, self.h).save(file)
 
-        observed = self._step(OBSERVED, compute_observed, inputs=[captures, DEPTH], parameters=self.h.stereo)
+        observed = self._step(
+            OBSERVED, compute_observed, inputs=[captures, DEPTH], parameters=self.h.stereo,
+            read=self._read.observed,
+        )  # fmt: skip
         planes = self._step(
             PLANES, compute_planes, inputs=[captures, DEPTH, observed],
-            parameters=[self.h.stereo, self.h.proxy, self.h.seed],
+            parameters=[self.h.stereo, self.h.proxy, self.h.seed], read=self._read.planes,
         )  # fmt: skip
         return observed, planes
 
@@ -173,16 +185,16 @@ class Steps:
 
         completed = self._step(
             COMPLETED, compute, inputs=[CAPTURES, DEPTH, observed, priors],
-            parameters=[self.h.stereo, self.h.proxy],
+            parameters=[self.h.stereo, self.h.proxy], read=self._read.completed,
         )  # fmt: skip
         self._step(
             BACKDROP, compute_backdrop, inputs=[CAPTURES, completed],
-            parameters=self.h.training.backdrop_gaussians,
+            parameters=self.h.training.backdrop_gaussians, read=lambda: self._read.asset(BACKDROP),
         )  # fmt: skip
         self._step(
             PRIORS, compute_objects,
             inputs=[CAPTURES, DEPTH, observed, priors, completed, OBJECTS, *library],
-            parameters=[self.h.priors, self.h.stereo],
+            parameters=[self.h.priors, self.h.stereo], read=self._read_priors,
         )  # fmt: skip
         return completed
 
@@ -216,7 +228,7 @@ class Steps:
             inputs=[
                 captures, observed, PLANES, aligned_priors, PRIORS, asset, *([PROXY_EDITS] if edits else []),
             ],
-            parameters=self.h.proxy,
+            parameters=self.h.proxy, read=lambda: self._read.proxy(of_round(l, "proxy")),
         )  # fmt: skip
 
     def replace_collision_mesh(self, l: int, proxy: str) -> str:
@@ -253,6 +265,7 @@ class Steps:
                 self.h.rollouts, self.h.selection.candidates, self._seed_of(l), declared, scope,
                 *self._read.robot_file,
             ],
+            read=lambda: load_rollouts(self.scene.path / of_round(l, "rollouts")),
         )  # fmt: skip
 
     def robot_proxy(self, l: int, candidates: str, proxy: str, asset: str) -> str:
@@ -278,6 +291,7 @@ class Steps:
                 self.scene.declaration.robot, self._read.scope.robot, self._read.scope.episode,
                 *self._read.robot_file,
             ],
+            read=lambda: self._read.selection(of_round(l, "selection")),
         )  # fmt: skip
 
     def ego_video_reg(self, l: int, captures: str, proxy: str, targets: str) -> tuple[str, ...]:
@@ -299,9 +313,8 @@ class Steps:
             ) as generator:  # before the landmarks: a program that is not there is told at once
                 landmarks = Landmarks.build(self._read.captures, observed, completed, self.progress)
                 ego_video_reg(
-                    Selection.load(self.scene.path / targets), load_candidates(self.scene.path / targets),
-                    self._read.captures, renderer, generator, landmarks, self.h, folder, self.progress,
-                    ClearSpace(current.vertices, current.faces), colours,
+                    *self._read.selection(targets), self._read.captures, renderer, generator, landmarks,
+                    self.h, folder, self.progress, ClearSpace(current.vertices, current.faces), colours,
                 )  # fmt: skip
             for dropped in carry_decisions(self.scene.path / of_round(l, "views"), folder):
                 self.progress.message(f"round {l}, {dropped}", level="warning")
@@ -309,6 +322,7 @@ class Steps:
         views = self._step(
             of_round(l, "views"), compute, inputs=[captures, DEPTH, COMPLETED, proxy, targets],
             parameters=[self.h.generation, self.h.registration, self.h.selection, self.h.seed],
+            read=lambda: check_views(self.scene.path / of_round(l, "views")),
         )  # fmt: skip
         return (views,)
 
@@ -350,7 +364,7 @@ class Steps:
         refined = self._step(
             of_round(l, "asset.ply"), compute,
             inputs=[asset, BACKDROP, captures, COMPLETED, proxy, *pseudo_observations],
-            parameters=[training, self.h.seed],
+            parameters=[training, self.h.seed], read=lambda: self._read.asset(of_round(l, "asset.ply")),
         )  # fmt: skip
         self._step(
             of_round(l, "metrics.json"), lambda file: self._count(l, file),
@@ -418,6 +432,12 @@ class Steps:
         """A seed of its own for each round, so that initial conditions are resampled."""
         return self.h.seed * 1000 + l
 
+    def _read_priors(self) -> None:
+        accepted = {prior.name for prior in load_priors(self.scene.path / PRIORS)}
+        for record in read_record(self.scene.path / PRIORS):
+            if not record["refusal"] and record["name"] not in accepted:
+                raise FileNotFoundError(record["name"])
+
     def _count(self, l: int, file: Path) -> None:
         rollouts = load_rollouts(self.scene.path / of_round(l, "rollouts"))
         selection = Selection.load(self.scene.path / of_round(l, "selection"))
@@ -441,8 +461,9 @@ class Steps:
         *,
         inputs: Sequence[str | Path],
         parameters: Any = None,
+        read: Callable[[], object] | None = None,
     ) -> str:
-        self.scene.step(target, compute, inputs=inputs, parameters=parameters)
+        self.scene.step(target, compute, inputs=inputs, parameters=parameters, read=read)
         if target == self.until:
             raise Reached
         return target

@@ -192,7 +192,7 @@ def demo(tmp_path):
     made = Scene.create(tmp_path / "demo.r2s", declared, fill)
 
     class StandIn(PlannedScene):
-        def step(self, target, compute, *, inputs=(), parameters=None):
+        def step(self, target, compute, *, inputs=(), parameters=None, read=None):
             def write(place: Path) -> None:
                 (place / "file.txt" if not place.suffix else place).write_text(target)
                 if target == "rounds/0/proxy":

@@ -71,6 +71,24 @@ def test_nothing_appears_when_a_part_is_damaged(scene, tmp_path):
     assert list((tmp_path / "out").iterdir()) == []
 
 
+@pytest.mark.parametrize("damaged", ["asset.ply", "collision/mesh.obj"])
+def test_a_result_that_was_cut_off_since_is_neither_exported_nor_called_refined(scene, tmp_path, damaged):
+    result = damaged.partition("/")[0]
+
+    def same(place: Path) -> None:
+        content = (scene.path / damaged).read_bytes()
+        (place / "mesh.obj" if place.is_dir() else place).write_bytes(content)
+
+    scene.step(result, same)
+    assert len(export_scene(scene, tmp_path / "first")) == 4
+    assert not scene.damaged_results()
+    whole = (scene.path / damaged).read_bytes()
+    (scene.path / damaged).write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(SceneError, match=f"{result}: it is not as it was made.*refine"):
+        export_scene(scene, tmp_path / "out")
+    assert not (tmp_path / "out").exists() and scene.damaged_results() == (result,)
+
+
 @pytest.mark.parametrize("inside", ["", "rounds/0", "collision"])
 def test_a_scene_is_not_exported_into_itself(scene, inside):
     before = content_digest(scene.path)

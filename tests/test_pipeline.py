@@ -18,6 +18,7 @@ from r2sego_blender.export import export_scene
 from r2sego_blender.generation.decisions import save_decision
 from r2sego_blender.geometry.proxy import GeometryProxy
 from r2sego_blender.pipeline import refine
+from r2sego_blender.plan import plan_refinement
 from r2sego_blender.scene import Scene, content_digest
 from r2sego_blender.selection import Selection
 from r2sego_blender.settings import CaptureSettings
@@ -123,6 +124,32 @@ def test_refining_again_does_nothing_and_an_edit_redoes_what_depends_on_it(small
     redone = {record["step"] for record in scene.journal()[ran:]}
     assert "rounds/1/collision" in redone and "rounds/1/asset.ply" in redone
     assert not any(step.startswith(("geometry/", "rounds/0/")) for step in redone)
+
+
+def test_a_damaged_result_is_made_again_as_it_was(small_room, tmp_path):
+    scene = Scene.open(shutil.copytree(small_room.path, tmp_path / "copy.r2s"))
+    for target in (
+        "geometry/depth/*.npz", "geometry/initial_asset.ply", "geometry/observed.npz", "geometry/planes.npz",
+        "geometry/completed/*.npz", "geometry/backdrop.ply", "geometry/priors/priors.json",
+        "rounds/1/proxy/proxy.npz", "rounds/1/collision/mesh.obj", "rounds/1/rollouts/*.npz",
+        "rounds/1/selection/candidates.json", "rounds/1/views/*/pose.json", "rounds/1/asset.ply",
+        "asset.ply", "collision/scene.urdf",
+    ):  # fmt: skip
+        file = sorted(scene.path.glob(target))[0]
+        whole = file.read_bytes()
+        file.write_bytes(whole[: len(whole) // 2])
+        damaged = [step.target for step in plan_refinement(scene) if step.why == "it is damaged"]
+        assert len(damaged) == 1 and file.relative_to(scene.path).is_relative_to(damaged[0]), target
+        file.write_bytes(whole)
+    for target in ("rounds/1/proxy/proxy.npz", "rounds/1/asset.ply", "collision/mesh.obj"):
+        file = scene.path / target
+        file.write_bytes(file.read_bytes()[:1000])
+    ran = len(scene.journal())
+    refine(scene)
+    redone = [record["step"] for record in scene.journal()[ran:]]
+    assert redone == ["rounds/1/proxy", "rounds/1/asset.ply", "collision"]
+    for name in ("rounds", "collision", "asset.ply"):
+        assert content_digest(scene.path / name) == content_digest(small_room.path / name), name
 
 
 def test_the_commands_of_a_round_stop_there_and_do_nothing_twice(small_room, tmp_path):

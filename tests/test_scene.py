@@ -199,6 +199,24 @@ def test_a_step_killed_as_its_result_took_its_place_is_run_again(tmp_path, monke
     assert made("a") == "a" == made("a")
 
 
+def test_a_damaged_result_is_made_again_and_an_edited_one_kept(tmp_path):
+    scene = make_scene(tmp_path)
+
+    def step(name, **reading):
+        return scene.step(name, lambda file: file.write_text('{"a": 1}'), **reading)
+
+    for name in ("read.json", "last.json"):
+        step(name)
+    read = scene.path / "read.json"
+    read.write_text('{"a": 2}')
+    assert step("read.json", read=lambda: json.loads(read.read_text())).read_text() == '{"a": 2}'
+    read.write_text('{"a":')
+    assert step("read.json", read=lambda: json.loads(read.read_text())).read_text() == '{"a": 1}'
+    (scene.path / "last.json").write_text('{"a": 2}')  # what no step reads has no edits
+    assert step("last.json").read_text() == '{"a": 1}'
+    assert len(scene.journal()) == 4
+
+
 def test_hidden_files_are_no_content(tmp_path):
     folder = tmp_path / "captures"
     folder.mkdir()

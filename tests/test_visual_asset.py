@@ -147,7 +147,7 @@ def test_the_step_of_a_round_trains_and_is_known_by_the_settings_of_that_round(i
     class Bundle:
         path = tmp_path
 
-        def step(self, target, compute, *, inputs, parameters=None):
+        def step(self, target, compute, *, inputs, parameters=None, read=None):
             asked[target] = parameters
 
     h = Settings()

@@ -220,10 +220,11 @@ class _CostedScene(Scene):
         *,
         inputs: Sequence[str | Path] = (),
         parameters: Any = None,
+        read: Callable[[], object] | None = None,
     ) -> Path:
         make = super().step
         place, self.costs[target] = _costing(
-            lambda: make(target, compute, inputs=inputs, parameters=parameters)
+            lambda: make(target, compute, inputs=inputs, parameters=parameters, read=read)
         )
         return place
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -112,28 +114,43 @@ def load_pseudo_observations(folder: Path) -> tuple[PseudoObservation, ...]:
     """
     observations = []
     for view in sorted(folder.glob("*/pose.json")):
-        try:
+        with _damage_of(view.parent):
             record = json.loads(view.read_text())
             if is_accepted(view.parent, record["accepted"]):
                 if record["estimate"] is None:
                     raise ValueError("it was accepted by hand, but has no estimated pose")
-                image = load_image(view.with_name("frame.png"))
-                confidence = load_image(view.with_name("confidence.png"))[..., 0]
-                camera = Camera.from_json(record["estimate"])
-                if image.shape[:2] != camera.shape or confidence.shape != camera.shape:
-                    raise ValueError("the images are not of the camera's size")
-                observations.append(
-                    PseudoObservation(
-                        image, camera, confidence, int(record["rank"]), int(record["reference"])
-                    )
-                )
-        except (OSError, KeyError, TypeError, ValueError, CaptureError) as error:
-            raise GenerationError(
-                f"this generated view cannot be used: {error}",
-                where=view.parent,
-                cure="Run the round again, or delete its decision.json.",
-            ) from error
+                observations.append(_observation(view.parent, record))
     return tuple(observations)
+
+
+def check_views(folder: Path) -> None:
+    """Raises GenerationError when a generated view is damaged, accepted or not; decisions are not read."""
+    for view in sorted(place for place in folder.iterdir() if place.is_dir()):
+        with _damage_of(view):
+            record = json.loads((view / "pose.json").read_text())
+            if record["estimate"] is not None:
+                _observation(view, record)
+
+
+@contextlib.contextmanager
+def _damage_of(view: Path) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, KeyError, TypeError, ValueError, CaptureError) as error:
+        raise GenerationError(
+            f"this generated view cannot be used: {error}",
+            where=view,
+            cure="Run the round again, or delete its decision.json.",
+        ) from error
+
+
+def _observation(view: Path, record: Mapping[str, Any]) -> PseudoObservation:
+    image = load_image(view / "frame.png")
+    confidence = load_image(view / "confidence.png")[..., 0]
+    camera = Camera.from_json(record["estimate"])
+    if image.shape[:2] != camera.shape or confidence.shape != camera.shape:
+        raise ValueError("the images are not of the camera's size")
+    return PseudoObservation(image, camera, confidence, int(record["rank"]), int(record["reference"]))
 
 
 @dataclass(frozen=True)
