@@ -11,6 +11,20 @@ from typing import Any
 
 import numpy as np
 
+RIGID_CURE = "Give a 4x4 rigid matrix without scale or mirroring, last row 0 0 0 1."
+"""What to do about a pose that is not."""
+
+_RIGID_TOLERANCE = 1e-3
+
+
+def is_rigid(pose: np.ndarray) -> bool:
+    """Whether (4, 4) is a rotation and a translation, as near as files have them: no scale, no mirroring."""
+    rotation = pose[:3, :3]
+    if not np.isfinite(pose).all() or np.abs(pose[3] - [0.0, 0.0, 0.0, 1.0]).max() > 1e-6:
+        return False
+    skew = np.abs(rotation.T @ rotation - np.eye(3)).max()
+    return bool(skew <= _RIGID_TOLERANCE and np.linalg.det(rotation) > 0.0)
+
 
 @dataclass(frozen=True)
 class Camera:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,7 +20,8 @@ def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list
 
     ``asset.ply`` (3D Gaussians, Inria order), ``collision/`` (OBJ, STL, GLB, convex pieces,
     ``scene.xml`` for MuJoCo, ``scene.urdf`` and ``scene.usd`` with physics), ``proxy.ply`` (faces
-    coloured by provenance) and ``cameras.json`` (the captures in the world frame); the asset
+    coloured by provenance) and ``cameras.json`` (the captures in the world frame; it names the
+    photographs as the scene's folder ``captures`` has them, and says so); the asset
     once more for each suffix in ``splats``, such as ``.spz`` (docs/splat_formats.md).
     Nothing appears before all of it is written; a ``collision`` that was there goes. Raises
     SceneError when the scene has no result yet, one of a world frame that was corrected since, or
@@ -64,7 +66,7 @@ def _write(scene: Scene, folder: Path, last_round: Path, splats: Sequence[str]) 
     """Write everything into a new folder; returns the names."""
     folder.mkdir()
     shutil.copy2(scene.asset_file, folder / "asset.ply")
-    shutil.copy2(scene.captures_folder / "cameras.json", folder / "cameras.json")
+    _write_cameras(scene.captures_folder / "cameras.json", folder / "cameras.json")
     shutil.copytree(scene.collision_folder, folder / "collision")
     GeometryProxy.load(last_round / "proxy" / "proxy.npz").save_ply(folder / "proxy.ply")
     names = ["asset.ply", "collision", "proxy.ply", "cameras.json"]
@@ -74,6 +76,16 @@ def _write(scene: Scene, folder: Path, last_round: Path, splats: Sequence[str]) 
             save_asset(folder / name, asset)
             names.append(name)
     return names
+
+
+def _write_cameras(source: Path, file: Path) -> None:
+    """The captures' cameras; it says where the photographs are, which are not exported."""
+    try:
+        cameras = dict(json.loads(source.read_text(encoding="utf-8")))
+    except (OSError, TypeError, ValueError) as error:
+        raise SceneError("the captures' cameras cannot be read", where=source) from error
+    about = f"{cameras.get('about', '')} The photographs are in the scene's folder 'captures'.".strip()
+    file.write_text(json.dumps(cameras | {"about": about}, indent=1) + "\n", encoding="utf-8")
 
 
 def _replace(made: Path, place: Path) -> None:

@@ -40,7 +40,7 @@ def capture_files(names: Sequence[str]) -> list[str]:
 
 
 def mask_stems(names: Sequence[str]) -> dict[str, str]:
-    """The stems of the captures' masks by the captures' names, of which all are given.
+    """The stems of the captures' masks and depth maps by the captures' names, of which all are given.
 
     They are the photographs' own, but for captures that share one: ``a.jpg`` and ``a.png``,
     ``cam0/0000.png`` and ``cam1/0000.png`` have ``cam0_0000.png``, and so on.

@@ -1,5 +1,6 @@
 """Exporting a finished scene: every file it names is there, in the formats that were asked for."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +39,12 @@ def scene(tmp_path) -> Scene:
 
 
 def test_a_scene_is_exported_as_before_when_no_format_is_named(scene, tmp_path):
+    cameras = {"about": "In the world.", "captures": [{"file": "images/a.png"}]}
+    (scene.captures_folder / "cameras.json").write_text(json.dumps(cameras))
     written = export_scene(scene, tmp_path / "out")
+    told = json.loads((tmp_path / "out" / "cameras.json").read_text())
+    assert told.pop("about") == "In the world. The photographs are in the scene's folder 'captures'."
+    assert told == {"captures": cameras["captures"]}
     assert [path.name for path in written] == PLAIN and all(path.exists() for path in written)
 
 

@@ -12,7 +12,7 @@ from ..cameras import Camera, look_at
 from ..captures.cameras_json import read_cameras_json, read_frozen
 from ..captures.capture import Capture
 from ..captures.json_fields import read_json
-from ..captures.photographs import capture_of
+from ..captures.photographs import ANY_SIZE_PX, capture_of
 from ..errors import SettingsError
 from ..geometry.collision import CollisionSurface
 from ..geometry.proxy import GeometryProxy, Provenance
@@ -46,7 +46,6 @@ _DEGREE = 3
 
 _LARGEST_SIDE_PX = 16384
 _ASPECT_TOLERANCE = 0.01
-_ANY_SIZE_PX = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -111,7 +110,7 @@ def of_files(asset: Path, cameras: Path, size: tuple[int, int] | None = None) ->
         photographs, _ = read_cameras_json(cameras, cameras.parent, files_needed=False)
     views = []
     for photograph in photographs:
-        capture = capture_of(photograph, _ANY_SIZE_PX, files_needed=False)
+        capture = capture_of(photograph, ANY_SIZE_PX, files_needed=False)
         camera = capture.camera if size is None else _sized(capture.camera, size)
         views.append(View(camera, lambda c=camera, p=capture: _target(p, c)))
     kind = "frozen views" if has_frozen else "captures"

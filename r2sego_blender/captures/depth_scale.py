@@ -10,6 +10,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from ..errors import CaptureError
+from ..layout import mask_stems
 from .capture import Capture
 from .sensor_depth import SensorDepth
 from .sparse import SparsePoints
@@ -56,8 +57,9 @@ def depth_scale(captures: Sequence[Capture], sparse: SparsePoints, depth: Sensor
     ratios, weights, owners = [], [], []
     maps = 0
     sine = _widest_sine(captures, sparse)
+    stems = mask_stems([capture.name for capture in captures])
     for index, capture in enumerate(captures):
-        map_m = depth.of(capture)
+        map_m = depth.of(capture, stems[capture.name])
         if map_m is None:
             continue
         maps += 1
@@ -76,7 +78,8 @@ def depth_scale(captures: Sequence[Capture], sparse: SparsePoints, depth: Sensor
         raise CaptureError(
             f"only {count} points were measured in {maps} depth map{'s' if maps != 1 else ''} of "
             f"{len(captures)} captures", where=depth.folder,
-            cure="Name depth maps as the photographs, and give those of at least two photographs.",
+            cure=f"Call depth maps as the photographs, such as {next(iter(stems.values()))}.png, and give "
+            "those of at least two.",
         )  # fmt: skip
     together, weight = np.concatenate(ratios), np.concatenate(weights)
     centre = _median(together, weight)

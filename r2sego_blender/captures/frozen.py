@@ -7,12 +7,10 @@ from pathlib import Path
 from ..errors import CaptureError
 from .cameras_json import read_frozen
 from .capture import Capture
-from .photographs import capture_of
-
-_ANY_SIZE_PX = 1 << 20
+from .photographs import ANY_SIZE_PX, capture_of
 
 
-def load_frozen_views(path: Path, max_side_px: int = _ANY_SIZE_PX) -> tuple[Capture, ...]:
+def load_frozen_views(path: Path, max_side_px: int = ANY_SIZE_PX) -> tuple[Capture, ...]:
     """The ``frozen`` list of a ``cameras.json``, in the frame of that file.
 
     Intrinsics are an entry's own, those under ``frozen_intrinsics``, or the file's. Only

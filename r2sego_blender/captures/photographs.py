@@ -10,16 +10,19 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
+from ..cameras import RIGID_CURE, is_rigid
 from ..errors import CaptureError
 from .capture import Capture
 from .lens import Lens
 
 MIN_CAPTURES = 3
+ANY_SIZE_PX = 1 << 20
+"""As the longest side of captures: they keep their photographs' size."""
+
 _EXIF_ORIENTATION = 274
 # EXIF orientation -> clockwise quarter turns that set the stored pixels upright.
 _QUARTER_TURNS = {1: 0, 3: 2, 6: 1, 8: 3}
 _ASPECT_TOLERANCE = 0.01
-_RIGID_TOLERANCE = 1e-3
 # One clockwise quarter turn of the image, seen as a turn of the camera about its axis.
 _TURNED_FROM_CAMERA = np.array(
     [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
@@ -136,14 +139,12 @@ def _same_shape(lens: Lens, width: int, height: int) -> bool:
 
 def _rigid(pose: np.ndarray, source: str) -> np.ndarray:
     """The pose with its rotation made exact. Raises CaptureError if it is far from one."""
-    rotation = pose[:3, :3]
-    ill = not np.isfinite(pose).all() or np.abs(pose[3] - [0, 0, 0, 1]).max() > 1e-6
-    ill = ill or np.abs(rotation.T @ rotation - np.eye(3)).max() > _RIGID_TOLERANCE
-    if ill or np.linalg.det(rotation) < 0:
+    if not is_rigid(pose):
         raise CaptureError(
             "the pose is not a rotation and a translation", where=source,
-            cure="Give a 4x4 rigid matrix without scale or mirroring, last row 0 0 0 1.",
+            cure=RIGID_CURE,
         )  # fmt: skip
+    rotation = pose[:3, :3]
     if np.abs(rotation.T @ rotation - np.eye(3)).max() <= 1e-12:
         return pose
     left, _, right = np.linalg.svd(rotation)

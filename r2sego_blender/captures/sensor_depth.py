@@ -26,7 +26,8 @@ _EXR_TIMEOUT_S = 60.0
 
 @dataclass(frozen=True)
 class SensorDepth:
-    """A folder of depth maps that are called as the photographs are, but for the suffix.
+    """A folder of depth maps that are called as the photographs are, but for the suffix; those of
+    photographs that share a name as ``layout.mask_stems`` calls them.
 
     Whole numbers are millimetres (16-bit PNG or TIFF), floats metres (EXR, NPY, or NPZ with
     an array ``depth`` or a single one); depth is planar, 0 unknown, of any size with the
@@ -46,17 +47,18 @@ class SensorDepth:
         confidence = folder.parent / "confidence"
         return SensorDepth(folder, confidence if confidence.is_dir() else None)
 
-    def of(self, capture: Capture) -> np.ndarray | None:
+    def of(self, capture: Capture, stem: str) -> np.ndarray | None:
         """The map (h, w) float32 of a capture's upright photograph in metres, 0 = unknown.
 
-        None when there is none. Raises CaptureError when it is damaged or of another shape.
+        ``stem`` is what its files are called. None when there is none. Raises CaptureError
+        when it is damaged or of another shape.
         """
-        path = _named(self.folder, capture.name, _SUFFIXES)
+        path = _named(self.folder, stem, _SUFFIXES)
         if path is None:
             return None
         depth = _metres(path)
         if self.confidence is not None:
-            sure = _named(self.confidence, capture.name, _CONFIDENCE_SUFFIXES)
+            sure = _named(self.confidence, stem, _CONFIDENCE_SUFFIXES)
             if sure is not None:
                 believed = _read_image(sure) > 0
                 if believed.shape != depth.shape:
@@ -69,8 +71,7 @@ class SensorDepth:
         return _upright(depth, capture, path)
 
 
-def _named(folder: Path, name: str, suffixes: tuple[str, ...]) -> Path | None:
-    stem = Path(name).stem
+def _named(folder: Path, stem: str, suffixes: tuple[str, ...]) -> Path | None:
     return next((p for suffix in suffixes if (p := folder / f"{stem}{suffix}").is_file()), None)
 
 

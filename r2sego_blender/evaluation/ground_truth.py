@@ -14,13 +14,13 @@ import numpy as np
 from ..arrays import opened_arrays, save_arrays
 from ..cameras import Camera
 from ..captures.cameras_json import read_cameras_json
-from ..captures.photographs import Photograph, captures_of
+from ..captures.photographs import ANY_SIZE_PX, Photograph, captures_of
 from ..errors import EvaluationError
+from ..layout import mask_stems
 
 TRUE_MESH = "room.npz"
 """The file of the true surface, beside the ``cameras.json`` in whose frame it is."""
 
-_ANY_SIZE_PX = 1 << 20
 _CURE = "Make the scene's ground truth again."
 
 
@@ -76,14 +76,15 @@ class GroundTruth:
 def load_ground_truth(folder: Path) -> GroundTruth:
     """Read ``cameras.json`` (captures alone), ``depth/*.npz`` and ``room.npz`` of a scene folder.
 
-    ``depth/NAME.npz`` of the photograph NAME.* holds ``z`` (H, W), planar, in the unit of
+    ``depth/NAME.npz`` of the photograph NAME.* (of those that share a NAME, as ``layout.mask_stems``
+    calls them) holds ``z`` (H, W), planar, in the unit of
     the poses, and ``ids`` (H, W); ``room.npz`` holds ``V`` (V, 3), ``F`` (F, 3), ``I`` (F,)
     and ``names``. Raises EvaluationError for files that are missing, damaged or do not fit
     together, CaptureError for the camera file.
     """
     folder = Path(folder)
     photographs, _ = read_cameras_json(folder / "cameras.json", folder)
-    cameras = [capture.camera for capture in captures_of(photographs, _ANY_SIZE_PX)]
+    cameras = [capture.camera for capture in captures_of(photographs, ANY_SIZE_PX)]
     vertices, faces, instances, names = _surface(folder / TRUE_MESH)
     views = _views(photographs, cameras, folder / "depth", len(names))
     return GroundTruth(views, vertices, faces, instances, names)
@@ -125,8 +126,9 @@ def _views(
     photographs: Sequence[Photograph], cameras: Sequence[Camera], folder: Path, instances: int
 ) -> tuple[TrueView, ...]:
     views = []
-    for photograph, camera in zip(photographs, cameras, strict=True):
-        file = folder / f"{photograph.path.stem}.npz"
+    names = [str(Path(photograph.name).with_name(photograph.path.name)) for photograph in photographs]
+    for stem, camera in zip(mask_stems(names).values(), cameras, strict=True):
+        file = folder / f"{stem}.npz"
         with opened_arrays(_there(file), EvaluationError, "this is no true depth", _CURE) as data:
             depth = np.asarray(data["z"], np.float32)
             ids = np.asarray(data["ids"], np.int16)
@@ -138,7 +140,7 @@ def _views(
         if ids.size and ids.max() >= instances:
             raise EvaluationError(f"ids name an instance {ids.max()} of {instances}", where=file, cure=_CURE)
         known = np.isfinite(depth) & (depth > 0.0)
-        views.append(TrueView(photograph.path.stem, camera, np.where(known, depth, np.float32(0.0)), ids))
+        views.append(TrueView(stem, camera, np.where(known, depth, np.float32(0.0)), ids))
     return tuple(views)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..arrays import save_arrays
-from ..cameras import Camera
+from ..cameras import RIGID_CURE, Camera, is_rigid
 from ..errors import AssetError
 from ..images import save_image
 from ..progress import SILENT, Progress
@@ -51,6 +51,8 @@ def load_cameras(file: Path) -> dict[str, Camera]:
         fits = min(size) > 0 and camera.width * camera.height <= _LARGEST_PX
         if not (fits and np.isfinite(lens).all() and min(camera.fx, camera.fy) > 0.0):
             raise AssetError("the camera has no sensible size or lens", where=where, cure="Mend it.")
+        if not is_rigid(camera.world_from_camera):
+            raise AssetError("the pose is not a rotation and a translation", where=where, cure=RIGID_CURE)
         if name in cameras or not name or name.startswith(".") or set(name) & set('/\\:*?"<>|\0'):
             raise AssetError(f"'{name}' cannot name a picture of its own", where=where, cure="Rename it.")
         cameras[name] = camera

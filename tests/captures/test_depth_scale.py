@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 
 import cv2
@@ -75,6 +76,16 @@ def test_depth_of_every_format_tells_the_scale(tmp_path, rng, room, room_cameras
     assert found.spread < 0.01 and found.uncertainty < 0.005 and found.captures == 5
 
 
+def test_maps_of_one_name_are_told_apart(tmp_path, rng, room, room_cameras, room_captures):
+    names = ["left/0.png", "right/0.png", "1.png", "1.jpg", "2.png"]
+    captures = [dataclasses.replace(c, name=name) for c, name in zip(room_captures, names, strict=True)]
+    for capture, stem in zip(captures, ("left_0.png", "right_0.png", "1.png", "1.jpg", "2"), strict=True):
+        np.save(tmp_path / f"{stem}.npy", room.depth(capture.camera))
+    np.save(tmp_path / "0.npy", 9.0 * room.depth(captures[0].camera))  # of either, so of neither
+    found = depth_scale(captures, _sparse(room, room_cameras, rng), SensorDepth(tmp_path))
+    assert found.captures == 5 and found.spread < 0.01
+
+
 @settings(max_examples=20, deadline=None)
 @given(
     seed=st.integers(0, 10**6), scale=st.floats(0.02, 50.0), wrong=st.floats(0.0, 0.3),
@@ -131,8 +142,8 @@ def test_depth_that_is_not_sure_is_not_believed(tmp_path, rng, room, room_camera
     sparse = _sparse(room, room_cameras, rng)
     found = depth_scale(room_captures, sparse, SensorDepth.beside(tmp_path / "depth"))
     assert found.metres_per_unit == pytest.approx(1.0, abs=0.004)
-    near = SensorDepth(tmp_path / "depth", tmp_path / "confidence", range_m=3.0).of(room_captures[0])
-    assert 0 < near.max() <= 3.0
+    near = SensorDepth(tmp_path / "depth", tmp_path / "confidence", range_m=3.0)
+    assert 0 < near.of(room_captures[0], "photo0").max() <= 3.0
 
 
 @pytest.mark.parametrize(
@@ -153,7 +164,7 @@ def test_depth_is_turned_upright_with_its_photograph(tmp_path, rng, orientation,
     height, width = 2 * upright.shape[0], 2 * upright.shape[1]
     camera = Camera(width, height, 50.0, 50.0, width / 2, height / 2, np.eye(4))
     capture = Capture("a.png", tmp_path / "a.png", camera)
-    assert np.array_equal(SensorDepth(tmp_path / "depth").of(capture), upright)
+    assert np.array_equal(SensorDepth(tmp_path / "depth").of(capture, "a"), upright)
 
 
 def test_depth_that_is_upright_already_is_not_turned(tmp_path, rng):
@@ -164,7 +175,7 @@ def test_depth_that_is_upright_already_is_not_turned(tmp_path, rng):
     depth = rng.uniform(1, 3, (32, 24)).astype(np.float32)
     np.save(tmp_path / "depth" / "a.npy", depth)
     capture = Capture("a.png", tmp_path / "a.png", Camera(48, 64, 50.0, 50.0, 24.0, 32.0, np.eye(4)))
-    assert np.array_equal(SensorDepth(tmp_path / "depth").of(capture), depth)
+    assert np.array_equal(SensorDepth(tmp_path / "depth").of(capture, "a"), depth)
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89PNG garbage", b"\x93NUMPY\x01\x00", b"PK\x03\x04 cut"])
@@ -173,7 +184,7 @@ def test_damaged_depth_maps_are_named(tmp_path, room_captures, content, suffix):
     path = tmp_path / f"photo0.{suffix}"
     path.write_bytes(content)
     with pytest.raises(CaptureError, match=rf"photo0\.{suffix}.*no depth map"):
-        SensorDepth(tmp_path).of(room_captures[0])
+        SensorDepth(tmp_path).of(room_captures[0], "photo0")
 
 
 def test_maps_that_cannot_be_depth_are_refused(tmp_path, rng, room, room_cameras, room_captures):

@@ -117,6 +117,18 @@ def test_truth_that_does_not_fit_is_named(scene, file, changes, words):
         load_ground_truth(scene)
 
 
+def test_photographs_that_share_a_name_have_depths_of_their_own(scene):
+    listed = json.loads((scene / "cameras.json").read_text())
+    for entry, folder in zip(listed["captures"], ("left", "right"), strict=False):
+        stem = Path(entry["file"]).stem
+        (scene / folder).mkdir()
+        (scene / entry["file"]).rename(scene / folder / "0.png")
+        (scene / f"depth/{stem}.npz").rename(scene / f"depth/{folder}_0.png.npz")
+        entry["file"] = f"{folder}/0.png"
+    (scene / "cameras.json").write_text(json.dumps(listed))
+    assert [view.name for view in load_ground_truth(scene).views] == ["left_0.png", "right_0.png", "view2"]
+
+
 def test_missing_and_damaged_files_are_named(scene, tmp_path):
     (scene / "depth/view0.npz").write_bytes(b"PK no zip")
     with pytest.raises(EvaluationError, match=r"view0\.npz"):

@@ -87,6 +87,18 @@ def test_a_camera_that_cannot_be_rendered_or_named_is_refused(room, tmp_path, ch
         load_cameras(file)
 
 
+@pytest.mark.parametrize(
+    "change", [np.diag([2.0, 2.0, 2.0, 1.0]), np.diag([1.0, 1.0, -1.0, 1.0]), np.eye(4)[::-1]]
+)
+def test_a_pose_that_is_not_rigid_is_refused(room, tmp_path, change):
+    file = tmp_path / "cameras.json"
+    camera = room.views[0].camera.to_json()
+    pose = np.array(camera["world_from_camera"]) @ change
+    file.write_text(json.dumps({"cameras": [{**camera, "world_from_camera": pose.tolist()}]}))
+    with pytest.raises(AssetError, match=r"entry 0: the pose is not a rotation and a translation. Give"):
+        load_cameras(file)
+
+
 def test_two_cameras_of_one_name_are_refused(room, tmp_path):
     file = tmp_path / "cameras.json"
     file.write_text(json.dumps({"cameras": [{**room.views[0].camera.to_json(), "name": "a"}] * 2}))
