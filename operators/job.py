@@ -15,11 +15,13 @@ from ..r2sego_blender.bridge.operator_properties import given_properties
 from ..r2sego_blender.bridge.user_folder import user_folder
 from ..r2sego_blender.errors import SceneError
 from ..r2sego_blender.workers.jobs import JOBS_FOLDER, Event, Job, start_job
+from . import state
 
 _BUNDLE_FILE = "scene.toml"
 _REMEMBERED_ENDS = 4
 
 _followed: Job | None = None
+_started_from: dict[Path, int] = {}  # jobs' folders; session numbers of Blender scenes
 
 
 def current() -> Job | None:
@@ -37,22 +39,38 @@ def own_folder() -> Path:
     return user_folder("jobs")
 
 
-def start(operator: bpy.types.Operator, arguments: Iterable[str], python: str = "", module: str = "") -> Job:
+def bundle_of(job: Job) -> str:
+    """The bundle that a job works on, or has made; '' where there is none (yet)."""
+    return job.notes.get("bundle", "") or next(filter(_is_bundle, job.command), "")
+
+
+def started_from(job: Job) -> int | None:
+    """The session number of the Blender scene that a job was started from, None for another Blender's."""
+    return _started_from.get(job.folder)
+
+
+def start(
+    operator: bpy.types.Operator, arguments: Iterable[str], python: str = "", module: str = "",
+    *, of_scene: bool = True,
+) -> Job:  # fmt: skip
     """Start the engine's command ``arguments`` for ``operator``, and follow it.
 
     It stands in the bundle it works on, where there is one. ``python`` and ``module`` replace
-    the engine's interpreter and its command tree. Raises SceneError when one is running,
-    MachineError when it cannot start.
+    the engine's interpreter and its command tree; ``of_scene`` says whether it concerns the
+    Blender scene. Raises SceneError when one is running, MachineError when it cannot start.
     """
     if _followed is not None:
         raise SceneError("the engine is busy", cure="Wait until it has ended, or cancel it.")
     arguments = list(arguments)
     bundle = next(filter(_is_bundle, arguments), "")
+    scene = bpy.context.scene
     notes = {
         "operator": type(operator).bl_idname, "properties": given_properties(operator), "bundle": bundle,
+        "scene": scene.name if of_scene else "", "open": state.bundle_name(scene),
     }  # fmt: skip
     folder = Path(bundle, JOBS_FOLDER) if bundle and os.access(bundle, os.W_OK) else own_folder()
     started = start_job(arguments, python or interpreter(), operator.bl_label, folder, module, notes)
+    _started_from[started.folder] = scene.session_uid
     bpy.context.window_manager.r2sego_engine.ended.clear()
     follow(started)
     return started

@@ -42,7 +42,7 @@ def _capture_chosen(group, context):
     layer = context.view_layer
     if camera is None or camera.name not in layer.objects:
         return
-    for chosen in list(context.selected_objects):
+    for chosen in list(layer.objects.selected):
         chosen.select_set(False)
     camera.select_set(True)
     layer.objects.active = camera

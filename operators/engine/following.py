@@ -4,22 +4,21 @@ It looks five times a second while a job runs. A modal operator would do so too,
 saves no backup while one runs, and a refinement takes hours.
 """
 
-import contextlib
 import time
 import traceback
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 
 from ...r2sego_blender.bridge.bundle import Bundle
 from ...r2sego_blender.bridge.operator_properties import as_arguments
-from ...r2sego_blender.bridge.views_3d import redraw_views, views_3d
+from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import R2SEgoError
 from ...r2sego_blender.workers.jobs import JOBS_FOLDER, Job, find_jobs
 from .. import job, state
 from . import pictures
 from .demo_scene import open_begun
+from .job_scene import in_scene, scene_for, started_in
 from .properties import note_python
 
 _TICK_S, _IDLE_S = 0.2, 0.5
@@ -63,23 +62,25 @@ def take_over(found: Job) -> None:
 
     What it reports raises RuntimeError, as always in scripts.
     """
-    operator = operator_of(found)
-    bundle = found.notes.get("bundle", "")
-    if operator is not None and bundle in ("", state.bundle_name(bpy.context.scene)):
-        given = as_arguments(operator, dict(found.notes.get("properties", {})))
-        operator("EXEC_DEFAULT", **given, job_folder=str(found.folder))
-    else:
+    operator, scene = operator_of(found), scene_for(found)
+    if operator is None or scene is None:
         _tell_only(found)
+        return
+    given = as_arguments(operator, dict(found.notes.get("properties", {})))
+    with in_scene(scene):
+        operator("EXEC_DEFAULT", **given, job_folder=str(found.folder))
 
 
 def _tell_only(found: Job) -> None:
-    """The end of a job whose bundle is not open, or whose operator is gone."""
+    """The end of a job whose bundle or Blender scene is not open, or whose operator is gone."""
     job.let_go()
     try:
         found.result()
-        bundle = found.notes.get("bundle", "")
-        title = f"{found.title} of {Path(bundle).name}" if bundle else found.title
-        job.tell_end(found.title, "INFO", f"{title}: done")
+        bundle = job.bundle_of(found)
+        line = f"{found.title} of {Path(bundle).name}: done" if bundle else f"{found.title}: done"
+        if bundle and not found.notes.get("bundle"):  # it was to be opened
+            line += f". Its Blender scene is gone or shows another bundle: open {bundle} with Open Scene"
+        job.tell_end(found.title, "INFO", line)
     except R2SEgoError as error:
         job.tell_end(found.title, "WARNING" if found.cancelled else "ERROR", str(error))
     finally:
@@ -116,7 +117,7 @@ def _follow() -> float:
     if not _being_edited():
         _open_begun_bundle(followed)
         if followed.running():
-            _show_finished_steps()
+            _show_finished_steps(scene_for(followed) or bpy.context.scene)
         else:
             _conclude(followed)
     _redraw()
@@ -125,12 +126,13 @@ def _follow() -> float:
 
 def _open_begun_bundle(followed: Job) -> None:
     """Open the bundle that the job makes, once: what of it is there is shown while the rest is made."""
-    if followed.folder in _opened_for or bpy.context.scene.r2sego.bundle:
+    scene = started_in(followed)
+    if followed.folder in _opened_for or scene is None or scene.r2sego.bundle:
         return
     try:
-        with _in_a_view():
+        with in_scene(scene):
             open_begun(bpy.context, followed)
-            if bpy.context.scene.r2sego.bundle:
+            if scene.r2sego.bundle:
                 _opened_for.add(followed.folder)
                 _push_undo("Open Scene")
     except (R2SEgoError, RuntimeError) as error:  # the job goes on all the same, and tells its end
@@ -138,17 +140,17 @@ def _open_begun_bundle(followed: Job) -> None:
         print(f"R2S-EGO: {error}")
 
 
-def _show_finished_steps() -> None:
+def _show_finished_steps(scene: bpy.types.Scene) -> None:
     """Read the open bundle again when a step of it was finished since: results show as they come."""
     global _journal_seen
-    name = state.bundle_name(bpy.context.scene)
+    name = state.bundle_name(scene)
     try:
         seen = (name, Path(name, _JOURNAL_FILE).stat().st_mtime_ns) if name else None
     except OSError:
         return
     if seen != _journal_seen:
         if _journal_seen is not None and seen is not None and _journal_seen[0] == name:
-            state.refresh(bpy.context.scene)
+            state.refresh(scene)
         _journal_seen = seen
 
 
@@ -170,7 +172,7 @@ def _next_job() -> Job | None:
 def _conclude(ended: Job) -> None:
     job.let_go()
     if ended.followed_elsewhere or not ended.folder.exists():  # the other Blender takes it over
-        state.refresh(bpy.context.scene)
+        state.refresh(scene_for(ended) or bpy.context.scene)
         return
     try:
         _take_over_in_window(ended)
@@ -181,32 +183,17 @@ def _conclude(ended: Job) -> None:
 
 
 def _take_over_in_window(ended: Job) -> None:
-    """Take the result over as if a button in a 3D view had been pressed, where there is one."""
-    with _in_a_view():
-        told = len(bpy.context.window_manager.r2sego_engine.ended)
-        try:
-            take_over(ended)
-        except RuntimeError as error:
-            if ended.folder.exists():  # its poll refused
-                _tell_only(ended)
-            elif len(bpy.context.window_manager.r2sego_engine.ended) == told:
-                job.tell_end(ended.title, "ERROR", str(error).strip().splitlines()[-1])
+    """Take the result over, as one step to undo."""
+    told = len(bpy.context.window_manager.r2sego_engine.ended)
+    try:
+        take_over(ended)
+    except RuntimeError as error:
+        if ended.folder.exists():  # its poll refused
+            _tell_only(ended)
+        elif len(bpy.context.window_manager.r2sego_engine.ended) == told:
+            job.tell_end(ended.title, "ERROR", str(error).strip().splitlines()[-1])
+    with in_scene(bpy.context.scene):
         _push_undo(ended.title)
-
-
-@contextlib.contextmanager
-def _in_a_view() -> Iterator[None]:
-    """In the context of the first 3D view, else of the first window; as it is where there is none."""
-    manager = bpy.context.window_manager
-    area, override = next(views_3d(), None), {}
-    if area is not None:
-        override["window"] = next(w for w in manager.windows if area in w.screen.areas[:])
-        override["area"] = area
-        override["region"] = next(region for region in area.regions if region.type == "WINDOW")
-    elif len(manager.windows):
-        override["window"] = manager.windows[0]
-    with bpy.context.temp_override(**override):
-        yield
 
 
 def _push_undo(message: str) -> None:

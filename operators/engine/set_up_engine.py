@@ -58,7 +58,9 @@ class R2SEGO_OT_set_up_engine(EngineOperator, bpy.types.Operator):
                 "online access is not allowed", where="Preferences > System",
                 cure="Allow it there, or choose a folder of wheels.",
             )  # fmt: skip
-        return job.start(self, self.arguments(context), python=sys.executable, module="workers.environment")
+        return job.start(
+            self, self.arguments(context), python=sys.executable, module="workers.environment", of_scene=False
+        )
 
     def arguments(self, context):
         wheels = ["--wheels", bpy.path.abspath(self.wheels)] if self.wheels else []

@@ -17,6 +17,7 @@ from support import (
     conduct,
     copied_bundle,
     open_bundle,
+    open_here,
     preferences,
     refused,
     state,
@@ -315,6 +316,68 @@ def check_a_bundle_that_is_open_stays_open_while_the_demo_scene_is_made():
     assert state().bundle == str(BUNDLE)
     (end,) = bpy.context.window_manager.r2sego_engine.ended
     assert end.line == "Demo Scene of demo_room.r2s: done"
+
+
+def other_scene_shown():
+    """Another Blender scene, shown in place of the one that was."""
+    other = bpy.data.scenes.new("Other")
+    bpy.context.window.scene = other
+    assert bpy.context.scene == other
+    return other
+
+
+def followed_to_its_end():
+    """The line with which the job ended that the timer follows."""
+    following = sys.modules[f"{MODULE}.operators.engine.following"]
+    wait_until(lambda: following._tick() and not bpy.context.window_manager.r2sego_job.running)
+    (end,) = bpy.context.window_manager.r2sego_engine.ended
+    return end.line
+
+
+def check_a_demo_scene_is_opened_in_the_blender_scene_it_was_started_from():
+    """Another one is shown, and the first has another name, when there is something to see."""
+    startup_file()
+    first, folder = bpy.context.scene, OUT.parent / "demo_elsewhere"
+    conduct("slow")
+    left_job(bpy.ops.r2sego.demo_scene, directory=str(folder))
+    other = other_scene_shown()
+    first.name = "Renamed"
+    shutil.copytree(BUNDLE, folder / "demo_room.r2s")  # what the stand-in does not make
+    assert followed_to_its_end() == "Made and refined demo_room.r2s"
+    assert first.r2sego.bundle == str(folder / "demo_room.r2s") and other.r2sego.bundle == ""
+    assert "Asset, final" in first.objects and sum("r2sego_capture" in one for one in first.objects) == 3
+    assert not len(other.objects) and bpy.context.scene == other
+
+
+def check_a_jobs_end_is_read_where_its_bundle_is_open():
+    copy = copied_bundle()
+    first = bpy.context.scene
+    conduct("slow")
+    left_job(bpy.ops.r2sego.refine)
+    other = other_scene_shown()
+    (copy / "asset.ply").write_bytes(bytes(5_000_000))
+    assert followed_to_its_end() == "Refined: 2 of 2 rounds"
+    facts = {(fact.section, fact.label): fact.value for fact in first.r2sego.facts}
+    assert facts["asset", "asset.ply"] == "5.0 MB" and not len(other.r2sego.facts)
+
+
+def check_what_was_made_for_a_blender_scene_that_is_gone_is_told():
+    for name, leave in (("removed", lambda first: bpy.data.scenes.remove(first)),
+                        ("other_file", lambda first: open_bundle()),
+                        ("other_bundle", lambda first: open_here(BUNDLE))):  # fmt: skip
+        bpy.ops.wm.read_homefile(use_empty=True)
+        first, made = bpy.context.scene, OUT.parent / f"{name}.r2s"
+        conduct("slow")
+        left_job(bpy.ops.r2sego.new_scene, filepath=str(made), captures="/photographs")
+        if name == "removed":
+            other_scene_shown()
+        leave(first)
+        before = state().bundle
+        shutil.copytree(BUNDLE, made)  # what the stand-in does not make
+        said = followed_to_its_end()
+        assert said.startswith(f"New Scene of {name}.r2s: done. Its Blender scene is gone or shows"), said
+        assert said.endswith(f"open {made} with Open Scene") and state().bundle == before
+        open_bundle(made)
 
 
 def check_a_view_looks_into_a_room_where_its_captures_look():
