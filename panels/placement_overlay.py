@@ -37,7 +37,7 @@ def _draw(context):
         lines = mask_outline(bundle_path, item.name, capture)
         segments(on_screen(lines, frame), _MASK if chosen else _OTHER, (2.0 if chosen else 1.0) * scale)
     shown = context.view_layer.objects.active
-    if not group.fit_object or shown is None or not followed(shown.name):
+    if not group.fit_object or shown is None or not followed(shown):
         return
     if shown.visible_get(viewport=context.space_data):
         segments(on_screen(prior_outline(shown, capture), frame), _PRIOR, 2.0 * scale)

@@ -10,6 +10,9 @@ from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import AssetError
 from ...r2sego_blender.splats.regions import Region, region_of
 
+_latest = 0
+"""The latest revision in any scene: undo takes a scene's own back, and what is marked then is another."""
+
 
 def add_mark(scene: bpy.types.Scene, region: Region) -> str:
     """Mark what a region holds of the shown splats, beside what is marked already.
@@ -29,6 +32,7 @@ def add_mark(scene: bpy.types.Scene, region: Region) -> str:
 
 def mark_again(scene: bpy.types.Scene) -> None:
     """Find the shown splats that lie in the marked regions."""
+    global _latest
     group = scene.r2sego_asset
     if group.shown is None or group.shown.mode == "EDIT":  # whose attributes cannot be written
         return
@@ -38,7 +42,8 @@ def mark_again(scene: bpy.types.Scene) -> None:
         marked |= region.holds(centres)
     set_marked(group.shown.data, marked)
     group.marked = int(marked.sum())
-    group.revision += 1
+    _latest = max(_latest, group.revision) + 1
+    group.revision = _latest
     redraw_views("WINDOW")
 
 

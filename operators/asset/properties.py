@@ -18,7 +18,7 @@ from ...r2sego_blender.asset_edits import load_edits
 from ...r2sego_blender.asset_stages import FINAL, INITIAL, PASSES, stages
 from ...r2sego_blender.bridge.bundle import Bundle
 from ...r2sego_blender.bridge.report_scores import not_scored
-from ...r2sego_blender.bridge.show_asset import is_current, shown_stage, shows_bundle
+from ...r2sego_blender.bridge.show_asset import is_current, is_deleted, shown_stage, shows_bundle
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import R2SEgoError
 from ...r2sego_blender.splats.ply_vertices import vertex_count
@@ -58,7 +58,7 @@ def _other_stage(group: bpy.types.PropertyGroup, context: bpy.types.Context) -> 
     if group.stage > highest:
         group.stage = highest  # comes here again
         return
-    if not group.stages or not shown_stage(group.shown):
+    if not group.stages or not shown_stage(group.shown) or is_deleted(group.shown):
         return
     if shown_stage(group.shown) != group.stages[group.stage].name:
         try:
@@ -77,6 +77,7 @@ class R2SEGO_PG_asset(bpy.types.PropertyGroup):
     )  # fmt: skip
     shown: PointerProperty(type=bpy.types.Object)
     revision: IntProperty()
+    """Another number for other marks: what was drawn of them is kept by it."""
     preview: BoolProperty(
         name="Preview", description="Draw the splats as round discs in the 3D views", default=True,
         update=_redraw,
@@ -138,6 +139,8 @@ class R2SEGO_PG_asset(bpy.types.PropertyGroup):
 def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
     """The listener: take the bundle's assets, edits and scores over."""
     group = scene.r2sego_asset
+    if group.shown is not None and is_deleted(group.shown):
+        group.shown = None
     if group.shown is not None and not shows_bundle(group.shown, bundle):
         group.shown = None
         group.marks.clear()

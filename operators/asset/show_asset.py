@@ -4,7 +4,7 @@ import bpy
 from bpy.props import StringProperty
 
 from ...r2sego_blender.asset_stages import stage_named
-from ...r2sego_blender.bridge.show_asset import show_asset
+from ...r2sego_blender.bridge.show_asset import is_deleted, show_asset
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import AssetError
 from .. import state
@@ -26,7 +26,8 @@ def needs_shown_asset(cls, context) -> bool:
     """Poll of operators on the splats that are shown."""
     if not needs_asset(cls, context):
         return False
-    if context.scene.r2sego_asset.shown is None:
+    shown = context.scene.r2sego_asset.shown
+    if shown is None or is_deleted(shown):
         cls.poll_message_set("Show the asset first: press Show Asset")
         return False
     return True

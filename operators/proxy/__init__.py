@@ -33,6 +33,8 @@ CLASSES = (
 
 _HANDLERS = (
     (bpy.app.handlers.depsgraph_update_post, place_prior.follow),
+    (bpy.app.handlers.undo_post, place_prior.undone),
+    (bpy.app.handlers.redo_post, place_prior.undone),
     (bpy.app.handlers.load_pre, place_prior.forget),
 )
 

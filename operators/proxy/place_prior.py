@@ -7,6 +7,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from ...r2sego_blender.bridge import placement_live
+from ...r2sego_blender.bridge.object_masks import take_pixels_back
 from ...r2sego_blender.bridge.placement_objects import (
     prior_name,
     prior_object,
@@ -15,7 +16,7 @@ from ...r2sego_blender.bridge.placement_objects import (
     write_placement,
 )
 from ...r2sego_blender.bridge.views_3d import redraw_views
-from ...r2sego_blender.errors import GeometryError
+from ...r2sego_blender.errors import GeometryError, R2SEgoError
 from .. import state
 from ..base import (
     EngineOperator,
@@ -55,7 +56,7 @@ def rate_again(context, name: str) -> None:
         return
     bundle = state.opened_bundle(context)
     shown = prior_object(context.scene, bundle.path, name)
-    if shown is not None and placement_live.followed(shown.name):
+    if shown is not None and placement_live.followed(shown):
         placement_live.begin(bundle, shown)
         tell_fit(context.scene, shown)
 
@@ -68,10 +69,31 @@ def follow(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     for update in depsgraph.updates:
         if update.is_updated_transform and isinstance(update.id, bpy.types.Object):
             shown = update.id.original
-            if placement_live.followed(shown.name) and prior_name(shown):
+            if placement_live.followed(shown) and prior_name(shown):
                 tell_fit(scene, shown)
                 redraw_views()
                 return
+
+
+@bpy.app.handlers.persistent
+def undone(scene: bpy.types.Scene, *_: object) -> None:
+    """Show the masks that undo or redo brought back, and follow what it says is placed by them."""
+    take_pixels_back()
+    placement_live.forget_outlines()
+    name = scene.r2sego_proxy.fit_object
+    if not (name or placement_live.following()):
+        return
+    try:
+        bundle = state.bundle_of(scene)
+        shown = prior_object(scene, bundle.path, name) if bundle is not None and name else None
+        if shown is None:
+            placement_live.forget()
+        elif not placement_live.compares_with(bundle.path, shown):
+            bpy.context.view_layer.update()  # so that it stands where undo put it
+            placement_live.begin(bundle, shown)
+            tell_fit(scene, shown)
+    except (R2SEgoError, OSError):  # no masks or no bundle any more: there is nothing to follow
+        placement_live.forget()
 
 
 @bpy.app.handlers.persistent

@@ -21,6 +21,8 @@ from .proxy_objects import mask_files
 
 _OBJECT, _CAPTURE, _REVISION = "r2sego_object", "r2sego_capture", "r2sego_revision"
 _WHITE = 0.5
+_revision_shown: dict[int, int] = {}
+"""By the session's number of an image."""
 
 
 def mask_images(bundle_path: str | Path, name: str) -> dict[str, bpy.types.Image]:
@@ -63,12 +65,20 @@ def write_mask(image: bpy.types.Image, mask: np.ndarray) -> None:
     image.pixels.foreach_set(pixels.ravel())
     image.update()
     image.pack()  # a generated image is not saved otherwise
-    image[_REVISION] = revision(image) + 1
+    image[_REVISION] = _revision_shown[image.session_uid] = revision(image) + 1
 
 
 def revision(image: bpy.types.Image) -> int:
     """Another number after each ``write_mask``; strokes in the Image Editor do not count."""
     return int(image.get(_REVISION, 0))
+
+
+def take_pixels_back() -> None:
+    """After undo or redo, which brings back what is packed in an image and leaves what it shows."""
+    for image in bpy.data.images:
+        if _revision_shown.get(image.session_uid, revision(image)) != revision(image):
+            image.buffers_free()
+            _revision_shown[image.session_uid] = revision(image)
 
 
 def load_masks(bundle: Bundle, name: str, *, anew: bool = True) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bpy
 import numpy as np
 
@@ -14,7 +16,9 @@ from .placement_objects import Placement, placement_of, prior_name
 
 _OUTLINE_PX = 160
 _outlines: dict[tuple, np.ndarray] = {}
-_current: dict[str, Placement] = {}
+_current: dict[int, tuple[Placement, dict[str, int]]] = {}
+"""By the session's number of the object, which renaming and undo leave as it is, what rates it, and
+the revisions of the masks that it compares with."""
 
 
 def begin(bundle: Bundle, shown: bpy.types.Object) -> tuple[Fit, float]:
@@ -26,7 +30,7 @@ def begin(bundle: Bundle, shown: bpy.types.Object) -> tuple[Fit, float]:
             f"'{prior_name(shown)}' has no masks to compare with", where=bundle.path,
             cure="Draw its mask in two captures at least.",
         )  # fmt: skip
-    _current[shown.name] = placement
+    _current[shown.session_uid] = placement, _revisions(bundle.path, prior_name(shown))
     return rated(shown)
 
 
@@ -35,29 +39,37 @@ def following() -> bool:
     return bool(_current)
 
 
-def followed(name: str) -> bool:
-    """Whether the object of this name is the one being placed."""
-    return name in _current
+def followed(shown: bpy.types.Object) -> bool:
+    """Whether this object is the one being placed."""
+    return shown.session_uid in _current
+
+
+def compares_with(bundle_path: str | Path, shown: bpy.types.Object) -> bool:
+    """Whether this object is the one being placed, by the masks as they are now."""
+    _, revisions = _current.get(shown.session_uid, (None, None))
+    return revisions == _revisions(bundle_path, prior_name(shown))
 
 
 def rated(shown: bpy.types.Object) -> tuple[Fit, float]:
     """The fit and the points' median distance, metres, where the followed prior stands now."""
-    return _current[shown.name].rated(np.array(shown.matrix_world, np.float64))
+    placement, _ = _current[shown.session_uid]
+    return placement.rated(np.array(shown.matrix_world, np.float64))
 
 
 def windows(shown: bpy.types.Object) -> tuple[str, ...]:
     """The captures in the order of the fit's overlaps."""
-    return tuple(window.name for window in _current[shown.name].windows)
+    placement, _ = _current[shown.session_uid]
+    return tuple(window.name for window in placement.windows)
 
 
 def prior_outline(shown: bpy.types.Object, capture: str) -> np.ndarray:
     """(2 S, 2) shares of the capture's frame, from its top left: the border of the prior's silhouette."""
-    placement = _current.get(shown.name)
+    placement, _ = _current.get(shown.session_uid, (None, None))
     camera = placement.cameras.get(capture) if placement is not None else None
     if camera is None:
         return np.zeros((0, 2), np.float32)
     pose = np.array(shown.matrix_world, np.float64)
-    key = ("prior", shown.name, capture, pose.tobytes())
+    key = ("prior", shown.session_uid, capture, pose.tobytes())
     if key not in _outlines:
         _drop("prior")
         small = _fitted(camera)
@@ -82,7 +94,16 @@ def mask_outline(bundle_path: str, name: str, capture: str) -> np.ndarray:
 def forget() -> None:
     """Follow nothing, and drop what was drawn."""
     _current.clear()
+    forget_outlines()
+
+
+def forget_outlines() -> None:
+    """Draw all outlines anew: undo takes masks back, and their revisions with them."""
     _outlines.clear()
+
+
+def _revisions(bundle_path: str | Path, name: str) -> dict[str, int]:
+    return {capture: revision(image) for capture, image in mask_images(bundle_path, name).items()}
 
 
 def _drop(kind: str) -> None:

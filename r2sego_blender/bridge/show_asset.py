@@ -66,6 +66,11 @@ def shown_stage(candidate: bpy.types.Object | None) -> str:
     return str(candidate.get(_STAGE, "")) if candidate is not None else ""
 
 
+def is_deleted(candidate: bpy.types.Object) -> bool:
+    """Whether a person deleted an object, which a property that names it keeps alive."""
+    return not candidate.users_collection
+
+
 def shows_bundle(candidate: bpy.types.Object, bundle: Bundle) -> bool:
     """Whether an object made by ``show_asset`` shows an asset of this bundle."""
     return candidate.get(BUNDLE_MARK) == str(bundle.path)

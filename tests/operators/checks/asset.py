@@ -134,6 +134,19 @@ def check_a_blend_keeps_what_is_shown():
     assert [stage.name for stage in group().stages] == ["initial", "0", "1", "final"]
 
 
+def check_a_deleted_asset_is_shown_no_longer():
+    copy = copied_bundle()
+    bpy.ops.r2sego.show_asset()
+    with bpy.context.temp_override(selected_objects=[group().shown]):
+        bpy.ops.object.delete()
+    assert "Show the asset first" in refused(bpy.ops.r2sego.mark_splats_box)
+    group().stage = 1
+    shutil.copy(copy / "rounds" / "0" / "asset.ply", copy / "asset.ply")
+    bpy.ops.r2sego.refresh_scene()
+    assert group().shown is None and not [o for o in bpy.context.scene.objects if "r2sego_stage" in o]
+    assert bpy.ops.r2sego.show_asset() == {"FINISHED"}
+
+
 def check_splats_in_a_box_are_marked():
     shown = show()
     places = centres(shown)
@@ -159,6 +172,21 @@ def check_marks_stay_when_another_round_is_shown():
     bpy.ops.r2sego.mark_splats_box(lowest=(-0.6, -0.6, 0.4), highest=(0.6, 0.6, 2.0))
     group().stage = 1
     assert group().marked == values(group().shown, "marked").sum() > 0
+
+
+def check_marks_made_after_undo_are_drawn_anew():
+    """As in the redo panel, which undoes and marks otherwise before anything is drawn."""
+    show()
+    bpy.ops.ed.undo_push(message="shown")
+    revisions = []
+    for highest in (0.2, 0.6):
+        bpy.ops.r2sego.mark_splats_box(lowest=(-0.6, -0.6, 0.4), highest=(highest, highest, 2.0))
+        revisions.append((group().revision, group().marked))
+        bpy.ops.ed.undo_push(message="marked")
+        bpy.ops.ed.undo()
+    assert group().marked == 0
+    (first, few), (second, many) = revisions
+    assert few < many and first != second, revisions
 
 
 def check_a_lasso_marks_what_a_view_shows_inside_it():

@@ -1,5 +1,6 @@
 """What holds of the room Proxy, checked inside Blender."""
 
+import importlib
 import json
 import shutil
 import time
@@ -8,7 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 from mathutils import Matrix
-from support import BUNDLE, OUT, calls, conduct, copied_bundle, open_bundle, open_here, refused, state
+from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle, open_here, refused, state
 
 OPERATORS = {
     "show_proxy", "measure_coverage", "select_proxy_lasso", "select_proxy_box", "cut_proxy",
@@ -333,6 +334,34 @@ def check_a_mask_drawn_anew_is_rated_at_once():
         object_name="crate", capture="capture_0", points=whole, subtract=True
     ) == {"FINISHED"}  # fmt: skip
     assert "capture_0" not in group().fit_views and group().fit_iou > 0.9
+
+
+def check_undo_takes_the_fit_and_the_outlines_back():
+    live = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.placement_live")
+    open_bundle()
+    bpy.ops.r2sego.import_captures()
+    bpy.ops.r2sego.show_priors()
+    bpy.ops.r2sego.place_prior(object_name="crate")
+    bpy.data.objects["Prior crate"].name = "A crate"
+    bpy.ops.ed.undo_push(message="placed")
+
+    def crate():
+        return bpy.data.objects["A crate"]
+
+    before, outline = group().fit_iou, live.mask_outline(str(BUNDLE), "crate", "capture_0")
+    whole = "0,0 64,0 64,48 0,48"
+    bpy.ops.r2sego.draw_mask(object_name="crate", capture="capture_0", points=whole)
+    assert group().fit_iou < before - 0.1
+    drawn = live.mask_outline(str(BUNDLE), "crate", "capture_0")
+    assert len(drawn) != len(outline)
+    bpy.ops.ed.undo_push(message="drawn")
+    bpy.ops.ed.undo()
+    assert live.followed(crate()) and abs(group().fit_iou - before) < 1e-6
+    assert abs(live.rated(crate())[0].iou - before) < 1e-6
+    assert len(live.mask_outline(str(BUNDLE), "crate", "capture_0")) == len(outline)
+    less = "0,0 32,0 32,48 0,48"
+    bpy.ops.r2sego.draw_mask(object_name="crate", capture="capture_0", points=less)
+    assert len(live.mask_outline(str(BUNDLE), "crate", "capture_0")) not in (len(outline), len(drawn))
 
 
 def check_a_rating_follows_the_mouse():
