@@ -23,12 +23,14 @@ def register() -> None:
     """Attach the room's properties; its facts are read whenever the bundle changed."""
     bpy.types.Scene.r2sego_views = bpy.props.PointerProperty(type=R2SEGO_PG_views)
     state.listeners.append(display.read)
-    bpy.app.handlers.load_pre.append(_another_file)
+    for handlers, handler in _HANDLERS:
+        handlers.append(handler)
 
 
 def unregister() -> None:
     """Take them away again."""
-    bpy.app.handlers.load_pre.remove(_another_file)
+    for handlers, handler in _HANDLERS:
+        handlers.remove(handler)
     state.listeners.remove(display.read)
     view_scores.forget_all()
     del bpy.types.Scene.r2sego_views
@@ -38,3 +40,10 @@ def unregister() -> None:
 def _another_file(*_: object) -> None:
     """The scenes whose scores are remembered go."""
     view_scores.forget_all()
+
+
+_HANDLERS = (
+    (bpy.app.handlers.load_pre, _another_file),
+    (bpy.app.handlers.undo_post, display.undone),
+    (bpy.app.handlers.redo_post, display.undone),
+)

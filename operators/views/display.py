@@ -24,7 +24,7 @@ def show(scene: bpy.types.Scene, bundle: Bundle) -> tuple[bpy.types.Object, list
     scores = remembered(scene.session_uid)
     if scores is not None:
         swarm["stamp"] = scores.stamp
-        mark_candidate(scene, scores.bundle_name, scores.views, group.active, group.frustum_size)
+        mark_candidate(scene, scores.bundle_path, scores.views, group.active, group.frustum_size)
     return swarm, targets
 
 
@@ -34,7 +34,7 @@ def follow(scene: bpy.types.Scene) -> None:
     A change of the colour alone is quick. Raises R2SEgoError when the bundle is damaged.
     """
     scores, group = remembered(scene.session_uid), scene.r2sego_views
-    swarm = None if scores is None else shown_candidates(scene, scores.bundle_name)
+    swarm = None if scores is None else shown_candidates(scene, scores.bundle_path)
     if swarm is None:
         return
     asked = (scores.stamp, group.shown.lower(), round(group.frustum_size, 6))
@@ -49,12 +49,30 @@ def read(scene: bpy.types.Scene, bundle: Bundle) -> None:
     try:
         scores = RoundScores.read(bundle, scene.r2sego.round_index)
     except R2SEgoError:
-        _take_over(scene, bundle, None)
+        _take_over(scene, None)
         raise
-    _take_over(scene, bundle, scores)
+    _take_over(scene, scores)
 
 
-def _take_over(scene: bpy.types.Scene, bundle: Bundle, scores: RoundScores | None) -> None:
+@bpy.app.handlers.persistent
+def undone(scene: bpy.types.Scene, *_: object) -> None:
+    """Remember the scores that the facts which undo or redo brought back are of."""
+    scores, group = remembered(scene.session_uid), scene.r2sego_views
+    if group.stamp == _stamp(scores):
+        return
+    try:
+        bundle = state.bundle_of(scene)
+        scores = None if bundle is None else RoundScores.read(bundle, scene.r2sego.round_index)
+    except (R2SEgoError, OSError):
+        scores = None
+    remember(scene.session_uid, scores if group.stamp == _stamp(scores) else None)
+
+
+def _stamp(scores: RoundScores | None) -> str:
+    return "" if scores is None else f"{scores.bundle_path} {scores.stamp}"
+
+
+def _take_over(scene: bpy.types.Scene, scores: RoundScores | None) -> None:
     group = scene.r2sego_views
     remember(scene.session_uid, scores)
     group.ranked.clear()
@@ -74,7 +92,7 @@ def _take_over(scene: bpy.types.Scene, bundle: Bundle, scores: RoundScores | Non
     group.best_s = float(views.score.max(initial=0.0))
     group.best_u, group.best_g = float(views.deficit.max()), float(views.availability.max())
     group.note = " ".join([*scores.told.ablations, scores.told.note]).strip()
-    stamp = f"{bundle.path} {scores.stamp}"
+    stamp = _stamp(scores)
     group.active = group.active if group.stamp == stamp else -1  # setting it writes its words anew
     group.stamp = stamp
     follow(scene)

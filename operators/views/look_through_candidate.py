@@ -36,7 +36,7 @@ class R2SEGO_OT_look_through_candidate(ReportingOperator, bpy.types.Operator):
         chosen = scene.r2sego_views.active if self.candidate < 0 else self.candidate
         if scores is None or not 0 <= chosen < len(scores):
             raise SceneError("no candidate is chosen", cure="Pick one in the view or in the list first.")
-        camera = candidate_camera(scene, scores.bundle_name, scores.views, chosen)
+        camera = candidate_camera(scene, scores.bundle_path, scores.views, chosen)
         use_frame_of(camera, scene)
         if context.area is not None and context.area.type == "VIEW_3D":
             context.space_data.region_3d.view_perspective = "CAMERA"

@@ -48,7 +48,7 @@ class R2SEGO_OT_pick_candidate(ViewTool, ReportingOperator, bpy.types.Operator):
             raise SceneError("the candidates are not read yet", cure="Press Refresh.")
         candidate = self.candidate
         if candidate < 0:
-            swarm = shown_candidates(scene, scores.bundle_name)
+            swarm = shown_candidates(scene, scores.bundle_path)
             candidate = -1 if swarm is None else candidate_of_selection(swarm)
         if candidate < 0:
             raise SceneError(
@@ -119,7 +119,7 @@ class R2SEGO_OT_pick_candidate(ViewTool, ReportingOperator, bpy.types.Operator):
     def _on_frusta(self, context, event):
         """The candidate whose frustum is under the mouse, -1 when none is."""
         scores, region = remembered(context.scene.session_uid), context.region
-        swarm = None if scores is None else shown_candidates(context.scene, scores.bundle_name)
+        swarm = None if scores is None else shown_candidates(context.scene, scores.bundle_path)
         if swarm is None or not swarm.visible_get(viewport=context.space_data):
             return -1
         place = (event.mouse_x - region.x, event.mouse_y - region.y)

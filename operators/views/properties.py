@@ -59,8 +59,8 @@ def _active_changed(group: bpy.types.PropertyGroup, _context: bpy.types.Context)
     row = next((k for k, item in enumerate(group.ranked) if item.candidate == active), -1)
     if group.ranked_index != row:
         group.ranked_index = row
-    if shown_candidates(scene, scores.bundle_name) is not None:
-        mark_candidate(scene, scores.bundle_name, scores.views, active, group.frustum_size)
+    if shown_candidates(scene, scores.bundle_path) is not None:
+        mark_candidate(scene, scores.bundle_path, scores.views, active, group.frustum_size)
     redraw_views()
 
 

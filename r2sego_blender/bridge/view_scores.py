@@ -24,12 +24,12 @@ _remembered: dict[int, RoundScores] = {}
 class RoundScores:
     """A round's candidates with their scores and the reasons of the selection.
 
-    ``bundle_name`` is the bundle's whole path, ``captures`` are its captures' names; ``origins`` say which
-    attempt each rollout is, empty where they are not known. ``stamp`` is another one when
-    the selection was made anew, ``number`` each time it was read.
+    ``captures`` are the bundle's captures' names; ``origins`` say which attempt each rollout is,
+    empty where they are not known. ``stamp`` is another one when the selection was made anew,
+    ``number`` each time it was read.
     """
 
-    bundle_name: str
+    bundle_path: str
     stamp: str
     views: CandidateViews
     told: SelectionReasons

@@ -57,6 +57,19 @@ def check_frusta_follow_the_properties_and_the_round():
     assert "Candidates, round 1" not in bpy.data.objects
 
 
+def check_undo_of_another_round_brings_its_candidates_back():
+    open_bundle()
+    scores = sys.modules[f"{MODULE}.r2sego_blender.bridge.view_scores"]
+    bpy.ops.ed.undo_push(message="round 1")
+    state().round_index = 0
+    bpy.ops.ed.undo_push(message="round 0")
+    for step, index in ((bpy.ops.ed.undo, 1), (bpy.ops.ed.redo, 0)):
+        step()
+        assert state().round_index == index
+        kept = scores.remembered(bpy.context.scene.session_uid)
+        assert kept.stamp.startswith(f"{index} ") and group().stamp == f"{BUNDLE} {kept.stamp}"
+
+
 def check_a_picked_candidate_says_why():
     open_bundle()
     bpy.ops.r2sego.show_candidates()
