@@ -2,12 +2,15 @@
 
 import json
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import bpy
 from bpy.props import EnumProperty, FloatProperty, FloatVectorProperty, StringProperty
 
 from ...r2sego_blender.bridge.robot_facts import RobotFacts
-from ...r2sego_blender.errors import R2SEgoError
+from ...r2sego_blender.errors import R2SEgoError, RobotError
+from ...r2sego_blender.robot.scope import BehaviourScope
 from .. import state
 from ..base import told
 from .declaring import DeclaringOperator
@@ -41,8 +44,12 @@ class R2SEGO_OT_set_mount(DeclaringOperator, bpy.types.Operator):
         default=(0.0, 0.8307767, 0.0), subtype="EULER", unit="ROTATION",
     )  # fmt: skip
     field_of_view: FloatProperty(
-        name="Field of View", description="Across the image's width", default=math.radians(69.0),
+        name="Field of View", description="The angle that the image shows", default=math.radians(69.0),
         min=math.radians(1.0), max=math.radians(170.0), subtype="ANGLE", unit="ROTATION",
+    )  # fmt: skip
+    across: EnumProperty(
+        name="Across", description="Which side of the image the field of view is measured along",
+        items=[("WIDTH", "Width", "From left to right"), ("HEIGHT", "Height", "From top to bottom")],
     )  # fmt: skip
     pitch: EnumProperty(
         name="Pitch", description="How far down the camera looks",
@@ -62,17 +69,12 @@ class R2SEGO_OT_set_mount(DeclaringOperator, bpy.types.Operator):
 
     def invoke(self, context, event):
         try:
-            scope = RobotFacts.read(state.opened_bundle(context)).scope
+            declared = declared_properties(RobotFacts.read(state.opened_bundle(context)).scope)
         except (R2SEgoError, OSError) as error:
             self.report({"ERROR"}, told(error))
             return {"CANCELLED"}
-        mount, pitch = scope.robot.mount, scope.look.camera_pitch_deg
-        self.mount = "OWN" if mount is None else "CAMERA" if isinstance(mount, str) else "PLACE"
-        if self.mount == "CAMERA":
-            self.camera = mount
-        self.pitch = "MOUNTED" if pitch is None else "DRAWN"
-        if pitch is not None:
-            self.pitch_low, self.pitch_high = map(math.radians, pitch)
+        for name, value in declared.items():
+            setattr(self, name, value)
         return context.window_manager.invoke_props_dialog(self, width=400)
 
     def draw(self, context):
@@ -80,7 +82,11 @@ class R2SEGO_OT_set_mount(DeclaringOperator, bpy.types.Operator):
         layout.use_property_split = True
         layout.use_property_decorate = False
         layout.prop(self, "mount")
-        shown = {"OWN": (), "CAMERA": ("camera",), "PLACE": ("body", "place", "turn", "field_of_view")}
+        shown = {
+            "OWN": (),
+            "CAMERA": ("camera",),
+            "PLACE": ("body", "place", "turn", "field_of_view", "across"),
+        }
         for name in shown[self.mount]:
             layout.prop(self, name)
         layout.prop(self, "pitch")
@@ -100,8 +106,44 @@ class R2SEGO_OT_set_mount(DeclaringOperator, bpy.types.Operator):
             return ""
         if self.mount == "CAMERA":
             return json.dumps(self.camera)
-        fov = f"{{hfov_deg = {math.degrees(self.field_of_view):.6g}}}"
+        axis = "hfov_deg" if self.across == "WIDTH" else "fovy_deg"
+        fov = f"{{{axis} = {math.degrees(self.field_of_view):.6g}}}"
         return f"[{json.dumps(self.body)}, {_numbers(self.place)}, {_numbers(self.turn)}, {fov}]"
+
+
+def declared_properties(scope: BehaviourScope) -> dict[str, Any]:
+    """The operator's properties that say what a scope declares. Raises RobotError for a damaged mount."""
+    try:
+        shown = _properties_of(scope.robot.mount)
+    except (KeyError, TypeError, ValueError) as error:
+        raise RobotError(
+            "the declared mount cannot be read", where=scope.name, cure="Choose the scope again."
+        ) from error
+    pitch = scope.look.camera_pitch_deg
+    if pitch is None:
+        return shown | {"pitch": "MOUNTED"}
+    low, high = map(math.radians, pitch)
+    return shown | {"pitch": "DRAWN", "pitch_low": low, "pitch_high": high}
+
+
+def _properties_of(mount: Any) -> dict[str, Any]:
+    """A mount in one of the forms of ``robot.mount.parse_mount``, which Blender's Python cannot run."""
+    if mount is None:
+        return {"mount": "OWN"}
+    if isinstance(mount, str):
+        return {"mount": "CAMERA", "camera": mount}
+    if isinstance(mount, Mapping):
+        body, place, turn = mount["parent"], mount["xyz"], mount["rpy"]
+        fov = {name: mount[name] for name in ("hfov_deg", "fovy_deg") if name in mount}
+    else:
+        body, place, turn, fov = mount
+    ((axis, angle_deg),) = fov.items() if isinstance(fov, Mapping) else [("fovy_deg", fov)]
+    x, y, z = map(float, place)
+    roll, pitch, yaw = map(float, turn)
+    return {
+        "mount": "PLACE", "body": str(body), "place": (x, y, z), "turn": (roll, pitch, yaw),
+        "field_of_view": math.radians(angle_deg), "across": "WIDTH" if axis == "hfov_deg" else "HEIGHT",
+    }  # fmt: skip
 
 
 def _numbers(values):

@@ -1,5 +1,6 @@
 """What holds of the room Robot, checked inside Blender."""
 
+import importlib
 import json
 import math
 import shutil
@@ -104,6 +105,35 @@ def check_the_mount_is_told_in_toml():
     np.testing.assert_allclose(place[2], (0.0, 0.5, 0.0), atol=1e-6)
     assert abs(place[3]["hfov_deg"] - 80.0) < 1e-3
     np.testing.assert_allclose(pitch, (10.0, 40.0), atol=1e-3)
+
+
+def check_a_mount_that_was_placed_is_shown_again_as_it_was_declared():
+    import dataclasses
+    import tomllib
+
+    open_bundle()
+    module = importlib.import_module(f"{MODULE}.operators.robot.set_mount")
+    facts = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.robot_facts")
+    bundle = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.bundle").Bundle.open(BUNDLE)
+    scope = facts.RobotFacts.read(bundle).scope
+
+    def shown(mount, pitch=None):
+        changed = dataclasses.replace(
+            scope, robot=dataclasses.replace(scope.robot, mount=mount),
+            look=dataclasses.replace(scope.look, camera_pitch_deg=pitch),
+        )  # fmt: skip
+        return module.declared_properties(changed)
+
+    place = ["pelvis", [0.1, -0.2, 0.5], [0.0, 0.25, 3.0]]
+    wide, high = {"hfov_deg": 80.0}, {"fovy_deg": 50.0}
+    table = {"parent": place[0], "xyz": place[1], "rpy": place[2], **wide}
+    for mount, fov in (([*place, wide], wide), (table, wide), ([*place, high], high), ([*place, 50.0], high)):
+        options = declared(bpy.ops.r2sego.set_mount, **shown(mount, (10.0, 40.0)))
+        mounted, pitch = (tomllib.loads(f"v = {option.partition('=')[2]}")["v"] for option in options[1::2])
+        assert mounted == [*place, fov], mounted
+        np.testing.assert_allclose(pitch, (10.0, 40.0), atol=1e-4)
+    assert shown(None) == {"mount": "OWN", "pitch": "MOUNTED"}
+    assert shown("eyes") == {"mount": "CAMERA", "camera": "eyes", "pitch": "MOUNTED"}
 
 
 def check_regions_are_told_in_metres():
