@@ -12,6 +12,7 @@ from bpy.props import (
 )
 
 from ...r2sego_blender.bridge.picks import show_fit
+from ...r2sego_blender.bridge.registration_pixels import next_name
 from ...r2sego_blender.bridge.show_captures import capture_camera, show_photographs
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import R2SEgoError
@@ -32,6 +33,22 @@ def fit_again(scene):
 
 def _picks_changed(group, context):
     fit_again(group.id_data)
+
+
+def _renamed(point, context):
+    """Lengths follow their point to its new name, which becomes one of its own."""
+    scene = point.id_data
+    group = scene.r2sego_captures
+    others = [one.name for one in group.points if one != point]
+    if not point.name or point.name in others:
+        point.name = next_name(others)  # comes here again
+        return
+    for length in group.lengths:
+        for end in ("start", "end"):
+            if getattr(length, end) not in (point.name, *others):  # its name of before
+                setattr(length, end, point.name)
+    if len(point.views):
+        fit_again(scene)
 
 
 def _capture_chosen(group, context):
@@ -80,6 +97,7 @@ class R2SEGO_PG_pick(bpy.types.PropertyGroup):
 class R2SEGO_PG_picked_point(bpy.types.PropertyGroup):
     """A point of the room, picked in one or more captures."""
 
+    name: StringProperty(name="Name", description="What the point is called", update=_renamed)
     floor: BoolProperty(name="Floor", description="This point lies on the floor", update=_picks_changed)
     views: CollectionProperty(type=R2SEGO_PG_pick)
     located: BoolProperty()

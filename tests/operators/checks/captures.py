@@ -163,6 +163,21 @@ def check_picked_points_are_placed_with_their_residuals():
     assert shown().points["A"].off_px > 0.05 and len(shown().points) == 3
 
 
+def check_lengths_follow_a_point_that_is_renamed():
+    open_bundle()
+    pick_all()
+    bpy.ops.r2sego.add_length(start="A", end="B", metres=1.0)
+    bpy.ops.r2sego.add_length(start="C", end="A", metres=2.0)
+    shown().points["A"].name = "corner"
+    assert [(one.start, one.end) for one in shown().lengths] == [("corner", "B"), ("C", "corner")]
+    assert all(one.found for one in shown().lengths) and shown().points["corner"].located
+    for taken in ("B", ""):
+        shown().points["corner"].name = taken
+        assert sorted(one.name for one in shown().points) == ["A", "B", "C"], taken
+        assert [(one.start, one.end) for one in shown().lengths] == [("A", "B"), ("C", "A")]
+        shown().points["A"].name = "corner"
+
+
 def check_picks_stay_with_their_bundle():
     copy = copied_bundle()
     pick_all()
