@@ -16,7 +16,7 @@ import numpy as np
 
 from .errors import AssetError
 from .scene import Scene
-from .splats.regions import Region, region_of
+from .splats.regions import Box, Region, region_of
 
 EDITS = "asset_edits"
 """The folder in the bundle."""
@@ -86,8 +86,14 @@ def move_edits(scene: Scene, similarity: np.ndarray) -> None:
 
 
 def load_region(file: Path, kind: str) -> Region:
-    """The region of a kind in a JSON file; the file need not name the kind. Raises AssetError."""
-    return region_of({**_json(file), "kind": kind}, file)
+    """The region of a kind in a JSON file; the file need not name the kind.
+
+    Raises AssetError where it is none, and for a box that can hold nothing.
+    """
+    region = region_of({**_json(file), "kind": kind}, file)
+    if isinstance(region, Box) and region.half_extents.min() < 0.0:
+        raise AssetError("half_extents are negative", where=file, cure="Give half the box's sides.")
+    return region
 
 
 def _load(file: Path) -> AssetEdit:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from pathlib import Path
 from typing import Any
 
-from .errors import SceneError
+from .errors import RobotError, SceneError
+from .robot.scope import BehaviourScope
 from .scene import Scene
 from .world_frame import in_words, of_old_frame, rounds_among
 
@@ -34,7 +36,7 @@ def describe(scene: Scene, look_at_results: bool = False) -> dict[str, Any]:
         "captures_source": declared.captures_source,
         "ground": declared.ground,
         "scale_source": declared.scale_source,
-        "robot": declared.robot,
+        "robot": _robot_in_use(scene),
         "scope": declared.scope,
         "preset": declared.preset,
         "overrides": dict(declared.overrides),
@@ -73,6 +75,16 @@ def lines(state: dict[str, Any]) -> list[str]:
     text += [f"not as it was made: {name}" for name in state["damaged"]]
     text.append("refined" if state["refined"] else f"next: r2sego refine {state['scene']}")
     return text
+
+
+def _robot_in_use(scene: Scene) -> str:
+    """The scope's own robot, else the declared one; that too where the scope cannot be read, which is
+    for refining to say."""
+    declared = scene.declaration
+    with contextlib.suppress(RobotError):
+        own, _ = BehaviourScope.load(declared.scope).robot_for(declared.robot)
+        return scene.name_of(own)
+    return declared.robot
 
 
 def _describe_round(scene: Scene, index: int) -> dict[str, int]:

@@ -98,6 +98,12 @@ def test_an_edit_shows_at_once_where_a_refinement_was_cut_off(scene, tmp_path):
         np.testing.assert_array_equal(getattr(left, name), getattr(whole, name)[~gone])
 
 
+def test_a_box_that_can_hold_nothing_is_refused(scene, tmp_path):
+    done = r2sego("edit-asset", scene.path, "--box", box_file(tmp_path, half=-0.8))
+    assert done.exit_code == 1 and "box.json: half_extents are negative. Give half" in done.output
+    assert load_edits(scene.path) == ()
+
+
 def test_a_cut_off_edit_is_no_edit(scene, tmp_path):
     done = r2sego("edit-asset", scene.path, "--box", box_file(tmp_path), "--json")
     assert done.exit_code == 0

@@ -56,7 +56,7 @@ MAY_IMPORT = {
     "plan": FOUNDATION | {"pipeline"},
     "cli_proxy": FOUNDATION | {"cli_options", "object_priors", "proxy_edits", "coverage_report", "plan"},
     "doctor": FOUNDATION,
-    "status": FOUNDATION,
+    "status": FOUNDATION | {"robot"},
     "export": FOUNDATION | {"geometry", "splats"},
     "rollouts_report": FOUNDATION | {"robot", "selection"},
     "selection_report": FOUNDATION | {"captures", "selection"},

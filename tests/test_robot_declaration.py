@@ -20,6 +20,7 @@ from r2sego_blender.robot.model import RobotModel
 from r2sego_blender.robot.scope import BehaviourScope
 from r2sego_blender.robot_declaration import declare_robot, describe_robot, lines
 from r2sego_blender.scene import Scene
+from r2sego_blender.status import describe
 from r2sego_blender.trial_rollouts import newest_surface
 
 SQUARE = "0.0,-1.0 2.0,-1.0 2.0,1.0 0.0,1.0"
@@ -76,6 +77,16 @@ def test_the_scopes_own_robot_stays_unless_another_is_given(scene, tmp_path):
     assert describe_robot(Scene.open(scene.path))["robot"] == "embedded:wheeled"
     assert run(scene.path, "--robot", "embedded:humanoid").exit_code == 0
     assert describe_robot(Scene.open(scene.path))["robot"] == "embedded:humanoid"
+
+
+def test_status_tells_the_robot_that_counts(scene, tmp_path):
+    assert describe(scene)["robot"] == "embedded:humanoid"
+    (tmp_path / "scope.toml").write_text("[robot]\nmodel = 'embedded:wheeled'\n")
+    declared = declare_robot(scene, scope=str(tmp_path / "scope.toml"))
+    assert declared.declaration.robot == "embedded:humanoid"
+    assert describe(declared)["robot"] == "embedded:wheeled"
+    (tmp_path / "scope.toml").unlink()
+    assert describe(declared)["robot"] == "embedded:humanoid"
 
 
 def declared_clearance(bundle: Path) -> float:

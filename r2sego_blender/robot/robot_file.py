@@ -9,6 +9,7 @@ left out; what could run code, or make something huge of a short text, is refuse
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import re
 from pathlib import Path, PurePosixPath
@@ -115,6 +116,7 @@ def gather_robot(path: Path) -> tuple[Element, dict[str, bytes]]:
     _check_names(folder, root)
     _leave_out(root)
     _check_size(root)
+    _check_masses(root)
     for element in root.iter():
         for attribute in element.keys() & _REFUSED_ATTRIBUTES.keys():
             raise _refused(element, attribute, _REFUSED_ATTRIBUTES[attribute])
@@ -244,6 +246,15 @@ def _check_size(root: Element) -> None:
                 where=element.at(), cure="Write fewer copies.",
             )  # fmt: skip
         waiting.extend((child, factor, depth + 1) for child in element)
+
+
+def _check_masses(root: Element) -> None:
+    """Refuse negative masses, which MuJoCo lets take away from a link that is fixed to another."""
+    for element in root.iter():
+        attribute = {"mass": "value", "inertial": "mass"}.get(element.tag, "")
+        with contextlib.suppress(ValueError):  # what is no number is for MuJoCo to tell
+            if float(element.get(attribute, "0")) < 0.0:
+                raise RobotError("the mass is negative", where=element.at(attribute), cure="Give kilograms.")
 
 
 def _count(text: str) -> int:

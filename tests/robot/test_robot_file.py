@@ -180,6 +180,11 @@ REFUSED = {
     "NaN": (mjcf(body='<body pos="0 nan 0"/>'), r"<body pos>: '0 nan 0' is not finite"),
     "NaN of C": (mjcf(body='<body pos="0 -NAN(1) 0"/>'), "<body pos>: .* is not finite"),
     "infinity": (mjcf(body='<body><joint range="0 INF"/></body>'), r"<joint range>: '0 INF' is not finite"),
+    "negative mass": (mjcf(body='<body><inertial pos="0 0 0" mass="-1"/></body>'), "mass>: .* negative"),
+    "negative mass of a link": (
+        '<robot name="a"><link name="b"><inertial><mass value=" -2"/></inertial></link></robot>',
+        "<mass value>: the mass is negative",
+    ),
     "overflow": (mjcf(body='<body><geom size="1e999"/></body>'), "<geom size>: '1e999' is not finite"),
     "plugin": (mjcf(before='<extension><plugin plugin="mujoco.pid"/></extension>'), "<extension>: .*plugins"),
     "plugin of a body": (mjcf(body='<body><plugin plugin="x"/></body>'), "<plugin>: .* no plugins"),
