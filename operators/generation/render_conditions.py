@@ -1,17 +1,18 @@
 """Render a target view's structural conditions with Cycles."""
 
-from pathlib import Path
+import json
+import sys
 
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-from ...r2sego_blender.bridge.conditions import render_conditions
 from ...r2sego_blender.errors import SceneError
-from .. import state
-from ..base import ReportingOperator, needs_round
+from .. import job, state
+from ..base import EngineOperator, needs_idle_engine, needs_round
+from ..engine_files import hand_over
 
 
-class R2SEGO_OT_render_conditions(ReportingOperator, bpy.types.Operator):
+class R2SEGO_OT_render_conditions(EngineOperator, bpy.types.Operator):
     """Render depth, normals, provenance and objects of the proxy along a target view's path (EXR)"""
 
     bl_idname = "r2sego.render_conditions"
@@ -30,17 +31,25 @@ class R2SEGO_OT_render_conditions(ReportingOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return needs_round(cls, context)
+        return needs_round(cls, context) and needs_idle_engine(cls)
 
     def invoke(self, context, event):
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
-    def perform(self, context):
+    def start(self, context):
+        # Blender's own Python: the engine has no part in it.
+        return job.start(self, self.arguments(context), sys.executable, "workers.condition_frames")
+
+    def arguments(self, context):
         if not self.directory:
             raise SceneError("no folder is chosen", cure="Choose where to write the images.")
         bundle, shown = state.opened_bundle(context), context.scene.r2sego.round_index
         path = [camera.scaled(self.scale / 100.0) for camera in bundle.camera_path(shown, self.view)]
-        folder = Path(bpy.path.abspath(self.directory))
-        render_conditions(bundle.proxy(shown), path, folder)
-        return f"Rendered {len(path)} frames to {folder}"
+        cameras = hand_over("cameras.json", json.dumps([camera.to_json() for camera in path]))
+        proxy = bundle.proxy_file(shown).relative_to(bundle.path)
+        command = [str(bundle.path), str(proxy), str(cameras), "--to", bpy.path.abspath(self.directory)]
+        return [*command, "--blender", bpy.app.binary_path] if bpy.app.binary_path else command
+
+    def finish(self, context, result):
+        return f"Rendered {result['frames']} frames to {self.directory}"

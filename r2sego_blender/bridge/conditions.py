@@ -106,25 +106,15 @@ class ConditionScene:
         bpy.data.scenes.remove(self._scene)
 
 
-def render_conditions(
-    proxy: GeometryProxy, path: Sequence[Camera], folder: Path, engine: str = "cycles"
-) -> list[Path]:
-    """Render ``proxy`` from every camera of ``path``: ``000.exr`` and on, and a manifest.
-
-    Returns the images. Raises GenerationError when Blender could not render one.
-    """
-    scene = ConditionScene(proxy, engine)
-    try:
-        return render_path(scene, path, folder, engine)
-    finally:
-        scene.remove()
-
-
 def render_path(
     scene: ConditionScene, path: Sequence[Camera], folder: Path, engine: str,
     on_frame: Callable[[int], None] = lambda index: None,
 ) -> list[Path]:  # fmt: skip
-    """``render_conditions`` with a scene that is there already; ``on_frame`` hears of each frame."""
+    """Render from every camera of ``path``: ``000.exr`` and on, and a manifest.
+
+    ``on_frame`` hears the index of each frame that is begun. Returns the images. Raises
+    GenerationError when Blender could not render one.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     manifest = folder / MANIFEST
     manifest.unlink(missing_ok=True)

@@ -13,7 +13,7 @@ pytest.importorskip("OpenEXR", reason="OpenEXR is not installed")
 import OpenEXR  # noqa: E402
 
 from r2sego_blender.bridge import conditions as bridge  # noqa: E402
-from r2sego_blender.bridge.conditions import PASSES, ConditionScene, render_conditions  # noqa: E402
+from r2sego_blender.bridge.conditions import PASSES, ConditionScene, render_path  # noqa: E402
 from r2sego_blender.cameras import Camera, look_at  # noqa: E402
 from r2sego_blender.errors import GenerationError  # noqa: E402
 from r2sego_blender.generation.conditions import ZBufferRenderer  # noqa: E402
@@ -83,6 +83,14 @@ def edges_within_one_pixel(found, expected) -> None:
         assert not (shown & ~around).any()
         inside = ndimage.binary_erosion(wanted, np.ones((3, 3)), border_value=1)
         assert not (inside & ~shown).any()
+
+
+def render_conditions(proxy, path, folder, engine="cycles"):
+    shown = ConditionScene(proxy, engine)
+    try:
+        return render_path(shown, path, folder, engine)
+    finally:
+        shown.remove()
 
 
 @pytest.fixture(scope="module")

@@ -20,8 +20,11 @@ def group():
 def check_conditions_are_rendered():
     open_bundle()
     state().round_index = 0
-    folder = OUT.parent / "conditions"
+    folder, rendered_here = OUT.parent / "conditions", []
+    bpy.app.handlers.render_init.append(rendered_here.append)
     assert bpy.ops.r2sego.render_conditions(view=0, directory=str(folder), scale=50) == {"FINISHED"}
+    bpy.app.handlers.render_init.remove(rendered_here.append)
+    assert not rendered_here  # a window would stand still meanwhile
     names = sorted(file.name for file in folder.iterdir())
     assert names == ["000.exr", "001.exr", "002.exr", "003.exr", "manifest.json"], names
     manifest = json.loads((folder / "manifest.json").read_text())
