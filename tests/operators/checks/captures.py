@@ -120,7 +120,7 @@ def check_one_capture_after_the_other_is_looked_through():
 def check_a_bundle_written_with_a_slash_at_its_end_is_the_same():
     open_bundle()
     bpy.ops.r2sego.import_captures()
-    state()["bundle"] = f"{BUNDLE}/"
+    state().bundle = f"{BUNDLE}/"
     assert bpy.ops.r2sego.look_through_next() == {"FINISHED"}
     assert bpy.ops.r2sego.import_captures() == {"FINISHED"}
     assert len([one for one in bpy.data.objects if one.type == "CAMERA"]) == 3
