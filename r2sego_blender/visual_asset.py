@@ -24,7 +24,8 @@ from .splats.training import train
 from .splats.training_pictures import shown_from
 
 _MISSING_ALPHA = 0.8
-"""Below this alpha a pixel is missing, as in the asset deficit u."""
+"""Below this alpha the asset renders too little to train on. The setting ``selection.alpha_threshold``,
+by default the same, is for the choice of views alone."""
 
 _FILL_COARSENESS = 2
 """Discs that fill holes are this much wider than the mean one on stereo: their depth is completed,

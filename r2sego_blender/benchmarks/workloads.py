@@ -213,9 +213,7 @@ def made_up_collision() -> CollisionSurface:
             boxes.append((near, far))
     floor = np.array([[x, y, 0.0] for x, y in _around(low, high)])
     pieces = tuple(_box(np.array(a), np.array(b)) for a, b in boxes)
-    return CollisionSurface(
-        proxy.vertices.astype(np.float64), proxy.faces, pieces, floor, floor_z_m=0.0, tolerance_m=0.0
-    )
+    return CollisionSurface(proxy.vertices.astype(np.float64), proxy.faces, pieces, floor, tolerance_m=0.0)
 
 
 def made_up_path(lens: Camera, count: int) -> list[Camera]:

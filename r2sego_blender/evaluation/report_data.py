@@ -185,7 +185,6 @@ class Collision:
 
     triangles: int
     convex_pieces: int
-    floor_z_m: float | None = None
     compile_s: float | None = None
     checks: tuple[tuple[str, bool], ...] = ()
 

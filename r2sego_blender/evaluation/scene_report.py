@@ -171,7 +171,7 @@ def _collision(scene: Scene) -> Collision | None:
         return None
     mesh = trimesh.load(mesh_file, process=False)
     pieces = len(list((scene.collision_folder / "hulls").glob("*.obj")))
-    return Collision(len(mesh.faces), pieces, floor_z_m=0.0)
+    return Collision(len(mesh.faces), pieces)
 
 
 def _settings(scene: Scene) -> tuple[SettingUsed, ...]:

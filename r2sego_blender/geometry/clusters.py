@@ -7,6 +7,7 @@ lies in. Things that touch are one object: a person parts them by drawing.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import cv2
@@ -14,6 +15,7 @@ import numpy as np
 from scipy import ndimage
 
 from ..captures.capture import Capture
+from ..errors import GeometryError
 from ..images import resize_nearest
 from .completion import CompletedDepth, DepthSource
 from .objects import DeclaredObject
@@ -35,7 +37,8 @@ def find_objects(
     """Masks of what stands in the room, larger things first, named ``cluster_00`` and so on.
 
     ``completed`` belongs to ``captures``, ``envelope`` are the room's bounds, the floor among
-    them. Empty where nothing stands free. Deterministic.
+    them. Empty where nothing stands free. Deterministic. Raises GeometryError for what was
+    observed over too far a reach.
     """
     everywhere = [view.camera.unproject(view.depth) for view in completed]
     off = [envelope.signed_distance(points) > _OFF_PLANES_M for points in everywhere]
@@ -45,8 +48,12 @@ def find_objects(
         return ()
     low, high = np.quantile(points, [0.001, 0.999], axis=0)
     shape = np.ceil((high - low) / _VOXEL_M).astype(int) + 1
-    if shape.prod() > _LARGEST_GRID:
-        return ()
+    if math.prod(shape.tolist()) > _LARGEST_GRID:
+        size = " x ".join(f"{side:.0f}" for side in high - low)
+        raise GeometryError(
+            f"what was observed reaches over {size} m, too far to find objects in", where="objects --find",
+            cure="Check the scale (`r2sego status`), or draw masks and give them with --masks.",
+        )  # fmt: skip
     hits = np.zeros(shape, np.int32)
     cells = np.floor((points - low) / _VOXEL_M).astype(int)
     np.add.at(hits, tuple(cells[((cells >= 0) & (cells < shape)).all(1)].T), 1)

@@ -32,9 +32,9 @@ class CollisionSurface:
     ``vertices`` (V, 3) float64 and ``faces`` (F, 3) int32: the simplified surface,
     counter-clockwise from the free side, the floor included; ``pieces``: convex (vertices
     (v, 3), faces (f, 3)) pairs covering all of it but the floor; ``floor`` (4, 3): the
-    corners of the flat floor's rectangle, counter-clockwise from above, (0, 3) for none;
-    ``floor_z_m``: its height, which is 0; ``tolerance_m``: how far pieces may stand out of the
-    surface, inf where nothing bounds it.
+    corners of the flat floor's rectangle at z = 0, counter-clockwise from above, (0, 3) for
+    none; ``tolerance_m``: how far pieces may stand out of the surface, inf where nothing
+    bounds it.
 
     Each piece is closed (watertight). The surface itself is as open as the proxy: it ends where
     nothing was seen or completed.
@@ -44,7 +44,6 @@ class CollisionSurface:
     faces: np.ndarray
     pieces: tuple[tuple[np.ndarray, np.ndarray], ...]
     floor: np.ndarray
-    floor_z_m: float
     tolerance_m: float
 
 
@@ -78,7 +77,7 @@ def collision_surface(
             vertices, faces[~on_floor], settings.coacd_region_m, limits, settings.max_pieces,
             timeout_s=settings.coacd_timeout_s, floored=floored, progress=progress,
         )  # fmt: skip
-        return CollisionSurface(vertices, faces, tuple(pieces), floor, 0.0, np.inf)
+        return CollisionSurface(vertices, faces, tuple(pieces), floor, np.inf)
     soup = Soup.of(vertices, faces[~on_floor])
     pieces, limits = decompose(soup, limits, settings.max_pieces, floored, progress)
     if limits.tolerance_m > settings.tolerance_m:
@@ -88,7 +87,7 @@ def collision_surface(
             f"{settings.max_pieces} (collision.max_pieces)",
             level="warning",
         )
-    return CollisionSurface(vertices, faces, tuple(pieces), floor, 0.0, limits.tolerance_m)
+    return CollisionSurface(vertices, faces, tuple(pieces), floor, limits.tolerance_m)
 
 
 def _clustered(vertices: np.ndarray, faces: np.ndarray, cell_m: float) -> tuple[np.ndarray, np.ndarray]:

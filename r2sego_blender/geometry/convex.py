@@ -26,6 +26,7 @@ _SMALLEST_PIECE_M2 = 2e-4
 _JOINABLE = 2  # joining flats leaves at least one piece in this many
 _JOINED_TOLERANCE = 1.5  # thickness of a joined flat in tolerances: its noise goes both ways
 _JOINING_ROUNDS = 10
+_PAIRS_AT_ONCE = 2_000_000  # that are looked at for touching: all of 20,000 pieces would take gigabytes
 _LOOKS = 4  # at how many parts of a large piece's points it is looked, one after the other
 _LARGE = 1000
 
@@ -244,13 +245,9 @@ def _joined(cutting: Cutting, members: list[np.ndarray], task: Task) -> list[np.
         means /= np.maximum(length, 1e-12)[:, None]
         lows = np.array([soup.corners[pieces[n]].min((0, 1)) for n in names])
         highs = np.array([soup.corners[pieces[n]].max((0, 1)) for n in names])
-        first, second = np.triu_indices(len(names), 1)
-        alike = flat[first] & flat[second]
-        first, second = first[alike], second[alike]
+        first, second = _touching(lows, highs, np.flatnonzero(flat))
         alike = np.einsum("ij,ij->i", means[first], means[second]) > _SAME_FLAT
         first, second = first[alike], second[alike]
-        touching = ((lows[first] <= highs[second] + 1e-3) & (lows[second] <= highs[first] + 1e-3)).all(1)
-        first, second = first[touching], second[touching]
         order = np.lexsort((second, first, -(areas[first] + areas[second])))
         changed: set[int] = set()
         for i, j in zip(first[order].tolist(), second[order].tolist(), strict=True):
@@ -271,6 +268,21 @@ def _joined(cutting: Cutting, members: list[np.ndarray], task: Task) -> list[np.
             break
     task.advance(task.total - task.done)
     return [pieces[n] for n in sorted(pieces)]
+
+
+def _touching(lows: np.ndarray, highs: np.ndarray, among: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The pairs (first, second) of ``among``, in its order, whose boxes (N, 3) touch."""
+    firsts, seconds = [], []
+    step = max(1, _PAIRS_AT_ONCE // max(1, len(among)))
+    for start in range(0, len(among), step):
+        rows, columns = among[start : start + step, None], among[None, start + 1 :]
+        touch = ((lows[rows] <= highs[columns] + 1e-3) & (lows[columns] <= highs[rows] + 1e-3)).all(2)
+        row, column = np.nonzero(np.triu(touch))
+        firsts.append(rows[row, 0])
+        seconds.append(columns[0, column])
+    if not firsts:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    return np.concatenate(firsts), np.concatenate(seconds)
 
 
 def convex_hull(points: np.ndarray) -> Piece:

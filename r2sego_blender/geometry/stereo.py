@@ -41,7 +41,7 @@ class DepthMap:
 
     ``depth`` (H, W) float32 planar metres, raw: an estimate at every pixel that could be
     matched, 0 elsewhere; ``normal`` (H, W, 3) float32 unit, world, towards the camera;
-    ``cost`` (H, W) float32, 1 - NCC averaged over the best two sources; ``support`` (H, W)
+    ``cost`` (H, W) float32, 1 - NCC averaged over the best source or two; ``support`` (H, W)
     uint8, how many other captures see a surface there, 0 on speckles. ``camera`` is the
     capture's at this size.
     """
@@ -53,7 +53,8 @@ class DepthMap:
     camera: Camera
 
     def reliable(self, settings: StereoSettings) -> np.ndarray:
-        """(H, W) bool: matched well and seen there by at least one other capture."""
+        """(H, W) bool: matched well and seen there by another capture, be it the only one it was
+        matched with."""
         return (self.depth > 0.0) & (self.support >= 1) & (self.cost <= settings.max_cost)
 
     def save(self, path: Path) -> None:

@@ -140,7 +140,7 @@ def report() -> ReportData:
         ),
         rounds=rounds,
         provenance={"observed": 0.6, "prior": 0.1, "completed": 0.3},
-        collision=Collision(1234, 56, 0.0, 1.5, (("compiles in MuJoCo", True), ("is watertight", False))),
+        collision=Collision(1234, 56, 1.5, (("compiles in MuJoCo", True), ("is watertight", False))),
         settings=(SettingUsed("seed", "0", "0", "Seed."), SettingUsed("rounds", "2", "3", "Rounds.")),
         timings=(("Dense stereo", 61.0), ("Training", 3725.0)),
     )

@@ -8,6 +8,7 @@ import trimesh
 
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.capture import Capture
+from r2sego_blender.errors import GeometryError
 from r2sego_blender.geometry.clusters import find_objects
 from r2sego_blender.geometry.completion import CompletedDepth, DepthSource
 from r2sego_blender.geometry.planes import RoomPlanes
@@ -72,6 +73,14 @@ def test_things_that_touch_are_one_object():
         [box((-1, -0.4, 0), (-0.2, 0.4, 0.8)), box((-0.2, -0.4, 0), (0.5, 0.4, 0.5))]
     )
     assert len(find_objects(captures, completed, ROOM)) == 1
+
+
+def test_a_room_in_the_wrong_unit_is_not_called_empty():
+    captures, completed, _ = seen([box((-1, -0.4, 0), (-0.2, 0.4, 0.8))])
+    scale = np.diag([1000.0, 1000.0, 1000.0, 1.0])
+    far = [CompletedDepth(v.depth * 1000.0, v.source, v.camera.transformed(scale)) for v in completed]
+    with pytest.raises(GeometryError, match=r"reaches over \d+ x \d+ x \d+ m, too far .*scale"):
+        find_objects(captures, far, RoomPlanes(*(values[:1] for values in vars(ROOM).values())))
 
 
 def test_an_empty_room_has_no_objects():

@@ -20,9 +20,7 @@ def surface_with(pieces, mesh=TABLE, floor=FLOOR) -> CollisionSurface:
     rectangle = trimesh.Trimesh(FLOOR, [[0, 1, 2], [0, 2, 3]], process=False)
     whole = trimesh.util.concatenate([rectangle, mesh])
     solids = tuple((np.array(p.vertices), np.array(p.faces, np.int32)) for p in pieces)
-    return CollisionSurface(
-        np.array(whole.vertices), np.array(whole.faces, np.int32), solids, floor, 0.0, 0.02
-    )
+    return CollisionSurface(np.array(whole.vertices), np.array(whole.faces, np.int32), solids, floor, 0.02)
 
 
 @pytest.fixture

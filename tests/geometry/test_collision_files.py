@@ -30,7 +30,7 @@ def surface() -> CollisionSurface:
     floor = np.column_stack(
         [np.array([[-2, -1], [2, -1], [2, 1], [-2, 1]]) @ axes + (0.5, 0.25), np.zeros(4)]
     )
-    return CollisionSurface(*pieces[0], pieces, floor, 0.0, 0.02)
+    return CollisionSurface(*pieces[0], pieces, floor, 0.02)
 
 
 @pytest.fixture(scope="module")
