@@ -131,6 +131,9 @@ class CollisionSettings:
     )
     thickness_m: float = setting(0.05, "Depth of a piece behind its surface.", 0.005, 0.5)
     floor_tolerance_m: float = setting(0.03, "Level surfaces this near z = 0 are the floor.", 0.0, 0.2)
+    completed_floor_m: float = setting(
+        0.08, "What was only completed, not observed, is the floor up to this height.", 0.0, 0.5
+    )
     min_component_m: float = setting(0.15, "Loose pieces smaller than this are dropped.", 0.0, 2.0)
     decomposition: str = setting(
         "planes", "What cuts the surface into convex pieces: flat pieces, or CoACD.",

@@ -19,10 +19,11 @@ from ..settings import CollisionSettings
 from .coacd_regions import decompose_by_coacd
 from .convex import Limits, Soup, decompose
 from .meshes import merged
-from .proxy import GeometryProxy
+from .proxy import GeometryProxy, Provenance
 
 _FLOOR_NORMAL = 0.8  # cosine from which a face near z = 0 belongs to the floor
 _SMALLEST_FLOOR_M2 = 0.05
+_SAME_PLACE_M = 1e-4
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,8 @@ def collision_surface(
     enough. With CoACD, their number and how far they stand out are its own. Raises
     GeometryError for a proxy without faces.
     """
-    vertices, faces = _clustered(proxy.vertices, proxy.faces, settings.simplification_m)
+    vertices = _completed_on_the_floor(proxy, settings.completed_floor_m)
+    vertices, faces = _clustered(vertices, proxy.faces, settings.simplification_m)
     vertices[:, 2] = np.maximum(vertices[:, 2], 0.0)
     vertices, faces = _without_crumbs(vertices, faces, settings.min_component_m)
     if not len(faces):
@@ -88,6 +90,21 @@ def collision_surface(
             level="warning",
         )
     return CollisionSurface(vertices, faces, tuple(pieces), floor, limits.tolerance_m)
+
+
+def _completed_on_the_floor(proxy: GeometryProxy, height_m: float) -> np.ndarray:
+    """The proxy's vertices (V, 3), on the floor those below ``height_m`` with none but completed faces.
+
+    Depth that was filled in is off by centimetres: a low bump of it would only stop feet. What
+    stands on the floor stays standing on it, since its lowest vertices move too.
+    """
+    vertices = np.array(proxy.vertices, np.float64)
+    _, place = np.unique(np.rint(vertices / _SAME_PLACE_M), axis=0, return_inverse=True)
+    place = place.ravel()
+    known = np.zeros(len(vertices), bool)
+    known[place[proxy.faces[proxy.provenance != Provenance.COMPLETED]]] = True
+    vertices[(vertices[:, 2] < height_m) & ~known[place], 2] = 0.0
+    return vertices
 
 
 def _clustered(vertices: np.ndarray, faces: np.ndarray, cell_m: float) -> tuple[np.ndarray, np.ndarray]:

@@ -1,5 +1,7 @@
 """The collision surface in MuJoCo: it compiles where it is, and balls rest on it."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from r2sego_blender.errors import GeometryError
 from r2sego_blender.geometry.collision import collision_surface
 from r2sego_blender.geometry.collision_files import write_collision
 from r2sego_blender.geometry.convex import Limits, Soup, decompose
-from r2sego_blender.geometry.proxy import GeometryProxy
+from r2sego_blender.geometry.proxy import GeometryProxy, Provenance
 from r2sego_blender.settings import CollisionSettings
 
 SETTINGS = CollisionSettings()
@@ -110,6 +112,49 @@ def test_nothing_stands_out_into_the_room(room, surface):
     for vertices, _ in surface.pieces:
         planes = ConvexHull(vertices).equations
         assert not (points @ planes[:, :3].T + planes[:, 3] < 0).all(1).any()
+
+
+def _grid(x, y, height):
+    """A square mesh of 5 cm cells over the ranges ``x`` and ``y``, at ``height(x, y)``."""
+    across, along = (np.linspace(*ends, round((ends[1] - ends[0]) / 0.05) + 1) for ends in (x, y))
+    points = np.stack(np.meshgrid(across, along), -1).reshape(-1, 2)
+    corner = (np.arange(len(along) - 1)[:, None] * len(across) + np.arange(len(across) - 1)).ravel()
+    up = corner + len(across)
+    faces = np.concatenate([np.stack(t, 1) for t in ((corner, corner + 1, up), (corner + 1, up + 1, up))])
+    return trimesh.Trimesh(np.column_stack([points, height(*points.T)]), faces, process=False)
+
+
+def test_low_bumps_that_nothing_observed_are_floor_and_what_stands_on_it_stays():
+    """A floor with two bumps 6 cm high, one of them observed, and a completed wall of loose cells."""
+    floor = _grid(
+        (-1.0, 1.0), (-1.0, 1.0), lambda x, y: 0.06 * (np.maximum(np.abs(np.abs(x) - 0.5), np.abs(y)) < 0.2)
+    )
+    wall = _grid((-1.0, 1.0), (0.0, 0.5), lambda x, y: 0 * x)
+    wall.vertices = wall.vertices[:, [0, 2, 1]] + (0.0, 1.0, 0.0)
+    loose = trimesh.Trimesh(
+        wall.vertices[wall.faces].reshape(-1, 3), np.arange(3 * len(wall.faces)).reshape(-1, 3), process=False
+    )
+    both = trimesh.util.concatenate([floor, loose])
+    observed = np.abs(both.triangles_center - (0.5, 0.0, 0.0))[:, :2].max(1) < 0.25
+    provenance = np.where(observed, Provenance.OBSERVED, Provenance.COMPLETED).astype(np.uint8)
+    surface = collision_surface(replace(as_proxy(both), provenance=provenance), SETTINGS)
+
+    def highest(x):
+        over = [
+            v for v, _ in surface.pieces if (v.min(0)[:2] < (x, 0)).all() and (v.max(0)[:2] > (x, 0)).all()
+        ]
+        return max((v[:, 2].max() for v in over), default=0.0)
+
+    assert highest(-0.5) == 0.0
+    assert highest(0.5) == pytest.approx(0.06, abs=0.015)
+    at_wall = [v for v, _ in surface.pieces if v[:, 1].min() > 0.9]
+    assert np.ptp(np.concatenate(at_wall)[:, 0]) > 1.9
+    assert all(v[:, 2].min() < 0.01 for v in at_wall if v[:, 2].max() < 0.4)  # no slit at its foot
+    assert max(v[:, 2].max() for v in at_wall) > 0.48
+    as_it_is = collision_surface(
+        replace(as_proxy(both), provenance=provenance), replace(SETTINGS, completed_floor_m=0.0)
+    )
+    assert len(as_it_is.pieces) > len(surface.pieces)
 
 
 def test_the_floor_is_one_flat_box_under_the_room(surface, model):
