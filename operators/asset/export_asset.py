@@ -58,4 +58,6 @@ class R2SEGO_OT_export_asset(EngineOperator, bpy.types.Operator):
         return f"Wrote {self._file()}"
 
     def _file(self) -> Path:
-        return Path(bpy.path.abspath(self.filepath)).with_suffix(self.file_format)
+        file = Path(bpy.path.abspath(self.filepath))
+        known = file.suffix.lower() in (suffix for suffix, *_ in _FORMATS)
+        return file.with_suffix(self.file_format) if known else file.with_name(file.name + self.file_format)

@@ -3,6 +3,7 @@
 import bpy
 
 from ...r2sego_blender.bridge.cameras import has_lens, use_frame_of
+from ...r2sego_blender.bridge.preview_range import give_back
 from ...r2sego_blender.bridge.views_3d import views_3d
 from ..base import ReportingOperator
 
@@ -10,6 +11,7 @@ from ..base import ReportingOperator
 def look_through(context, camera):
     """Make ``camera`` the scene's, and have this 3D view, else the first one, look through it."""
     use_frame_of(camera, context.scene)
+    give_back(context.scene)
     here = context.area if context.area is not None and context.area.type == "VIEW_3D" else None
     area = here or next(views_3d(), None)
     if area is not None:

@@ -4,6 +4,7 @@ import bpy
 from bpy.props import IntProperty
 
 from ...r2sego_blender.bridge.cameras import use_frame_of
+from ...r2sego_blender.bridge.preview_range import give_back
 from ...r2sego_blender.bridge.show_candidates import candidate_camera
 from ...r2sego_blender.bridge.view_scores import remembered
 from ...r2sego_blender.errors import SceneError
@@ -38,6 +39,7 @@ class R2SEGO_OT_look_through_candidate(ReportingOperator, bpy.types.Operator):
             raise SceneError("no candidate is chosen", cure="Pick one in the view or in the list first.")
         camera = candidate_camera(scene, scores.bundle_path, scores.views, chosen)
         use_frame_of(camera, scene)
+        give_back(scene)
         if context.area is not None and context.area.type == "VIEW_3D":
             context.space_data.region_3d.view_perspective = "CAMERA"
         return (

@@ -33,8 +33,12 @@ def photograph_of(camera_object: bpy.types.Object | None) -> bpy.types.Image | N
     """The photograph a capture's camera looks through; None when it has none."""
     if camera_object is None or camera_object.type != "CAMERA":
         return None
-    pictures = (background.image for background in camera_object.data.background_images)
-    return next((image for image in pictures if image is not None and not image.get(_RENDERED)), None)
+    return next((background.image for background in photographs_behind(camera_object.data)), None)
+
+
+def photographs_behind(data: bpy.types.Camera) -> list[bpy.types.CameraBackgroundImage]:
+    """A camera's backgrounds that are no renderings of ``put_behind``."""
+    return [one for one in data.background_images if one.image is not None and not one.image.get(_RENDERED)]
 
 
 def put_behind(camera_object: bpy.types.Object, image: bpy.types.Image) -> None:

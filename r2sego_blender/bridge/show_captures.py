@@ -7,6 +7,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from .asset_pictures import photographs_behind
 from .bundle import Bundle
 from .cameras import create_camera, use_frame_of
 from .materials import attribute_material
@@ -69,13 +70,16 @@ def capture_camera(scene: bpy.types.Scene, bundle_path: str, name: str) -> bpy.t
 
 
 def show_photographs(scene: bpy.types.Scene, bundle_path: str, shown: bool, alpha: float) -> None:
-    """Show or hide the photographs behind all captures' cameras, and set their opacity."""
+    """Show or hide the photographs behind all captures' cameras, and set their opacity; renderings of
+    the asset stay as they are."""
     for camera in capture_cameras(scene, bundle_path):
-        if shown and not camera.data.background_images:
-            _add_photograph(camera.data, Path(camera[_IMAGE]), alpha)
-        camera.data.show_background_images = shown
-        for background in camera.data.background_images:
+        data = camera.data
+        if shown and not photographs_behind(data):
+            _add_photograph(data, Path(camera[_IMAGE]), alpha)
+        for background in photographs_behind(data):
+            background.show_background_image = shown
             background.alpha = alpha
+        data.show_background_images = any(one.show_background_image for one in data.background_images)
 
 
 def capture_cameras(scene: bpy.types.Scene, bundle_path: str) -> list[bpy.types.Object]:

@@ -10,6 +10,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..cameras import Camera
+from . import preview_range
 from .cameras import create_camera, object_pose
 from .materials import plain_material
 from .outliner import fresh_collection, link
@@ -25,7 +26,7 @@ def show_path(
     """The way as a curve and a camera at ``path[i]`` in frame ``first_frame + i``.
 
     They stand in place of those shown before; the timeline's preview range becomes the
-    clip's. Returns the curve and the camera.
+    clip's, until something else is looked at. Returns the curve and the camera.
     """
     collection = fresh_collection(scene, bundle_path, _PART)
     curve = _curve(f"{name} path", np.array([camera.centre for camera in path]))
@@ -33,8 +34,7 @@ def show_path(
     for made in (curve, camera):
         link(collection, made)
     _animate(camera, path, first_frame)
-    scene.use_preview_range = True
-    scene.frame_preview_start, scene.frame_preview_end = first_frame, first_frame + len(path) - 1
+    preview_range.lend(scene, first_frame, first_frame + len(path) - 1)
     return curve, camera
 
 

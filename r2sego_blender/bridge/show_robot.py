@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ..errors import SceneError
-from . import robot_playback
+from . import preview_range, robot_playback
 from .bundle import Bundle
 from .cameras import create_camera, use_frame_of
 from .materials import plain_material
@@ -90,6 +90,7 @@ def _mesh(name: str, vertices: np.ndarray, faces: np.ndarray, colours: np.ndarra
 
 def _use_time_of(recording: Recording, rate_hz: float, scene: bpy.types.Scene) -> None:
     """Give the timeline the rollouts' frames and rate; Blender's rate is a whole number over another."""
+    preview_range.give_back(scene)  # a clip's would cut the rollouts off
     scene.frame_start, scene.frame_end = 0, max(1, recording.last_frame)
     scene.render.fps = max(1, math.ceil(rate_hz - 1e-6))
     scene.render.fps_base = scene.render.fps / rate_hz

@@ -10,6 +10,7 @@ import bpy
 
 from r2sego_blender.bridge.asset_pictures import load_picture, photograph_of, put_behind, show_in_editor
 from r2sego_blender.bridge.cameras import create_camera
+from r2sego_blender.bridge.show_captures import show_captures, show_photographs
 from r2sego_blender.errors import SceneError
 from r2sego_blender.images import save_image
 
@@ -41,3 +42,16 @@ def test_a_camera_without_a_photograph_has_none(scene):
 def test_what_is_no_picture_is_refused_by_name(scene, tmp_path):
     with pytest.raises(SceneError, match=r"none\.png"):
         load_picture(tmp_path / "none.png", "a")
+
+
+def test_hiding_the_photographs_leaves_a_rendering_as_it_is(scene, bundle, tmp_path):
+    camera = show_captures(scene, bundle, points=False)[0]
+    put_behind(camera, picture(tmp_path / "picture.png", 0.2))
+    photograph, rendering = camera.data.background_images
+    for shown in (False, True, False):
+        show_photographs(scene, str(bundle.path), shown, 0.3)
+        assert (photograph.show_background_image, photograph.alpha) == (shown, pytest.approx(0.3))
+        assert rendering.show_background_image and rendering.alpha == 1.0
+        assert camera.data.show_background_images
+    put_behind(camera, picture(tmp_path / "picture.png", 0.8))
+    assert not photograph.show_background_image  # a new rendering does not bring it back

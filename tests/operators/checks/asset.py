@@ -404,4 +404,7 @@ def check_the_asset_is_written_by_the_engine():
         ".usdc",
         ".usda",
     ]
+    for name, written in (("room.v2", "room.v2.spz"), ("room.v2.PLY", "room.v2.spz"), ("room", "room.spz")):
+        bpy.ops.r2sego.export_asset(filepath=f"/out/{name}", file_format=".spz")
+        assert calls()[-1][2] == f"/out/{written}", calls()[-1]
     assert "No file is chosen" in refused(bpy.ops.r2sego.export_asset)

@@ -159,6 +159,35 @@ def check_the_camera_goes_along_the_clips_path():
     assert "no clip" in refused(bpy.ops.r2sego.play_clip, view=1)
 
 
+def check_a_clips_preview_range_goes_with_it():
+    open_bundle()
+    scene = bpy.context.scene
+
+    def preview():
+        return scene.use_preview_range, scene.frame_preview_start, scene.frame_preview_end
+
+    def look_at_a_capture():
+        bpy.ops.r2sego.look_through_next()
+
+    bpy.ops.r2sego.import_captures()
+    own = (True, 30, 90)
+    scene.use_preview_range, scene.frame_preview_start, scene.frame_preview_end = own
+    for leave in (
+        look_at_a_capture,
+        lambda: bpy.ops.r2sego.look_through_candidate(candidate=17),
+        lambda: bpy.ops.r2sego.show_rollout(round_index=0, attempt=0),
+    ):
+        for _ in range(2):
+            bpy.ops.r2sego.show_camera_path(view=0)
+            assert preview() == (True, 1, 4)
+        leave()
+        assert preview() == own
+    bpy.ops.r2sego.play_clip(view=0)
+    scene.frame_preview_end = 3
+    look_at_a_capture()
+    assert preview() == (True, 1, 3)  # set by hand: it stays
+
+
 def check_without_views_the_buttons_say_why():
     copy = copied_bundle()
     (copy / "rounds" / "1" / "views").rename(copy / "rounds" / "1" / "gone")
