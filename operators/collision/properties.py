@@ -1,5 +1,7 @@
 """What Blender remembers of the collision room: how the last check and the last texture came out."""
 
+from pathlib import Path
+
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, StringProperty
 
@@ -18,21 +20,32 @@ class R2SEGO_PG_collision(bpy.types.PropertyGroup):
     checked: StringProperty()
     passed: BoolProperty()
     check: CollectionProperty(type=R2SEGO_PG_collision_fact)
+    textured: StringProperty()
     texture: CollectionProperty(type=R2SEGO_PG_collision_fact)
 
 
 def stamp(bundle: Bundle) -> str:
     """Another text for another collision surface."""
-    file = bundle.collision_mesh
+    return _stamp(bundle.collision_mesh)
+
+
+def proxy_stamp(bundle: Bundle) -> str:
+    """Another text for another proxy of the last round, which is the one that is textured."""
+    return _stamp(bundle.proxy_file(max(0, bundle.rounds() - 1)))
+
+
+def _stamp(file: Path) -> str:
     return f"{file} {file.stat().st_mtime_ns}" if file.is_file() else ""
 
 
 def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
-    """The listener: forget a check of another surface."""
+    """The listener: forget a check of another surface, and a texture of another proxy."""
     group = scene.r2sego_collision
     if group.checked != stamp(bundle):
         group.checked = ""
         group.check.clear()
+    if group.textured != proxy_stamp(bundle):
+        group.textured = ""
         group.texture.clear()
 
 

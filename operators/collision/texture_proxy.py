@@ -10,7 +10,7 @@ from ...r2sego_blender.errors import SceneError
 from ...r2sego_blender.settings import TextureSettings
 from .. import state
 from ..base import EngineOperator, needs_idle_engine, needs_round
-from .properties import tell
+from .properties import proxy_stamp, tell
 
 _DEFAULTS = TextureSettings()
 
@@ -52,7 +52,9 @@ class R2SEGO_OT_texture_proxy(EngineOperator, bpy.types.Operator):
         state.refresh(context.scene)
         if not result.get("file"):
             return "Textured"
-        tell(context.scene.r2sego_collision.texture, _facts(result))
+        group = context.scene.r2sego_collision
+        group.textured = proxy_stamp(state.opened_bundle(context))
+        tell(group.texture, _facts(result))
         if self.show:
             file = Path(result["file"])
             if not file.is_file():

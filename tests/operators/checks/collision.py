@@ -2,6 +2,7 @@
 
 import os
 import sys
+from types import SimpleNamespace
 
 import bpy
 from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle
@@ -50,6 +51,21 @@ def check_another_surface_forgets_the_check():
     os.utime(copy / "collision" / "mesh.obj", (1, 1))
     bpy.ops.r2sego.refresh_scene()
     assert not group.checked
+
+
+def check_the_lines_of_a_texture_stay_while_the_proxy_is_the_same():
+    copy = copied_bundle()
+    texture_proxy = sys.modules[f"{MODULE}.operators.collision.texture_proxy"]
+    told = {"file": "/out/a.glb", "megabytes": 1.0, "faces": 13, "size_px": 64, "seen": 0.5, "psnr_db": 20.0,
+            "covered": 0.5}  # fmt: skip
+    operator = SimpleNamespace(show=False)
+    texture_proxy.R2SEGO_OT_texture_proxy.finish(operator, bpy.context, told)
+    group = bpy.context.scene.r2sego_collision
+    bpy.ops.r2sego.refresh_scene()
+    assert [line.name for line in group.texture] == ["Textured", "Seen", "Captures"]
+    os.utime(copy / "rounds" / "1" / "proxy" / "proxy.npz", (1, 1))
+    bpy.ops.r2sego.refresh_scene()
+    assert not group.texture
 
 
 def check_texturing_and_formats_are_asked_of_the_engine():
