@@ -4,27 +4,13 @@ import bpy
 import numpy as np
 from bpy.props import FloatVectorProperty
 
+from ...r2sego_blender.bridge.placed_box import placed_box
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import AssetError
 from ...r2sego_blender.splats.regions import Box
 from ..base import ReportingOperator, select_only
 from .marks import add_mark
 from .show_asset import needs_splats_at_rest
-
-
-def box_of(placed: bpy.types.Object) -> Box:
-    """The box of an empty, as its cube is drawn, or of an object's bounds."""
-    local, pose = np.array(placed.bound_box), np.array(placed.matrix_world, np.float64)
-    if placed.type == "EMPTY":
-        return Box(pose, np.full(3, float(placed.empty_display_size)))
-    low, high = local.min(axis=0), local.max(axis=0)
-    middle = np.eye(4)
-    middle[:3, 3] = (low + high) / 2.0
-    if not (high > low).all():
-        raise AssetError(
-            "the object has no volume", where=placed.name, cure="Choose an empty or a solid object."
-        )
-    return Box(pose @ middle, (high - low) / 2.0)
 
 
 class R2SEGO_OT_mark_splats_box(ReportingOperator, bpy.types.Operator):
@@ -57,7 +43,7 @@ class R2SEGO_OT_mark_splats_box(ReportingOperator, bpy.types.Operator):
         if active is None or active == context.scene.r2sego_asset.shown:
             raise AssetError("no box is chosen", cure="Select a box or an empty, or give two corners.")
         context.view_layer.update()
-        return add_mark(context.scene, box_of(active))
+        return add_mark(context.scene, placed_box(active))
 
 
 class R2SEGO_OT_add_splat_box(ReportingOperator, bpy.types.Operator):

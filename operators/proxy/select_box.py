@@ -1,10 +1,10 @@
 """Select the proxy's faces inside a box."""
 
 import bpy
-import numpy as np
 from bpy.props import BoolProperty, StringProperty
 
-from ...r2sego_blender.bridge.proxy_edits import face_corners, faces_in_box, select_faces
+from ...r2sego_blender.bridge.placed_box import placed_box
+from ...r2sego_blender.bridge.proxy_edits import select_faces, world_corners
 from ...r2sego_blender.errors import GeometryError
 from ..base import ReportingOperator, needs_round
 from .polls import in_object_mode, proxy_shown, show_selection
@@ -33,19 +33,7 @@ class R2SEGO_OT_select_proxy_box(ReportingOperator, bpy.types.Operator):
             raise GeometryError("no box is chosen", cure="Select a mesh or a cube empty around the faces.")
         in_object_mode(context, shown)
         context.view_layer.update()
-        faces = faces_in_box(face_corners(shown.data), np.linalg.inv(_world_from_box(box)))
+        faces = placed_box(box).holds(world_corners(shown).mean(axis=1))
         count = select_faces(shown, faces, extend=self.extend)
         show_selection(context, shown)
         return f"{count} faces selected"
-
-
-def _world_from_box(box) -> np.ndarray:
-    """(4, 4): [-1, 1]^3 onto the object's bounding box."""
-    corners = np.array(box.bound_box, np.float64)
-    low, high = corners.min(0), corners.max(0)
-    if box.type == "EMPTY":
-        low, high = np.full(3, -box.empty_display_size), np.full(3, box.empty_display_size)
-    own = np.eye(4)
-    own[:3, :3] = np.diag(np.maximum((high - low) / 2, 1e-6))
-    own[:3, 3] = (low + high) / 2
-    return np.array(box.matrix_world, np.float64) @ own

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, FloatProperty
 
-from ...r2sego_blender.bridge.proxy_edits import face_corners, faces_in_lasso, select_faces
+from ...r2sego_blender.bridge.proxy_edits import faces_in_lasso, select_faces, world_corners
 from ..base import ReportingOperator, needs_round
 from ..lasso import Lasso
 from .polls import in_object_mode, proxy_shown, show_selection
@@ -33,8 +33,9 @@ class R2SEGO_OT_select_proxy_lasso(Lasso, ReportingOperator, bpy.types.Operator)
         shown = proxy_shown(context)
         camera, polygon, parallel = self.drawn()
         in_object_mode(context, shown)
+        context.view_layer.update()
         faces = faces_in_lasso(
-            face_corners(shown.data), camera, polygon, parallel=parallel, farthest_m=self.farthest,
+            world_corners(shown), camera, polygon, parallel=parallel, farthest_m=self.farthest,
             facing=self.facing,
         )  # fmt: skip
         count = select_faces(shown, faces, extend=self.extend)

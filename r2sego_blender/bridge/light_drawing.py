@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import bpy
 
 from .engine_python import addon_preferences
@@ -33,7 +36,7 @@ def drawn_faces() -> int:
 def draw_fewer_faces(shown: bpy.types.Object, most: int) -> None:
     """Have the views draw about ``most`` faces of a mesh at most, with 0 all of them.
 
-    Edit Mode, renders and whatever reads the object's mesh have every face.
+    Edit Mode and renders have every face; who reads the evaluated mesh does so in ``every_face``.
     """
     modifier = shown.modifiers.get(_MODIFIER)
     if modifier is not None:
@@ -43,3 +46,18 @@ def draw_fewer_faces(shown: bpy.types.Object, most: int) -> None:
         modifier = shown.modifiers.new(_MODIFIER, "DECIMATE")
         modifier.ratio = most / count
         modifier.show_render = modifier.show_in_editmode = False
+
+
+@contextmanager
+def every_face(shown: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Iterator[None]:
+    """Within it the object is evaluated with all faces."""
+    modifier = shown.modifiers.get(_MODIFIER)
+    if modifier is None:
+        yield
+        return
+    modifier.show_viewport = False
+    try:
+        depsgraph.update()
+        yield
+    finally:
+        modifier.show_viewport = True

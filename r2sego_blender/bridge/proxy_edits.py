@@ -10,12 +10,13 @@ import numpy as np
 from ..arrays import save_arrays
 from ..cameras import Camera
 from ..errors import GeometryError
+from .light_drawing import every_face
 from .meshes import arrays_from_mesh
 from .show_proxy import shown_round
 
 
 def face_corners(mesh: bpy.types.Mesh) -> np.ndarray:
-    """(F, 3, 3) float32 corners of the faces of a mesh of triangles, in its order."""
+    """(F, 3, 3) float32 corners of the faces of a mesh of triangles, in its order and frame."""
     vertices = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.vertices.foreach_get("co", vertices)
     corners = np.empty(len(mesh.loops), np.int32)
@@ -25,6 +26,13 @@ def face_corners(mesh: bpy.types.Mesh) -> np.ndarray:
             "the proxy's faces are no triangles any more", where=mesh.name, cure="Show the proxy again."
         )
     return vertices.reshape(-1, 3)[corners.reshape(-1, 3)]
+
+
+def world_corners(shown: bpy.types.Object) -> np.ndarray:
+    """(F, 3, 3) float64 corners of the faces of a shown proxy where it stands, in the world."""
+    world = np.array(shown.matrix_world, np.float64)
+    corners = face_corners(shown.data) @ world[:3, :3].T + world[:3, 3]
+    return corners if np.linalg.det(world[:3, :3]) > 0.0 else corners[:, ::-1]  # mirrored: as it is drawn
 
 
 def selected_faces(shown: bpy.types.Object) -> np.ndarray:
@@ -53,12 +61,6 @@ def select_faces(shown: bpy.types.Object, chosen: np.ndarray, *, extend: bool = 
     mesh.polygons.foreach_set("select", chosen)
     mesh.update()
     return int(chosen.sum())
-
-
-def faces_in_box(corners: np.ndarray, box_from_world: np.ndarray) -> np.ndarray:
-    """(F,) bool: the faces (F, 3, 3), metres, whose middle lies in the box [-1, 1]^3 of a frame (4, 4)."""
-    local = corners.mean(1, dtype=np.float64) @ box_from_world[:3, :3].T + box_from_world[:3, 3]
-    return (np.abs(local) <= 1.0).all(1)
 
 
 def faces_in_lasso(
@@ -134,13 +136,14 @@ def world_triangles(one: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tu
     """Vertices (V, 3) float64 in the world and triangles (F, 3) int32 of an object, modifiers applied."""
     if one.mode == "EDIT":
         one.update_from_editmode()
-    evaluated = one.evaluated_get(depsgraph)
-    mesh = evaluated.to_mesh()
-    try:
-        vertices, triangles = arrays_from_mesh(mesh)
-    finally:
-        evaluated.to_mesh_clear()
-    world = np.array(evaluated.matrix_world, np.float64)
+    with every_face(one, depsgraph):
+        evaluated = one.evaluated_get(depsgraph)
+        mesh = evaluated.to_mesh()
+        try:
+            vertices, triangles = arrays_from_mesh(mesh)
+        finally:
+            evaluated.to_mesh_clear()
+        world = np.array(evaluated.matrix_world, np.float64)
     if np.linalg.det(world[:3, :3]) < 0.0:
         triangles = triangles[:, ::-1]  # mirrored: the free side stays outside
     return vertices.astype(np.float64) @ world[:3, :3].T + world[:3, 3], np.ascontiguousarray(triangles)

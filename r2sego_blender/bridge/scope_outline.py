@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import SceneError
 from ..robot.region import Polygon, area_m2, problem_of
+from .light_drawing import every_face
 
 _MOST_CORNERS = 500
 
@@ -24,12 +25,13 @@ def outline_of(shown: bpy.types.Object | None, depsgraph: bpy.types.Depsgraph) -
             "the active object is no mesh and no curve", where=getattr(shown, "name", "no object"),
             cure="Select one that lies on the floor.",
         )  # fmt: skip
-    evaluated = shown.evaluated_get(depsgraph)
-    mesh = evaluated.to_mesh()
-    try:
-        points, edges, uses = _arrays(mesh, np.array(shown.matrix_world, np.float64))
-    finally:
-        evaluated.to_mesh_clear()
+    with every_face(shown, depsgraph):
+        evaluated = shown.evaluated_get(depsgraph)
+        mesh = evaluated.to_mesh()
+        try:
+            points, edges, uses = _arrays(mesh, np.array(shown.matrix_world, np.float64))
+        finally:
+            evaluated.to_mesh_clear()
     loops = [points[loop] for loop in closed_loops(edges[uses < 2])]
     corners = max(loops, key=lambda loop: abs(area_m2(loop.tolist())), default=None)
     if corners is None or problem_of(corners.tolist()):

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("bpy", reason="pip bpy is not installed")
+bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
 
+from r2sego_blender.bridge.light_drawing import draw_fewer_faces
 from r2sego_blender.bridge.object_masks import drawn_region
-from r2sego_blender.bridge.proxy_edits import faces_in_box, faces_in_lasso, in_polygon
+from r2sego_blender.bridge.proxy_edits import faces_in_lasso, in_polygon, world_triangles
+from r2sego_blender.bridge.show_proxy import show_proxy
 from r2sego_blender.cameras import Camera, look_at
 
 
@@ -36,14 +38,15 @@ def corners():
     return (rng.uniform(-2, 2, (400, 1, 3)) + rng.normal(0, 0.02, (400, 3, 3))).astype(np.float32)
 
 
-def test_a_box_of_any_pose_holds_its_faces(corners):
-    world_from_box = np.eye(4)
-    world_from_box[:3, :3] = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]) * (0.5, 1.0, 2.0)
-    world_from_box[:3, 3] = 0.3, 0.2, 0.1
-    inside = faces_in_box(corners, np.linalg.inv(world_from_box))
-    middles = corners.mean(1) - (0.3, 0.2, 0.1)
-    np.testing.assert_array_equal(inside, (np.abs(middles) <= (1.0, 0.5, 2.0)).all(1))
-    assert 0 < inside.sum() < 400
+def test_a_proxy_of_which_fewer_faces_are_drawn_is_read_whole(scene, bundle):
+    proxy = show_proxy(scene, bundle, 0)
+    faces = len(proxy.data.polygons)
+    draw_fewer_faces(proxy, faces - 4)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    for _ in range(2):
+        assert len(world_triangles(proxy, depsgraph)[1]) == faces
+        depsgraph.update()
+        assert len(proxy.evaluated_get(depsgraph).data.polygons) < faces
 
 
 @pytest.mark.parametrize("parallel", [False, True])

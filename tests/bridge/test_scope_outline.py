@@ -139,6 +139,17 @@ def test_a_target_is_the_same_where_fewer_faces_are_drawn(scene, bundle):
         assert (found == names[instance - 1]) if instance else ("," in found)
 
 
+def test_the_outline_is_the_same_where_fewer_faces_are_drawn(scene):
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=6, y_subdivisions=6, size=3.0)
+    floor = bpy.context.object
+    floor.data.vertices[0].co.x -= 0.2
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    whole = outline_of(floor, depsgraph)
+    draw_fewer_faces(floor, 4)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    assert outline_of(floor, depsgraph) == whole
+
+
 def test_a_shown_prior_is_a_target_by_its_name(scene, bundle):
     bpy.ops.mesh.primitive_cube_add(size=0.5, location=(4.0, 0.0, 0.25))
     bpy.context.object["r2sego_prior"] = "armchair"

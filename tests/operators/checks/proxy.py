@@ -141,6 +141,37 @@ def check_faces_are_selected_in_a_box_and_a_lasso_and_cut():
     assert "no face of the proxy is selected" in refused(bpy.ops.r2sego.cut_proxy)
 
 
+def check_faces_of_a_moved_proxy_are_selected_where_they_stand():
+    proxy = shown()
+    empty = bpy.data.objects.new("box", None)
+    empty.empty_display_size = 0.5
+    empty.matrix_world = Matrix.Translation((0.0, 0.6, 0.6))
+    bpy.context.scene.collection.objects.link(empty)
+    proxy.location.x = 5.0
+    bpy.ops.r2sego.select_proxy_box(box="box")
+    assert selected(proxy.data) == []
+    empty.location.x = 5.0
+    bpy.ops.r2sego.select_proxy_box(box="box")
+    assert selected(proxy.data) == [12]
+    conduct("succeed")
+    bpy.ops.r2sego.cut_proxy(name="window")
+    with np.load(calls()[0][3]) as cut, np.load(BUNDLE / "rounds/0/proxy/proxy.npz") as own:
+        np.testing.assert_array_equal(
+            cut["corners"], own["vertices"][own["faces"][[12]]]
+        )  # as the file has it
+    view, window = Matrix.Translation((-5.0, 0.0, -2.0)), Matrix(
+        ((1.0, 0, 0, 0), (0, 1.0, 0, 0), (0, 0, -1.0, -0.2), (0, 0, -1.0, 0))
+    )  # fmt: skip
+    path = [{"name": "", "loc": loc, "time": 0.0} for loc in ((0, 0), (200, 0), (200, 200), (0, 200))]
+    for mirror in (1.0, -1.0):
+        proxy.scale.x = mirror
+        bpy.ops.r2sego.select_proxy_lasso(
+            path=path, region_size=(200, 200), farthest=1.7,
+            view_matrix=[v for row in view for v in row], window_matrix=[v for row in window for v in row],
+        )  # fmt: skip
+        assert selected(proxy.data) == [12], mirror
+
+
 def check_a_drawn_surface_goes_to_the_engine_as_it_lies_in_the_world():
     shown()
     mesh = bpy.data.meshes.new("shelf")
