@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .asset_edits import move_edits
+from .asset_edits import EDITS, load_edits, move_edits
 from .captures.capture import Capture
 from .captures.correction_history import CORRECTIONS, corrections_of
 from .captures.floor_points import FloorPoint, ground_of, ground_through
@@ -22,7 +22,9 @@ from .captures.scale import Scale
 from .captures.sparse import SparsePoints
 from .captures.store import load_captures, save_captures
 from .errors import CaptureError
-from .layout import SCOPE_FILE
+from .geometry.edits import PROXY_EDITS, load_proxy_edits
+from .geometry.objects import load_objects
+from .layout import CAPTURES, OBJECTS, SCOPE_FILE
 from .object_priors import move_objects
 from .progress import SILENT, Progress
 from .proxy_edits import move_proxy_edits
@@ -30,6 +32,9 @@ from .robot.moved_scope import moved_scope
 from .robot.scope import BehaviourScope
 from .robot.scope_file import save_scope
 from .scene import Scene
+
+_MOVED = (CAPTURES, OBJECTS, PROXY_EDITS, EDITS, CORRECTIONS, GROUND_PICTURES, SCOPE_FILE)
+"""What of a bundle stands in its world frame and is no result of a step."""
 
 
 def correct_registration(
@@ -147,33 +152,39 @@ def _moved(
             "ground": before.ground, "scale_source": before.scale_source,
         }  # fmt: skip
         history = [*corrections_of(scene.path), taken]
-    # Read before anything is written: a scope that cannot be read stops here.
+    # Read before anything is written: what is damaged is named by its place in the scene.
+    load_objects(scene.path / OBJECTS, captures)
+    load_proxy_edits(scene.path / PROXY_EDITS)
+    load_edits(scene.path)
     given = BehaviourScope.load(scene.declaration.scope)
     own_scope = (scene.path / SCOPE_FILE).absolute()
     scope = moved_scope(given, similarity, own_scope)
-    # A picture of the old floor must not be taken for the new one's.
-    shutil.rmtree(scene.path / GROUND_PICTURES, ignore_errors=True)
-    with scene.publishing("captures") as folder:
-        # What others keep there, such as masks, does not depend on the frame.
-        shutil.copytree(scene.captures_folder, folder, dirs_exist_ok=True)
-        moved = [capture.transformed(similarity) for capture in captures]
-        save_captures(folder, moved, sparse.transformed(similarity))
-    move_objects(scene, similarity)
-    move_proxy_edits(scene, similarity)
-    move_edits(scene, similarity)
-    with scene.publishing(CORRECTIONS) as file:
-        file.write_text(json.dumps(history, indent=1) + "\n", encoding="utf-8")
-    with scene.publishing(GROUND_PICTURES) as folder:
-        save_ground_pictures(folder, load_captures(scene.captures_folder))
-    source = scene.declaration.scope
-    if scope != given:
-        source = str(own_scope)
-        with scene.publishing(SCOPE_FILE) as file:
-            save_scope(scope, file)
-    return scene.declare(
-        scope=source, world_from_capture=tuple(map(tuple, after.world_from_capture.tolist())),
-        ground=after.ground, scale_source=after.scale_source,
-    )  # fmt: skip
+    with scene.changing_together(_MOVED) as new:
+        with new.publishing(CAPTURES) as folder:
+            # What others keep there, such as masks, does not depend on the frame.
+            shutil.copytree(scene.captures_folder, folder, dirs_exist_ok=True)
+            moved = [capture.transformed(similarity) for capture in captures]
+            save_captures(folder, moved, sparse.transformed(similarity))
+        for edited in (OBJECTS, PROXY_EDITS, EDITS):
+            if (scene.path / edited).is_dir():
+                shutil.copytree(scene.path / edited, new.path / edited)
+        move_objects(new, similarity)
+        move_proxy_edits(new, similarity)
+        move_edits(new, similarity)
+        with new.publishing(CORRECTIONS) as file:
+            file.write_text(json.dumps(history, indent=1) + "\n", encoding="utf-8")
+        with new.publishing(GROUND_PICTURES) as folder:
+            save_ground_pictures(folder, load_captures(new.captures_folder))
+        source = scene.name_of(scene.declaration.scope)
+        if scope != given:
+            source = SCOPE_FILE
+            with new.publishing(SCOPE_FILE) as file:
+                save_scope(scope, file)
+        new.declare(
+            scope=source, world_from_capture=tuple(map(tuple, after.world_from_capture.tolist())),
+            ground=after.ground, scale_source=after.scale_source,
+        )  # fmt: skip
+    return Scene.open(scene.path)
 
 
 def _load(scene: Scene) -> tuple[tuple[Capture, ...], SparsePoints]:

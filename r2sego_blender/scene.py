@@ -30,13 +30,20 @@ from .backends import BACKENDS, chosen_backends, controller_backend
 from .errors import SceneError, SettingsError
 from .layout import COLLISION, REFINED_ASSET, SCOPE_FILE
 from .settings import Settings, preset, with_overrides
-from .whole_files import write_whole
+from .whole_files import (
+    UNFINISHED,
+    finish_replacing,
+    flush,
+    remove,
+    replacing_together,
+    swap_in,
+    write_whole,
+)
 from .world_frame import frame_of_output
 
 FORMAT = 1
 _DECLARATION = "scene.toml"
 _JOURNAL = "journal.jsonl"
-_UNFINISHED = ".unfinished-"
 
 
 @dataclass(frozen=True)
@@ -86,14 +93,14 @@ class Scene:
         """
         path = Path(path)
         require_place(path)
-        staging = path.with_name(f"{_UNFINISHED}{path.name}-{os.getpid()}")
+        staging = path.with_name(f"{UNFINISHED}{path.name}-{os.getpid()}")
         with _disk_errors(path):
             shutil.rmtree(staging, ignore_errors=True)
             staging.mkdir(parents=True)
             try:
                 fill(staging)
                 _write_declaration(staging / _DECLARATION, declaration)
-                _flush(staging)
+                flush(staging)
                 staging.rename(path)
             finally:
                 shutil.rmtree(staging, ignore_errors=True)
@@ -245,16 +252,26 @@ class Scene:
         """A path to write at; on leaving without an error it takes ``target``'s place."""
         place = self.path / target
         place.parent.mkdir(parents=True, exist_ok=True)
-        staging = place.with_name(_UNFINISHED + place.name)
-        _remove(staging)
+        staging = place.with_name(UNFINISHED + place.name)
+        remove(staging)
         if not place.suffix:
             staging.mkdir()
         try:
             yield staging
-            _flush(staging)
-            _swap_in(staging, place)
+            flush(staging)
+            swap_in(staging, place)
         finally:
-            _remove(staging)
+            remove(staging)
+
+    @contextlib.contextmanager
+    def changing_together(self, parts: Sequence[str]) -> Iterator[Scene]:
+        """A scene without content to publish ``parts`` in, and to declare.
+
+        On leaving without an error they all replace this one's. Killed on the way, none has, or
+        the next who holds the lock puts the rest there.
+        """
+        with _disk_errors(self.path), replacing_together(self.path, (*parts, _DECLARATION)) as folder:
+            yield Scene(folder, self.declaration)
 
     @property
     def backends(self) -> dict[str, str]:
@@ -288,13 +305,20 @@ class Scene:
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Hold the bundle for writing. Raises SceneError when another process holds it."""
+        """Hold the bundle for writing.
+
+        Raises SceneError when another process holds it, and after finishing what was cut off.
+        """
         with (self.path / ".lock").open("a+") as file:
             if not _try_lock(file):
                 raise SceneError(
                     "another process is working on this scene", where=self.path,
                     cure="Wait until it has ended, or cancel it.",
                 )  # fmt: skip
+            if finish_replacing(self.path):  # whoever holds the lock has read what was there before
+                raise SceneError(
+                    "a correction had been cut off, and is finished now", where=self.path, cure="Start again."
+                )
             yield
 
     def _digest_of_inputs(self, inputs: Sequence[str | Path], parameters: Any) -> str:
@@ -325,7 +349,7 @@ def require_place(path: Path) -> None:
         raise SceneError("it exists already", where=path, cure="Choose another name, or remove it.")
     try:
         folder = next(place for place in path.absolute().parents if place.exists())
-        with tempfile.TemporaryDirectory(prefix=_UNFINISHED, dir=folder):
+        with tempfile.TemporaryDirectory(prefix=UNFINISHED, dir=folder):
             pass
     except OSError as error:
         raise SceneError(
@@ -454,43 +478,6 @@ def _disk_errors(place: Path) -> Iterator[None]:
         raise SceneError(
             reason, where=place, cure="Make room or allow writing, then start again: finished steps are kept."
         ) from error
-
-
-_FEW_FILES = 64
-"""Up to this many files are flushed one by one; beyond, the whole system once is quicker."""
-
-
-def _flush(path: Path) -> None:
-    files = [path, *path.rglob("*")] if path.is_dir() else [path]
-    if len(files) > _FEW_FILES and hasattr(os, "sync"):
-        os.sync()
-        return
-    for file in files:
-        if file.is_dir() and os.name == "nt":  # Windows cannot flush folders
-            continue
-        descriptor = os.open(file, os.O_RDONLY if os.name != "nt" else os.O_RDWR)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
-
-
-def _swap_in(staging: Path, place: Path) -> None:
-    if staging.is_dir() and place.exists():
-        old = place.with_name(f"{_UNFINISHED}old-{place.name}")
-        _remove(old)
-        place.rename(old)
-        staging.rename(place)
-        _remove(old)
-    else:
-        staging.replace(place)
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
 
 
 def _try_lock(file: Any) -> bool:

@@ -1,9 +1,20 @@
-"""Small files that a reader sees whole or not at all. Needs the standard library alone."""
+"""Files and folders that a reader sees whole or not at all. Needs the standard library alone."""
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
+import shutil
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+
+UNFINISHED = ".unfinished-"
+"""How the names begin of what is not in its place yet."""
+
+_CHANGES, _PARTS = ".changes", "parts.json"
+_FEW_FILES = 64
+"""Up to this many files are flushed one by one; beyond, the whole system once is quicker."""
 
 
 def write_whole(file: Path, text: str) -> None:
@@ -14,3 +25,74 @@ def write_whole(file: Path, text: str) -> None:
         stream.flush()
         os.fsync(stream.fileno())
     unfinished.replace(file)
+
+
+@contextlib.contextmanager
+def replacing_together(folder: Path, parts: Sequence[str]) -> Iterator[Path]:
+    """A new folder to write ``parts`` in, files and folders of ``folder`` by their names there.
+
+    On leaving without an error those that were written take their places. Killed before
+    that, nothing has changed; killed within, ``finish_replacing`` does the rest.
+    """
+    staging = folder / f"{UNFINISHED}changes"
+    remove(staging)
+    staging.mkdir()
+    try:
+        yield staging
+        (staging / _PARTS).write_text(json.dumps(list(parts)), encoding="utf-8")
+        flush(staging)
+        staging.rename(folder / _CHANGES)  # from here on they count
+        finish_replacing(folder)
+    finally:
+        remove(staging)
+
+
+def finish_replacing(folder: Path) -> bool:
+    """Put in place what ``replacing_together`` had written when it was killed; whether there was any."""
+    changes = folder / _CHANGES
+    if not (changes / _PARTS).is_file():
+        remove(changes)
+        return False
+    for part in json.loads((changes / _PARTS).read_text(encoding="utf-8")):
+        if (changes / part).exists():
+            (folder / part).parent.mkdir(parents=True, exist_ok=True)
+            swap_in(changes / part, folder / part)
+    (changes / _PARTS).unlink()
+    remove(changes)
+    return True
+
+
+def flush(path: Path) -> None:
+    """Have the disk take a file, or a folder with all in it."""
+    files = [path, *path.rglob("*")] if path.is_dir() else [path]
+    if len(files) > _FEW_FILES and hasattr(os, "sync"):
+        os.sync()
+        return
+    for file in files:
+        if file.is_dir() and os.name == "nt":  # Windows cannot flush folders
+            continue
+        descriptor = os.open(file, os.O_RDONLY if os.name != "nt" else os.O_RDWR)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def swap_in(made: Path, place: Path) -> None:
+    """Rename ``made`` to ``place``, which may be there."""
+    if made.is_dir() and place.exists():
+        old = place.with_name(f"{UNFINISHED}old-{place.name}")
+        remove(old)
+        place.rename(old)
+        made.rename(place)
+        remove(old)
+    else:
+        made.replace(place)
+
+
+def remove(path: Path) -> None:
+    """Remove a file, a link or a folder with all in it, if it is there."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)

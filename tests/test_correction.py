@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -17,6 +19,8 @@ from hypothesis import strategies as st
 from progress_recorder import ProgressRecorder
 from scipy.spatial.transform import Rotation
 
+from r2sego_blender import whole_files
+from r2sego_blender.asset_edits import AssetEdit, save_edit
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.correction_history import CORRECTIONS
@@ -32,13 +36,14 @@ from r2sego_blender.correction import (
     correct_to_frame,
     undo_correction,
 )
-from r2sego_blender.errors import CaptureError, SceneError
+from r2sego_blender.errors import CaptureError, GeometryError, SceneError
 from r2sego_blender.images import save_image
 from r2sego_blender.plan import plan_refinement
 from r2sego_blender.robot.model import EMBEDDED_HUMANOID, RobotModel
 from r2sego_blender.robot.scope import BehaviourScope
 from r2sego_blender.robot_declaration import declare_robot
 from r2sego_blender.scene import Declaration, Scene, content_digest
+from r2sego_blender.splats.regions import Box
 from r2sego_blender.status import describe
 from r2sego_blender.status import lines as status_lines
 from r2sego_blender.world_frame import of_old_frame, require_present_frame
@@ -141,6 +146,63 @@ def test_images_and_masks_stay_as_they_are(tmp_path):
     assert content_digest(made.captures_folder / "images") == images
     assert (made.captures_folder / "masks" / "chair.png").read_bytes() == b"drawn by hand"
     assert [p.name for p in scene.path.iterdir() if p.name.startswith(".unfinished")] == []
+
+
+def _with_all_that_moves(folder):
+    scene, turn, cameras = _scene(folder, _wrong())
+    save_edit(scene, AssetEdit("edit_001", (Box(np.eye(4), np.ones(3)),)))
+    (scene.path / "objects" / "chair").mkdir(parents=True)
+    place = {"world_from_own": np.eye(4).tolist(), "locked": True}
+    (scene.path / "objects" / "chair" / "placement.json").write_text(json.dumps(place))
+    square = [[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]
+    return declare_robot(scene, changes={"region.within": square}), _shown(turn, cameras)
+
+
+@pytest.mark.parametrize("swaps", range(7))
+def test_a_correction_that_is_killed_is_finished_by_the_next_command(tmp_path, monkeypatch, swaps):
+    scene, shown = _with_all_that_moves(tmp_path)
+    other = Scene.open(shutil.copytree(scene.path, tmp_path / "other.r2s"))
+    correct_registration(other, floor=shown)
+    left, swap_in = [None] * swaps, whole_files.swap_in
+
+    def killed(made, place):
+        if not left:
+            raise KeyboardInterrupt
+        left.pop()
+        swap_in(made, place)
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(whole_files, "swap_in", killed)
+        correct_registration(scene, floor=shown)
+    assert content_digest(scene.path) != content_digest(other.path)
+    with (
+        pytest.raises(SceneError, match="had been cut off, and is finished now. Start again"),
+        scene.locked(),
+    ):
+        pass
+    assert content_digest(scene.path) == content_digest(other.path)
+    with Scene.open(scene.path).locked():
+        assert not [p.name for p in scene.path.iterdir() if p.name.startswith((".unfinished", ".changes"))]
+
+
+def test_a_correction_that_fails_on_the_way_changes_nothing(tmp_path, monkeypatch):
+    scene, shown = _with_all_that_moves(tmp_path)
+    before = content_digest(scene.path)
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patched, pytest.raises(SceneError, match="disk is full"):
+        patched.setattr("r2sego_blender.correction.save_ground_pictures", full)
+        correct_registration(scene, floor=shown)
+    (scene.path / "objects" / "chair" / "placement.json").write_text("{")
+    with pytest.raises(GeometryError, match=r"room\.r2s/objects/chair/placement\.json"):
+        correct_registration(scene, floor=shown)
+    (scene.path / "objects" / "chair" / "placement.json").write_text(
+        json.dumps({"world_from_own": np.eye(4).tolist(), "locked": True})
+    )
+    assert content_digest(scene.path) == before
+    assert Scene.open(scene.path).declaration == scene.declaration
 
 
 def test_what_depends_on_the_captures_is_redone(tmp_path):

@@ -50,7 +50,7 @@ MAY_IMPORT = {
     "creation": ABOVE_CAPTURES | {"robot"},
     "object_backends": ABOVE_CAPTURES | {"geometry"},
     "object_priors": ABOVE_CAPTURES | {"geometry", "object_backends"},
-    "correction": ABOVE_CAPTURES | {"object_priors", "asset_edits", "proxy_edits", "robot"},
+    "correction": ABOVE_CAPTURES | {"geometry", "object_priors", "asset_edits", "proxy_edits", "robot"},
     "proxy_edits": FOUNDATION | {"geometry"},
     "coverage_report": FOUNDATION | {"geometry", "selection"},
     "plan": FOUNDATION | {"pipeline"},
