@@ -176,7 +176,7 @@ def test_a_correction_that_is_killed_is_finished_by_the_next_command(tmp_path, m
         correct_registration(scene, floor=shown)
     assert content_digest(scene.path) != content_digest(other.path)
     with (
-        pytest.raises(SceneError, match="had been cut off, and is finished now. Start again"),
+        pytest.raises(SceneError, match="had been cut off, and is finished now"),
         scene.locked(),
     ):
         pass

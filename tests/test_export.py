@@ -12,6 +12,7 @@ from r2sego_blender.export import export_scene
 from r2sego_blender.geometry.proxy import GeometryProxy
 from r2sego_blender.scene import Declaration, Scene, content_digest
 from r2sego_blender.splats.formats import load_asset, save_asset
+from r2sego_blender.status import describe, lines
 
 IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 PLAIN = ["asset.ply", "collision", "proxy.ply", "cameras.json"]
@@ -85,14 +86,20 @@ def test_a_result_that_was_cut_off_since_is_neither_exported_nor_called_refined(
         content = (scene.path / damaged).read_bytes()
         (place / "mesh.obj" if place.is_dir() else place).write_bytes(content)
 
+    counts = ("rollouts_succeeded", "rollouts_failed", "candidates", "targets", "views_kept")
+    (scene.round_folder(0) / "metrics.json").write_text(json.dumps(dict.fromkeys(counts, 1)))
+    (scene.captures_folder / "cameras.json").write_text('{"captures": []}')
+    scene = scene.declare(overrides={"rounds": 1})
     scene.step(result, same)
     assert len(export_scene(scene, tmp_path / "first")) == 4
-    assert not scene.damaged_results()
+    assert describe(scene, look_at_results=True)["refined"]
     whole = (scene.path / damaged).read_bytes()
     (scene.path / damaged).write_bytes(whole[: len(whole) // 2])
     with pytest.raises(SceneError, match=f"{result}: it is not as it was made.*refine"):
         export_scene(scene, tmp_path / "out")
-    assert not (tmp_path / "out").exists() and scene.damaged_results() == (result,)
+    assert not (tmp_path / "out").exists()
+    told = describe(scene, look_at_results=True)
+    assert not told["refined"] and f"not as it was made: {result}" in lines(told)
 
 
 @pytest.mark.parametrize("inside", ["", "rounds/0", "collision"])
