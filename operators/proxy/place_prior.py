@@ -156,8 +156,9 @@ class R2SEGO_OT_save_placement(EngineOperator, bpy.types.Operator):
         name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"}
     )
     locked: BoolProperty(
-        name="Lock", default=True, description="Keep it exactly there; else the alignment begins there"
-    )
+        name="Lock", default=True, description="Keep it exactly there; else the alignment begins there",
+        options={"SKIP_SAVE"},
+    )  # fmt: skip
 
     @classmethod
     def poll(cls, context):

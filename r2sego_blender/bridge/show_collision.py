@@ -52,6 +52,11 @@ def show_textured(scene: bpy.types.Scene, bundle: Bundle, file: Path) -> list[bp
     before = set(bpy.data.objects)
     try:
         bpy.ops.import_scene.gltf(filepath=str(file))
+    except AttributeError as error:
+        raise SceneError(
+            "Blender's importer of glTF is switched off", where=file,
+            cure="Switch the add-on 'glTF 2.0 format' on in the preferences.",
+        ) from error  # fmt: skip
     except RuntimeError as error:
         raise SceneError(
             f"the textured mesh cannot be read: {error}", where=file, cure="Texture again."

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
+pytest.importorskip("bpy", reason="pip bpy is not installed")
+
+import bpy
 from mathutils import Matrix
 
 from r2sego_blender.bridge.placed_box import placed_box

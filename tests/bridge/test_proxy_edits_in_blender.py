@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
+pytest.importorskip("bpy", reason="pip bpy is not installed")
+
+import bpy
 
 from r2sego_blender.bridge.light_drawing import draw_fewer_faces
 from r2sego_blender.bridge.object_masks import drawn_region

@@ -4,6 +4,7 @@ import os
 import sys
 from types import SimpleNamespace
 
+import addon_utils
 import bpy
 from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle
 
@@ -66,6 +67,22 @@ def check_the_lines_of_a_texture_stay_while_the_proxy_is_the_same():
     os.utime(copy / "rounds" / "1" / "proxy" / "proxy.npz", (1, 1))
     bpy.ops.r2sego.refresh_scene()
     assert not group.texture
+
+
+def check_an_importer_that_is_switched_off_is_told():
+    open_bundle()
+    showing = sys.modules[f"{MODULE}.r2sego_blender.bridge.show_collision"]
+    errors = sys.modules[f"{MODULE}.r2sego_blender.errors"]
+    bundle = sys.modules[f"{MODULE}.r2sego_blender.bridge.bundle"].Bundle.open(BUNDLE)
+    addon_utils.disable("io_scene_gltf2")
+    try:
+        showing.show_textured(bpy.context.scene, bundle, OUT.parent / "textured.glb")
+    except errors.SceneError as error:
+        assert "glTF is switched off" in str(error) and "add-on" in error.cure
+    else:
+        raise AssertionError("nothing was told")
+    finally:
+        addon_utils.enable("io_scene_gltf2")
 
 
 def check_texturing_and_formats_are_asked_of_the_engine():

@@ -329,6 +329,8 @@ def check_a_prior_is_placed_by_hand_with_its_fit():
     placed = json.loads(Path(call[4].partition("=")[2]).read_text())
     assert placed["locked"] is False
     np.testing.assert_allclose(placed["world_from_own"], np.array(crate.matrix_world))
+    lock = bpy.ops.r2sego.save_placement.get_rna_type().properties["locked"]
+    assert lock.default and lock.is_skip_save  # the panel does not show it: Save means Lock
     crate.scale.x *= 2.0
     assert "not stretched" in refused(bpy.ops.r2sego.save_placement, object_name="crate")
     assert "There is no object 'sofa'" in refused(bpy.ops.r2sego.place_prior, object_name="sofa")
