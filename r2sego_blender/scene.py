@@ -14,66 +14,23 @@ import dataclasses
 import errno
 import hashlib
 import json
-import math
 import os
 import shutil
 import tempfile
 import time
-import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from . import __version__
-from .backends import BACKENDS, chosen_backends, controller_backend
-from .errors import SceneError, SettingsError
-from .layout import COLLISION, REFINED_ASSET, SCOPE_FILE
-from .settings import Settings, preset, with_overrides
-from .whole_files import (
-    UNFINISHED,
-    finish_replacing,
-    flush,
-    remove,
-    replacing_together,
-    swap_in,
-    write_whole,
-)
+from .backends import controller_backend
+from .errors import SceneError
+from .layout import COLLISION, REFINED_ASSET
+from .scene_declaration import DECLARATION, Declaration, name_in, read_declaration, write_declaration
+from .whole_files import UNFINISHED, finish_replacing, flush, remove, replacing_together, swap_in
 from .world_frame import frame_of_output
 
-FORMAT = 1
-_DECLARATION = "scene.toml"
 _JOURNAL = "journal.jsonl"
-
-
-@dataclass(frozen=True)
-class Declaration:
-    """What the person declared, the content of ``scene.toml``.
-
-    ``world_from_capture`` is the (4, 4) similarity, row by row, that took the frame of the
-    given poses to the world; ``scale_source`` and ``ground`` say how it was found. Where a
-    setting chooses the backend of a slot, ``backends`` follows it. ``scope`` is a shipped scope's
-    name or the whole path of a file; one inside the bundle is written relative to it.
-    """
-
-    captures_source: str
-    world_from_capture: tuple[tuple[float, ...], ...]
-    ground: str
-    scale_source: str
-    robot: str = "embedded:humanoid"
-    scope: str = "walk_and_look"
-    mesh_library: str = ""
-    preset: str = "paper"
-    overrides: Mapping[str, Any] = field(default_factory=dict)
-    backends: Mapping[str, str] = field(default_factory=lambda: dict(BACKENDS))
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "backends", {**self.backends, **chosen_backends(self.settings)})
-
-    @property
-    def settings(self) -> Settings:
-        """The preset with the person's overrides."""
-        return with_overrides(self.overrides, preset(self.preset))
 
 
 class Scene:
@@ -99,7 +56,7 @@ class Scene:
             staging.mkdir(parents=True)
             try:
                 fill(staging)
-                _write_declaration(staging / _DECLARATION, declaration)
+                write_declaration(staging / DECLARATION, declaration)
                 flush(staging)
                 staging.rename(path)
             finally:
@@ -110,23 +67,7 @@ class Scene:
     def open(path: Path) -> Scene:
         """Read a bundle. Raises SceneError when it is missing, damaged or of another version."""
         path = Path(path)
-        file = path / _DECLARATION
-        try:
-            data = tomllib.loads(file.read_text(encoding="utf-8"))
-        except (FileNotFoundError, NotADirectoryError) as error:
-            raise SceneError(
-                "this is not a scene bundle", where=file, cure="Make one with `r2sego new`."
-            ) from error
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise SceneError(f"it cannot be read: {error}", where=file, cure="Mend the line.") from error
-        if data.get("format") != FORMAT:
-            raise SceneError(
-                f"the bundle has format {data.get('format')!r}, this version reads {FORMAT}",
-                where=f"{file}: format",
-                cure="Open it with the version that made it, or make it anew with `r2sego new`.",
-            )
-        declaration = _declaration(data, file)
-        return Scene(path, dataclasses.replace(declaration, scope=_scope_here(declaration.scope, path)))
+        return Scene(path, read_declaration(path))
 
     def declare(self, **changes: Any) -> Scene:
         """This scene with parts of its declaration changed, on disk too."""
@@ -134,14 +75,14 @@ class Scene:
         _ = declaration.settings  # refuse unknown settings before anything is written
         if declaration != self.declaration:
             with _disk_errors(self.path):
-                _write_declaration(self.path / _DECLARATION, declaration)
+                write_declaration(self.path / DECLARATION, declaration)
         return Scene(self.path, declaration)
 
     # ---- places
 
     def name_of(self, file: str) -> str:
         """How the bundle names ``file``: relative to itself where it lies inside, else as it is."""
-        return _name_in(self.path, file)
+        return name_in(self.path, file)
 
     @property
     def captures_folder(self) -> Path:
@@ -270,7 +211,7 @@ class Scene:
         On leaving without an error they all replace this one's. Killed on the way, none has, or
         the next who holds the lock puts the rest there.
         """
-        with _disk_errors(self.path), replacing_together(self.path, (*parts, _DECLARATION)) as folder:
+        with _disk_errors(self.path), replacing_together(self.path, (*parts, DECLARATION)) as folder:
             yield Scene(folder, self.declaration)
 
     @property
@@ -384,87 +325,6 @@ def _as_json(value: Any) -> Any:
     if hasattr(value, "tolist"):
         return value.tolist()
     return str(value)
-
-
-def _declaration(data: Mapping[str, Any], file: Path) -> Declaration:
-    try:
-        declaration = Declaration(
-            captures_source=data["captures"]["source"],
-            world_from_capture=_matrix(data["registration"]["world_from_capture"]),
-            ground=data["registration"]["ground"],
-            scale_source=data["registration"]["scale_source"],
-            robot=data["robot"]["model"],
-            scope=data["robot"]["scope"],
-            mesh_library=data.get("priors", {}).get("mesh_library", ""),
-            preset=data["settings"]["preset"],
-            overrides=_table(data["settings"].get("overrides", {}), "settings.overrides"),
-            backends=data["backends"],
-        )
-    except SettingsError as error:
-        raise SettingsError(error.what, where=f"{file}: {error.where}", cure=error.cure) from error
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise SceneError(
-            f"the field {error} is missing or wrong",
-            where=file,
-            cure="Make the scene anew with `r2sego new`.",
-        ) from error
-    return declaration
-
-
-def _table(value: Any, name: str) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise ValueError(name)
-    return value
-
-
-def _matrix(rows: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
-    """The (4, 4) finite numbers, row by row. Raises ValueError or TypeError for anything else."""
-    matrix = tuple(tuple(map(float, row)) for row in rows)
-    if [len(row) for row in matrix] != [4] * 4 or not all(map(math.isfinite, sum(matrix, ()))):
-        raise ValueError("registration.world_from_capture")
-    return matrix
-
-
-def _scope_here(scope: str, bundle: Path) -> str:
-    """The declared ``scope`` of a bundle that may have been moved or copied: its own lies in it.
-
-    Bundles once declared their own scope by its whole path, which is that of where they were.
-    """
-    if not Path(scope).is_absolute():
-        return str((bundle / scope).absolute()) if Path(scope).suffix else scope
-    own = bundle / SCOPE_FILE
-    if Path(scope).parts[-2:] != own.parts[-2:] or not own.is_file():
-        return scope
-    was_a_bundles = not Path(scope).is_file() or (Path(scope).parents[1] / _DECLARATION).is_file()
-    return str(own.absolute()) if was_a_bundles else scope
-
-
-def _name_in(bundle: Path, file: str) -> str:
-    if not Path(file).is_absolute():  # the name of what comes with the library
-        return file
-    for place, folder in ((Path(file), bundle.absolute()), (Path(file).resolve(), bundle.resolve())):
-        if place.is_relative_to(folder):
-            return place.relative_to(folder).as_posix()
-    return file
-
-
-def _write_declaration(file: Path, declaration: Declaration) -> None:
-    import tomli_w  # the engine writes bundles; Blender's Python only reads them
-
-    data = {
-        "format": FORMAT,
-        "captures": {"source": declaration.captures_source},
-        "registration": {
-            "ground": declaration.ground,
-            "scale_source": declaration.scale_source,
-            "world_from_capture": [list(row) for row in declaration.world_from_capture],
-        },
-        "robot": {"model": declaration.robot, "scope": _name_in(file.parent, declaration.scope)},
-        "priors": {"mesh_library": declaration.mesh_library},
-        "backends": dict(declaration.backends),
-        "settings": {"preset": declaration.preset, "overrides": dict(declaration.overrides)},
-    }
-    write_whole(file, tomli_w.dumps(data))
 
 
 @contextlib.contextmanager

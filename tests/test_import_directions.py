@@ -22,6 +22,7 @@ FOUNDATION = {
     "progress",
     "resources",
     "scene",
+    "scene_declaration",
     "scratch",
     "settings",
     "whole_files",
