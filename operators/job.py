@@ -90,7 +90,7 @@ def show(job: Job) -> None:
     if not shown.running:
         shown.running, shown.cancel_requested = True, job.cancelled
         shown.title, shown.task, shown.message = job.title, "Starting", ""
-        shown.fraction, shown.remaining_s = 0.0, -1.0
+        shown.fraction = 0.0
         engine = bpy.context.window_manager.r2sego_engine
         engine.picture, engine.time_left = "", ""
 
@@ -102,7 +102,6 @@ def show_event(event: Event) -> None:
         shown.task = str(data.get("task", ""))
         shown.fraction = data.get("done", 0) / max(1, data.get("total", 1))
         remaining_s = data.get("remaining_s")
-        shown.remaining_s = -1.0 if remaining_s is None else remaining_s
         left = "" if remaining_s is None else f"{_duration(remaining_s)} left"
         bpy.context.window_manager.r2sego_engine.time_left = left
     elif event.kind == "message":

@@ -48,7 +48,6 @@ class R2SEGO_PG_job(bpy.types.PropertyGroup):
     title: StringProperty()
     task: StringProperty()
     fraction: FloatProperty(min=0.0, max=1.0, subtype="FACTOR")
-    remaining_s: FloatProperty(default=-1.0, subtype="TIME_ABSOLUTE", unit="TIME_ABSOLUTE")
     message: StringProperty()
 
 
@@ -95,7 +94,6 @@ class R2SEGO_PG_scene(bpy.types.PropertyGroup):
     rounds_begun: IntProperty()
     rounds_done: IntProperty()
     rounds_declared: IntProperty()
-    has_sparse: BoolProperty()
     has_collision: BoolProperty()
     has_report: BoolProperty()
 
@@ -207,7 +205,6 @@ def _read_facts(scene: bpy.types.Scene, bundle: Bundle) -> None:
     state = scene.r2sego
     state.rounds_begun, state.rounds_done = bundle.rounds(), bundle.scene.rounds_done()
     state.rounds_declared = bundle.scene.declaration.settings.rounds
-    state.has_sparse = bundle.sparse_file.is_file()
     state.has_collision = bundle.collision_mesh.is_file()
     state.has_report = bundle.report_page.is_file()
     for section, label, value in _facts(bundle):

@@ -8,8 +8,9 @@ from bpy.props import EnumProperty, StringProperty
 
 from ...r2sego_blender.asset_stages import PASSES, stage_label, stage_named
 from ...r2sego_blender.bridge.asset_cameras import exact_camera
-from ...r2sego_blender.bridge.asset_pictures import load_picture, put_behind, show_in_editor
+from ...r2sego_blender.bridge.asset_pictures import load_picture, put_behind
 from ...r2sego_blender.bridge.asset_renderings import camera_folder, prune, remove_rendering
+from ...r2sego_blender.bridge.image_editors import show_in_editor
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import SceneError
 from .. import state

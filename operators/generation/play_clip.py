@@ -5,9 +5,9 @@ from bpy.props import BoolProperty
 
 from ...r2sego_blender.bridge.cameras import use_frame_of
 from ...r2sego_blender.bridge.clip_images import clip_image, play_in_editor, put_behind
+from ...r2sego_blender.bridge.image_editors import show_image
 from ...r2sego_blender.bridge.show_path import show_path
 from ...r2sego_blender.bridge.view_parts import clip_files
-from ...r2sego_blender.bridge.view_pictures import show_image
 from ...r2sego_blender.errors import GenerationError
 from ..base import ReportingOperator
 from .views import OfOneView

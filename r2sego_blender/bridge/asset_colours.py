@@ -1,4 +1,4 @@
-"""Colours as the 3D view's overlays want them: what is drawn there is encoded as sRGB afterwards."""
+"""Linear colours, as materials and the 3D views want them: Blender encodes what it draws as sRGB."""
 
 from __future__ import annotations
 

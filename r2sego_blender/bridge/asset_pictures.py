@@ -1,4 +1,4 @@
-"""Renderings of the asset as Blender's images: loaded, put behind a camera or into an editor."""
+"""Renderings of the asset as Blender's images: loaded and put behind a camera."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from pathlib import Path
 import bpy
 
 from ..errors import SceneError
+
+_RENDERED = "r2sego_rendered"
 
 
 def load_picture(file: Path, name: str) -> bpy.types.Image:
@@ -55,16 +57,3 @@ def put_behind(camera_object: bpy.types.Object, image: bpy.types.Image) -> None:
     background.frame_method = "STRETCH"
     background.display_depth = "BACK"
     data.show_background_images = True
-
-
-def show_in_editor(image: bpy.types.Image) -> bool:
-    """Show it in the first image editor on the screen; whether there is one."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "IMAGE_EDITOR":
-                area.spaces.active.image = image
-                return True
-    return False
-
-
-_RENDERED = "r2sego_rendered"

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import bpy
 
+from .image_editors import image_editors
+
 
 def clip_image(name: str, files: Sequence[Path]) -> bpy.types.Image:
     """The frames, numbered without a gap, as the image sequence of this name."""
@@ -32,10 +34,9 @@ def put_behind(camera: bpy.types.Object, image: bpy.types.Image, frames: int, fi
 
 def play_in_editor(image: bpy.types.Image, frames: int, first_frame: int) -> None:
     """Let every Image Editor that shows the sequence follow the timeline."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "IMAGE_EDITOR" and area.spaces.active.image == image:
-                _play(area.spaces.active.image_user, frames, first_frame)
+    for _, area in image_editors():
+        if area.spaces.active.image == image:
+            _play(area.spaces.active.image_user, frames, first_frame)
 
 
 def _play(user: bpy.types.ImageUser, frames: int, first_frame: int) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
+from .asset_colours import linear_from_srgb
+
 # Anchors of viridis, dark to light; linear between them.
 _RAMP = np.array([
     [0.267, 0.005, 0.329], [0.283, 0.141, 0.458], [0.254, 0.265, 0.530], [0.207, 0.372, 0.553],
@@ -18,7 +20,7 @@ def plain_material(name: str, srgb: tuple[float, float, float]) -> bpy.types.Mat
     material = bpy.data.materials.get(name) or bpy.data.materials.new(name)
     if not material.use_nodes:
         material.use_nodes = True
-    colour = (*_linear(np.asarray(srgb)), 1.0)
+    colour = (*linear_from_srgb(np.array(srgb)).tolist(), 1.0)
     material.diffuse_color = colour
     material.roughness = 1.0
     shader = next((n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED"), None)
@@ -55,7 +57,3 @@ def ramp_materials(prefix: str, steps: int) -> list[bpy.types.Material]:
     anchors = np.linspace(0.0, 1.0, len(_RAMP))
     colours = np.stack([np.interp(places, anchors, _RAMP[:, c]) for c in range(3)], axis=1)
     return [plain_material(f"{prefix} {i + 1}/{steps}", tuple(c)) for i, c in enumerate(colours)]
-
-
-def _linear(srgb: np.ndarray) -> list[float]:
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4).tolist()

@@ -15,12 +15,6 @@ from .materials import plain_material, ramp_materials
 from .meshes import add_attribute, assign_materials, mesh_from_arrays, read_attribute
 from .outliner import clear, find_collection, fresh_collection, link
 
-SCORES = ("s", "u", "g")
-"""What frusta may be coloured by: the score, the asset's deficit, the geometry's availability."""
-
-SHOWN = ("all", "survivors", "targets")
-"""Which candidates may be shown."""
-
 _CANDIDATES, _TARGETS = "Candidates", "Target views"
 _ACTIVE, _VIEW = "Active candidate", "Candidate view"
 _SCORE_STEPS = 8
@@ -34,11 +28,11 @@ def show_candidates(
 ) -> tuple[bpy.types.Object, list[bpy.types.Object]]:  # fmt: skip
     """The candidates of a round in one mesh and its targets as cameras with frusta.
 
-    Frusta run from dark blue (0) to yellow (the best there is) by ``colour_by``, one of
-    ``SCORES``; their faces carry the attributes ``candidate``, ``u``, ``g``, ``s``. ``shown`` is
-    one of ``SHOWN``. Targets are named by their place in the selection and enlarged. Returns
-    the candidates' object and the targets' cameras in that order. Raises SceneError when
-    the round has none.
+    Frusta run from dark blue (0) to yellow (the best there is) by ``colour_by``: the score ``s``,
+    the asset's deficit ``u`` or the geometry's availability ``g``; their faces carry the attributes
+    ``candidate``, ``u``, ``g``, ``s``. ``shown`` is ``all``, ``survivors`` or ``targets``. Targets
+    are named by their place in the selection and enlarged. Returns the candidates' object and the
+    targets' cameras in that order. Raises SceneError when the round has none.
     """
     views = bundle.candidates(round_index)
     kept = {"all": np.ones(len(views.score), bool), "survivors": views.survived, "targets": views.chosen}
@@ -65,7 +59,7 @@ def shown_candidates(scene: bpy.types.Scene, bundle_path: str | Path) -> bpy.typ
 
 
 def recolour_candidates(swarm: bpy.types.Object, colour_by: str) -> None:
-    """Colour the frusta by another of ``SCORES``."""
+    """Colour the frusta by another of ``s``, ``u`` and ``g``."""
     if swarm["colour_by"] != colour_by:
         _colour(swarm, colour_by)
 

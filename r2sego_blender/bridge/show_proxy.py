@@ -12,7 +12,7 @@ from ..geometry.proxy import PROVENANCE_COLOURS, GeometryProxy, Provenance
 from .bundle import Bundle
 from .light_drawing import draw_fewer_faces, drawn_faces
 from .materials import plain_material
-from .meshes import add_attribute, arrays_from_mesh, assign_materials, mesh_from_arrays, read_attribute
+from .meshes import add_attribute, assign_materials, mesh_from_arrays, read_attribute
 from .outliner import find_collection, fresh_collection, link
 from .proxy_colours import Colouring, ProxyFaces, coloured
 from .proxy_coverage import read_coverage
@@ -110,16 +110,3 @@ def provenance_material(kind: Provenance) -> bpy.types.Material:
     material = plain_material(f"R2S-EGO {kind.name.lower()}", PROVENANCE_COLOURS[kind])
     material.pass_index = kind + 1
     return material
-
-
-def proxy_of(mesh: bpy.types.Mesh) -> GeometryProxy:
-    """The proxy back from a mesh that ``show_proxy`` made."""
-    vertices, faces = arrays_from_mesh(mesh)
-    return GeometryProxy(
-        vertices, faces,
-        read_attribute(mesh, "provenance").astype(np.uint8),
-        read_attribute(mesh, "support").astype(np.uint16),
-        read_attribute(mesh, "confidence"),
-        read_attribute(mesh, "instance"),
-        tuple(json.loads(mesh["instance_names"])),
-    )  # fmt: skip

@@ -14,7 +14,6 @@ from .view_parts import Part
 
 _CURE = "Run the round again, or leave this part out."
 _LARGEST_CELL_PX = 640
-_FIT_S = 0.5
 
 
 def read_levels(path: Path) -> np.ndarray:
@@ -78,43 +77,3 @@ def image_of(name: str, picture: np.ndarray) -> bpy.types.Image:
     image.update()
     image.pack()  # so that closing Blender does not ask to save it
     return image
-
-
-def show_image(image: bpy.types.Image) -> bool:
-    """Show the whole of it in an Image Editor, in a window of its own when none is open.
-
-    False without a window.
-    """
-    windows = bpy.context.window_manager.windows
-    if bpy.app.background or not len(windows):
-        return False
-    if _editor() is None:
-        before = set(windows)
-        bpy.ops.wm.window_new()
-        opened = next((window for window in windows if window not in before), None)
-        if opened is None:
-            return False
-        opened.screen.areas[0].type = "IMAGE_EDITOR"
-    _, area = _editor()
-    area.spaces.active.image = image
-    bpy.app.timers.register(_fit, first_interval=_FIT_S)
-    return True
-
-
-def _editor() -> tuple[bpy.types.Window, bpy.types.Area] | None:
-    """The first Image Editor on the screen and its window."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "IMAGE_EDITOR":
-                return window, area
-    return None
-
-
-def _fit() -> None:
-    """Zoom until the whole image is seen; an editor knows its size only once it was drawn."""
-    found = _editor()
-    if found is not None:
-        window, area = found
-        region = next(region for region in area.regions if region.type == "WINDOW")
-        with bpy.context.temp_override(window=window, area=area, region=region):
-            bpy.ops.image.view_all(fit_view=True)

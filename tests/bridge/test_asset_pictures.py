@@ -8,8 +8,9 @@ pytest.importorskip("bpy", reason="pip bpy is not installed")
 
 import bpy
 
-from r2sego_blender.bridge.asset_pictures import load_picture, photograph_of, put_behind, show_in_editor
+from r2sego_blender.bridge.asset_pictures import load_picture, photograph_of, put_behind
 from r2sego_blender.bridge.cameras import create_camera
+from r2sego_blender.bridge.image_editors import show_in_editor
 from r2sego_blender.bridge.show_captures import show_captures, show_photographs
 from r2sego_blender.errors import SceneError
 from r2sego_blender.images import save_image

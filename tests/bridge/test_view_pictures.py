@@ -9,6 +9,7 @@ bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
 
 from r2sego_blender.bridge.cameras import camera_of  # noqa: E402
 from r2sego_blender.bridge.clip_images import clip_image, put_behind  # noqa: E402
+from r2sego_blender.bridge.image_editors import show_image  # noqa: E402
 from r2sego_blender.bridge.outliner import find_collection  # noqa: E402
 from r2sego_blender.bridge.show_path import show_path  # noqa: E402
 from r2sego_blender.bridge.view_parts import KINDS, clip_files, view_parts, views_of_round  # noqa: E402
@@ -16,7 +17,6 @@ from r2sego_blender.bridge.view_pictures import (  # noqa: E402
     compare_picture,
     image_of,
     read_levels,
-    show_image,
     shown_part,
 )
 from r2sego_blender.errors import SceneError  # noqa: E402
