@@ -51,6 +51,7 @@ class Scene:
         path = Path(path)
         require_place(path)
         staging = path.with_name(f"{UNFINISHED}{path.name}-{os.getpid()}")
+        missing = [folder for folder in path.absolute().parents if not folder.exists()]
         with _disk_errors(path):
             shutil.rmtree(staging, ignore_errors=True)
             staging.mkdir(parents=True)
@@ -61,6 +62,9 @@ class Scene:
                 staging.rename(path)
             finally:
                 shutil.rmtree(staging, ignore_errors=True)
+                for folder in missing:
+                    with contextlib.suppress(OSError):  # it holds the bundle, or what another put there
+                        folder.rmdir()
         return Scene(path, declaration)
 
     @staticmethod

@@ -74,8 +74,9 @@ def test_the_controller_is_the_one_that_drove_the_last_rollouts(tmp_path):
 
 def test_create_leaves_nothing_when_filling_fails(tmp_path):
     with pytest.raises(ZeroDivisionError):
-        Scene.create(tmp_path / "a.r2s", DECLARATION, lambda folder: 1 / 0)
+        Scene.create(tmp_path / "new" / "deep" / "a.r2s", DECLARATION, lambda folder: 1 / 0)
     assert list(tmp_path.iterdir()) == []
+    assert make_scene(tmp_path / "new" / "deep").captures_folder.is_dir()
 
 
 def test_create_refuses_an_existing_place(tmp_path):
