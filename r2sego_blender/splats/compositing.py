@@ -261,6 +261,14 @@ def _blend_backward_with_depth(code, state, table, batch, masks, count, alive, o
     _write_blend_backward(code, True, state, table, batch, masks, count, alive, order, slots)
 
 
+@vector_kernel(void(int64, int64, int64))
+def _ask_for_slots(code: Code, order: Value, count: Value, slots: Value) -> None:
+    """Have the next entries' slots in the cache when they are written: they lie all over the memory."""
+    with code.loop(count) as i:
+        entry = code.load_long(order + 8 * i) & 0xFFFFFFFF
+        code.prefetch(slots + entry * SLOT_BYTES, write=True)
+
+
 @vector_kernel(int64(int64))
 def _unfinished(code: Code, state: Value) -> Value:
     """The blocks with a pixel that can still take a Gaussian, as bits."""
@@ -361,6 +369,9 @@ def composite_backward(
             count = min(BATCH, stop - start)
             some = order + 8 * start
             _fetch(some, count, entries, records, x + TILE_PX // 2, y + TILE_PX // 2, batch, masks)
+            if start == tile_starts[tile]:
+                _ask_for_slots(some, count, slots)
+            _ask_for_slots(some + 8 * count, min(BATCH, stop - start - count), slots)
             if with_depth:
                 _blend_backward_with_depth(state, table, batch, masks, count, alive, some, slots)
             else:

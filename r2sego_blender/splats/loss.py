@@ -168,15 +168,15 @@ def _similarity_row(
             code.store(place, _kept(code, there, column, width, derivative))
 
 
-@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64, float32, float32))
+@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64, int64, float32, float32))
 def _gradient_row(
-    code: Code, scratch: Value, x: Value, y: Value, weights: Value, gradient: Value, start: Value,
-    width: Value, row: Value, by_difference: Value, by_similarity: Value,
+    code: Code, scratch: Value, x: Value, y: Value, weights: Value, gradient: Value, pitch: Value,
+    start: Value, width: Value, row: Value, by_difference: Value, by_similarity: Value,
 ) -> None:  # fmt: skip
     """Blur the lines of ``row``; the gradient of the row ``_DELAY`` above it.
 
     Its absolute differences are added up. ``x``, ``y``, ``weights`` and ``gradient`` are where
-    that row stands.
+    that row stands, ``pitch`` bytes above the next.
     """
     with code.loop(code.long(_VECTORS)) as k:
         column = start + k * LANES
@@ -193,6 +193,7 @@ def _gradient_row(
         weight = code.select(code.spread(weighted), weight, 1.0)
         value = _kept(code, there, column, width, total * weight)
         code.store(code.select(there, gradient + column * 4, sink), value)
+        code.prefetch(gradient + column * 4 + pitch, write=True)
 
 
 @vector_kernel(void(int64))
@@ -246,7 +247,7 @@ def _gradient_strip(
             at = pitch * (row - 1 - _DELAY)
             weight = weights + at if weights != 0 else 0
             _gradient_row(
-                scratch, x + at, y + at, weight, gradient + at, start, width, row - 1,
+                scratch, x + at, y + at, weight, gradient + at, pitch, start, width, row - 1,
                 by_difference, by_similarity,
             )  # fmt: skip
             total += _read_sum(scratch)

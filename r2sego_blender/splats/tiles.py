@@ -28,7 +28,10 @@ REST, UPSTREAM = 1, 2
 X, Y = 6, 7
 """Places in a block's state; of SUMS four, of UPSTREAM four. Forward and backward share it."""
 
-BLOCK_BYTES = 8 * VECTOR_BYTES
+BLOCK_BYTES = 10 * VECTOR_BYTES
+"""From a block to the next: eight vectors, and two left free. Without them blocks one below the
+other would be 4 KiB apart, and processors take a load for one of what was just stored there."""
+
 STATE_BYTES = BLOCKS * BLOCK_BYTES
 
 TRANSMITTANCE_PLANE, DEPTH_PLANE, IMAGE_PLANES = 3, 4, 5

@@ -237,12 +237,12 @@ class Code:
     def store_long(self, address: Value, value: Value) -> None:
         self.builder.store(value.llvm, self.builder.inttoptr(address.llvm, _LONG.as_pointer()))
 
-    def prefetch(self, address: Value) -> None:
-        """Ask for the cache line at ``address``, to be read soon."""
+    def prefetch(self, address: Value, write: bool = False) -> None:
+        """Ask for the cache line at ``address``, to be read or written soon."""
         byte = ir.IntType(8).as_pointer()
         kind = ir.FunctionType(ir.VoidType(), [byte, _INT, _INT, _INT])
         call = cgutils.get_or_insert_function(self.builder.module, kind, "llvm.prefetch.p0i8")
-        read, keep, data = (ir.Constant(_INT, n) for n in (0, 3, 1))
+        read, keep, data = (ir.Constant(_INT, n) for n in (int(write), 3, 1))
         self.builder.call(call, [self.builder.inttoptr(address.llvm, byte), read, keep, data])
 
     # -- functions
