@@ -39,9 +39,11 @@ def register() -> None:
     """Attach the room's properties and read each bundle that is opened."""
     bpy.types.Scene.r2sego_asset = PointerProperty(type=properties.R2SEGO_PG_asset)
     state.listeners.append(properties.read_bundle)
+    state.forgetters.append(properties.forget_bundle)
 
 
 def unregister() -> None:
     """Take them away again."""
+    state.forgetters.remove(properties.forget_bundle)
     state.listeners.remove(properties.read_bundle)
     del bpy.types.Scene.r2sego_asset

@@ -136,6 +136,12 @@ class R2SEGO_PG_asset(bpy.types.PropertyGroup):
     )  # fmt: skip
 
 
+def forget_bundle(scene: bpy.types.Scene, _bundle: Bundle) -> None:
+    """Compare no more pictures of another bundle."""
+    for name in ("compare", "wipe_left", "wipe_right"):
+        scene.r2sego_asset.property_unset(name)
+
+
 def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
     """The listener: take the bundle's assets, edits and scores over."""
     group = scene.r2sego_asset

@@ -28,9 +28,11 @@ def register() -> None:
     """Attach the room's properties; its list is read whenever the bundle changed."""
     bpy.types.Scene.r2sego_generation = bpy.props.PointerProperty(type=R2SEGO_PG_generation)
     state.listeners.append(listing.read)
+    state.forgetters.append(listing.forget_bundle)
 
 
 def unregister() -> None:
     """Take them away again."""
+    state.forgetters.remove(listing.forget_bundle)
     state.listeners.remove(listing.read)
     del bpy.types.Scene.r2sego_generation

@@ -20,6 +20,11 @@ def read(scene: bpy.types.Scene, bundle: Bundle) -> None:
         group.active = max(0, len(records) - 1)
 
 
+def forget_bundle(scene: bpy.types.Scene, _bundle: Bundle) -> None:
+    """The ground truth was another bundle's."""
+    scene.r2sego_generation.property_unset("truth")
+
+
 def _fill(row: bpy.types.PropertyGroup, record: ViewRecord) -> None:
     figures = record.figures
     row.name = f"View {record.rank:03d}"

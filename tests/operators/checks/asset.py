@@ -9,7 +9,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle, refused, state
+from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle, open_here, refused, state
 
 OPERATORS = {
     "add_splat_box", "clear_splat_marks", "compare_photograph", "delete_splats", "evaluate", "export_asset",
@@ -119,6 +119,17 @@ def check_another_bundle_begins_without_splats_and_marks():
     assert bpy.ops.r2sego.open_scene(directory=str(BUNDLE)) == {"FINISHED"}
     assert group().shown is None and not group().marks
     assert "Show the asset first" in refused(bpy.ops.r2sego.add_splat_box)
+
+
+def check_pictures_and_ground_truth_of_another_bundle_are_not_compared():
+    copy, picture = copied_bundle(), bpy.data.images.new("left", 4, 3)
+    views = bpy.context.scene.r2sego_generation
+    group().compare, group().wipe_left, views.truth = True, picture, "/a/cameras.json"
+    open_here(copy)  # again
+    assert group().compare and group().wipe_left == picture and views.truth
+    open_here(BUNDLE)
+    assert not group().compare and group().wipe_left is None and not views.truth
+    bpy.data.images.remove(picture)
 
 
 def check_a_blend_keeps_what_is_shown():
