@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..r2sego_blender.captures.picks_fit import in_centimetres
 from . import picture_labels, registration_overlay, sparse_cloud
 from .sidebar import Step, draw_problem, write_wrapped
 
@@ -39,7 +40,7 @@ class R2SEGO_UL_picked_points(bpy.types.UIList):
         off = f", {item.off_px:.1f} px" if item.off_px >= 0.0 else ""
         told.label(text=f"{len(item.views)}x{off}")
         if item.floor and item.located:
-            told.label(text=_cm(item.off_floor_m))
+            told.label(text=in_centimetres(item.off_floor_m))
         row.prop(item, "floor", text="", icon="MESH_PLANE")
 
 
@@ -137,7 +138,7 @@ class R2SEGO_PT_registration(Step, bpy.types.Panel):
             if length.found:
                 told = row.row(align=True)
                 told.alignment = "RIGHT"
-                told.label(text=_cm(length.error_m))
+                told.label(text=in_centimetres(length.error_m))
             row.operator("r2sego.remove_length", text="", icon="X").index = index
         layout.operator("r2sego.add_length", icon="DRIVER_DISTANCE")
 
@@ -148,11 +149,7 @@ class R2SEGO_PT_registration(Step, bpy.types.Panel):
             row.prop(shown, "camera_height", text="")
             layout.prop_search(shown, "height_capture", shown, "captures", icon="CAMERA_DATA")
             if shown.height_error_m:
-                layout.label(text=f"Camera height {_cm(shown.height_error_m)}", icon="DOT")
-
-
-def _cm(length_m):
-    return f"{round(length_m * 100.0, 1) + 0.0:+.1f} cm"  # and never -0.0
+                layout.label(text=f"Camera height {in_centimetres(shown.height_error_m)}", icon="DOT")
 
 
 CLASSES = (R2SEGO_UL_captures, R2SEGO_UL_picked_points, R2SEGO_PT_captures, R2SEGO_PT_registration)

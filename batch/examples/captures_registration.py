@@ -21,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from enabled_addon import enabled_addon
 
 from r2sego_blender.bridge.script import run_script
+from r2sego_blender.captures.picks_fit import in_centimetres
 
 
 def main(arguments: list[str]) -> int:
@@ -86,10 +87,10 @@ def tell(shown) -> None:
     """The residuals before anything is moved."""
     for point in shown.points:
         off = f"{point.off_px:.2f} px off" if point.off_px >= 0.0 else "in one photograph"
-        floor = f", {point.off_floor_m * 100:+.1f} cm off the floor" if point.floor else ""
+        floor = f", {in_centimetres(point.off_floor_m)} off the floor" if point.floor else ""
         print(f"{point.name}: {off}{floor}")
     for length in shown.lengths:
-        print(f"{length.start} to {length.end}: {length.metres:.3f} m, {length.error_m * 100:+.1f} cm")
+        print(f"{length.start} to {length.end}: {length.metres:.3f} m, {in_centimetres(length.error_m)}")
     print(shown.fit_problem or f"{shown.fit_said}; {shown.fit_warning}".rstrip("; "))
 
 

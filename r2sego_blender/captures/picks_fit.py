@@ -141,20 +141,21 @@ def residual_lines(told: Mapping[str, Any]) -> list[str]:
         seen = [
             f"{name} {'alone' if off is None else f'{off:.2f} px'}" for name, off in one["off_px"].items()
         ]
-        floor = f"; {_cm(one['off_floor_m'])} off the floor" if "off_floor_m" in one else ""
+        floor = f"; {in_centimetres(one['off_floor_m'])} off the floor" if "off_floor_m" in one else ""
         text.append(f"{one['name']}: {', '.join(seen)}{floor}")
     text += [
-        f"{one['from']} to {one['to']}: {one['metres']:.3f} m, {_cm(one['error_m'])}"
+        f"{one['from']} to {one['to']}: {one['metres']:.3f} m, {in_centimetres(one['error_m'])}"
         for one in told.get("lengths", ())
     ]
     text += [
-        f"camera {one['capture']}: {one['metres']:.3f} m high, {_cm(one['error_m'])}"
+        f"camera {one['capture']}: {one['metres']:.3f} m high, {in_centimetres(one['error_m'])}"
         for one in told.get("camera_heights", ())
     ]
     return text
 
 
-def _cm(length_m: float) -> str:
+def in_centimetres(length_m: float) -> str:
+    """A miss as a person reads it, such as ``+0.3 cm``."""
     return f"{round(length_m * 100.0, 1) + 0.0:+.1f} cm"  # and never -0.0
 
 

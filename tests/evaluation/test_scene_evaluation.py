@@ -98,7 +98,7 @@ def test_the_status_tells_rounds_and_the_largest_cause():
     state = {
         "scene": "room.r2s", "captures": 6, "captures_source": "cameras.json", "ground": "floor",
         "scale_source": "metric", "robot": "humanoid", "scope": "walk", "preset": "paper", "overrides": {},
-        "rounds": [], "rounds_declared": 3, "refined": True, "of_old_frame": [],
+        "rounds": [], "rounds_declared": 3, "refined": True, "of_old_frame": [], "damaged": [],
         "metrics": {"arms": arms, "rounds": rounds, "causes": {"shares": [other, entry]}},
     }  # fmt: skip
     text = "\n".join(lines(state))

@@ -103,14 +103,14 @@ def test_the_step_carries_them_and_warns(tmp_path, box_room, cameras, monkeypatc
 
         captures = property(lambda self: ())
         proxy = proxy_depths = reliable_depths = completed_depths = lambda self, *given: Nothing()
-        load = build = staticmethod(lambda *given: None)
+        build = staticmethod(lambda *given: None)
+        selection = lambda self, name: (None, None)  # noqa: E731
         __enter__ = lambda self: self  # noqa: E731
         __exit__ = lambda self, *given: None  # noqa: E731
 
-    for name in ("Contents", "PointConditions", "open_generator", "ClearSpace", "Landmarks", "Selection"):
+    for name in ("Contents", "PointConditions", "open_generator", "ClearSpace", "Landmarks"):
         monkeypatch.setattr(steps_module, name, Nothing)
     monkeypatch.setattr(steps_module, "make_renderer", Nothing)
-    monkeypatch.setattr(steps_module, "load_candidates", Nothing)
     monkeypatch.setattr(steps_module, "ego_video_reg", generate)
     progress = ProgressRecorder()
 
