@@ -66,7 +66,7 @@ def start(
     scene = bpy.context.scene
     notes = {
         "operator": type(operator).bl_idname, "properties": given_properties(operator), "bundle": bundle,
-        "scene": scene.name if of_scene else "", "open": state.bundle_name(scene),
+        "scene": scene.name if of_scene else "", "open": state.bundle_path(scene),
     }  # fmt: skip
     folder = Path(bundle, JOBS_FOLDER) if bundle and os.access(bundle, os.W_OK) else own_folder()
     started = start_job(arguments, python or interpreter(), operator.bl_label, folder, module, notes)

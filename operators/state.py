@@ -101,7 +101,7 @@ class R2SEGO_PG_scene(bpy.types.PropertyGroup):
 _CLASSES = (R2SEGO_PG_fact, R2SEGO_PG_job, SettingsGroup, R2SEGO_PG_scene)
 
 
-def bundle_name(scene: bpy.types.Scene) -> str:
+def bundle_path(scene: bpy.types.Scene) -> str:
     """The whole path of the open bundle, '' when none is."""
     return whole_path(scene.r2sego.bundle)
 
@@ -111,7 +111,7 @@ def bundle_of(scene: bpy.types.Scene) -> Bundle | None:
 
     Raises SceneError when it is damaged, or was moved away or deleted.
     """
-    name = bundle_name(scene)
+    name = bundle_path(scene)
     if name and not Path(name).is_dir():
         raise SceneError(
             "this scene is no longer there", where=name,
@@ -161,7 +161,7 @@ def refresh(scene: bpy.types.Scene) -> None:
 def _note_way(file: str) -> None:
     """A .blend about to be saved also knows its bundle from where it lies itself: both may be moved."""
     for scene in bpy.data.scenes:
-        name = bundle_name(scene)
+        name = bundle_path(scene)
         scene.r2sego.way_to_bundle = way_from(file, name) if name else ""
 
 
@@ -169,7 +169,7 @@ def _note_way(file: str) -> None:
 def _read_again(file: str) -> None:
     """A .blend knows its bundle; what is cached of it may be older than the bundle."""
     for scene in bpy.data.scenes:
-        before = bundle_name(scene)
+        before = bundle_path(scene)
         now = found_again(file, before, scene.r2sego.way_to_bundle)
         if now is not None:
             turn_to(now, before)

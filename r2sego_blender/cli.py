@@ -59,7 +59,7 @@ class _Commands(click.Group):
                 raise of_file(error) from error
         except R2SEgoError as error:
             if context.obj and context.obj.get("json"):
-                JsonProgress().emit(event="error", kind=type(error).__name__, text=str(error))
+                JsonProgress().emit_error(error)
             click.echo(f"r2sego: {error}", err=True)
             context.exit(1)
 

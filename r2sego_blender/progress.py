@@ -142,6 +142,10 @@ class JsonProgress(Progress):
         self._stream.write(json.dumps(event) + "\n")
         self._stream.flush()
 
+    def emit_error(self, error: Exception) -> None:
+        """Write what ended the work: ``{"event": "error", "kind", "text"}``."""
+        self.emit(event="error", kind=type(error).__name__, text=str(error))
+
     @contextmanager
     def task(self, title: str, total: int) -> Iterator[Task]:
         started_s = time.monotonic()

@@ -19,7 +19,7 @@ def step_capture(context, step):
     count = len(shown.captures)
     index = (shown.active_capture + step) % max(1, count)
     name = shown.captures[index].name if count else ""
-    camera = capture_camera(context.scene, state.bundle_name(context.scene), name)
+    camera = capture_camera(context.scene, state.bundle_path(context.scene), name)
     if camera is None:
         raise SceneError(f"no camera of the capture '{name}' is shown", cure="Press Import first.")
     shown.active_capture = index

@@ -130,4 +130,4 @@ class R2SEGO_OT_pick_point(ViewTool, ReportingOperator, bpy.types.Operator):
 
 
 def _looked_through(context):
-    return looked_through(context.scene, state.bundle_name(context.scene))
+    return looked_through(context.scene, state.bundle_path(context.scene))

@@ -55,7 +55,7 @@ def _capture_chosen(group, context):
     """Selecting a line of the list selects the capture's camera."""
     scene = group.id_data
     name = group.captures[group.active_capture].name if len(group.captures) > group.active_capture else ""
-    camera = capture_camera(scene, state.bundle_name(scene), name)
+    camera = capture_camera(scene, state.bundle_path(scene), name)
     layer = context.view_layer
     if camera is None or camera.name not in layer.objects:
         return
@@ -67,7 +67,7 @@ def _capture_chosen(group, context):
 
 def _photographs_changed(group, context):
     show_photographs(
-        group.id_data, state.bundle_name(group.id_data), group.show_photographs, group.photograph_opacity
+        group.id_data, state.bundle_path(group.id_data), group.show_photographs, group.photograph_opacity
     )
 
 

@@ -55,7 +55,7 @@ class R2SEGO_OT_demo_scene(EngineOperator, bpy.types.Operator):
 
     def finish(self, context, result):
         bundle = Bundle.open(self._bundle_path())
-        opened_before = state.bundle_name(context.scene) == str(bundle.path)
+        opened_before = state.bundle_path(context.scene) == str(bundle.path)
         state.show_bundle(context.scene, bundle)
         made = f"Made and refined {bundle.path.name}"
         try:

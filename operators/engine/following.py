@@ -40,7 +40,7 @@ def unfollowed_jobs(context) -> list[Job]:
     One whose result another running Blender takes over is left to it, unless it runs in the
     bundle that is open here too.
     """
-    name = state.bundle_name(context.scene)
+    name = state.bundle_path(context.scene)
     in_bundle = [
         found for found in (find_jobs(f"{name}/{JOBS_FOLDER}") if name else [])
         if found.running() or not found.followed_elsewhere
@@ -143,7 +143,7 @@ def _open_begun_bundle(followed: Job) -> None:
 def _show_finished_steps(scene: bpy.types.Scene) -> None:
     """Read the open bundle again when a step of it was finished since: results show as they come."""
     global _journal_seen
-    name = state.bundle_name(scene)
+    name = state.bundle_path(scene)
     try:
         seen = (name, Path(name, _JOURNAL_FILE).stat().st_mtime_ns) if name else None
     except OSError:
@@ -156,7 +156,7 @@ def _show_finished_steps(scene: bpy.types.Scene) -> None:
 
 def _next_job() -> Job | None:
     """A job to follow, if a new bundle or file was opened since the last look."""
-    name = state.bundle_name(bpy.context.scene)
+    name = state.bundle_path(bpy.context.scene)
     if {"", name} <= _looked_in:
         return None
     found = unfollowed_jobs(bpy.context)

@@ -21,7 +21,7 @@ def started_in(found: Job) -> bpy.types.Scene | None:
     session_uid = job.started_from(found)
     same = (scene for scene in bpy.data.scenes if scene.session_uid == session_uid)
     scene = next(same, bpy.data.scenes.get(name))
-    as_before = scene is not None and state.bundle_name(scene) == found.notes.get("open", "")
+    as_before = scene is not None and state.bundle_path(scene) == found.notes.get("open", "")
     return scene if as_before else None
 
 
@@ -30,7 +30,7 @@ def scene_for(found: Job) -> bpy.types.Scene | None:
     from; where it makes the bundle and none shows it yet, ``started_in``. None when there is none."""
     bundle, started = job.bundle_of(found), started_in(found)
     for scene in (started, bpy.context.scene, *bpy.data.scenes):
-        if bundle and scene is not None and state.bundle_name(scene) == bundle:
+        if bundle and scene is not None and state.bundle_path(scene) == bundle:
             return scene
     return None if found.notes.get("bundle") else started
 

@@ -97,7 +97,7 @@ class R2SEGO_OT_remove_object(ReportingOperator, bpy.types.Operator):
     def perform(self, context):
         group, name = context.scene.r2sego_proxy, object_named(context, self.name)
         declared = group.objects[name].declared
-        forget_masks(state.bundle_name(context.scene), name)
+        forget_masks(state.bundle_path(context.scene), name)
         group.objects.remove(group.objects.find(name))
         group.object_index = min(group.object_index, max(0, len(group.objects) - 1))
         redraw_views("WINDOW")

@@ -106,7 +106,7 @@ def colour_shown(scene: bpy.types.Scene) -> None:
     group = scene.r2sego_proxy
     group.legend.clear()
     group.legend_note = ""
-    shown = shown_proxy(scene, state.bundle_name(scene))
+    shown = shown_proxy(scene, state.bundle_path(scene))
     if shown is None:
         return
     if shown.mode == "EDIT":

@@ -48,7 +48,7 @@ def read_cloud(bundle: Bundle) -> SparseCloud | None:
 
 def cloud_at(path: str) -> SparseCloud | None:
     """The cloud that ``read_cloud`` read for the bundle at ``path``; reads nothing."""
-    _, cloud = _read.get(path.rstrip("/\\"), (0, None))
+    _, cloud = _read.get(path, (0, None))
     return cloud
 
 

@@ -51,8 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         path = [Camera.from_json(one) for one in json.loads(options.cameras.read_text(encoding="utf-8"))]
         files = render_frames(options.scene / options.proxy, path, options.to, options.blender, progress)
     except (R2SEgoError, OSError) as error:
-        told = of_file(error) if isinstance(error, OSError) else error
-        progress.emit(event="error", kind=type(told).__name__, text=str(told))
+        progress.emit_error(of_file(error) if isinstance(error, OSError) else error)
         return 1
     progress.emit(event="result", frames=len(files))
     return 0

@@ -219,7 +219,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             options.folder, required_packages(), options.wheels, progress, options.needed_mb
         )
     except R2SEgoError as error:
-        progress.emit(event="error", kind=type(error).__name__, text=str(error))
+        progress.emit_error(error)
         return 1
     progress.emit(event="result", python=str(python))
     return 0
