@@ -7,23 +7,28 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from PIL import Image, ImageOps, UnidentifiedImageError
+from PIL import Image, ImageCms, ImageOps, UnidentifiedImageError
 
 from .errors import CaptureError
 
-SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"})
+SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".avif"})
 _LARGEST_PX = 200_000_000
 
 
 def image_files(folder: Path) -> list[Path]:
-    """The image files straight inside ``folder``, sorted by name."""
-    return sorted(p for p in folder.iterdir() if p.is_file() and p.suffix.lower() in SUFFIXES)
+    """The image files straight inside ``folder``, sorted by name.
+
+    Hidden ones are none: a Mac leaves a ``._IMG_1.jpg`` that is no image beside each file.
+    """
+    found = (p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith("."))
+    return sorted(p for p in found if p.is_file())
 
 
 def load_image(path: Path) -> np.ndarray:
     """The image as (H, W, 3) float32 in [0, 1], turned upright by its EXIF orientation.
 
-    Raises CaptureError when the file is missing, empty, cut short or not an image.
+    Colours of another profile, such as a phone's Display P3, become sRGB. Raises CaptureError
+    when the file is missing, empty, cut short or not an image.
     """
     return load_image_uint8(path).astype(np.float32) / 255.0
 
@@ -37,7 +42,7 @@ def load_image_uint8(path: Path) -> np.ndarray:
                     f"the image has {image.width}x{image.height} pixels, more than is sensible",
                     where=path, cure="Scale it down.",
                 )  # fmt: skip
-            return np.asarray(ImageOps.exif_transpose(image).convert("RGB"))
+            return np.asarray(_srgb(ImageOps.exif_transpose(image)))
     except Image.DecompressionBombError as error:
         raise CaptureError(
             "the image has more pixels than is sensible", where=path, cure="Scale it down."
@@ -49,6 +54,23 @@ def load_image_uint8(path: Path) -> np.ndarray:
             "the image cannot be read", where=path,
             cure="Replace the file, or take it out of the folder.",
         ) from error  # fmt: skip
+
+
+def _srgb(image: Image.Image) -> Image.Image:
+    """The image in 8 bits and the colours of sRGB."""
+    if image.mode.startswith("I;16"):  # Pillow would cut grey values off at 255
+        image = Image.fromarray((np.asarray(image) >> 8).astype(np.uint8))
+    profile = image.info.get("icc_profile")
+    image = image.convert("RGB")
+    if not profile:
+        return image
+    try:
+        given = ImageCms.ImageCmsProfile(io.BytesIO(profile))
+        if given.profile.xcolor_space.strip() != "RGB" or "sRGB" in ImageCms.getProfileDescription(given):
+            return image
+        return ImageCms.profileToProfile(image, given, ImageCms.createProfile("sRGB")) or image
+    except (ImageCms.PyCMSError, OSError):  # a damaged profile says nothing
+        return image
 
 
 def to_uint8(image: np.ndarray) -> np.ndarray:

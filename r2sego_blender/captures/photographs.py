@@ -20,8 +20,9 @@ ANY_SIZE_PX = 1 << 20
 """As the longest side of captures: they keep their photographs' size."""
 
 _EXIF_ORIENTATION = 274
-# EXIF orientation -> clockwise quarter turns that set the stored pixels upright.
-_QUARTER_TURNS = {1: 0, 3: 2, 6: 1, 8: 3}
+# EXIF orientation -> clockwise quarter turns that set the stored pixels upright, of 4, 5 and 7
+# before they are mirrored.
+_QUARTER_TURNS = {3: 2, 4: 2, 5: 1, 6: 1, 7: 3, 8: 3}
 _ASPECT_TOLERANCE = 0.01
 # One clockwise quarter turn of the image, seen as a turn of the camera about its axis.
 _TURNED_FROM_CAMERA = np.array(
@@ -52,7 +53,10 @@ def photograph_size(path: Path) -> tuple[int, int, int]:
     try:
         with Image.open(path) as image:
             orientation = int(image.getexif().get(_EXIF_ORIENTATION, 1) or 1)
-            return image.width, image.height, _QUARTER_TURNS.get(orientation, 0)
+            turns = _QUARTER_TURNS.get(orientation, 0)
+            turned_already = turns % 2 and image.format == "TIFF"  # Pillow tells a TIFF's upright size
+            width, height = image.size[::-1] if turned_already else image.size
+            return width, height, turns
     except Image.DecompressionBombError as error:
         raise CaptureError(
             "the photograph has more pixels than is sensible", where=path, cure="Scale it down."
