@@ -8,7 +8,7 @@ import pytest
 
 from r2sego_blender import progress as progress_module
 from r2sego_blender.images import load_image
-from r2sego_blender.progress import JOB_FOLDER_VARIABLE, SILENT, JsonProgress
+from r2sego_blender.progress import JOB_FOLDER_VARIABLE, SILENT, JsonProgress, TerminalProgress
 
 
 def never():
@@ -56,3 +56,8 @@ def test_a_folder_that_was_taken_away_does_not_end_the_work(monkeypatch, tmp_pat
     stream = io.StringIO()
     JsonProgress(stream).picture("Training", lambda: np.zeros((4, 4, 3), np.uint8))
     assert stream.getvalue() == ""
+
+
+def test_brackets_of_file_names_are_told_as_they_are(capsys):
+    TerminalProgress().message("left out: /rooms/[old]/chair[/].glb: no mesh", "warning")
+    assert "".join(capsys.readouterr().err.split()) == "warning:leftout:/rooms/[old]/chair[/].glb:nomesh"
