@@ -134,24 +134,6 @@ def outline(inside: np.ndarray) -> np.ndarray:
     return np.concatenate([level, upright]).reshape(-1, 2).astype(np.float32)
 
 
-def points_on_object(
-    points: np.ndarray, visibility: np.ndarray, cameras: Sequence[Camera], masks: Sequence[np.ndarray],
-    indices: Sequence[int],
-) -> np.ndarray:  # fmt: skip
-    """(P,) bool: the observed ``points`` (P, 3) that most captures that see them show in their masks.
-
-    ``visibility`` (P, N) bool; ``indices`` are the captures of ``cameras`` and ``masks`` among N.
-    """
-    inside, seen = np.zeros(len(points)), np.zeros(len(points))
-    for k, camera, mask in zip(indices, cameras, masks, strict=True):
-        pixels, depth = camera.project(points)
-        visible = camera.sees(pixels, depth) & visibility[:, k]
-        columns, rows = pixels[visible].astype(np.int64).T
-        inside[visible] += mask[rows, columns]
-        seen[visible] += 1
-    return (inside > 0) & (2 * inside > seen)
-
-
 def _closed(inverse: np.ndarray) -> np.ndarray:
     """The image with single gaps filled: by the nearest neighbour where five of eight are there."""
     padded = np.pad(inverse, 1)

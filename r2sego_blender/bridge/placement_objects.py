@@ -15,13 +15,14 @@ from mathutils.bvhtree import BVHTree
 from ..arrays import opened_arrays
 from ..cameras import Camera
 from ..errors import GeometryError
+from ..geometry.masked_points import points_on_object
 from ..layout import COMPLETED, capture_files
 from .bundle import Bundle, CapturedView
 from .materials import plain_material
 from .meshes import arrays_from_mesh, mesh_from_arrays
 from .object_masks import load_masks, mask_images, read_mask
 from .outliner import find_collection, fresh_collection, link
-from .placement import Fit, MaskWindow, fit_of, mask_window, points_on_object, surface_samples
+from .placement import Fit, MaskWindow, fit_of, mask_window, surface_samples
 from .proxy_edits import world_triangles
 from .proxy_objects import prior_file, prior_mesh, read_objects
 

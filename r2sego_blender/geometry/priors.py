@@ -26,6 +26,7 @@ from ..errors import GeometryError
 from ..progress import SILENT, Progress
 from ..settings import PriorSettings
 from .alignment import Alignment, ObjectEvidence, rated, realigned
+from .masked_points import points_on_object
 from .mirrored_surface import mirrored_surface
 from .objects import ACCEPT, REJECT, DeclaredObject
 from .observed import ObservedGeometry
@@ -94,8 +95,8 @@ def align_objects(
 
     def work(one: DeclaredObject) -> ObjectPrior:
         try:
-            known = _gathered(one, captures, observed, reliable, completed, anything)
-            return _decided(one, known.evidence(bounds), library, settings)
+            evidence = gather_evidence(one, captures, observed, reliable, completed, anything, bounds)
+            return _decided(one, evidence, library, settings)
         except GeometryError as error:
             return ObjectPrior(one.name, None, error.what, {"name": one.name, "refusal": error.what})
 
@@ -121,15 +122,11 @@ class _Gathered:
     """Of the captures that have a mask of an object: ``cameras``, ``masks`` (H, W) bool, ``depths``
     and ``reliable`` (H, W) metres, 0 = unknown; ``points`` (P, 3) were observed on it."""
 
-    name: str
     cameras: list[Camera]
     masks: list[np.ndarray]
     depths: list[np.ndarray]
     reliable: list[np.ndarray]
     points: np.ndarray
-
-    def evidence(self, bounds: RoomPlanes) -> ObjectEvidence:
-        return ObjectEvidence.of(self.name, self.cameras, self.masks, self.depths, self.points, bounds)
 
 
 def gather_evidence(
@@ -146,7 +143,8 @@ def gather_evidence(
     ``anything`` (H, W) bool: the pixels of any object. Where another one may be in front its
     depth is not trusted unless stereo vouches for it.
     """
-    return _gathered(one, captures, observed, reliable, completed, anything).evidence(bounds)
+    known = _gathered(one, captures, observed, reliable, completed, anything)
+    return ObjectEvidence.of(one.name, known.cameras, known.masks, known.depths, known.points, bounds)
 
 
 def _gathered(one, captures, observed, reliable, completed, anything) -> _Gathered:
@@ -158,8 +156,9 @@ def _gathered(one, captures, observed, reliable, completed, anything) -> _Gather
         known = np.where(reliable[k] > 0, reliable[k], completed[k])
         depths.append(np.where(other, np.float32(NEARER_THAN_ANYTHING_M), known))
     cameras = [captures[k].camera for k in shown]
-    points = observed.points[_inside_masks(observed, cameras, masks, shown)].astype(np.float64)
-    return _Gathered(one.name, cameras, masks, depths, [reliable[k] for k in shown], points)
+    on_object = points_on_object(observed.points, observed.visibility, cameras, masks, shown)
+    points = observed.points[on_object].astype(np.float64)
+    return _Gathered(cameras, masks, depths, [reliable[k] for k in shown], points)
 
 
 def load_priors(folder: Path) -> tuple[AlignedPrior, ...]:
@@ -311,17 +310,3 @@ def _figures(alignment: Alignment) -> dict[str, Any]:
 def _rounded(value: float) -> float | None:
     """For JSON, which has no NaN."""
     return None if np.isnan(value) else round(float(value), 4)
-
-
-def _inside_masks(
-    observed: ObservedGeometry, cameras: Sequence[Camera], masks: Sequence[np.ndarray], indices: Sequence[int]
-) -> np.ndarray:
-    """(P,) bool: the points that most of the captures that see them show within their masks."""
-    inside, seen = (np.zeros(len(observed.points)) for _ in range(2))
-    for k, camera, mask in zip(indices, cameras, masks, strict=True):
-        pixels, depth = camera.project(observed.points)
-        visible = camera.sees(pixels, depth) & observed.visibility[:, k]
-        columns, rows = pixels[visible].astype(np.int64).T
-        inside[visible] += mask[rows, columns]
-        seen[visible] += 1
-    return (inside > 0) & (2 * inside > seen)

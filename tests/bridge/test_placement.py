@@ -11,7 +11,6 @@ from r2sego_blender.bridge.placement import (
     fit_of,
     mask_window,
     outline,
-    points_on_object,
     silhouette,
     surface_samples,
 )
@@ -106,15 +105,6 @@ def test_an_outline_goes_around_its_region():
     whole = outline(np.ones((2, 2), bool)).reshape(-1, 2, 2)
     assert len(whole) == 8
     assert len(outline(np.zeros((2, 2), bool))) == 0
-
-
-def test_points_are_the_objects_where_most_masks_say_so(cameras):
-    masks = [MeshRasterizer(*world()).render(camera).depth > 0 for camera in cameras]
-    inside = np.array([[0.1, 0.5, 0.5]])
-    outside = np.array([[1.2, 0.5, 0.1]])
-    points, seen = np.concatenate([inside, outside]), np.ones((2, 3), bool)
-    assert points_on_object(points, seen, cameras, masks, range(3)).tolist() == [True, False]
-    assert not points_on_object(points, ~seen, cameras, masks, range(3)).any()
 
 
 def test_twelve_captures_are_rated_within_a_frame(cameras):
