@@ -11,9 +11,9 @@ import bpy
 import gpu
 import numpy as np
 
-from ..r2sego_blender.bridge.asset_colours import linear_from_srgb
 from ..r2sego_blender.bridge.show_asset import DrawnSplats, drawn_splats
 from ..r2sego_blender.bridge.views_3d import redraw_views
+from ..r2sego_blender.colours import linear_from_srgb
 from .overlays import Overlay, points_while_moving, timeline_runs
 
 _SETTLED_S = 0.25

@@ -5,8 +5,8 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
-from ..r2sego_blender.bridge.asset_colours import linear_from_srgb
 from ..r2sego_blender.bridge.asset_frame import camera_frame_px
+from ..r2sego_blender.colours import linear_from_srgb
 from .flat_shapes import rectangle, text_width, write
 from .overlays import Overlay
 

@@ -15,6 +15,7 @@ FOUNDATION = {
     "arrays",
     "backends",
     "cameras",
+    "colours",
     "compiled",
     "errors",
     "images",

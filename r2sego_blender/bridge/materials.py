@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from .asset_colours import linear_from_srgb
+from ..colours import linear_from_srgb
 
 # Anchors of viridis, dark to light; linear between them.
 _RAMP = np.array([

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .asset_colours import linear_from_srgb
+from ..colours import linear_from_srgb
 from .bundle import Bundle
 
 _LINEAR = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)

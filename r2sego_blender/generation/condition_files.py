@@ -16,6 +16,7 @@ import numpy as np
 import OpenEXR
 
 from ..cameras import Camera
+from ..colours import linear_from_srgb
 from ..errors import CaptureError, GenerationError
 from ..images import to_uint8
 from .conditions import Condition
@@ -76,7 +77,7 @@ def _save_exr(path: Path, condition: Condition, point: PointCondition | None, de
     if derived:
         passes |= {"Distance.V": condition.distance} | _split("NormalCamera", condition.normal_camera, "XYZ")
         if point is not None:
-            passes |= _split("Combined", _linear(point.colour), "RGB") | {"Combined.A": point.known}
+            passes |= _split("Combined", linear_from_srgb(point.colour), "RGB") | {"Combined.A": point.known}
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage,
         _CAMERA: json.dumps(condition.camera.to_json()),
@@ -135,7 +136,3 @@ def _encoded(condition: Condition, point: PointCondition | None) -> dict[str, np
 
 def _split(name: str, values: np.ndarray, channels: str) -> dict[str, np.ndarray]:
     return {f"{name}.{channel}": values[..., k] for k, channel in enumerate(channels)}
-
-
-def _linear(srgb: np.ndarray) -> np.ndarray:
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)

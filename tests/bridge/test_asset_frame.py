@@ -1,4 +1,4 @@
-"""Where pictures are compared in a view, and the colours they are drawn in."""
+"""Where pictures are compared in a view."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,6 @@ import pytest
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
 from r2sego_blender.bridge.asset_cameras import view_camera
-from r2sego_blender.bridge.asset_colours import linear_from_srgb
 from r2sego_blender.bridge.asset_frame import frame_px
 
 
@@ -36,8 +35,3 @@ def test_a_views_camera_projects_as_its_matrices_do():
         u = local[:, 0] / depth * camera.fx + camera.cx
         v = local[:, 1] / depth * camera.fy + camera.cy
         np.testing.assert_allclose(np.stack([u, 300 - v], axis=1), at, atol=1e-9)
-
-
-def test_linear_colours_are_those_of_the_standard():
-    srgb = np.array([0.0, 0.04045, 0.5, 1.0, 2.0])
-    np.testing.assert_allclose(linear_from_srgb(srgb), [0.0, 0.0031308, 0.2140411, 1.0, 1.0], atol=1e-6)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ... import __version__
+from ...colours import linear_from_srgb
 from ...errors import AssetError
 from ..asset import SplatAsset
 from ..quaternions import to_rotation
@@ -109,9 +110,7 @@ def load_gltf(path: Path) -> SplatAsset:
 
 def _attributes(asset: SplatAsset) -> dict[str, np.ndarray]:
     """What the extension calls each quantity, in the order of the buffer, all multiples of 4 bytes."""
-    display = np.clip(asset.base_colours, 0.0, 1.0)
-    # COLOR_0, of points that stand in for splats, is linear light: the sRGB curve is undone.
-    linear = np.where(display <= 0.04045, display / 12.92, ((display + 0.055) / 1.055) ** 2.4)
+    linear = linear_from_srgb(asset.base_colours)  # COLOR_0, of points that stand in for splats
     colours = np.concatenate([linear, asset.opacities[:, None]], axis=1)
     attributes = {
         "POSITION": asset.means,

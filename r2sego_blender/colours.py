@@ -1,4 +1,4 @@
-"""Linear colours, as materials and the 3D views want them: Blender encodes what it draws as sRGB."""
+"""Linear light of sRGB colours, as Blender's materials and views, EXRs and glTF want it. NumPy alone."""
 
 from __future__ import annotations
 
