@@ -238,9 +238,7 @@ def _facts(bundle: Bundle) -> Iterator[tuple[str, str, str]]:
         yield "asset", "asset.ply", f"{bundle.asset_file.stat().st_size / 1e6:.1f} MB"
     hulls = len(bundle.collision_hulls)
     if hulls:
-        yield "collision", "Convex pieces", str(hulls)
-    for name, arm in sorted(((told["metrics"] or {}).get("arms") or {}).items()):
-        yield "report", name, f"PSNR {arm['psnr']:.2f} dB, SSIM {arm['ssim']:.3f}"
+        yield "collision", "Convex Pieces", str(hulls)
 
 
 def register() -> None:

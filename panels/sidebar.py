@@ -5,7 +5,7 @@ from itertools import zip_longest
 
 import bpy
 
-_LABEL_SHARE = 0.38  # "Convex pieces" fits
+_LABEL_SHARE = 0.38  # "Convex Pieces" fits
 _CHARACTER_PX = 8.2  # of Blender's interface font at scale 1, margins included
 
 

@@ -166,16 +166,13 @@ class R2SEGO_OT_save_placement(EngineOperator, bpy.types.Operator):
 
     def arguments(self, context):
         name, shown = declared_object(context, self.object_name), shown_prior(context, self.object_name)
-        context.view_layer.update()
+        known = context.scene.r2sego_proxy.objects[name]
+        if not (known.own_mesh or known.shape):
+            raise GeometryError(f"'{name}' has no mesh to place", cure="Give it one with Use Active Mesh.")
+        require_visible(context, shown)  # Blender does not follow where an excluded object is moved
         file = handed_over("placement.json")
         write_placement(file, shown, locked=self.locked)
-        command = ["objects", str(state.opened_bundle(context).path), "--json", "--place", f"{name}={file}"]
-        if (
-            not context.scene.r2sego_proxy.objects[name].own_mesh
-            and not context.scene.r2sego_proxy.objects[name].shape
-        ):
-            raise GeometryError(f"'{name}' has no mesh to place", cure="Give it one with Use Active Mesh.")
-        return command
+        return ["objects", str(state.opened_bundle(context).path), "--json", "--place", f"{name}={file}"]
 
     def finish(self, context, result):
         state.refresh(context.scene)

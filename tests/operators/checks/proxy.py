@@ -350,6 +350,10 @@ def check_a_hidden_prior_is_not_placed_but_told():
         said = refused(bpy.ops.r2sego.place_prior, object_name="crate")
         assert "'Prior crate' is hidden. Show it and its collection in the Outliner" in said, said
         assert group().fit_object == ""
+        # Blender keeps the pose of before: saving it would be wrong.
+        bpy.data.objects["Prior crate"].location.x += 0.3
+        said = refused(bpy.ops.r2sego.save_placement, object_name="crate")
+        assert "'Prior crate' is hidden" in said, said
         show()
     assert bpy.ops.r2sego.place_prior(object_name="crate") == {"FINISHED"}
 
