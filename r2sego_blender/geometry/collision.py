@@ -66,8 +66,7 @@ def collision_surface(
             "the proxy has no surface to collide with", where="collision surface",
             cure="Take more photographs, or lower collision.min_component_m.",
         )  # fmt: skip
-    on_floor = _floor_faces(vertices, faces, settings.floor_tolerance_m)
-    vertices[np.unique(faces[on_floor]), 2] = 0.0
+    vertices, faces, on_floor = _floor_laid_flat(vertices, faces, settings.floor_tolerance_m)
     floor = _floor_rectangle(vertices, faces[on_floor])
     limits = Limits(
         settings.cell_m, settings.min_cell_m, settings.tolerance_m, settings.carrying_tolerance_m,
@@ -139,13 +138,20 @@ def _without_crumbs(vertices, faces, smallest_m):
     return vertices[used], faces.reshape(-1, 3).astype(np.int32)
 
 
-def _floor_faces(vertices, faces, tolerance_m):
-    """(F,) bool: level faces near z = 0, and those that lie in z = 0 altogether."""
+def _floor_laid_flat(vertices, faces, tolerance_m):
+    """The vertices, the floor's in z = 0; the faces; and (F,) bool, which lie in z = 0.
+
+    Level faces near z = 0 are the floor. What hangs on them may come to lie in z = 0 with them, and
+    not all of that faces up: a face that looks into the floor would be a slab on it, and goes.
+    """
     corners = vertices[faces]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    upright = cross[:, 2] > _FLOOR_NORMAL * np.linalg.norm(cross, axis=1)
-    top = corners[:, :, 2].max(1)
-    return (upright & (top < tolerance_m)) | (top <= 1e-9)
+    level = cross[:, 2] > _FLOOR_NORMAL * np.linalg.norm(cross, axis=1)
+    vertices = vertices.copy()
+    vertices[np.unique(faces[level & (corners[:, :, 2].max(1) < tolerance_m)]), 2] = 0.0
+    on_floor = vertices[faces][:, :, 2].max(1) <= 1e-9
+    kept = ~on_floor | (cross[:, 2] > 0.0)  # seen from above, what is laid flat turns as before
+    return vertices, faces[kept], on_floor[kept]
 
 
 def _floor_rectangle(vertices, faces):

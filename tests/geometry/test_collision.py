@@ -157,6 +157,17 @@ def test_low_bumps_that_nothing_observed_are_floor_and_what_stands_on_it_stays()
     assert len(as_it_is.pieces) > len(surface.pieces)
 
 
+def test_the_underside_of_a_fold_in_the_floor_is_no_slab_on_it():
+    """A floor a centimetre high, half of which was reconstructed from below as well."""
+    floor = _grid((-1.0, 1.0), (-1.0, 1.0), lambda x, y: 0 * x + 0.01)
+    below = floor.faces[floor.triangles_center[:, 0] > 0.0][:, ::-1]
+    folded = trimesh.Trimesh(floor.vertices, np.concatenate([floor.faces, below]), process=False)
+    surface = collision_surface(as_proxy(folded), SETTINGS)
+    assert not surface.pieces
+    normals = trimesh.Trimesh(surface.vertices, surface.faces, process=False).face_normals
+    assert len(normals) and (surface.vertices[:, 2] == 0.0).all() and (normals[:, 2] > 0.99).all()
+
+
 def test_the_floor_is_one_flat_box_under_the_room(surface, model):
     floor = model.geom("floor")
     assert floor.type == mujoco.mjtGeom.mjGEOM_BOX
