@@ -2,7 +2,7 @@
 
 import bpy
 
-from .sidebar import Step
+from .sidebar import Step, write_wrapped
 
 _UNKNOWN = "\u2013"
 
@@ -64,6 +64,7 @@ class R2SEGO_PT_report_causes(Step, bpy.types.Panel):
             _line(column, "", ("of error", "of pixels"), False)
             for cause in report.causes:
                 _line(column, cause.name, (_percent(cause.error), _percent(cause.pixels)), True)
+        write_wrapped(context, self.layout, report.mending, "INFO")
         if report.causes_note:
             row = self.layout.row()
             row.active = False

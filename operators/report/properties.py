@@ -20,7 +20,6 @@ class R2SEGO_PG_cause(bpy.types.PropertyGroup):
 
     error: FloatProperty(default=-1.0)
     pixels: FloatProperty(default=-1.0)
-    mended_by: StringProperty()
 
 
 class R2SEGO_PG_report(bpy.types.PropertyGroup):
@@ -30,6 +29,7 @@ class R2SEGO_PG_report(bpy.types.PropertyGroup):
     rounds: CollectionProperty(type=R2SEGO_PG_score)
     causes: CollectionProperty(type=R2SEGO_PG_cause)
     causes_note: StringProperty()
+    mending: StringProperty()
     has_lpips: BoolProperty()
     outdated: BoolProperty()
     summary: StringProperty()
@@ -50,9 +50,9 @@ def _show(group, scores):
     group.causes.clear()
     for cause in scores.causes:
         shown = group.causes.add()
-        shown.name, shown.mended_by = cause.label, cause.mended_by
+        shown.name = cause.label
         shown.error, shown.pixels = _known(cause.error), _known(cause.pixels)
-    group.causes_note = scores.causes_note
+    group.causes_note, group.mending = scores.causes_note, scores.mending
     group.has_lpips = any(arm.lpips is not None for arm in scores.arms)
     group.outdated, group.summary = scores.outdated, scores.summary
 

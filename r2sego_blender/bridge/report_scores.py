@@ -22,7 +22,6 @@ class Score:
     psnr: float | None
     ssim: float | None
     lpips: float | None = None
-    views: int = 0
     note: str = ""
 
 
@@ -48,6 +47,14 @@ class ReportScores:
     causes: tuple[Cause, ...] = ()
     causes_note: str = ""
     outdated: bool = False
+
+    @property
+    def mending(self) -> str:
+        """What mends the largest cause of the error, '' where none is known."""
+        largest = max(self.causes, key=lambda cause: cause.error or 0.0, default=None)
+        if largest is None or not largest.error or not largest.mended_by:
+            return ""
+        return f"{largest.label}: {largest.mended_by}"
 
     @property
     def summary(self) -> str:
@@ -96,10 +103,7 @@ def _place(name: str) -> int:
 
 def _score(label: str, told: Mapping[str, Any]) -> Score:
     note = str(told.get("missing") or told.get("mark") or "")
-    return Score(
-        label, _number(told["psnr"]), _number(told["ssim"]), _number(told.get("lpips_alex")),
-        len(told.get("views", ())), note,
-    )  # fmt: skip
+    return Score(label, _number(told["psnr"]), _number(told["ssim"]), _number(told.get("lpips_alex")), note)
 
 
 def _cause(told: Mapping[str, Any]) -> Cause:

@@ -33,14 +33,15 @@ def test_arms_rounds_and_causes(evaluated):
     scores = report_scores(
         evaluated({"arms": arms, "rounds": fake_captures.ROUNDS, "causes": fake_captures.CAUSES})
     )
-    assert [(arm.label, arm.psnr, arm.lpips, arm.views) for arm in scores.arms] == [
-        ("Refined", 25.0, 0.2, 2), ("Vanilla 3DGS", 21.5, None, 2), ("Initial", 19.5, None, 2)
+    assert [(arm.label, arm.psnr, arm.lpips) for arm in scores.arms] == [
+        ("Refined", 25.0, 0.2), ("Vanilla 3DGS", 21.5, None), ("Initial", 19.5, None)
     ]  # fmt: skip
     assert scores.summary == "25.00 dB (+3.50), SSIM 0.800"
     assert [(one.label, one.psnr) for one in scores.rounds] == [
         ("Round 0", 24.2), ("Round 1", 23.9), ("Round 2", None)
     ]  # fmt: skip
     assert [(one.label, one.error) for one in scores.causes] == [("Wrong depth", 0.41), ("Edges", None)]
+    assert scores.mending == "Wrong depth: more photographs"
 
 
 def test_what_is_not_known_is_left_out(evaluated):
@@ -48,6 +49,7 @@ def test_what_is_not_known_is_left_out(evaluated):
     assert report_scores(evaluated({"arms": {"refined": _arm(25.0)}})).summary == "25.00 dB, SSIM 0.800"
     told = report_scores(evaluated({"arms": {}, "causes": {"unavailable": "no depth"}}))
     assert told.causes == () and told.causes_note == "no depth" and told.summary == ""
+    assert told.mending == ""
 
 
 def test_of_an_asset_that_changed_since_there_is_no_summary(evaluated):

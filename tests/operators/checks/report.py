@@ -30,6 +30,7 @@ def check_the_scores_are_those_of_the_evaluation():
     (depth, edges) = report().causes
     assert depth.name == "Wrong depth" and abs(depth.error - 0.41) < 1e-6 and edges.error < 0.0
     assert report().causes_note == "the true room's mesh"
+    assert report().mending == "Wrong depth: more photographs"
     assert report().summary.startswith("25.10 dB")
 
 
