@@ -25,14 +25,22 @@ def shape_of(text: str) -> tuple[np.ndarray, np.ndarray, tuple]:
     return corners, sides, triangles
 
 
-def _draw(context: bpy.types.Context) -> None:
+def drawn_region(context: bpy.types.Context) -> tuple | None:
+    """The region to draw in the 3D view of ``context`` as a text, its line's and its fill's colour."""
     robot = getattr(context.scene, "r2sego_robot", None)
     if robot is None:
-        return
+        return None
     if robot.drawing:
-        _draw_polygon(robot.drawing, _DRAWN_LINE, _DRAWN_FILL)
-    elif robot.region and robot.show_region:
-        _draw_polygon(robot.region, _LINE, _FILL)
+        return robot.drawing, _DRAWN_LINE, _DRAWN_FILL
+    if robot.region and robot.show_region and context.space_data.overlay.show_overlays:
+        return robot.region, _LINE, _FILL
+    return None
+
+
+def _draw(context: bpy.types.Context) -> None:
+    drawn = drawn_region(context)
+    if drawn is not None:
+        _draw_polygon(*drawn)
 
 
 def _draw_polygon(text: str, line, fill) -> None:

@@ -11,7 +11,7 @@ import bpy
 import gpu
 import numpy as np
 
-from ..r2sego_blender.bridge.show_asset import DrawnSplats, drawn_splats
+from ..r2sego_blender.bridge.show_asset import DrawnSplats, drawn_splats, is_deleted
 from ..r2sego_blender.bridge.views_3d import redraw_views
 from ..r2sego_blender.colours import linear_from_srgb
 from .overlays import Overlay, points_while_moving, timeline_runs
@@ -154,6 +154,14 @@ def _buffer(shown: bpy.types.Object, group: bpy.types.PropertyGroup) -> SplatBuf
     return _buffers[key]
 
 
+def _let_go_of_deleted() -> None:
+    """Free the splats of an object that no Blender scene has any more; the graphics card is small."""
+    shown = (scene.r2sego_asset.shown for scene in bpy.data.scenes)
+    kept = {one.data.session_uid for one in shown if one is not None and not is_deleted(one)}
+    for key in [key for key in _buffers if key[0] not in kept]:
+        del _buffers[key]
+
+
 def _shader() -> tuple:
     """The discs' shader, or the plain points' of a Blender that refuses it; and which it is."""
     if not _shaders:
@@ -184,6 +192,7 @@ def _disc_shader():
 
 def draw(context: bpy.types.Context) -> None:
     """Draw the shown asset into the current 3D view."""
+    _let_go_of_deleted()
     group = context.scene.r2sego_asset
     shown = group.shown
     if not group.preview or shown is None or shown.mode == "EDIT":

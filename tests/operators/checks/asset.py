@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -286,6 +287,20 @@ def check_what_the_preview_draws():
     assert preview.points_while_moving(50_000, "SOFTWARE") < 20_000
     assert preview.points_while_moving(7, "SOFTWARE") == 7
     assert preview.scale_px([[1.0, 0.0], [0.0, 2.0]], 300) == 300.0
+
+
+def check_what_the_preview_keeps_on_the_graphics_card_goes_with_its_object():
+    preview = importlib.import_module(f"{MODULE}.panels.splat_preview")
+    shown, view = show(), SimpleNamespace(scene=bpy.context.scene, space_data=None)
+    group().preview = False
+    preview._buffers[shown.data.session_uid, SPLATS, 0, False] = "the splats"
+    preview.draw(view)
+    assert len(preview._buffers) == 1  # switched off, it is soon on again
+    for collection in shown.users_collection:  # as Delete in the 3D view
+        collection.objects.unlink(shown)
+    assert group().shown == shown
+    preview.draw(view)
+    assert not preview._buffers
 
 
 def check_deleting_hands_the_regions_to_the_engine():

@@ -5,6 +5,7 @@ import json
 import math
 import shutil
 import sys
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -169,6 +170,10 @@ def check_the_bundles_own_region_is_shown():
     overlay = sys.modules[f"{MODULE}.panels.region_overlay"]
     corners, sides, triangles = overlay.shape_of(robot().region)
     assert (corners.shape, sides.shape, len(triangles)) == ((3, 3), (6, 3), 1)
+    for shown in (True, False):  # the 3D view's own switch of overlays
+        view = SimpleNamespace(overlay=SimpleNamespace(show_overlays=shown))
+        drawn = overlay.drawn_region(SimpleNamespace(scene=bpy.context.scene, space_data=view))
+        assert (drawn is not None) == shown
     own.write_text("[region]\nwithin = 3\n")
     bpy.ops.r2sego.refresh_scene()
     assert "region.within" in robot().problem and state().problem == ""
