@@ -27,11 +27,14 @@ Pairs = dict[tuple[int, int], np.ndarray]
 """Matches (m, 2) int32 of feature indices for pairs (i, j), i < j, of photographs."""
 
 
-def match_all(features: Sequence[Features], settings: CaptureSettings, progress: Progress) -> Pairs:
+def match_all(
+    features: Sequence[Features], settings: CaptureSettings, progress: Progress,
+    title: str = "Matching photographs",
+) -> Pairs:  # fmt: skip
     """Mutual ratio-test matches of every pair that has at least ``min_matches`` of them."""
     pairs: Pairs = {}
     indices = list(combinations(range(len(features)), 2))
-    for i, j in progress.track(indices, "Matching photographs"):
+    for i, j in progress.track(indices, title):
         matches = match(features[i].descriptors, features[j].descriptors, settings.match_ratio)
         if len(matches) >= settings.min_matches:
             pairs[i, j] = matches

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from PIL import Image
 
 from ..cameras import Camera
 from ..errors import CaptureError
-from ..images import image_files, load_image, resize
+from ..images import load_image, resize
 from ..progress import Progress
 from ..scratch import ScratchFolder
 from ..settings import CaptureSettings
@@ -18,8 +20,9 @@ from ..workers.child import call_in_child
 from .colmap import load_pycolmap
 from .colmap_model import camera_to_json, lens_from_json
 from .features import Features, epipolar_errors, sift
-from .overlap import load_matches, match_all, save_matches, write_database
-from .photographs import MIN_CAPTURES, Photograph, too_few
+from .overlap import Pairs, load_matches, match_all, save_matches, write_database
+from .photographs import MIN_CAPTURES, Photograph
+from .plain_folder import plain_photographs
 
 _MIN_REGISTERED_SHARE = 0.6
 # COLMAP's defaults ask for 100 inliers and 16 degrees of the first pair and 30 inliers of
@@ -30,6 +33,9 @@ _TRIES = ((100, 16.0, 30), (100, 16.0, 15), (50, 8.0, 15), (30, 4.0, 15))
 # 40 to 70 % lie on their epipolar lines (the rest are wrong matches), of a wrong one 15 %.
 _MIN_AGREEING_SHARE = 0.25
 _AGREEMENT_PX = 4.0
+# Of the reprojection error under a shared lens, what lenses of their own may leave: right ones
+# leave 0.95 of it, and 0.1 where some photographs are zoomed.
+_CLEARLY_LOWER = 0.75
 # Focal length, in longest sides, of a photograph without EXIF: a phone's main camera and
 # most compact cameras lie between 0.7 and 1; refined by the bundle adjustment.
 _FOCAL_GUESS = 0.85
@@ -43,22 +49,21 @@ _ADVICE = (
 def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> tuple[list[Photograph], str]:
     """The photographs in ``folder`` with estimated lenses and poses, up to an unknown similarity.
 
-    Focal lengths start from EXIF where it has them. Also returns a line saying how many
-    registered. Raises CaptureError when fewer than three, or fewer than 60 %, do.
+    Focal lengths start from EXIF where it has them. Photographs of one size and focal length
+    share a lens, unless they fit clearly better with one each. Also returns a line saying how
+    many registered. Raises CaptureError when fewer than three, or fewer than 60 %, do.
     """
-    paths = image_files(folder)
-    if len(paths) < MIN_CAPTURES:
-        raise too_few(len(paths), folder)
+    paths = plain_photographs(folder, progress)
     features: list[Features] = []
     sizes = []
-    for path in progress.track(paths, "Finding features"):
+    for path in progress.track(paths, "Solving camera poses: features"):
         image = load_image(path)
         height, width = image.shape[:2]
         scale = min(1.0, settings.solve_max_side_px / max(width, height))
         image = resize(image, max(1, round(width * scale)), max(1, round(height * scale)))
         sizes.append((image.shape[1], image.shape[0]))
         features.append(sift(image, settings.max_features))
-    pairs = match_all(features, settings, progress)
+    pairs = match_all(features, settings, progress, "Solving camera poses: matches")
     folder_of_photographs = paths[0].parent
     if not pairs:
         raise CaptureError(
@@ -79,7 +84,7 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
     fallen = [path.name for index, path in enumerate(paths) if index not in registered]
     count = f"{len(best)} of {len(paths)} photographs"
     if len(best) < MIN_CAPTURES or len(best) < _MIN_REGISTERED_SHARE * len(paths):
-        several = f" (in {len(models)} separate groups)" if len(models) > 1 else ""
+        several = f" (in {len(models)} separate groups, as of several rooms)" if len(models) > 1 else ""
         raise CaptureError(
             f"only {count} could be registered together{several}; left out: {', '.join(fallen)}",
             where=folder_of_photographs, cure=_ADVICE,
@@ -99,14 +104,41 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
 
 def solve_in_child(request: dict[str, Any]) -> dict[str, Any]:
     """Incremental mapping with pycolmap; runs in a child process."""
-    pycolmap = load_pycolmap()
     folder = Path(request["folder"])
     features, pairs = load_matches(folder / "matches.npz")
-    cameras, camera_of = _cameras(request["paths"], request["sizes"])
-    names = [f"{index:06d}" for index in range(len(features))]
+    matched = {index for pair in pairs for index in pair}
+    shared = _cameras(request["paths"], request["sizes"])
+    best = _solved(folder / "shared", shared, features, pairs, len(matched), request["min_matches"])
+    known = all(camera.has_prior_focal_length for camera in shared[0])
+    if len(shared[0]) < len(features) and not (known and best.registered == len(matched)):
+        # Zoomed photographs without EXIF spoil the lens that they share, though all may register.
+        own = _own_cameras(*shared)
+        single = _solved(folder / "own", own, features, pairs, len(matched), request["min_matches"])
+        better = single.error_px < _CLEARLY_LOWER * best.error_px
+        if single.registered > best.registered or (single.registered == best.registered and better):
+            best = single
+    return {"models": best.models}
+
+
+class _Solved(NamedTuple):
+    """Models as lists of JSON-ready images; the size and mean reprojection error of the largest."""
+
+    models: list[list[dict[str, Any]]]
+    registered: int = 0
+    error_px: float = np.inf
+
+
+def _solved(
+    folder: Path, lenses: tuple[list, list[int]], features: Sequence[Features], pairs: Pairs, most: int,
+    min_matches: int,
+) -> _Solved:  # fmt: skip
+    """The models of the try that registers most photographs, under the cameras of ``_cameras``."""
+    pycolmap = load_pycolmap()
+    folder.mkdir()
     database = folder / "database.db"
-    ids = write_database(database, cameras, camera_of, names, features, pairs, verified=False)
-    verification = pycolmap.TwoViewGeometryOptions(min_num_inliers=request["min_matches"])
+    names = [f"{index:06d}" for index in range(len(features))]
+    ids = write_database(database, *lenses, names, features, pairs, verified=False)
+    verification = pycolmap.TwoViewGeometryOptions(min_num_inliers=min_matches)
     verification.ransac.random_seed = 0
     pycolmap.set_random_seed(0)
     pycolmap.geometric_verification(
@@ -114,19 +146,20 @@ def solve_in_child(request: dict[str, Any]) -> dict[str, Any]:
         two_view_geometry_options=verification,
     )  # fmt: skip
     index_of = {image_id: index for index, image_id in enumerate(ids)}
-    matched = {index for pair in pairs for index in pair}
-    best: list[list[dict[str, Any]]] = []
+    best = _Solved([])
     for attempt, thresholds in enumerate(_TRIES):
-        models = _map(database, folder, attempt, thresholds, request["min_matches"])
+        models = _map(database, folder / f"models{attempt}", thresholds, min_matches)
         found = [_trustworthy(model, index_of, features, pairs) for model in models]
-        if max(map(len, found), default=0) > max(map(len, best), default=0):
-            best = found
-        if max(map(len, best), default=0) == len(matched):
+        largest = max(range(len(found)), key=lambda index: len(found[index]), default=None)
+        if largest is not None and len(found[largest]) > best.registered:
+            error_px = models[largest].compute_mean_reprojection_error()
+            best = _Solved(found, len(found[largest]), error_px)
+        if best.registered == most:
             break
-    return {"models": best}
+    return best
 
 
-def _map(database, folder: Path, attempt: int, thresholds: tuple, min_matches: int) -> list:
+def _map(database: Path, output: Path, thresholds: tuple, min_matches: int) -> list:
     pycolmap = load_pycolmap()
     inliers, angle_deg, next_inliers = thresholds
 
@@ -141,9 +174,8 @@ def _map(database, folder: Path, attempt: int, thresholds: tuple, min_matches: i
     options.mapper.init_min_tri_angle = angle_deg
     options.mapper.abs_pose_min_num_inliers = max(next_inliers, min_matches)
     pycolmap.set_random_seed(0)
-    output = folder / f"models{attempt}"
     output.mkdir()
-    return list(pycolmap.incremental_mapping(database, folder, output, options).values())
+    return list(pycolmap.incremental_mapping(database, output, output, options).values())
 
 
 def _trustworthy(model, index_of: dict[int, int], features, pairs) -> list[dict[str, Any]]:
@@ -183,7 +215,7 @@ def _cameras(paths: Sequence[str], sizes: Sequence[Sequence[int]]) -> tuple[list
     pycolmap = load_pycolmap()
     cameras, camera_of, known = [], [], {}
     for path, (width, height) in zip(paths, sizes, strict=True):
-        guess = pycolmap.infer_camera_from_image(path)
+        guess = _camera_of_exif(path)
         prior = bool(guess.has_prior_focal_length)
         relative = guess.mean_focal_length() / max(guess.width, guess.height) if prior else _FOCAL_GUESS
         key = (width, height, prior, round(relative, 4))
@@ -198,3 +230,20 @@ def _cameras(paths: Sequence[str], sizes: Sequence[Sequence[int]]) -> tuple[list
             cameras.append(camera)
         camera_of.append(known[key])
     return cameras, camera_of
+
+
+def _own_cameras(cameras: Sequence, camera_of: Sequence[int]) -> tuple[list, list[int]]:
+    """The cameras of ``_cameras``, one for each photograph."""
+    return [copy(cameras[index]) for index in camera_of], list(range(len(camera_of)))
+
+
+def _camera_of_exif(path: str):
+    """What COLMAP knows of the camera from a file's EXIF, also of formats that it does not read."""
+    pycolmap = load_pycolmap()
+    try:
+        return pycolmap.infer_camera_from_image(path)
+    except ValueError:
+        with Image.open(path) as image, ScratchFolder() as folder:
+            stand_in = Path(folder, "exif.jpg")
+            Image.new("L", image.size).save(stand_in, exif=image.getexif())
+            return pycolmap.infer_camera_from_image(stand_in)

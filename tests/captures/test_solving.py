@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from r2sego_blender.cameras import rotation_angle_rad
 from r2sego_blender.captures.importing import import_captures
 from r2sego_blender.captures.registration import register
 from r2sego_blender.captures.scale import Scale
+from r2sego_blender.captures.solving import _camera_of_exif
 from r2sego_blender.captures.sparse import triangulate
 from r2sego_blender.errors import CaptureError
-from r2sego_blender.images import save_image
+from r2sego_blender.images import resize, save_image, to_uint8
 from r2sego_blender.settings import CaptureSettings
 
 SETTINGS = CaptureSettings(max_features=2500)
@@ -66,6 +68,33 @@ def test_too_few_of_them_register(tmp_path, room_captures, blank_photograph):
         blank_photograph(tmp_path / f"stranger{index}.png", 200, 150)
     with pytest.raises(CaptureError, match=r"only \d of 7 photographs.*left out: .*stranger0\.png"):
         import_captures(tmp_path, None, SETTINGS)
+
+
+def test_zoomed_photographs_without_exif_have_a_lens_of_their_own(room_captures, room_cameras, tmp_path):
+    """Under one lens for all, most of them fall and the focal length is that of none."""
+    for index, capture in enumerate(room_captures):
+        image = capture.image()
+        if index in (1, 3):
+            image = resize(image[45:255, 60:340], 400, 300)
+        save_image(tmp_path / capture.name, image)
+    captures = import_captures(tmp_path, None, SETTINGS).captures
+    assert _relative_errors_deg(captures, room_cameras).max() < 0.5
+    focal = [300.0 / 0.7 if index in (1, 3) else 300.0 for index in range(5)]
+    assert [capture.camera.fx for capture in captures] == pytest.approx(focal, rel=0.05)
+
+
+def test_photographs_of_formats_that_colmap_does_not_read(room_captures, room_cameras, tmp_path):
+    """Their EXIF counts too: 28 mm of a film's 43.27 mm diagonal are 323.6 of 500 pixels."""
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0xA405] = 28
+    for capture, suffix in zip(room_captures, ("webp", "avif", "webp", "avif", "webp"), strict=True):
+        path = (tmp_path / capture.name).with_suffix(f".{suffix}")
+        Image.fromarray(to_uint8(capture.image())).save(path, quality=95, exif=exif)
+    guess = _camera_of_exif(str(tmp_path / room_captures[0].name.replace(".png", ".webp")))
+    assert guess.has_prior_focal_length
+    assert guess.mean_focal_length() == pytest.approx(500.0 * 28.0 / 43.27, rel=1e-3)
+    captures = import_captures(tmp_path, None, SETTINGS).captures
+    assert _relative_errors_deg(captures, room_cameras).max() < 0.5
 
 
 def test_an_unreadable_photograph_is_named(tmp_path, room_captures):

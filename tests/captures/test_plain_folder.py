@@ -1,0 +1,78 @@
+"""What is taken of a phone's folder, and what is said of the rest."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+
+from r2sego_blender.captures.plain_folder import plain_photographs
+from r2sego_blender.errors import CaptureError
+from r2sego_blender.progress import SILENT
+
+
+@pytest.fixture
+def folder(tmp_path, blank_photograph):
+    for index in range(3):
+        blank_photograph(tmp_path / f"IMG_{index}.png")
+    return tmp_path
+
+
+def _names(paths):
+    return [path.name for path in paths]
+
+
+def test_a_plain_folder_is_taken_whole_and_nothing_is_said(folder, messages):
+    for name in (".DS_Store", "Thumbs.db", "._IMG_0.png", ".hidden.heic", "notes.txt"):
+        (folder / name).write_bytes(b"\x00")
+    assert _names(plain_photographs(folder, messages)) == ["IMG_0.png", "IMG_1.png", "IMG_2.png"]
+    assert messages.messages == []
+
+
+def test_copies_of_a_photograph_are_taken_once(folder, messages):
+    shutil.copyfile(folder / "IMG_1.png", folder / "IMG_1 (1).png")
+    (folder / "link.png").symlink_to(folder / "IMG_2.png")
+    assert _names(plain_photographs(folder, messages)) == ["IMG_0.png", "IMG_1 (1).png", "IMG_2.png"]
+    assert messages.warnings == ["IMG_1.png, link.png: the same photograph again, left out"]
+
+
+def test_copies_do_not_make_up_for_photographs(tmp_path, blank_photograph):
+    blank_photograph(tmp_path / "a.png")
+    for name in "bcd":
+        shutil.copyfile(tmp_path / "a.png", tmp_path / f"{name}.png")
+    with pytest.raises(CaptureError, match=r"1 photograph found, .*; b\.png, c\.png, d\.png are the same"):
+        plain_photographs(tmp_path, SILENT)
+
+
+def test_pictures_that_are_not_read_are_named(folder, messages):
+    """But not the HEIC and the video that a phone writes beside a JPEG, nor the video of a HEIC."""
+    for name in ("IMG_0.HEIC", "IMG_0.MOV", "IMG_7.HEIC", "IMG_7.MOV", "walk.mp4", "DSC_1.NEF"):
+        (folder / name).write_bytes(b"\x00")
+    assert len(plain_photographs(folder, messages)) == 3
+    [warning] = messages.warnings
+    assert warning.startswith("DSC_1.NEF, IMG_7.HEIC, walk.mp4: passed over. Save them as JPEG")
+    assert "Most Compatible" in warning and "frames" in warning
+
+
+def test_a_folder_of_heic_alone_is_told_with_its_cure(tmp_path):
+    for index in range(6):
+        (tmp_path / f"IMG_{index}.HEIC").write_bytes(b"\x00")
+    with pytest.raises(
+        CaptureError, match=r"0 photographs found.*IMG_3\.HEIC and 2 more cannot be"
+    ) as caught:
+        plain_photographs(tmp_path, SILENT)
+    assert caught.value.cure.startswith("Save them as JPEG") and "Most Compatible" in caught.value.cure
+
+
+def test_photographs_in_a_folder_below_are_pointed_to(folder):
+    with pytest.raises(
+        CaptureError, match=rf"0 photographs found.*; there are some in {folder.name}"
+    ) as caught:
+        plain_photographs(folder.parent, SILENT)
+    assert caught.value.cure == "Give that folder."
+
+
+def test_poses_beside_the_photographs_are_told(folder, messages):
+    (folder / "transforms.json").write_text("{}")
+    plain_photographs(folder, messages)
+    assert [level for level, text in messages.messages if "transforms.json" in text] == ["info"]
