@@ -1,5 +1,7 @@
 """What the room Captures remembers: the list, how it is shown, and what a person picked."""
 
+import contextlib
+
 import bpy
 from bpy.props import (
     BoolProperty,
@@ -15,8 +17,9 @@ from ...r2sego_blender.bridge.picks import show_fit
 from ...r2sego_blender.bridge.registration_pixels import next_name
 from ...r2sego_blender.bridge.show_captures import capture_camera, show_photographs
 from ...r2sego_blender.bridge.views_3d import redraw_views
-from ...r2sego_blender.errors import R2SEgoError
+from ...r2sego_blender.errors import R2SEgoError, SceneError
 from .. import state
+from ..base import select_only
 
 
 def fit_again(scene):
@@ -56,13 +59,9 @@ def _capture_chosen(group, context):
     scene = group.id_data
     name = group.captures[group.active_capture].name if len(group.captures) > group.active_capture else ""
     camera = capture_camera(scene, state.bundle_path(scene), name)
-    layer = context.view_layer
-    if camera is None or camera.name not in layer.objects:
-        return
-    for chosen in list(layer.objects.selected):
-        chosen.select_set(False)
-    camera.select_set(True)
-    layer.objects.active = camera
+    if camera is not None:
+        with contextlib.suppress(SceneError):  # a hidden one is chosen in the list alone
+            select_only(context, camera)
 
 
 def _photographs_changed(group, context):

@@ -103,6 +103,10 @@ def check_a_line_of_the_list_selects_its_camera():
     shown().active_capture = 2
     assert bpy.context.view_layer.objects.active.name == "capture_2"
     assert [one.name for one in bpy.context.selected_objects] == ["capture_2"]
+    bpy.data.objects["capture_1"].hide_set(True)
+    shown().active_capture = 1  # nobody can select it, so what is selected stays
+    assert bpy.context.view_layer.objects.active.name == "capture_2"
+    assert [one.name for one in bpy.context.selected_objects] == ["capture_2"]
 
 
 def check_one_capture_after_the_other_is_looked_through():
