@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import CaptureError
-from ..images import SUFFIXES
+from ..images import SUFFIXES, image_files
 from ..progress import Progress
 from .photographs import MIN_CAPTURES
+from .plain_folder import UNREAD_PICTURES
 
 _LISTED = 8
 
@@ -17,9 +18,9 @@ _LISTED = 8
 def find_photograph(name: str, folders: tuple[Path, ...], where: str, guess_suffix: bool = False) -> Path:
     """The photograph a pose file names, inside one of ``folders``.
 
-    A path that leads elsewhere (absolute, or through ``..``) is looked up by its file name.
-    With ``guess_suffix`` the name may lack its suffix. Raises CaptureError when no folder
-    has it.
+    A path that leads elsewhere (absolute, or through ``..``) is looked up by its file name. Where
+    no file has the name, one that has it but for case and kind of picture is taken. With
+    ``guess_suffix`` the name may lack its suffix. Raises CaptureError when no folder has it.
     """
     found = _found(name, folders, guess_suffix, by_file_name=True)
     if found is not None:
@@ -65,9 +66,11 @@ def _found(name: str, folders: tuple[Path, ...], guess_suffix: bool, by_file_nam
     candidates = [folder / relative for folder in folders]
     if by_file_name:
         candidates += [folder / relative.name for folder in folders]
+    candidates = [
+        candidate for candidate in candidates
+        if any(candidate.resolve().is_relative_to(folder.resolve()) for folder in folders)
+    ]  # fmt: skip
     for candidate in candidates:
-        if not any(candidate.resolve().is_relative_to(folder.resolve()) for folder in folders):
-            continue
         if candidate.is_file():
             return candidate
         if guess_suffix and candidate.suffix.lower() not in SUFFIXES:
@@ -76,7 +79,22 @@ def _found(name: str, folders: tuple[Path, ...], guess_suffix: bool, by_file_nam
                 whole = candidate.with_name(candidate.name + suffix)
                 if whole.is_file():
                     return whole
-    return None
+    return next(filter(None, map(_alike, candidates)), None)
+
+
+def _alike(candidate: Path) -> Path | None:
+    """The one photograph that has the name of ``candidate`` but for case and kind.
+
+    HEIC is converted after its poses were solved, and some systems take .JPG for .jpg.
+    """
+    if not candidate.parent.is_dir():
+        return None
+    kinds = SUFFIXES | UNREAD_PICTURES
+    stem = (candidate.stem if candidate.suffix.lower() in kinds else candidate.name).casefold()
+    alike = [path for path in image_files(candidate.parent) if path.stem.casefold() == stem]
+    same = [path for path in alike if path.name.casefold() == candidate.name.casefold()]
+    found = same or alike
+    return found[0] if len(found) == 1 else None
 
 
 def _plain(name: str) -> Path:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 
 import numpy as np
 from PIL import Image, UnidentifiedImageError
@@ -159,5 +159,10 @@ def _rigid(pose: np.ndarray, source: str) -> np.ndarray:
 
 def with_unique_names(photographs: Sequence[Photograph]) -> list[Photograph]:
     """Photographs of several folders under names that differ: the file name, else the path."""
-    short = Counter(Path(photograph.name).name for photograph in photographs)
-    return [replace(p, name=Path(p.name).name) if short[Path(p.name).name] == 1 else p for p in photographs]
+    # A program on Windows writes its paths with backslashes.
+    names = [PureWindowsPath(photograph.name).name for photograph in photographs]
+    short = Counter(names)
+    return [
+        replace(photograph, name=name) if short[name] == 1 else photograph
+        for photograph, name in zip(photographs, names, strict=True)
+    ]

@@ -13,7 +13,9 @@ from .photographs import MIN_CAPTURES, too_few
 
 _HEIC = frozenset({".heic", ".heif"})
 _RAW = frozenset({".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".rw2", ".orf", ".pef", ".srw"})
-_UNREAD_PICTURES = _HEIC | _RAW | {".jxl", ".gif", ".jp2", ".psd", ".exr", ".hdr"}
+UNREAD_PICTURES = _HEIC | _RAW | {".jxl", ".gif", ".jp2", ".psd", ".exr", ".hdr"}
+"""Suffixes of pictures that are no photographs here, in small letters."""
+
 _VIDEOS = frozenset({".mov", ".mp4", ".m4v", ".avi", ".mkv", ".webm", ".3gp"})
 _POSE_FILES = ("transforms.json", "cameras.json")
 _LISTED = 4
@@ -44,11 +46,11 @@ def _distinct(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
     """The files without those of the same bytes as one before, and these."""
     known: set[bytes] = set()
     found, copies = [], []
-    for path in paths:
+    for path in sorted(paths, key=lambda path: (len(path.name), path.name)):  # "IMG_1 (1).jpg" is the copy
         digest = hashlib.sha256(path.read_bytes()).digest()
         (copies if digest in known else found).append(path)
         known.add(digest)
-    return found, copies
+    return sorted(found), sorted(copies)
 
 
 def _passed_over(folder: Path, found: Sequence[Path]) -> list[Path]:
@@ -57,7 +59,7 @@ def _passed_over(folder: Path, found: Sequence[Path]) -> list[Path]:
     A phone may write IMG_1.HEIC, IMG_1.JPG and IMG_1.MOV of one moment.
     """
     files = [path for path in folder.iterdir() if not path.name.startswith(".") and path.is_file()]
-    pictures = [path for path in files if path.suffix.lower() in _UNREAD_PICTURES]
+    pictures = [path for path in files if path.suffix.lower() in UNREAD_PICTURES]
     videos = [path for path in files if path.suffix.lower() in _VIDEOS]
     known = {path.stem.lower() for path in found}
     pictures = [path for path in pictures if path.stem.lower() not in known]

@@ -190,6 +190,36 @@ def test_photographs_that_are_missing_are_left_out(tmp_path, rng, blank_photogra
 
 
 @pytest.mark.parametrize(
+    ("listed", "kind"),
+    [
+        ("images/{}.jpg", "JPG"),
+        ("images/{}", "JPG"),
+        ("images/{}.HEIC", "jpg"),
+        ("C:\\room\\images\\{}.JPG", "jpg"),
+        ("/home/somebody/room/images/{}.heic", "jpeg"),
+    ],
+)
+def test_photographs_of_another_case_or_kind_are_found(tmp_path, rng, blank_photograph, listed, kind):
+    _photographs(tmp_path, blank_photograph, kind)
+    path = _written(tmp_path, _poses(rng), {"fl_x": 50.0}, names=listed)
+    captures = import_captures(tmp_path / "images", path, SETTINGS).captures
+    assert [capture.image_path.name for capture in captures] == [f"{i:04d}.{kind}" for i in range(4)]
+    assert captures[0].name == f"0000{listed.partition('{}')[2]}"
+
+
+def test_of_two_kinds_the_named_one_is_taken_or_none(tmp_path, rng, blank_photograph):
+    """A depth map beside its photograph is no photograph of another kind."""
+    _photographs(tmp_path, blank_photograph, "JPG")
+    _photographs(tmp_path, blank_photograph, "png")
+    path = _written(tmp_path, _poses(rng), {"fl_x": 50.0}, names="images/{}.jpg")
+    captures = import_captures(tmp_path, path, SETTINGS).captures
+    assert [capture.image_path.suffix for capture in captures] == [".JPG"] * 4
+    path = _written(tmp_path, _poses(rng), {"fl_x": 50.0}, names="images/{}.heic")
+    with pytest.raises(CaptureError, match="4 of the 4 photographs listed are missing"):
+        import_captures(tmp_path, path, SETTINGS)
+
+
+@pytest.mark.parametrize(
     ("top", "message"),
     [
         ({}, "neither 'fl_x' nor"),
