@@ -62,6 +62,12 @@ def told(error: R2SEgoError | OSError) -> str:
     return line if error.where else job.sentence(line)
 
 
+def description_of_choice(properties: bpy.types.OperatorProperties, choice: str) -> str:
+    """The tooltip of a button that sets an operator's property ``choice``: what is chosen says it."""
+    items = properties.bl_rna.properties[choice].enum_items  # a class's own bl_rna does not have them
+    return items[getattr(properties, choice)].description
+
+
 class ReportingOperator:
     """An operator whose ``perform`` may raise R2SEgoError or OSError; it becomes a report and CANCELLED.
 

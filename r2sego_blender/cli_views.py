@@ -18,7 +18,7 @@ from .scene import Scene
 @round_option
 @click.option("--accept", type=int, multiple=True, metavar="K", help="Train on view K; repeatable.")
 @click.option("--reject", type=int, multiple=True, metavar="K", help="Do not train on view K; repeatable.")
-@click.option("--undecided", type=int, multiple=True, metavar="K", help="Leave view K to the gate again.")
+@click.option("--undecided", type=int, multiple=True, metavar="K", help="Let view K's figures decide again.")
 @click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
 @json_progress
 @click.pass_context

@@ -4,13 +4,13 @@ import bpy
 from bpy.props import EnumProperty
 
 from .. import state
-from ..base import EngineOperator, needs_idle_engine
+from ..base import EngineOperator, description_of_choice, needs_idle_engine
 from .views import OfOneView
 
 _DECISIONS = [
-    ("ACCEPT", "Accept", "The asset is trained on it, whatever the gate said"),
-    ("REJECT", "Reject", "The asset is not trained on it"),
-    ("UNDECIDED", "As the Gate Said", "Take a decision back: the registration's gate decides"),
+    ("ACCEPT", "Accept", "Train the asset on the view whatever its figures"),
+    ("REJECT", "Reject", "Do not train the asset on the view"),
+    ("UNDECIDED", "By Its Figures", "Let the figures of its registration decide again"),
 ]
 
 
@@ -26,6 +26,10 @@ class R2SEGO_OT_decide_view(OfOneView, EngineOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         return super().poll(context) and needs_idle_engine(cls)
+
+    @classmethod
+    def description(cls, context, properties):
+        return description_of_choice(properties, "decision")
 
     def arguments(self, context):
         bundle, shown, record = self.chosen(context)

@@ -21,6 +21,7 @@ from .. import state
 from ..base import (
     EngineOperator,
     ReportingOperator,
+    description_of_choice,
     needs_bundle,
     needs_idle_engine,
     require_visible,
@@ -254,8 +255,7 @@ class R2SEGO_OT_decide_prior(EngineOperator, bpy.types.Operator):
 
     @classmethod
     def description(cls, context, properties):
-        items = cls.bl_rna.properties["decision"].enum_items if cls.is_registered else ()
-        return items[properties.decision].description if properties.decision in items else cls.__doc__
+        return description_of_choice(properties, "decision")
 
     def arguments(self, context):
         name = declared_object(context, self.object_name)

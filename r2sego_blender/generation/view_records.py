@@ -56,7 +56,7 @@ class ViewRecord:
         """What became of it, in words."""
         if self.by_hand is None:
             return self.reason
-        return f"{_WORDS[self.by_hand]} (the gate: {self.reason})"
+        return f"{_WORDS[self.by_hand]} (by its figures: {self.reason})"
 
     def to_json(self) -> dict[str, Any]:
         """Everything but the folder."""

@@ -20,7 +20,7 @@ def test_views_are_decided_on_listed_and_pictured(bundle_path, blender_environme
     done = run(blender_environment, bundle_path, "--to", tmp_path / "out", "--round", 0, "--reject", 2)
     assert done.returncode == 0, done.stderr
     assert (bundle_path / "rounds" / "0" / "views" / "002" / "decision.json").is_file()
-    assert "view 2: rejected, rejected by hand (the gate: registered" in done.stdout
+    assert "view 2: rejected, rejected by hand (by its figures: registered" in done.stdout
     assert "view 3: accepted" in done.stdout and "stands in for view 1" in done.stdout
     names = sorted(file.name for file in (tmp_path / "out").iterdir())
     assert names == ["000.png", "002.png", "003.png", "view.blend"]

@@ -40,7 +40,7 @@ def test_what_a_person_decides_is_told_beside_the_gates_word(views):
     decide(views, {0: True, 1: False})
     first, second, *_ = read_views(views, budget=3)
     assert first.accepted and not second.accepted
-    assert first.fate == "accepted by hand (the gate: rejected: few)"
+    assert first.fate == "accepted by hand (by its figures: rejected: few)"
     assert first.replaced_by == 3  # that is past
     decide(views, {0: None})
     assert not read_views(views, budget=3)[0].accepted

@@ -67,6 +67,9 @@ def check_a_view_is_decided_on_by_the_engine():
         [*start, *words, "--json-progress"]
         for words in (["--reject", "0"], ["--accept", "2"], ["--undecided", "1"])
     ], calls()
+    given = bpy.context.window_manager.operator_properties_last("r2sego.decide_view")
+    for given.decision, told in (("ACCEPT", "Train the asset on"), ("REJECT", "Do not train the asset on")):
+        assert bpy.types.R2SEGO_OT_decide_view.description(bpy.context, given).startswith(told)
     assert "no generated view 9" in refused(bpy.ops.r2sego.decide_view, view=9, decision="ACCEPT")
 
 
@@ -76,7 +79,8 @@ def check_a_decision_shows_after_it_was_taken():
     (view / "decision.json").write_text('{"accepted": false, "by": "hand"}')
     bpy.ops.r2sego.refresh_scene()
     row = group().views[0]
-    assert row.by_hand and not row.accepted and row.fate.startswith("rejected by hand (the gate: registered")
+    assert row.by_hand and not row.accepted
+    assert row.fate.startswith("rejected by hand (by its figures: registered")
     (view / "decision.json").write_text("{")
     bpy.ops.r2sego.refresh_scene()
     assert "decision.json" in state().problem

@@ -419,6 +419,9 @@ def check_decisions_and_meshes_go_to_the_engine():
         conduct("succeed")
         assert bpy.ops.r2sego.decide_prior(object_name="lamp", decision=decision) == {"FINISHED"}
         assert calls() == [["objects", str(BUNDLE), "--json", f"--{decision}", "lamp"]]
+    given = bpy.context.window_manager.operator_properties_last("r2sego.decide_prior")
+    for given.decision, told in (("accept", "Take the prior"), ("unlock", "Align it again")):
+        assert bpy.types.R2SEGO_OT_decide_prior.description(bpy.context, given).startswith(told)
     mesh = bpy.data.meshes.new("stand")
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
     stand = bpy.data.objects.new("stand", mesh)
