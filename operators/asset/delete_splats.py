@@ -19,7 +19,7 @@ class R2SEGO_OT_delete_splats(EngineOperator, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     name: StringProperty(
-        name="Name", description="What the bundle calls this deletion; empty means the next edit_001"
+        name="Name", description="What the bundle calls this deletion; empty = the next edit_001"
     )
 
     @classmethod
@@ -51,7 +51,7 @@ class R2SEGO_OT_restore_splats(EngineOperator, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     name: StringProperty(
-        name="Name", description="The deletion; empty means the one chosen in the list", options={"SKIP_SAVE"}
+        name="Name", description="The deletion; empty = the one chosen in the list", options={"SKIP_SAVE"}
     )
 
     @classmethod

@@ -33,7 +33,7 @@ class R2SEGO_OT_export_asset(EngineOperator, bpy.types.Operator):
     filter_glob: StringProperty(default="*.ply;*.spz;*.splat;*.glb;*.gltf;*.usdc;*.usda", options={"HIDDEN"})
     file_format: EnumProperty(name="Format", description="Gives the file its suffix", items=_FORMATS)
     stage: StringProperty(
-        name="Asset", description="initial, a round's number, or final; empty means the final one"
+        name="Asset", description="initial, a round's number, or final; empty = the final one"
     )
 
     @classmethod

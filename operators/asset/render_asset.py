@@ -36,12 +36,12 @@ class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
 
     camera: StringProperty(
         name="Camera",
-        description="The camera object; empty means the active one, else the scene's",
+        description="The camera object; empty = the active one, else the scene's",
         options={"SKIP_SAVE"},
     )
     stage: StringProperty(
         name="Asset",
-        description="initial, a round's number, or final; empty means where the slider stands",
+        description="initial, a round's number, or final; empty = where the slider stands",
         options={"SKIP_SAVE"},
     )
     render_pass: EnumProperty(

@@ -67,7 +67,7 @@ class R2SEGO_OT_show_asset(ReportingOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     stage: StringProperty(
-        name="Asset", description="initial, a round's number, or final; empty means where the slider stands"
+        name="Asset", description="initial, a round's number, or final; empty = where the slider stands"
     )
 
     @classmethod

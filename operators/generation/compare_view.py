@@ -37,7 +37,7 @@ class R2SEGO_OT_compare_view(OfOneView, ReportingOperator, bpy.types.Operator):
     )
     truth: StringProperty(
         name="Ground Truth", subtype="FILE_PATH",
-        description="A cameras.json whose nearest frozen view is shown; empty means the panel's",
+        description="A cameras.json whose nearest frozen view is shown; empty = the panel's",
     )  # fmt: skip
 
     def perform(self, context):
