@@ -23,7 +23,6 @@ def describe(scene: Scene, look_at_results: bool = False) -> dict[str, Any]:
     were published.
     """
     declared = scene.declaration
-    captures = json.loads((scene.captures_folder / "cameras.json").read_text())["captures"]
     rounds = [_describe_round(scene, index) for index in range(scene.rounds_done())]
     rounds_declared = declared.settings.rounds
     old = of_old_frame(scene)
@@ -32,7 +31,7 @@ def describe(scene: Scene, look_at_results: bool = False) -> dict[str, Any]:
     is_whole = scene.asset_file.is_file() and not old_in_words and not damaged
     return {
         "scene": str(scene.path),
-        "captures": len(captures),
+        "captures": _count_captures(scene),
         "captures_source": declared.captures_source,
         "ground": declared.ground,
         "scale_source": declared.scale_source,
@@ -66,8 +65,7 @@ def lines(state: dict[str, Any]) -> list[str]:
         for index, r in enumerate(state["rounds"])
     ]
     if state["metrics"]:
-        for name, arm in sorted(state["metrics"]["arms"].items()):
-            text.append(f"  {name:<14} PSNR {arm['psnr']:.2f} dB, SSIM {arm['ssim']:.3f}")
+        text += [_scored(name, arm) for name, arm in sorted(state["metrics"]["arms"].items())]
         text += [_scored_round(entry) for entry in state["metrics"].get("rounds", ())]
         text += _largest_cause(state["metrics"].get("causes", {}))
     if state["of_old_frame"]:
@@ -85,6 +83,17 @@ def _robot_in_use(scene: Scene) -> str:
         own, _ = BehaviourScope.load(declared.scope).robot_for(declared.robot)
         return scene.name_of(own)
     return declared.robot
+
+
+def _count_captures(scene: Scene) -> int:
+    file = scene.captures_folder / "cameras.json"
+    try:
+        return len(json.loads(file.read_text(encoding="utf-8"))["captures"])
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        raise SceneError(
+            f"the list of captures is damaged: {error!r}", where=file,
+            cure="Make the scene anew with `r2sego new`.",
+        ) from error  # fmt: skip
 
 
 def _describe_round(scene: Scene, index: int) -> dict[str, int]:
@@ -113,9 +122,13 @@ def _scored_round(entry: dict[str, Any]) -> str:
     name = f"round {entry['round']}"
     if "missing" in entry:
         return f"  {name:<14} not scored: {entry['missing']}"
-    psnr = float("inf") if entry["psnr"] is None else entry["psnr"]
-    mark = f", {entry['mark']}" if "mark" in entry else ""
-    return f"  {name:<14} PSNR {psnr:.2f} dB, SSIM {entry['ssim']:.3f}{mark}"
+    return _scored(name, entry) + (f", {entry['mark']}" if "mark" in entry else "")
+
+
+def _scored(name: str, scores: dict[str, Any]) -> str:
+    """A line of scores; the PSNR of equal images is no number in the file."""
+    psnr = float("inf") if scores["psnr"] is None else scores["psnr"]
+    return f"  {name:<14} PSNR {psnr:.2f} dB, SSIM {scores['ssim']:.3f}"
 
 
 def _largest_cause(causes: dict[str, Any]) -> list[str]:

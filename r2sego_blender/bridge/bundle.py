@@ -19,6 +19,7 @@ from ..scene import Scene
 SUFFIX = ".r2s"
 _SCORES = ("rollout", "frame", "deficit", "availability", "score", "survived", "rank", "chosen")
 _CURE = "Run the step that makes it again (`r2sego refine`)."
+_NEW = "Make the scene anew with `r2sego new`."
 
 
 @dataclass(frozen=True)
@@ -82,14 +83,14 @@ class Bundle:
     def captures(self) -> list[CapturedView]:
         """Every registered photograph. Raises SceneError when ``cameras.json`` is damaged."""
         file = self.scene.captures_folder / "cameras.json"
-        data = _json(file)
+        data = _json(file, _NEW)
         try:
             return [
                 CapturedView(item["name"], self.scene.captures_folder / item["file"], Camera.from_json(item))
                 for item in data["captures"]
             ]
         except (KeyError, TypeError, ValueError) as error:
-            raise _damaged(file, f"the field {error} is missing or wrong") from error
+            raise _damaged(file, f"the field {error} is missing or wrong", _NEW) from error
 
     @property
     def sparse_file(self) -> Path:
@@ -186,13 +187,13 @@ class Bundle:
         return _json(file) if file.is_file() else {}
 
 
-def _json(file: Path) -> Mapping[str, Any]:
+def _json(file: Path, cure: str = _CURE) -> Mapping[str, Any]:
     try:
         return json.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
-        raise _damaged(file, "the file cannot be read") from error
+        raise _damaged(file, "the file cannot be read", cure) from error
     except ValueError as error:
-        raise _damaged(file, f"it is not JSON: {error}") from error
+        raise _damaged(file, f"it is not JSON: {error}", cure) from error
 
 
 def _arrays(file: Path, *names: str) -> dict[str, np.ndarray]:
@@ -205,5 +206,5 @@ def _require(file: Path, otherwise: str) -> None:
         raise SceneError(otherwise, where=file, cure="Run Refine first, or choose another round.")
 
 
-def _damaged(file: Path, what: str) -> SceneError:
-    return SceneError(what, where=file, cure=_CURE)
+def _damaged(file: Path, what: str, cure: str = _CURE) -> SceneError:
+    return SceneError(what, where=file, cure=cure)

@@ -56,10 +56,10 @@ def test_a_folder_that_is_no_bundle_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", '{"captures": [{}]}', json.dumps({"captures": [1]})])
-def test_damaged_cameras_are_an_error_that_names_the_file(tmp_path, content):
+def test_damaged_cameras_are_an_error_that_names_the_file_and_the_cure(tmp_path, content):
     path = fake_bundle.write_bundle(tmp_path / "damaged.r2s")
     (path / "captures" / "cameras.json").write_text(content)
-    with pytest.raises(SceneError, match=r"cameras\.json"):
+    with pytest.raises(SceneError, match=r"cameras\.json.*r2sego new"):
         Bundle.open(path).captures()
 
 

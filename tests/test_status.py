@@ -1,0 +1,47 @@
+"""What a scene holds, told; and what is damaged in it, with its cure."""
+
+import json
+
+import numpy as np
+import pytest
+
+from r2sego_blender.errors import SceneError
+from r2sego_blender.scene import Scene
+from r2sego_blender.scene_declaration import Declaration
+from r2sego_blender.status import describe, lines
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """A bundle of two captures that was not refined yet."""
+    declaration = Declaration(
+        captures_source="cameras.json", world_from_capture=tuple(map(tuple, np.eye(4).tolist())),
+        ground="floor plane", scale_source="metric poses",
+    )  # fmt: skip
+
+    def fill(folder):
+        (folder / "captures").mkdir()
+        (folder / "captures" / "cameras.json").write_text(json.dumps({"captures": [{}, {}]}))
+
+    return Scene.create(tmp_path / "room.r2s", declaration, fill)
+
+
+def test_equal_images_have_a_psnr_without_end(scene):
+    """The file of scores has no number for it, of an arm as of a round."""
+    scene.report_folder.mkdir()
+    scores = {"psnr": None, "ssim": 1.0}
+    metrics = {"arms": {"refined": scores}, "rounds": [{"round": 0, **scores, "mark": "as before"}]}
+    scene.metrics_file.write_text(json.dumps(metrics))
+    told = [line for line in lines(describe(scene)) if "PSNR" in line]
+    assert told == [
+        "  refined        PSNR inf dB, SSIM 1.000",
+        "  round 0        PSNR inf dB, SSIM 1.000, as before",
+    ]
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"captures": 3}'])
+def test_a_damaged_list_of_captures_is_told_with_its_cure(scene, text):
+    assert describe(scene)["captures"] == 2
+    (scene.captures_folder / "cameras.json").write_text(text)
+    with pytest.raises(SceneError, match=r"cameras\.json.*damaged.*r2sego new"):
+        describe(scene)
