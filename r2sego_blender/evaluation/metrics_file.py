@@ -21,14 +21,12 @@ cannot be told of a cause. ``causes`` may have a ``note``; where there are none 
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import SceneError
 from ..whole_files import write_whole
-from .frozen import ArmScore, ViewScore, rounded
+from .frozen import ArmScore, rounded
 
 
 def write_metrics(path: Path, arms: Mapping[str, ArmScore], **more: Any) -> dict[str, Any]:
@@ -42,17 +40,6 @@ def write_metrics(path: Path, arms: Mapping[str, ArmScore], **more: Any) -> dict
     return document
 
 
-def read_metrics(path: Path) -> dict[str, ArmScore]:
-    """The arms of a file that ``write_metrics`` wrote. Raises SceneError for any other."""
-    try:
-        arms = json.loads(path.read_text(encoding="utf-8"))["arms"]
-        return {name: _read_arm(arm) for name, arm in arms.items()}
-    except (OSError, AttributeError, KeyError, TypeError, ValueError) as error:
-        raise SceneError(
-            "this is not a file of scores", where=path, cure="Run `r2sego evaluate` again."
-        ) from error
-
-
 def _arm(arm: ArmScore) -> dict[str, Any]:
     views = []
     for view in sorted(arm.views, key=lambda view: view.name):
@@ -64,17 +51,3 @@ def _arm(arm: ArmScore) -> dict[str, Any]:
         "psnr": rounded(arm.psnr), "ssim": rounded(arm.ssim), "lpips_alex": rounded(arm.lpips_alex),
         "lpips_reason": arm.lpips_reason, "views": views,
     }  # fmt: skip
-
-
-def _read_arm(arm: dict[str, Any]) -> ArmScore:
-    views = (
-        ViewScore(v["name"], _number(v["psnr"]), _number(v["ssim"]), v.get("lpips_alex"))
-        for v in arm["views"]
-    )
-    return ArmScore(
-        _number(arm["psnr"]), _number(arm["ssim"]), arm["lpips_alex"], tuple(views), arm["lpips_reason"]
-    )
-
-
-def _number(value: float | None) -> float:
-    return math.inf if value is None else float(value)
