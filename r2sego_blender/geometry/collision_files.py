@@ -24,6 +24,7 @@ FLOOR = "floor"
 """The name of the floor's box in every scene."""
 
 _FLOOR_THICKNESS_M = 0.2
+_INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _FLOOR_RGBA, _PIECE_RGBA = "0.6 0.6 0.6 1", "0.7 0.75 0.8 1"
 
 
@@ -118,7 +119,8 @@ def _mjcf(names: list[str], floor: FloorBox | None) -> str:
 
 
 def _urdf(names: list[str], floor: FloorBox | None) -> str:
-    """A robot of one link without mass, ``room``: simulators hold it fixed.
+    """A robot of one link, ``room``. It weighs nothing, which PyBullet reads as fixed: a link that
+    says nothing of its mass weighs a kilogram there, and the room falls.
 
     Its visual is the whole mesh, its collision geometry the floor's box and the pieces.
     """
@@ -127,6 +129,9 @@ def _urdf(names: list[str], floor: FloorBox | None) -> str:
     extension = ElementTree.SubElement(root, "mujoco")
     ElementTree.SubElement(extension, "compiler", strippath="false")
     link = ElementTree.SubElement(root, "link", name="room")
+    inertial = ElementTree.SubElement(link, "inertial")
+    ElementTree.SubElement(inertial, "mass", value="0")
+    ElementTree.SubElement(inertial, "inertia", dict.fromkeys(_INERTIA, "0"))
     visual = ElementTree.SubElement(link, "visual", name="mesh")
     ElementTree.SubElement(ElementTree.SubElement(visual, "geometry"), "mesh", filename=MESH_OBJ)
     if floor is not None:

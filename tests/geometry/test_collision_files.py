@@ -89,13 +89,22 @@ def test_a_moved_folder_still_compiles(folder, tmp_path):
 def test_the_urdf_is_one_link_whose_meshes_are_beside_it(surface, folder):
     root = ElementTree.parse(folder / "scene.urdf").getroot()
     assert root.tag == "robot" and [link.get("name") for link in root.iter("link")] == ["room"]
-    assert not list(root.iter("joint")) and not list(root.iter("inertial"))
+    assert not list(root.iter("joint"))
     names = [mesh.get("filename") for mesh in root.iter("mesh")]
     assert names[0] == "mesh.obj" and len(names) == 1 + len(surface.pieces)
     for name in names:
         assert not re.match(r"/|[a-z]+:", name) and (folder / name).is_file()
     collisions = [element.get("name") for element in root.iter("collision")]
     assert len(set(collisions)) == len(collisions) == 1 + len(surface.pieces)
+
+
+def test_the_urdf_weighs_nothing_so_that_pybullet_does_not_let_it_fall(folder):
+    """It takes a link without an inertial for one of a kilogram, and one of no mass for fixed."""
+    (link,) = ElementTree.parse(folder / "scene.urdf").getroot().iter("link")
+    assert float(link.find("inertial/mass").get("value")) == 0.0
+    inertia = link.find("inertial/inertia").attrib
+    assert set(inertia) == {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"}
+    assert not any(map(float, inertia.values()))
 
 
 def test_the_usd_is_z_up_in_metres_and_its_points_are_ours(surface, folder):
