@@ -11,7 +11,6 @@ import math
 from dataclasses import dataclass, replace
 from xml.etree import ElementTree
 
-HEAD_CAMERA_PARENT = "torso_link"
 HEAD_CAMERA_XYZ_M = (0.0576235, 0.01753, 0.42987)
 HEAD_CAMERA_RPY_RAD = (0.0, 0.8307767, 0.0)
 HEAD_CAMERA_HFOV_DEG = 69.0

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import RobotError
-from .declarations import read_declaration, shipped_names
+from .declarations import read_declaration
 from .humanoid import Servo
 from .scope import LAYOUTS, Range
 
@@ -132,11 +132,6 @@ class PolicyLayout:
         what = "observation layout (controller.layout)"
         path, data = read_declaration(source, LAYOUTS, what, "docs/controllers.md")
         return _Reader(path).layout(data)
-
-
-def shipped_layouts() -> tuple[str, ...]:
-    """Names of the layouts that come with the library."""
-    return shipped_names(LAYOUTS)
 
 
 _REQUIRED = object()

@@ -211,6 +211,11 @@ def shipped_scopes() -> tuple[str, ...]:
     return shipped_names(_PRESETS)
 
 
+def shipped_layouts() -> tuple[str, ...]:
+    """Names of the observation layouts that come with the library."""
+    return shipped_names(LAYOUTS)
+
+
 @dataclass(frozen=True)
 class _Reader:
     path: Path
@@ -275,9 +280,8 @@ class _Reader:
         if not isinstance(value, str):
             raise self._error(place, f"is {value!r}", "Write a file's name in quotes.")
         beside = self.path.parent / value
-        shipped = value.startswith("embedded:") or (
-            place == "controller.layout" and value in shipped_names(LAYOUTS)
-        )
+        is_layout = place == "controller.layout" and value in shipped_layouts()
+        shipped = is_layout or value.startswith("embedded:")
         return value if not value or (shipped and not beside.exists()) else str(beside.resolve())
 
     def _target(self, place: str, value: Any) -> str | tuple[float, float]:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from r2sego_blender.errors import RobotError
-from r2sego_blender.robot.policy_layout import PolicyLayout, shipped_layouts
+from r2sego_blender.robot.policy_layout import PolicyLayout
+from r2sego_blender.robot.scope import shipped_layouts
 
 SMALL = """
 rate_hz = 50.0
