@@ -29,10 +29,14 @@ class Capture:
 
     def image(self) -> np.ndarray:
         """The undistorted photograph at its camera's size, (H, W, 3) float32 in [0, 1]."""
-        image = load_image(self.image_path)
+        return self.seen(load_image(self.image_path))
+
+    def seen(self, photograph: np.ndarray) -> np.ndarray:
+        """A picture (H, W) or (H, W, 3) float32 of the file's pixels as the camera sees it."""
         if self.lens is not None and not self.straight:
-            image = self.lens.straightened(image)
-        return resize(image, self.camera.width, self.camera.height)
+            twice_px = 2 * max(self.camera.width, self.camera.height)
+            photograph = self.lens.straightened(photograph, twice_px)
+        return resize(photograph, self.camera.width, self.camera.height)
 
     def working_pixels(self, pixels: np.ndarray, photograph_shape: tuple[int, int]) -> np.ndarray:
         """Pixels (n, 2) of the camera's image for pixels of the file at ``image_path``.

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 _ITERATIONS = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-14)
+_BLOCK = 1 << 16
 _NEWTON_STEPS = 50
 _NEWTON_SPAN = 1e-6
 # Beyond this angle from its axis a ray has no useful place at z = 1.
@@ -39,7 +40,12 @@ def distorted(model: str, coefficients: Sequence[float], rays: np.ndarray) -> np
     points = rays.reshape(-1, 1, 2)
     if model == "opencv":
         solid = np.concatenate([points, np.ones((len(points), 1, 1))], axis=2)
-        return cv2.projectPoints(solid, np.zeros(3), np.zeros(3), np.eye(3), k)[0].reshape(-1, 2)
+        found = np.empty_like(rays)
+        for start in range(0, len(solid), _BLOCK):  # OpenCV makes a Jacobian of 288 bytes a point too
+            block = slice(start, start + _BLOCK)
+            placed = cv2.projectPoints(solid[block], np.zeros(3), np.zeros(3), np.eye(3), k)[0]
+            found[block] = placed.reshape(-1, 2)
+        return found
     if model == "opencv_fisheye":
         return cv2.fisheye.distortPoints(points, np.eye(3), k).reshape(-1, 2)
     radius2 = (rays**2).sum(axis=1, keepdims=True)

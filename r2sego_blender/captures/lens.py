@@ -10,6 +10,7 @@ import numpy as np
 
 from ..cameras import Camera
 from ..errors import CaptureError
+from ..images import resize
 from .distortion import COEFFICIENTS, distorted, turned, undistorted
 
 # A straightened photograph may grow by this much a side to keep what the lens saw.
@@ -127,12 +128,20 @@ class Lens:
             )  # fmt: skip
         return straight
 
-    def straightened(self, photograph: np.ndarray) -> np.ndarray:
-        """The photograph (H, W, 3) as ``straight``'s camera sees it, float32."""
-        camera = self.straight(np.eye(4))
+    def straightened(self, photograph: np.ndarray, longest_px: int | None = None) -> np.ndarray:
+        """The photograph (H, W) or (H, W, 3) as ``straight``'s camera sees it, float32.
+
+        With ``longest_px`` it is scaled down first, for 48 megapixels would take 20 GB.
+        """
+        camera, lens = self.straight(np.eye(4)), self
+        if longest_px is not None and max(camera.width, camera.height) > longest_px:
+            share = longest_px / max(camera.width, camera.height)
+            camera = camera.fitted(longest_px)
+            lens = self.scaled_to(round(self.width * share), round(self.height * share))
+            photograph = resize(photograph, lens.width, lens.height)
         rays = camera.rays()[..., :2].reshape(-1, 2)
         # OpenCV counts pixel centres from zero.
-        source = (self.project(rays) - 0.5).astype(np.float32).reshape(*camera.shape, 2)
+        source = (lens.project(rays) - 0.5).astype(np.float32).reshape(*camera.shape, 2)
         straight = cv2.remap(
             photograph.astype(np.float32), source[..., 0], source[..., 1],
             cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE,

@@ -66,7 +66,7 @@ def photograph_size(path: Path) -> tuple[int, int, int]:
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
         raise CaptureError(
             "the photograph cannot be read", where=path,
-            cure="Replace the file, or take it out of the pose file.",
+            cure="Replace the file, or take it out of the folder and the pose file.",
         ) from error  # fmt: skip
 
 

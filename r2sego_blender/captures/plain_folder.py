@@ -9,7 +9,7 @@ from pathlib import Path
 from ..errors import CaptureError
 from ..images import image_files
 from ..progress import Progress
-from .photographs import MIN_CAPTURES, too_few
+from .photographs import MIN_CAPTURES, photograph_size, too_few
 
 _HEIC = frozenset({".heic", ".heif"})
 _RAW = frozenset({".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".rw2", ".orf", ".pef", ".srw"})
@@ -25,10 +25,12 @@ def plain_photographs(folder: Path, progress: Progress) -> list[Path]:
     """The photographs straight inside ``folder``, each once, sorted by name.
 
     Pictures of a kind that is not read, copies of a photograph, and poses that lie beside it
-    are told. Raises CaptureError when fewer than three photographs are left, and says where
-    others may be.
+    are told. Raises CaptureError for a file that is no image, and when fewer than three
+    photographs are left: it says where others may be.
     """
     found, copies = _distinct(image_files(folder))
+    for path in found:
+        photograph_size(path)  # an empty file is told now, not after those before it were worked on
     passed = _passed_over(folder, found)
     if len(found) < MIN_CAPTURES:
         raise _too_few(folder, len(found), copies, passed)

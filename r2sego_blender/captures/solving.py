@@ -145,6 +145,18 @@ def _solved(
         database, pycolmap.GeometricVerifierOptions(num_threads=1),
         two_view_geometry_options=verification,
     )  # fmt: skip
+    with pycolmap.Database.open(database) as verified:
+        kinds = {geometry.config for geometry in verified.read_two_view_geometries()[1]}
+    told = kinds - {pycolmap.TwoViewGeometryConfiguration.DEGENERATE}
+    if told and told <= {
+        pycolmap.TwoViewGeometryConfiguration.PLANAR,
+        pycolmap.TwoViewGeometryConfiguration.PANORAMIC,
+        pycolmap.TwoViewGeometryConfiguration.PLANAR_OR_PANORAMIC,
+    }:
+        raise CaptureError(
+            "the photographs show no depth, as when all are taken from one spot or of one flat wall",
+            where="camera poses", cure=_ADVICE,
+        )  # fmt: skip
     index_of = {image_id: index for index, image_id in enumerate(ids)}
     best = _Solved([])
     for attempt, thresholds in enumerate(_TRIES):

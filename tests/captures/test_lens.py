@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -81,14 +82,17 @@ def test_turning_moves_every_pixel_with_the_photograph(lens, turns):
     assert np.abs(lens.turned(turns).project(turned_rays) - pixels).max() < 1e-9
 
 
-def test_a_dot_on_a_distorted_photograph_is_straightened_to_its_place(tmp_path):
+@pytest.mark.parametrize("times", [1, 5])
+def test_a_dot_on_a_distorted_photograph_is_straightened_to_its_place(tmp_path, times):
+    """Also on a photograph so large that it is scaled down first."""
     lens = Lens(320, 240, 260.0, 270.0, 155.0, 124.0, (-0.25, 0.06, 0.002, -0.001))
+    lens = lens.scaled_to(320 * times, 240 * times)
     ray = np.array([[0.41, -0.33]])
     x, y = lens.project(ray)[0]
-    columns, rows = np.arange(320) + 0.5, np.arange(240) + 0.5
-    dot = np.exp(-((columns[None] - x) ** 2 + (rows[:, None] - y) ** 2) / 18.0)
+    columns, rows = np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5
+    dot = np.exp(-((columns[None] - x) ** 2 + (rows[:, None] - y) ** 2) / (18.0 * times**2))
     save_image(tmp_path / "dot.png", np.repeat(dot[..., None], 3, axis=2))
-    capture = Capture("dot", tmp_path / "dot.png", lens.straight(np.eye(4)), lens)
+    capture = Capture("dot", tmp_path / "dot.png", lens.straight(np.eye(4)).fitted(320), lens)
     image = capture.image()[..., 0].astype(np.float64) ** 2
     assert image.shape == capture.camera.shape
     centre = [
@@ -98,6 +102,18 @@ def test_a_dot_on_a_distorted_photograph_is_straightened_to_its_place(tmp_path):
     expected, _ = capture.camera.project(np.array([*ray[0], 1.0]))
     # The dot is not round any more, which moves its centroid a little.
     assert np.abs(centre - expected).max() < 0.12
+
+
+def test_a_phones_large_photograph_is_straightened_in_little_memory():
+    lens = Lens(2400, 1800, 2000.0, 2000.0, 1200.0, 900.0, (0.05, -0.02))
+    capture = Capture("large", None, lens.straight(np.eye(4)).fitted(320), lens)
+    photograph = np.full((1800, 2400, 3), 0.5, np.float32)
+    tracemalloc.start()
+    try:
+        assert capture.seen(photograph).shape == (*capture.camera.shape, 3)
+        assert tracemalloc.get_traced_memory()[1] < photograph.nbytes
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_distortion_that_folds_is_refused():

@@ -76,3 +76,9 @@ def test_poses_beside_the_photographs_are_told(folder, messages):
     (folder / "transforms.json").write_text("{}")
     plain_photographs(folder, messages)
     assert [level for level, text in messages.messages if "transforms.json" in text] == ["info"]
+
+
+def test_a_file_that_is_no_image_is_told_before_any_work(folder):
+    (folder / "IMG_9.JPG").write_bytes(b"")
+    with pytest.raises(CaptureError, match=r"IMG_9\.JPG: the photograph cannot be read"):
+        plain_photographs(folder, SILENT)

@@ -70,6 +70,18 @@ def test_too_few_of_them_register(tmp_path, room_captures, blank_photograph):
         import_captures(tmp_path, None, SETTINGS)
 
 
+def test_photographs_from_one_spot(room, room_cameras, tmp_path):
+    """Some focal length makes places of turns, so that all would register, in a room of no truth."""
+    for index, angle in enumerate((-0.2, -0.1, 0.0, 0.1)):
+        turn = np.eye(4)
+        turn[:3, :3] = [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
+        camera = room_cameras[2].at(room_cameras[2].world_from_camera @ turn)
+        save_image(tmp_path / f"{index}.png", room.image(camera))
+    with pytest.raises(CaptureError, match="no depth, as when all are taken from one spot") as caught:
+        import_captures(tmp_path, None, SETTINGS)
+    assert "walk sideways" in caught.value.cure
+
+
 def test_zoomed_photographs_without_exif_have_a_lens_of_their_own(room_captures, room_cameras, tmp_path):
     """Under one lens for all, most of them fall and the focal length is that of none."""
     for index, capture in enumerate(room_captures):
