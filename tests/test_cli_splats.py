@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cameras_file import save_cameras_json
 from click.testing import CliRunner, Result
 
 from r2sego_blender import cli
 from r2sego_blender.benchmarks.workloads import made_up_room
-from r2sego_blender.captures.cameras_json import save_cameras_json
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.images import save_image
 from r2sego_blender.splats.formats import SUFFIXES, load_asset, save_asset

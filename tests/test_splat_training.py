@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from cameras_file import save_cameras_json
 
 from r2sego_blender.benchmarks.workloads import made_up_room
 from r2sego_blender.cameras import look_at
-from r2sego_blender.captures.cameras_json import save_cameras_json
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.colmap_model import save_colmap_model
 from r2sego_blender.captures.colmap_points import read_colmap_points

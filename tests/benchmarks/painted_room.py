@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from cameras_file import save_cameras_json
 
 from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.captures.cameras_json import save_cameras_json
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.geometry.rasterizer import MeshRasterizer
 from r2sego_blender.images import save_image

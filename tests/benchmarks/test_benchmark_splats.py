@@ -5,12 +5,12 @@ import json
 import numba
 import numpy as np
 import pytest
+from cameras_file import save_cameras_json
 
 from r2sego_blender.benchmarks.figures import write_figures
 from r2sego_blender.benchmarks.pairs import Work
 from r2sego_blender.benchmarks.splats import Rates, bench_splats, floor_ms, lines
 from r2sego_blender.benchmarks.workloads import made_up_room
-from r2sego_blender.captures.cameras_json import save_cameras_json
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.errors import SettingsError
 from r2sego_blender.images import save_image

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from cameras_file import save_cameras_json
 
 from r2sego_blender.benchmarks.training import bench_training, lines
 from r2sego_blender.benchmarks.workloads import made_up_room
 from r2sego_blender.cameras import look_at
-from r2sego_blender.captures.cameras_json import save_cameras_json
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.errors import SettingsError
 from r2sego_blender.images import save_image

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from cameras_file import save_cameras_json
 
 from r2sego_blender.benchmarks.workloads import made_up_room, of_files, parse_size
 from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.captures.cameras_json import save_cameras_json
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.errors import R2SEgoError, SettingsError
 from r2sego_blender.images import save_image

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cameras_file import save_cameras_json
 
 from r2sego_blender.benchmarks.disturbance import GAIN, NOISE_SIGMA, disturbed_captures, disturbed_pose
 from r2sego_blender.cameras import Camera, look_at, rotation_angle_rad
-from r2sego_blender.captures.cameras_json import save_cameras_json
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.importing import import_captures
 from r2sego_blender.errors import CaptureError

@@ -6,10 +6,10 @@ import json
 
 import numpy as np
 import pytest
+from cameras_file import save_cameras_json
 from PIL import Image
 
 from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.captures.cameras_json import save_cameras_json
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.colmap_model import find_model
 from r2sego_blender.captures.distortion import COEFFICIENTS

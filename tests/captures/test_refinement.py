@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cameras_file import save_cameras_json
 from scipy.spatial.transform import Rotation
 
 from r2sego_blender.benchmarks.disturbance import disturbed_captures
-from r2sego_blender.captures.cameras_json import save_cameras_json
 from r2sego_blender.captures.importing import Imported, import_captures
 from r2sego_blender.captures.refinement import triangulate_refined
 from r2sego_blender.captures.sparse import depth_ranges, triangulate

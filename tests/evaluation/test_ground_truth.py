@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from cameras_file import save_cameras_json
 
 from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.captures.cameras_json import save_cameras_json
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.errors import CaptureError, EvaluationError
 from r2sego_blender.evaluation.ground_truth import load_ground_truth, save_ground_truth

@@ -7,9 +7,9 @@ import shutil
 
 import numpy as np
 import pytest
+from cameras_file import save_cameras_json
 from small_bundle import bundle, photographs, splats
 
-from r2sego_blender.captures.cameras_json import save_cameras_json
 from r2sego_blender.evaluation import scene_evaluation, scene_report
 from r2sego_blender.evaluation.report_data import Round
 from r2sego_blender.evaluation.scene_causes import CAUSES
