@@ -45,11 +45,7 @@ def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list
             "a scene is not exported into itself", where=folder, cure="Choose a folder outside the scene."
         )
     require_present_frame(scene, [REFINED_ASSET, COLLISION, of_round(rounds - 1, "proxy")], "exported")
-    for name in scene.damaged_results():
-        raise SceneError(
-            "it is not as it was made: cut off, or changed", where=scene.path / name,
-            cure=f"Keep a copy of what you changed; `r2sego refine {scene.path}` makes it again.",
-        )  # fmt: skip
+    scene.require_as_made(REFINED_ASSET, COLLISION)
     folder.mkdir(parents=True, exist_ok=True)
     staging = folder / ".unfinished-export"
     shutil.rmtree(staging, ignore_errors=True)

@@ -192,6 +192,15 @@ class Scene:
         results = (REFINED_ASSET, COLLISION)
         return tuple(name for name in results if (self.path / name).exists() and self.is_damaged(name))
 
+    def require_as_made(self, *results: str) -> None:
+        """Raises SceneError where one of the ``results`` at the top is no more what was published."""
+        for name in results:
+            if self.is_damaged(name):
+                raise SceneError(
+                    "it is not as it was made: cut off, or changed", where=self.path / name,
+                    cure=f"Keep a copy of what you changed; `r2sego refine {self.path}` makes it again.",
+                )  # fmt: skip
+
     @contextlib.contextmanager
     def publishing(self, target: str) -> Iterator[Path]:
         """A path to write at; on leaving without an error it takes ``target``'s place."""

@@ -9,7 +9,9 @@ import trimesh
 from click.testing import CliRunner
 
 from r2sego_blender.cli import main
+from r2sego_blender.collision_report import check_scene
 from r2sego_blender.geometry.collision import CollisionSurface, collision_surface
+from r2sego_blender.geometry.collision_check import SPHERE_RADIUS_M, check_collision
 from r2sego_blender.geometry.collision_files import write_collision
 from r2sego_blender.geometry.proxy import GeometryProxy
 from r2sego_blender.scene import Declaration, Scene
@@ -83,6 +85,55 @@ def test_its_lines_say_what_was_found(scene):
     done = CliRunner().invoke(main, ["check-collision", str(scene.path)])
     assert done.exit_code == 0
     assert "0 fell through" in done.stdout and "the robot stands at" in done.stdout
+
+
+def with_a_plate(scene: Scene, height_m: float) -> tuple[float, float]:
+    """Put one more piece on the free floor, where a sphere comes to rest; returns where."""
+    ends = check_collision(scene.collision_folder).ends
+    x, y, _ = ends[np.linalg.norm(ends - (-1.0, -0.5, SPHERE_RADIUS_M), axis=1).argmin()]
+    plate = trimesh.creation.box((0.06, 0.06, height_m))
+    plate.apply_translation((x, y, height_m / 2))
+    plate.export(scene.collision_folder / "hulls" / "plate.obj")
+    file = scene.collision_folder / "scene.xml"
+    text = file.read_text().replace("</asset>", '<mesh name="plate" file="plate.obj"/></asset>')
+    file.write_text(text.replace("</worldbody>", '<geom name="plate" type="mesh" mesh="plate"/></worldbody>'))
+    return x, y
+
+
+def test_a_lone_sphere_that_floats_is_told_with_its_place_and_passes_up_to_3_cm(scene):
+    x, y = with_a_plate(scene, 0.02)
+    status, facts = checked(scene)
+    (off,) = facts["off_surface"]
+    assert status == 0 and facts["passed"] and facts["rest_within_1_cm"] == facts["spheres"] - 1
+    assert off["what"] == "floats" and off["gap_m"] == pytest.approx(0.02, abs=1e-3)
+    np.testing.assert_allclose(off["place_m"], (x, y, 0.02 + SPHERE_RADIUS_M), atol=0.01)
+    told = CliRunner().invoke(main, ["check-collision", str(scene.path)]).stdout
+    assert f"({x:.2f}, {y:.2f}, 0.07) floats by 2.0 cm" in told
+    assert f"passed, with 1 of {facts['spheres']} spheres off the surface" in told
+
+
+def test_a_sphere_that_floats_higher_is_not_passed(scene):
+    with_a_plate(scene, 0.04)
+    told = CliRunner().invoke(main, ["check-collision", str(scene.path)])
+    assert told.exit_code == 1
+    assert "not passed: one rests 4.0 cm off, 3 cm are allowed" in told.stdout
+
+
+def test_a_surface_that_was_changed_since_is_not_checked(scene, surface):
+    scene.step("collision", lambda folder: write_collision(surface, folder))
+    assert check_scene(scene).passed
+    mesh = scene.collision_folder / "mesh.obj"
+    mesh.write_bytes(mesh.read_bytes()[:-200])
+    done = CliRunner().invoke(main, ["check-collision", str(scene.path)])
+    assert done.exit_code == 1 and "collision: it is not as it was made" in done.stderr
+
+
+def test_a_surface_of_an_earlier_world_frame_is_not_checked(scene, surface):
+    scene.step("collision", lambda folder: write_collision(surface, folder))
+    moved = tuple((*row[:3], row[3] + (index == 2)) for index, row in enumerate(IDENTITY))
+    scene.declare(world_from_capture=moved)
+    done = CliRunner().invoke(main, ["check-collision", str(scene.path)])
+    assert done.exit_code == 1 and "corrected since" in done.stderr
 
 
 def test_a_scene_that_was_not_refined_is_refused(tmp_path):

@@ -48,7 +48,8 @@ def evaluate_scene(scene: Scene, frozen: Path, progress: Progress = SILENT) -> d
 
     ``frozen`` is a cameras.json, of which the frozen list alone is read, or a folder of
     held-out photographs, which are located against the captures. Raises SceneError when
-    the scene has not been refined, or its world frame was corrected since.
+    the scene has not been refined, its asset is not as it was made, or its world frame was
+    corrected since.
     """
     if not scene.asset_file.is_file():
         raise SceneError(
@@ -57,6 +58,7 @@ def evaluate_scene(scene: Scene, frozen: Path, progress: Progress = SILENT) -> d
             cure=f"Run `r2sego refine {scene.path}` first.",
         )  # fmt: skip
     require_present_frame(scene, [REFINED_ASSET], "scored")
+    scene.require_as_made(REFINED_ASSET)
     views = frozen_views(scene, frozen, progress)
     train_vanilla(scene, progress)
     scores: dict[str, ArmScore] = {}

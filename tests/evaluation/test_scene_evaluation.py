@@ -10,6 +10,7 @@ import pytest
 from cameras_file import save_cameras_json
 from small_bundle import bundle, photographs, splats
 
+from r2sego_blender.errors import SceneError
 from r2sego_blender.evaluation import scene_evaluation, scene_report
 from r2sego_blender.evaluation.report_data import Round
 from r2sego_blender.evaluation.scene_causes import CAUSES
@@ -70,6 +71,15 @@ def test_the_scores_say_of_which_assets_they_are(evaluated):
     assert assets == {"asset.ply": content_digest(scene.asset_file)}
     scene.step("asset.ply", lambda file: save_ply(file, splats(0.7)), inputs=[], parameters=["anew"])
     assert scene.outputs()["asset.ply"] != assets["asset.ply"]
+
+
+def test_an_asset_that_was_changed_since_is_not_scored(evaluated):
+    scene, frozen = evaluated
+    scene.step("asset.ply", lambda file: save_ply(file, splats(0.62)), inputs=[])
+    save_ply(scene.asset_file, splats(0.7))
+    with pytest.raises(SceneError, match=r"asset\.ply: it is not as it was made.*refine"):
+        scene_evaluation.evaluate_scene(scene, frozen)
+    assert not scene.metrics_file.exists()
 
 
 def test_a_bundle_that_lost_its_proxy_is_scored_and_says_so(evaluated):

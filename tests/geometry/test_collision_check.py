@@ -7,7 +7,7 @@ import trimesh
 
 from r2sego_blender.errors import GeometryError
 from r2sego_blender.geometry.collision import CollisionSurface
-from r2sego_blender.geometry.collision_check import SPHERE_RADIUS_M, check_collision
+from r2sego_blender.geometry.collision_check import SPHERE_RADIUS_M, CollisionCheck, check_collision
 from r2sego_blender.geometry.collision_files import read_obj, write_collision
 
 FLOOR = np.array([[-1, -0.8, 0], [1, -0.8, 0], [1, 0.8, 0], [-1, 0.8, 0]], float)
@@ -133,6 +133,46 @@ def test_damaged_folders_are_refused(folder, tmp_path):
     (path / "mesh.obj").write_text("v 0 0 0\n")
     with pytest.raises(GeometryError, match="no faces"):
         check_collision(path)
+
+
+def outcome(gaps_m, fell_through=(), left=(), rolling=()) -> CollisionCheck:
+    """What became of 200 spheres, of which all but the first few rest on the surface."""
+    gap_m = np.zeros(200)
+    gap_m[: len(gaps_m)] = gaps_m
+    flags = np.zeros((3, 200), bool)
+    for flag, chosen in zip(flags, (fell_through, left, rolling), strict=True):
+        flag[list(chosen)] = True
+    through, gone, moving = flags
+    gap_m[through | gone] = np.inf
+    places = np.zeros((200, 3))
+    return CollisionCheck(
+        10, 0.0, places, places, ~(through | gone | moving), through, gone, gap_m, gap_m, 2.0
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("told", "passes"),
+    [
+        (outcome([]), True),
+        (outcome([0.011, 0.029]), True),  # a hundredth of them, up to 3 cm
+        (outcome([0.011, 0.011, -0.011]), False),
+        (outcome([0.031]), False),
+        (outcome([-0.031]), False),
+        (outcome([np.inf]), False),
+        (outcome([], fell_through=[0]), False),
+        (outcome([], left=[0, 1]), True),
+        (outcome([], left=[0, 1, 2]), False),
+        (outcome([], rolling=[0, 1, 2]), False),
+    ],
+)
+def test_a_hundredth_of_the_spheres_may_rest_a_little_off_and_none_may_fall_through(told, passes):
+    assert told.passed == passes
+
+
+def test_spheres_off_the_surface_are_named_the_worst_first():
+    told = outcome([0.012, -0.02, 0.005], fell_through=[7], left=[5], rolling=[9])
+    assert told.off_surface.tolist() == [7, 9, 5, 1, 0]
+    assert told.farthest_m == pytest.approx(0.02)
 
 
 def test_spheres_are_in_batches_alone_with_the_scene(folder):
