@@ -2,6 +2,7 @@
 
 import bpy
 
+from ...r2sego_blender.bridge.show_collision_check import show_off_surface
 from .. import state
 from ..base import EngineOperator, needs_idle_engine
 from .polls import needs_collision
@@ -23,11 +24,13 @@ class R2SEGO_OT_check_collision(EngineOperator, bpy.types.Operator):
         return ["check-collision", str(state.opened_bundle(context).path), "--json-progress"]
 
     def finish(self, context, result):
-        group = context.scene.r2sego_collision
-        group.checked = stamp(state.opened_bundle(context))
+        group, bundle = context.scene.r2sego_collision, state.opened_bundle(context)
+        group.checked = stamp(bundle)
         group.passed = bool(result.get("passed"))
         tell(group.check, _facts(result))
-        return "The collision surface passed" if group.passed else "The collision surface did not pass"
+        off = show_off_surface(context.scene, bundle, result.get("off_surface", ()))
+        verdict = "The collision surface passed" if group.passed else "The collision surface did not pass"
+        return f"{verdict}; {len(off)} spheres off it are marked" if off else verdict
 
 
 def _facts(result) -> list[tuple[str, str]]:
@@ -41,6 +44,9 @@ def _facts(result) -> list[tuple[str, str]]:
             ("Spheres", f"{result['at_rest']} of {spheres} at rest, {result['fell_through']} fell through"),
             ("Within 1 cm", f"{result['rest_within_1_cm']} of {spheres}"),
         ]
+    gaps_m = [abs(one["gap_m"]) for one in result.get("off_surface", ()) if one["gap_m"] is not None]
+    if gaps_m:
+        facts.append(("Farthest", f"{100.0 * max(gaps_m):.1f} cm off"))
     if result.get("robot_stands"):
         facts.append(("Robot", f"stands, within {100.0 * result['robot_pelvis_offset_m']:.1f} cm"))
     elif "robot_stands" in result:

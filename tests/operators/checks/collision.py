@@ -34,13 +34,41 @@ def check_checking_asks_mujoco_and_keeps_its_figures():
     figures = {
         "pieces": 12, "vertex_error_m": 2e-6, "spheres": 40, "at_rest": 39, "fell_through": 1,
         "rest_within_1_cm": 38, "robot_stands": False, "robot_failure": "fall: it tipped over",
+        "off_surface": _OFF_SURFACE,
     }  # fmt: skip
     assert checked._facts(figures) == [
         ("Pieces", "12, exact to 0.002 mm"), ("Spheres", "39 of 40 at rest, 1 fell through"),
-        ("Within 1 cm", "38 of 40"), ("Robot", "fall: it tipped over"),
+        ("Within 1 cm", "38 of 40"), ("Farthest", "2.2 cm off"), ("Robot", "fall: it tipped over"),
     ]  # fmt: skip
     stands = checked._facts({"robot_stands": True, "robot_pelvis_offset_m": 0.012})
     assert stands == [("Robot", "stands, within 1.2 cm")]
+
+
+_OFF_SURFACE = [
+    {"what": "fell through", "place_m": [0.5, 0.0, 1.8], "gap_m": None},
+    {"what": "floats", "place_m": [1.0, -2.0, 0.5], "gap_m": 0.0224},
+]
+
+
+def check_spheres_off_the_surface_are_marked_till_the_next_check_or_surface():
+    copy = copied_bundle()
+    conduct("succeed")
+    bpy.ops.r2sego.check_collision()
+    operator = sys.modules[f"{MODULE}.operators.collision.check_collision"].R2SEGO_OT_check_collision
+    for _ in range(2):
+        told = operator.finish(None, bpy.context, {"passed": False, "off_surface": _OFF_SURFACE})
+        fell, floats = sorted(
+            (one for one in bpy.data.objects if one.type == "EMPTY"), key=lambda one: one.name
+        )
+    assert told == "The collision surface did not pass; 2 spheres off it are marked"
+    assert (fell.name, floats.name) == ("Sphere fell through", "Sphere floats by 2.2 cm")
+    assert tuple(floats.location) == (1.0, -2.0, 0.5) and abs(floats.empty_display_size - 0.05) < 1e-6
+    os.utime(copy / "collision" / "mesh.obj", (1, 1))
+    bpy.ops.r2sego.refresh_scene()
+    assert not [one for one in bpy.data.objects if one.type == "EMPTY"]
+    operator.finish(None, bpy.context, {"passed": False, "off_surface": _OFF_SURFACE})
+    assert operator.finish(None, bpy.context, {"passed": True, "off_surface": []}).endswith("passed")
+    assert not [one for one in bpy.data.objects if one.type == "EMPTY"]
 
 
 def check_another_surface_forgets_the_check():
