@@ -35,7 +35,7 @@ def describe(scene: Scene, look_at_results: bool = False) -> dict[str, Any]:
         "captures_source": declared.captures_source,
         "ground": declared.ground,
         "scale_source": declared.scale_source,
-        "robot": _robot_in_use(scene),
+        "robot": robot_in_use(scene),
         "scope": declared.scope,
         "preset": declared.preset,
         "overrides": dict(declared.overrides),
@@ -75,7 +75,7 @@ def lines(state: dict[str, Any]) -> list[str]:
     return text
 
 
-def _robot_in_use(scene: Scene) -> str:
+def robot_in_use(scene: Scene) -> str:
     """The scope's own robot, else the declared one; that too where the scope cannot be read, which is
     for refining to say."""
     declared = scene.declaration

@@ -68,7 +68,7 @@ MAY_IMPORT = {
     "robot_bodies": ABOVE_CAPTURES | {"robot"},
     "cli_robot": FOUNDATION | {"robot", "cli_options", "robot_declaration", "robot_bodies", "trial_rollouts"},
     "collision_report": ABOVE_CAPTURES | {"geometry", "robot"},
-    "evaluation": PARTS | {"visual_asset", "pipeline"},
+    "evaluation": PARTS | {"visual_asset", "pipeline", "status"},
     "benchmarks": PARTS
     | {"splat_training", "creation", "steps", "pipeline", "evaluation", "scoring", "references"},
     "splat_training": FOUNDATION | {"captures", "splats", "evaluation"},

@@ -181,12 +181,10 @@ class Round:
 
 @dataclass(frozen=True)
 class Collision:
-    """The published collision surface; ``checks`` are (what was checked, passed)."""
+    """The published collision surface."""
 
     triangles: int
     convex_pieces: int
-    compile_s: float | None = None
-    checks: tuple[tuple[str, bool], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from ..robot.rollouts import load_rollouts
 from ..scene import Scene
 from ..selection import Selection, load_candidates
 from ..settings import entries
+from ..status import robot_in_use
 from .arms import ARMS
 from .figures import camera_map, depth_picture, top_view
 from .frozen import ArmScore
@@ -71,7 +72,7 @@ def write_scene_report(
                 ("Captures", declared.captures_source),
                 ("Ground", declared.ground),
                 ("Scale", declared.scale_source),
-                ("Robot", declared.robot),
+                ("Robot", robot_in_use(scene)),
                 ("Behaviour scope", declared.scope),
                 ("Preset", declared.preset),
                 ("Seed", str(declared.settings.seed)),

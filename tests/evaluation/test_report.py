@@ -140,7 +140,7 @@ def report() -> ReportData:
         ),
         rounds=rounds,
         provenance={"observed": 0.6, "prior": 0.1, "completed": 0.3},
-        collision=Collision(1234, 56, 1.5, (("compiles in MuJoCo", True), ("is watertight", False))),
+        collision=Collision(1234, 56),
         settings=(SettingUsed("seed", "0", "0", "Seed."), SettingUsed("rounds", "2", "3", "Rounds.")),
         timings=(("Dense stereo", 61.0), ("Training", 3725.0)),
     )
@@ -168,7 +168,6 @@ def test_the_page_names_every_part(tmp_path, report):
         "embedded default",
         "VGGT at a GPU machine",
         "1234",
-        "is watertight",
         "1 of 2 differ",
         "1 min 01 s",
         "1 h 02 min",
@@ -252,7 +251,6 @@ def test_names_cannot_become_html(tmp_path, report):
         ),
         settings=(SettingUsed(NASTY, NASTY, NASTY, NASTY),),
         timings=((NASTY, 1.0),),
-        collision=Collision(1, 1, checks=((NASTY, True),)),
     )
     ordinary = Page(write_report(tmp_path / "ordinary", report).read_text(encoding="utf-8"))
     page = Page(write_report(tmp_path / "nasty", nasty).read_text(encoding="utf-8"))
