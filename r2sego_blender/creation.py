@@ -6,11 +6,14 @@ from pathlib import Path
 
 from .captures.ground_picture import GROUND_PICTURES, save_ground_pictures
 from .captures.importing import import_captures
+from .captures.lifting import named_photograph
+from .captures.polycam import find_keyframes
 from .captures.refinement import triangulate_refined
 from .captures.registration import register
-from .captures.scale import Scale
+from .captures.scale import KNOWN_LENGTH, Scale
 from .captures.store import save_captures
 from .errors import CaptureError
+from .images import image_files
 from .progress import SILENT, Progress
 from .robot.controller import check_controller
 from .robot.model import EMBEDDED_HUMANOID, RobotModel
@@ -43,6 +46,9 @@ def create_scene(
     behaviour = BehaviourScope.load(scope)
     check_controller(RobotModel.load(*behaviour.robot_for(robot)), behaviour)
 
+    if scale.kind == "known_length" and poses is None and find_keyframes(captures) is None:
+        # Solving takes minutes: a misspelt name is told before.
+        named_photograph([path.name for path in image_files(captures)], scale.photo, KNOWN_LENGTH)
     imported = import_captures(captures, poses, settings, progress)
     progress.message(f"{len(imported.captures)} captures: {imported.source}")
     imported, sparse = triangulate_refined(imported, settings, progress)

@@ -22,6 +22,13 @@ from .lens import Lens
 from .photographs import Photograph, with_unique_names
 from .sparse import SparsePoints
 
+COLMAP_FILES = frozenset(
+    f"{name}{suffix}"
+    for name in ("cameras", "images", "points3D", "frames", "rigs")
+    for suffix in (".bin", ".txt")
+)
+"""Names of the files of a model."""
+
 _TIMEOUT_S = 60.0
 # COLMAP's camera model -> the lens's (distortion.COEFFICIENTS) and how many coefficients follow
 # the focal lengths and the principal point.

@@ -14,7 +14,7 @@ from ..settings import CaptureSettings
 from . import json_fields as fields
 from .cameras_json import read_cameras_json
 from .capture import Capture
-from .colmap_model import find_model, read_colmap_model
+from .colmap_model import COLMAP_FILES, find_model, read_colmap_model
 from .photographs import Photograph, captures_of
 from .polycam import UP, find_keyframes, lidar_depth, read_polycam
 from .sensor_depth import SensorDepth
@@ -44,8 +44,8 @@ def import_captures(
 ) -> Imported:
     """The photographs in ``folder`` as undistorted captures.
 
-    ``poses`` is a ``cameras.json``, a ``transforms.json``, a COLMAP folder or a raw export of
-    Polycam (docs/formats.md), or None: then ``folder`` is such an export, or the poses are
+    ``poses`` is a ``cameras.json``, a ``transforms.json``, a COLMAP folder or a file in it, or a
+    raw export of Polycam (docs/formats.md), or None: then ``folder`` is such an export, or the poses are
     solved from the photographs alone. Photographs are not copied: a capture undistorts and
     scales its file when it is read. Raises CaptureError naming the file, the field and the
     cure.
@@ -57,7 +57,8 @@ def import_captures(
     if poses is None:
         photographs, source = solve_poses(folder, settings, progress)
         told = {"source": source, "metric": False, "solved": True}
-    elif poses.is_dir():
+    elif poses.is_dir() or poses.name in COLMAP_FILES:
+        poses = poses if poses.is_dir() else poses.parent
         photographs, told = _read_folder(poses, folder, settings, progress)
     else:
         photographs, told = _read_file(poses, folder, progress)

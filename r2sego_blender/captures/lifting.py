@@ -30,14 +30,8 @@ def pointed_at(
     """
     from .photographs import upright_size  # reads images, which Blender's Python does not
 
-    named = [i for i, capture in enumerate(captures) if capture.name == photo]
-    named = named or [i for i, capture in enumerate(captures) if Path(capture.name).stem == photo]
-    if len(named) != 1:
-        raise CaptureError(
-            f"there {'is no capture' if not named else 'are several captures'} '{photo}'", where=where,
-            cure=f"Name one of {', '.join(capture.name for capture in captures)}.",
-        )  # fmt: skip
-    capture = captures[named[0]]
+    index = named_photograph([capture.name for capture in captures], photo, where)
+    capture = captures[index]
     width, height = upright_size(capture.image_path)
     given = np.asarray(pixels, np.float64)
     if not np.isfinite(given).all() or (given < 0).any() or (given > [width, height]).any():
@@ -45,7 +39,19 @@ def pointed_at(
             f"a pixel lies outside the {width}x{height} photograph", where=f"{where}, {photo}",
             cure="Give pixels of the upright photograph at its full size.",
         )  # fmt: skip
-    return named[0], capture.working_pixels(given, (height, width))
+    return index, capture.working_pixels(given, (height, width))
+
+
+def named_photograph(names: Sequence[str], photo: str, where: str) -> int:
+    """Which of ``names`` is ``photo``, with or without suffix. Raises CaptureError for none or several."""
+    named = [i for i, name in enumerate(names) if name == photo]
+    named = named or [i for i, name in enumerate(names) if Path(name).stem == photo]
+    if len(named) != 1:
+        raise CaptureError(
+            f"there {'is no capture' if not named else 'are several captures'} '{photo}'", where=where,
+            cure=f"Name one of {', '.join(names)}.",
+        )  # fmt: skip
+    return named[0]
 
 
 def lifted(capture: Capture, sparse: SparsePoints, index: int, pixel: np.ndarray) -> np.ndarray:

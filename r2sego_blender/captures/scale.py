@@ -16,6 +16,9 @@ from .capture import Capture
 from .lifting import intersection, lifted, pointed_at
 from .sparse import SparsePoints
 
+KNOWN_LENGTH = "scale, known_length"
+"""Where errors about a known length say they are."""
+
 _MARKER_DISAGREEMENT = 0.1
 
 
@@ -88,12 +91,12 @@ class Scale:
 
 def length_scale(captures: Sequence[Capture], sparse: SparsePoints, scale: Scale) -> tuple[float, str]:
     """Metres per unit from a known length, and its source in words."""
-    index, pixels = pointed_at(captures, scale.photo, [scale.pixel_a, scale.pixel_b], "scale, known_length")
+    index, pixels = pointed_at(captures, scale.photo, [scale.pixel_a, scale.pixel_b], KNOWN_LENGTH)
     ends = np.array([lifted(captures[index], sparse, index, pixel) for pixel in pixels])
     length = float(np.linalg.norm(ends[0] - ends[1]))
     if length < 1e-9:
         raise CaptureError(
-            "the two pixels are the same point", where="scale, known_length",
+            "the two pixels are the same point", where=KNOWN_LENGTH,
             cure="Choose two points far apart.",
         )  # fmt: skip
     return scale.metres / length, f"known length of {scale.metres:g} m in {scale.photo}"

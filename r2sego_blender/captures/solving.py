@@ -41,8 +41,8 @@ _CLEARLY_LOWER = 0.75
 _FOCAL_GUESS = 0.85
 _TIMEOUT_S = 3600.0
 _ADVICE = (
-    "Take more photographs between those: walk sideways a step at a time, keep half of each "
-    "picture in the next, hold still in good light so that nothing is blurred."
+    "Take more photographs between those: walk sideways a step at a time, never turn on the spot, "
+    "keep half of each picture in the next, hold still in good light so that nothing is blurred."
 )
 
 

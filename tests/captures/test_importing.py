@@ -112,6 +112,8 @@ def test_colmap_models(tmp_path, rng, blank_photograph, binary):
         (tmp_path / "sparse" / "0" / garbage).write_bytes(b"\xff" * 100)
     assert find_model(tmp_path) == tmp_path / "sparse" / "0"
     imported = import_captures(tmp_path / "images", tmp_path, SETTINGS)
+    file = tmp_path / "sparse" / "0" / f"cameras.{'bin' if binary else 'txt'}"  # as a file browser gives it
+    assert import_captures(tmp_path / "images", file, SETTINGS).source == imported.source
     for capture, pose in zip(imported.captures, poses, strict=True):
         assert np.abs(capture.camera.world_from_camera - pose).max() < 1e-9
         assert (capture.camera.fx, capture.camera.fy) == (50.0, 56.0)
