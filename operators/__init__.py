@@ -1,4 +1,4 @@
-"""The operators, a room for each sub-panel, one operator a file."""
+"""The operators, a room for each sub-panel."""
 
 import bpy
 
