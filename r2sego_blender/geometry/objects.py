@@ -257,8 +257,9 @@ def _at_working_size(mask: np.ndarray, capture: Capture) -> np.ndarray:
     if mask.shape == shape:
         return mask
     image = mask.astype(np.float32)
-    if capture.lens is not None and not capture.straight:
-        image = capture.lens.straightened(image)
+    if capture.lens is not None:  # though the capture's own image is straight already
+        lens = capture.lens.scaled_to(mask.shape[1], mask.shape[0])
+        image = lens.straightened(image, 2 * max(shape))
     return cv2.resize(image, shape[::-1], interpolation=cv2.INTER_AREA) > 0.5
 
 

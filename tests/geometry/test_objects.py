@@ -1,6 +1,7 @@
 """Declared objects on disk: masks from anywhere, meshes and placements, and what is wrong with them."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -250,8 +251,10 @@ def test_masks_of_distorted_photographs_are_straightened_with_them(tmp_path):
     picture = tmp_path / "a.png"
     save_mask(picture, drawn)
     capture = Capture("a", picture, camera, lens)
-    (found,) = read_masks(tmp_path / "masks", [capture])
     shown = capture.image()[..., 0] > 0.5
+    save_mask(tmp_path / "straight.png", shown)
+    stored = replace(capture, image_path=tmp_path / "straight.png", straight=True)  # as in a bundle
+    (found,) = read_masks(tmp_path / "masks", [stored])
     assert found.masks["a"].shape == shown.shape and shown.sum() > 300
     assert (found.masks["a"] != shown).sum() <= 0.02 * shown.sum()
     plain = cv2.resize(drawn.astype(np.float32), shown.shape[::-1], interpolation=cv2.INTER_AREA) > 0.5
