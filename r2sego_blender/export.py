@@ -4,15 +4,32 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from . import __version__
 from .errors import AssetError, SceneError
+from .geometry.objects import read_backends
 from .geometry.proxy import GeometryProxy
-from .layout import COLLISION, REFINED_ASSET, of_round
+from .layout import COLLISION, OBJECTS, REFINED_ASSET, of_round
 from .scene import Scene
 from .splats.formats import SUFFIXES, load_asset, save_asset
 from .world_frame import require_present_frame
+
+ABOUT = "about.txt"
+_FILES = {
+    "asset.ply": "what cameras see: 3D Gaussians in the order of Inria's PLY, the backdrop among them",
+    "collision": "what bodies touch, in files for many programs: scene.xml (MuJoCo), scene.urdf,\n"
+    "scene.usd (UsdPhysics); convex pieces in hulls; mesh.obj, mesh.stl and mesh.glb (Y up)",
+    "proxy.ply": "the geometry both were made with: grey observed, teal of a prior, amber completed",
+    "cameras.json": "the photographs' cameras",
+}
+_Y_UP = {".glb", ".gltf", ".spz"}
+_WIDTH = 14  # of the column of names
+_ABOUT_CAMERAS = (
+    "world_from_camera is 4 x 4, of a camera with x right, y down and z forward. "
+    "The photographs are in the scene's folder 'captures'."
+)
 
 
 def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list[Path]:
@@ -22,7 +39,8 @@ def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list
     ``scene.xml`` for MuJoCo, ``scene.urdf`` and ``scene.usd`` with physics), ``proxy.ply`` (faces
     coloured by provenance) and ``cameras.json`` (the captures in the world frame; it names the
     photographs as the scene's folder ``captures`` has them, and says so); the asset
-    once more for each suffix in ``splats``, such as ``.spz`` (docs/splat_formats.md).
+    once more for each suffix in ``splats``, such as ``.spz`` (docs/splat_formats.md); and
+    ``about.txt``, which says what these are and what made them.
     Nothing appears before all of it is written; a ``collision`` that was there goes. Raises
     SceneError when the scene has no result yet, one of a world frame that was corrected since, or
     one that was damaged or changed since, and for a folder inside the scene; AssetError for a
@@ -50,7 +68,7 @@ def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list
     staging = folder / ".unfinished-export"
     shutil.rmtree(staging, ignore_errors=True)
     try:
-        names = _write(scene, staging, scene.round_folder(rounds - 1), splats)
+        names = _write(scene, staging, rounds, splats)
         for name in names:
             _replace(staging / name, folder / name)
     finally:
@@ -58,29 +76,63 @@ def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list
     return [folder / name for name in names]
 
 
-def _write(scene: Scene, folder: Path, last_round: Path, splats: Sequence[str]) -> list[str]:
+def _write(scene: Scene, folder: Path, rounds: int, splats: Sequence[str]) -> list[str]:
     """Write everything into a new folder; returns the names."""
     folder.mkdir()
     shutil.copy2(scene.asset_file, folder / "asset.ply")
     _write_cameras(scene.captures_folder / "cameras.json", folder / "cameras.json")
     shutil.copytree(scene.collision_folder, folder / "collision")
-    GeometryProxy.load(last_round / "proxy" / "proxy.npz").save_ply(folder / "proxy.ply")
+    GeometryProxy.load(scene.round_folder(rounds - 1) / "proxy" / "proxy.npz").save_ply(folder / "proxy.ply")
     names = ["asset.ply", "collision", "proxy.ply", "cameras.json"]
     asset = load_asset(scene.asset_file) if splats else None
     for suffix in splats:
         if (name := f"asset{suffix}") not in names:
             save_asset(folder / name, asset)
             names.append(name)
-    return names
+    (folder / ABOUT).write_text(_about(scene, names, rounds), encoding="utf-8")
+    return [*names, ABOUT]
+
+
+def _about(scene: Scene, names: Sequence[str], rounds: int) -> str:
+    """What the files ``names`` are, in which frame, and what made them."""
+    declared = scene.declaration
+    lines = [
+        f"{scene.path.name}, exported by R2S-EGO {__version__} after {rounds} rounds of refinement",
+        "",
+        "Metres, right-handed, Z up but for files said to be Y up. z = 0 is the floor, the first",
+        "photograph's camera is above the origin, and x is its heading.",
+        f"Ground: {declared.ground}. Scale: {declared.scale_source}.",
+        "",
+    ]
+    for name in names:
+        text = _FILES.get(name, f"asset.ply in another format{', Y up' * (Path(name).suffix in _Y_UP)}")
+        first, *more = text.split("\n")
+        lines += [f"{name:<{_WIDTH}}{first}", *(" " * _WIDTH + line for line in more)]
+    lines += ["", "Made by"]
+    lines += [f"  {slot.replace('_', ' ')}: {backend}" for slot, backend in scene.backends.items()]
+    lines += _backends_of_objects(scene)
+    lines += [
+        "",
+        "What may be done with these files is for those to say whose photographs they were made of,",
+        "and for the terms of each program and model named above that is not embedded.",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _backends_of_objects(scene: Scene) -> Iterator[str]:
+    """What made the masks and meshes of declared objects, where no person did."""
+    for file in sorted((scene.path / OBJECTS).glob("*/backends.json")):
+        made = ", ".join(f"{part} by {name}" for part, name in read_backends(file).items())
+        yield f"  object {file.parent.name}: {made}"
 
 
 def _write_cameras(source: Path, file: Path) -> None:
-    """The captures' cameras; it says where the photographs are, which are not exported."""
+    """The captures' cameras; it says what a pose is, and where the photographs are: they are not exported."""
     try:
         cameras = dict(json.loads(source.read_text(encoding="utf-8")))
     except (OSError, TypeError, ValueError) as error:
         raise SceneError("the captures' cameras cannot be read", where=source) from error
-    about = f"{cameras.get('about', '')} The photographs are in the scene's folder 'captures'.".strip()
+    about = f"{cameras.get('about', '')} {_ABOUT_CAMERAS}".strip()
     file.write_text(json.dumps(cameras | {"about": about}, indent=1) + "\n", encoding="utf-8")
 
 

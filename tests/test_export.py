@@ -16,6 +16,7 @@ from r2sego_blender.status import describe, lines
 
 IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 PLAIN = ["asset.ply", "collision", "proxy.ply", "cameras.json"]
+ABOUT = "about.txt"
 
 
 @pytest.fixture
@@ -44,15 +45,31 @@ def test_a_scene_is_exported_as_before_when_no_format_is_named(scene, tmp_path):
     (scene.captures_folder / "cameras.json").write_text(json.dumps(cameras))
     written = export_scene(scene, tmp_path / "out")
     told = json.loads((tmp_path / "out" / "cameras.json").read_text())
-    assert told.pop("about") == "In the world. The photographs are in the scene's folder 'captures'."
+    assert told.pop("about") == (
+        "In the world. world_from_camera is 4 x 4, of a camera with x right, y down and z forward. "
+        "The photographs are in the scene's folder 'captures'."
+    )
     assert told == {"captures": cameras["captures"]}
-    assert [path.name for path in written] == PLAIN and all(path.exists() for path in written)
+    assert [path.name for path in written] == [*PLAIN, ABOUT] and all(path.exists() for path in written)
 
 
 def test_the_asset_is_written_in_every_format_asked_for_once(scene, tmp_path):
     written = export_scene(scene, tmp_path / "out", [".spz", ".glb", ".ply", ".spz"])
-    assert [path.name for path in written] == [*PLAIN, "asset.spz", "asset.glb"]
+    assert [path.name for path in written] == [*PLAIN, "asset.spz", "asset.glb", ABOUT]
     assert all(len(load_asset(path)) == 200 for path in written if path.stem == "asset")
+
+
+def test_it_says_what_each_file_is_in_which_frame_and_what_made_it(scene, tmp_path):
+    (scene.path / "objects" / "chair").mkdir(parents=True)
+    (scene.path / "objects" / "chair" / "backends.json").write_text('{"mesh": "SAM 3D 1.0"}')
+    scene = scene.declare(overrides={"proxy.surface": "nksr"}, backends={"surface": "NKSR"})
+    *written, about = export_scene(scene, tmp_path / "out", [".spz", ".usdc"])
+    text = about.read_text(encoding="utf-8")
+    told = {line.split()[0]: line for line in text.splitlines() if line}
+    assert all(path.name in told for path in written)
+    assert "Y up" in told["asset.spz"] and "Y up" not in told["asset.usdc"]
+    assert "metres" in text and "Z up" in text and "Ground: floor. Scale: metric." in text
+    assert "surface: NKSR" in text and "object chair: mesh by SAM 3D 1.0" in text
 
 
 def test_an_unknown_format_is_refused_before_anything_is_written(scene, tmp_path):
@@ -68,7 +85,7 @@ def test_a_second_export_replaces_what_is_no_more(scene, tmp_path):
     (out / "mine.txt").write_text("kept")
     export_scene(scene, out)
     assert not (out / "collision" / "ghost.obj").exists() and (out / "mine.txt").read_text() == "kept"
-    assert {path.name for path in out.iterdir()} == {*PLAIN, "mine.txt"}
+    assert {path.name for path in out.iterdir()} == {*PLAIN, ABOUT, "mine.txt"}
 
 
 def test_nothing_appears_when_a_part_is_damaged(scene, tmp_path):
@@ -91,7 +108,7 @@ def test_a_result_that_was_cut_off_since_is_neither_exported_nor_called_refined(
     (scene.captures_folder / "cameras.json").write_text('{"captures": []}')
     scene = scene.declare(overrides={"rounds": 1})
     scene.step(result, same)
-    assert len(export_scene(scene, tmp_path / "first")) == 4
+    assert len(export_scene(scene, tmp_path / "first")) == 5
     assert describe(scene, look_at_results=True)["refined"]
     whole = (scene.path / damaged).read_bytes()
     (scene.path / damaged).write_bytes(whole[: len(whole) // 2])

@@ -156,14 +156,18 @@ def _object(place: Path, captures: Sequence[Capture]) -> DeclaredObject:
     mesh = next((path for path in meshes if path.is_file()), None)
     masks = _masks(place / "masks", captures) if (place / "masks").is_dir() else {}
     found = DeclaredObject(
-        place.name, masks, mesh, backends=_backends(place / "backends.json"),
+        place.name, masks, mesh, backends=read_backends(place / "backends.json"),
         decision=_decision(place / "decision.json"),
     )  # fmt: skip
     path = place / "placement.json"
     return replace(found, placement=read_placement(path)) if path.is_file() else found
 
 
-def _backends(path: Path) -> dict[str, str]:
+def read_backends(path: Path) -> dict[str, str]:
+    """What made an object's "masks" and "mesh" by its ``backends.json``; nothing without one.
+
+    Raises GeometryError where it is damaged.
+    """
     if not path.is_file():
         return {}
     try:
