@@ -68,7 +68,7 @@ def test_it_says_what_each_file_is_in_which_frame_and_what_made_it(scene, tmp_pa
     told = {line.split()[0]: line for line in text.splitlines() if line}
     assert all(path.name in told for path in written)
     assert "Y up" in told["asset.spz"] and "Y up" not in told["asset.usdc"]
-    assert "metres" in text and "Z up" in text and "Ground: floor. Scale: metric." in text
+    assert "Metres" in text and "Z up" in text and "Ground: floor. Scale: metric." in text
     assert "surface: NKSR" in text and "object chair: mesh by SAM 3D 1.0" in text
 
 
