@@ -35,7 +35,7 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
     )  # fmt: skip
     poses: StringProperty(
         name="Poses", subtype="FILE_PATH",
-        description="transforms.json, cameras.json or a COLMAP folder; empty = solve the poses",
+        description="transforms.json, cameras.json or a file of a COLMAP model; empty = solve the poses",
         options={"SKIP_SAVE"},
     )  # fmt: skip
     robot: StringProperty(
@@ -51,7 +51,7 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
     scale: EnumProperty(
         name="Scale", description="What says how large the room is",
         items=[
-            ("POSES", "From the Poses", "The given poses are in metres"),
+            ("POSES", "From the Poses", "Poses in metres as they are; else a usual camera height is assumed"),
             ("CAMERA_HEIGHT", "Camera Height", "Height of the first photograph's camera above the floor"),
             ("MARKER", "Printed Marker", "Side of an ArUco 4x4_50 marker in the photographs"),
             ("KNOWN_LENGTH", "Known Length", "Two pixels of one photograph and their distance"),
@@ -91,7 +91,7 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
             raise CaptureError("no folder of photographs is chosen", cure="Choose one in the side bar.")
         command = [
             "new", str(self._bundle_path()), "--json-progress",
-            "--captures", bpy.path.abspath(self.captures),
+            "--captures", str(self._photographs()),
             "--robot", self.robot, "--scope", self.scope,
         ]  # fmt: skip
         if self.poses:
@@ -107,6 +107,11 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
     def finish(self, context, result):
         state.show_bundle(context.scene, Bundle.open(self._bundle_path()))
         return f"Made {self._bundle_path().name}: {result.get('scale', '')}"
+
+    def _photographs(self):
+        """The folder that is chosen, or that of a photograph that is."""
+        path = Path(bpy.path.abspath(self.captures))
+        return path.parent if path.is_file() else path
 
     def _bundle_path(self):
         if not self.filepath:

@@ -2,8 +2,9 @@
 
 import pytest
 
-from r2sego_blender.bridge.capture_files import capture_files
+from r2sego_blender.bridge.capture_files import PHOTOGRAPHS, capture_files
 from r2sego_blender.errors import CaptureError
+from r2sego_blender.images import SUFFIXES
 
 
 @pytest.fixture
@@ -55,3 +56,7 @@ def test_photographs_of_two_folders_are_refused(room):
     (room / "more" / "c.jpg").write_bytes(b"")
     with pytest.raises(CaptureError, match="more than one folder"):
         capture_files([room / "images" / "a.JPG", room / "more" / "c.jpg"], ".r2s")
+
+
+def test_all_photographs_that_the_engine_reads_can_be_dropped():
+    assert set(PHOTOGRAPHS) - {".heic", ".heif"} == SUFFIXES

@@ -83,6 +83,10 @@ def check_a_new_scene_asks_the_engine():
         "--scope", "walk_and_look", "--poses", "/poses.json", "--camera-height", "1.5",
     ]  # fmt: skip
     assert "photographs" in refused(bpy.ops.r2sego.new_scene, filepath=str(BUNDLE))
+    conduct("succeed")
+    photograph = BUNDLE / "captures" / "images" / "capture_0.png"
+    assert bpy.ops.r2sego.new_scene(filepath=str(BUNDLE), captures=str(photograph)) == {"FINISHED"}
+    assert calls()[0][:5] == ["new", str(BUNDLE), "--json-progress", "--captures", str(photograph.parent)]
 
 
 def check_dropped_photographs_begin_a_scene():
