@@ -1,10 +1,8 @@
 """The sub-panel Collision: shown, checked in MuJoCo, textured, exported."""
 
-import textwrap
-
 import bpy
 
-from .sidebar import Step, fitting_characters
+from .sidebar import Step, write_facts
 
 
 class R2SEGO_PT_collision(Step, bpy.types.Panel):
@@ -25,24 +23,12 @@ class R2SEGO_PT_collision(Step, bpy.types.Panel):
             column = layout.column(align=True)
             icon = "CHECKMARK" if group.passed else "ERROR"
             column.label(text="Passed" if group.passed else "Not passed", icon=icon)
-            _lines(context, column, group.check)
+            write_facts(context, column, [(fact.name, fact.value) for fact in group.check])
         row = layout.row(align=True)
         row.operator("r2sego.texture_proxy", icon="TEXTURE")
         row.operator("r2sego.export_collision", text="Export", icon="EXPORT")
-        _lines(context, layout.column(align=True), group.texture)
-
-
-def _lines(context, column, facts):
-    """Labels and values, wrapped."""
-    for fact in facts:
-        label = fact.name
-        for text in textwrap.wrap(fact.value, fitting_characters(context, 0.68)):
-            row = column.split(factor=0.32)
-            name = row.row()
-            name.active = False
-            name.label(text=label)
-            row.label(text=text)
-            label = ""
+        column = layout.column(align=True)
+        write_facts(context, column, [(fact.name, fact.value) for fact in group.texture])
 
 
 CLASSES = (R2SEGO_PT_collision,)

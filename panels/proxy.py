@@ -1,11 +1,9 @@
 """The sub-panel Geometry Proxy: its colours, the objects with their masks and priors, its edits."""
 
-import textwrap
-
 import bpy
 
 from . import placement_overlay, proxy_legend
-from .sidebar import Sidebar, Step, fitting_characters
+from .sidebar import Sidebar, Step, write_wrapped
 
 _STATE_ICONS = {
     "aligned": "CHECKMARK", "accepted": "CHECKMARK", "by symmetry": "MOD_MIRROR", "locked": "LOCKED",
@@ -32,9 +30,7 @@ class R2SEGO_PT_proxy(Step, bpy.types.Panel):
         layout.operator("r2sego.measure_coverage", icon="CHECKMARK" if group.has_coverage else "HIDE_OFF")
         layout.operator("r2sego.plan_refine", icon="FILE_REFRESH")
         if group.plan:
-            column = layout.column(align=True)
-            for line in textwrap.wrap(group.plan, fitting_characters(context, 0.95)):
-                column.label(text=line)
+            write_wrapped(context, layout, group.plan)
 
 
 class _Part(Sidebar):
@@ -102,8 +98,7 @@ class R2SEGO_PT_proxy_priors(_Part, bpy.types.Panel):
             column.label(text=f"Overlap {chosen.iou:.2f}, energy {chosen.energy:.2f}")
         if chosen.residual >= 0.0:
             column.label(text=f"Points {100.0 * chosen.residual:.1f} cm off, shape {chosen.shape}")
-        for line in textwrap.wrap(chosen.why, fitting_characters(context, 0.95)):
-            column.label(text=line)
+        write_wrapped(context, column, chosen.why)
         row = layout.row(align=True)
         row.operator("r2sego.place_prior", icon="ORIENTATION_GIMBAL")
         row.operator("r2sego.save_placement", text="Save", icon="FILE_TICK")
@@ -113,8 +108,7 @@ class R2SEGO_PT_proxy_priors(_Part, bpy.types.Panel):
                 f", points {100.0 * group.fit_residual:.1f} cm off" if group.fit_residual >= 0.0 else ""
             )
             box.label(text=f"Now: overlap {group.fit_iou:.2f}{residual}")
-            for line in textwrap.wrap(group.fit_views, fitting_characters(context, 0.9)):
-                box.label(text=line)
+            write_wrapped(context, box, group.fit_views)
         row = layout.row(align=True)
         for decision, text in (("accept", "Accept"), ("reject", "Reject"), ("reconsider", "By Figures")):
             row.operator("r2sego.decide_prior", text=text).decision = decision

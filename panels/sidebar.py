@@ -26,25 +26,28 @@ class Step(Sidebar):
     def draw_facts(self, context):
         """The open bundle's facts of this section, label and value."""
         facts = [fact for fact in context.scene.r2sego.facts if fact.section == self.section]
-        if not facts:
-            return
-        fitting = fitting_characters(context, 1.0 - _LABEL_SHARE)
-        column = self.layout.column(align=True)
-        for fact in facts:
-            label = fact.label
-            for line in textwrap.wrap(fact.value, fitting):
-                row = column.split(factor=_LABEL_SHARE)
-                name = row.row()
-                name.active = False
-                name.label(text=label)
-                row.label(text=line)
-                label = ""  # further lines stand under the first
+        if facts:
+            column = self.layout.column(align=True)
+            write_facts(context, column, [(fact.label, fact.value) for fact in facts])
 
 
 def fitting_characters(context, share):
     """How many characters fit in this share of the side bar, roughly."""
     scale = context.preferences.system.ui_scale
     return max(12, int(share * context.region.width / (_CHARACTER_PX * scale)))
+
+
+def write_facts(context, column, facts):
+    """Pairs of a label and a value as grey labels with the values beside them, wrapped."""
+    fitting = fitting_characters(context, 1.0 - _LABEL_SHARE)
+    for label, value in facts:
+        for line in textwrap.wrap(value, fitting):
+            row = column.split(factor=_LABEL_SHARE)
+            name = row.row()
+            name.active = False
+            name.label(text=label)
+            row.label(text=line)
+            label = ""  # further lines stand under the first
 
 
 def write_wrapped(context, layout, text, icon="NONE"):
