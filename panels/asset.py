@@ -50,8 +50,10 @@ class R2SEGO_PT_asset_preview(_Part, bpy.types.Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         layout.active = group.preview
+        layout.row().prop(group, "style", expand=True)
         column = layout.column()
-        for name in ("share", "moving_share", "size", "opacity", "backdrop"):
+        discs = ("share", "moving_share", "size") if group.style == "DISCS" else ()
+        for name in (*discs, "opacity", "backdrop"):
             column.prop(group, name)
 
 

@@ -1,8 +1,7 @@
-"""The asset's splats in the 3D views: round discs of their colour and size, hidden by what is nearer.
+"""The asset's splats over the 3D views: as Gaussians, blended as they were trained, or as quick discs.
 
-Nothing is sorted. The discs write depth, and a disc that lets light through leaves pixels out by
-chance, so the order does not matter. The splats lie in the buffer in a random order: a part of it is
-an even part of them, and that is what is drawn while the view moves or the timeline runs.
+A graphics card draws the Gaussians anew for each view. Without one they are drawn once the view has
+come to rest, and while it moves, or the timeline runs, some of the splats are drawn as discs.
 """
 
 import time
@@ -13,67 +12,51 @@ import numpy as np
 
 from ..r2sego_blender.bridge.show_asset import DrawnSplats, drawn_splats, is_deleted
 from ..r2sego_blender.bridge.views_3d import redraw_views
-from ..r2sego_blender.colours import linear_from_srgb
+from . import gaussian_splats, splat_discs
+from .gaussian_splats import GaussianSplats
 from .overlays import Overlay, points_while_moving, timeline_runs
+from .splat_discs import SplatDiscs, drawn_count, scale_px
 
 _SETTLED_S = 0.25
 """The view is at rest when it has not moved for so long."""
 
-_LARGEST_PX = 48.0
-_FALLBACK_PX = 3.0
+_MOST_WHILE_MOVING = 500_000
+"""More Gaussians than this are sorted and drawn only once the view has come to rest."""
+
 _MARKED = (1.0, 0.15, 0.1)
 _FAINT = 0.05
-"""Splats less opaque than this are not drawn."""
-
-_VERTEX = """
-void main()
-{
-  gl_Position = viewProjection * vec4(pos, 1.0);
-  gl_PointSize = clamp(2.0 * radius * scale / gl_Position.w, 1.0, largest);
-  splatColour = vec4(color.rgb, color.a * opacity);
-}
-"""
-
-_FRAGMENT = """
-void main()
-{
-  vec2 at = 2.0 * gl_PointCoord - 1.0;
-  float square = dot(at, at);
-  if (square > 1.0) {
-    discard;
-  }
-  float chance = fract(sin(dot(gl_FragCoord.xyz, vec3(12.9898, 78.233, 37.719))) * 43758.5453);
-  if (splatColour.a < chance) {
-    discard;
-  }
-  fragColour = vec4(splatColour.rgb, 1.0);
-}
-"""
+"""Splats less opaque than this are not drawn as discs."""
 
 
-class SplatBuffer:
-    """The splats of one mesh on the graphics card, as of one revision of their marks."""
+class SplatBuffers:
+    """The splats of one mesh, as of one revision of their marks, on the graphics card once they are drawn."""
 
     def __init__(self, splats: DrawnSplats, backdrop: bool) -> None:
-        chosen = drawn_order(splats, backdrop)
-        self.count = len(chosen)
-        form = gpu.types.GPUVertFormat()
-        form.attr_add(id="pos", comp_type="F32", len=3, fetch_mode="FLOAT")
-        form.attr_add(id="color", comp_type="F32", len=4, fetch_mode="FLOAT")
-        form.attr_add(id="radius", comp_type="F32", len=1, fetch_mode="FLOAT")
-        vertices = gpu.types.GPUVertBuf(form, self.count)
-        vertices.attr_fill("pos", np.ascontiguousarray(splats.means[chosen]))
-        vertices.attr_fill("color", colours_of(splats)[chosen])
-        vertices.attr_fill("radius", np.ascontiguousarray(splats.radii_m[chosen, None]))
-        self._batch = gpu.types.GPUBatch(type="POINTS", buf=vertices)
+        self._splats, self._backdrop = splats, backdrop
+        self._colours = colours_of(splats)
+        self._discs: tuple[SplatDiscs, int] | None = None
+        self._gaussians: GaussianSplats | None = None
 
-    def draw(self, count: int, shader) -> None:
-        """Draw the first ``count`` of them."""
-        self._batch.draw_range(shader, elem_start=0, elem_count=count)
+    @property
+    def discs(self) -> tuple[SplatDiscs, int]:
+        """The discs, and how many they are."""
+        if self._discs is None:
+            chosen = drawn_order(self._splats, self._backdrop)
+            self._discs = SplatDiscs(self._splats, self._colours, chosen), len(chosen)
+        return self._discs
+
+    @property
+    def gaussians(self) -> GaussianSplats:
+        """The Gaussians, and the pictures drawn of them."""
+        if self._gaussians is None:
+            chosen = np.arange(len(self._splats.means))
+            chosen = chosen if self._backdrop else np.flatnonzero(~self._splats.backdrop)
+            self._gaussians = GaussianSplats(self._splats, self._colours, chosen)
+        return self._gaussians
 
 
 def drawn_order(splats: DrawnSplats, backdrop: bool) -> np.ndarray:
-    """(M,) indices of the splats worth drawing, in an order of which each part is an even sample.
+    """(M,) indices of the splats worth a disc, in an order of which each part is an even sample.
 
     Marked splats come first, so that they are seen however few are drawn.
     """
@@ -85,21 +68,16 @@ def drawn_order(splats: DrawnSplats, backdrop: bool) -> np.ndarray:
 
 
 def colours_of(splats: DrawnSplats) -> np.ndarray:
-    """(N, 4) float32: linear colour and opacity; marked splats are red and opaque."""
+    """(N, 4) float32: sRGB colour and opacity; marked splats are red and opaque."""
     srgb = splats.colours.copy()
     srgb[splats.marked] = 0.3 * srgb[splats.marked] + 0.7 * np.float32(_MARKED)
     opacities = np.where(splats.marked, 1.0, splats.opacities)
-    return np.concatenate([linear_from_srgb(srgb), opacities[:, None]], axis=1).astype(np.float32)
+    return np.concatenate([srgb, opacities[:, None]], axis=1).astype(np.float32)
 
 
-def drawn_count(total: int, share: float, moving_share: float, moving: bool) -> int:
-    """How many of ``total`` splats are drawn."""
-    return min(total, max(1, round(total * share * (moving_share if moving else 1.0))))
-
-
-def scale_px(window_matrix: np.ndarray, height: int) -> float:
-    """Pixels of a metre seen one metre away, or anywhere in a view with parallel rays."""
-    return float(window_matrix[1][1]) * height / 2.0
+def gaussians_while_moving(count: int, device: str) -> bool:
+    """Whether Gaussians are drawn anew while the view moves; ``device`` as in ``points_while_moving``."""
+    return device != "SOFTWARE" and count <= _MOST_WHILE_MOVING
 
 
 class _Motion:
@@ -135,12 +113,11 @@ def _redraw_at_rest() -> float | None:
 
 
 _motion = _Motion()
-_buffers: dict[tuple, SplatBuffer] = {}
-"""The one buffer that was drawn last, by mesh, revision and choice."""
-_shaders: list = []
+_buffers: dict[tuple, SplatBuffers] = {}
+"""The splats that were drawn last, by mesh, revision and choice."""
 
 
-def _buffer(shown: bpy.types.Object, group: bpy.types.PropertyGroup) -> SplatBuffer | None:
+def _buffer(shown: bpy.types.Object, group: bpy.types.PropertyGroup) -> SplatBuffers | None:
     mesh = shown.data
     key = (mesh.session_uid, len(mesh.vertices), group.revision, group.backdrop)
     if key not in _buffers:
@@ -150,7 +127,7 @@ def _buffer(shown: bpy.types.Object, group: bpy.types.PropertyGroup) -> SplatBuf
         splats = drawn_splats(mesh)
         if splats is None or not len(drawn_order(splats, group.backdrop)):
             return None
-        _buffers[key] = SplatBuffer(splats, group.backdrop)
+        _buffers[key] = SplatBuffers(splats, group.backdrop)
     return _buffers[key]
 
 
@@ -162,34 +139,6 @@ def _let_go_of_deleted() -> None:
         del _buffers[key]
 
 
-def _shader() -> tuple:
-    """The discs' shader, or the plain points' of a Blender that refuses it; and which it is."""
-    if not _shaders:
-        try:
-            _shaders.append((_disc_shader(), True))
-        except Exception as error:  # what a driver refuses differs; an overlay must not raise
-            print(f"R2S-EGO: splats are drawn as plain points: {error}")
-            _shaders.append((gpu.shader.from_builtin("FLAT_COLOR"), False))
-    return _shaders[0]
-
-
-def _disc_shader():
-    info = gpu.types.GPUShaderCreateInfo()
-    info.push_constant("MAT4", "viewProjection")
-    for name in ("scale", "largest", "opacity"):
-        info.push_constant("FLOAT", name)
-    info.vertex_in(0, "VEC3", "pos")
-    info.vertex_in(1, "VEC4", "color")
-    info.vertex_in(2, "FLOAT", "radius")
-    between = gpu.types.GPUStageInterfaceInfo("r2sego_splat")
-    between.flat("VEC4", "splatColour")
-    info.vertex_out(between)
-    info.fragment_out(0, "VEC4", "fragColour")
-    info.vertex_source(_VERTEX)
-    info.fragment_source(_FRAGMENT)
-    return gpu.shader.create_from_info(info)
-
-
 def draw(context: bpy.types.Context) -> None:
     """Draw the shown asset into the current 3D view."""
     _let_go_of_deleted()
@@ -199,32 +148,24 @@ def draw(context: bpy.types.Context) -> None:
         return
     if not shown.visible_get(viewport=context.space_data):
         return
-    buffer = _buffer(shown, group)
-    if buffer is None:
+    buffers = _buffer(shown, group)
+    if buffers is None:
         return
-    view = context.region_data
-    world = view.perspective_matrix @ shown.matrix_world
-    moving = _motion.moving(context.region.as_pointer(), tuple(value for row in world for value in row))
+    view, device = context.region_data, gpu.platform.device_type_get()
+    clip_from_object = view.perspective_matrix @ shown.matrix_world
+    key = context.region.as_pointer()
+    moving = _motion.moving(key, tuple(value for row in clip_from_object for value in row))
     moving |= timeline_runs(context)
-    count = drawn_count(buffer.count, group.share, group.moving_share, moving)
-    count = points_while_moving(count, gpu.platform.device_type_get()) if moving else count
-    shader, discs = _shader()
-    gpu.state.depth_test_set("LESS_EQUAL")
-    gpu.state.depth_mask_set(True)
-    shader.bind()
-    if discs:
-        gpu.state.program_point_size_set(True)
-        shader.uniform_float("viewProjection", world)
-        shader.uniform_float("scale", group.size * scale_px(view.window_matrix, context.region.height))
-        shader.uniform_float("largest", _LARGEST_PX)
-        shader.uniform_float("opacity", group.opacity)
-        buffer.draw(count, shader)
-        gpu.state.program_point_size_set(False)
-    else:
-        gpu.state.point_size_set(_FALLBACK_PX)
-        buffer.draw(count, shader)
-    gpu.state.depth_mask_set(False)
-    gpu.state.depth_test_set("NONE")
+    if group.style == "GAUSSIANS":
+        gaussians = buffers.gaussians
+        anew = not moving or gaussians_while_moving(gaussians.count, device)
+        if gaussians.draw(key, np.array(clip_from_object), group.opacity, anew):
+            return
+    discs, total = buffers.discs
+    count = drawn_count(total, group.share, group.moving_share, moving)
+    count = points_while_moving(count, device) if moving else count
+    scale = group.size * scale_px(view.window_matrix, context.region.height)
+    discs.draw(count, clip_from_object, scale, group.opacity)
 
 
 _overlay = Overlay(draw, "POST_VIEW")
@@ -241,5 +182,6 @@ def unregister() -> None:
     if bpy.app.timers.is_registered(_redraw_at_rest):
         bpy.app.timers.unregister(_redraw_at_rest)
     _buffers.clear()
-    _shaders.clear()
     _motion.clear()
+    for drawing in (gaussian_splats, splat_discs):
+        drawing.forget_shaders()

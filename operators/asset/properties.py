@@ -79,8 +79,14 @@ class R2SEGO_PG_asset(bpy.types.PropertyGroup):
     revision: IntProperty()
     """Another number for other marks: what was drawn of them is kept by it."""
     preview: BoolProperty(
-        name="Preview", description="Draw the splats as round discs in the 3D views", default=True,
-        update=_redraw,
+        name="Preview", description="Draw the splats in the 3D views", default=True, update=_redraw,
+    )  # fmt: skip
+    style: EnumProperty(
+        name="Style", description="How the splats are drawn", update=_redraw,
+        items=[
+            ("GAUSSIANS", "Gaussians", "Blended as trained; where there is no graphics card, at rest only"),
+            ("DISCS", "Discs", "Round and opaque: quick, and each splat can be told from its neighbours"),
+        ],
     )  # fmt: skip
     share: FloatProperty(
         name="Share", description="How many of the splats are drawn", subtype="FACTOR",
@@ -95,7 +101,7 @@ class R2SEGO_PG_asset(bpy.types.PropertyGroup):
         min=0.1, max=5.0, soft_max=3.0, default=1.3, update=_redraw,
     )  # fmt: skip
     opacity: FloatProperty(
-        name="Opacity", description="How opaque the discs are; less shows what is behind",
+        name="Opacity", description="How opaque the splats are; less shows what is behind",
         subtype="FACTOR", min=0.0, max=1.0, default=1.0, update=_redraw,
     )  # fmt: skip
     backdrop: BoolProperty(

@@ -6,6 +6,11 @@ import bpy
 import numpy as np
 
 _ATTRIBUTE_TYPES = {"i": "INT", "u": "INT", "b": "BOOLEAN", "f": "FLOAT"}
+_WIDE_ATTRIBUTE_TYPES = {3: "FLOAT_VECTOR", 4: "QUATERNION"}
+_ATTRIBUTE_FIELDS = {
+    "INT": ("value", np.int32, ()), "BOOLEAN": ("value", bool, ()), "FLOAT": ("value", np.float32, ()),
+    "FLOAT_VECTOR": ("vector", np.float32, (3,)), "QUATERNION": ("value", np.float32, (4,)),
+}  # fmt: skip
 
 
 def mesh_from_arrays(name: str, vertices: np.ndarray, triangles: np.ndarray) -> bpy.types.Mesh:
@@ -36,18 +41,22 @@ def arrays_from_mesh(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
 
 
 def add_attribute(mesh: bpy.types.Mesh, name: str, values: np.ndarray, domain: str = "FACE") -> None:
-    """A named attribute with one number a face (or vertex, with ``domain`` POINT)."""
-    attribute = mesh.attributes.new(name, _ATTRIBUTE_TYPES[values.dtype.kind], domain)
-    kind = {"INT": np.int32, "BOOLEAN": bool, "FLOAT": np.float32}[attribute.data_type]
-    attribute.data.foreach_set("value", np.ascontiguousarray(values, kind))
+    """A named attribute with one number a face (or vertex, with ``domain`` POINT).
+
+    Three columns are a vector, four a quaternion wxyz.
+    """
+    kind = _WIDE_ATTRIBUTE_TYPES[values.shape[1]] if values.ndim == 2 else _ATTRIBUTE_TYPES[values.dtype.kind]
+    attribute = mesh.attributes.new(name, kind, domain)
+    field, dtype, _ = _ATTRIBUTE_FIELDS[kind]
+    attribute.data.foreach_set(field, np.ascontiguousarray(values, dtype).ravel())
 
 
 def read_attribute(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
-    """The values (N,) of an attribute made by ``add_attribute``."""
+    """The values (N,), (N, 3) or (N, 4) of an attribute made by ``add_attribute``."""
     attribute = mesh.attributes[name]
-    kind = {"INT": np.int32, "BOOLEAN": bool, "FLOAT": np.float32}[attribute.data_type]
-    values = np.empty(len(attribute.data), kind)
-    attribute.data.foreach_get("value", values)
+    field, dtype, width = _ATTRIBUTE_FIELDS[attribute.data_type]
+    values = np.empty((len(attribute.data), *width), dtype)
+    attribute.data.foreach_get(field, values.ravel())  # a view: it is contiguous
     return values
 
 

@@ -19,35 +19,55 @@ MARKED = "marked"
 
 _PART = "Asset"
 _STAGE, _MADE = "r2sego_stage", "r2sego_made"
-_COLOUR, _RADIUS, _OPACITY, _BACKDROP = "colour", "radius_m", "opacity", "backdrop"
+_COLOUR, _SCALE, _ROTATION, _RADIUS = "colour", "scale", "rotation", "radius_m"
+_OPACITY, _BACKDROP = "opacity", "backdrop"
 _NO_TRIANGLES = np.empty((0, 3), np.int32)
 
 
 @dataclass(frozen=True)
 class DrawnSplats:
     """What the preview draws of N splats: ``means`` (N, 3) metres in the object's frame, ``colours``
-    (N, 3) sRGB in [0, 1], ``radii_m`` and ``opacities`` (N,), all float32; ``backdrop`` and
-    ``marked`` (N,) bool.
+    (N, 3) sRGB in [0, 1], standard deviations ``scales_m`` (N, 3) along the axes that ``quaternions``
+    (N, 4) wxyz turn, ``radii_m`` and ``opacities`` (N,), all float32; ``backdrop`` and ``marked``
+    (N,) bool.
     """
 
     means: np.ndarray
     colours: np.ndarray
+    scales_m: np.ndarray
+    quaternions: np.ndarray
     radii_m: np.ndarray
     opacities: np.ndarray
     backdrop: np.ndarray
     marked: np.ndarray
 
+    def covariances(self, chosen: np.ndarray) -> np.ndarray:
+        """(M, 6) float32, m2: xx, xy, xz, yy, yz, zz of the ``chosen`` splats (M,), in the object's frame."""
+        turns = self.quaternions[chosen]
+        w, x, y, z = (turns / np.maximum(np.linalg.norm(turns, axis=1, keepdims=True), 1e-12)).T
+        rows = (
+            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+        )
+        axes = [np.stack(row, axis=1) * self.scales_m[chosen] for row in rows]
+        pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+        return np.stack([(axes[i] * axes[j]).sum(axis=1) for i, j in pairs], axis=1)
+
 
 def show_asset(scene: bpy.types.Scene, bundle: Bundle, stage: Stage) -> bpy.types.Object:
     """One of the bundle's assets, in place of the one shown before.
 
-    The vertices carry ``colour``, ``radius_m``, ``opacity``, ``backdrop`` and ``marked``.
+    The vertices carry ``colour``, ``scale``, ``rotation``, ``radius_m``, ``opacity``, ``backdrop``
+    and ``marked``.
     Raises AssetError when its file is damaged.
     """
     splats = read_stage(stage, bundle.scene.geometry_folder / "backdrop.ply")
     collection = fresh_collection(scene, bundle.path, _PART)
     mesh = mesh_from_arrays(f"Asset, {stage.label.lower()}", splats.means, _NO_TRIANGLES)
     add_colours(mesh, _COLOUR, np.rint(splats.colours * 255.0))
+    add_attribute(mesh, _SCALE, np.exp(splats.log_scales), "POINT")
+    add_attribute(mesh, _ROTATION, splats.quaternions, "POINT")
     add_attribute(mesh, _RADIUS, splats.radii_m, "POINT")
     add_attribute(mesh, _OPACITY, splats.opacities, "POINT")
     add_attribute(mesh, _BACKDROP, splats.backdrop, "POINT")
@@ -84,14 +104,14 @@ def is_current(candidate: bpy.types.Object, stage: Stage) -> bool:
 def drawn_splats(mesh: bpy.types.Mesh) -> DrawnSplats | None:
     """The splats back from a mesh that ``show_asset`` made; None when its attributes are gone."""
     count = len(mesh.vertices)
-    if not all(name in mesh.attributes for name in (_COLOUR, _RADIUS, _OPACITY, _BACKDROP, MARKED)):
+    read = (_SCALE, _ROTATION, _RADIUS, _OPACITY, _BACKDROP, MARKED)
+    if not all(name in mesh.attributes for name in (_COLOUR, *read)):
         return None
     colours = np.empty(4 * count, np.float32)
     mesh.attributes[_COLOUR].data.foreach_get("color_srgb", colours)
     return DrawnSplats(
-        centres_of(mesh), colours.reshape(-1, 4)[:, :3], read_attribute(mesh, _RADIUS),
-        read_attribute(mesh, _OPACITY), read_attribute(mesh, _BACKDROP), read_attribute(mesh, MARKED),
-    )  # fmt: skip
+        centres_of(mesh), colours.reshape(-1, 4)[:, :3], *(read_attribute(mesh, name) for name in read)
+    )
 
 
 def centres_of(mesh: bpy.types.Mesh) -> np.ndarray:

@@ -10,9 +10,15 @@ from pathlib import Path
 
 import display
 import ellipsis_marks
+import fake_asset
+import numpy as np
 import pytest
 from fake_bundle import write_bundle
 from stand_in_engine import write_stand_in_engine
+
+from r2sego_blender.cameras import Camera
+from r2sego_blender.splats.outputs import render_batch
+from r2sego_blender.splats.quaternions import to_rotation
 
 HERE = Path(__file__).parent
 PICTURES = display.ROOT / "build" / "window"
@@ -159,3 +165,58 @@ def test_no_error_is_in_blenders_log(looked, state, scale):
 
 def test_no_error_is_in_blenders_log_after_pressing(pressed):
     assert errors(pressed[1]) == []
+
+
+@pytest.fixture(scope="module")
+def painted(material):
+    """The premultiplied picture Blender painted of the asset, first row on top, and its matrices, by view."""
+    out = material / "painted"
+    log = display.run(HERE / "painted.py", out, *arguments(material))
+    assert (out / "told.json").is_file(), log[-3000:]
+    assert "drawn as discs" not in log
+    told = json.loads((out / "told.json").read_text())
+    return {kind: (np.load(out / f"{kind}.npy")[::-1], {k: np.array(m) for k, m in matrices.items()})
+            for kind, matrices in told.items()}  # fmt: skip
+
+
+def test_blender_paints_the_asset_as_the_engine_renders_it(painted):
+    picture, matrices = painted["PERSP"]
+    height, width = picture.shape[:2]
+    window = matrices["window"]
+    camera = Camera(
+        width, height, 0.5 * width * window[0, 0], 0.5 * height * window[1, 1],
+        0.5 * width * (1.0 - window[0, 2]), 0.5 * height * (1.0 + window[1, 2]),
+        np.linalg.inv(matrices["view"]) @ np.diag([1.0, -1.0, -1.0, 1.0]),
+    )  # fmt: skip
+    (rendering,) = render_batch(shown_asset(), [camera])
+    assert rendering.alpha.max() > 0.9
+    assert np.abs(picture[..., :3] - rendering.colour).max() < 0.01
+    assert np.abs(picture[..., 3] - rendering.alpha).max() < 0.01
+
+
+def test_blender_paints_the_asset_without_perspective(painted):
+    picture, matrices = painted["ORTHO"]
+    height, width = picture.shape[:2]
+    asset = shown_asset()
+    to_pixels = np.diag([0.5 * width, -0.5 * height]) @ (matrices["window"] @ matrices["view"])[:2]
+    centres = asset.means @ to_pixels[:, :3].T + to_pixels[:, 3] + (0.5 * width, 0.5 * height)
+    depths = -(asset.means @ matrices["view"][2, :3] + matrices["view"][2, 3])
+    axes = to_rotation(asset.quaternions) * np.exp(asset.log_scales)[:, None]
+    spread = to_pixels[:, :3] @ axes
+    inverses = np.linalg.inv(spread @ spread.transpose(0, 2, 1) + 0.3 * np.eye(2))
+    y, x = np.mgrid[:height, :width] + 0.5
+    expected = np.zeros((height, width, 4))
+    for k in np.argsort(-depths):
+        away = np.stack([x - centres[k, 0], y - centres[k, 1]], axis=-1)
+        alpha = asset.opacities[k] * np.exp(-0.5 * ((away @ inverses[k]) * away).sum(axis=-1))
+        alpha = np.where(alpha >= 1.0 / 255.0, np.minimum(alpha, 0.99), 0.0)[..., None]
+        expected = expected * (1.0 - alpha) + alpha * [*asset.base_colours[k], 1.0]
+    assert expected[..., 3].max() > 0.9
+    assert np.abs(picture - expected).max() < 0.01
+
+
+def shown_asset():
+    """The final asset of the fake bundle without its backdrop and what depends on the direction."""
+    whole = fake_asset.asset(3).with_degree(0)
+    whole.sh[:, 0] = np.clip(whole.sh[:, 0], -1.7, 1.7)  # colours in [0, 1], as Blender shows them
+    return whole

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import bpy
 import numpy as np
+from mathutils import Quaternion
 from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle, open_here, refused, state
 
 OPERATORS = {
@@ -88,6 +89,17 @@ def check_the_asset_is_shown_as_points_with_their_attributes():
     assert (values(shown, "radius_m") > 0).all() and (values(shown, "opacity") <= 1).all()
     assert shown.hide_render
     assert "no splat is selected" in refused(bpy.ops.r2sego.mark_selected_splats)
+
+
+def check_the_shown_splats_keep_their_shape():
+    splats = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.show_asset").drawn_splats(show().data)
+    chosen = np.array([5, 0, 40])
+    for index, told in zip(chosen, splats.covariances(chosen), strict=True):
+        turned = np.array(Quaternion(splats.quaternions[index]).normalized().to_matrix())
+        expected = turned @ np.diag(splats.scales_m[index] ** 2) @ turned.T
+        np.testing.assert_allclose(told, expected[np.triu_indices(3)], rtol=1e-4, atol=1e-7)
+    flat = splats.radii_m**2 * splats.scales_m.min(axis=1)  # the two larger ones make the disc
+    np.testing.assert_allclose(flat, splats.scales_m.prod(axis=1), rtol=1e-4)
 
 
 def check_the_slider_shows_each_rounds_asset():
@@ -279,14 +291,43 @@ def check_what_the_preview_draws():
     assert len(preview.drawn_order(splats, backdrop=True)) > len(order)
     colours = preview.colours_of(splats)
     assert (colours[splats.marked, 3] == 1.0).all() and (colours[splats.marked, 0] > 0.3).all()
-    white = preview.linear_from_srgb(np.ones(1))
-    assert white == 1.0
     counts = [preview.drawn_count(200, 0.5, 0.25, moving) for moving in (False, True)]
     assert counts == [100, 25] and preview.drawn_count(3, 0.01, 0.01, True) == 1
+    colour = np.where(splats.marked[:, None], 0.0, colours[:, :3])
+    np.testing.assert_array_equal(colour, np.where(splats.marked[:, None], 0.0, splats.colours))
     assert preview.points_while_moving(50_000, "NVIDIA") == 50_000
     assert preview.points_while_moving(50_000, "SOFTWARE") < 20_000
     assert preview.points_while_moving(7, "SOFTWARE") == 7
     assert preview.scale_px([[1.0, 0.0], [0.0, 2.0]], 300) == 300.0
+
+
+def check_gaussians_are_painted_from_far_to_near():
+    order_of = importlib.import_module(f"{MODULE}.panels.gaussian_splats").farthest_first
+    rng = np.random.default_rng(3)
+    centres = rng.uniform(-3.0, 3.0, (5000, 3)).astype(np.float32)
+    centres[:2000] = centres[2000:4000]  # equal ones keep their order
+    view = np.array(Quaternion((0.9, 0.3, -0.2, 0.1)).normalized().to_matrix().to_4x4())
+    view[:3, 3] = (0.1, 0.2, -1.0)
+    perspective = np.array([[2.0, 0, 0.1, 0], [0, 3.0, 0, 0], [0, 0, -1.0, -0.02], [0, 0, -1.0, 0]])
+    parallel = np.diag([0.2, 0.3, -0.002, 1.0])
+    depths = -(centres @ view[2, :3] + view[2, 3])
+    for window, seen in ((perspective, depths >= 0.2), (parallel, np.ones(5000, bool))):
+        order = order_of(centres, window @ view)
+        assert sorted(order) == list(np.flatnonzero(seen)) and len(order) > 100
+        # Only what is nearer than a ten thousandth of what the view holds may stand the other way round.
+        assert (np.diff(depths[order]) < 6e-4).all()
+        place = np.empty(5000, int)
+        place[order] = np.arange(len(order))
+        assert (place[:2000] < place[2000:4000])[seen[:2000]].all()
+    behind = order_of(centres - np.float32([0, 0, 50.0]), perspective @ np.diag([1.0, 1.0, -1.0, 1.0]))
+    assert len(behind) == 0
+
+
+def check_where_gaussians_are_painted_anew_while_the_view_moves():
+    preview = importlib.import_module(f"{MODULE}.panels.splat_preview")
+    assert preview.gaussians_while_moving(200_000, "NVIDIA")
+    assert not preview.gaussians_while_moving(200_000, "SOFTWARE")
+    assert not preview.gaussians_while_moving(3_000_000, "NVIDIA")
 
 
 def check_what_the_preview_keeps_on_the_graphics_card_goes_with_its_object():

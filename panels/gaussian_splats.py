@@ -1,0 +1,287 @@
+"""The asset's Gaussians in a 3D view, blended from far to near as they were trained.
+
+They are painted into a picture of their own, in sRGB as the trainer blends them (projection as in
+``splats/projection.py``), with the mean depth of what each pixel shows. The picture is laid into the view
+at that depth, so that meshes stand before and behind the splats, and kept until the view changes.
+Colours are those averaged over all directions.
+"""
+
+import gpu
+import numpy as np
+from gpu_extras.batch import batch_for_shader
+
+from ..r2sego_blender.bridge.show_asset import DrawnSplats
+
+NEAREST_M = 0.2
+"""Splats nearer than this are not drawn, as in the trainer."""
+
+_PICTURES = 4
+"""So many views' pictures stay on the graphics card: a quad view's."""
+
+_ORDERS = 1 << 16
+"""Depths that are told apart in a view."""
+
+_shaders: list = []
+
+_VERTEX = """
+void main()
+{
+  vec4 toX = vec4(clipFromObject[0][0], clipFromObject[1][0], clipFromObject[2][0], clipFromObject[3][0]);
+  vec4 toY = vec4(clipFromObject[0][1], clipFromObject[1][1], clipFromObject[2][1], clipFromObject[3][1]);
+  vec3 toW = vec3(clipFromObject[0][3], clipFromObject[1][3], clipFromObject[2][3]);
+  vec4 clip = clipFromObject * vec4(pos, 1.0);
+  splat = color;
+  at = vec2(0.0);
+  depth = 0.0;
+  gl_Position = vec4(0.0, 0.0, 2.0, 1.0);
+  if (clip.w < nearest || color.a * 255.0 <= 1.0) {
+    return;
+  }
+  vec3 centre = clip.xyz / clip.w;
+  vec2 held = clamp(centre.xy, -1.3, 1.3);
+  vec3 acrossX = (toX.xyz - held.x * toW) * (0.5 * size.x / clip.w);
+  vec3 acrossY = (toY.xyz - held.y * toW) * (0.5 * size.y / clip.w);
+  mat3 covariance = mat3(first.x, first.y, first.z, first.y, second.x, second.y, first.z, second.y, second.z);
+  vec3 alongX = covariance * acrossX;
+  float a = dot(acrossX, alongX) + 0.3;
+  float b = dot(acrossY, alongX);
+  float c = dot(acrossY, covariance * acrossY) + 0.3;
+  float middle = 0.5 * (a + c);
+  float apart = sqrt(max(0.25 * (a - c) * (a - c) + b * b, 0.0));
+  vec2 longer = a >= c ? vec2(1.0, 0.0) : vec2(0.0, 1.0);
+  if (abs(b) > 1e-6) {
+    longer = normalize(vec2(b, middle + apart - a));
+  }
+  vec2 shorter = vec2(-longer.y, longer.x);
+  float reach = sqrt(2.0 * log(255.0 * color.a));
+  int corner = gl_VertexID & 3;
+  at = reach * vec2((corner & 1) == 0 ? -1.0 : 1.0, (corner & 2) == 0 ? -1.0 : 1.0);
+  vec2 offset = at.x * sqrt(middle + apart) * longer + at.y * sqrt(max(middle - apart, 0.0)) * shorter;
+  depth = 0.5 * centre.z + 0.5;
+  gl_Position = vec4(centre.xy + 2.0 * offset / size, centre.z, 1.0);
+}
+"""
+
+_FRAGMENT = """
+void main()
+{
+  float alpha = min(splat.a * exp(-0.5 * dot(at, at)), 0.99);
+  if (alpha * 255.0 < 1.0) {
+    discard;
+  }
+  colourSum = vec4(splat.rgb * alpha, alpha);
+  depthSum = vec4(depth * alpha, 0.0, 0.0, alpha);
+}
+"""
+
+_LAYING_VERTEX = """
+void main()
+{
+  place = 0.5 * pos + 0.5;
+  gl_Position = vec4(pos, 0.0, 1.0);
+}
+"""
+
+_LAYING_FRAGMENT = """
+void main()
+{
+  vec4 sum = texture(colours, place);
+  if (sum.a * 255.0 < 1.0) {
+    discard;
+  }
+  vec3 srgb = clamp(sum.rgb / sum.a, 0.0, 1.0);
+  vec3 curved = pow((srgb + 0.055) / 1.055, vec3(2.4));
+  vec3 linear = mix(curved, srgb / 12.92, vec3(lessThanEqual(srgb, vec3(0.04045))));
+  float alpha = sum.a * opacity;
+  fragColour = vec4(linear * alpha, alpha);
+  gl_FragDepth = texture(depths, place).r / sum.a;
+}
+"""
+
+
+def farthest_first(centres: np.ndarray, clip_from_object: np.ndarray) -> np.ndarray:
+    """The order (M,) in which those of ``centres`` (N, 3) float32 that lie before the camera are drawn.
+
+    ``clip_from_object`` (4, 4) is the view's perspective matrix times the object's. Depths that hardly
+    differ count as equal; of those the first is drawn first.
+    """
+    parallel = _is_parallel(clip_from_object)
+    row = clip_from_object[2 if parallel else 3].astype(np.float32)
+    depth = centres @ row[:3] + row[3]
+    seen = np.arange(len(depth)) if parallel else np.flatnonzero(depth >= NEAREST_M)
+    if not len(seen):
+        return seen
+    depth = depth[seen] if parallel else np.log(depth[seen])
+    lowest, highest = float(depth.min()), float(depth.max())
+    scale = (_ORDERS - 1) / max(highest - lowest, 1e-6)
+    keys = np.clip((highest - depth) * np.float32(scale), 0, _ORDERS - 1).astype(np.uint16)
+    return seen[np.argsort(keys, kind="stable")]  # NumPy sorts 16 bits by digits: ten times as fast
+
+
+def _is_parallel(clip_from_object: np.ndarray) -> bool:
+    """Whether a view has no perspective."""
+    return not np.any(clip_from_object[3, :3])
+
+
+def _triangles(order: np.ndarray) -> np.ndarray:
+    """(2 M, 3) uint32: of each splat's four corners two triangles."""
+    corners = np.array([0, 1, 2, 2, 1, 3], np.uint32)
+    return (4 * order.astype(np.uint32)[:, None] + corners).reshape(-1, 3)
+
+
+class GaussianSplats:
+    """Splats on the graphics card, and the pictures painted of them, one a view.
+
+    ``colours`` (N, 4) are sRGB and opacity; of ``splats`` only the ``chosen`` (M,) are kept.
+    """
+
+    def __init__(self, splats: DrawnSplats, colours: np.ndarray, chosen: np.ndarray) -> None:
+        self.count = len(chosen)
+        self._centres = np.ascontiguousarray(splats.means[chosen])
+        covariances = splats.covariances(chosen)
+        columns = {
+            "pos": self._centres, "color": colours[chosen],
+            "first": covariances[:, :3], "second": covariances[:, 3:],
+        }  # fmt: skip
+        form = gpu.types.GPUVertFormat()
+        for name, values in columns.items():
+            form.attr_add(id=name, comp_type="F32", len=values.shape[1], fetch_mode="FLOAT")
+        self._corners = gpu.types.GPUVertBuf(form, 4 * self.count)
+        for name, values in columns.items():
+            self._corners.attr_fill(name, np.ascontiguousarray(np.repeat(values, 4, axis=0), np.float32))
+        self._pictures: dict[int, Picture] = {}
+
+    def draw(self, view: int, clip_from_object: np.ndarray, opacity: float, anew: bool) -> bool:
+        """Draw them into the view being drawn, which ``view`` tells from others; False where they are not.
+
+        A view that is not as its picture was painted is painted only if ``anew``.
+        """
+        shaders = _shaders_of_this_blender()
+        if shaders is None:
+            return False
+        paint_shader, lay_shader = shaders
+        size = tuple(gpu.state.viewport_get()[2:])
+        picture = self._pictures.get(view)
+        if picture is None or not picture.shows(clip_from_object, size):
+            if not anew:
+                return False
+            picture = self._painted(view, clip_from_object, size, paint_shader)
+        picture.lay(opacity, lay_shader)
+        return True
+
+    def _painted(self, view: int, clip_from_object: np.ndarray, size: tuple[int, int], shader) -> "Picture":
+        """The view's picture, painted anew."""
+        picture = self._pictures.pop(view, None)
+        if picture is None or picture.size != size:
+            picture = Picture(size)
+        while len(self._pictures) >= _PICTURES:
+            del self._pictures[next(iter(self._pictures))]
+        self._pictures[view] = picture
+        triangles = _triangles(farthest_first(self._centres, clip_from_object))
+        if len(triangles):
+            indices = gpu.types.GPUIndexBuf(type="TRIS", seq=triangles)
+            batch = gpu.types.GPUBatch(type="TRIS", buf=self._corners, elem=indices)
+            picture.paint(batch, clip_from_object, shader)
+        else:
+            picture.paint(None, clip_from_object, shader)
+        return picture
+
+
+class Picture:
+    """What a view of ``size`` pixels shows of the splats: colours, and depths, times alpha."""
+
+    def __init__(self, size: tuple[int, int]) -> None:
+        self.size = size
+        self.colours = gpu.types.GPUTexture(size, format="RGBA16F")
+        self._depths = gpu.types.GPUTexture(size, format="R32F")
+        self._target = gpu.types.GPUFrameBuffer(color_slots=(self.colours, self._depths))
+        self._clip_from_object: np.ndarray | None = None
+
+    def shows(self, clip_from_object: np.ndarray, size: tuple[int, int]) -> bool:
+        """Whether the picture is one of this view."""
+        return self.size == size and np.array_equal(self._clip_from_object, clip_from_object)
+
+    def paint(self, batch: "gpu.types.GPUBatch | None", clip_from_object: np.ndarray, shader) -> None:
+        """Blend the splats of ``batch`` in its order."""
+        with self._target.bind():
+            self._target.clear(color=(0.0, 0.0, 0.0, 0.0))
+            if batch is not None:
+                gpu.state.depth_test_set("NONE")
+                gpu.state.depth_mask_set(False)
+                gpu.state.blend_set("ALPHA_PREMULT")
+                shader.bind()
+                shader.uniform_float("clipFromObject", clip_from_object.T.ravel().tolist())
+                shader.uniform_float("size", self.size)
+                shader.uniform_float("nearest", 0.0 if _is_parallel(clip_from_object) else NEAREST_M)
+                batch.draw(shader)
+                gpu.state.blend_set("NONE")
+        self._clip_from_object = clip_from_object
+
+    def lay(self, opacity: float, shader) -> None:
+        """Lay the picture over what is drawn, behind what is nearer."""
+        corners = ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0))
+        batch = batch_for_shader(shader, "TRI_STRIP", {"pos": corners})
+        gpu.state.blend_set("ALPHA_PREMULT")
+        gpu.state.depth_test_set("LESS_EQUAL")
+        gpu.state.depth_mask_set(True)
+        shader.bind()
+        shader.uniform_float("opacity", opacity)
+        shader.uniform_sampler("colours", self.colours)
+        shader.uniform_sampler("depths", self._depths)
+        batch.draw(shader)
+        gpu.state.depth_mask_set(False)
+        gpu.state.depth_test_set("NONE")
+        gpu.state.blend_set("NONE")
+
+
+def forget_shaders() -> None:
+    """Let go of what is on the graphics card."""
+    _shaders.clear()
+
+
+def _shaders_of_this_blender() -> tuple | None:
+    """The shaders that paint and that lay; None for a Blender that refuses them."""
+    if not _shaders:
+        try:
+            _shaders.append((_painting_shader(), _laying_shader()))
+        except Exception as error:  # what a driver refuses differs; an overlay must not raise
+            print(f"R2S-EGO: splats are drawn as discs: {error}")
+            _shaders.append(None)
+    return _shaders[0]
+
+
+def _painting_shader():
+    info = gpu.types.GPUShaderCreateInfo()
+    info.push_constant("MAT4", "clipFromObject")
+    info.push_constant("VEC2", "size")
+    info.push_constant("FLOAT", "nearest")
+    inputs = (("VEC3", "pos"), ("VEC4", "color"), ("VEC3", "first"), ("VEC3", "second"))
+    for place, (kind, name) in enumerate(inputs):
+        info.vertex_in(place, kind, name)
+    between = gpu.types.GPUStageInterfaceInfo("r2sego_gaussian")
+    between.flat("VEC4", "splat")
+    between.flat("FLOAT", "depth")
+    between.smooth("VEC2", "at")
+    info.vertex_out(between)
+    info.fragment_out(0, "VEC4", "colourSum")
+    info.fragment_out(1, "VEC4", "depthSum")
+    info.vertex_source(_VERTEX)
+    info.fragment_source(_FRAGMENT)
+    return gpu.shader.create_from_info(info)
+
+
+def _laying_shader():
+    info = gpu.types.GPUShaderCreateInfo()
+    info.push_constant("FLOAT", "opacity")
+    info.sampler(0, "FLOAT_2D", "colours")
+    info.sampler(1, "FLOAT_2D", "depths")
+    info.vertex_in(0, "VEC2", "pos")
+    between = gpu.types.GPUStageInterfaceInfo("r2sego_laid")
+    between.smooth("VEC2", "place")
+    info.vertex_out(between)
+    info.fragment_out(0, "VEC4", "fragColour")
+    if hasattr(info, "depth_write"):  # OpenGL, all that Blender 4.3 has but for Apple's, needs no word of it
+        info.depth_write("ANY")
+    info.vertex_source(_LAYING_VERTEX)
+    info.fragment_source(_LAYING_FRAGMENT)
+    return gpu.shader.create_from_info(info)
