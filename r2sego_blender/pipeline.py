@@ -32,7 +32,7 @@ def _algorithm_1(step: Steps) -> None:
     aligned_priors = step.align_priors(observed, priors)  # 3, fixed in all rounds
     pseudo_observations = ()  # 4
     for l in range(step.h.rounds):  # 5
-        step.progress.message(f"Round {l + 1} of {step.h.rounds}")
+        step.progress.message(f"Round {l} ({step.h.rounds} in all)")
         proxy = step.geometry_proxy(l, captures, observed, aligned_priors, asset)  # 6
         collision = step.replace_collision_mesh(l, proxy)  # 7
         candidates = step.successful_ego_poses(l, proxy, collision)  # 8

@@ -1,4 +1,4 @@
-"""What a new scene can be given by name: the robots and behaviour scopes that come with the library."""
+"""What the room Scene offers: robots and behaviour scopes by name, and what Refine does next."""
 
 from __future__ import annotations
 
@@ -22,4 +22,4 @@ def what_refine_does(rounds_begun: int, rounds_done: int, rounds: int) -> str:
     if rounds_done >= rounds:
         return "Refine redoes what changed"
     verb = "goes on in" if rounds_begun > rounds_done else "does"
-    return f"Refine {verb} round {rounds_done + 1} of {rounds}"
+    return f"Refine {verb} round {rounds_done} ({rounds} in all)"

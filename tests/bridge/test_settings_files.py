@@ -49,8 +49,8 @@ def test_the_choices_of_a_new_scene_are_there():
 
 
 def test_refine_says_what_it_does_next():
-    assert what_refine_does(0, 0, 3) == "Refine does round 1 of 3"
-    assert what_refine_does(2, 1, 3) == "Refine goes on in round 2 of 3"
+    assert what_refine_does(0, 0, 3) == "Refine does round 0 (3 in all)"
+    assert what_refine_does(2, 1, 3) == "Refine goes on in round 1 (3 in all)"
     assert what_refine_does(3, 3, 3) == "Refine redoes what changed"
 
 
