@@ -5,6 +5,7 @@ import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
 from ...r2sego_blender.bridge.asset_frame import camera_frame_px
+from ...r2sego_blender.bridge.image_editors import image_editors
 from ...r2sego_blender.bridge.object_masks import (
     drawn_region,
     forget_masks,
@@ -212,8 +213,7 @@ class R2SEGO_OT_paint_mask(ReportingOperator, bpy.types.Operator):
     def perform(self, context):
         name, view = object_named(context, self.object_name), captured_view(context, self.capture)
         image = _masks_to_edit(context, name, view)[view.name]
-        areas = context.screen.areas if context.screen is not None else ()
-        editors = [area for area in areas if area.type == "IMAGE_EDITOR"]
+        editors = [area for _, area in image_editors()]
         for area in editors:
             area.spaces.active.image = image
             area.spaces.active.mode = "PAINT"
