@@ -36,7 +36,8 @@ COEFFICIENTS = {
 
 def distorted(model: str, coefficients: Sequence[float], rays: np.ndarray) -> np.ndarray:
     """Image coordinates (n, 2) of camera-frame rays (n, 2) with z = 1."""
-    rays, k = np.asarray(rays, np.float64).reshape(-1, 2), _filled(model, coefficients)
+    # OpenCV's fisheye takes a view with gaps, such as two of three columns, for one without.
+    rays, k = np.ascontiguousarray(rays, np.float64).reshape(-1, 2), _filled(model, coefficients)
     points = rays.reshape(-1, 1, 2)
     if model == "opencv":
         solid = np.concatenate([points, np.ones((len(points), 1, 1))], axis=2)
@@ -64,7 +65,7 @@ def distorted(model: str, coefficients: Sequence[float], rays: np.ndarray) -> np
 
 def undistorted(model: str, coefficients: Sequence[float], places: np.ndarray) -> np.ndarray:
     """Rays (n, 2) with z = 1 of image coordinates (n, 2); NaN or wrong where there is none."""
-    places, k = np.asarray(places, np.float64).reshape(-1, 2), _filled(model, coefficients)
+    places, k = np.ascontiguousarray(places, np.float64).reshape(-1, 2), _filled(model, coefficients)
     points = places.reshape(-1, 1, 2)
     if model == "opencv":
         found = cv2.undistortPointsIter(points, np.eye(3), k, np.eye(3), np.eye(3), _ITERATIONS)
