@@ -142,10 +142,8 @@ def refine(
     opened = Scene.open(scene)
     changes = overrides_of(overrides) | ({} if rounds is None else {"rounds": rounds})
     with opened.locked():
-        if preset is not None and preset != opened.declaration.preset:
-            opened = opened.declare(preset=preset, overrides=changes)
-        else:
-            opened = opened.declare(overrides={**opened.declaration.overrides, **changes})
+        asked = opened.declaration.with_settings(preset, changes)
+        opened = opened.declare(preset=asked.preset, overrides=asked.overrides)
         from .evaluation.scene_report import write_scene_report
         from .pipeline import refine as run
 

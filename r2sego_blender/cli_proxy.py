@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -133,11 +132,7 @@ def plan(
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)
-    declared, changes = opened.declaration, overrides_of(overrides)
-    if preset is not None and preset != declared.preset:
-        declared = dataclasses.replace(declared, preset=preset, overrides=changes)
-    else:
-        declared = dataclasses.replace(declared, overrides={**declared.overrides, **changes})
+    declared = opened.declaration.with_settings(preset, overrides_of(overrides))
     planned = plan_refinement(Scene(opened.path, declared))
     show(progress, describe_plan(planned), lines, as_object)
 

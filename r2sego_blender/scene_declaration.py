@@ -52,6 +52,12 @@ class Declaration:
         """The preset with the person's overrides."""
         return with_overrides(self.overrides, preset(self.preset))
 
+    def with_settings(self, preset: str | None, changes: Mapping[str, Any]) -> Declaration:
+        """With ``changes`` among its overrides; another ``preset`` than before begins without any."""
+        if preset in (None, self.preset):
+            return dataclasses.replace(self, overrides={**self.overrides, **changes})
+        return dataclasses.replace(self, preset=preset, overrides=dict(changes))
+
 
 def read_declaration(path: Path) -> Declaration:
     """The declaration of the bundle ``path``, its scope by a whole path where that is a file.

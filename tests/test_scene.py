@@ -34,6 +34,14 @@ def test_open_reads_what_create_declared(tmp_path):
     assert Scene.open(scene.path).declaration.settings.training.steps_per_round == 7
 
 
+def test_another_preset_begins_without_the_overrides_of_before():
+    changed = DECLARATION.with_settings(None, {"rounds": "2"}).with_settings("paper", {"seed": "7"})
+    assert (changed.preset, dict(changed.overrides)) == ("paper", {"rounds": "2", "seed": "7"})
+    other = changed.with_settings("preview", {"seed": "1"})
+    assert (other.preset, dict(other.overrides)) == ("preview", {"seed": "1"})
+    assert dict(DECLARATION.overrides) == {}
+
+
 @pytest.mark.parametrize(
     ("slot", "key", "known"),
     [
