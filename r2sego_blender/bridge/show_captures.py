@@ -41,7 +41,8 @@ def show_captures(
     for view in views:
         created = create_camera(view.name, view.camera)
         created.data.display_size = display_size_m
-        created[_NAME], created[_IMAGE] = view.name, str(view.image_path)
+        created[_NAME] = view.name
+        created[_IMAGE] = str(view.image_path.relative_to(bundle.path))  # the bundle may be moved
         if photographs:
             _add_photograph(created.data, view.image_path, photograph_alpha)
         link(collection, created)
@@ -75,7 +76,7 @@ def show_photographs(scene: bpy.types.Scene, bundle_path: str, shown: bool, alph
     for camera in capture_cameras(scene, bundle_path):
         data = camera.data
         if shown and not photographs_behind(data):
-            _add_photograph(data, Path(camera[_IMAGE]), alpha)
+            _add_photograph(data, Path(bundle_path, camera[_IMAGE]), alpha)
         for background in photographs_behind(data):
             background.show_background_image = shown
             background.alpha = alpha

@@ -1,5 +1,7 @@
 """Renderings as Blender's images: one of a name, packed, behind the camera over its photograph."""
 
+from pathlib import Path
+
 import fake_bundle
 import numpy as np
 import pytest
@@ -9,8 +11,10 @@ pytest.importorskip("bpy", reason="pip bpy is not installed")
 import bpy
 
 from r2sego_blender.bridge.asset_pictures import load_picture, photograph_of, put_behind
+from r2sego_blender.bridge.bundle import Bundle
 from r2sego_blender.bridge.cameras import create_camera
 from r2sego_blender.bridge.image_editors import show_in_editor
+from r2sego_blender.bridge.moved_bundle import turn_to
 from r2sego_blender.bridge.show_captures import show_captures, show_photographs
 from r2sego_blender.errors import SceneError
 from r2sego_blender.images import save_image
@@ -56,3 +60,12 @@ def test_hiding_the_photographs_leaves_a_rendering_as_it_is(scene, bundle, tmp_p
         assert camera.data.show_background_images
     put_behind(camera, picture(tmp_path / "picture.png", 0.8))
     assert not photograph.show_background_image  # a new rendering does not bring it back
+
+
+def test_photographs_of_a_bundle_that_moved_are_shown(scene, tmp_path):
+    bundle = Bundle.open(fake_bundle.write_bundle(tmp_path / "room.r2s"))
+    camera = show_captures(scene, bundle, photographs=False, points=False)[0]
+    moved = bundle.path.rename(tmp_path / "moved.r2s")
+    turn_to(moved, str(bundle.path))
+    show_photographs(scene, str(moved), True, 0.3)
+    assert Path(photograph_of(camera).filepath).is_relative_to(moved)
