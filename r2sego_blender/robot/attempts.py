@@ -11,7 +11,7 @@ import os
 import threading
 from collections import deque
 from collections.abc import Generator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import count
@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..errors import NativeError
 from ..resources import available_cores
 from ..settings import RolloutSettings
 from .controller import Controller, make_controller
@@ -112,7 +113,8 @@ class Attempts:
 def in_order(attempts: Attempts) -> Generator[Rollout]:
     """Attempt after attempt without end; close the generator when there are enough.
 
-    Raises RobotError where the scene does not compile with the robot, or has no seat to sit on.
+    Raises RobotError where the scene does not compile with the robot, or has no seat to sit on;
+    NativeError where one of the processes died.
     """
     processes = attempts.settings.processes or available_cores()
     if processes == 1:
@@ -124,6 +126,11 @@ def in_order(attempts: Attempts) -> Generator[Rollout]:
             while True:
                 ahead.append(pool.submit(_run, next(numbers)))
                 yield ahead.popleft().result()
+        except BrokenExecutor as error:
+            raise NativeError(
+                "a process that simulates died, as of too little memory", where="rollouts",
+                cure="Close other programs, or let fewer run with rollouts.processes=1.",
+            ) from error  # fmt: skip
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
 

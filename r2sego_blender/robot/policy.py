@@ -24,7 +24,7 @@ from .mount import CameraMount
 from .navigation import draw_cell, draw_path, line_is_free
 from .policy_layout import PolicyLayout
 from .policy_observation import Command, Observer
-from .policy_runtime import Network, PolicyFile
+from .policy_runtime import Network, PolicyFile, told_in_a_line
 from .scope import BehaviourScope, Range
 from .seats import Seat
 from .velocity_pursuit import Stage, VelocityPursuit, straight
@@ -199,7 +199,7 @@ class PolicyDrive:
     def apply(self, data: mujoco.MjData, step: int) -> None:
         """Ask the policy at its rate, and hold its targets in between.
 
-        Raises RobotError where a finite observation is answered by what is no number.
+        Raises RobotError where a finite observation is not answered by as many finite numbers.
         """
         layout = self._layout
         if step % layout.decimation == 0:
@@ -214,7 +214,18 @@ class PolicyDrive:
         data.ctrl[:] = self._target
 
     def _asked(self, observation: np.ndarray) -> np.ndarray:
-        action = self._network(observation).astype(np.float64)
+        try:
+            action = self._network(observation).astype(np.float64)
+        except Exception as error:  # torch and onnxruntime raise kinds of their own
+            raise RobotError(
+                f"the policy failed while it was driving: {told_in_a_line(error)}", where=self._file,
+                cure="Export it again, or give another policy.",
+            ) from error  # fmt: skip
+        if action.shape != self._action.shape:
+            raise RobotError(
+                f"the policy gave {self._action.size} actions at first, and then {action.size}",
+                where=self._file, cure="Export it again, or give another policy.",
+            )  # fmt: skip
         if not np.isfinite(action).all():
             joint = self._layout.joints[self._layout.actions[int(np.argmin(np.isfinite(action)))]].name
             raise RobotError(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import sys
 import warnings
 from pathlib import Path
 from typing import Protocol
@@ -62,7 +64,7 @@ class PolicyFile:
         except Exception as error:  # torch and onnxruntime raise kinds of their own
             raise self._error(
                 f"the network does not take the layout's {layout.observation_size} observations: "
-                f"{_first_line(error)}",
+                f"{told_in_a_line(error)}",
                 f"Correct observation and history of {layout.where}.",
             ) from error
         if actions.shape != (layout.action_size,):
@@ -86,7 +88,7 @@ class PolicyFile:
             session = onnxruntime.InferenceSession(self._content, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # its exceptions share no base of their own
             raise self._error(
-                f"this is no ONNX network: {_first_line(error)}", "Export the policy again."
+                f"this is no ONNX network: {told_in_a_line(error)}", "Export the policy again."
             ) from error
         inputs = session.get_inputs()
         if len(inputs) != 1 or inputs[0].type != _FLOAT:
@@ -116,7 +118,7 @@ class PolicyFile:
                 module = torch.jit.load(io.BytesIO(self._content), map_location="cpu").eval()
         except Exception as error:  # RuntimeError, and what its reader of archives raises
             raise self._error(
-                f"this is no TorchScript file: {_first_line(error)}", "Export it with torch.jit.save."
+                f"this is no TorchScript file: {told_in_a_line(error)}", "Export it with torch.jit.save."
             ) from error
 
         def evaluate(observation: np.ndarray) -> np.ndarray:
@@ -124,7 +126,8 @@ class PolicyFile:
             threads = torch.get_num_threads()
             torch.set_num_threads(1)
             try:
-                with torch.inference_mode():
+                # What the program prints is no result of the command's.
+                with torch.inference_mode(), contextlib.redirect_stdout(sys.stderr):
                     actions = module(torch.from_numpy(observation[None]))
             finally:
                 torch.set_num_threads(threads)
@@ -138,6 +141,7 @@ class PolicyFile:
         return RobotError(what, where=self.path, cure=cure)
 
 
-def _first_line(error: Exception) -> str:
+def told_in_a_line(error: Exception) -> str:
+    """The last line of an error of torch or onnxruntime, which says what the others lead up to."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return (lines[-1] if lines else type(error).__name__)[:200].rstrip(".")

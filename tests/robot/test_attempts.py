@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
 import subprocess
 import sys
 from dataclasses import replace
@@ -10,8 +11,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from r2sego_blender.errors import RobotError
+from r2sego_blender.errors import NativeError, RobotError
+from r2sego_blender.robot.attempts import Attempts, in_order
 from r2sego_blender.robot.candidates import candidate_stream
+from r2sego_blender.robot.free_floor import free_floor
 from r2sego_blender.robot.rollouts import successful_rollouts
 from r2sego_blender.robot.scope import BehaviourScope, Episode, WalkTo
 from r2sego_blender.settings import RolloutSettings
@@ -42,6 +45,20 @@ def test_a_scene_without_seats_is_told(humanoid, box_room, processes):
     settings = RolloutSettings(successes=1, processes=processes)
     with pytest.raises(RobotError, match="there is no seat"):
         successful_rollouts(humanoid, sit_down, box_room(()), settings, seed=0)
+
+
+def test_a_process_that_is_killed_is_told(humanoid, box_room):
+    """As the system does that is short of memory."""
+    room, settings = box_room(), RolloutSettings(processes=2)
+    floor = free_floor(humanoid, SCOPE, room)
+    tried = in_order(Attempts(humanoid.source, humanoid.mount, SCOPE, floor, room, settings, 5))
+    before = set(multiprocessing.active_children())
+    next(tried)
+    for child in set(multiprocessing.active_children()) - before:
+        child.kill()
+    with pytest.raises(NativeError, match="a process that simulates died"):
+        for _ in range(20):
+            next(tried)
 
 
 UNGUARDED = """

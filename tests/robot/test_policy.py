@@ -298,6 +298,46 @@ def test_drives_begin_on_the_floor_and_repeat_with_their_seed(humanoid, box_room
     assert behaviours == {"walk_to", "look_around"}
 
 
+def faulty(path: Path, answer: str) -> Path:
+    """A TorchScript policy that gives ``answer`` once it observes anything but zeros."""
+    import torch
+
+    module = torch.jit.script(type("Faulty", (torch.nn.Module,), {})())
+    module.define(f"""
+        def forward(self, x):
+            if bool(x.abs().sum() > 0.0):
+                {answer}
+            return x[:, :2]
+    """)
+    module.save(str(path))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("answer", "says"),
+    [
+        ("return x[:, :3]", "faulty.pt: the policy gave 2 actions at first, and then 3"),
+        ('raise Exception("no encoder")', "faulty.pt: the policy failed while it was driving: .*no encoder"),
+        ("return x[:, :2] + x[:, :3]", "faulty.pt: the policy failed while it was driving: .*must match"),
+    ],
+)
+def test_a_policy_that_fails_on_its_way_is_named(humanoid, box_room, tmp_path, knees, answer, says):
+    made = controller(humanoid, box_room(), faulty(tmp_path / "faulty.pt", answer), knees.where)
+    drive = made.draw(np.random.default_rng(0))
+    data = mujoco.MjData(made.composition.model)
+    data.qpos[:] = drive.qpos
+    data.qpos[7:] += 0.1
+    with pytest.raises(RobotError, match=says):
+        drive.apply(data, 0)
+
+
+def test_what_a_policy_prints_is_not_among_a_command_s_results(tmp_path, knees, capfd):
+    network = PolicyFile(faulty(tmp_path / "told.pt", 'print("told by the policy")'), knees).network()
+    network(np.ones(5, np.float32))
+    told = capfd.readouterr()
+    assert "told by the policy" not in told.out and "told by the policy" in told.err
+
+
 def test_no_number_of_a_policy_s_is_an_error_with_the_joint(humanoid, box_room, tmp_path, knees):
     import torch
 
