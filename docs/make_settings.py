@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-from r2sego_blender.settings import PRESETS, Settings, entries
+from r2sego_blender.named_settings import PRESETS, entries
+from r2sego_blender.settings import Settings
 
 
 def settings_page() -> str:

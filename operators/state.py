@@ -22,7 +22,7 @@ from ..r2sego_blender.bridge.bundle import Bundle
 from ..r2sego_blender.bridge.moved_bundle import found_again, turn_to, way_from, whole_path
 from ..r2sego_blender.bridge.settings_properties import settings_group, show_settings
 from ..r2sego_blender.errors import R2SEgoError, SceneError
-from ..r2sego_blender.settings import PRESETS
+from ..r2sego_blender.named_settings import PRESETS
 from ..r2sego_blender.status import describe
 
 _DAMAGE = (R2SEgoError, OSError, ValueError, KeyError, TypeError)

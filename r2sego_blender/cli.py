@@ -41,9 +41,9 @@ from .cli_robot import robot, robot_bodies, try_rollouts
 from .cli_splats import convert, train
 from .cli_views import views
 from .errors import R2SEgoError, SettingsError, of_file
+from .named_settings import PRESETS, with_overrides
 from .progress import JsonProgress, Progress
 from .scene import Scene
-from .settings import PRESETS, with_overrides
 
 
 class _Commands(click.Group):

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from .cli_options import ANY_PATH, FOLDER, overrides_of, progress_of, settings_option
-from .settings import PRESETS
+from .named_settings import PRESETS
 
 
 @click.group()

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from .cli_options import ANY_PATH, json_progress, overrides_of, progress_of, settings_option, tell
-from .settings import PRESETS
+from .named_settings import PRESETS
 
 
 @click.command()

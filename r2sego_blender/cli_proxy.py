@@ -18,8 +18,8 @@ from .cli_options import (
     settings_option,
     show,
 )
+from .named_settings import PRESETS
 from .scene import Scene
-from .settings import PRESETS
 
 
 @click.command()

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from .cli_options import ANY_PATH, json_progress, overrides_of, progress_of, settings_option, tell
-from .settings import MANY_PHOTOGRAPHS, VANILLA_3DGS
+from .named_settings import MANY_PHOTOGRAPHS, VANILLA_3DGS
 
 
 @click.command()

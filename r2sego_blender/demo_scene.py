@@ -11,10 +11,10 @@ from .creation import create_scene
 from .errors import MachineError, SceneError
 from .evaluation.scene_report import write_scene_report
 from .images import image_files
+from .named_settings import with_overrides
 from .pipeline import refine
 from .progress import Progress
 from .scene import Scene
-from .settings import with_overrides
 
 ROOM = Path(__file__).resolve().parents[1] / "demo" / "room"
 

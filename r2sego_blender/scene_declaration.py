@@ -13,7 +13,8 @@ from typing import Any
 from .backends import BACKENDS, chosen_backends
 from .errors import SceneError, SettingsError
 from .layout import SCOPE_FILE
-from .settings import Settings, preset, with_overrides
+from .named_settings import preset, with_overrides
+from .settings import Settings
 from .whole_files import write_whole
 
 FORMAT = 1

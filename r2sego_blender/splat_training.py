@@ -21,9 +21,10 @@ from .captures.frozen import load_frozen_views
 from .captures.importing import Imported, import_captures
 from .captures.sparse import triangulate
 from .errors import AssetError, CaptureError, SettingsError
+from .named_settings import with_overrides
 from .progress import SILENT, Progress
 from .resources import cpu_s, peak_memory_mb
-from .settings import Settings, with_overrides
+from .settings import Settings
 from .splats.asset import SplatAsset
 from .splats.formats import SUFFIXES, save_asset
 from .splats.initialization import from_points

@@ -14,8 +14,9 @@ import cv2
 import numpy as np
 
 from .cameras import Camera
+from .named_settings import FULL_RESOLUTION
 from .progress import SILENT, Progress
-from .settings import FULL_RESOLUTION, TrainingSettings
+from .settings import TrainingSettings
 from .splats.asset import SplatAsset
 from .splats.initialization import DepthView, from_depth, from_points
 from .splats.observations import Observation

@@ -20,6 +20,7 @@ FOUNDATION = {
     "errors",
     "images",
     "layout",
+    "named_settings",
     "progress",
     "resources",
     "scene",

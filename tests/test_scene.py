@@ -12,12 +12,12 @@ import tomli_w
 
 from r2sego_blender.backends import CONDITION_BACKENDS, SURFACE_BACKENDS
 from r2sego_blender.errors import SceneError, SettingsError
+from r2sego_blender.named_settings import entries
 from r2sego_blender.scene import (
     Declaration,
     Scene,
     content_digest,
 )
-from r2sego_blender.settings import entries
 
 IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 DECLARATION = Declaration("photos", IDENTITY, ground="floor plane", scale_source="metric poses")

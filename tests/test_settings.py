@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from r2sego_blender.errors import SettingsError
-from r2sego_blender.settings import PRESETS, Settings, StereoSettings, entries, preset, with_overrides
+from r2sego_blender.named_settings import PRESETS, entries, preset, with_overrides
+from r2sego_blender.settings import Settings, StereoSettings
 
 
 def test_the_defaults_are_the_papers():

@@ -17,7 +17,7 @@ from r2sego_blender.captures.colmap_points import read_colmap_points
 from r2sego_blender.captures.sparse import SparsePoints
 from r2sego_blender.errors import AssetError, CaptureError, SettingsError
 from r2sego_blender.images import save_image
-from r2sego_blender.settings import UNREGULARISED, with_overrides
+from r2sego_blender.named_settings import UNREGULARISED, with_overrides
 from r2sego_blender.splat_training import (
     check_output,
     read_ply_points,

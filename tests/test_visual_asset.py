@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.named_settings import UNREGULARISED
 from r2sego_blender.progress import SILENT
-from r2sego_blender.settings import UNREGULARISED, Settings, TrainingSettings
+from r2sego_blender.settings import Settings, TrainingSettings
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.backdrop import backdrop
 from r2sego_blender.splats.initialization import DepthView

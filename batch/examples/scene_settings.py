@@ -20,7 +20,7 @@ from enabled_addon import enabled_addon
 from r2sego_blender.bridge.script import run_script
 from r2sego_blender.bridge.settings_properties import overrides, property_name, show_settings
 from r2sego_blender.errors import SceneError
-from r2sego_blender.settings import entries, preset, with_overrides
+from r2sego_blender.named_settings import entries, preset, with_overrides
 
 
 def main(arguments: list[str]) -> int:

@@ -8,7 +8,7 @@ from bpy.props import EnumProperty, StringProperty
 from ...r2sego_blender.bridge.bundle import SUFFIX, Bundle
 from ...r2sego_blender.bridge.show_captures import capture_cameras
 from ...r2sego_blender.errors import R2SEgoError
-from ...r2sego_blender.settings import PRESETS
+from ...r2sego_blender.named_settings import PRESETS
 from ...r2sego_blender.workers.jobs import Job
 from .. import state
 from ..base import EngineOperator, needs_idle_engine

@@ -11,7 +11,7 @@ from ...r2sego_blender.bridge.settings_files import (
 )
 from ...r2sego_blender.bridge.settings_properties import overrides, show_settings
 from ...r2sego_blender.bridge.user_folder import user_folder
-from ...r2sego_blender.settings import preset, with_overrides
+from ...r2sego_blender.named_settings import preset, with_overrides
 from ..base import ReportingOperator
 
 _FOLDER = "settings"

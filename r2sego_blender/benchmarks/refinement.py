@@ -28,10 +28,10 @@ from ..evaluation.scene_evaluation import evaluate_scene, frozen_views
 from ..generation.view_records import read_views
 from ..geometry.priors import read_record
 from ..layout import PRIORS, of_round
+from ..named_settings import with_overrides
 from ..pipeline import refine
 from ..progress import SILENT, Progress
 from ..scene import Scene
-from ..settings import with_overrides
 from .machine import processor
 from .true_objects import declare_true_objects
 

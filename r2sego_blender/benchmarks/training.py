@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import SettingsError
+from ..named_settings import FULL_RESOLUTION, MANY_PHOTOGRAPHS, UNREGULARISED, with_overrides
 from ..progress import SILENT, Progress
 from ..resources import forget_peak_memory, peak_memory_mb
-from ..settings import FULL_RESOLUTION, MANY_PHOTOGRAPHS, UNREGULARISED, with_overrides
 from ..splat_training import Start, prepare
 from ..splats.initialization import from_points
 from ..splats.metrics import psnr

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SettingsError
-from ..settings import preset, with_overrides
+from ..named_settings import preset, with_overrides
 from ..whole_files import write_whole
 
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import bpy
 
-from ..settings import Entry, Settings, entries, preset
+from ..named_settings import Entry, entries, preset
+from ..settings import Settings
 
 _UNITS = {"m": "m", "m2": "m²", "px": "px", "deg": "deg", "s": "s", "mb": "MB", "n": "N", "nm": "N m"}
 _ABBREVIATIONS = {"sh": "SH", "ssim": "SSIM", "iou": "IoU", "nms": "NMS", "coacd": "CoACD"}

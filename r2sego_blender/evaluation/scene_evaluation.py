@@ -22,9 +22,9 @@ from ..errors import R2SEgoError, SceneError
 from ..geometry.observed import ObservedGeometry
 from ..geometry.stereo import DepthMap
 from ..layout import CAPTURES, DEPTH, OBSERVED, REFINED_ASSET, SPARSE, capture_files, of_round
+from ..named_settings import VANILLA_3DGS
 from ..progress import SILENT, Progress
 from ..scene import Scene
-from ..settings import VANILLA_3DGS
 from ..splats.asset import SplatAsset
 from ..splats.observations import Observation
 from ..splats.ply import load_ply, save_ply

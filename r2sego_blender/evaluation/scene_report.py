@@ -14,10 +14,10 @@ from ..generation.condition_files import load_conditions
 from ..generation.view_records import ViewRecord, read_views
 from ..geometry.proxy import GeometryProxy, Provenance
 from ..layout import of_round
+from ..named_settings import entries
 from ..robot.rollouts import load_rollouts
 from ..scene import Scene
 from ..selection import Selection, load_candidates
-from ..settings import entries
 from ..status import robot_in_use
 from .arms import ARMS
 from .figures import camera_map, depth_picture, top_view

@@ -20,7 +20,7 @@ from r2sego_blender.bridge.show_captures import show_captures  # noqa: E402
 from r2sego_blender.bridge.show_collision import show_collision  # noqa: E402
 from r2sego_blender.bridge.show_proxy import show_proxy  # noqa: E402
 from r2sego_blender.errors import SceneError  # noqa: E402
-from r2sego_blender.settings import entries  # noqa: E402
+from r2sego_blender.named_settings import entries  # noqa: E402
 
 
 def blender_pixels(scene, camera_object, points):

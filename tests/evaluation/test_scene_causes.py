@@ -33,7 +33,7 @@ from r2sego_blender.evaluation.scene_causes import (
     split_by_cause,
 )
 from r2sego_blender.geometry.rasterizer import MeshRasterizer
-from r2sego_blender.settings import entries
+from r2sego_blender.named_settings import entries
 from r2sego_blender.splats.asset import SplatAsset
 
 WRONG, OFF, UNSEEN, EDGES, APPEARANCE = range(5)

@@ -18,9 +18,10 @@ from r2sego_blender.generation.paths import camera_path
 from r2sego_blender.generation.point_condition import PointConditions
 from r2sego_blender.generation.registration import Landmarks
 from r2sego_blender.images import load_image, resize
+from r2sego_blender.named_settings import with_overrides
 from r2sego_blender.references import with_references
 from r2sego_blender.selection import select_targets
-from r2sego_blender.settings import Settings, with_overrides
+from r2sego_blender.settings import Settings
 from r2sego_blender.workers import viewcrafter
 from r2sego_blender.workers.child import RUNNING
 from r2sego_blender.workers.elsewhere import PROTOCOL

@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 from splat_reference import random_asset, small_camera
 
 from r2sego_blender.cameras import rotation_angle_rad
-from r2sego_blender.settings import FULL_RESOLUTION, UNREGULARISED, TrainingSettings
+from r2sego_blender.named_settings import FULL_RESOLUTION, UNREGULARISED
+from r2sego_blender.settings import TrainingSettings
 from r2sego_blender.splats.corrections import Correction
 from r2sego_blender.splats.observations import Observation
 from r2sego_blender.splats.packing import PackedGaussians

@@ -7,7 +7,8 @@ import pytest
 from splat_reference import random_asset, small_camera
 
 from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.settings import FULL_RESOLUTION, UNREGULARISED, VANILLA_3DGS, TrainingSettings
+from r2sego_blender.named_settings import FULL_RESOLUTION, UNREGULARISED, VANILLA_3DGS
+from r2sego_blender.settings import TrainingSettings
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.densification import Densification
 from r2sego_blender.splats.initialization import from_points

@@ -7,7 +7,8 @@ import pytest
 from splat_reference import random_asset
 
 from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.settings import FULL_RESOLUTION, UNREGULARISED, TrainingSettings
+from r2sego_blender.named_settings import FULL_RESOLUTION, UNREGULARISED
+from r2sego_blender.settings import TrainingSettings
 from r2sego_blender.splats.initialization import from_points
 from r2sego_blender.splats.observations import Observation
 from r2sego_blender.splats.rasterizer import render

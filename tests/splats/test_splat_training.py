@@ -9,7 +9,8 @@ from splat_reference import random_asset, small_camera
 
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.errors import AssetError
-from r2sego_blender.settings import FULL_RESOLUTION, UNREGULARISED, TrainingSettings
+from r2sego_blender.named_settings import FULL_RESOLUTION, UNREGULARISED
+from r2sego_blender.settings import TrainingSettings
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.metrics import psnr
 from r2sego_blender.splats.observations import Observation, TargetCache
