@@ -9,7 +9,7 @@ from ...r2sego_blender.asset_stages import stage_named
 from ...r2sego_blender.errors import AssetError
 from .. import state
 from ..base import EngineOperator, needs_idle_engine
-from .show_asset import needs_asset
+from .polls import needs_asset
 
 _FORMATS = (
     (".ply", "PLY", "All attributes, to the bit: the layout of the original 3D Gaussian splatting"),

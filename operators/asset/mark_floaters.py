@@ -9,7 +9,7 @@ from ...r2sego_blender.splats.floaters import neighbours
 from ...r2sego_blender.splats.regions import Cells
 from ..base import ReportingOperator
 from .marks import add_mark, world_centres
-from .show_asset import needs_splats_at_rest
+from .polls import needs_splats_at_rest
 
 _CELL_M = 0.005
 """Side of the cells that stand for the splats: small, so that few others go with them."""

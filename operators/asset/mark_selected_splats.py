@@ -8,7 +8,7 @@ from ...r2sego_blender.errors import AssetError
 from ...r2sego_blender.splats.regions import Cells
 from ..base import ReportingOperator
 from .marks import add_mark, world_centres
-from .show_asset import needs_shown_asset
+from .polls import needs_shown_asset
 
 
 class R2SEGO_OT_mark_selected_splats(ReportingOperator, bpy.types.Operator):

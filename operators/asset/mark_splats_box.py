@@ -10,7 +10,7 @@ from ...r2sego_blender.errors import AssetError
 from ...r2sego_blender.splats.regions import Box
 from ..base import ReportingOperator, select_only
 from .marks import add_mark
-from .show_asset import needs_splats_at_rest
+from .polls import needs_splats_at_rest
 
 
 class R2SEGO_OT_mark_splats_box(ReportingOperator, bpy.types.Operator):

@@ -7,7 +7,7 @@ from ...r2sego_blender.splats.regions import Lasso as LassoRegion
 from ..base import ReportingOperator
 from ..lasso import Lasso
 from .marks import add_mark
-from .show_asset import needs_splats_at_rest
+from .polls import needs_splats_at_rest
 
 
 class R2SEGO_OT_mark_splats_lasso(Lasso, ReportingOperator, bpy.types.Operator):

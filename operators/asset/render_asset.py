@@ -16,7 +16,7 @@ from ...r2sego_blender.errors import SceneError
 from .. import state
 from ..base import EngineOperator, needs_idle_engine
 from ..engine_files import hand_over
-from .show_asset import needs_asset
+from .polls import needs_asset
 
 _PLACES = (
     ("BACKGROUND", "Camera Background", "Look through the camera at the picture"),

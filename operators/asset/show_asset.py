@@ -4,43 +4,13 @@ import bpy
 from bpy.props import StringProperty
 
 from ...r2sego_blender.asset_stages import stage_named
-from ...r2sego_blender.bridge.show_asset import is_deleted, show_asset
+from ...r2sego_blender.bridge.show_asset import show_asset
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import AssetError
 from .. import state
-from ..base import ReportingOperator, needs_bundle
+from ..base import ReportingOperator
 from .marks import mark_again
-
-
-def needs_asset(cls, context) -> bool:
-    """Poll of operators that need an asset in the bundle."""
-    if not needs_bundle(cls, context):
-        return False
-    if not context.scene.r2sego_asset.stages:
-        cls.poll_message_set("There is no asset yet: run Refine first")
-        return False
-    return True
-
-
-def needs_shown_asset(cls, context) -> bool:
-    """Poll of operators on the splats that are shown."""
-    if not needs_asset(cls, context):
-        return False
-    shown = context.scene.r2sego_asset.shown
-    if shown is None or is_deleted(shown):
-        cls.poll_message_set("Show the asset first: press Show Asset")
-        return False
-    return True
-
-
-def needs_splats_at_rest(cls, context) -> bool:
-    """Poll of operators that write the shown splats' attributes, which Edit Mode does not let."""
-    if not needs_shown_asset(cls, context):
-        return False
-    if context.scene.r2sego_asset.shown.mode == "EDIT":
-        cls.poll_message_set("Leave Edit Mode first (Tab), or press Mark Selected")
-        return False
-    return True
+from .polls import needs_asset
 
 
 def show_stage(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
