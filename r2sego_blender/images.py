@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import io
+import struct
 from pathlib import Path
 
 import cv2
 import numpy as np
-from PIL import Image, ImageCms, ImageOps, UnidentifiedImageError
+from PIL import Image, ImageCms, ImageOps
 
 from .errors import CaptureError
 
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".avif"})
+DAMAGED = (OSError, RuntimeError, SyntaxError, ValueError, struct.error)
+"""What Pillow raises for damaged files: each format has errors of its own."""
+
 _LARGEST_PX = 200_000_000
 
 
@@ -49,7 +53,7 @@ def load_image_uint8(path: Path) -> np.ndarray:
         ) from error
     except FileNotFoundError as error:
         raise CaptureError("the image is missing", where=path, cure="Check the path.") from error
-    except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
+    except DAMAGED as error:
         raise CaptureError(
             "the image cannot be read", where=path,
             cure="Replace the file, or take it out of the folder.",

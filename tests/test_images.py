@@ -68,3 +68,22 @@ def test_hidden_files_are_no_photographs(tmp_path):
     (tmp_path / "._IMG_1.JPG").write_bytes(b"\x00\x05\x16\x07")
     (tmp_path / "folder.png").mkdir()
     assert image_files(tmp_path) == [tmp_path / "IMG_1.JPG"]
+
+
+@pytest.mark.parametrize("read", [load_image, photograph_size])
+@pytest.mark.parametrize("suffix", ["jpg", "png", "webp", "avif", "tif"])
+def test_damaged_images_are_refused_or_read(tmp_path, suffix, read):
+    """Whatever byte is wrong: every format of Pillow has errors of its own."""
+    path, rng = tmp_path / f"damaged.{suffix}", np.random.default_rng(3)
+    Image.fromarray(_colourful()).save(path)
+    whole, refused = path.read_bytes(), 0
+    for _ in range(120):
+        damaged = bytearray(whole)
+        for place in rng.integers(0, len(whole), 4):
+            damaged[place] = rng.integers(0, 256)
+        path.write_bytes(damaged)
+        try:
+            read(path)
+        except CaptureError as error:
+            refused += error.where == str(path)
+    assert refused > 0

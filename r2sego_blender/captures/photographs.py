@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PureWindowsPath
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from ..cameras import RIGID_CURE, is_rigid
 from ..errors import CaptureError
+from ..images import DAMAGED
 from .capture import Capture
 from .lens import Lens
 
@@ -63,7 +64,7 @@ def photograph_size(path: Path) -> tuple[int, int, int]:
         ) from error
     except FileNotFoundError as error:
         raise CaptureError("the photograph is missing", where=path, cure="Check the path.") from error
-    except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
+    except DAMAGED as error:
         raise CaptureError(
             "the photograph cannot be read", where=path,
             cure="Replace the file, or take it out of the folder and the pose file.",

@@ -12,7 +12,7 @@ from PIL import Image
 
 from ..cameras import Camera
 from ..errors import CaptureError
-from ..images import load_image, resize
+from ..images import DAMAGED, load_image, resize
 from ..progress import Progress
 from ..scratch import ScratchFolder
 from ..settings import CaptureSettings
@@ -227,9 +227,8 @@ def _cameras(paths: Sequence[str], sizes: Sequence[Sequence[int]]) -> tuple[list
     pycolmap = load_pycolmap()
     cameras, camera_of, known = [], [], {}
     for path, (width, height) in zip(paths, sizes, strict=True):
-        guess = _camera_of_exif(path)
-        prior = bool(guess.has_prior_focal_length)
-        relative = guess.mean_focal_length() / max(guess.width, guess.height) if prior else _FOCAL_GUESS
+        told = focal_of_exif(path)
+        prior, relative = told is not None, told or _FOCAL_GUESS
         key = (width, height, prior, round(relative, 4))
         if key not in known:
             known[key] = len(cameras)
@@ -249,13 +248,19 @@ def _own_cameras(cameras: Sequence, camera_of: Sequence[int]) -> tuple[list, lis
     return [copy(cameras[index]) for index in camera_of], list(range(len(camera_of)))
 
 
-def _camera_of_exif(path: str):
-    """What COLMAP knows of the camera from a file's EXIF, also of formats that it does not read."""
+def focal_of_exif(path: str) -> float | None:
+    """The focal length, in longest sides, that a photograph's EXIF tells COLMAP; None without."""
     pycolmap = load_pycolmap()
     try:
-        return pycolmap.infer_camera_from_image(path)
-    except ValueError:
-        with Image.open(path) as image, ScratchFolder() as folder:
-            stand_in = Path(folder, "exif.jpg")
-            Image.new("L", image.size).save(stand_in, exif=image.getexif())
-            return pycolmap.infer_camera_from_image(stand_in)
+        guess = pycolmap.infer_camera_from_image(path)
+    except ValueError:  # a format that COLMAP does not read
+        try:
+            with Image.open(path) as image, ScratchFolder() as folder:
+                stand_in = Path(folder, "exif.jpg")
+                Image.new("L", image.size).save(stand_in, exif=image.getexif())
+                guess = pycolmap.infer_camera_from_image(stand_in)
+        except DAMAGED:  # damaged EXIF of a sound image
+            return None
+    if not guess.has_prior_focal_length:
+        return None
+    return guess.mean_focal_length() / max(guess.width, guess.height)

@@ -10,7 +10,7 @@ from r2sego_blender.cameras import rotation_angle_rad
 from r2sego_blender.captures.importing import import_captures
 from r2sego_blender.captures.registration import register
 from r2sego_blender.captures.scale import Scale
-from r2sego_blender.captures.solving import _camera_of_exif
+from r2sego_blender.captures.solving import focal_of_exif
 from r2sego_blender.captures.sparse import triangulate
 from r2sego_blender.errors import CaptureError
 from r2sego_blender.images import resize, save_image, to_uint8
@@ -102,11 +102,16 @@ def test_photographs_of_formats_that_colmap_does_not_read(room_captures, room_ca
     for capture, suffix in zip(room_captures, ("webp", "avif", "webp", "avif", "webp"), strict=True):
         path = (tmp_path / capture.name).with_suffix(f".{suffix}")
         Image.fromarray(to_uint8(capture.image())).save(path, quality=95, exif=exif)
-    guess = _camera_of_exif(str(tmp_path / room_captures[0].name.replace(".png", ".webp")))
-    assert guess.has_prior_focal_length
-    assert guess.mean_focal_length() == pytest.approx(500.0 * 28.0 / 43.27, rel=1e-3)
+    known = (tmp_path / room_captures[0].name).with_suffix(".webp")
+    assert focal_of_exif(str(known)) == pytest.approx(500.0 * 28.0 / 43.27 / 400.0, rel=1e-3)
     captures = import_captures(tmp_path, None, SETTINGS).captures
     assert _relative_errors_deg(captures, room_cameras).max() < 0.5
+
+
+def test_damaged_exif_tells_no_focal_length(tmp_path, blank_photograph):
+    path = blank_photograph(tmp_path / "a.png")
+    Image.open(path).save(tmp_path / "a.webp", exif=b"Exif\x00\x00MM\x00*\x00\x00\xff")
+    assert focal_of_exif(str(path)) is None and focal_of_exif(str(tmp_path / "a.webp")) is None
 
 
 def test_an_unreadable_photograph_is_named(tmp_path, room_captures):
