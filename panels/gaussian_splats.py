@@ -74,27 +74,34 @@ void main()
 }
 """
 
-_LAYING_VERTEX = """
+_WHOLE_VERTEX = """
 void main()
 {
-  place = 0.5 * pos + 0.5;
   gl_Position = vec4(pos, 0.0, 1.0);
+}
+"""
+
+_DEVELOPING_FRAGMENT = """
+void main()
+{
+  vec4 sum = texelFetch(colours, ivec2(gl_FragCoord.xy), 0);
+  vec3 srgb = clamp(sum.rgb / max(sum.a, 1e-6), 0.0, 1.0);
+  vec3 curved = pow((srgb + 0.055) / 1.055, vec3(2.4));
+  vec3 linear = mix(curved, srgb / 12.92, vec3(lessThanEqual(srgb, vec3(0.04045))));
+  fragColour = vec4(linear * sum.a, sum.a);
 }
 """
 
 _LAYING_FRAGMENT = """
 void main()
 {
-  vec4 sum = texture(colours, place);
-  if (sum.a * 255.0 < 1.0) {
+  ivec2 place = ivec2(gl_FragCoord.xy - origin);
+  vec4 colour = texelFetch(colours, place, 0);
+  if (colour.a * 255.0 < 1.0) {
     discard;
   }
-  vec3 srgb = clamp(sum.rgb / sum.a, 0.0, 1.0);
-  vec3 curved = pow((srgb + 0.055) / 1.055, vec3(2.4));
-  vec3 linear = mix(curved, srgb / 12.92, vec3(lessThanEqual(srgb, vec3(0.04045))));
-  float alpha = sum.a * opacity;
-  fragColour = vec4(linear * alpha, alpha);
-  gl_FragDepth = texture(depths, place).r / sum.a;
+  fragColour = colour * opacity;
+  gl_FragDepth = texelFetch(depths, place, 0).r / colour.a;
 }
 """
 
@@ -159,17 +166,17 @@ class GaussianSplats:
         shaders = _shaders_of_this_blender()
         if shaders is None:
             return False
-        paint_shader, lay_shader = shaders
-        size = tuple(gpu.state.viewport_get()[2:])
+        left, bottom, *size = gpu.state.viewport_get()
+        size = tuple(size)
         picture = self._pictures.get(view)
         if picture is None or not picture.shows(clip_from_object, size):
             if not anew:
                 return False
-            picture = self._painted(view, clip_from_object, size, paint_shader)
-        picture.lay(opacity, lay_shader)
+            picture = self._painted(view, clip_from_object, size, shaders)
+        picture.lay((left, bottom), opacity, shaders)
         return True
 
-    def _painted(self, view: int, clip_from_object: np.ndarray, size: tuple[int, int], shader) -> "Picture":
+    def _painted(self, view: int, clip_from_object: np.ndarray, size: tuple[int, int], shaders) -> "Picture":
         """The view's picture, painted anew."""
         picture = self._pictures.pop(view, None)
         if picture is None or picture.size != size:
@@ -178,36 +185,41 @@ class GaussianSplats:
             del self._pictures[next(iter(self._pictures))]
         self._pictures[view] = picture
         triangles = _triangles(farthest_first(self._centres, clip_from_object))
+        batch = None
         if len(triangles):
             indices = gpu.types.GPUIndexBuf(type="TRIS", seq=triangles)
             batch = gpu.types.GPUBatch(type="TRIS", buf=self._corners, elem=indices)
-            picture.paint(batch, clip_from_object, shader)
-        else:
-            picture.paint(None, clip_from_object, shader)
+        picture.paint(batch, clip_from_object, shaders)
         return picture
 
 
 class Picture:
-    """What a view of ``size`` pixels shows of the splats: colours, and depths, times alpha."""
+    """What a view of ``size`` pixels shows of the splats: colours, and depths, times alpha.
+
+    ``colours`` is in sRGB, as blended; laid is what they are in linear light, as the view wants it.
+    """
 
     def __init__(self, size: tuple[int, int]) -> None:
         self.size = size
         self.colours = gpu.types.GPUTexture(size, format="RGBA16F")
         self._depths = gpu.types.GPUTexture(size, format="R32F")
-        self._target = gpu.types.GPUFrameBuffer(color_slots=(self.colours, self._depths))
+        self._painted = gpu.types.GPUFrameBuffer(color_slots=(self.colours, self._depths))
+        self._laid = gpu.types.GPUTexture(size, format="RGBA16F")
+        self._developed = gpu.types.GPUFrameBuffer(color_slots=(self._laid,))
         self._clip_from_object: np.ndarray | None = None
 
     def shows(self, clip_from_object: np.ndarray, size: tuple[int, int]) -> bool:
         """Whether the picture is one of this view."""
         return self.size == size and np.array_equal(self._clip_from_object, clip_from_object)
 
-    def paint(self, batch: "gpu.types.GPUBatch | None", clip_from_object: np.ndarray, shader) -> None:
+    def paint(self, batch: "gpu.types.GPUBatch | None", clip_from_object: np.ndarray, shaders) -> None:
         """Blend the splats of ``batch`` in its order."""
-        with self._target.bind():
-            self._target.clear(color=(0.0, 0.0, 0.0, 0.0))
+        shader, developing, _ = shaders
+        gpu.state.depth_test_set("NONE")
+        gpu.state.depth_mask_set(False)
+        with self._painted.bind():
+            self._painted.clear(color=(0.0, 0.0, 0.0, 0.0))
             if batch is not None:
-                gpu.state.depth_test_set("NONE")
-                gpu.state.depth_mask_set(False)
                 gpu.state.blend_set("ALPHA_PREMULT")
                 shader.bind()
                 shader.uniform_float("clipFromObject", clip_from_object.T.ravel().tolist())
@@ -215,23 +227,33 @@ class Picture:
                 shader.uniform_float("nearest", 0.0 if _is_parallel(clip_from_object) else NEAREST_M)
                 batch.draw(shader)
                 gpu.state.blend_set("NONE")
+        with self._developed.bind():
+            developing.bind()
+            developing.uniform_sampler("colours", self.colours)
+            _whole(developing).draw(developing)
         self._clip_from_object = clip_from_object
 
-    def lay(self, opacity: float, shader) -> None:
-        """Lay the picture over what is drawn, behind what is nearer."""
-        corners = ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0))
-        batch = batch_for_shader(shader, "TRI_STRIP", {"pos": corners})
+    def lay(self, origin: tuple[int, int], opacity: float, shaders) -> None:
+        """Lay the picture over what is drawn from ``origin`` on, behind what is nearer."""
+        *_, shader = shaders
         gpu.state.blend_set("ALPHA_PREMULT")
         gpu.state.depth_test_set("LESS_EQUAL")
         gpu.state.depth_mask_set(True)
         shader.bind()
+        shader.uniform_float("origin", origin)
         shader.uniform_float("opacity", opacity)
-        shader.uniform_sampler("colours", self.colours)
+        shader.uniform_sampler("colours", self._laid)
         shader.uniform_sampler("depths", self._depths)
-        batch.draw(shader)
+        _whole(shader).draw(shader)
         gpu.state.depth_mask_set(False)
         gpu.state.depth_test_set("NONE")
         gpu.state.blend_set("NONE")
+
+
+def _whole(shader) -> "gpu.types.GPUBatch":
+    """All of what is drawn into."""
+    corners = ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0))
+    return batch_for_shader(shader, "TRI_STRIP", {"pos": corners})
 
 
 def forget_shaders() -> None:
@@ -240,10 +262,10 @@ def forget_shaders() -> None:
 
 
 def _shaders_of_this_blender() -> tuple | None:
-    """The shaders that paint and that lay; None for a Blender that refuses them."""
+    """The shaders that paint, develop and lay; None for a Blender that refuses one."""
     if not _shaders:
         try:
-            _shaders.append((_painting_shader(), _laying_shader()))
+            _shaders.append((_painting_shader(), _developing_shader(), _laying_shader()))
         except Exception as error:  # what a driver refuses differs; an overlay must not raise
             print(f"R2S-EGO: splats are drawn as discs: {error}")
             _shaders.append(None)
@@ -270,18 +292,28 @@ def _painting_shader():
     return gpu.shader.create_from_info(info)
 
 
+def _developing_shader():
+    info = _whole_shader_info("colours")
+    info.fragment_source(_DEVELOPING_FRAGMENT)
+    return gpu.shader.create_from_info(info)
+
+
 def _laying_shader():
-    info = gpu.types.GPUShaderCreateInfo()
+    info = _whole_shader_info("colours", "depths")
+    info.push_constant("VEC2", "origin")
     info.push_constant("FLOAT", "opacity")
-    info.sampler(0, "FLOAT_2D", "colours")
-    info.sampler(1, "FLOAT_2D", "depths")
-    info.vertex_in(0, "VEC2", "pos")
-    between = gpu.types.GPUStageInterfaceInfo("r2sego_laid")
-    between.smooth("VEC2", "place")
-    info.vertex_out(between)
-    info.fragment_out(0, "VEC4", "fragColour")
     if hasattr(info, "depth_write"):  # OpenGL, all that Blender 4.3 has but for Apple's, needs no word of it
         info.depth_write("ANY")
-    info.vertex_source(_LAYING_VERTEX)
     info.fragment_source(_LAYING_FRAGMENT)
     return gpu.shader.create_from_info(info)
+
+
+def _whole_shader_info(*textures: str) -> "gpu.types.GPUShaderCreateInfo":
+    """A shader's that reads ``textures`` for each pixel of what is drawn into, but for its fragments."""
+    info = gpu.types.GPUShaderCreateInfo()
+    for place, name in enumerate(textures):
+        info.sampler(place, "FLOAT_2D", name)
+    info.vertex_in(0, "VEC2", "pos")
+    info.fragment_out(0, "VEC4", "fragColour")
+    info.vertex_source(_WHOLE_VERTEX)
+    return info
