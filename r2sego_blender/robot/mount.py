@@ -16,7 +16,7 @@ from ..errors import RobotError
 # Columns: the OpenCV axes (right, down, forward) in a frame with x forward, y left, z up.
 _BODY_FROM_OPENCV = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
-_CURE = 'Write [parent, [x, y, z], [roll, pitch, yaw], {"hfov_deg": 69}] in metres and radians.'
+_CURE = 'Write [parent, [x, y, z], [roll, pitch, yaw], {hfov_deg = 69}] in metres and radians.'
 
 
 @dataclass(frozen=True)

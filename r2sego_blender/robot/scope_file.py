@@ -59,12 +59,20 @@ def changed_scope(scope: BehaviourScope, changes: Mapping[str, Any], where: Path
 
 
 def value_of(text: str) -> Any:
-    """A value as written in TOML; what is no TOML is a text, and nothing is None."""
+    """A value as written in TOML; what is no TOML is a text, and nothing is None.
+
+    Raises RobotError for what begins as a list or a table and is none.
+    """
     if not text:
         return None
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except (tomllib.TOMLDecodeError, RecursionError):
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        if text.lstrip()[:1] in ("[", "{"):
+            raise RobotError(
+                f"'{text}' is no TOML value: {error}", where="--set",
+                cure='Write a list as ["a", 1.5] and a table as {name = 1.5}.',
+            ) from error  # fmt: skip
         return text
 
 

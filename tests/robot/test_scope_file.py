@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from r2sego_blender.errors import RobotError
+from r2sego_blender.robot.mount import parse_mount
 from r2sego_blender.robot.scope import BehaviourScope, Region, Robot, SitOn, shipped_scopes
 from r2sego_blender.robot.scope_file import changed_scope, save_scope, value_of
 
@@ -71,3 +74,18 @@ def test_changes_are_refused_as_in_a_file(tmp_path, changes, says):
 )  # fmt: skip
 def test_values_of_the_command_line(text, value):
     assert value_of(text) == value
+
+
+@pytest.mark.parametrize("text", ['["torso", {"hfov_deg": 69}]', "[0, 1", "{a: 1}"])
+def test_a_list_or_a_table_in_other_words_than_toml_s_is_refused(text):
+    with pytest.raises(RobotError, match=r"--set: .*is no TOML value"):
+        value_of(text)
+
+
+def test_the_mount_that_the_page_shows_is_read(tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "behaviour-scope.md").read_text(encoding="utf-8")
+    shown = re.search(r"The mount of the G1:\n`(.+)`", page)[1]
+    (tmp_path / "own.toml").write_text(f"[robot]\nmount = {shown}\n")
+    mount = BehaviourScope.load(tmp_path / "own.toml").robot.mount
+    assert parse_mount(mount, "page").pitch_down_deg == pytest.approx(47.6, abs=0.05)
+    assert parse_mount(value_of(shown), "page").fov_deg == 69.0
