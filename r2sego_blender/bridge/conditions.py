@@ -89,7 +89,10 @@ class ConditionScene:
         try:
             _render_now(scene)
         except RuntimeError as error:
-            raise GenerationError(f"Blender could not render: {error}", where=file) from error
+            raise GenerationError(
+                f"Blender could not render: {error}", where=file,
+                cure="Render again, smaller where memory is short.",
+            ) from error  # fmt: skip
         if not unfinished.is_file():
             raise GenerationError("Blender wrote no image", where=file, cure="Is the disk full?")
         try:
