@@ -146,13 +146,12 @@ def _solved(
         two_view_geometry_options=verification,
     )  # fmt: skip
     with pycolmap.Database.open(database) as verified:
-        kinds = {geometry.config for geometry in verified.read_two_view_geometries()[1]}
-    told = kinds - {pycolmap.TwoViewGeometryConfiguration.DEGENERATE}
-    if told and told <= {
-        pycolmap.TwoViewGeometryConfiguration.PLANAR,
-        pycolmap.TwoViewGeometryConfiguration.PANORAMIC,
-        pycolmap.TwoViewGeometryConfiguration.PLANAR_OR_PANORAMIC,
-    }:
+        kinds = [geometry.config for geometry in verified.read_two_view_geometries()[1]]
+    kind = pycolmap.TwoViewGeometryConfiguration
+    told = [one for one in kinds if one != kind.DEGENERATE]
+    flat = {kind.PLANAR, kind.PANORAMIC, kind.PLANAR_OR_PANORAMIC}
+    # Fewer pairs do not join the photographs: then they overlap too little, flat or not.
+    if len(told) >= len(features) - 1 and set(told) <= flat:
         raise CaptureError(
             "the photographs show no depth, as when all are taken from one spot or of one flat wall",
             where="camera poses", cure=_ADVICE,

@@ -80,6 +80,12 @@ def test_photographs_from_one_spot(room, room_cameras, tmp_path):
     with pytest.raises(CaptureError, match="no depth, as when all are taken from one spot") as caught:
         import_captures(tmp_path, None, SETTINGS)
     assert "walk sideways" in caught.value.cure
+    for index in range(3):  # with as many that share nothing, the overlap is what lacks
+        save_image(tmp_path / f"stranger{index}.png", np.random.default_rng(index).random((150, 200, 3)))
+    for index in (1, 3):
+        (tmp_path / f"{index}.png").unlink()
+    with pytest.raises(CaptureError, match="only 0 of 5 photographs"):
+        import_captures(tmp_path, None, SETTINGS)
 
 
 def test_zoomed_photographs_without_exif_have_a_lens_of_their_own(room_captures, room_cameras, tmp_path):
