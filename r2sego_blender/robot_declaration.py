@@ -27,6 +27,8 @@ ROBOT_FACTS = "robot/robot.json"
 """What ``describe_robot`` last said, for those who cannot read robots."""
 
 _EMBEDDED = (EMBEDDED_HUMANOID, EMBEDDED_WHEELED)
+_SEEN_DEG = 5.0  # a turn of the camera that is worth a word
+_UPRIGHT = 0.99
 
 
 def declare_robot(
@@ -117,6 +119,7 @@ def describe_robot(scene: Scene, seats: bool = False) -> dict[str, Any]:
             "parent": robot.mount.parent,
             "height_m": robot.eye_height_m,
             "pitch_deg": robot.mount.pitch_down_deg,
+            **_turned(robot),
             "fov_deg": robot.mount.fov_deg,
             "fov_is_vertical": robot.mount.vertical,
         },
@@ -146,6 +149,11 @@ def lines(described: dict[str, Any]) -> list[str]:
     moves = f"{d['legs']} legs" if d["legs"] else f"{d['wheels']} driven wheels"
     fov = f"{camera['fov_deg']:.0f} degrees {'high' if camera['fov_is_vertical'] else 'wide'}"
     pitch = f"{camera['pitch_deg']:.1f} degrees down"
+    if abs(camera["left_deg"]) > _SEEN_DEG:
+        side = "left" if camera["left_deg"] > 0.0 else "right"
+        pitch += f", {abs(camera['left_deg']):.0f} degrees to the {side}"
+    if abs(camera["rolled_deg"]) > _SEEN_DEG:
+        pitch += f", rolled by {camera['rolled_deg']:.0f} degrees"
     if d["camera_pitch_deg"]:
         pitch += ", set from {:g} to {:g} before a rollout".format(*d["camera_pitch_deg"])
     behaviours = ", ".join(f"{name} {weight:g}" for name, weight in d["behaviours"].items())
@@ -163,6 +171,18 @@ def lines(described: dict[str, Any]) -> list[str]:
         places = "1 place" if seat["places"] == 1 else f"{seat['places']} places"
         text.append(f"{name} at ({x:.2f}, {y:.2f}), {seat['height_m']:.2f} m high, {places}")
     return [*text, d["no_seats"]] if d.get("no_seats") else text
+
+
+def _turned(robot: RobotModel) -> dict[str, float]:
+    """How far the standing robot's camera looks to the left of ahead, and is rolled about its axis.
+
+    Both are 0 for one that looks straight up or down.
+    """
+    right, down, ahead = robot.camera_poses(robot.rest_qpos[None])[0, :3, :3].T
+    if abs(ahead[2]) > _UPRIGHT:
+        return {"left_deg": 0.0, "rolled_deg": 0.0}
+    left, rolled = math.atan2(ahead[1], ahead[0]), math.atan2(-right[2], -down[2])
+    return {"left_deg": math.degrees(left), "rolled_deg": math.degrees(rolled)}
 
 
 def _check(scene: Scene, scope: BehaviourScope, robot: RobotModel) -> None:

@@ -179,6 +179,24 @@ def test_the_mount_is_a_field_of_the_scope(scene):
 
 
 @pytest.mark.parametrize(
+    ("rpy", "left_deg", "rolled_deg", "says"),
+    [
+        ("[0, 0.5, 0]", 0.0, 0.0, "28.6 degrees down, set from"),
+        ("[0, 0.5, 3.0]", 171.89, 0.0, "28.6 degrees down, 172 degrees to the left, set from"),
+        ("[0, 0.5, -1.0]", -57.30, 0.0, "57 degrees to the right, set"),
+        ("[3.0, 0.0, 0]", 0.0, 171.89, "0.0 degrees down, rolled by 172 degrees, set"),
+        ("[0, 1.5707963, 0]", 0.0, 0.0, "90.0 degrees down, set"),
+    ],
+)
+def test_a_mount_that_looks_aside_or_is_rolled_is_told(scene, rpy, left_deg, rolled_deg, says):
+    mount = f'["torso_link", [0.1, 0.0, 0.3], {rpy}, {{hfov_deg = 80}}]'
+    done = run(scene.path, "--set", f"robot.mount={mount}")
+    assert says in done.output
+    camera = json.loads((scene.path / "robot" / "robot.json").read_text())["camera"]
+    assert (camera["left_deg"], camera["rolled_deg"]) == pytest.approx((left_deg, rolled_deg), abs=0.01)
+
+
+@pytest.mark.parametrize(
     ("arguments", "says"),
     [
         (["--region", "0,0 1,1 1,0 0,1"], "crosses itself"),

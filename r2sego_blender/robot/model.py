@@ -249,7 +249,8 @@ def _find_mount(model: mujoco.MjModel, mount: Any, source: str) -> CameraMount:
         if mount not in names:
             raise RobotError(
                 "the robot's file does not say which camera is its eye", where=source,
-                cure="Give the mount: a camera's name, or [parent, xyz, rpy, fov].",
+                cure="Give robot.mount of the scope: a camera's name, or "
+                "[parent, [x, y, z], [roll, pitch, yaw], {hfov_deg = 69}].",
             )  # fmt: skip
     if isinstance(mount, str):
         if mount not in names:

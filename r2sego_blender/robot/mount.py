@@ -16,7 +16,8 @@ from ..errors import RobotError
 # Columns: the OpenCV axes (right, down, forward) in a frame with x forward, y left, z up.
 _BODY_FROM_OPENCV = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
-_CURE = 'Write [parent, [x, y, z], [roll, pitch, yaw], {hfov_deg = 69}] in metres and radians.'
+_MOST_RAD = 6.3  # degrees in their place are nearly always larger
+_CURE = "Write [parent, [x, y, z], [roll, pitch, yaw], {hfov_deg = 69}] in metres and radians."
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,11 @@ def parse_mount(value: Mapping[str, Any] | Sequence[Any], where: object) -> Came
     pose = np.eye(4)
     pose[:3, 3] = _numbers(xyz, 3, "xyz", where)
     roll_pitch_yaw = _numbers(rpy, 3, "rpy", where)
+    if np.abs(roll_pitch_yaw).max() > _MOST_RAD:
+        raise RobotError(
+            f"the mount's rpy is {np.abs(roll_pitch_yaw).max():g}, more than a turn", where=where,
+            cure="Write radians: 45 degrees are 0.785.",
+        )  # fmt: skip
     pose[:3, :3] = Rotation.from_euler("xyz", roll_pitch_yaw).as_matrix() @ _BODY_FROM_OPENCV
     (fov_deg,) = _numbers([fov_deg], 1, axis, where)
     if not 1.0 <= fov_deg <= 170.0:

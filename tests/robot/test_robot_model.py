@@ -107,7 +107,7 @@ def test_real_g1_loads_with_the_mount(humanoid, shared_robot):
     posture = humanoid.rest_qpos[None]
     np.testing.assert_allclose(robot.camera_poses(posture), humanoid.camera_poses(posture), atol=2e-4)
     assert robot.servos()["waist_yaw_joint"].stiffness == pytest.approx(200.0, rel=0.01)
-    with pytest.raises(RobotError, match=r"does not say which camera.*Give the mount"):
+    with pytest.raises(RobotError, match=r"does not say which camera.*Give robot.mount"):
         RobotModel.load(path)
 
 
@@ -313,6 +313,7 @@ def test_missing_file_and_unknown_names():
     [
         (["torso_link", [0, 0], [0, 0, 0], 60], "xyz"),
         (["torso_link", [0, 0, 0], [0, float("nan"), 0], 60], "rpy"),
+        (["torso_link", [0, 0, 0], [0, 47.6, 0], 60], "rpy is 47.6, more than a turn. Write radians"),
         (["torso_link", [0, 0, 0], [0, 0, 0], 500], "fovy_deg"),
         (["torso_link", [0, 0, 0], [0, 0, 0], {"fov": 60}], "field of view"),
         ({"parent": "torso_link", "xyz": [0, 0, 0], "rpy": [0, 0, 0], "hfov": 60}, "'hfov'"),
