@@ -20,7 +20,7 @@ import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from ..errors import MachineError, R2SEgoError
+from ..errors import MachineError, R2SEgoError, of_file
 from ..progress import JsonProgress, Progress
 from .processes import die_with_parent
 
@@ -218,8 +218,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         python = make_environment(
             options.folder, required_packages(), options.wheels, progress, options.needed_mb
         )
-    except R2SEgoError as error:
-        progress.emit_error(error)
+    except (R2SEgoError, OSError) as error:
+        progress.emit_error(of_file(error) if isinstance(error, OSError) else error)
         return 1
     progress.emit(event="result", python=str(python))
     return 0

@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import json
 import subprocess
 import sys
 import zipfile
@@ -91,6 +92,15 @@ def test_a_disk_without_room_and_a_missing_folder_are_told_first(tmp_path):
     with pytest.raises(MachineError, match="no such folder of wheels"):
         make_environment(tmp_path / "engine", [], tmp_path / "wheels", ProgressRecorder())
     assert not (tmp_path / "engine").exists()
+
+
+def test_a_folder_that_cannot_be_made_is_told_with_a_cure(tmp_path):
+    (tmp_path / "taken").write_text("a file")
+    command = [sys.executable, "-m", "r2sego_blender.workers.environment", str(tmp_path / "taken" / "engine")]
+    done = subprocess.run(command, capture_output=True, text=True)
+    told = json.loads(done.stdout.splitlines()[-1])
+    assert done.returncode == 1 and told["event"] == "error"
+    assert "taken" in told["text"] and "Check that it is there" in told["text"]
 
 
 def test_the_requirements_are_the_projects_own():
