@@ -18,6 +18,7 @@ VIEW_ANGLES_RAD = (0.85, 0.0, -0.45)
 VIEW_CENTRE_M = (2.3, 0.3, 0.6)
 VIEW_DISTANCE_M = 8.2
 WIPE_CAMERA, WIPE = "Target 00", 0.33
+ROLLOUT_SHARE = 0.4
 CAMERA_ZOOM = 6.0
 SETTLED_S = 1.0
 
@@ -41,9 +42,12 @@ def support_gap():
 
 
 def splats():
-    """The refined asset's splats."""
+    """The refined asset's splats, and among them the robot on its way."""
     bpy.ops.r2sego.show_asset()
-    yield 0.0
+    bpy.ops.r2sego.show_rollout()
+    scene = bpy.context.scene
+    scene.frame_set(round(scene.frame_start + ROLLOUT_SHARE * (scene.frame_end - scene.frame_start)))
+    yield SETTLED_S  # then they are painted
 
 
 def wipe():

@@ -21,6 +21,7 @@ _PART = "Asset"
 _STAGE, _MADE = "r2sego_stage", "r2sego_made"
 _COLOUR, _SCALE, _ROTATION, _RADIUS = "colour", "scale", "rotation", "radius_m"
 _OPACITY, _BACKDROP = "opacity", "backdrop"
+_OUTERMOST = "outermost"
 _NO_TRIANGLES = np.empty((0, 3), np.int32)
 
 
@@ -74,11 +75,32 @@ def show_asset(scene: bpy.types.Scene, bundle: Bundle, stage: Stage) -> bpy.type
     add_attribute(mesh, MARKED, np.zeros(len(splats), bool), "POINT")
     created = bpy.data.objects.new(mesh.name, mesh)
     created[_STAGE], created[_MADE] = stage.name, _made(stage)
-    # The preview draws the splats; Blender's own points would hide it and are slow to draw.
-    created.display_type = "BOUNDS"
     created.hide_render = True
     link(collection, created)
+    _draw_only(created, _outermost(splats.means, splats.backdrop))
     return created
+
+
+def _draw_only(created: bpy.types.Object, kept: np.ndarray) -> None:
+    """Outside Edit Mode, of the object's points only those ``kept`` (M,) are Blender's to draw.
+
+    The preview draws the splats; points would hide it, and are slow to draw.
+    """
+    created.vertex_groups.new(name=_OUTERMOST).add(kept.tolist(), 1.0, "REPLACE")
+    mask = created.modifiers.new("Splats are drawn instead", "MASK")
+    mask.vertex_group, mask.show_in_editmode = _OUTERMOST, False
+
+
+def _outermost(means: np.ndarray, backdrop: np.ndarray) -> np.ndarray:
+    """The splats that stand where the room ends, along x, y and z: a view of them is one of the room.
+
+    The backdrop stands far behind it, and a few splats anywhere: a hundredth on each side do not count.
+    """
+    room = np.flatnonzero(~backdrop) if not backdrop.all() else np.arange(len(means))
+    if not len(room):
+        return room
+    ends = [len(room) // 100, len(room) - 1 - len(room) // 100]
+    return np.unique([room[np.argsort(means[room, axis])[ends]] for axis in range(3)])
 
 
 def shown_stage(candidate: bpy.types.Object | None) -> str:

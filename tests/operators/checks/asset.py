@@ -88,6 +88,10 @@ def check_the_asset_is_shown_as_points_with_their_attributes():
     assert not values(shown, "marked").any()
     assert (values(shown, "radius_m") > 0).all() and (values(shown, "opacity") <= 1).all()
     assert shown.hide_render
+    room = centres(shown)[~values(shown, "backdrop")]
+    box = np.array(shown.evaluated_get(bpy.context.evaluated_depsgraph_get()).bound_box)
+    ends = [[end(points, axis=0) for end in (np.min, np.max)] for points in (box, room)]
+    np.testing.assert_allclose(*ends, atol=1e-5)  # without the backdrop
     assert "no splat is selected" in refused(bpy.ops.r2sego.mark_selected_splats)
 
 
