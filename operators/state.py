@@ -30,6 +30,8 @@ _PRESET_DOCS = {
     "paper": "The paper's own settings",
     "preview": "A first look in minutes, at a lower quality",
 }
+PRESET_ITEMS = [(name, name.capitalize(), _PRESET_DOCS.get(name, name)) for name in PRESETS]
+"""The named presets as a Blender property offers them."""
 
 
 class R2SEGO_PG_fact(bpy.types.PropertyGroup):
@@ -81,9 +83,8 @@ class R2SEGO_PG_scene(bpy.types.PropertyGroup):
     kept_of: StringProperty(description="The bundle in which what the rooms keep was begun")
     way_to_bundle: StringProperty(description="The bundle's place as seen from the saved .blend")
     preset: EnumProperty(
-        name="Preset", description="Named settings of the refinement",
-        items=[(name, name.capitalize(), _PRESET_DOCS.get(name, name)) for name in PRESETS],
-    )  # fmt: skip
+        name="Preset", description="Named settings of the refinement", items=PRESET_ITEMS
+    )
     round_index: IntProperty(
         name="Round", description="The refinement round whose proxy and views are shown, from 0",
         min=0, default=0, update=_other_round,

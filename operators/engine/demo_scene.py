@@ -8,7 +8,6 @@ from bpy.props import EnumProperty, StringProperty
 from ...r2sego_blender.bridge.bundle import SUFFIX, Bundle
 from ...r2sego_blender.bridge.show_captures import capture_cameras
 from ...r2sego_blender.errors import R2SEgoError
-from ...r2sego_blender.named_settings import PRESETS
 from ...r2sego_blender.workers.jobs import Job
 from .. import state
 from ..base import EngineOperator, needs_idle_engine
@@ -18,7 +17,7 @@ _TAKES = "Takes a quarter of an hour or more; Blender stays free meanwhile"
 
 
 class R2SEGO_OT_demo_scene(EngineOperator, bpy.types.Operator):
-    """Make a scene of the demo room that comes along, and refine it: a first look in some minutes"""
+    """Make a scene of the demo room that comes along, and refine it: a first look at a whole scene"""
 
     bl_idname = "r2sego.demo_scene"
     bl_label = "Demo Scene"
@@ -30,7 +29,7 @@ class R2SEGO_OT_demo_scene(EngineOperator, bpy.types.Operator):
     )  # fmt: skip
     preset: EnumProperty(
         name="Preset", description="Named settings of the refinement", default="preview",
-        items=[(name, name.capitalize(), "") for name in PRESETS],
+        items=state.PRESET_ITEMS,
     )  # fmt: skip
 
     @classmethod

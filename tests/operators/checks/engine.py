@@ -256,6 +256,8 @@ def check_the_demo_scene_is_one_command_and_is_shown():
     assert bpy.ops.r2sego.demo_scene(directory=str(folder)) == {"FINISHED"}
     bundle = str(folder / "demo_room.r2s")
     assert calls() == [["demo", bundle, "--preset", "preview", "--json-progress"]]
+    presets = bpy.ops.r2sego.demo_scene.get_rna_type().properties["preset"].enum_items
+    assert all(item.description for item in presets)
     assert state().bundle == bundle
     assert "Asset, final" in bpy.data.objects
     assert len([item for item in bpy.data.objects if item.type == "CAMERA"]) == 3
