@@ -67,7 +67,7 @@ def test_a_folder_of_heic_alone_is_told_with_its_cure(tmp_path):
 def test_photographs_in_folders_below_are_pointed_to(tmp_path, blank_photograph):
     for index in range(3):
         blank_photograph(tmp_path / "holiday" / f"IMG_{index}.png")
-    with pytest.raises(CaptureError, match="0 photographs found.*; there are some in holiday") as caught:
+    with pytest.raises(CaptureError, match=r"0 photographs found.*; there are some in holiday") as caught:
         plain_photographs(tmp_path, SILENT)
     assert caught.value.cure == "Give that folder."
 
