@@ -21,6 +21,7 @@ _PART = "Asset"
 _STAGE, _MADE = "r2sego_stage", "r2sego_made"
 _COLOUR, _SCALE, _ROTATION, _RADIUS = "colour", "scale", "rotation", "radius_m"
 _OPACITY, _BACKDROP = "opacity", "backdrop"
+_DRAWN = (_SCALE, _ROTATION, _RADIUS, _OPACITY, _BACKDROP, MARKED)
 _OUTERMOST = "outermost"
 _NO_TRIANGLES = np.empty((0, 3), np.int32)
 
@@ -119,20 +120,20 @@ def shows_bundle(candidate: bpy.types.Object, bundle: Bundle) -> bool:
 
 
 def is_current(candidate: bpy.types.Object, stage: Stage) -> bool:
-    """Whether an object made by ``show_asset`` shows this stage's file as it is now."""
-    return candidate.get(_STAGE) == stage.name and candidate.get(_MADE) == _made(stage)
+    """Whether an object made by ``show_asset`` shows the stage's file as it is, with all that is drawn."""
+    whole = all(name in candidate.data.attributes for name in (_COLOUR, *_DRAWN))
+    return whole and candidate.get(_STAGE) == stage.name and candidate.get(_MADE) == _made(stage)
 
 
 def drawn_splats(mesh: bpy.types.Mesh) -> DrawnSplats | None:
     """The splats back from a mesh that ``show_asset`` made; None when its attributes are gone."""
     count = len(mesh.vertices)
-    read = (_SCALE, _ROTATION, _RADIUS, _OPACITY, _BACKDROP, MARKED)
-    if not all(name in mesh.attributes for name in (_COLOUR, *read)):
+    if not all(name in mesh.attributes for name in (_COLOUR, *_DRAWN)):
         return None
     colours = np.empty(4 * count, np.float32)
     mesh.attributes[_COLOUR].data.foreach_get("color_srgb", colours)
     return DrawnSplats(
-        centres_of(mesh), colours.reshape(-1, 4)[:, :3], *(read_attribute(mesh, name) for name in read)
+        centres_of(mesh), colours.reshape(-1, 4)[:, :3], *(read_attribute(mesh, name) for name in _DRAWN)
     )
 
 

@@ -305,6 +305,13 @@ def check_what_the_preview_draws():
     assert preview.scale_px([[1.0, 0.0], [0.0, 2.0]], 300) == 300.0
 
 
+def check_an_asset_that_lacks_what_is_drawn_of_it_is_shown_anew():
+    shown = show()
+    shown.data.attributes.remove(shown.data.attributes["scale"])  # as an earlier version's
+    bpy.ops.r2sego.refresh_scene()
+    assert len(group().shown.data.attributes["scale"].data) == SPLATS + BACKDROP_SPLATS
+
+
 def check_gaussians_are_painted_from_far_to_near():
     order_of = importlib.import_module(f"{MODULE}.panels.gaussian_splats").farthest_first
     rng = np.random.default_rng(3)
