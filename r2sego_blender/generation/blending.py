@@ -124,8 +124,7 @@ class BlendingGenerator:
         camera, settings = condition.camera, self._settings
         pose = camera.world_from_camera.astype(np.float32)
         image, confidence = _blend(
-            condition.depth, condition.normal, pose,
-            np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32),
+            condition.depth, pose, np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32),
             *vars(self._photographs).values(),
             settings.best_captures, np.float32(settings.depth_tolerance), np.float32(settings.border_px),
         )  # fmt: skip
@@ -160,7 +159,7 @@ def _catmull_rom(f):
 
 @parallel_kernel
 def _blend(
-    depth, normal, pose, lens, poses, centres, lenses, sizes, starts, colours, depths, trusts,
+    depth, pose, lens, poses, centres, lenses, sizes, starts, colours, depths, trusts,
     best, tolerance, border_px,
 ):  # fmt: skip
     """(H, W, 3) float32 colour and (H, W) float32 confidence, 0 where no capture sees."""

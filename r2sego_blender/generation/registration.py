@@ -66,11 +66,6 @@ class RegisteredFrame:
     focal_px: float
     reason: str
 
-    @property
-    def agreement(self) -> float:
-        """The share of the patches to be seen that agree with the estimate."""
-        return self.inliers / max(1, self.expected)
-
 
 def register_frame(
     image: np.ndarray,

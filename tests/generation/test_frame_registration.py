@@ -96,7 +96,7 @@ def test_a_frame_of_another_place_is_rejected(room_a, landmarks):
         other = room_a.frozen[(index + 5) % count]
         frame = registered(room_a, landmarks, other.image(), view.camera)
         assert frame.camera is None
-        assert frame.agreement < 0.1
+        assert frame.inliers < 0.1 * frame.expected
         assert frame.reason.startswith("rejected: ")
 
 
