@@ -32,7 +32,7 @@ void main()
   vec4 clip = clipFromObject * vec4(pos, 1.0);
   splat = color;
   at = vec2(0.0);
-  depth = 0.0;
+  nearness = 0.0;
   gl_Position = vec4(0.0, 0.0, 2.0, 1.0);
   if (clip.w < nearest || color.a * 255.0 <= 1.0) {
     return;
@@ -57,7 +57,7 @@ void main()
   int corner = gl_VertexID & 3;
   at = reach * vec2((corner & 1) == 0 ? -1.0 : 1.0, (corner & 2) == 0 ? -1.0 : 1.0);
   vec2 offset = at.x * sqrt(middle + apart) * longer + at.y * sqrt(max(middle - apart, 0.0)) * shorter;
-  depth = 0.5 * centre.z + 0.5;
+  nearness = 0.5 - 0.5 * centre.z;
   gl_Position = vec4(centre.xy + 2.0 * offset / size, centre.z, 1.0);
 }
 """
@@ -70,7 +70,7 @@ void main()
     discard;
   }
   colourSum = vec4(splat.rgb * alpha, alpha);
-  depthSum = vec4(depth * alpha, 0.0, 0.0, alpha);
+  nearnessSum = vec4(nearness * alpha, alpha, 0.0, alpha);
 }
 """
 
@@ -101,7 +101,8 @@ void main()
     discard;
   }
   fragColour = colour * opacity;
-  gl_FragDepth = texelFetch(depths, place, 0).r / colour.a;
+  vec2 sum = texelFetch(nearnesses, place, 0).rg;
+  gl_FragDepth = 1.0 - sum.r / sum.g;
 }
 """
 
@@ -194,16 +195,18 @@ class GaussianSplats:
 
 
 class Picture:
-    """What a view of ``size`` pixels shows of the splats: colours, and depths, times alpha.
+    """What a view of ``size`` pixels shows of the splats, both times alpha, and with it.
 
-    ``colours`` is in sRGB, as blended; laid is what they are in linear light, as the view wants it.
+    ``colours`` are in sRGB, as blended; laid is what they are in linear light, as the view wants it.
+    ``nearnesses`` are 1 less the depth buffer's value: most of that lies so near to 1 that sums of it
+    would be off by metres.
     """
 
     def __init__(self, size: tuple[int, int]) -> None:
         self.size = size
         self.colours = gpu.types.GPUTexture(size, format="RGBA16F")
-        self._depths = gpu.types.GPUTexture(size, format="R32F")
-        self._painted = gpu.types.GPUFrameBuffer(color_slots=(self.colours, self._depths))
+        self.nearnesses = gpu.types.GPUTexture(size, format="RG32F")
+        self._painted = gpu.types.GPUFrameBuffer(color_slots=(self.colours, self.nearnesses))
         self._laid = gpu.types.GPUTexture(size, format="RGBA16F")
         self._developed = gpu.types.GPUFrameBuffer(color_slots=(self._laid,))
         self._clip_from_object: np.ndarray | None = None
@@ -243,7 +246,7 @@ class Picture:
         shader.uniform_float("origin", origin)
         shader.uniform_float("opacity", opacity)
         shader.uniform_sampler("colours", self._laid)
-        shader.uniform_sampler("depths", self._depths)
+        shader.uniform_sampler("nearnesses", self.nearnesses)
         _whole(shader).draw(shader)
         gpu.state.depth_mask_set(False)
         gpu.state.depth_test_set("NONE")
@@ -282,11 +285,11 @@ def _painting_shader():
         info.vertex_in(place, kind, name)
     between = gpu.types.GPUStageInterfaceInfo("r2sego_gaussian")
     between.flat("VEC4", "splat")
-    between.flat("FLOAT", "depth")
+    between.flat("FLOAT", "nearness")
     between.smooth("VEC2", "at")
     info.vertex_out(between)
     info.fragment_out(0, "VEC4", "colourSum")
-    info.fragment_out(1, "VEC4", "depthSum")
+    info.fragment_out(1, "VEC4", "nearnessSum")
     info.vertex_source(_VERTEX)
     info.fragment_source(_FRAGMENT)
     return gpu.shader.create_from_info(info)
@@ -299,7 +302,7 @@ def _developing_shader():
 
 
 def _laying_shader():
-    info = _whole_shader_info("colours", "depths")
+    info = _whole_shader_info("colours", "nearnesses")
     info.push_constant("VEC2", "origin")
     info.push_constant("FLOAT", "opacity")
     if hasattr(info, "depth_write"):  # OpenGL, all that Blender 4.3 has but for Apple's, needs no word of it

@@ -36,8 +36,9 @@ def script():
         (buffers,) = preview._buffers.values()
         picture = buffers.gaussians._pictures[region.as_pointer()]
         width, height = picture.size
-        values = np.array(picture.colours.read().to_list(), np.float32).reshape(height, width, 4)
-        np.save(hand.OUT / f"{kind}.npy", values)
+        for name, channels in (("colours", 4), ("nearnesses", 2)):
+            values = np.array(getattr(picture, name).read().to_list(), np.float32)
+            np.save(hand.OUT / f"{kind}_{name}.npy", values.reshape(height, width, channels))
         told[kind] = {
             "view": np.array(view.view_matrix).tolist(), "window": np.array(view.window_matrix).tolist(),
         }  # fmt: skip

@@ -169,24 +169,27 @@ def test_no_error_is_in_blenders_log_after_pressing(pressed):
 
 @pytest.fixture(scope="module")
 def painted(material):
-    """The premultiplied picture Blender painted of the asset, first row on top, and its matrices, by view."""
+    """What Blender painted of the asset, times alpha, first row on top, and its matrices, by view."""
     out = material / "painted"
     log = display.run(HERE / "painted.py", out, *arguments(material))
     assert (out / "told.json").is_file(), log[-3000:]
     assert "drawn as discs" not in log
     told = json.loads((out / "told.json").read_text())
-    return {kind: (np.load(out / f"{kind}.npy")[::-1], {k: np.array(m) for k, m in matrices.items()})
-            for kind, matrices in told.items()}  # fmt: skip
+    return {
+        kind: {name: np.load(out / f"{kind}_{name}.npy")[::-1] for name in ("colours", "nearnesses")}
+        | {name: np.array(matrix) for name, matrix in matrices.items()}
+        for kind, matrices in told.items()
+    }
 
 
 def test_blender_paints_the_asset_as_the_engine_renders_it(painted):
-    picture, matrices = painted["PERSP"]
+    seen = painted["PERSP"]
+    picture, window = seen["colours"], seen["window"]
     height, width = picture.shape[:2]
-    window = matrices["window"]
     camera = Camera(
         width, height, 0.5 * width * window[0, 0], 0.5 * height * window[1, 1],
         0.5 * width * (1.0 - window[0, 2]), 0.5 * height * (1.0 + window[1, 2]),
-        np.linalg.inv(matrices["view"]) @ np.diag([1.0, -1.0, -1.0, 1.0]),
+        np.linalg.inv(seen["view"]) @ np.diag([1.0, -1.0, -1.0, 1.0]),
     )  # fmt: skip
     (rendering,) = render_batch(shown_asset(), [camera])
     assert rendering.alpha.max() > 0.9
@@ -195,24 +198,32 @@ def test_blender_paints_the_asset_as_the_engine_renders_it(painted):
 
 
 def test_blender_paints_the_asset_without_perspective(painted):
-    picture, matrices = painted["ORTHO"]
+    seen = painted["ORTHO"]
+    picture = seen["colours"]
     height, width = picture.shape[:2]
-    asset = shown_asset()
-    to_pixels = np.diag([0.5 * width, -0.5 * height]) @ (matrices["window"] @ matrices["view"])[:2]
+    asset, clip = shown_asset(), seen["window"] @ seen["view"]
+    to_pixels = np.diag([0.5 * width, -0.5 * height]) @ clip[:2]
     centres = asset.means @ to_pixels[:, :3].T + to_pixels[:, 3] + (0.5 * width, 0.5 * height)
-    depths = -(asset.means @ matrices["view"][2, :3] + matrices["view"][2, 3])
+    nearnesses = 0.5 - 0.5 * (asset.means @ clip[2, :3] + clip[2, 3])
     axes = to_rotation(asset.quaternions) * np.exp(asset.log_scales)[:, None]
     spread = to_pixels[:, :3] @ axes
     inverses = np.linalg.inv(spread @ spread.transpose(0, 2, 1) + 0.3 * np.eye(2))
     y, x = np.mgrid[:height, :width] + 0.5
-    expected = np.zeros((height, width, 4))
-    for k in np.argsort(-depths):
+    expected = np.zeros((height, width, 5))
+    for k in np.argsort(nearnesses):
         away = np.stack([x - centres[k, 0], y - centres[k, 1]], axis=-1)
         alpha = asset.opacities[k] * np.exp(-0.5 * ((away @ inverses[k]) * away).sum(axis=-1))
         alpha = np.where(alpha >= 1.0 / 255.0, np.minimum(alpha, 0.99), 0.0)[..., None]
-        expected = expected * (1.0 - alpha) + alpha * [*asset.base_colours[k], 1.0]
+        expected = expected * (1.0 - alpha) + alpha * [*asset.base_colours[k], 1.0, nearnesses[k]]
     assert expected[..., 3].max() > 0.9
-    assert np.abs(picture - expected).max() < 0.01
+    assert np.abs(picture - expected[..., :4]).max() < 0.01
+    some = expected[..., 3] > 0.02
+    nearness = (
+        seen["nearnesses"][some, 0] / seen["nearnesses"][some, 1],
+        expected[some, 4] / expected[some, 3],
+    )
+    off_m = np.abs(nearness[0] - nearness[1]) * 2.0 / abs(clip[2, :3] @ clip[2, :3]) ** 0.5
+    assert np.median(off_m) < 0.001 and off_m.max() < 0.05
 
 
 def shown_asset():
