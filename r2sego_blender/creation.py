@@ -6,11 +6,12 @@ from pathlib import Path
 
 from .captures.ground_picture import GROUND_PICTURES, save_ground_pictures
 from .captures.importing import import_captures
-from .captures.lifting import named_photograph
+from .captures.lifting import in_photograph
 from .captures.polycam import find_keyframes
 from .captures.refinement import triangulate_refined
 from .captures.registration import register
 from .captures.scale import KNOWN_LENGTH, Scale
+from .captures.sensor_depth import SensorDepth
 from .captures.store import save_captures
 from .errors import CaptureError
 from .images import image_files
@@ -46,9 +47,7 @@ def create_scene(
     behaviour = BehaviourScope.load(scope)
     check_controller(RobotModel.load(*behaviour.robot_for(robot)), behaviour)
 
-    if scale.kind == "known_length" and poses is None and find_keyframes(captures) is None:
-        # Solving takes minutes: a misspelt name is told before.
-        named_photograph([path.name for path in image_files(captures)], scale.photo, KNOWN_LENGTH)
+    _look_over(scale, captures, solved=poses is None and find_keyframes(captures) is None)
     imported = import_captures(captures, poses, settings, progress)
     progress.message(f"{len(imported.captures)} captures: {imported.source}")
     imported, sparse = triangulate_refined(imported, settings, progress)
@@ -73,3 +72,12 @@ def create_scene(
         save_ground_pictures(folder / GROUND_PICTURES, stored)
 
     return Scene.create(path, declaration, fill)
+
+
+def _look_over(scale: Scale, folder: Path, solved: bool) -> None:
+    """Raise CaptureError where ``scale`` names what is not there: solving poses takes minutes."""
+    if scale.kind == "depth":
+        SensorDepth.beside(scale.folder)
+    if scale.kind == "known_length" and solved:
+        files = [(path.name, path) for path in image_files(folder)]
+        in_photograph(files, scale.photo, [scale.pixel_a, scale.pixel_b], KNOWN_LENGTH)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -11,14 +13,21 @@ from r2sego_blender.errors import CaptureError
 from r2sego_blender.images import save_image
 
 
-def test_a_known_length_in_a_photograph_that_is_not_there_is_told_before_solving(tmp_path):
+@pytest.mark.parametrize(
+    ("scale", "message"),
+    [
+        (Scale.known_length("IMG_7.png", (1, 1), (9, 9), 1.0), "no capture 'IMG_7.png'"),
+        (Scale.known_length("IMG_1", (1, 1), (900, 9), 1.0), "a pixel lies outside the 64x48 photograph"),
+        (Scale.depth(Path("nowhere")), "nowhere: there is no such folder"),
+        (Scale.known_length("IMG_1", (1, 1), (9, 9), 1.0), "no two of the 3 photographs"),
+    ],
+)
+def test_a_scale_that_cannot_be_is_told_before_poses_are_solved(tmp_path, scale, message):
+    """The photographs have nothing in common, so that solving them fails, and says so."""
     (tmp_path / "photos").mkdir()
-    for index in range(3):  # nothing in common: solving would fail, and say so
-        save_image(tmp_path / "photos" / f"IMG_{index}.png", np.random.default_rng(index).random((48, 64, 3)))
-    for known, message in (("IMG_7.png", "no capture 'IMG_7.png'"), ("IMG_2", "no two of the 3 photographs")):
-        with pytest.raises(CaptureError, match=message):
-            create_scene(
-                tmp_path / "room.r2s", tmp_path / "photos",
-                scale=Scale.known_length(known, (1.0, 1.0), (9.0, 9.0), 1.0),
-            )  # fmt: skip
+    for index in range(3):
+        image = np.random.default_rng(index).random((48, 64, 3))
+        save_image(tmp_path / "photos" / f"IMG_{index}.png", image)
+    with pytest.raises(CaptureError, match=message):
+        create_scene(tmp_path / "room.r2s", tmp_path / "photos", scale=scale)
     assert not (tmp_path / "room.r2s").exists()

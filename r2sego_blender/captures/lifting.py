@@ -28,22 +28,21 @@ def pointed_at(
     ``pixels`` are those of the upright file. Raises CaptureError for another name and for
     pixels outside.
     """
+    files = [(capture.name, capture.image_path) for capture in captures]
+    index, given, shape = in_photograph(files, photo, pixels, where)
+    return index, captures[index].working_pixels(given, shape)
+
+
+def in_photograph(
+    files: Sequence[tuple[str, Path]], photo: str, pixels: Sequence[Sequence[float]], where: str
+) -> tuple[int, np.ndarray, tuple[int, int]]:  # fmt: skip
+    """Which of ``files``, names with paths, is ``photo``; the pixels (n, 2); the file's (height, width).
+
+    Errors as for ``pointed_at``.
+    """
     from .photographs import upright_size  # reads images, which Blender's Python does not
 
-    index = named_photograph([capture.name for capture in captures], photo, where)
-    capture = captures[index]
-    width, height = upright_size(capture.image_path)
-    given = np.asarray(pixels, np.float64)
-    if not np.isfinite(given).all() or (given < 0).any() or (given > [width, height]).any():
-        raise CaptureError(
-            f"a pixel lies outside the {width}x{height} photograph", where=f"{where}, {photo}",
-            cure="Give pixels of the upright photograph at its full size.",
-        )  # fmt: skip
-    return index, capture.working_pixels(given, (height, width))
-
-
-def named_photograph(names: Sequence[str], photo: str, where: str) -> int:
-    """Which of ``names`` is ``photo``, with or without suffix. Raises CaptureError for none or several."""
+    names = [name for name, _ in files]
     named = [i for i, name in enumerate(names) if name == photo]
     named = named or [i for i, name in enumerate(names) if Path(name).stem == photo]
     if len(named) != 1:
@@ -51,7 +50,14 @@ def named_photograph(names: Sequence[str], photo: str, where: str) -> int:
             f"there {'is no capture' if not named else 'are several captures'} '{photo}'", where=where,
             cure=f"Name one of {', '.join(names)}.",
         )  # fmt: skip
-    return named[0]
+    width, height = upright_size(files[named[0]][1])
+    given = np.asarray(pixels, np.float64)
+    if not np.isfinite(given).all() or (given < 0).any() or (given > [width, height]).any():
+        raise CaptureError(
+            f"a pixel lies outside the {width}x{height} photograph", where=f"{where}, {photo}",
+            cure="Give pixels of the upright photograph at its full size.",
+        )  # fmt: skip
+    return named[0], given, (height, width)
 
 
 def lifted(capture: Capture, sparse: SparsePoints, index: int, pixel: np.ndarray) -> np.ndarray:
