@@ -218,11 +218,9 @@ def test_blender_paints_the_asset_without_perspective(painted):
     assert expected[..., 3].max() > 0.9
     assert np.abs(picture - expected[..., :4]).max() < 0.01
     some = expected[..., 3] > 0.02
-    nearness = (
-        seen["nearnesses"][some, 0] / seen["nearnesses"][some, 1],
-        expected[some, 4] / expected[some, 3],
-    )
-    off_m = np.abs(nearness[0] - nearness[1]) * 2.0 / abs(clip[2, :3] @ clip[2, :3]) ** 0.5
+    sums, weighted = seen["nearnesses"][some], expected[some]
+    off = np.abs(sums[:, 0] / sums[:, 1] - weighted[:, 4] / weighted[:, 3])
+    off_m = off * 2.0 / np.linalg.norm(clip[2, :3])
     assert np.median(off_m) < 0.001 and off_m.max() < 0.05
 
 
