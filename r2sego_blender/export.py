@@ -9,6 +9,7 @@ from pathlib import Path
 
 from . import __version__
 from .errors import AssetError, SceneError
+from .geometry.collision_files import MESH_OBJ
 from .geometry.objects import read_backends
 from .geometry.proxy import GeometryProxy
 from .layout import COLLISION, OBJECTS, REFINED_ASSET, of_round
@@ -41,10 +42,10 @@ def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list
     photographs as the scene's folder ``captures`` has them, and says so); the asset
     once more for each suffix in ``splats``, such as ``.spz`` (docs/splat_formats.md); and
     ``about.txt``, which says what these are and what made them.
-    Nothing appears before all of it is written; a ``collision`` that was there goes. Raises
-    SceneError when the scene has no result yet, one of a world frame that was corrected since, or
-    one that was damaged or changed since, and for a folder inside the scene; AssetError for a
-    suffix that is no format of splats.
+    Nothing appears before all of it is written; the ``collision`` of an earlier export goes. Raises
+    SceneError where another one is, when the scene has no result yet, one of a world frame that was
+    corrected since, or one that was damaged or changed since, and for a folder inside the scene;
+    AssetError for a suffix that is no format of splats.
     """
     for suffix in splats:
         if suffix not in SUFFIXES:
@@ -64,6 +65,12 @@ def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list
         )
     require_present_frame(scene, [REFINED_ASSET, COLLISION, of_round(rounds - 1, "proxy")], "exported")
     scene.require_as_made(REFINED_ASSET, COLLISION)
+    replaced = folder / "collision"
+    if replaced.exists() and not (replaced / MESH_OBJ).is_file():
+        raise SceneError(
+            "it is there already, and no export made it", where=replaced,
+            cure="Choose another folder, or move it away.",
+        )  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     staging = folder / ".unfinished-export"
     shutil.rmtree(staging, ignore_errors=True)

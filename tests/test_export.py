@@ -88,6 +88,17 @@ def test_a_second_export_replaces_what_is_no_more(scene, tmp_path):
     assert {path.name for path in out.iterdir()} == {*PLAIN, ABOUT, "mine.txt"}
 
 
+def test_a_folder_collision_that_no_export_made_is_left_alone(scene, tmp_path):
+    mine = tmp_path / "package" / "collision" / "gripper.stl"
+    mine.parent.mkdir(parents=True)
+    mine.write_text("mine")
+    with pytest.raises(SceneError, match="package/collision: it is there already, and no export made it"):
+        export_scene(scene, tmp_path / "package")
+    assert mine.read_text() == "mine" and [one.name for one in (tmp_path / "package").iterdir()] == [
+        "collision"
+    ]
+
+
 def test_nothing_appears_when_a_part_is_damaged(scene, tmp_path):
     (scene.round_folder(0) / "proxy" / "proxy.npz").write_bytes(b"cut off")
     with pytest.raises(R2SEgoError, match=r"proxy\.npz"):
