@@ -72,15 +72,19 @@ def _size(places: tuple[Mapping[str, Any], ...], image_path: Path, path: Path, f
         width, height = (fields.number(key, path, field, *places, positive=True) for key in ("w", "h"))
         return int(width), int(height)
     width, height, turns = photograph_size(image_path)
-    if turns % 2 == 0:
-        return width, height
-    stored, upright = np.array([width, height]), np.array([height, width])
+    upright = (height, width) if turns % 2 else (width, height)
     if not all(any(key in place for place in places) for key in ("cx", "cy")):
-        return height, width
+        return upright
     centre = np.array([fields.number(key, path, field, *places) for key in ("cx", "cy")])
     # A principal point lies near the middle of the pixels it was solved on.
-    off_stored, off_upright = (np.abs(centre / size - 0.5).sum() for size in (stored, upright))
-    return (width, height) if off_stored < off_upright else (height, width)
+    sizes = (upright, (width, height)) if turns % 2 else (upright,)
+    size = min(sizes, key=lambda size: np.abs(centre / size - 0.5).sum())
+    if (centre <= 0).any() or (centre >= size).any():
+        raise CaptureError(
+            f"'cx', 'cy' are {centre[0]:g}, {centre[1]:g}, outside a photograph of {size[0]}x{size[1]}",
+            where=f"{path}, {field}", cure="Add 'w' and 'h': the size that the focal lengths are for.",
+        )  # fmt: skip
+    return size
 
 
 def _distortion(

@@ -230,6 +230,7 @@ def test_of_two_kinds_the_named_one_is_taken_or_none(tmp_path, rng, blank_photog
         ({"fl_x": 50.0, "camera_model": "FISHEYE624"}, "'distortion_params' has 0 numbers"),
         ({"fl_x": 50.0, "camera_model": "FISHEYE624", "distortion_params": ["a"] * 12}, "is 'a'"),
         ({"fl_x": 50.0, "k1": "much"}, "'k1' is 'much'"),
+        ({"fl_x": 100.0, "cx": 64.0, "cy": 48.0}, "'cx', 'cy' are 64, 48, outside a photograph of 64x48"),
     ],
 )
 def test_what_is_wrong_is_said(tmp_path, rng, blank_photograph, top, message):
