@@ -30,7 +30,7 @@ def show_stage(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
 
 
 class R2SEGO_OT_show_asset(ReportingOperator, bpy.types.Operator):
-    """Show the visual asset's splats: as discs in the 3D views, and as points to select in Edit Mode"""
+    """Show the visual asset's splats in the 3D views; in Edit Mode they are points to select"""
 
     bl_idname = "r2sego.show_asset"
     bl_label = "Show Asset"
