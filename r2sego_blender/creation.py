@@ -10,7 +10,7 @@ from .captures.lifting import in_photograph
 from .captures.polycam import find_keyframes
 from .captures.refinement import triangulate_refined
 from .captures.registration import register
-from .captures.scale import KNOWN_LENGTH, Scale
+from .captures.scale import KNOWN_LENGTH, Scale, require_marker
 from .captures.sensor_depth import SensorDepth
 from .captures.store import save_captures
 from .errors import CaptureError
@@ -78,6 +78,8 @@ def _look_over(scale: Scale, folder: Path, solved: bool) -> None:
     """Raise CaptureError where ``scale`` names what is not there: solving poses takes minutes."""
     if scale.kind == "depth":
         SensorDepth.beside(scale.folder)
+    if scale.kind == "marker" and solved:
+        require_marker(image_files(folder), scale)
     if scale.kind == "known_length" and solved:
         files = [(path.name, path) for path in image_files(folder)]
         in_photograph(files, scale.photo, [scale.pixel_a, scale.pixel_b], KNOWN_LENGTH)

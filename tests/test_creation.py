@@ -18,6 +18,7 @@ from r2sego_blender.images import save_image
     [
         (Scale.known_length("IMG_7.png", (1, 1), (9, 9), 1.0), "no capture 'IMG_7.png'"),
         (Scale.known_length("IMG_1", (1, 1), (900, 9), 1.0), "a pixel lies outside the 64x48 photograph"),
+        (Scale.marker(0.2), "the marker was found in 0 captures, two are needed"),
         (Scale.depth(Path("nowhere")), "nowhere: there is no such folder"),
         (Scale.known_length("IMG_1", (1, 1), (9, 9), 1.0), "no two of the 3 photographs"),
     ],

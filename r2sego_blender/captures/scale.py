@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -106,17 +107,13 @@ def marker_scale(captures: Sequence[Capture], scale: Scale) -> tuple[float, str]
     """Metres per unit from an ArUco marker seen in at least two captures."""
     seen: dict[int, list[tuple[Capture, np.ndarray]]] = {}
     for capture in captures:
-        for identity, corners in _markers(capture):
-            seen.setdefault(identity, []).append((capture, corners))
+        markers, shape = _markers(capture.image_path)
+        for identity, corners in markers:
+            seen.setdefault(identity, []).append((capture, capture.working_pixels(corners, shape)))
     if scale.marker_id is not None:
         seen = {scale.marker_id: seen.get(scale.marker_id, [])}
     views = max(seen.values(), key=len, default=[])
-    if len(views) < 2:
-        raise CaptureError(
-            f"the marker was found in {len(views)} capture{'s' if len(views) != 1 else ''}, two are needed",
-            where="scale, marker",
-            cure="Use a flat marker of ArUco's DICT_4X4_50 with a white rim, large in two photographs.",
-        )  # fmt: skip
+    _require_two(len(views))
     identity = next(key for key, value in seen.items() if value is views)
     cameras = [capture.camera for capture, _ in views]
     corners = np.array([intersection(cameras, [seen[k] for _, seen in views]) for k in range(4)])
@@ -131,18 +128,30 @@ def marker_scale(captures: Sequence[Capture], scale: Scale) -> tuple[float, str]
     return scale.metres / float(sides.mean()), source
 
 
-def _markers(capture: Capture) -> list[tuple[int, np.ndarray]]:
-    """(id, corners (4, 2) in the capture's working pixels) of the markers in a photograph."""
-    image = load_image_uint8(capture.image_path)
+def require_marker(photographs: Sequence[Path], scale: Scale) -> None:
+    """Raise CaptureError unless two photographs show the marker: said before their poses are solved."""
+    seen = Counter(identity for path in photographs for identity in {one for one, _ in _markers(path)[0]})
+    wanted = seen if scale.marker_id is None else {scale.marker_id: seen[scale.marker_id]}
+    _require_two(max(wanted.values(), default=0))
+
+
+def _require_two(count: int) -> None:
+    if count < 2:
+        raise CaptureError(
+            f"the marker was found in {count} capture{'s' if count != 1 else ''}, two are needed",
+            where="scale, marker",
+            cure="Use a flat marker of ArUco's DICT_4X4_50 with a white rim, large in two photographs.",
+        )  # fmt: skip
+
+
+def _markers(photograph: Path) -> tuple[list[tuple[int, np.ndarray]], tuple[int, int]]:
+    """(id, corners (4, 2) in pixels) of the markers in a photograph, and its (height, width)."""
+    image = load_image_uint8(photograph)
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     detector = cv2.aruco.ArucoDetector(dictionary, parameters)
     corners, identities, _ = detector.detectMarkers(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
-    if identities is None:
-        return []
+    found = () if identities is None else zip(identities.ravel(), corners, strict=True)
     # OpenCV counts pixel centres from zero.
-    return [
-        (int(identity), capture.working_pixels(quad.reshape(4, 2) + 0.5, image.shape[:2]))
-        for identity, quad in zip(identities.ravel(), corners, strict=True)
-    ]
+    return [(int(identity), quad.reshape(4, 2) + 0.5) for identity, quad in found], image.shape[:2]

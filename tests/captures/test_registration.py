@@ -14,7 +14,7 @@ from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.ground import find_ground, up_guess
 from r2sego_blender.captures.importing import Imported
 from r2sego_blender.captures.registration import register
-from r2sego_blender.captures.scale import Scale
+from r2sego_blender.captures.scale import Scale, require_marker
 from r2sego_blender.captures.sparse import SparsePoints
 from r2sego_blender.errors import CaptureError
 from r2sego_blender.images import save_image
@@ -228,3 +228,9 @@ def test_a_marker_tells_the_scale(rng, room, room_cameras, tmp_path):
     factor = np.cbrt(np.linalg.det(found.world_from_capture[:3, :3]))
     assert factor == pytest.approx(1 / 4.0, rel=0.01)
     assert "marker 17" in found.scale_source
+    photographs = [capture.image_path for capture in captures]
+    require_marker(photographs[:2], Scale.marker(0.3, marker_id=17))
+    with pytest.raises(CaptureError, match="found in 1 capture, two"):
+        require_marker(photographs[:1], Scale.marker(0.3))
+    with pytest.raises(CaptureError, match="found in 0 captures, two"):
+        require_marker(photographs, Scale.marker(0.3, marker_id=3))
