@@ -54,6 +54,11 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
     many registered. Raises CaptureError when fewer than three, or fewer than 60 %, do.
     """
     paths = plain_photographs(folder, progress)
+    if len(paths) > settings.max_keyframes:
+        progress.message(
+            f"{len(paths)} photographs make {len(paths) * (len(paths) - 1) // 2} pairs to match, which takes "
+            "long: a dozen that overlap are enough for a room", level="warning",
+        )  # fmt: skip
     features: list[Features] = []
     sizes = []
     for path in progress.track(paths, "Solving camera poses: features"):

@@ -53,6 +53,16 @@ def test_too_few_photographs(tmp_path, blank_photograph, count):
         import_captures(tmp_path, None, SETTINGS)
 
 
+def test_a_videos_frames_are_warned_of_before_they_are_matched(tmp_path, blank_photograph, messages):
+    for index in range(4):
+        blank_photograph(tmp_path / f"{index}.png")
+    for most, warnings in ((3, 1), (4, 1)):  # the second adds none
+        with pytest.raises(CaptureError):
+            import_captures(tmp_path, None, CaptureSettings(max_keyframes=most), messages)
+        assert len(messages.warnings) == warnings
+    assert "4 photographs make 6 pairs" in messages.warnings[0]
+
+
 def test_photographs_that_share_nothing(tmp_path, blank_photograph):
     for index in range(3):
         blank_photograph(tmp_path / f"{index}.png", 200, 150)
