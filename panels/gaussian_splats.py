@@ -30,18 +30,20 @@ void main()
   vec4 toY = vec4(clipFromObject[0][1], clipFromObject[1][1], clipFromObject[2][1], clipFromObject[3][1]);
   vec3 toW = vec3(clipFromObject[0][3], clipFromObject[1][3], clipFromObject[2][3]);
   vec4 clip = clipFromObject * vec4(pos, 1.0);
-  splat = color;
-  at = vec2(0.0);
-  nearness = 0.0;
+  splatColour = color;
+  splatAt = vec2(0.0);
+  splatNearness = 0.0;
   gl_Position = vec4(0.0, 0.0, 2.0, 1.0);
   if (clip.w < nearest || color.a * 255.0 <= 1.0) {
     return;
   }
   vec3 centre = clip.xyz / clip.w;
   vec2 held = clamp(centre.xy, -1.3, 1.3);
-  vec3 acrossX = (toX.xyz - held.x * toW) * (0.5 * size.x / clip.w);
-  vec3 acrossY = (toY.xyz - held.y * toW) * (0.5 * size.y / clip.w);
-  mat3 covariance = mat3(first.x, first.y, first.z, first.y, second.x, second.y, first.z, second.y, second.z);
+  vec3 acrossX = (toX.xyz - held.x * toW) * (0.5 * viewSize.x / clip.w);
+  vec3 acrossY = (toY.xyz - held.y * toW) * (0.5 * viewSize.y / clip.w);
+  vec3 rowX = covarianceFirst;
+  vec3 rowY = vec3(rowX.y, covarianceSecond.x, covarianceSecond.y);
+  mat3 covariance = mat3(rowX, rowY, vec3(rowX.z, rowY.z, covarianceSecond.z));
   vec3 alongX = covariance * acrossX;
   float a = dot(acrossX, alongX) + 0.3;
   float b = dot(acrossY, alongX);
@@ -55,22 +57,23 @@ void main()
   vec2 shorter = vec2(-longer.y, longer.x);
   float reach = sqrt(2.0 * log(255.0 * color.a));
   int corner = gl_VertexID & 3;
-  at = reach * vec2((corner & 1) == 0 ? -1.0 : 1.0, (corner & 2) == 0 ? -1.0 : 1.0);
-  vec2 offset = at.x * sqrt(middle + apart) * longer + at.y * sqrt(max(middle - apart, 0.0)) * shorter;
-  nearness = 0.5 - 0.5 * centre.z;
-  gl_Position = vec4(centre.xy + 2.0 * offset / size, centre.z, 1.0);
+  splatAt = reach * vec2((corner & 1) == 0 ? -1.0 : 1.0, (corner & 2) == 0 ? -1.0 : 1.0);
+  vec2 deviations = sqrt(vec2(middle + apart, max(middle - apart, 0.0)));
+  vec2 offset = splatAt.x * deviations.x * longer + splatAt.y * deviations.y * shorter;
+  splatNearness = 0.5 - 0.5 * centre.z;
+  gl_Position = vec4(centre.xy + 2.0 * offset / viewSize, centre.z, 1.0);
 }
 """
 
 _FRAGMENT = """
 void main()
 {
-  float alpha = min(splat.a * exp(-0.5 * dot(at, at)), 0.99);
+  float alpha = min(splatColour.a * exp(-0.5 * dot(splatAt, splatAt)), 0.99);
   if (alpha * 255.0 < 1.0) {
     discard;
   }
-  colourSum = vec4(splat.rgb * alpha, alpha);
-  nearnessSum = vec4(nearness * alpha, alpha, 0.0, alpha);
+  colourSum = vec4(splatColour.rgb * alpha, alpha);
+  nearnessSum = vec4(splatNearness * alpha, alpha, 0.0, alpha);
 }
 """
 
@@ -95,7 +98,7 @@ void main()
 _LAYING_FRAGMENT = """
 void main()
 {
-  ivec2 place = ivec2(gl_FragCoord.xy - origin);
+  ivec2 place = ivec2(gl_FragCoord.xy - viewOrigin);
   vec4 colour = texelFetch(colours, place, 0);
   if (colour.a * 255.0 < 1.0) {
     discard;
@@ -149,7 +152,7 @@ class GaussianSplats:
         covariances = splats.covariances(chosen)
         columns = {
             "pos": self._centres, "color": colours[chosen],
-            "first": covariances[:, :3], "second": covariances[:, 3:],
+            "covarianceFirst": covariances[:, :3], "covarianceSecond": covariances[:, 3:],
         }  # fmt: skip
         form = gpu.types.GPUVertFormat()
         for name, values in columns.items():
@@ -226,7 +229,7 @@ class Picture:
                 gpu.state.blend_set("ALPHA_PREMULT")
                 shader.bind()
                 shader.uniform_float("clipFromObject", clip_from_object.T.ravel().tolist())
-                shader.uniform_float("size", self.size)
+                shader.uniform_float("viewSize", self.size)
                 shader.uniform_float("nearest", 0.0 if _is_parallel(clip_from_object) else NEAREST_M)
                 batch.draw(shader)
                 gpu.state.blend_set("NONE")
@@ -243,7 +246,7 @@ class Picture:
         gpu.state.depth_test_set("LESS_EQUAL")
         gpu.state.depth_mask_set(True)
         shader.bind()
-        shader.uniform_float("origin", origin)
+        shader.uniform_float("viewOrigin", origin)
         shader.uniform_float("opacity", opacity)
         shader.uniform_sampler("colours", self._laid)
         shader.uniform_sampler("nearnesses", self.nearnesses)
@@ -278,15 +281,15 @@ def _shaders_of_this_blender() -> tuple | None:
 def _painting_shader():
     info = gpu.types.GPUShaderCreateInfo()
     info.push_constant("MAT4", "clipFromObject")
-    info.push_constant("VEC2", "size")
+    info.push_constant("VEC2", "viewSize")
     info.push_constant("FLOAT", "nearest")
-    inputs = (("VEC3", "pos"), ("VEC4", "color"), ("VEC3", "first"), ("VEC3", "second"))
+    inputs = (("VEC3", "pos"), ("VEC4", "color"), ("VEC3", "covarianceFirst"), ("VEC3", "covarianceSecond"))
     for place, (kind, name) in enumerate(inputs):
         info.vertex_in(place, kind, name)
     between = gpu.types.GPUStageInterfaceInfo("r2sego_gaussian")
-    between.flat("VEC4", "splat")
-    between.flat("FLOAT", "nearness")
-    between.smooth("VEC2", "at")
+    between.flat("VEC4", "splatColour")
+    between.flat("FLOAT", "splatNearness")
+    between.smooth("VEC2", "splatAt")
     info.vertex_out(between)
     info.fragment_out(0, "VEC4", "colourSum")
     info.fragment_out(1, "VEC4", "nearnessSum")
@@ -303,7 +306,7 @@ def _developing_shader():
 
 def _laying_shader():
     info = _whole_shader_info("colours", "nearnesses")
-    info.push_constant("VEC2", "origin")
+    info.push_constant("VEC2", "viewOrigin")
     info.push_constant("FLOAT", "opacity")
     if hasattr(info, "depth_write"):  # OpenGL, all that Blender 4.3 has but for Apple's, needs no word of it
         info.depth_write("ANY")
