@@ -6,6 +6,8 @@ at that depth, so that meshes stand before and behind the splats, and kept until
 Colours are those averaged over all directions.
 """
 
+from typing import NamedTuple
+
 import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
@@ -21,8 +23,6 @@ _PICTURES = 4
 _ORDERS = 1 << 16
 """Depths that are told apart in a view."""
 
-_shaders: list = []
-
 _VERTEX = """
 void main()
 {
@@ -33,14 +33,18 @@ void main()
   splatColour = color;
   splatAt = vec2(0.0);
   splatNearness = 0.0;
-  gl_Position = vec4(0.0, 0.0, 2.0, 1.0);
+  gl_Position = vec4(0.0, 0.0, 2.0, 1.0);  // outside
   if (clip.w < nearest || color.a * 255.0 <= 1.0) {
     return;
   }
   vec3 centre = clip.xyz / clip.w;
+
+  // How the place in pixels changes with that in the object; beside the view held, as 3DGS does.
   vec2 held = clamp(centre.xy, -1.3, 1.3);
   vec3 acrossX = (toX.xyz - held.x * toW) * (0.5 * viewSize.x / clip.w);
   vec3 acrossY = (toY.xyz - held.y * toW) * (0.5 * viewSize.y / clip.w);
+
+  // The covariance in pixels, a little wider, and its axes.
   vec3 rowX = covarianceFirst;
   vec3 rowY = vec3(rowX.y, covarianceSecond.x, covarianceSecond.y);
   mat3 covariance = mat3(rowX, rowY, vec3(rowX.z, rowY.z, covarianceSecond.z));
@@ -55,6 +59,8 @@ void main()
     longer = normalize(vec2(b, middle + apart - a));
   }
   vec2 shorter = vec2(-longer.y, longer.x);
+
+  // This corner, in standard deviations, so far out that alpha falls to 1/255.
   float reach = sqrt(2.0 * log(255.0 * color.a));
   int corner = gl_VertexID & 3;
   splatAt = reach * vec2((corner & 1) == 0 ? -1.0 : 1.0, (corner & 2) == 0 ? -1.0 : 1.0);
@@ -108,6 +114,17 @@ void main()
   gl_FragDepth = 1.0 - sum.r / sum.g;
 }
 """
+
+
+class _Shaders(NamedTuple):
+    """What paints splats, makes linear light of what was painted, and lays it into a view."""
+
+    paint: gpu.types.GPUShader
+    develop: gpu.types.GPUShader
+    lay: gpu.types.GPUShader
+
+
+_shaders: list[_Shaders | None] = []
 
 
 def farthest_first(centres: np.ndarray, clip_from_object: np.ndarray) -> np.ndarray:
@@ -180,7 +197,9 @@ class GaussianSplats:
         picture.lay((left, bottom), opacity, shaders)
         return True
 
-    def _painted(self, view: int, clip_from_object: np.ndarray, size: tuple[int, int], shaders) -> "Picture":
+    def _painted(
+        self, view: int, clip_from_object: np.ndarray, size: tuple[int, int], shaders: _Shaders
+    ) -> "Picture":
         """The view's picture, painted anew."""
         picture = self._pictures.pop(view, None)
         if picture is None or picture.size != size:
@@ -218,9 +237,11 @@ class Picture:
         """Whether the picture is one of this view."""
         return self.size == size and np.array_equal(self._clip_from_object, clip_from_object)
 
-    def paint(self, batch: "gpu.types.GPUBatch | None", clip_from_object: np.ndarray, shaders) -> None:
+    def paint(
+        self, batch: gpu.types.GPUBatch | None, clip_from_object: np.ndarray, shaders: _Shaders
+    ) -> None:
         """Blend the splats of ``batch`` in its order."""
-        shader, developing, _ = shaders
+        shader = shaders.paint
         gpu.state.depth_test_set("NONE")
         gpu.state.depth_mask_set(False)
         with self._painted.bind():
@@ -234,14 +255,14 @@ class Picture:
                 batch.draw(shader)
                 gpu.state.blend_set("NONE")
         with self._developed.bind():
-            developing.bind()
-            developing.uniform_sampler("colours", self.colours)
-            _whole(developing).draw(developing)
+            shaders.develop.bind()
+            shaders.develop.uniform_sampler("colours", self.colours)
+            _whole(shaders.develop).draw(shaders.develop)
         self._clip_from_object = clip_from_object
 
-    def lay(self, origin: tuple[int, int], opacity: float, shaders) -> None:
+    def lay(self, origin: tuple[int, int], opacity: float, shaders: _Shaders) -> None:
         """Lay the picture over what is drawn from ``origin`` on, behind what is nearer."""
-        *_, shader = shaders
+        shader = shaders.lay
         gpu.state.blend_set("ALPHA_PREMULT")
         gpu.state.depth_test_set("LESS_EQUAL")
         gpu.state.depth_mask_set(True)
@@ -256,7 +277,7 @@ class Picture:
         gpu.state.blend_set("NONE")
 
 
-def _whole(shader) -> "gpu.types.GPUBatch":
+def _whole(shader: gpu.types.GPUShader) -> gpu.types.GPUBatch:
     """All of what is drawn into."""
     corners = ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0))
     return batch_for_shader(shader, "TRI_STRIP", {"pos": corners})
@@ -267,11 +288,11 @@ def forget_shaders() -> None:
     _shaders.clear()
 
 
-def _shaders_of_this_blender() -> tuple | None:
-    """The shaders that paint, develop and lay; None for a Blender that refuses one."""
+def _shaders_of_this_blender() -> _Shaders | None:
+    """The shaders; None for a Blender that refuses one."""
     if not _shaders:
         try:
-            _shaders.append((_painting_shader(), _developing_shader(), _laying_shader()))
+            _shaders.append(_Shaders(_painting_shader(), _developing_shader(), _laying_shader()))
         except Exception as error:  # what a driver refuses differs; an overlay must not raise
             print(f"R2S-EGO: splats are drawn as discs: {error}")
             _shaders.append(None)
