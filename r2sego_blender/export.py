@@ -138,7 +138,9 @@ def _write_cameras(source: Path, file: Path) -> None:
     try:
         cameras = dict(json.loads(source.read_text(encoding="utf-8")))
     except (OSError, TypeError, ValueError) as error:
-        raise SceneError("the captures' cameras cannot be read", where=source) from error
+        raise SceneError(
+            "the list of captures is damaged", where=source, cure="Make the scene anew with `r2sego new`."
+        ) from error
     about = f"{cameras.get('about', '')} {_ABOUT_CAMERAS}".strip()
     file.write_text(json.dumps(cameras | {"about": about}, indent=1) + "\n", encoding="utf-8")
 

@@ -194,7 +194,7 @@ def _leg_chain(robot: RobotModel, leg: Leg) -> _Chain:
     data = mujoco.MjData(robot.model)
     mujoco.mj_kinematics(robot.model, data)
     joints = list(leg.joints)
-    knee = _middle(robot.model, data, joints)
+    knee = _middle(data, joints)
     if knee is None or knee + 1 >= len(joints):
         raise RobotError("a leg of the robot has no knee", where=robot.source, cure="Give a humanoid.")
     anchors = data.xanchor[joints]
@@ -212,7 +212,7 @@ def _limb(
     """The upper and lower half of a limb; none where it has no joint between them."""
     model, data = robot.model, mujoco.MjData(robot.model)
     mujoco.mj_kinematics(model, data)
-    middle = _middle(model, data, joints)
+    middle = _middle(data, joints)
     if middle is None:
         return []
     anchors = data.xanchor[joints]
@@ -235,7 +235,7 @@ def _limb(
     ]
 
 
-def _middle(model: mujoco.MjModel, data: mujoco.MjData, joints: list[int]) -> int | None:
+def _middle(data: mujoco.MjData, joints: list[int]) -> int | None:
     """Which of a limb's hinges is its knee or elbow: the second that turns across the robot."""
     across = [index for index, joint in enumerate(joints) if abs(data.xaxis[joint, 1]) > _ALONG]
     return across[1] if len(across) > 1 else None
