@@ -44,6 +44,7 @@ PACKAGES = (
     Package("coacd", "coacd", "convex decomposition, as a second choice", 13),
     Package("xatlas", "xatlas", "texture coordinates", 1),
     Package("pillow", "PIL", "image files", 22),
+    Package("pillow-heif", "pillow_heif", "iPhones' photographs: HEIC", 28),
     Package("OpenEXR", "OpenEXR", "multilayer EXRs of structural conditions", 5),
     Package("usd-core", "pxr", "USD files of splats and of the collision surface", 218),
     Package("zstandard", "zstandard", "SPZ files of version 4", 24),

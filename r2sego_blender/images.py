@@ -8,12 +8,22 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from PIL import Image, ImageCms, ImageOps
+from PIL import AvifImagePlugin, Image, ImageCms, ImageOps  # noqa: F401  (the order below)
 
 from .errors import CaptureError
 
-SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".avif"})
-DAMAGED = (OSError, RuntimeError, SyntaxError, ValueError, struct.error)
+try:
+    from pillow_heif import register_heif_opener
+
+    # After AVIF: a file of the brand "mif1" may be either, and only AVIF's reader tells before its pixels.
+    register_heif_opener(thumbnails=False, depth_images=False, aux_images=False)
+    _READS_HEIC = True
+except ImportError:  # an engine of before HEIC was read
+    _READS_HEIC = False
+
+HEIC = frozenset({".heic", ".heif"})
+SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".avif"}) | HEIC
+DAMAGED = (EOFError, OSError, RuntimeError, SyntaxError, ValueError, struct.error)
 """What Pillow raises for damaged files: each format has errors of its own."""
 
 _LARGEST_PX = 200_000_000
@@ -22,10 +32,13 @@ _LARGEST_PX = 200_000_000
 def image_files(folder: Path) -> list[Path]:
     """The image files straight inside ``folder``, sorted by name.
 
-    Hidden ones are none: a Mac leaves a ``._IMG_1.jpg`` that is no image beside each file.
+    Hidden ones are none: a Mac leaves a ``._IMG_1.jpg`` that is no image beside each file. Of
+    IMG_1.HEIC and IMG_1.JPG, of which a phone or a person made one of the other, the HEIC is none.
     """
-    found = (p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith("."))
-    return sorted(p for p in found if p.is_file())
+    found = [p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith(".")]
+    found = [p for p in found if p.is_file()]
+    other_kinds = {p.stem.lower() for p in found if p.suffix.lower() not in HEIC}
+    return sorted(p for p in found if p.suffix.lower() not in HEIC or p.stem.lower() not in other_kinds)
 
 
 def load_image(path: Path) -> np.ndarray:
@@ -54,10 +67,17 @@ def load_image_uint8(path: Path) -> np.ndarray:
     except FileNotFoundError as error:
         raise CaptureError("the image is missing", where=path, cure="Check the path.") from error
     except DAMAGED as error:
-        raise CaptureError(
-            "the image cannot be read", where=path,
-            cure="Replace the file, or take it out of the folder.",
-        ) from error  # fmt: skip
+        raise unread(
+            path, "the image cannot be read", "Replace the file, or take it out of the folder."
+        ) from error
+
+
+def unread(path: Path, what: str, cure: str) -> CaptureError:
+    """The error for a file that Pillow cannot read: for HEIC, that its package is missing, if it is."""
+    if path.suffix.lower() in HEIC and not _READS_HEIC:
+        what = "HEIC cannot be read without the package pillow-heif"
+        cure = "Press Set Up Engine in the add-on's preferences, or pip install pillow-heif."
+    return CaptureError(what, where=path, cure=cure)
 
 
 def _srgb(image: Image.Image) -> Image.Image:

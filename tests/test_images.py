@@ -1,5 +1,8 @@
 """Reading images: what phones and programs write, and what is no good."""
 
+import subprocess
+import sys
+
 import cv2
 import numpy as np
 import pytest
@@ -26,17 +29,65 @@ def _colourful(width=40, height=24):
     return (np.stack([x, y, 1.0 - x], axis=2) * 200 + 20).astype(np.uint8)
 
 
-@pytest.mark.parametrize("suffix", ["jpg", "png", "webp", "avif", "tif"])
+def _write_heic(path, picture, **kept):
+    """Without loss, as HEIC can be."""
+    Image.fromarray(picture).save(path, "HEIF", quality=-1, chroma=444, matrix_coefficients=0, **kept)
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png", "webp", "avif", "tif", "heic"])
 @pytest.mark.parametrize("orientation", [1, 2, 3, 4, 5, 6, 7, 8])
 def test_the_upright_size_is_that_of_the_loaded_image(tmp_path, suffix, orientation):
     path = tmp_path / f"turned.{suffix}"
     exif = Image.Exif()
     exif[274] = orientation
-    kept = {"tiffinfo": {274: orientation}} if suffix == "tif" else {"exif": exif}
+    kept = {"tiffinfo": {274: orientation}} if suffix == "tif" else {"exif": exif.tobytes()}
     Image.fromarray(_colourful()).save(path, **kept)
     height, width = load_image(path).shape[:2]
     assert upright_size(path) == (width, height) == ((24, 40) if orientation > 4 else (40, 24))
     assert photograph_size(path)[:2] == (40, 24)
+
+
+@pytest.mark.parametrize("orientation", [1, 2, 3, 4, 5, 6, 7, 8])
+@pytest.mark.parametrize("name", ["IMG_1.HEIC", "IMG_1.heif", "renamed.jpg"])
+def test_an_iphones_photograph_is_the_same_picture_turned_once(tmp_path, name, orientation):
+    exif = Image.Exif()
+    exif[274] = orientation
+    Image.fromarray(_colourful()).save(tmp_path / "same.png", exif=exif)
+    _write_heic(tmp_path / name, _colourful(), exif=exif.tobytes())
+    np.testing.assert_array_equal(load_image_uint8(tmp_path / name), load_image_uint8(tmp_path / "same.png"))
+    assert photograph_size(tmp_path / name) == photograph_size(tmp_path / "same.png")
+
+
+def test_an_avif_of_the_brand_that_heic_has_too_is_read(tmp_path):
+    path = tmp_path / "a.avif"
+    Image.fromarray(_colourful()).save(path)
+    whole = path.read_bytes()
+    assert whole[4:12] == b"ftypavif"
+    path.write_bytes(whole[:8] + b"mif1" + whole[12:])
+    assert load_image_uint8(path).shape == (24, 40, 3)
+
+
+def test_heic_without_its_package_is_refused_with_the_cure(tmp_path):
+    """As in an engine of before HEIC was read; other images are read there, also under HEIC's name."""
+    _write_heic(tmp_path / "a.heic", _colourful())
+    Image.fromarray(_colourful()).save(tmp_path / "b.heic", "JPEG")
+    program = (
+        "import sys; sys.modules['pillow_heif'] = None\n"
+        "from pathlib import Path\n"
+        "from r2sego_blender.captures.photographs import photograph_size\n"
+        "from r2sego_blender.errors import CaptureError\n"
+        "from r2sego_blender.images import load_image\n"
+        "for read in (load_image, photograph_size):\n"
+        "    read(Path(sys.argv[2]))\n"
+        "    try: read(Path(sys.argv[1]))\n"
+        "    except CaptureError as error: print(error)\n"
+    )
+    paths = [str(tmp_path / name) for name in ("a.heic", "b.heic")]
+    done = subprocess.run([sys.executable, "-c", program, *paths], capture_output=True, text=True, check=True)
+    assert len(done.stdout.splitlines()) == 2
+    for line in done.stdout.splitlines():
+        assert line.startswith(f"{paths[0]}: HEIC cannot be read without the package pillow-heif. ")
+        assert "Set Up Engine" in line and "pip install pillow-heif" in line
 
 
 @pytest.mark.parametrize("suffix", ["png", "tif"])
@@ -55,8 +106,10 @@ def test_colours_of_another_profile_become_srgb(tmp_path):
     swapped = profile.replace(b"rXYZ", b"????").replace(b"gXYZ", b"rXYZ").replace(b"????", b"gXYZ")
     swapped = swapped.replace("sRGB".encode("utf-16-be"), "mine".encode("utf-16-be"))
     Image.fromarray(picture).save(tmp_path / "swapped.png", icc_profile=swapped)
-    read = load_image_uint8(tmp_path / "swapped.png").astype(int)
-    assert np.abs(read - picture[..., [1, 0, 2]]).max() <= 2
+    _write_heic(tmp_path / "swapped.heic", picture, icc_profile=swapped)
+    for name in ("swapped.png", "swapped.heic"):
+        read = load_image_uint8(tmp_path / name).astype(int)
+        assert np.abs(read - picture[..., [1, 0, 2]]).max() <= 2
     Image.fromarray(picture).save(tmp_path / "same.png", icc_profile=profile)
     np.testing.assert_array_equal(load_image_uint8(tmp_path / "same.png"), picture)
     Image.fromarray(picture).save(tmp_path / "damaged.png", icc_profile=profile[:40])
@@ -70,8 +123,14 @@ def test_hidden_files_are_no_photographs(tmp_path):
     assert image_files(tmp_path) == [tmp_path / "IMG_1.JPG"]
 
 
+def test_a_heic_beside_the_same_photograph_of_another_kind_is_none(tmp_path):
+    for name in ("IMG_1.HEIC", "img_1.jpg", "IMG_2.heic", "IMG_3.png"):
+        (tmp_path / name).write_bytes(b"")
+    assert [path.name for path in image_files(tmp_path)] == ["IMG_2.heic", "IMG_3.png", "img_1.jpg"]
+
+
 @pytest.mark.parametrize("read", [load_image, photograph_size])
-@pytest.mark.parametrize("suffix", ["jpg", "png", "webp", "avif", "tif"])
+@pytest.mark.parametrize("suffix", ["jpg", "png", "webp", "avif", "tif", "heic"])
 def test_damaged_images_are_refused_or_read(tmp_path, suffix, read):
     """Whatever byte is wrong: every format of Pillow has errors of its own."""
     path, rng = tmp_path / f"damaged.{suffix}", np.random.default_rng(3)
@@ -87,3 +146,15 @@ def test_damaged_images_are_refused_or_read(tmp_path, suffix, read):
         except CaptureError as error:
             refused += error.where == str(path)
     assert refused > 0
+
+
+def test_a_heic_that_is_cut_short_or_garbled_is_named(tmp_path):
+    path = tmp_path / "IMG_1.HEIC"
+    _write_heic(path, _colourful())
+    whole = path.read_bytes()
+    pixels = whole.index(b"mdat") + 4
+    too_long = whole[:pixels] + b"\x00\xff\xff\xff" + whole[pixels + 4 :]  # more than there is to read
+    for damaged in (b"", whole[:20], whole[: len(whole) // 2], whole[:-1], too_long):
+        path.write_bytes(damaged)
+        with pytest.raises(CaptureError, match=r"IMG_1\.HEIC: the image cannot be read\. Replace the file"):
+            load_image(path)

@@ -9,7 +9,7 @@ from pathlib import Path
 from ..errors import CaptureError
 
 PHOTOGRAPHS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".avif", ".heic", ".heif")
-"""Suffixes of photographs, in small letters. HEIC too: the engine says what to do with it."""
+"""Suffixes of photographs, in small letters."""
 
 _POSES = ("transforms.json", "cameras.json")
 _COLMAP = ("cameras", "images", "points3D", "frames", "rigs")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import CaptureError
-from ..images import SUFFIXES, image_files
+from ..images import HEIC, SUFFIXES, image_files
 from ..progress import Progress
 from .photographs import MIN_CAPTURES
 from .plain_folder import UNREAD_PICTURES
@@ -74,8 +74,8 @@ def _found(name: str, folders: tuple[Path, ...], guess_suffix: bool, by_file_nam
         if candidate.is_file():
             return candidate
         if guess_suffix and candidate.suffix.lower() not in SUFFIXES:
-            # Blender's scenes and instant-ngp mean .png.
-            for suffix in sorted(SUFFIXES, key=lambda suffix: (suffix != ".png", suffix)):
+            # Blender's scenes and instant-ngp mean .png, and COLMAP reads no HEIC.
+            for suffix in sorted(SUFFIXES, key=lambda suffix: (suffix != ".png", suffix in HEIC, suffix)):
                 whole = candidate.with_name(candidate.name + suffix)
                 if whole.is_file():
                     return whole
@@ -85,7 +85,7 @@ def _found(name: str, folders: tuple[Path, ...], guess_suffix: bool, by_file_nam
 def _alike(candidate: Path) -> Path | None:
     """The one photograph that has the name of ``candidate`` but for case and kind.
 
-    HEIC is converted after its poses were solved, and some systems take .JPG for .jpg.
+    HEIC is converted before or after its poses are solved, and some systems take .JPG for .jpg.
     """
     if not candidate.parent.is_dir():
         return None

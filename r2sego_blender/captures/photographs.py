@@ -12,7 +12,7 @@ from PIL import Image
 
 from ..cameras import RIGID_CURE, is_rigid
 from ..errors import CaptureError
-from ..images import DAMAGED
+from ..images import DAMAGED, unread
 from .capture import Capture
 from .lens import Lens
 
@@ -24,6 +24,7 @@ _EXIF_ORIENTATION = 274
 # EXIF orientation -> clockwise quarter turns that set the stored pixels upright, of 4, 5 and 7
 # before they are mirrored.
 _QUARTER_TURNS = {3: 2, 4: 2, 5: 1, 6: 1, 7: 3, 8: 3}
+_UPRIGHT_SIZE = ("HEIF", "TIFF")  # formats of which Pillow tells the upright size
 _ASPECT_TOLERANCE = 0.01
 # One clockwise quarter turn of the image, seen as a turn of the camera about its axis.
 _TURNED_FROM_CAMERA = np.array(
@@ -53,9 +54,11 @@ def photograph_size(path: Path) -> tuple[int, int, int]:
     """
     try:
         with Image.open(path) as image:
-            orientation = int(image.getexif().get(_EXIF_ORIENTATION, 1) or 1)
-            turns = _QUARTER_TURNS.get(orientation, 0)
-            turned_already = turns % 2 and image.format == "TIFF"  # Pillow tells a TIFF's upright size
+            orientation = image.getexif().get(_EXIF_ORIENTATION)
+            if image.format == "HEIF":  # read upright, with an EXIF that says so
+                orientation = image.info["original_orientation"]
+            turns = _QUARTER_TURNS.get(int(orientation or 1), 0)
+            turned_already = turns % 2 and image.format in _UPRIGHT_SIZE
             width, height = image.size[::-1] if turned_already else image.size
             return width, height, turns
     except Image.DecompressionBombError as error:
@@ -65,9 +68,9 @@ def photograph_size(path: Path) -> tuple[int, int, int]:
     except FileNotFoundError as error:
         raise CaptureError("the photograph is missing", where=path, cure="Check the path.") from error
     except DAMAGED as error:
-        raise CaptureError(
-            "the photograph cannot be read", where=path,
-            cure="Replace the file, or take it out of the folder and the pose file.",
+        raise unread(
+            path, "the photograph cannot be read",
+            "Replace the file, or take it out of the folder and the pose file.",
         ) from error  # fmt: skip
 
 

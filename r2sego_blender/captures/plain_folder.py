@@ -11,9 +11,8 @@ from ..images import image_files
 from ..progress import Progress
 from .photographs import MIN_CAPTURES, photograph_size, too_few
 
-_HEIC = frozenset({".heic", ".heif"})
 _RAW = frozenset({".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".rw2", ".orf", ".pef", ".srw"})
-UNREAD_PICTURES = _HEIC | _RAW | {".jxl", ".gif", ".jp2", ".psd", ".exr", ".hdr"}
+UNREAD_PICTURES = _RAW | {".jxl", ".gif", ".jp2", ".psd", ".exr", ".hdr"}
 """Suffixes of pictures that are no photographs here, in small letters."""
 
 _VIDEOS = frozenset({".mov", ".mp4", ".m4v", ".avi", ".mkv", ".webm", ".3gp"})
@@ -58,7 +57,7 @@ def _distinct(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
 def _passed_over(folder: Path, found: Sequence[Path]) -> list[Path]:
     """Pictures and videos that are not read and of which no readable one has the name.
 
-    A phone may write IMG_1.HEIC, IMG_1.JPG and IMG_1.MOV of one moment.
+    A phone may write IMG_1.DNG, IMG_1.HEIC and IMG_1.MOV of one moment.
     """
     files = [path for path in folder.iterdir() if not path.name.startswith(".") and path.is_file()]
     pictures = [path for path in files if path.suffix.lower() in UNREAD_PICTURES]
@@ -93,8 +92,6 @@ def _cure(passed: Sequence[Path]) -> str:
     cures = []
     if suffixes - _VIDEOS:
         cures.append("Save them as JPEG, PNG or TIFF.")
-    if suffixes & _HEIC:
-        cures.append("An iPhone takes JPEG with Settings > Camera > Formats > Most Compatible.")
     if suffixes & _VIDEOS:
         cures.append("Of a video save sharp frames as JPEG.")
     return " ".join(cures)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 
 import pytest
+from PIL import Image
 
 from r2sego_blender.captures.plain_folder import plain_photographs
 from r2sego_blender.errors import CaptureError
@@ -45,23 +46,34 @@ def test_copies_do_not_make_up_for_photographs(tmp_path, blank_photograph):
 
 
 def test_pictures_that_are_not_read_are_named(folder, messages):
-    """But not the HEIC and the video that a phone writes beside a JPEG, nor the video of a HEIC."""
-    for name in ("IMG_0.HEIC", "IMG_0.MOV", "IMG_7.HEIC", "IMG_7.MOV", "walk.mp4", "DSC_1.NEF"):
+    """But not the raw file and the video that a camera writes beside a photograph."""
+    for name in ("IMG_0.DNG", "IMG_0.MOV", "DSC_7.NEF", "DSC_7.MOV", "walk.mp4", "b.jxl"):
         (folder / name).write_bytes(b"\x00")
     assert len(plain_photographs(folder, messages)) == 3
     [warning] = messages.warnings
-    assert warning.startswith("DSC_1.NEF, IMG_7.HEIC, walk.mp4: passed over. Save them as JPEG")
-    assert "Most Compatible" in warning and "frames" in warning
+    assert warning.startswith("DSC_7.NEF, b.jxl, walk.mp4: passed over. Save them as JPEG")
+    assert "frames" in warning
 
 
-def test_a_folder_of_heic_alone_is_told_with_its_cure(tmp_path):
+def test_a_folder_of_raw_files_alone_is_told_with_its_cure(tmp_path):
     for index in range(6):
-        (tmp_path / f"IMG_{index}.HEIC").write_bytes(b"\x00")
-    with pytest.raises(
-        CaptureError, match=r"0 photographs found.*IMG_3\.HEIC and 2 more cannot be"
-    ) as caught:
+        (tmp_path / f"IMG_{index}.DNG").write_bytes(b"\x00")
+    with pytest.raises(CaptureError, match=r"0 photographs found.*IMG_3\.DNG and 2 more cannot be") as caught:
         plain_photographs(tmp_path, SILENT)
-    assert caught.value.cure.startswith("Save them as JPEG") and "Most Compatible" in caught.value.cure
+    assert caught.value.cure.startswith("Save them as JPEG")
+
+
+def test_iphones_photographs_are_taken_each_once(tmp_path, blank_photograph, messages):
+    """Of one that was converted the JPEG; and no video that was taken with one is told."""
+    for index in range(4):
+        picture = Image.open(blank_photograph(tmp_path / "blank.png"))
+        picture.save(tmp_path / f"IMG_{index}.HEIC")
+        (tmp_path / f"IMG_{index}.MOV").write_bytes(b"\x00")
+    picture.save(tmp_path / "IMG_3.JPG")
+    (tmp_path / "blank.png").unlink()
+    found = _names(plain_photographs(tmp_path, messages))
+    assert found == ["IMG_0.HEIC", "IMG_1.HEIC", "IMG_2.HEIC", "IMG_3.JPG"]
+    assert messages.messages == []
 
 
 def test_photographs_in_folders_below_are_pointed_to(tmp_path, blank_photograph):

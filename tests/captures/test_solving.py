@@ -115,11 +115,11 @@ def test_photographs_of_formats_that_colmap_does_not_read(room_captures, room_ca
     """Their EXIF counts too: 28 mm of a film's 43.27 mm diagonal are 323.6 of 500 pixels."""
     exif = Image.Exif()
     exif.get_ifd(0x8769)[0xA405] = 28
-    for capture, suffix in zip(room_captures, ("webp", "avif", "webp", "avif", "webp"), strict=True):
+    for capture, suffix in zip(room_captures, ("webp", "avif", "heic", "heic", "webp"), strict=True):
         path = (tmp_path / capture.name).with_suffix(f".{suffix}")
-        Image.fromarray(to_uint8(capture.image())).save(path, quality=95, exif=exif)
-    known = (tmp_path / room_captures[0].name).with_suffix(".webp")
-    assert focal_of_exif(str(known)) == pytest.approx(500.0 * 28.0 / 43.27 / 400.0, rel=1e-3)
+        Image.fromarray(to_uint8(capture.image())).save(path, quality=95, exif=exif.tobytes())
+    for path in tmp_path.iterdir():
+        assert focal_of_exif(str(path)) == pytest.approx(500.0 * 28.0 / 43.27 / 400.0, rel=1e-3)
     captures = import_captures(tmp_path, None, SETTINGS).captures
     assert _relative_errors_deg(captures, room_cameras).max() < 0.5
 

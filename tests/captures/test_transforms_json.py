@@ -195,6 +195,7 @@ def test_photographs_that_are_missing_are_left_out(tmp_path, rng, blank_photogra
         ("images/{}.jpg", "JPG"),
         ("images/{}", "JPG"),
         ("images/{}.HEIC", "jpg"),
+        ("images/{}.jpg", "HEIC"),
         ("C:\\room\\images\\{}.JPG", "jpg"),
         ("/home/somebody/room/images/{}.heic", "jpeg"),
     ],
@@ -214,9 +215,22 @@ def test_of_two_kinds_the_named_one_is_taken_or_none(tmp_path, rng, blank_photog
     path = _written(tmp_path, _poses(rng), {"fl_x": 50.0}, names="images/{}.jpg")
     captures = import_captures(tmp_path, path, SETTINGS).captures
     assert [capture.image_path.suffix for capture in captures] == [".JPG"] * 4
-    path = _written(tmp_path, _poses(rng), {"fl_x": 50.0}, names="images/{}.heic")
+    path = _written(tmp_path, _poses(rng), {"fl_x": 50.0}, names="images/{}.webp")
     with pytest.raises(CaptureError, match="4 of the 4 photographs listed are missing"):
         import_captures(tmp_path, path, SETTINGS)
+
+
+@pytest.mark.parametrize(
+    ("listed", "taken"), [("{}.HEIC", "HEIC"), ("{}", "jpg"), ("{}.JPG", "jpg"), ("{}.png", "jpg")]
+)
+def test_a_heic_is_taken_beside_its_jpeg_only_where_it_is_named(
+    tmp_path, rng, blank_photograph, listed, taken
+):
+    _photographs(tmp_path, blank_photograph, "HEIC")
+    _photographs(tmp_path, blank_photograph, "jpg")
+    path = _written(tmp_path, _poses(rng), {"fl_x": 50.0}, names=f"images/{listed}")
+    captures = import_captures(tmp_path, path, SETTINGS).captures
+    assert [capture.image_path.name for capture in captures] == [f"{i:04d}.{taken}" for i in range(4)]
 
 
 @pytest.mark.parametrize(
