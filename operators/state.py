@@ -82,9 +82,7 @@ class R2SEGO_PG_scene(bpy.types.PropertyGroup):
     )
     kept_of: StringProperty(description="The bundle in which what the rooms keep was begun")
     way_to_bundle: StringProperty(description="The bundle's place as seen from the saved .blend")
-    preset: EnumProperty(
-        name="Preset", description="Named settings of the refinement", items=PRESET_ITEMS
-    )
+    preset: EnumProperty(name="Preset", description="Named settings of the refinement", items=PRESET_ITEMS)
     round_index: IntProperty(
         name="Round", description="The refinement round whose proxy and views are shown, from 0",
         min=0, default=0, update=_other_round,
