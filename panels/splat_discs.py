@@ -62,7 +62,7 @@ class SplatDiscs:
         self._batch = gpu.types.GPUBatch(type="POINTS", buf=vertices)
 
     def draw(self, count: int, clip_from_object, scale_px: float, opacity: float) -> None:
-        """Draw the first ``count`` of them; ``scale_px`` as the function says."""
+        """Draw the first ``count`` of them; ``scale_px`` as its function gives it, times their size."""
         shader, discs = _shader()
         gpu.state.depth_test_set("LESS_EQUAL")
         gpu.state.depth_mask_set(True)

@@ -5,6 +5,7 @@ come to rest, and while it moves, or the timeline runs, some of the splats are d
 """
 
 import time
+from functools import cached_property
 
 import bpy
 import gpu
@@ -34,25 +35,23 @@ class SplatBuffers:
     def __init__(self, splats: DrawnSplats, backdrop: bool) -> None:
         self._splats, self._backdrop = splats, backdrop
         self._colours = colours_of(splats)
-        self._discs: tuple[SplatDiscs, int] | None = None
-        self._gaussians: GaussianSplats | None = None
+        self._disc_order = drawn_order(splats, backdrop)
 
     @property
-    def discs(self) -> tuple[SplatDiscs, int]:
-        """The discs, and how many they are."""
-        if self._discs is None:
-            chosen = drawn_order(self._splats, self._backdrop)
-            self._discs = SplatDiscs(self._splats, self._colours, chosen), len(chosen)
-        return self._discs
+    def disc_count(self) -> int:
+        """How many of the splats are worth a disc."""
+        return len(self._disc_order)
 
-    @property
+    @cached_property
+    def discs(self) -> SplatDiscs:
+        """The discs."""
+        return SplatDiscs(self._splats, self._colours, self._disc_order)
+
+    @cached_property
     def gaussians(self) -> GaussianSplats:
         """The Gaussians, and the pictures drawn of them."""
-        if self._gaussians is None:
-            chosen = np.arange(len(self._splats.means))
-            chosen = chosen if self._backdrop else np.flatnonzero(~self._splats.backdrop)
-            self._gaussians = GaussianSplats(self._splats, self._colours, chosen)
-        return self._gaussians
+        chosen = np.flatnonzero(~self._splats.backdrop | self._backdrop)
+        return GaussianSplats(self._splats, self._colours, chosen)
 
 
 def drawn_order(splats: DrawnSplats, backdrop: bool) -> np.ndarray:
@@ -125,9 +124,10 @@ def _buffer(shown: bpy.types.Object, group: bpy.types.PropertyGroup) -> SplatBuf
         if mesh.is_editmode:  # its attributes cannot be read; Edit Mode shows its own points
             return None
         splats = drawn_splats(mesh)
-        if splats is None or not len(drawn_order(splats, group.backdrop)):
+        buffers = SplatBuffers(splats, group.backdrop) if splats is not None else None
+        if buffers is None or not buffers.disc_count:
             return None
-        _buffers[key] = SplatBuffers(splats, group.backdrop)
+        _buffers[key] = buffers
     return _buffers[key]
 
 
@@ -161,11 +161,10 @@ def draw(context: bpy.types.Context) -> None:
         anew = not moving or gaussians_while_moving(gaussians.count, device)
         if gaussians.draw(key, np.array(clip_from_object), group.opacity, anew):
             return
-    discs, total = buffers.discs
-    count = drawn_count(total, group.share, group.moving_share, moving)
+    count = drawn_count(buffers.disc_count, group.share, group.moving_share, moving)
     count = points_while_moving(count, device) if moving else count
     scale = group.size * scale_px(view.window_matrix, context.region.height)
-    discs.draw(count, clip_from_object, scale, group.opacity)
+    buffers.discs.draw(count, clip_from_object, scale, group.opacity)
 
 
 _overlay = Overlay(draw, "POST_VIEW")

@@ -121,20 +121,25 @@ def shows_bundle(candidate: bpy.types.Object, bundle: Bundle) -> bool:
 
 def is_current(candidate: bpy.types.Object, stage: Stage) -> bool:
     """Whether an object made by ``show_asset`` shows the stage's file as it is, with all that is drawn."""
-    whole = all(name in candidate.data.attributes for name in (_COLOUR, *_DRAWN))
-    return whole and candidate.get(_STAGE) == stage.name and candidate.get(_MADE) == _made(stage)
+    as_now = candidate.get(_STAGE) == stage.name and candidate.get(_MADE) == _made(stage)
+    return as_now and _is_whole(candidate.data)
 
 
 def drawn_splats(mesh: bpy.types.Mesh) -> DrawnSplats | None:
     """The splats back from a mesh that ``show_asset`` made; None when its attributes are gone."""
     count = len(mesh.vertices)
-    if not all(name in mesh.attributes for name in (_COLOUR, *_DRAWN)):
+    if not _is_whole(mesh):
         return None
     colours = np.empty(4 * count, np.float32)
     mesh.attributes[_COLOUR].data.foreach_get("color_srgb", colours)
     return DrawnSplats(
         centres_of(mesh), colours.reshape(-1, 4)[:, :3], *(read_attribute(mesh, name) for name in _DRAWN)
     )
+
+
+def _is_whole(mesh: bpy.types.Mesh) -> bool:
+    """Whether a mesh has all attributes that the preview draws."""
+    return all(name in mesh.attributes for name in (_COLOUR, *_DRAWN))
 
 
 def centres_of(mesh: bpy.types.Mesh) -> np.ndarray:

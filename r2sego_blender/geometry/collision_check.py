@@ -86,15 +86,31 @@ class CollisionCheck:
         return float(np.abs(self.gap_m[self.at_rest]).max(initial=0.0))
 
     @property
+    def failures(self) -> list[str]:
+        """In words, what of this does not hold: pieces compiled where they were written, no sphere
+        fell through, 99 % of them rest on the surface, and none farther from it than 3 cm."""
+        count, found = len(self.starts), []
+        if not self.vertex_error_m <= VERTEX_TOLERANCE_M:  # nor where it is no number
+            found.append("pieces are not where they were written")
+        if self.fell_through.any():
+            found.append(f"{int(self.fell_through.sum())} of {count} spheres fell through")
+        if len(self.off_surface) > (1.0 - SHARE_ON_SURFACE) * count:
+            allowed = f"{1.0 - SHARE_ON_SURFACE:.0%} are allowed"
+            found.append(f"{len(self.off_surface)} of {count} spheres off the surface, {allowed}")
+        if not self.farthest_m <= FARTHEST_M:
+            allowed = f"{100 * FARTHEST_M:.0f} cm are allowed"
+            found.append(f"one rests {gap_in_words(self.farthest_m)} off, {allowed}")
+        return found
+
+    @property
     def passed(self) -> bool:
-        """Pieces compiled where they were written, no sphere fell through, 99 % of them rest on
-        the surface, and none farther from it than 3 cm."""
-        return (
-            self.vertex_error_m <= VERTEX_TOLERANCE_M
-            and not self.fell_through.any()
-            and len(self.off_surface) <= (1.0 - SHARE_ON_SURFACE) * len(self.starts)
-            and self.farthest_m <= FARTHEST_M
-        )
+        """Whether none of the ``failures`` is there."""
+        return not self.failures
+
+
+def gap_in_words(gap_m: float) -> str:
+    """How far a sphere is from the surface, which is not looked at beyond 30 cm."""
+    return f"{100 * gap_m:.1f} cm" if np.isfinite(gap_m) else "more than 30 cm"
 
 
 def check_collision(
