@@ -9,10 +9,11 @@ from pathlib import Path
 
 from . import __version__
 from .errors import AssetError, SceneError
-from .geometry.collision_files import MESH_OBJ
+from .geometry.collision_files import MESH_OBJ, SCENE_USD
 from .geometry.objects import read_backends
 from .geometry.proxy import GeometryProxy
 from .layout import COLLISION, OBJECTS, REFINED_ASSET, of_round
+from .room_stage import ROOM_USDA, write_room_stage
 from .scene import Scene
 from .splats.formats import SUFFIXES, load_asset, save_asset
 from .world_frame import require_present_frame
@@ -24,7 +25,9 @@ _FILES = {
     "scene.usd (UsdPhysics); convex pieces in hulls; mesh.obj, mesh.stl and mesh.glb (Y up)",
     "proxy.ply": "the geometry both were made with: grey observed, teal of a prior, amber completed",
     "cameras.json": "the photographs' cameras",
+    ROOM_USDA: "one USD stage of both, for Isaac Sim and Omniverse: /room/surface and /room/splats",
 }
+_USD = {".usd", ".usda", ".usdc"}
 _Y_UP = {".glb", ".gltf", ".spz"}
 _WIDTH = 14  # of the column of names
 _ABOUT_CAMERAS = (
@@ -40,8 +43,9 @@ def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list
     ``scene.xml`` for MuJoCo, ``scene.urdf`` and ``scene.usd`` with physics), ``proxy.ply`` (faces
     coloured by provenance) and ``cameras.json`` (the captures in the world frame; it names the
     photographs as the scene's folder ``captures`` has them, and says so); the asset
-    once more for each suffix in ``splats``, such as ``.spz`` (docs/splat_formats.md); and
-    ``about.txt``, which says what these are and what made them.
+    once more for each suffix in ``splats``, such as ``.spz`` (docs/splat_formats.md), with one of
+    USD also ``room.usda``, a stage of the asset and the collision surface; and ``about.txt``,
+    which says what these are and what made them.
     Nothing appears before all of it is written; the ``collision`` of an earlier export goes. Raises
     SceneError where another one is, when the scene has no result yet, one of a world frame that was
     corrected since, or one that was damaged or changed since, and for a folder inside the scene;
@@ -96,6 +100,9 @@ def _write(scene: Scene, folder: Path, rounds: int, splats: Sequence[str]) -> li
         if (name := f"asset{suffix}") not in names:
             save_asset(folder / name, asset)
             names.append(name)
+    if stages := [name for name in names if Path(name).suffix in _USD]:
+        write_room_stage(folder, f"collision/{SCENE_USD}", stages[0])
+        names.append(ROOM_USDA)
     (folder / ABOUT).write_text(_about(scene, names, rounds), encoding="utf-8")
     return [*names, ABOUT]
 

@@ -5,10 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pxr import Usd, UsdGeom, UsdPhysics, UsdVol
 
 from r2sego_blender.benchmarks.workloads import made_up_room
 from r2sego_blender.errors import AssetError, R2SEgoError, SceneError
 from r2sego_blender.export import export_scene
+from r2sego_blender.geometry.collision import CollisionSurface
+from r2sego_blender.geometry.collision_files import write_collision
+from r2sego_blender.geometry.convex import convex_hull
 from r2sego_blender.geometry.proxy import GeometryProxy
 from r2sego_blender.scene import Declaration, Scene, content_digest
 from r2sego_blender.splats.formats import load_asset, save_asset
@@ -70,6 +74,33 @@ def test_it_says_what_each_file_is_in_which_frame_and_what_made_it(scene, tmp_pa
     assert "Y up" in told["asset.spz"] and "Y up" not in told["asset.usdc"]
     assert "Metres" in text and "Z up" in text and "Ground: floor. Scale: metric." in text
     assert "surface: NKSR" in text and "object chair: mesh by SAM 3D 1.0" in text
+
+
+def test_usd_splats_and_the_collision_surface_are_one_stage_too(scene, tmp_path):
+    piece = convex_hull(np.random.default_rng(0).uniform(-0.3, 0.3, (12, 3)))
+    floor = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float64)
+    write_collision(CollisionSurface(*piece, (piece,), floor, 0.02), scene.collision_folder)
+    written = export_scene(scene, tmp_path / "out", [".usdc"])
+    assert "room.usda" in [path.name for path in written]
+    moved = (tmp_path / "out").rename(tmp_path / "elsewhere")
+    stage = Usd.Stage.Open(str(moved / "room.usda"))
+    assert not stage.GetCompositionErrors()
+    assert stage.GetDefaultPrim().GetPath() == "/room" and UsdGeom.GetStageUpAxis(stage) == "Z"
+    assert UsdGeom.GetStageMetersPerUnit(stage) == UsdPhysics.GetStageKilogramsPerUnit(stage) == 1.0
+    assert len([prim for prim in stage.Traverse() if prim.IsA(UsdPhysics.Scene)]) == 1
+    colliders = [prim for prim in stage.Traverse() if prim.HasAPI(UsdPhysics.CollisionAPI)]
+    assert {prim.GetName() for prim in colliders} == {"floor", "piece_0000"}
+    splats = UsdVol.ParticleField3DGaussianSplat(stage.GetPrimAtPath("/room/splats"))
+    assert np.array_equal(splats.GetPositionsAttr().Get(), load_asset(scene.asset_file).means)
+    seen = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Gprim) or prim == splats.GetPrim()]
+    shown = [prim for prim in seen if _is_seen(prim)]
+    assert shown == [splats.GetPrim()]
+
+
+def _is_seen(prim) -> bool:
+    """Whether a camera sees a prim."""
+    imageable = UsdGeom.Imageable(prim)
+    return imageable.ComputeVisibility() != "invisible" and imageable.ComputePurpose() != "guide"
 
 
 def test_an_unknown_format_is_refused_before_anything_is_written(scene, tmp_path):

@@ -27,12 +27,7 @@ def write_usd(path: Path, surface: CollisionSurface, names: list[str], floor: Fl
     """
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     stage = Usd.Stage.Open(layer)
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
-    scene = UsdPhysics.Scene.Define(stage, "/physics")
-    scene.CreateGravityDirectionAttr(Gf.Vec3f(0.0, 0.0, -1.0))
-    scene.CreateGravityMagnitudeAttr(_GRAVITY_M_S2)
+    define_physics(stage)
     room = UsdGeom.Xform.Define(stage, "/room")
     stage.SetDefaultPrim(room.GetPrim())
     Usd.ModelAPI(room).SetKind(Kind.Tokens.component)
@@ -48,6 +43,16 @@ def write_usd(path: Path, surface: CollisionSurface, names: list[str], floor: Fl
             UsdPhysics.Tokens.convexHull
         )
     layer.Export(str(path))
+
+
+def define_physics(stage: Usd.Stage) -> None:
+    """Make a stage's units metres and kilograms and its up axis Z; add ``/physics``, the PhysicsScene."""
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
+    scene = UsdPhysics.Scene.Define(stage, "/physics")
+    scene.CreateGravityDirectionAttr(Gf.Vec3f(0.0, 0.0, -1.0))
+    scene.CreateGravityMagnitudeAttr(_GRAVITY_M_S2)
 
 
 def _mesh(stage: Usd.Stage, path: str, vertices: np.ndarray, faces: np.ndarray) -> UsdGeom.Mesh:
