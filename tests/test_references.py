@@ -52,6 +52,36 @@ def test_a_target_at_a_capture_overlaps_it_wholly():
     assert overlaps.tolist() == [1.0]
 
 
+@pytest.mark.parametrize("size", [(64, 48), (16, 12)])
+def test_a_point_is_seen_unless_the_captures_depth_there_is_nearer_or_unknown(size):
+    """One wall, and a capture at the target's pose whose depth is of blocks, also of a smaller image."""
+    camera = LENS.at(look_at([0.0, 0.0, 1.0], [0.0, 2.0, 1.0]))
+    blocks = np.random.default_rng(0).choice([0.0, 1.0, 2.0, 5.0], (12, 16)).astype(np.float32)
+    depth = blocks.repeat(size[1] // 12, axis=0).repeat(size[0] // 16, axis=1)
+    _, overlaps = select_reference(
+        camera,
+        [camera],
+        lambda c: np.full(c.shape, 2.0, np.float32),
+        [depth],
+        SelectionSettings(overlap_scale=1),
+    )
+    assert overlaps[0] == (blocks >= 2.0).mean()
+
+
+@pytest.mark.parametrize(
+    ("nearer_m", "tolerance", "seen"),
+    [(0.05, 0.03, 1.0), (0.05, 0.015, 0.0), (0.008, 0.001, 1.0), (0.015, 0.001, 0.0)],
+)
+def test_depth_may_differ_by_the_tolerance_and_a_centimetre(nearer_m, tolerance, seen):
+    camera = LENS.at(look_at([0.0, 0.0, 1.0], [0.0, 2.0, 1.0]))
+    settings = SelectionSettings(overlap_scale=0.25, overlap_tolerance=tolerance)
+    depth = np.full(camera.shape, 2.0 - nearer_m, np.float32)
+    _, overlaps = select_reference(
+        camera, [camera], lambda c: np.full(c.shape, 2.0, np.float32), [depth], settings
+    )
+    assert overlaps.tolist() == [seen]
+
+
 def test_no_captures_are_an_error():
     with pytest.raises(GenerationError, match="no captures"):
         select_reference(LENS, [], wall_with_screen, [], SelectionSettings())

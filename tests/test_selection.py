@@ -8,9 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from progress_recorder import ProgressRecorder
 
+from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.errors import GenerationError
 from r2sego_blender.selection import (
     Selection,
+    load_candidates,
+    save_candidates,
     select_targets,
     temporal_nms,
 )
@@ -172,8 +175,9 @@ def test_scores_that_are_no_numbers_are_refused(bad):
 
 def test_a_selection_survives_the_disk(tmp_path):
     rng = np.random.default_rng(0)
+    settings = SelectionSettings(target_views=3, nms_window=5, geometry="ignored")
     selection = select_targets(
-        rng.random(40), rng.random(40), np.repeat([0, 1], 20), np.tile(np.arange(20), 2), FEW
+        rng.random(40), rng.random(40), np.repeat([0, 1], 20), np.tile(np.arange(20), 2), settings
     )
     selection.save(tmp_path)
     loaded = Selection.load(tmp_path)
@@ -181,6 +185,18 @@ def test_a_selection_survives_the_disk(tmp_path):
         np.testing.assert_array_equal(getattr(loaded, name), getattr(selection, name))
     words = json.loads((tmp_path / "selection.json").read_text())
     assert [entry["candidate"] for entry in words["targets"]] == selection.targets.tolist()
+
+
+def test_candidates_survive_the_disk(tmp_path):
+    lens = Camera(96, 72, 81.5, 82.5, 47.0, 36.5, np.eye(4))
+    candidates = [lens.at(look_at([k, 0.0, 1.0], [k, 2.0, 0.3 * k])) for k in range(3)]
+    save_candidates(tmp_path, candidates)
+    assert [one.to_json() for one in load_candidates(tmp_path)] == [one.to_json() for one in candidates]
+    with pytest.raises(GenerationError, match="no candidate views"):
+        save_candidates(tmp_path, [])
+    (tmp_path / "candidates.json").write_text("{}")
+    with pytest.raises(GenerationError, match="these are not candidate views"):
+        load_candidates(tmp_path)
 
 
 @pytest.mark.parametrize("damage", ["missing", "empty", "cut", "other"])
