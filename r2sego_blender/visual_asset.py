@@ -80,7 +80,7 @@ def grow(
     left out at random.
     """
     for view in views:
-        missing = (render(asset, view.camera).alpha < _MISSING_ALPHA) & (view.depth > 0.0)
+        missing = render(asset, view.camera).alpha < _MISSING_ALPHA
         stride_px = math.ceil(_FILL_COARSENESS * _mean_stride(view.stride_px, view.detailed_share))
         added = from_depth(view.camera, view.depth, view.image, stride_px, missing)
         room = settings.max_gaussians - len(asset)

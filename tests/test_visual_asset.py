@@ -82,6 +82,61 @@ def test_a_generated_frame_keeps_its_own_confidence_where_the_asset_is_empty():
     np.testing.assert_allclose(agreement(SplatAsset.empty(), view), 0.3)
 
 
+def test_the_agreement_falls_to_1_over_e_at_a_difference_of_0_12_and_scales_the_confidence():
+    asset = grow(SplatAsset.empty(), [wall_view(0.0)], SETTINGS, np.random.default_rng(0))
+    view = wall_view(0.6)  # its right side is beyond the asset
+    now = render(asset, view.camera)
+    for apart in (0.0, 0.12, 0.24):
+        frame = dataclasses.replace(view, image=now.colour - np.float32(apart))
+        trusted = agreement(asset, PseudoView(frame, np.full(view.camera.shape, 0.5, np.float32)))
+        shown = now.alpha >= 0.8
+        assert 0.3 < shown.mean() < 0.9
+        np.testing.assert_allclose(trusted[shown], 0.5 * np.exp(-((apart / 0.12) ** 2)), rtol=1e-4)
+        np.testing.assert_array_equal(trusted[~shown], np.float32(0.5))
+
+
+def test_an_update_covers_what_only_a_generated_view_shows():
+    views, aside = [wall_view(-0.3), wall_view(0.3)], wall_view(4.0)
+    asset = update_visual_asset(
+        SplatAsset.empty(), SplatAsset.empty(), views, [pseudo(aside)], SETTINGS, np.random.default_rng(0)
+    )  # fmt: skip
+    assert coverage(asset, aside) > 0.95
+
+
+@pytest.mark.parametrize(
+    ("real_weight", "synthetic_weight", "draws", "captures_first", "learnt"),
+    [
+        (1.0, 0.5, 3, 0.0, "capture"),
+        (1.0, 2.0, 3, 0.0, "capture"),
+        (1.0, 2.0, 1, 0.0, "generated"),
+        (1.0, 8.0, 3, 0.0, "generated"),
+        (0.1, 0.5, 3, 0.0, "generated"),
+        (1.0, 8.0, 3, 1.0, "capture"),
+    ],
+)
+def test_of_two_colours_the_one_with_the_larger_sum_of_weights_is_learnt(
+    real_weight, synthetic_weight, draws, captures_first, learnt
+):
+    """By the absolute error: the weighted median. A capture's sum is its weight times its draws."""
+    settings = dataclasses.replace(
+        SETTINGS, steps_per_round=120, sh_degree=0, ssim_weight=0.0, opaque_weight=0.0, dropout_share=0.0,
+        real_weight=real_weight, synthetic_weight=synthetic_weight, capture_oversampling=draws,
+        captures_first_share=captures_first,
+    )  # fmt: skip
+    capture, generated = wall_view(0.0), wall_view(0.0, shade=0.05)
+    between = grow(SplatAsset.empty(), [wall_view(0.0, shade=0.025)], SETTINGS, np.random.default_rng(0))
+    asset = update_visual_asset(
+        between, SplatAsset.empty(), [capture], [pseudo(generated)], settings, np.random.default_rng(0)
+    )  # fmt: skip
+    shown = render(asset, capture.camera).colour[8:-8, 8:-8]
+    apart = {
+        name: np.abs(shown - view.image[8:-8, 8:-8]).mean()
+        for name, view in (("capture", capture), ("generated", generated))
+    }
+    assert min(apart, key=apart.get) == learnt
+    assert min(apart.values()) < 0.5 * max(apart.values())
+
+
 @pytest.mark.parametrize("with_pseudo", [False, True])
 def test_an_update_learns_the_captures(with_pseudo):
     views = [wall_view(-0.3), wall_view(0.3)]

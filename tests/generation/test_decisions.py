@@ -14,6 +14,9 @@ def test_the_hand_overrules_the_gate(tmp_path, by_gate):
     save_decision(tmp_path, False)
     assert not is_accepted(tmp_path, by_gate)
     assert [path.name for path in tmp_path.iterdir()] == [DECISION]
+    for _ in range(2):
+        save_decision(tmp_path, None)
+        assert is_accepted(tmp_path, by_gate) is by_gate
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"accepted": "no"}', '{"accepted": 1}', "null"])
