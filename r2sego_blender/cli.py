@@ -243,7 +243,7 @@ def export(scene: Path, folder: Path, splats: str) -> None:
 
 @main.command()
 @click.argument("scene", type=ANY_PATH)
-@click.option("--to", "file", type=ANY_PATH, metavar="FILE.glb", help="By default the bundle's own.")
+@click.option("--to", "file", type=ANY_PATH, metavar="FILE", help="GLB, or OBJ and MJCF; else in the scene.")
 @click.option("--faces", type=int, metavar="N", help="Short for --set texture.faces=N.")
 @click.option("--size", type=int, metavar="PX", help="Short for --set texture.size_px=PX.")
 @settings_option

@@ -1,4 +1,4 @@
-"""The proxy of a scene as one textured mesh: decimated, unwrapped, baked and written as GLB."""
+"""The proxy of a scene as one textured mesh: decimated, unwrapped, baked and written."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from .generation.exposure import exposure_gains
 from .geometry.decimation import decimated
 from .geometry.proxy import GeometryProxy
 from .geometry.rasterizer import MeshRasterizer
+from .geometry.textured_obj import obj_files
 from .geometry.texturing import bake
 from .geometry.unwrapping import unwrapped
 from .layout import of_round
@@ -32,9 +33,10 @@ FILE = "textured_proxy.glb"
 
 @dataclass(frozen=True)
 class TextureFigures:
-    """What was written: ``file``, ``faces``, ``size_px``, how it was unwrapped, ``seen`` (the
-    share of the surface a capture saw), ``psnr_db`` of the captures rendered again where the
-    mesh covers them (``covered``, a share of their pixels), and the ``seconds`` it took."""
+    """What was written: ``file``, ``megabytes`` with what lies beside it, ``faces``, ``size_px``,
+    how it was unwrapped, ``seen`` (the share of the surface a capture saw), ``psnr_db`` of the
+    captures rendered again where the mesh covers them (``covered``, a share of their pixels), and
+    the ``seconds`` it took."""
 
     file: str
     megabytes: float
@@ -64,14 +66,17 @@ def texture_scene(
 ) -> TextureFigures:
     """Write the newest proxy of ``scene`` with colours baked from its captures.
 
-    ``file`` ends in ``.glb``; by default it is the bundle's own ``textured_proxy.glb``. The
-    captures' exposures are evened out first. Raises SceneError when there is no proxy yet, or its
-    world frame was corrected since.
+    ``file`` ends in ``.glb``, or in ``.obj``: then its material, its texture and MuJoCo's scene of it are
+    written beside it. By default it is the bundle's own ``textured_proxy.glb``. The captures' exposures
+    are evened out first. Raises SettingsError for another suffix, SceneError when there is no proxy
+    yet, or its world frame was corrected since, AssetError when the file cannot be written.
     """
     started = time.monotonic()
     target = scene.path / FILE if file is None else Path(file)
-    if target.suffix.lower() != ".glb":
-        raise SettingsError(f"'{target.name}' does not end in .glb", where="--to", cure="Name it so.")
+    if target.suffix.lower() not in (".glb", ".obj"):
+        raise SettingsError(
+            f"'{target.name}' ends neither in .glb nor in .obj", where="--to", cure="Name it so."
+        )
     captures = load_captures(scene.captures_folder)
     proxy = _newest_proxy(scene)
     mesh = unwrapped(
@@ -85,9 +90,11 @@ def texture_scene(
     images = [image * gain for image, gain in zip(images, gains, strict=True)]
     shown = [_on_photograph(capture) for capture in captures]
     textured = bake(mesh, images, cameras, settings.texture, progress, shown)
-    data = textured.glb()
-    with publishing(target) as staging:
-        staging.write_bytes(data)
+    is_glb = target.suffix.lower() == ".glb"
+    files = {target.name: textured.glb()} if is_glb else obj_files(textured, target.stem)
+    for name, data in files.items():
+        with publishing(target.with_name(name)) as staging:
+            staging.write_bytes(data)
     squares, pixels = 0.0, 0
     for camera, image, usable in zip(cameras, images, shown, strict=True):
         again, known = textured.render(camera)
@@ -97,7 +104,7 @@ def texture_scene(
     psnr_db = 10 * np.log10(3 * pixels / max(squares, 1e-12)) if pixels else 0.0
     return TextureFigures(
         file=str(target),
-        megabytes=len(data) / 1e6,
+        megabytes=sum(map(len, files.values())) / 1e6,
         faces=len(textured.faces),
         size_px=settings.texture.size_px,
         unwrapped_by=textured.method,

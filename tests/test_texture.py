@@ -109,7 +109,7 @@ def test_the_same_scene_gives_the_same_bytes(scene, tmp_path):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--to", "out.obj"], "does not end in .glb"),
+        (["--to", "out.stl"], "ends neither in .glb nor in .obj"),
         (["--size", 1], "texture.size_px: 1 is out of range"),
         (["--to", "/no/such/folder/out.glb", *SMALL], "cannot be written"),
         (["--size", 64, "--set", "texture.unwrap_seconds=0", "--set", "texture.padding_px=32"], "do not fit"),

@@ -37,10 +37,16 @@ class TexturedMesh:
         image[buffers.face < 0] = 0
         return image, buffers.face >= 0
 
+    def png(self) -> bytes:
+        """The texture as PNG."""
+        buffer = io.BytesIO()
+        Image.fromarray(self.texture).save(buffer, "PNG", compress_level=6)
+        return buffer.getvalue()
+
     def glb(self) -> bytes:
         """The mesh as binary glTF: Y up, one unlit material, since the light is in the texture."""
         y_up = self.vertices[:, [0, 2, 1]] * np.float32([1, 1, -1])
-        picture = Image.open(io.BytesIO(_png(self.texture)))
+        picture = Image.open(io.BytesIO(self.png()))
         material = trimesh.visual.material.PBRMaterial(
             name="baked", baseColorTexture=picture, metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True
         )
@@ -62,12 +68,6 @@ def sampled(texture: np.ndarray, uvs: np.ndarray) -> np.ndarray:
     upper = texture[row, column] * (1 - across) + texture[row, column + 1] * across
     lower = texture[row + 1, column] * (1 - across) + texture[row + 1, column + 1] * across
     return ((upper * (1 - down) + lower * down) / 255).astype(np.float32)
-
-
-def _png(texture: np.ndarray) -> bytes:
-    buffer = io.BytesIO()
-    Image.fromarray(texture).save(buffer, "PNG", compress_level=6)
-    return buffer.getvalue()
 
 
 def _unlit(document: dict[str, Any]) -> None:
