@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from step_reads import KeysOnly, WatchedScene, another, unshared_contents
 
 from r2sego_blender.captures.store import load_captures
 from r2sego_blender.cli import main
@@ -17,6 +18,7 @@ from r2sego_blender.evaluation.scene_report import write_scene_report
 from r2sego_blender.export import export_scene
 from r2sego_blender.generation.decisions import save_decision
 from r2sego_blender.geometry.proxy import GeometryProxy
+from r2sego_blender.named_settings import entries
 from r2sego_blender.pipeline import refine
 from r2sego_blender.plan import plan_refinement
 from r2sego_blender.scene import Scene, content_digest
@@ -45,15 +47,35 @@ SMALL = {
 
 
 @pytest.fixture(scope="module")
-def small_room(tmp_path_factory) -> Scene:
+def small_room(tmp_path_factory) -> WatchedScene:
     """The demo room, refined for two rounds at a quarter of the images' size."""
     scene = create_scene(
         tmp_path_factory.mktemp("pipeline") / "room.r2s", ROOM / "captures", ROOM / "cameras.json",
         settings=CaptureSettings(max_side_px=240),
     )  # fmt: skip
-    scene = scene.declare(overrides=SMALL)
-    refine(scene)
+    scene = WatchedScene(scene.declare(overrides=SMALL))
+    with unshared_contents():
+        refine(scene)
     return scene
+
+
+def test_a_step_reads_only_what_its_key_knows(small_room):
+    """Else it would be passed over although something that it reads has changed."""
+    for target, files in small_room.files.items():
+        inputs = tuple(map(Path, small_room.inputs[target]))
+        assert all(any(Path(file).is_relative_to(known) for known in inputs) for file in files), target
+    assert {"rounds/0/proxy/proxy.npz", "geometry/backdrop.ply"} < small_room.files["rounds/0/asset.ply"]
+    before = KeysOnly(small_room)
+    refine(before)
+    assert set(before.keys) == set(small_room.files)
+    missed = set()
+    for entry in entries(before.declaration.settings):
+        after = KeysOnly(small_room, **{entry.key: another(entry)})
+        refine(after)
+        reading = {target for target, settings in small_room.settings.items() if entry.key in settings}
+        missed |= {(target, entry.key) for target in reading - after.redone(before)}
+    # The backdrop's views have a share of detail, as all that are lifted: it makes nothing of it.
+    assert missed == {("geometry/backdrop.ply", "training.detailed_share")}
 
 
 def test_every_round_leaves_what_it_did(small_room):
