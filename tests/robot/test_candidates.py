@@ -13,7 +13,8 @@ def turning(degrees, success=True):
     """A rollout whose camera moves 1 m a frame and turns about the vertical to ``degrees`` (T,)."""
     count = len(degrees)
     poses = np.tile(np.eye(4), (count, 1, 1))
-    poses[:, :3, :3] = Rotation.from_euler("z", degrees, degrees=True).as_matrix()
+    angles = np.asarray(degrees, float)[:, None]
+    poses[:, :3, :3] = Rotation.from_euler("z", angles, degrees=True).as_matrix()
     poses[:, 0, 3] = np.arange(count)
     return Rollout(
         success=success, reason="" if success else "fall", frame=count - 1, qpos=np.zeros((count, 7)),
