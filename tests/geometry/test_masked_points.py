@@ -29,6 +29,8 @@ def test_points_in_most_masks_are_the_objects(views):
     nothing = np.zeros_like(masks[0])
     assert points_on_object(POINTS, seen, cameras, [masks[0], masks[1], nothing], range(3))[0]
     assert not points_on_object(POINTS, seen, cameras, [masks[0], nothing, nothing], range(3)).any()
+    half = points_on_object(POINTS, seen, cameras[:2], [masks[0], nothing], range(2))
+    assert not half.any()
 
 
 def test_captures_that_do_not_see_a_point_say_nothing_of_it(views):
