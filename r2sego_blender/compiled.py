@@ -20,8 +20,11 @@ import numba
 from llvmlite import binding as llvm
 from numba.core import codegen, event
 
+from .scratch import ScratchFolder
+
 _LIBRARY = Path(__file__).resolve().parent
 _MARK = b".compiled " + b"import"  # in two parts: this file holds no kernel
+_temporary: list[ScratchFolder] = []  # a cache that goes with the process
 
 
 def _cache_folder() -> Path:
@@ -31,12 +34,16 @@ def _cache_folder() -> Path:
     for source, text in sources.items():
         if source.parent in packages:
             digest.update(source.relative_to(_LIBRARY).as_posix().encode() + text)
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    folder = base / "r2sego" / f"kernels-{digest.hexdigest()[:16]}"
     try:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        folder = base / "r2sego" / f"kernels-{digest.hexdigest()[:16]}"
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError:  # a read-only home: the kernels are compiled once a run
-        folder = Path(tempfile.mkdtemp(prefix="r2sego-kernels-"))
+        with tempfile.TemporaryFile(dir=folder):  # where it may not write, Numba keeps kernels elsewhere
+            pass
+    except (OSError, RuntimeError):  # another user's, a read-only home, or none: compiled once a run
+        _temporary.append(ScratchFolder())
+        folder = Path(_temporary[0].name)
+        os.environ["NUMBA_CACHE_DIR"] = str(folder)  # for the processes that this one starts, too
     return folder
 
 

@@ -1,8 +1,11 @@
 """Kernels are compiled once, said to be, and kept: the same bits for the next process."""
 
 import os
+import shutil
 import subprocess
 import sys
+
+import pytest
 
 _RUN = (
     "import numpy as np\n"
@@ -27,16 +30,14 @@ print(sha256(field.planes.tobytes()).hexdigest())
 """
 
 
-def _first_and_second_run(program, cache):
+def _first_and_second_run(program, cache, without_privilege=(), **more):
     """What two processes say that begin with an empty cache: their output, and how often
     they tell that kernels are compiled."""
     environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-    environment["XDG_CACHE_HOME"] = str(cache)
+    environment |= {"XDG_CACHE_HOME": str(cache), **more}
+    command = [*without_privilege, sys.executable, "-c", program]
     runs = [
-        subprocess.run(
-            [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True
-        )
-        for _ in range(2)
+        subprocess.run(command, env=environment, capture_output=True, text=True, check=True) for _ in range(2)
     ]
     return [run.stdout.strip() for run in runs], [run.stderr.count("compiling kernels") for run in runs]
 
@@ -53,3 +54,31 @@ def test_a_kernel_from_the_cache_gives_the_bits_of_the_process_that_compiled_it(
     (compiled, loaded), told = _first_and_second_run(_SWEEPS, tmp_path)
     assert told == [1, 0]
     assert compiled == loaded
+
+
+@pytest.mark.skipif(os.name == "nt", reason="permissions")
+def test_a_cache_that_may_not_be_written_is_not_replaced_by_one_that_stays(tmp_path):
+    _first_and_second_run(_RUN, tmp_path)
+    (folder,) = (tmp_path / "r2sego").iterdir()
+    shutil.rmtree(folder)
+    folder.mkdir(mode=0o555)
+    bound = "-dac_override,-dac_read_search"
+    as_others = [] if os.geteuid() else ["setpriv", f"--bounding-set={bound}", f"--inh-caps={bound}"]
+    if as_others and shutil.which("setpriv") is None:
+        pytest.skip("root may write everywhere")
+    (tmp_path / "temporary").mkdir()
+    found, told = _first_and_second_run(_RUN, tmp_path, as_others, TMPDIR=str(tmp_path / "temporary"))
+    assert found == ["True", "True"]
+    assert told == [1, 1], "kernels were kept where nothing tells stale ones"
+    assert not list((tmp_path / "temporary").iterdir())
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pwd")
+def test_a_user_without_a_home_has_kernels(tmp_path):
+    nobody = (
+        "import os, pwd, sys\n"
+        "os.environ.pop('HOME'), os.environ.pop('XDG_CACHE_HOME')\n"
+        "pwd.getpwuid = {}.__getitem__\n"
+    )
+    found, told = _first_and_second_run(nobody + _RUN, tmp_path, TMPDIR=str(tmp_path))
+    assert (found, told) == (["True", "True"], [1, 1])
