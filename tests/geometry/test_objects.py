@@ -51,7 +51,8 @@ def test_what_is_saved_is_loaded(tmp_path):
     trimesh.creation.box((1, 2, 3)).export(tmp_path / "sofa.glb")
     (tmp_path / "sofa.glb").rename(mesh)
     placement = Placement(random_similarity(np.random.default_rng(0)), locked=True)
-    sofa = DeclaredObject("sofa", {"a": disc(20, 20, 9), "c": disc(50, 30, 5)}, mesh, placement)
+    by = {"masks": "SAM 3 0.1"}
+    sofa = DeclaredObject("sofa", {"a": disc(20, 20, 9), "c": disc(50, 30, 5)}, mesh, placement, by, "accept")
     lamp = DeclaredObject("lamp", {"b": disc(60, 40, 12)})
     save_objects(tmp_path / "objects", [sofa, lamp], ["a", "b", "c"])
     first, second = load_objects(tmp_path / "objects", captures("a", "b", "c"))
@@ -62,6 +63,8 @@ def test_what_is_saved_is_loaded(tmp_path):
     assert second.mesh.read_bytes() == mesh.read_bytes()
     np.testing.assert_array_equal(second.placement.world_from_own, placement.world_from_own)
     assert second.placement.locked
+    assert (dict(second.backends), second.decision) == (by, "accept")
+    assert (dict(first.backends), first.decision) == ({}, "")
 
 
 def test_without_a_folder_there_are_no_objects(tmp_path):

@@ -308,6 +308,24 @@ def test_missing_file_and_unknown_names():
         RobotModel.load(mount=["head", [0, 0, 0], [0, 0, 0], 60])
 
 
+def test_a_mount_is_a_row_or_a_table_and_its_rpy_turns_a_camera_that_looks_ahead():
+    row = parse_mount(["head", [0.1, 0.2, 0.3], [0.2, 0.4, -0.7], {"hfov_deg": 69}], "here")
+    table = {"parent": "head", "xyz": [0.1, 0.2, 0.3], "rpy": [0.2, 0.4, -0.7], "hfov_deg": 69}
+    named = parse_mount(table, "here")
+    assert (named.parent, named.fov_deg, named.vertical) == ("head", 69.0, False) == (
+        row.parent, row.fov_deg, row.vertical,
+    )  # fmt: skip
+    np.testing.assert_array_equal(named.parent_from_camera, row.parent_from_camera)
+    np.testing.assert_array_equal(row.parent_from_camera[:, 3], [0.1, 0.2, 0.3, 1.0])
+    cr, sr, cp, sp, cy, sy = (f(angle) for angle in (0.2, 0.4, -0.7) for f in (math.cos, math.sin))
+    x = [cy * cp, sy * cp, -sp]  # URDF: roll, then pitch, then yaw about fixed axes
+    y = [cy * sp * sr - sy * cr, sy * sp * sr + cy * cr, cp * sr]
+    z = [cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr]
+    right, down, ahead = row.parent_from_camera[:3, :3].T
+    np.testing.assert_allclose([ahead, -right, -down], [x, y, z], atol=1e-12)
+    assert parse_mount(["head", [0, 0, 0], [0, 0, 0], 60], "here").vertical
+
+
 @pytest.mark.parametrize(
     ("mount", "says"),
     [
