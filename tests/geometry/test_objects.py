@@ -102,6 +102,16 @@ def test_a_damaged_placement_is_an_error_that_names_it(tmp_path, text):
     assert caught.value.cure
 
 
+@pytest.mark.parametrize("file", ["backends.json", "decision.json"])
+@pytest.mark.parametrize("text", ["", "{", "[]", "3"])
+def test_a_damaged_record_is_an_error_that_names_it(tmp_path, file, text):
+    (tmp_path / "chair").mkdir()
+    (tmp_path / "chair" / file).write_text(text)
+    with pytest.raises(GeometryError, match=rf"chair.{file}") as caught:
+        load_objects(tmp_path, captures("a"))
+    assert caught.value.cure
+
+
 def test_a_damaged_mask_is_an_error_that_names_it(tmp_path):
     save_mask(tmp_path / "chair" / "masks" / "a.png", disc(20, 20, 9))
     whole = (tmp_path / "chair" / "masks" / "a.png").read_bytes()
