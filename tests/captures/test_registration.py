@@ -106,6 +106,16 @@ def test_the_same_points_give_the_same_registration(rng):
     assert first.world_from_capture.tobytes() == second.world_from_capture.tobytes()
 
 
+@pytest.mark.parametrize(
+    ("scale", "metric", "factor"),
+    [(Scale.metric(), False, 1.0), (Scale(), True, 1.0), (Scale("measured", metres=0.4), True, 0.4)],
+)
+def test_declared_and_measured_units_are_taken_as_they_are(rng, scale, metric, factor):
+    captures, sparse = _scene(_held(rng), _furnished(rng))
+    found = register(Imported(captures, "test", metric), sparse, scale, SETTINGS).world_from_capture
+    assert np.cbrt(np.linalg.det(found[:3, :3])) == pytest.approx(factor, rel=1e-12)
+
+
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10**6), floor=st.integers(90, 400))
 def test_a_floor_of_few_points_wins_over_a_dense_table(seed, floor):
