@@ -150,6 +150,7 @@ class CollisionSettings:
 class TextureSettings:
     """The textured mesh of the geometry proxy."""
 
+    hole_m: float = setting(1.0, "Holes with a rim shorter than this are closed first.", 0.0, 100.0)
     faces: int = setting(30000, "Faces the proxy is decimated to.", 4, 1000000)
     size_px: int = setting(2048, "Side of the texture.", 64, 8192)
     unwrap_seconds: float = setting(

@@ -1,4 +1,4 @@
-"""The proxy of a scene as one textured mesh: decimated, unwrapped, baked and written."""
+"""The proxy of a scene as one textured mesh: holes closed, decimated, unwrapped, baked and written."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from .generation.exposure import exposure_gains
 from .geometry.decimation import decimated
 from .geometry.proxy import GeometryProxy
 from .geometry.rasterizer import MeshRasterizer
+from .geometry.small_holes import small_holes_closed
 from .geometry.textured_obj import obj_files
 from .geometry.texturing import bake
 from .geometry.unwrapping import unwrapped
@@ -79,9 +80,8 @@ def texture_scene(
         )
     captures = load_captures(scene.captures_folder)
     proxy = _newest_proxy(scene)
-    mesh = unwrapped(
-        *decimated(proxy.vertices, proxy.faces, settings.texture.faces), settings.texture, progress
-    )
+    whole = small_holes_closed(proxy.vertices, proxy.faces, settings.texture.hole_m)
+    mesh = unwrapped(*decimated(*whole, settings.texture.faces), settings.texture, progress)
     cameras = [capture.camera for capture in captures]
     images = [capture.image() for capture in captures]
     rasterizer = MeshRasterizer(mesh.vertices, mesh.faces)
