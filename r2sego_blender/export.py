@@ -12,21 +12,28 @@ from .errors import AssetError, SceneError
 from .geometry.collision_files import MESH_OBJ, SCENE_USD
 from .geometry.objects import read_backends
 from .geometry.proxy import GeometryProxy
+from .geometry.textured_obj import obj_files
+from .geometry.textured_usd import write_textured_usd
 from .layout import COLLISION, OBJECTS, REFINED_ASSET, of_round
+from .progress import SILENT, Progress
 from .room_stage import ROOM_USDA, write_room_stage
 from .scene import Scene
 from .splats.formats import SUFFIXES, load_asset, save_asset
+from .texture import textured_room
 from .world_frame import require_present_frame
 
-ABOUT = "about.txt"
+ABOUT, TEXTURED = "about.txt", "textured"
 _FILES = {
     "asset.ply": "what cameras see: 3D Gaussians in the order of Inria's PLY, the backdrop among them",
     "collision": "what bodies touch, in files for many programs: scene.xml (MuJoCo), scene.urdf,\n"
     "scene.usd (UsdPhysics); convex pieces in hulls; mesh.obj, mesh.stl and mesh.glb (Y up)",
     "proxy.ply": "the geometry both were made with: grey observed, teal of a prior, amber completed",
     "cameras.json": "the photographs' cameras",
-    ROOM_USDA: "one USD stage of both, for Isaac Sim and Omniverse: /room/surface and /room/splats",
+    TEXTURED: "the proxy with the photographs baked on it, for cameras of simulators: room.xml (MuJoCo),\n"
+    "room.usdc and room.obj; it collides with nothing",
+    ROOM_USDA: "what bodies touch and what cameras see as one USD stage, for Isaac Sim and Omniverse",
 }
+_TEXTURED_USD = "room.usdc"
 _USD = {".usd", ".usda", ".usdc"}
 _Y_UP = {".glb", ".gltf", ".spz"}
 _WIDTH = 14  # of the column of names
@@ -36,20 +43,27 @@ _ABOUT_CAMERAS = (
 )
 
 
-def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list[Path]:
+def export_scene(
+    scene: Scene,
+    folder: Path,
+    splats: Sequence[str] = (),
+    textured: bool = False,
+    progress: Progress = SILENT,
+) -> list[Path]:
     """Write the asset, the collision surface and the coloured proxy; returns what was written.
 
     ``asset.ply`` (3D Gaussians, Inria order), ``collision/`` (OBJ, STL, GLB, convex pieces,
     ``scene.xml`` for MuJoCo, ``scene.urdf`` and ``scene.usd`` with physics), ``proxy.ply`` (faces
     coloured by provenance) and ``cameras.json`` (the captures in the world frame; it names the
     photographs as the scene's folder ``captures`` has them, and says so); the asset
-    once more for each suffix in ``splats``, such as ``.spz`` (docs/splat_formats.md), with one of
-    USD also ``room.usda``, a stage of the asset and the collision surface; and ``about.txt``,
-    which says what these are and what made them.
-    Nothing appears before all of it is written; the ``collision`` of an earlier export goes. Raises
-    SceneError where another one is, when the scene has no result yet, one of a world frame that was
-    corrected since, or one that was damaged or changed since, and for a folder inside the scene;
-    AssetError for a suffix that is no format of splats.
+    once more for each suffix in ``splats``, such as ``.spz`` (docs/splat_formats.md); if ``textured``
+    the proxy with baked colours in ``textured/``, as OBJ, MJCF and USD; with either in USD also
+    ``room.usda``, a stage of them and the collision surface; and ``about.txt``, which says what
+    these are and what made them.
+    Nothing appears before all of it is written; the folders of an earlier export go. Raises
+    SceneError where others of their names are, when the scene has no result yet, one of a world
+    frame that was corrected since, or one that was damaged or changed since, and for a folder
+    inside the scene; AssetError for a suffix that is no format of splats.
     """
     for suffix in splats:
         if suffix not in SUFFIXES:
@@ -69,17 +83,24 @@ def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list
         )
     require_present_frame(scene, [REFINED_ASSET, COLLISION, of_round(rounds - 1, "proxy")], "exported")
     scene.require_as_made(REFINED_ASSET, COLLISION)
-    replaced = folder / "collision"
-    if replaced.exists() and not (replaced / MESH_OBJ).is_file():
-        raise SceneError(
-            "it is there already, and no export made it", where=replaced,
-            cure="Choose another folder, or move it away.",
-        )  # fmt: skip
+    for name, made in (("collision", MESH_OBJ), *[(TEXTURED, "room.obj")] * textured):
+        if (folder / name).exists() and not (folder / name / made).is_file():
+            raise SceneError(
+                "it is there already, and no export made it", where=folder / name,
+                cure="Choose another folder, or move it away.",
+            )  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     staging = folder / ".unfinished-export"
     shutil.rmtree(staging, ignore_errors=True)
     try:
-        names = _write(scene, staging, rounds, splats)
+        proxy = GeometryProxy.load(scene.round_folder(rounds - 1) / "proxy" / "proxy.npz")
+        names = _write(scene, staging, proxy, splats)
+        if textured:
+            _write_textured(scene, staging / TEXTURED, proxy, progress)
+            names.append(TEXTURED)
+        names += _write_room_stage(staging, names)
+        (staging / ABOUT).write_text(_about(scene, names, rounds), encoding="utf-8")
+        names.append(ABOUT)
         for name in names:
             _replace(staging / name, folder / name)
     finally:
@@ -87,24 +108,39 @@ def export_scene(scene: Scene, folder: Path, splats: Sequence[str] = ()) -> list
     return [folder / name for name in names]
 
 
-def _write(scene: Scene, folder: Path, rounds: int, splats: Sequence[str]) -> list[str]:
-    """Write everything into a new folder; returns the names."""
+def _write(scene: Scene, folder: Path, proxy: GeometryProxy, splats: Sequence[str]) -> list[str]:
+    """Write what every export has, and the splats, into a new folder; returns the names."""
     folder.mkdir()
     shutil.copy2(scene.asset_file, folder / "asset.ply")
     _write_cameras(scene.captures_folder / "cameras.json", folder / "cameras.json")
     shutil.copytree(scene.collision_folder, folder / "collision")
-    GeometryProxy.load(scene.round_folder(rounds - 1) / "proxy" / "proxy.npz").save_ply(folder / "proxy.ply")
+    proxy.save_ply(folder / "proxy.ply")
     names = ["asset.ply", "collision", "proxy.ply", "cameras.json"]
     asset = load_asset(scene.asset_file) if splats else None
     for suffix in splats:
         if (name := f"asset{suffix}") not in names:
             save_asset(folder / name, asset)
             names.append(name)
-    if stages := [name for name in names if Path(name).suffix in _USD]:
-        write_room_stage(folder, f"collision/{SCENE_USD}", stages[0])
-        names.append(ROOM_USDA)
-    (folder / ABOUT).write_text(_about(scene, names, rounds), encoding="utf-8")
-    return [*names, ABOUT]
+    return names
+
+
+def _write_textured(scene: Scene, folder: Path, proxy: GeometryProxy, progress: Progress) -> None:
+    """The proxy with baked colours, for MuJoCo, Isaac Sim, and whatever reads OBJ."""
+    mesh = textured_room(scene, proxy, scene.declaration.settings, progress)
+    folder.mkdir()
+    for name, data in obj_files(mesh, "room").items():
+        (folder / name).write_bytes(data)
+    write_textured_usd(folder / _TEXTURED_USD, mesh, "room.png")
+
+
+def _write_room_stage(folder: Path, names: Sequence[str]) -> list[str]:
+    """One stage of what there is in USD, where that is more than the collision surface; its name."""
+    splats = next((name for name in names if Path(name).suffix in _USD), None)
+    textured = f"{TEXTURED}/{_TEXTURED_USD}" if TEXTURED in names else None
+    if splats is None and textured is None:
+        return []
+    write_room_stage(folder, f"collision/{SCENE_USD}", splats, textured)
+    return [ROOM_USDA]
 
 
 def _about(scene: Scene, names: Sequence[str], rounds: int) -> str:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import ndimage
 
+from .cameras import Camera
 from .captures.capture import Capture
 from .captures.store import load_captures
 from .errors import SceneError, SettingsError
@@ -18,6 +19,7 @@ from .geometry.decimation import decimated
 from .geometry.proxy import GeometryProxy
 from .geometry.rasterizer import MeshRasterizer
 from .geometry.small_holes import small_holes_closed
+from .geometry.textured_mesh import TexturedMesh
 from .geometry.textured_obj import obj_files
 from .geometry.texturing import bake
 from .geometry.unwrapping import unwrapped
@@ -78,28 +80,17 @@ def texture_scene(
         raise SettingsError(
             f"'{target.name}' ends neither in .glb nor in .obj", where="--to", cure="Name it so."
         )
-    captures = load_captures(scene.captures_folder)
-    proxy = _newest_proxy(scene)
-    whole = small_holes_closed(proxy.vertices, proxy.faces, settings.texture.hole_m)
-    mesh = unwrapped(*decimated(*whole, settings.texture.faces), settings.texture, progress)
-    cameras = [capture.camera for capture in captures]
-    images = [capture.image() for capture in captures]
-    rasterizer = MeshRasterizer(mesh.vertices, mesh.faces)
-    depths = [rasterizer.render(camera).depth for camera in cameras]
-    gains = exposure_gains(images, cameras, depths, settings.generation.depth_tolerance)
-    images = [image * gain for image, gain in zip(images, gains, strict=True)]
-    shown = [_on_photograph(capture) for capture in captures]
-    textured = bake(mesh, images, cameras, settings.texture, progress, shown)
+    textured, views = _baked(scene, _newest_proxy(scene), settings, progress)
     is_glb = target.suffix.lower() == ".glb"
     files = {target.name: textured.glb()} if is_glb else obj_files(textured, target.stem)
     for name, data in files.items():
         with publishing(target.with_name(name)) as staging:
             staging.write_bytes(data)
     squares, pixels = 0.0, 0
-    for camera, image, usable in zip(cameras, images, shown, strict=True):
-        again, known = textured.render(camera)
-        known &= usable
-        squares += float(((again - image)[known] ** 2).sum())
+    for view in views:
+        again, known = textured.render(view.camera)
+        known &= view.shown
+        squares += float(((again - view.image)[known] ** 2).sum())
         pixels += int(known.sum())
     psnr_db = 10 * np.log10(3 * pixels / max(squares, 1e-12)) if pixels else 0.0
     return TextureFigures(
@@ -110,9 +101,45 @@ def texture_scene(
         unwrapped_by=textured.method,
         seen=textured.seen,
         psnr_db=float(psnr_db),
-        covered=pixels / sum(camera.width * camera.height for camera in cameras),
+        covered=pixels / sum(view.camera.width * view.camera.height for view in views),
         seconds=time.monotonic() - started,
     )
+
+
+def textured_room(
+    scene: Scene, proxy: GeometryProxy, settings: Settings, progress: Progress = SILENT
+) -> TexturedMesh:
+    """A proxy of ``scene`` with colours baked from its captures, small holes closed, and decimated.
+
+    Raises GeometryError where no capture sees it.
+    """
+    return _baked(scene, proxy, settings, progress)[0]
+
+
+class _View(NamedTuple):
+    """A capture's ``camera``, its ``image`` at an exposure like the others', and where it is ``shown``."""
+
+    camera: Camera
+    image: np.ndarray
+    shown: np.ndarray
+
+
+def _baked(
+    scene: Scene, proxy: GeometryProxy, settings: Settings, progress: Progress
+) -> tuple[TexturedMesh, list[_View]]:
+    """The textured mesh, and the captures as they were baked on it."""
+    captures = load_captures(scene.captures_folder)
+    whole = small_holes_closed(proxy.vertices, proxy.faces, settings.texture.hole_m)
+    mesh = unwrapped(*decimated(*whole, settings.texture.faces), settings.texture, progress)
+    cameras = [capture.camera for capture in captures]
+    images = [capture.image() for capture in captures]
+    rasterizer = MeshRasterizer(mesh.vertices, mesh.faces)
+    depths = [rasterizer.render(camera).depth for camera in cameras]
+    gains = exposure_gains(images, cameras, depths, settings.generation.depth_tolerance)
+    images = [image * gain for image, gain in zip(images, gains, strict=True)]
+    shown = [_on_photograph(capture) for capture in captures]
+    textured = bake(mesh, images, cameras, settings.texture, progress, shown)
+    return textured, [_View(*view) for view in zip(cameras, images, shown, strict=True)]
 
 
 def _on_photograph(capture: Capture) -> np.ndarray:

@@ -3,11 +3,16 @@
 import json
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
+from PIL import Image
 from pxr import Usd, UsdGeom, UsdPhysics, UsdVol
 
 from r2sego_blender.benchmarks.workloads import made_up_room
+from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.captures.capture import Capture
+from r2sego_blender.captures.store import save_captures
 from r2sego_blender.errors import AssetError, R2SEgoError, SceneError
 from r2sego_blender.export import export_scene
 from r2sego_blender.geometry.collision import CollisionSurface
@@ -77,9 +82,7 @@ def test_it_says_what_each_file_is_in_which_frame_and_what_made_it(scene, tmp_pa
 
 
 def test_usd_splats_and_the_collision_surface_are_one_stage_too(scene, tmp_path):
-    piece = convex_hull(np.random.default_rng(0).uniform(-0.3, 0.3, (12, 3)))
-    floor = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float64)
-    write_collision(CollisionSurface(*piece, (piece,), floor, 0.02), scene.collision_folder)
+    _add_collision_surface(scene)
     written = export_scene(scene, tmp_path / "out", [".usdc"])
     assert "room.usda" in [path.name for path in written]
     moved = (tmp_path / "out").rename(tmp_path / "elsewhere")
@@ -92,9 +95,61 @@ def test_usd_splats_and_the_collision_surface_are_one_stage_too(scene, tmp_path)
     assert {prim.GetName() for prim in colliders} == {"floor", "piece_0000"}
     splats = UsdVol.ParticleField3DGaussianSplat(stage.GetPrimAtPath("/room/splats"))
     assert np.array_equal(splats.GetPositionsAttr().Get(), load_asset(scene.asset_file).means)
-    seen = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Gprim) or prim == splats.GetPrim()]
-    shown = [prim for prim in seen if _is_seen(prim)]
-    assert shown == [splats.GetPrim()]
+    assert _seen(stage) == ["/room/splats"]
+
+
+def test_a_textured_export_shows_the_room_to_mujoco_and_usd(scene, tmp_path):
+    _add_collision_surface(scene)
+    _add_captured_wall(scene)
+    out = tmp_path / "out"
+    export_scene(scene.declare(overrides={"texture.size_px": 64}), out, textured=True)
+    stage = Usd.Stage.Open(str(out / "room.usda"))
+    assert _seen(stage) == ["/room/textured"]
+    image = stage.GetPrimAtPath("/room/textured/baked/texture").GetAttribute("inputs:file").Get()
+    assert Path(image.resolvedPath) == out / "textured" / "room.png"
+    model = mujoco.MjModel.from_xml_path(str(out / "textured" / "room.xml"))
+    assert model.mesh_facenum.sum() == 2 and model.ntex == 1
+    assert "textured" in (out / ABOUT).read_text()
+    both = tmp_path / "both"
+    export_scene(scene.declare(overrides={"texture.size_px": 64}), both, [".usda"], textured=True)
+    assert _seen(Usd.Stage.Open(str(both / "room.usda"))) == ["/room/splats"]
+
+
+def test_a_folder_textured_that_no_export_made_is_left_alone(scene, tmp_path):
+    kept = tmp_path / "out" / "textured" / "mine.png"
+    kept.parent.mkdir(parents=True)
+    kept.write_text("mine")
+    with pytest.raises(SceneError, match="no export made it"):
+        export_scene(scene, tmp_path / "out", textured=True)
+    export_scene(scene, tmp_path / "out")
+    assert kept.read_text() == "mine"
+
+
+def _add_collision_surface(scene: Scene) -> None:
+    """A piece over a floor."""
+    piece = convex_hull(np.random.default_rng(0).uniform(-0.3, 0.3, (12, 3)))
+    floor = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float64)
+    write_collision(CollisionSurface(*piece, (piece,), floor, 0.02), scene.collision_folder)
+
+
+def _add_captured_wall(scene: Scene) -> None:
+    """A wall as proxy, and a photograph of it."""
+    picture = scene.captures_folder.parent / "wall.png"
+    Image.fromarray(np.random.default_rng(0).integers(0, 255, (48, 64, 3), dtype=np.uint8)).save(picture)
+    camera = Camera(64, 48, 60.0, 60.0, 32.0, 24.0, look_at((0.0, 0.0, 1.0), (0.0, 2.0, 1.0)))
+    save_captures(scene.captures_folder, [Capture("wall", picture, camera)])
+    corners = np.float32([(-1, 2, 0), (1, 2, 0), (1, 2, 2), (-1, 2, 2)])
+    proxy = GeometryProxy(
+        corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), np.zeros(2, np.uint8),
+        np.ones(2, np.uint16), np.ones(2, np.float32),
+    )  # fmt: skip
+    proxy.save(scene.round_folder(0) / "proxy" / "proxy.npz")
+
+
+def _seen(stage: Usd.Stage) -> list[str]:
+    """The paths of what a camera sees."""
+    shapes = (prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Boundable))
+    return [str(prim.GetPath()) for prim in shapes if _is_seen(prim)]
 
 
 def _is_seen(prim) -> bool:

@@ -61,7 +61,7 @@ MAY_IMPORT = {
     "doctor": FOUNDATION,
     "status": FOUNDATION | {"robot"},
     "room_stage": FOUNDATION | {"geometry"},
-    "export": FOUNDATION | {"geometry", "splats", "room_stage"},
+    "export": FOUNDATION | {"geometry", "splats", "room_stage", "texture"},
     "rollouts_report": FOUNDATION | {"robot", "selection"},
     "selection_report": FOUNDATION | {"captures", "selection"},
     "texture": PARTS,

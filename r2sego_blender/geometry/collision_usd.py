@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, Vt
+from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics
 
 from .collision import CollisionSurface
+from .usd_prims import define_mesh, define_physics, set_world
 
 if TYPE_CHECKING:
     from .collision_files import FloorBox
-
-_GRAVITY_M_S2 = 9.81
 
 
 def write_usd(path: Path, surface: CollisionSurface, names: list[str], floor: FloorBox | None) -> None:
@@ -27,43 +26,23 @@ def write_usd(path: Path, surface: CollisionSurface, names: list[str], floor: Fl
     """
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     stage = Usd.Stage.Open(layer)
+    set_world(stage)
     define_physics(stage)
     room = UsdGeom.Xform.Define(stage, "/room")
     stage.SetDefaultPrim(room.GetPrim())
     Usd.ModelAPI(room).SetKind(Kind.Tokens.component)
-    _mesh(stage, "/room/visual", surface.vertices, surface.faces)
+    define_mesh(stage, "/room/visual", surface.vertices, surface.faces)
     colliders = UsdGeom.Scope.Define(stage, "/room/collision")
     colliders.CreatePurposeAttr(UsdGeom.Tokens.guide)
     if floor is not None:
         _cube(stage, "/room/collision/floor", floor)
     for name, (vertices, faces) in zip(names, surface.pieces, strict=True):
-        mesh = _mesh(stage, f"/room/collision/{name}", vertices, faces)
+        mesh = define_mesh(stage, f"/room/collision/{name}", vertices, faces)
         UsdPhysics.CollisionAPI.Apply(mesh.GetPrim())
         UsdPhysics.MeshCollisionAPI.Apply(mesh.GetPrim()).CreateApproximationAttr(
             UsdPhysics.Tokens.convexHull
         )
     layer.Export(str(path))
-
-
-def define_physics(stage: Usd.Stage) -> None:
-    """Make a stage's units metres and kilograms and its up axis Z; add ``/physics``, the PhysicsScene."""
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
-    scene = UsdPhysics.Scene.Define(stage, "/physics")
-    scene.CreateGravityDirectionAttr(Gf.Vec3f(0.0, 0.0, -1.0))
-    scene.CreateGravityMagnitudeAttr(_GRAVITY_M_S2)
-
-
-def _mesh(stage: Usd.Stage, path: str, vertices: np.ndarray, faces: np.ndarray) -> UsdGeom.Mesh:
-    mesh = UsdGeom.Mesh.Define(stage, path)
-    points = np.ascontiguousarray(vertices, np.float32)
-    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
-    mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(faces), 3))
-    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.ascontiguousarray(faces, np.int32).ravel()))
-    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    mesh.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.stack([points.min(0), points.max(0)])))
-    return mesh
 
 
 def _cube(stage: Usd.Stage, path: str, box: FloorBox) -> None:
