@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 
 from r2sego_blender.cameras import Camera
+from r2sego_blender.captures.capture import Capture
 from r2sego_blender.geometry import patch_depth as module
+from r2sego_blender.geometry.completion import DepthSource, complete_depth
 from r2sego_blender.geometry.patch_depth import ColourView, nearer_depth
+from r2sego_blender.geometry.planes import RoomPlanes
+from r2sego_blender.geometry.stereo import DepthMap
+from r2sego_blender.images import save_image
+from r2sego_blender.settings import Settings
 
 WALL_M, BAR_M, HALF_WIDTH_M = 3.0, 2.0, 0.05
 FOCAL_PX, WIDTH_PX, HEIGHT_PX = 150.0, 160, 120
@@ -169,3 +175,20 @@ def test_choices_lower_the_energy_until_none_alone_lowers_it():
             alone = settled.copy()
             alone[changed] = row
             assert energy(alone) >= energy(settled) - 1e-9
+
+
+def test_a_completed_depth_map_has_the_bar(seen, tmp_path):
+    """The wall is a plane that explains everything but the bar, of which stereo knows nothing."""
+    captures, maps = [], []
+    for k, place in enumerate(((0.0, 0.0), (-0.4, 0.0), (0.35, 0.1), (0.6, -0.1))):
+        view, _, _ = view_of(camera_at(*place))
+        save_image(tmp_path / f"{k}.png", view.image)
+        captures.append(Capture(f"{k}", tmp_path / f"{k}.png", view.camera))
+        facing = np.broadcast_to(np.float32([0.0, 0.0, -1.0]), (*view.camera.shape, 3)).copy()
+        cost = np.full(view.camera.shape, 0.05, np.float32)
+        maps.append(DepthMap(view.known, facing, cost, np.full(view.camera.shape, 2, np.uint8), view.camera))
+    wall = RoomPlanes(np.array([[0.0, 0.0, -1.0]]), np.array([-WALL_M]), np.array([1000]), np.array([True]))
+    completed = complete_depth(captures, maps, wall, Settings())[0]
+    _, truth, bar = seen
+    assert (np.abs(completed.depth / truth - 1)[bar] < 0.03).mean() > 0.8
+    assert (completed.source[bar] == DepthSource.PLANE).mean() > 0.8
