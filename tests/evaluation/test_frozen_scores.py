@@ -72,6 +72,17 @@ def test_without_weights_lpips_is_none_and_says_why(views):
     assert "AlexNet weights not at hand" in arm.lpips_reason
 
 
+def test_lpips_is_of_each_view_and_its_mean_of_all(views):
+    class Difference:
+        def distance(self, rendering, truth):
+            return float(np.abs(rendering - truth).mean())
+
+    arm = score(lambda camera: np.zeros((24, 32, 3)), views, lpips=Difference())
+    means = [float(view.image().mean()) for view in views]
+    assert [view.lpips_alex for view in arm.views] == pytest.approx(means)
+    assert (arm.lpips_alex, arm.lpips_reason) == (pytest.approx(np.mean(means)), "")
+
+
 def test_wrong_sizes_and_no_views_are_refused(views):
     with pytest.raises(CaptureError, match="shape"):
         score(lambda camera: np.zeros((12, 16, 3)), views)
