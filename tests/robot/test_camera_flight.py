@@ -51,6 +51,15 @@ def distance_to_box(points, low, high):
     return np.linalg.norm(np.maximum(np.maximum(low - points, points - high), 0.0), axis=-1)
 
 
+def test_the_table_and_what_is_near_it_hide_what_is_behind(space):
+    here, beyond = np.array([-1.5, 0.0, 0.5]), np.array([0.9, 0.0, 0.5])
+    assert space.is_free(here) and space.is_free(beyond)
+    assert not space.sees(here, beyond) and not space.sees(beyond, here)
+    for height_m, free in ((1.0, False), (1.1, True)):  # the clearance ends 25 cm above its top
+        assert space.sees(np.array([-1.5, 0.0, height_m]), np.array([0.9, 0.0, height_m])) is free
+    assert space.sees(here, np.array([-0.9, 0.0, 0.5]))
+
+
 def test_flights_keep_clear_of_walls_and_table_and_out_of_the_closet(flights):
     places = candidate_stream(flights).poses[:, :3, 3]
     walls = np.minimum(places - [-2.0, -1.5, 0.0], [1.2, 1.5, 2.5] - places)
@@ -85,6 +94,11 @@ def test_no_body_limits_height_and_gaze(space):
         rotations.transpose(0, 2, 1) @ rotations, np.broadcast_to(np.eye(3), rotations.shape), atol=1e-12
     )
     assert (np.linalg.det(rotations) > 0.0).all()
+    for flight in flights:
+        height_m, down = flight.camera_poses[:, 2, 3], -flight.camera_poses[:, 2, 2]
+        assert flight.quality.camera_height_m == (height_m.min(), height_m.max())
+        down_deg = np.degrees(np.arcsin([down.min(), down.max()]))
+        np.testing.assert_allclose(flight.quality.camera_pitch_deg, down_deg, atol=1e-9)
 
 
 def test_the_same_seed_flies_the_same(space, flights):

@@ -126,6 +126,10 @@ def test_a_seat_may_be_touched_by_who_sits_on_it(humanoid, composition, judge):
     elsewhere = replace(seat, edge_m=(-1.0, -1.0))
     assert judge.state(data, contacts, elsewhere, meter)[0] == Reason.BODY_CONTACT
     assert judge.end(data, None, seat, meter)[0] == Reason.MISSED_TARGET
+    data.qpos[2] += 0.1
+    mujoco.mj_forward(composition.model, data)
+    meter.read(data, scene_contacts(composition, data))
+    assert meter.seated_s == 0.0  # who gets up again begins anew
 
 
 def test_help_is_measured(humanoid, room, judge, composition):
@@ -137,6 +141,11 @@ def test_help_is_measured(humanoid, room, judge, composition):
     helped = [simulate(composition, drive, judge, 5.0) for drive in drives]
     assist = [one.meter.quality(humanoid.camera_poses(one.qpos)).assist_n for one in helped]
     assert assist[1] > assist[0] + 20.0
+    data, meter = mujoco.MjData(composition.model), Meter(composition, None, 0.02)
+    for force_n in ((3.0, 0.0, -4.0), (0.0, 10.0, 0.0)):
+        data.actuator_force[:3] = force_n
+        meter.read(data, scene_contacts(composition, data))
+    assert meter.quality(np.eye(4)[None]).assist_n == pytest.approx(7.5)
 
 
 def test_camera_ranges_are_those_of_the_poses(humanoid, room, composition, judge):
