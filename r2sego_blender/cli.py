@@ -232,13 +232,23 @@ def evaluate(context: click.Context, scene: Path, frozen: Path, as_json: bool) -
 @click.argument("scene", type=ANY_PATH)
 @click.option("--to", "folder", required=True, type=FOLDER, help="Folder to write, made if missing.")
 @click.option("--splats", default="", metavar=".SPZ,.GLB", help="The asset in these formats too.")
-def export(scene: Path, folder: Path, splats: str) -> None:
+@click.option("--textured", is_flag=True, help="The proxy with baked colours too, for simulators.")
+@json_progress
+@click.pass_context
+def export(
+    context: click.Context, scene: Path, folder: Path, splats: str, textured: bool, as_json: bool
+) -> None:
     """Copy SCENE's asset, collision surface and proxy to a folder other tools read."""
     from .export import export_scene
 
+    progress = progress_of(context, as_json)
     suffixes = [f".{name.strip().lower().lstrip('.')}" for name in splats.split(",") if name.strip()]
-    for path in export_scene(Scene.open(scene), folder, suffixes):
-        click.echo(path)
+    written = export_scene(Scene.open(scene), folder, suffixes, textured, progress)
+    if as_json:
+        tell(progress, files=[str(path) for path in written])
+    else:
+        for path in written:
+            click.echo(path)
 
 
 @main.command()

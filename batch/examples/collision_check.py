@@ -1,7 +1,7 @@
 """Show the collision surface, check it in MuJoCo, texture the proxy, and export for simulators.
 
-blender --background --python batch/examples/collision_check.py -- SCENE [--to FOLDER] [--splats .spz,.glb]
-python batch/examples/collision_check.py -- SCENE --to FOLDER [--faces 30000] [--size 2048]  (pip bpy)
+blender --background --python batch/examples/collision_check.py -- SCENE [--to FOLDER]
+python batch/examples/collision_check.py -- SCENE --to FOLDER [--splats .spz,.glb] [--textured]  (pip bpy)
 """
 
 import argparse
@@ -24,6 +24,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("scene", type=Path)
     parser.add_argument("--to", type=Path, help="the folder to export to")
     parser.add_argument("--splats", default="", metavar=".SPZ,.GLB", help="the asset in these formats too")
+    parser.add_argument("--textured", action="store_true", help="export the proxy with baked colours too")
     parser.add_argument("--texture", action="store_true", help="bake the captures' colours onto the proxy")
     parser.add_argument("--faces", type=int, default=30000, help="of the textured mesh")
     parser.add_argument("--size", type=int, default=2048, help="texels a side")
@@ -39,7 +40,8 @@ def main(arguments: list[str]) -> int:
             r2sego.texture_proxy(faces=options.faces, size=options.size)
         if options.to:
             chosen = {suffix for suffix in options.splats.split(",") if suffix}
-            r2sego.export_collision(directory=str(options.to.absolute()), splats=chosen)
+            folder = str(options.to.absolute())
+            r2sego.export_collision(directory=folder, splats=chosen, textured=options.textured)
             print(f"exported to {options.to}")
         for fact in (*group.check, *group.texture):
             print(f"{fact.name}: {fact.value}")

@@ -1,7 +1,6 @@
 """Make docs/pictures/mujoco.jpg: the demo room in MuJoCo, the embedded humanoid in it, and what it sees.
 
-r2sego export build/demo_room.r2s --to build/out
-r2sego texture build/demo_room.r2s --to build/out/room.obj
+r2sego export build/demo_room.r2s --to build/out --textured
 MUJOCO_GL=egl python docs/pictures/make_mujoco_picture.py build/out
 """
 
@@ -24,13 +23,13 @@ WIDTH_PX, HEIGHT_PX = 640, 480
 
 
 def room_with_robot(folder: Path) -> mujoco.MjModel:
-    """An exported room's surface and looks, and the humanoid in them."""
+    """An exported room's surface and colours, and the humanoid in them."""
     robot = mujoco.MjSpec.from_string(humanoid_mjcf())
     surface = mujoco.MjSpec.from_file(str(folder / "collision" / "scene.xml"))
     for geom in surface.geoms:
         geom.group = 3
-    looks = mujoco.MjSpec.from_file(str(folder / "room.xml"))
-    for prefix, room in (("surface/", surface), ("looks/", looks)):
+    textured = mujoco.MjSpec.from_file(str(folder / "textured" / "room.xml"))
+    for prefix, room in (("surface/", surface), ("textured/", textured)):
         robot.attach(room, prefix=prefix, frame=robot.worldbody.add_frame())
     beside = look_at(BESIDE, TOWARDS)
     turn = np.empty(4)

@@ -33,6 +33,10 @@ class R2SEGO_OT_export_collision(EngineOperator, bpy.types.Operator):
         name="Splats", description="Formats of the asset beside its PLY", items=_SPLATS,
         options={"ENUM_FLAG"}, default=set(),
     )  # fmt: skip
+    textured: BoolProperty(
+        name="Textured",
+        description="The proxy with baked colours too, for cameras in MuJoCo and Isaac Sim; takes minutes",
+    )
 
     @classmethod
     def poll(cls, context):
@@ -46,9 +50,11 @@ class R2SEGO_OT_export_collision(EngineOperator, bpy.types.Operator):
         if not self.directory:
             raise SceneError("no folder is chosen", cure="Choose where to export to.")
         folder = bpy.path.abspath(self.directory)
-        command = ["export", str(state.opened_bundle(context).path), "--to", folder]
+        command = ["export", str(state.opened_bundle(context).path), "--to", folder, "--json-progress"]
         chosen = [suffix for suffix, *_ in _SPLATS if suffix in self.splats]
-        return [*command, "--splats", ",".join(chosen)] if chosen else command
+        if chosen:
+            command += ["--splats", ",".join(chosen)]
+        return [*command, "--textured"] if self.textured else command
 
     def finish(self, context, result):
         return f"Exported to {self.directory}"

@@ -20,7 +20,7 @@ def check_exporting_asks_the_engine():
     open_bundle()
     conduct("succeed")
     assert bpy.ops.r2sego.export_collision(directory="/out") == {"FINISHED"}
-    assert calls() == [["export", str(BUNDLE), "--to", "/out"]]
+    assert calls() == [["export", str(BUNDLE), "--to", "/out", "--json-progress"]]
 
 
 def check_checking_asks_mujoco_and_keeps_its_figures():
@@ -117,12 +117,15 @@ def check_texturing_and_formats_are_asked_of_the_engine():
     open_bundle()
     conduct("succeed")
     assert bpy.ops.r2sego.texture_proxy(faces=5000, size=512, filepath="/out/room.glb") == {"FINISHED"}
-    assert bpy.ops.r2sego.export_collision(directory="/out", splats={".spz", ".glb"}) == {"FINISHED"}
+    files = {"splats": {".spz", ".glb"}, "textured": True}
+    assert bpy.ops.r2sego.export_collision(directory="/out", **files) == {"FINISHED"}
     textured, exported = calls()
     assert textured == [
         "texture", str(BUNDLE), "--faces", "5000", "--size", "512", "--json-progress", "--to", "/out/room.glb"
     ]  # fmt: skip
-    assert exported == ["export", str(BUNDLE), "--to", "/out", "--splats", ".spz,.glb"]
+    assert exported == [
+        "export", str(BUNDLE), "--to", "/out", "--json-progress", "--splats", ".spz,.glb", "--textured"
+    ]  # fmt: skip
 
 
 def check_a_textured_mesh_stands_where_the_proxy_does():
