@@ -7,6 +7,7 @@ at once.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -26,6 +27,7 @@ from .cli_demo import demo
 from .cli_options import (
     ANY_PATH,
     FOLDER,
+    Commands,
     json_progress,
     overrides_of,
     progress_of,
@@ -40,13 +42,14 @@ from .cli_proxy import PROXY_COMMANDS
 from .cli_robot import robot, robot_bodies, try_rollouts
 from .cli_splats import convert, train
 from .cli_views import views
-from .errors import R2SEgoError, SettingsError, of_file
+from .errors import MachineError, R2SEgoError, SettingsError, of_file
 from .named_settings import PRESETS, with_overrides
 from .progress import JsonProgress, Progress
 from .scene import Scene
+from .workers.engine import GOING_ON
 
 
-class _Commands(click.Group):
+class _Commands(Commands):
     """A group whose commands turn this project's errors into one line and exit code 1."""
 
     def invoke(self, context: click.Context) -> Any:
@@ -57,6 +60,14 @@ class _Commands(click.Group):
                 raise
             except OSError as error:
                 raise of_file(error) from error
+            except MemoryError as error:
+                raise MachineError(
+                    "there is not enough memory", cure="Close other programs, or use smaller settings."
+                ) from error
+            except ImportError as error:
+                raise MachineError(
+                    f"a package cannot be loaded: {error}", cure="`r2sego doctor` says which are missing."
+                ) from error
         except R2SEgoError as error:
             if context.obj and context.obj.get("json"):
                 JsonProgress().emit_error(error)
@@ -72,7 +83,9 @@ class _Commands(click.Group):
 def main(context: click.Context) -> None:
     """A handful of photographs becomes a scene a robot can be trained in."""
     context.obj = {}
-    _cancel_at_once()
+    if getattr(sys.stdout, "errors", "") == "strict":  # a name that it cannot write ends no command
+        sys.stdout.reconfigure(errors="backslashreplace")
+    _cancel_at_once("finished steps are kept" if context.invoked_subcommand in GOING_ON else "")
 
 
 @main.command()
@@ -346,11 +359,12 @@ def _advance(scene: Path, round_index: int | None, name: str, progress: Progress
     return opened, index
 
 
-def _cancel_at_once() -> None:
-    """Let SIGINT and SIGTERM end the process within moments, native calls under way included.
+def _cancel_at_once(kept: str = "") -> None:
+    """Let SIGINT, SIGTERM and SIGHUP end the process within moments, native calls under way included.
 
     Python's own handlers wait for the main thread to leave a compiled kernel; a thread
     that reads the wake-up pipe does not. Nothing published is half-written at any time.
+    ``kept`` says what the command leaves, where it leaves something.
     """
     if threading.current_thread() is not threading.main_thread():
         return
@@ -362,12 +376,17 @@ def _cancel_at_once() -> None:
     signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: None)
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:  # not so under nohup
+        signal.signal(signal.SIGHUP, lambda *_: None)
 
     def wait() -> None:
         number = reader.recv(1)[0]
         kill_children(for_good=True)
         remove_scratch()
-        print("\nr2sego: cancelled; finished steps are kept", file=sys.stderr, flush=True)
+        shown_again = "\x1b[?25h" if sys.stderr.isatty() else ""  # a bar had hidden the cursor
+        with contextlib.suppress(OSError):  # the terminal is gone
+            print(shown_again, end="", file=sys.stderr)
+            print("; ".join(filter(None, ["\nr2sego: cancelled", kept])), file=sys.stderr, flush=True)
         os._exit(128 + number)
 
     wait.writer = writer  # keeps the socket open as long as the thread lives

@@ -8,11 +8,11 @@ from typing import Any
 
 import click
 
-from .cli_options import ANY_PATH, FOLDER, overrides_of, progress_of, settings_option
+from .cli_options import ANY_PATH, FOLDER, Commands, overrides_of, progress_of, settings_option
 from .named_settings import PRESETS
 
 
-@click.group()
+@click.group(cls=Commands)
 def bench() -> None:
     """Measure the kernels' speed on this machine, and geometry against ground truth."""
 

@@ -14,6 +14,17 @@ from .progress import JsonProgress, Progress, TerminalProgress
 
 FOLDER = click.Path(file_okay=False, path_type=Path)
 ANY_PATH = click.Path(path_type=Path)
+_WHOLE = 1000  # characters; no command's first sentence has as many
+
+
+class Commands(click.Group):
+    """A group whose help has what each command does in full."""
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(
+                [(name, self.commands[name].get_short_help_str(_WHOLE)) for name in self.list_commands(ctx)]
+            )
 
 
 def progress_of(context: click.Context, as_json: bool) -> Progress:
@@ -41,7 +52,7 @@ def round_option(command: Callable) -> Callable:
     """The option ``--round``, given as ``round_index``."""
     return click.option(
         "--round", "round_index", type=int, metavar="L",
-        help="The round, from 0; by default the one under way, or the last.",
+        help="The round, from 0; by default the newest.",
     )(command)  # fmt: skip
 
 
@@ -79,12 +90,12 @@ def show(progress: Progress, result: dict[str, Any], lines: Callable, as_object:
 
 
 def tell(progress: Progress, **result: Any) -> None:
-    """A result as a progress event, or as lines of names and values."""
+    """A result as a progress event, or as lines of names and values on standard output."""
     if isinstance(progress, JsonProgress):
         progress.emit(event="result", **result)
     else:
         for name, value in result.items():
-            progress.message(f"{name}: {value}")
+            click.echo(f"{name}: {value}")
 
 
 def scale_of(

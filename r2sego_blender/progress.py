@@ -32,6 +32,7 @@ JOB_FOLDER_VARIABLE = "R2SEGO_JOB_FOLDER"
 """Names the folder of the job this process runs for."""
 
 _PICTURE_PAUSE_S, _PICTURE_WIDTH_PX = 2.0, 320
+_LOG_PAUSE_S = 60.0
 
 
 class Task:
@@ -77,16 +78,23 @@ SILENT = Progress()
 
 
 class TerminalProgress(Progress):
-    """Bars and messages on a terminal (``rich``)."""
+    """Bars and messages on a terminal (``rich``); in a pipe or a log, lines as long as they are."""
 
     def __init__(self) -> None:
         from rich.console import Console
 
         # Texts name files, whose brackets are no markup.
         self._console = Console(stderr=True, highlight=False, markup=False)
+        # FORCE_COLOR alone makes no terminal for bars.
+        self._shown = self._console.is_terminal and sys.stderr.isatty()
 
     @contextmanager
     def task(self, title: str, total: int) -> Iterator[Task]:
+        with (self._bar if self._shown else self._lines)(title, total) as task:
+            yield task
+
+    @contextmanager
+    def _bar(self, title: str, total: int) -> Iterator[Task]:
         from rich.progress import (
             BarColumn,
             MofNCompleteColumn,
@@ -100,19 +108,34 @@ class TerminalProgress(Progress):
             TextColumn("{task.description:<34}"), BarColumn(bar_width=28), MofNCompleteColumn(),
             TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
         )  # fmt: skip
-        started_s = time.monotonic()
-        shown = self._console.is_terminal
-        with Bars(*columns, console=self._console, disable=not shown) as bars:
+        with Bars(*columns, console=self._console) as bars:
             bar = bars.add_task(title, total=total)
-            task = _BarTask(title, total, lambda units: bars.advance(bar, units))
-            yield task
-        if not shown:
-            elapsed_s = time.monotonic() - started_s
-            self._console.print(f"{title}: {task.done}/{total} in {elapsed_s:.1f} s")
+            yield _BarTask(title, total, lambda units: bars.advance(bar, units))
+
+    @contextmanager
+    def _lines(self, title: str, total: int) -> Iterator[Task]:
+        """A line at the end, and one a minute until then: a log says that the work goes on."""
+        started_s = told_s = time.monotonic()
+
+        def tell() -> None:
+            nonlocal told_s
+            told_s = time.monotonic()
+            self._print(f"{title}: {task.done}/{total} in {told_s - started_s:.1f} s")
+
+        def advanced(_units: int) -> None:
+            if time.monotonic() - told_s >= _LOG_PAUSE_S:
+                tell()
+
+        task = _BarTask(title, total, advanced)
+        yield task
+        tell()
 
     def message(self, text: str, level: str = "info") -> None:
         style = "yellow" if level == "warning" else None
-        self._console.print(f"{'warning: ' if level == 'warning' else ''}{text}", style=style)
+        self._print(f"{'warning: ' if level == 'warning' else ''}{text}", style)
+
+    def _print(self, text: str, style: str | None = None) -> None:
+        self._console.print(text, style=style, soft_wrap=not self._shown)
 
 
 class _BarTask(Task):

@@ -27,6 +27,7 @@ from .backends import controller_backend
 from .errors import SceneError
 from .layout import COLLISION, REFINED_ASSET
 from .scene_declaration import DECLARATION, Declaration, name_in, read_declaration, write_declaration
+from .scratch import scratch_place
 from .whole_files import UNFINISHED, finish_replacing, flush, remove, replacing_together, swap_in
 from .world_frame import frame_of_output
 
@@ -52,7 +53,7 @@ class Scene:
         require_place(path)
         staging = path.with_name(f"{UNFINISHED}{path.name}-{os.getpid()}")
         missing = [folder for folder in path.absolute().parents if not folder.exists()]
-        with _disk_errors(path):
+        with _disk_errors(path, kept=""), scratch_place(staging):
             shutil.rmtree(staging, ignore_errors=True)
             staging.mkdir(parents=True)
             try:
@@ -157,14 +158,14 @@ class Scene:
         before = self.recorded().get(target)
         if place.exists() and before == digest and not self.is_damaged(target, read):
             return place
-        started = time.time()
+        started, started_s = time.time(), time.monotonic()
         with _disk_errors(place), self.publishing(target) as staging:
             compute(staging)
             if before is not None:
                 self._record(publishing=target)  # killed from here on, the old record is no longer true
         self._record(
             step=target, inputs=digest, output=content_digest(place),
-            started=round(started, 3), seconds=round(time.time() - started, 3),
+            started=round(started, 3), seconds=round(time.monotonic() - started_s, 3),
             frame=frame_of_output(
                 self.declaration.world_from_capture, map(str, inputs), self.journal()
             ),
@@ -288,8 +289,10 @@ class Scene:
         return content_digest(self.path / item)
 
     def _record(self, **record: Any) -> None:
-        with _disk_errors(self.path), (self.path / _JOURNAL).open("a", encoding="utf-8") as file:
-            file.write(json.dumps(record) + "\n")
+        with _disk_errors(self.path), (self.path / _JOURNAL).open("ab+") as file:
+            if file.tell() and file.seek(-1, os.SEEK_END) and file.read() != b"\n":
+                file.write(b"\n")  # a cut-off line ends there
+            file.write(f"{json.dumps(record)}\n".encode())
             file.flush()
             os.fsync(file.fileno())
 
@@ -341,7 +344,7 @@ def _as_json(value: Any) -> Any:
 
 
 @contextlib.contextmanager
-def _disk_errors(place: Path) -> Iterator[None]:
+def _disk_errors(place: Path, kept: str = ": finished steps are kept") -> Iterator[None]:
     try:
         yield
     except OSError as error:
@@ -349,12 +352,15 @@ def _disk_errors(place: Path) -> Iterator[None]:
             raise
         reason = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "it cannot be written"
         raise SceneError(
-            reason, where=place, cure="Make room or allow writing, then start again: finished steps are kept."
+            reason, where=place, cure=f"Make room or allow writing, then start again{kept}."
         ) from error
 
 
 def _try_lock(file: Any) -> bool:
-    """Take an exclusive lock that the system drops when the process ends."""
+    """Take an exclusive lock that the system drops when the process ends; whether it was free.
+
+    Raises SceneError where the disk knows no locks, as some network disks.
+    """
     try:
         if os.name == "nt":
             import msvcrt
@@ -364,6 +370,11 @@ def _try_lock(file: Any) -> bool:
             import fcntl
 
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
+    except OSError as error:
+        if error.errno in (errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES):
+            return False
+        raise SceneError(
+            f"this disk cannot lock a file: {error.strerror}", where=file.name,
+            cure="Work on a disk of this machine, or have the network disk mounted with locks.",
+        ) from error  # fmt: skip
     return True

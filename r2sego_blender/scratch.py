@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 import tempfile
+from collections.abc import Iterator
+from pathlib import Path
 
 _NAMES: set[str] = set()
 
@@ -22,6 +25,16 @@ class ScratchFolder(tempfile.TemporaryDirectory):
         """Remove the folder now."""
         super().cleanup()
         _NAMES.discard(self.name)
+
+
+@contextlib.contextmanager
+def scratch_place(folder: Path) -> Iterator[None]:
+    """Within its ``with`` block ``folder`` goes with ``remove_scratch`` too; else its user removes it."""
+    _NAMES.add(str(folder))
+    try:
+        yield
+    finally:
+        _NAMES.discard(str(folder))
 
 
 def remove_scratch() -> None:

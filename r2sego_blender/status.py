@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +72,7 @@ def lines(state: dict[str, Any]) -> list[str]:
     if state["of_old_frame"]:
         text.append(f"of the world frame before its correction: {state['of_old_frame']}")
     text += [f"not as it was made: {name}" for name in state["damaged"]]
-    text.append("refined" if state["refined"] else f"next: r2sego refine {state['scene']}")
+    text.append("refined" if state["refined"] else f"next: r2sego refine {shlex.quote(state['scene'])}")
     return text
 
 

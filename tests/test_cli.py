@@ -11,7 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from r2sego_blender.cli import main
 from r2sego_blender.images import save_image
 from r2sego_blender.scene import Declaration, Scene, content_digest
 
@@ -20,9 +22,11 @@ ROOM = ROOT / "demo" / "room"
 IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 
 
-def r2sego(*arguments: object) -> subprocess.CompletedProcess:
+def r2sego(*arguments: object, **variables: str) -> subprocess.CompletedProcess:
     command = [sys.executable, "-m", "r2sego_blender", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    return subprocess.run(
+        command, capture_output=True, text=True, errors="replace", cwd=ROOT, env={**os.environ, **variables}
+    )
 
 
 def refused(done: subprocess.CompletedProcess) -> str:
@@ -176,6 +180,45 @@ def test_json_progress_tells_an_error_as_a_line_of_json(tmp_path):
     assert events[-1]["event"] == "error" and "nothing.r2s" in events[-1]["text"]
 
 
+def test_results_are_on_standard_output(tmp_path):
+    room = tmp_path / "a.r2s"
+    small = ["--captures", ROOM / "captures", "--poses", ROOM / "cameras.json"]
+    made = r2sego("new", room, *small, "--set", "captures.max_side_px=160")
+    assert made.returncode == 0, made.stderr
+    assert made.stdout.splitlines()[0] == f"scene: {room}" and "scene:" not in made.stderr
+
+
+def test_a_terminal_that_cannot_write_a_name_ends_no_command(tmp_path):
+    room = bundle(tmp_path).path
+    (room / "captures" / "cameras.json").write_text('{"captures": []}')
+    named = room.rename(tmp_path / "room \N{CAT FACE}.r2s")
+    done = r2sego("status", named, PYTHONIOENCODING="latin-1")
+    assert done.returncode == 0, done.stderr
+    assert "room \\U0001f431.r2s: 0 captures" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (MemoryError(), "r2sego: there is not enough memory."),
+        (ImportError("No module named 'mujoco'"), "No module named 'mujoco'. `r2sego doctor` says"),
+    ],
+)
+def test_a_machine_that_lacks_something_is_told_in_one_line(tmp_path, monkeypatch, error, told):
+    def describe(*_, **__):
+        raise error
+
+    monkeypatch.setattr("r2sego_blender.status.describe", describe)
+    done = CliRunner().invoke(main, ["status", str(bundle(tmp_path).path)])
+    assert done.exit_code == 1
+    assert told in done.stderr and len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("group", [[], ["bench"]])
+def test_the_help_says_what_each_command_does_in_full(group):
+    assert "..." not in CliRunner().invoke(main, [*group, "--help"]).output.partition("Commands:")[2]
+
+
 def test_doctor_names_what_is_installed():
     findings = json.loads(r2sego("doctor", "--json").stdout)
     versions = {package["name"]: package["version"] for package in findings["packages"]}
@@ -183,21 +226,59 @@ def test_doctor_names_what_is_installed():
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", None)])
 def test_a_signal_ends_a_run_within_two_seconds_and_leaves_nothing(tmp_path, number):
-    target = tmp_path / "a.r2s"
+    target, temporary = tmp_path / "a.r2s", tmp_path / "temporary"
+    temporary.mkdir()
     arguments = ["new", target, "--captures", ROOM / "captures", "--poses", ROOM / "cameras.json"]
     command = [sys.executable, "-m", "r2sego_blender", *map(str, arguments)]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, cwd=ROOT)
-    assert process.stderr.readline()  # it works on the captures now
-    time.sleep(0.3)
+    variables = {**os.environ, "TMPDIR": str(temporary)}
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, cwd=ROOT, env=variables)
+    while not list(temporary.glob("r2sego-*/*")):  # it waits for a native call
+        assert process.poll() is None
+        time.sleep(0.02)
     started_s = time.monotonic()
     process.send_signal(number)
     _, said = process.communicate(timeout=30)
     assert time.monotonic() - started_s < 10.0  # two seconds on a free machine
     assert process.returncode == 128 + number
-    assert said.strip() == b"r2sego: cancelled; finished steps are kept"
-    assert not target.exists()
+    assert said.decode().splitlines()[-1] == "r2sego: cancelled"
+    assert [file.name for file in tmp_path.iterdir()] == ["temporary"]
+    assert not list(temporary.iterdir())
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+@pytest.mark.parametrize("hangs_up", [True, False])
+def test_a_cancelled_refine_says_that_steps_are_kept_even_to_a_closed_terminal(tmp_path, hangs_up):
+    scene = bundle(tmp_path)
+    refining = (
+        "import sys, time, r2sego_blender.pipeline as pipeline\n"
+        "pipeline.refine = lambda *_: (print('begun', file=sys.stderr, flush=True), time.sleep(60))\n"
+        "from r2sego_blender.cli import main; main()\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", refining, "refine", scene.path], stderr=subprocess.PIPE, cwd=ROOT
+    )
+    assert process.stderr.readline() == b"begun\n"
+    if hangs_up:
+        process.stderr.close()
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(timeout=30) == 128 + signal.SIGTERM
+    if not hangs_up:
+        assert process.stderr.read().strip() == b"r2sego: cancelled; finished steps are kept"
+
+
+@pytest.mark.skipif(shutil.which("nohup") is None or os.name == "nt", reason="needs nohup")
+def test_a_run_under_nohup_outlives_its_terminal(tmp_path):
+    waiting = (
+        "import os, signal, r2sego_blender.status as status\n"
+        "status.describe = lambda *_, **__: os.kill(os.getpid(), signal.SIGHUP)\n"
+        "status.lines = lambda _: ['lives']\n"
+        "from r2sego_blender.cli import main; main()\n"
+    )
+    command = ["nohup", sys.executable, "-c", waiting, "status", bundle(tmp_path).path]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert (done.returncode, done.stdout.strip()) == (0, "lives")
 
 
 @pytest.mark.skipif(shutil.which("mount") is None or os.name == "nt", reason="needs mount")
@@ -211,7 +292,7 @@ def test_a_full_disk_is_said_and_nothing_is_left(tmp_path):
     try:
         arguments = ["new", disk / "a.r2s", "--captures", ROOM / "captures"]
         line = refused(r2sego(*arguments, "--poses", ROOM / "cameras.json"))
-        assert "disk is full" in line
+        assert "disk is full" in line and "kept" not in line
         assert list(disk.iterdir()) == []
     finally:
         subprocess.run(["umount", disk], check=True)

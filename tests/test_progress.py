@@ -1,4 +1,4 @@
-"""Preview pictures of long work: small, whole, seldom, and made only where somebody can see them."""
+"""Progress in a log, and preview pictures: small, whole, seldom, made only where somebody can see them."""
 
 import io
 import json
@@ -60,4 +60,25 @@ def test_a_folder_that_was_taken_away_does_not_end_the_work(monkeypatch, tmp_pat
 
 def test_brackets_of_file_names_are_told_as_they_are(capsys):
     TerminalProgress().message("left out: /rooms/[old]/chair[/].glb: no mesh", "warning")
-    assert "".join(capsys.readouterr().err.split()) == "warning:leftout:/rooms/[old]/chair[/].glb:nomesh"
+    assert capsys.readouterr().err == "warning: left out: /rooms/[old]/chair[/].glb: no mesh\n"
+
+
+def test_a_log_has_whole_lines_and_no_bars(capsys, monkeypatch):
+    """As on a farm, where a line is looked for by its path; FORCE_COLOR is what CI sets."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    told, path = TerminalProgress(), f"/{'deep folder/' * 20}asset.ply"
+    told.message(path)
+    for _ in told.track(range(3), "Dense stereo"):
+        pass
+    first, second = capsys.readouterr().err.splitlines()
+    assert first == path
+    assert second.startswith("Dense stereo: 3/3 in ") and "\x1b" not in second
+
+
+def test_a_log_says_every_minute_that_the_work_goes_on(capsys, monkeypatch):
+    seconds = iter(range(0, 1000, 25))
+    monkeypatch.setattr(progress_module.time, "monotonic", lambda: float(next(seconds)))
+    for _ in TerminalProgress().track(range(8), "Dense stereo"):
+        pass
+    told = capsys.readouterr().err.splitlines()
+    assert [line.partition(" in ")[0] for line in told] == [f"Dense stereo: {n}/8" for n in (3, 6, 8)]

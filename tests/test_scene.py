@@ -2,6 +2,7 @@
 
 import errno
 import json
+import os
 import subprocess
 import sys
 import tomllib
@@ -18,6 +19,7 @@ from r2sego_blender.scene import (
     Scene,
     content_digest,
 )
+from r2sego_blender.scratch import remove_scratch
 
 IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 DECLARATION = Declaration("photos", IDENTITY, ground="floor plane", scale_source="metric poses")
@@ -243,6 +245,40 @@ def test_a_cut_off_journal_line_is_passed_over(tmp_path):
     with (scene.path / "journal.jsonl").open("a") as journal:
         journal.write('{"step": "b.t')
     assert [record["step"] for record in scene.journal()] == ["a.txt"]
+    scene.step("c.txt", lambda file: file.write_text("c"))
+    assert [record["step"] for record in scene.journal()] == ["a.txt", "c.txt"]
+
+
+def test_a_clock_set_back_does_not_shorten_a_step(tmp_path, monkeypatch):
+    scene, clock = make_scene(tmp_path), iter([2000.0, 1000.0])
+    monkeypatch.setattr("r2sego_blender.scene.time.time", lambda: next(clock))
+    scene.step("a.txt", lambda file: file.write_text("a"))
+    assert 0.0 <= scene.journal()[0]["seconds"] < 60.0
+
+
+@pytest.mark.skipif(os.name == "nt", reason="flock")
+@pytest.mark.parametrize("number", [errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP])
+def test_a_disk_without_locks_is_not_taken_for_another_process(tmp_path, monkeypatch, number):
+    import fcntl
+
+    def refuse(*_):
+        raise OSError(number, os.strerror(number))
+
+    scene = make_scene(tmp_path)
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    with pytest.raises(SceneError, match=f"cannot lock a file: {os.strerror(number)}"), scene.locked():
+        pass
+
+
+def test_a_bundle_that_is_cancelled_in_the_making_leaves_nothing(tmp_path):
+    def fill(folder):
+        (folder / "captures").mkdir()
+        remove_scratch()  # what a cancelled process does
+        raise KeyboardInterrupt(list(tmp_path.iterdir()))
+
+    with pytest.raises(KeyboardInterrupt) as left:
+        Scene.create(tmp_path / "room.r2s", make_scene(tmp_path / "other").declaration, fill)
+    assert left.value.args[0] == [tmp_path / "other"]
 
 
 def test_the_lock_excludes_another_process(tmp_path):

@@ -1,6 +1,7 @@
 """What a scene holds, told; and what is damaged in it, with its cure."""
 
 import json
+import shlex
 
 import numpy as np
 import pytest
@@ -45,3 +46,9 @@ def test_a_damaged_list_of_captures_is_told_with_its_cure(scene, text):
     (scene.captures_folder / "cameras.json").write_text(text)
     with pytest.raises(SceneError, match=r"cameras\.json.*damaged.*r2sego new"):
         describe(scene)
+
+
+def test_the_next_command_can_be_run_as_it_is_told(scene):
+    moved = scene.path.rename(scene.path.with_name("living room.r2s"))
+    command = lines(describe(Scene.open(moved)))[-1].removeprefix("next: ")
+    assert shlex.split(command) == ["r2sego", "refine", str(moved)]

@@ -20,6 +20,7 @@ from typing import Any
 from ..errors import NativeError, R2SEgoError
 from ..scratch import ScratchFolder
 from .by_place import IMPORT_LIBRARY, LIBRARY, environment_elsewhere
+from .processes import die_with_parent
 
 _PACKAGE = __package__.rpartition(".")[0]
 _CHILD = f"{IMPORT_LIBRARY}\nfrom {LIBRARY.name}.workers.child import serve_call\nserve_call(*sys.argv[1:])\n"
@@ -117,6 +118,7 @@ def _error_class(name: str) -> type[R2SEgoError]:
 
 def serve_call(function: str, request_file: str, manifest: str) -> None:
     """The child's side: call ``function``, "module:name", and leave the manifest."""
+    die_with_parent()  # nobody would hear of the result
     module_name, _, name = function.partition(":")
     module = importlib.import_module(module_name)
     request = json.loads(Path(request_file).read_text())

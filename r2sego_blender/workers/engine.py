@@ -17,6 +17,9 @@ from ..errors import MachineError
 
 LIBRARY = Path(__file__).resolve().parents[1]
 COMMAND_NAME = "r2sego"
+GOING_ON = frozenset({"demo", "evaluate", "refine", "rollouts", "select"})
+"""Commands that, cut off and started again, go on from the last step they finished."""
+
 _INTERPRETER_VARIABLE = "R2SEGO_PYTHON"
 
 

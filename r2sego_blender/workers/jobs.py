@@ -35,7 +35,7 @@ from typing import Any
 
 from ..errors import MachineError, R2SEgoError, SceneError
 from ..progress import JOB_FOLDER_VARIABLE
-from .engine import COMMAND_NAME, LIBRARY, engine_environment
+from .engine import COMMAND_NAME, GOING_ON, LIBRARY, engine_environment
 from .processes import birth, group_of_its_own
 from .supervisor import (
     CANCEL_FILE,
@@ -241,11 +241,11 @@ class Job:
         end = _record(self.folder / END_FILE)
         status = end.get("status")
         if self.cancelled and status != 0:
-            raise EngineError("cancelled", cure="Finished steps are kept; start it again to go on.")
+            raise EngineError("cancelled", cure=self._way_on())
         if status is None:
             raise EngineError(
                 end.get("error") or "it ended without a word: killed, or the machine went down",
-                where=self.title, cure="Finished steps are kept; start it again to go on.",
+                where=self.title, cure=self._way_on(),
             )  # fmt: skip
         if status != 0 or self._error:
             words = self.words()
@@ -268,6 +268,11 @@ class Job:
         """Remove the folder of a job that has ended; one that runs is left alone."""
         if not self.running():
             shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _way_on(self) -> str:
+        """What a command that was cut off has left."""
+        goes_on = bool(GOING_ON.intersection(self.command[3:4]))  # python -m the library, command
+        return "Finished steps are kept; start it again to go on." if goes_on else "Start it again."
 
     def _read(self) -> None:
         """Take over the whole lines written since; a half-written one waits for its end."""

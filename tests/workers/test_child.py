@@ -17,6 +17,7 @@ import r2sego_blender
 from r2sego_blender.errors import CaptureError, NativeError
 from r2sego_blender.workers import by_place, child, elsewhere
 from r2sego_blender.workers.engine import engine_environment
+from r2sego_blender.workers.processes import birth
 
 
 def double(request: dict) -> dict:
@@ -43,6 +44,11 @@ def hang(request: dict) -> dict:
     time.sleep(60)
 
 
+def hang_at(request: dict) -> dict:
+    Path(request["told"]).write_text(str(os.getpid()))
+    time.sleep(60)
+
+
 def leave_files(request: dict) -> dict:
     Path(request["told"]).write_text(tempfile.mkdtemp())
     os.abort()
@@ -52,7 +58,7 @@ def leave_files(request: dict) -> dict:
 def call(monkeypatch):
     """``call_in_child`` for this file's functions: the child imports this file by its name."""
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    for function in (double, leave, abort, crash, refuse, hang, leave_files):
+    for function in (double, leave, abort, crash, refuse, hang, hang_at, leave_files):
         monkeypatch.setattr(function, "__module__", Path(__file__).stem)
     return child.call_in_child
 
@@ -89,6 +95,35 @@ def test_temporary_files_of_an_aborted_child_go_with_it(call, tmp_path):
         call(leave_files, {"told": str(tmp_path / "told")})
     left = Path((tmp_path / "told").read_text())
     assert left.parent.name.startswith("r2sego-") and not left.parent.exists()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the system's doing, on Linux")
+def test_a_killed_process_takes_its_native_calls_along(tmp_path):
+    """As the system kills when memory runs out, or a farm's manager."""
+    told = tmp_path / "told"
+    asking = (
+        "import sys, test_child\n"
+        "from r2sego_blender.workers.child import call_in_child\n"
+        "call_in_child(test_child.hang_at, {'told': sys.argv[1]})\n"
+    )
+    paths = {"PYTHONPATH": f"{Path(__file__).parent}{os.pathsep}{by_place.LIBRARY.parent}"}
+    asks = subprocess.Popen(
+        [sys.executable, "-c", asking, str(told)], env={**os.environ, **paths, "TMPDIR": str(tmp_path)}
+    )
+    try:
+        deadline_s = time.monotonic() + 60.0
+        while not told.exists() or not told.read_text():
+            assert asks.poll() is None and time.monotonic() < deadline_s
+            time.sleep(0.05)
+        pid = int(told.read_text())
+        assert birth(pid)
+    finally:
+        asks.kill()
+        asks.wait()
+    deadline_s = time.monotonic() + 10.0
+    while birth(pid) and time.monotonic() < deadline_s:
+        time.sleep(0.05)
+    assert not birth(pid)
 
 
 @pytest.fixture

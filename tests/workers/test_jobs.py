@@ -179,6 +179,15 @@ def test_cancel_ends_it_and_its_children_within_two_seconds(
         job.result()
 
 
+@pytest.mark.parametrize(("command", "kept"), [("refine", True), ("demo", True), ("new", False)])
+def test_only_commands_that_go_on_say_that_steps_are_kept(start, command, kept):
+    job = start("time.sleep(60)", [command, "room.r2s"])
+    job.stop()
+    with pytest.raises(EngineError) as told:
+        job.result()
+    assert ("Finished steps are kept" in str(told.value)) == kept
+
+
 def test_what_an_ended_command_left_behind_is_ended(start):
     job = start(LEAVE_A_CHILD)
     pids = first_event(job)
