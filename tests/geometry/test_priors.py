@@ -166,6 +166,8 @@ def test_symmetry_completes_what_no_mesh_fits_only_if_asked():
     asked = PriorSettings(symmetry="unmatched")
     (refused,) = aligned(scene, [one])
     (found,) = aligned(scene, [one], settings=asked)
+    (rejected,) = aligned(scene, [dataclasses.replace(one, decision="reject")], settings=asked)
+    assert rejected.prior is None and rejected.record == refused.record
     assert refused.prior is None and refused.record.keys() == {"name", "refusal"}
     record = found.record
     assert record["backend"] == "symmetry" and record["no_mesh"] == refused.refusal

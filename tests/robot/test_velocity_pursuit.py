@@ -57,6 +57,16 @@ def test_walks_keep_to_their_way_and_limits_and_end_standing_at_the_goal(heading
     assert (commands[-1].vx_m_s, commands[-1].vy_m_s, commands[-1].yaw_rate_rad_s) == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize("goal", [(2.0, -1.0), (-1.5, 1.5), (0.5, 2.0)])
+def test_a_walk_looks_where_it_goes(goal):
+    path = straight(np.zeros(2), np.array(goal))
+    track, _ = obeyed(VelocityPursuit([Stage(path)], LIMITS, 0.5, 1.0), start(1.0), 20.0)
+    under_way = np.linalg.norm(track[:, :2], axis=1)
+    middle = (under_way > 1.0) & (under_way < np.linalg.norm(goal) - 0.5)
+    off_rad = np.angle(np.exp(1j * (track[middle, 2] - math.atan2(goal[1], goal[0]))))
+    assert middle.sum() > 20 and np.abs(off_rad).max() < math.radians(10.0)
+
+
 @settings(max_examples=20, deadline=None)
 @given(heading=st.floats(-3.1, 3.1), turn=st.floats(-3.0, 3.0))
 def test_turns_end_at_their_heading(heading, turn):
