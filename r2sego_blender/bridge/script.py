@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import sys
+import traceback
 from collections.abc import Callable
 
 from ..errors import R2SEgoError
+
+_REPORT = "Error: "
 
 
 def script_arguments() -> list[str]:
@@ -15,10 +18,20 @@ def script_arguments() -> list[str]:
 
 
 def run_script(main: Callable[[list[str]], int]) -> None:
-    """Call ``main`` with the person's arguments and end the process with its exit status."""
+    """Call ``main`` with the person's arguments and end the process with its exit status.
+
+    Whatever fails ends it with status 1: after an error that leaves a script, Blender ends with 0.
+    """
     try:
         status = main(script_arguments())
     except R2SEgoError as error:
         print(f"r2sego: {error}", file=sys.stderr)
+        status = 1
+    except Exception as error:
+        said = str(error).strip()
+        if isinstance(error, RuntimeError) and said.startswith(_REPORT):  # an operator's
+            print(f"r2sego: {said.removeprefix(_REPORT)}", file=sys.stderr)
+        else:
+            traceback.print_exc()
         status = 1
     sys.exit(status)

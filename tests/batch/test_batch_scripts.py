@@ -8,6 +8,8 @@ from pathlib import Path
 import fake_bundle
 import pytest
 
+from r2sego_blender.bridge.script import run_script
+
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
 BATCH = Path(__file__).parents[2] / "batch"
@@ -44,6 +46,24 @@ def test_import_scene_says_what_is_wrong(run, tmp_path):
     assert done.returncode == 1
     assert done.stderr.startswith("r2sego: ")
     assert "scene.toml" in done.stderr
+
+
+def test_what_blender_refuses_is_told_in_one_line(run, bundle_path, tmp_path):
+    done = run("import_scene.py", "room.r2s", tmp_path / "nowhere" / "room.blend")
+    assert done.returncode == 1
+    assert "r2sego: Cannot open file" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_any_error_ends_a_script_with_a_status(capsys):
+    """Blender itself would end with 0, and a farm would take the frame for rendered."""
+
+    def fail(arguments):
+        raise ZeroDivisionError("in the middle")
+
+    with pytest.raises(SystemExit) as ended:
+        run_script(fail)
+    assert ended.value.code == 1
+    assert "ZeroDivisionError: in the middle" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("script", "command"), [("refine.py", "refine"), ("export_collision.py", "export")])
