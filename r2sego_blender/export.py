@@ -34,7 +34,7 @@ _FILES = {
     ROOM_USDA: "what bodies touch and what cameras see as one USD stage, for Isaac Sim and Omniverse",
 }
 _TEXTURED_USD = "room.usdc"
-_USD = {".usd", ".usda", ".usdc"}
+_USD = {".usd", ".usda", ".usdc", ".usdz"}
 _Y_UP = {".glb", ".gltf", ".spz"}
 _WIDTH = 14  # of the column of names
 _ABOUT_CAMERAS = (

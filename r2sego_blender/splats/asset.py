@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -111,6 +112,21 @@ class SplatAsset:
             logit_opacities=self.logit_opacities[chosen],
             sh=self.sh[chosen],
         )
+
+    def finite(self, file: Path | None = None) -> SplatAsset:
+        """The asset without the Gaussians that have a value that is not finite.
+
+        Raises AssetError naming ``file``, where one is given, if that leaves none of them.
+        """
+        keep = np.isfinite(self.logit_opacities)
+        for values in (self.means, self.log_scales, self.quaternions):
+            keep &= np.isfinite(values).all(axis=1)
+        keep &= np.isfinite(self.sh).all(axis=(1, 2))
+        if file is not None and len(self) and not keep.any():
+            raise AssetError(
+                "no Gaussian of the file has finite values", where=file, cure="Copy or export it again."
+            )
+        return self if keep.all() else self.subset(keep)
 
     def with_degree(self, degree: int) -> SplatAsset:
         """The asset at another degree: harmonics cut off, or zeros appended."""

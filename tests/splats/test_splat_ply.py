@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import tracemalloc
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +86,69 @@ def test_gaussians_that_are_not_finite_are_dropped(tmp_path: Path) -> None:
     asset.means[1, 2], asset.sh[2, 5, 0] = np.nan, np.inf
     save_ply(tmp_path / "a.ply", asset)
     assert_same(load_ply(tmp_path / "a.ply"), asset.subset(np.array([0, 3])))
+
+
+def test_opacities_of_1_and_scales_of_0_are_kept_that_others_write_as_infinite(tmp_path: Path) -> None:
+    asset = random_asset(np.random.default_rng(0), count=4)
+    asset.logit_opacities[1], asset.log_scales[2, 0] = np.inf, -np.inf
+    asset.logit_opacities[3] = -np.inf  # of 0: seen nowhere
+    save_ply(tmp_path / "a.ply", asset)
+    loaded = load_ply(tmp_path / "a.ply")
+    assert len(loaded) == 3
+    assert loaded.opacities[1] > 1.0 - 1e-6 and np.isfinite(loaded.logit_opacities).all()
+    assert loaded.log_scales[2, 0] < -20.0 and np.isfinite(loaded.log_scales).all()
+    np.testing.assert_array_equal(loaded.means, asset.means[:3])
+
+
+def test_a_file_without_any_finite_gaussian_is_told(tmp_path: Path) -> None:
+    asset = random_asset(np.random.default_rng(0), count=4)
+    asset.means[:] = np.nan
+    save_ply(tmp_path / "a.ply", asset)
+    with pytest.raises(AssetError, match="no Gaussian of the file"):
+        load_ply(tmp_path / "a.ply")
+
+
+def test_of_degree_4_the_first_three_are_kept(tmp_path: Path) -> None:
+    fields = [*FIELDS, "scale_2", *(f"f_rest_{k}" for k in range(72))]
+    values = np.random.default_rng(0).normal(size=(6, len(fields))).astype(np.float32)
+    asset = load_ply(written(tmp_path / "a.ply", fields, values))
+    assert asset.degree == 3
+    for channel in range(3):
+        first = 14 + 24 * channel
+        np.testing.assert_array_equal(asset.sh[:, 1:, channel], values[:, first : first + 15])
+
+
+def test_a_large_file_is_written_in_little_memory(tmp_path: Path) -> None:
+    asset = random_asset(np.random.default_rng(0), count=40_000)
+    tracemalloc.start()
+    save_ply(tmp_path / "a.ply", asset)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert (tmp_path / "a.ply").stat().st_size > 40_000 * 248
+    assert peak < 15 << 20  # the file has 9.9 MB, and was held four times
+    assert_same(load_ply(tmp_path / "a.ply"), asset)
+
+
+def test_an_element_before_the_vertices_is_passed_over(tmp_path: Path) -> None:
+    asset = random_asset(np.random.default_rng(0), count=5)
+    save_ply(tmp_path / "a.ply", asset)
+    head, _, body = (tmp_path / "a.ply").read_bytes().partition(b"end_header\n")
+    head = head.replace(b"element vertex", b"element camera 2\nproperty double fx\nelement vertex")
+    (tmp_path / "a.ply").write_bytes(head + b"end_header\n" + bytes(16) + body)
+    assert_same(load_ply(tmp_path / "a.ply"), asset)
+    lists = head.replace(b"property double fx", b"property list uchar int ids")
+    (tmp_path / "a.ply").write_bytes(lists + b"end_header\n" + bytes(2) + body)
+    with pytest.raises(AssetError, match="'camera' stands before the vertices"):
+        load_ply(tmp_path / "a.ply")
+
+
+def test_a_text_file_without_gaussians_is_read_without_a_warning(tmp_path: Path) -> None:
+    properties = "".join(f"property float {name}\n" for name in [*FIELDS, "scale_2"])
+    header = f"ply\nformat ascii 1.0\nelement vertex 0\n{properties}end_header\n"
+    (tmp_path / "a.ply").write_text(header)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(load_ply(tmp_path / "a.ply")) == 0
 
 
 def test_damaged_files_say_what_is_wrong(tmp_path: Path) -> None:

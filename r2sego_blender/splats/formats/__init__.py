@@ -9,19 +9,21 @@ import numpy as np
 
 from ...errors import AssetError
 from ..asset import SplatAsset
-from ..ply import load_ply, save_ply
+from ..ply import from_vertices, save_ply
+from ..ply_vertices import read_elements
+from .compressed_ply import ELEMENTS, is_compressed, unpacked
 from .files import publishing
-from .values import finite
 
-SUFFIXES = (".ply", ".splat", ".spz", ".glb", ".gltf", ".usd", ".usda", ".usdc")
+SUFFIXES = (".ply", ".splat", ".spz", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 """What an asset's file may end in; the suffix chooses the format."""
 
 
 def load_asset(path: Path) -> SplatAsset:
     """The asset in a file of any format, in the world frame: Z up, metres.
 
-    Gaussians with a value that is not finite are dropped. Raises AssetError naming the file
-    when it is missing, damaged or of another format.
+    Gaussians with a value that is not finite are dropped. A ``.ply`` may be the compressed one
+    of SuperSplat. Raises AssetError naming the file when it is missing, damaged or of another
+    format.
     """
     load, _ = _functions(path)
     with np.errstate(over="ignore", invalid="ignore"):  # of values that are dropped
@@ -38,9 +40,14 @@ def save_asset(path: Path, asset: SplatAsset) -> None:
     save(path, asset)
 
 
+def _load_ply(path: Path) -> SplatAsset:
+    elements = read_elements(path, ELEMENTS)
+    return unpacked(elements, path) if is_compressed(elements) else from_vertices(elements["vertex"], path)
+
+
 def _save_ply(path: Path, asset: SplatAsset) -> None:
     with publishing(path) as staging:
-        save_ply(staging, finite(asset))
+        save_ply(staging, asset.finite())
 
 
 def _functions(
@@ -49,7 +56,7 @@ def _functions(
     """Load and save of a format; its libraries are imported only when it is asked for."""
     match path.suffix.lower():
         case ".ply":
-            return load_ply, _save_ply
+            return _load_ply, _save_ply
         case ".splat":
             from .splat import load_splat, save_splat
 
@@ -62,7 +69,7 @@ def _functions(
             from .gltf import load_gltf, save_gltf
 
             return load_gltf, save_gltf
-        case ".usd" | ".usda" | ".usdc":
+        case ".usd" | ".usda" | ".usdc" | ".usdz":
             from .usd import load_usd, save_usd
 
             return load_usd, save_usd

@@ -22,7 +22,6 @@ from .files import content, publishing
 from .values import (
     WORLD_FROM_Y_UP,
     Y_UP_FROM_WORLD,
-    finite,
     in_world,
     linear_scales,
     log_scales,
@@ -56,7 +55,7 @@ def save_gltf(path: Path, asset: SplatAsset) -> None:
     The axes are in the data and not in a node's rotation, which many viewers do not apply to
     the harmonics. Raises AssetError when a ``.glb`` would exceed 4 GiB.
     """
-    asset = finite(asset)
+    asset = asset.finite()
     attributes = _attributes(asset.transformed(Y_UP_FROM_WORLD)) if len(asset) else {}
     size = sum(values.nbytes for values in attributes.values())
     document = _document(attributes, size)

@@ -10,8 +10,6 @@ from ...errors import AssetError
 from ..asset import SH_BAND_0, SplatAsset
 from .files import content, publishing
 from .values import (
-    finite,
-    finite_of_file,
     linear_scales,
     log_scales,
     logits_of_bytes,
@@ -29,7 +27,7 @@ _OTHER_FORMATS = (b"ply\n", b"ply\r", b"NGSP", b"\x1f\x8b\x08", b"glTF", b"PXR-U
 
 def save_splat(path: Path, asset: SplatAsset) -> None:
     """Write ``asset`` at degree 0, the most visible Gaussians first, in the world's axes."""
-    asset = finite(asset)
+    asset = asset.finite()
     if not len(asset):
         raise AssetError("a .splat file cannot hold an asset without Gaussians", where=path, cure="Use .ply.")
     importance = np.log(asset.opacities) + asset.log_scales.sum(axis=1)  # of opacity times volume
@@ -68,4 +66,4 @@ def load_splat(path: Path) -> SplatAsset:
         logit_opacities=logits_of_bytes(records["colour"][:, 3]),
         sh=((colours - 0.5) / SH_BAND_0)[:, None],
     )
-    return finite_of_file(asset, path)
+    return asset.finite(path)

@@ -20,7 +20,6 @@ from ..asset import SplatAsset
 from .files import content, publishing
 from .values import (
     Y_UP_FROM_WORLD,
-    finite,
     in_world,
     logits_of_bytes,
     to_bytes,
@@ -74,7 +73,7 @@ class _Packed:
 
 def save_spz(path: Path, asset: SplatAsset) -> None:
     """Write ``asset`` as version 3 in SPZ's axes: x right, y up, z back."""
-    asset = finite(asset).transformed(Y_UP_FROM_WORLD)
+    asset = asset.finite().transformed(Y_UP_FROM_WORLD)
     reach = float(np.abs(asset.means).max(initial=0.0))
     bits = _MOST_FRACTIONAL_BITS
     while bits and reach * 2.0**bits > _LARGEST_FIXED:

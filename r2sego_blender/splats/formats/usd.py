@@ -8,7 +8,7 @@ from functools import reduce
 from pathlib import Path
 
 import numpy as np
-from pxr import Tf, Usd, UsdGeom, UsdVol, Vt
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdVol, Vt
 
 from ...arrays import opened_arrays
 from ...errors import AssetError
@@ -19,7 +19,6 @@ from . import usd_stage
 from .files import content, publishing
 from .values import (
     WORLD_FROM_Y_UP,
-    finite,
     in_world,
     linear_scales,
     log_scales,
@@ -29,6 +28,7 @@ from .values import (
 
 _EXTENT_SIGMAS = 3.0
 """As far as the schema says a Gaussian reaches."""
+_PACKAGED = "splats.usdc"
 _LONGEST_READING_S = 600.0
 """A stage that composes longer is made to; gigabytes of splats take seconds."""
 
@@ -36,9 +36,9 @@ _LONGEST_READING_S = 600.0
 def save_usd(path: Path, asset: SplatAsset) -> None:
     """Write ``asset`` as the default prim of a stage with Z up, in metres.
 
-    ``.usdc`` and ``.usd`` are binary, ``.usda`` is text.
+    ``.usdc`` and ``.usd`` are binary, ``.usda`` is text, ``.usdz`` a package of one ``.usdc``.
     """
-    asset = finite(asset)
+    asset = asset.finite()
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, UsdGeom.LinearUnits.meters)
@@ -59,7 +59,10 @@ def save_usd(path: Path, asset: SplatAsset) -> None:
         field.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(_extent(asset, quaternions)))
     try:
         with publishing(path) as staging:
-            stage.GetRootLayer().Export(str(staging))
+            if path.suffix.lower() == ".usdz":
+                _write_package(staging, stage)
+            else:
+                stage.GetRootLayer().Export(str(staging))
     except Tf.ErrorException as error:
         raise AssetError(
             "the file cannot be written", where=path, cure="Check the folder and the disk."
@@ -102,6 +105,14 @@ def load_usd(path: Path) -> SplatAsset:
                 )
                 assets.append(in_world(asset, world_from_stage @ arrays[f"{k}.stage_from_prim"], path))
     return reduce(SplatAsset.concatenated, assets)
+
+
+def _write_package(path: Path, stage: Usd.Stage) -> None:
+    with ScratchFolder() as folder:
+        layer = str(Path(folder, _PACKAGED))
+        stage.GetRootLayer().Export(layer)
+        with Sdf.ZipFileWriter.CreateNew(str(path)) as package:
+            package.AddFile(layer, _PACKAGED)
 
 
 def _extent(asset: SplatAsset, quaternions: np.ndarray) -> np.ndarray:

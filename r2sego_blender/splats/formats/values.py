@@ -23,32 +23,13 @@ _OPACITY_LIMITS = (1e-12, 1.0 - 2.0**-25)
 """Opacities whose logits are finite; nothing in a picture tells them from 0 and 1."""
 
 
-def finite(asset: SplatAsset) -> SplatAsset:
-    """The asset without the Gaussians that have a value that is not finite."""
-    keep = np.isfinite(asset.logit_opacities)
-    for values in (asset.means, asset.log_scales, asset.quaternions):
-        keep &= np.isfinite(values).all(axis=1)
-    keep &= np.isfinite(asset.sh).all(axis=(1, 2))
-    return asset if keep.all() else asset.subset(keep)
-
-
-def finite_of_file(asset: SplatAsset, path: Path) -> SplatAsset:
-    """``finite``, but a file of nothing else raises AssetError."""
-    kept = finite(asset)
-    if len(asset) and not len(kept):
-        raise AssetError(
-            "no Gaussian of the file has finite values", where=path, cure="Copy or export it again."
-        )
-    return kept
-
-
 def in_world(asset: SplatAsset, world_from_file: np.ndarray, path: Path) -> SplatAsset:
     """The file's Gaussians moved to where they are finite in the world, the others dropped.
 
     Raises AssetError when none is, or the (4, 4) matrix is no similarity.
     """
     try:
-        return finite_of_file(asset.transformed(world_from_file), path)
+        return asset.transformed(world_from_file).finite(path)
     except AssetError as error:
         if error.where:
             raise

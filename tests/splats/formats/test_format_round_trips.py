@@ -9,7 +9,7 @@ from r2sego_blender.errors import AssetError
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.formats import SUFFIXES, load_asset, save_asset
 
-LOSSLESS = (".ply", ".glb", ".gltf", ".usd", ".usda", ".usdc")
+LOSSLESS = (".ply", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_every_degree_survives(asset, fidelity_db, tmp_path, suffix, degree):
     assert fidelity_db(loaded, asset.with_degree(degree)) >= 35.0
 
 
-@pytest.mark.parametrize("suffix", [".splat", ".spz", ".glb", ".gltf", ".usda", ".usdc"])
+@pytest.mark.parametrize("suffix", [".splat", ".spz", ".glb", ".gltf", ".usda", ".usdc", ".usdz"])
 def test_a_file_written_twice_has_the_same_bytes(asset, tmp_path, suffix):
     first, second = tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
     save_asset(first, asset)

@@ -34,10 +34,11 @@ def test_the_stage_says_what_the_schema_says(asset, tmp_path, suffix):
     np.testing.assert_array_equal(np.array(harmonics.Get()).reshape(-1, 16, 3), asset.sh)
 
 
-def test_usd_finds_nothing_wrong(asset, tmp_path):
-    save_asset(tmp_path / "room.usdc", asset)
+@pytest.mark.parametrize("suffix", [".usdc", ".usdz"])
+def test_usd_finds_nothing_wrong(asset, tmp_path, suffix):
+    save_asset(tmp_path / f"room{suffix}", asset)
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
-    stage = Usd.Stage.Open(str(tmp_path / "room.usdc"))
+    stage = Usd.Stage.Open(str(tmp_path / f"room{suffix}"))
     assert not UsdValidation.ValidationContext(validators).Validate(stage)
 
 
