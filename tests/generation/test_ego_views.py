@@ -48,10 +48,10 @@ def scene(room_a):
     )
 
 
-def views_of(room_a, scene, generator, folder):
+def views_of(room_a, scene, generator, folder, settings=SETTINGS):
     return ego_video_reg(
         scene.selection, scene.candidates, room_a.captures, room_a.renderer, generator,
-        scene.landmarks, SETTINGS, folder,
+        scene.landmarks, settings, folder,
     )  # fmt: skip
 
 
@@ -103,6 +103,15 @@ def test_views_are_written_registered_and_read_back(tmp_path, room_a, scene):
     (tmp_path / "001/frame.png").write_bytes(b"")
     with pytest.raises(GenerationError, match=r"001: this generated view cannot be used"):
         load_pseudo_observations(tmp_path)
+
+
+def test_of_the_conditions_the_targets_alone_may_be_kept(tmp_path, room_a, scene):
+    target = replace(SETTINGS, generation=replace(SETTINGS.generation, kept_conditions="target"))
+    views_of(room_a, scene, scene.generator, tmp_path, target)
+    (kept,) = load_conditions(tmp_path / "000/conditions")
+    np.testing.assert_allclose(
+        kept.camera.world_from_camera, scene.candidates[scene.selection.targets[0]].world_from_camera
+    )
 
 
 def test_what_a_person_decided_overrules_the_gate(tmp_path, room_a, scene):

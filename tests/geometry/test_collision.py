@@ -189,12 +189,40 @@ def test_files_are_all_in_the_world_frame(surface, tmp_path):
     assert len(list((tmp_path / "hulls").glob("*.obj"))) == len(surface.pieces)
 
 
-def test_loose_crumbs_are_dropped(room):
+@pytest.mark.parametrize("thickness_m", [0.03, 0.08])
+def test_a_piece_is_as_thick_as_is_set_behind_its_surface(thickness_m):
+    wall = _grid((-1.0, 1.0), (1.0, 2.0), lambda x, y: 0 * x)
+    wall.vertices = wall.vertices[:, [0, 2, 1]] + (0.0, 1.0, 0.0)  # its front looks to -y
+    surface = collision_surface(as_proxy(wall), replace(SETTINGS, thickness_m=thickness_m))
+    corners = np.concatenate([vertices for vertices, _ in surface.pieces])
+    np.testing.assert_allclose(
+        (corners[:, 1].min(), corners[:, 1].max()), (1.0, 1.0 + thickness_m), atol=1e-6
+    )
+
+
+@pytest.mark.parametrize(("tolerance_m", "is_floor"), [(0.03, True), (0.015, False)])
+def test_level_faces_within_the_tolerance_of_zero_are_the_floor(tolerance_m, is_floor):
+    level = _grid((-1.0, 1.0), (-1.0, 1.0), lambda x, y: 0 * x + 0.02)
+    surface = collision_surface(as_proxy(level), replace(SETTINGS, floor_tolerance_m=tolerance_m))
+    assert (len(surface.floor), len(surface.pieces) > 0) == ((4, False) if is_floor else (0, True))
+
+
+@pytest.mark.parametrize("cell_m", [0.1, 0.3])
+def test_one_vertex_is_left_of_those_in_a_cell(cell_m):
+    level = _grid((-1.0, 1.0), (-1.0, 1.0), lambda x, y: 0 * x + 1.0)
+    vertices = collision_surface(as_proxy(level), replace(SETTINGS, simplification_m=cell_m)).vertices
+    cells = np.unique(np.floor(level.vertices / cell_m + 0.5), axis=0)
+    np.testing.assert_array_equal(np.unique(np.floor(vertices / cell_m + 0.5), axis=0), cells)
+    assert len(vertices) == len(cells)
+
+
+def test_loose_crumbs_are_dropped():
     crumb = trimesh.creation.box((0.06, 0.06, 0.06))
     crumb.apply_translation((0, 0, 1.2))
-    with_crumb = trimesh.util.concatenate([room.mesh.copy().subdivide_to_size(0.2), crumb])
-    surface = collision_surface(as_proxy(with_crumb), SETTINGS)
-    assert not (np.linalg.norm(surface.vertices - (0, 0, 1.2), axis=1) < 0.2).any()
+    with_crumb = trimesh.util.concatenate([_grid((-1.0, 1.0), (-1.0, 1.0), lambda x, y: 0 * x), crumb])
+    for smallest_m, kept in ((0.15, False), (0.05, True)):  # it is 0.104 m across
+        surface = collision_surface(as_proxy(with_crumb), replace(SETTINGS, min_component_m=smallest_m))
+        assert (np.linalg.norm(surface.vertices - (0, 0, 1.2), axis=1) < 0.2).any() == kept
 
 
 def test_the_number_of_pieces_is_bounded():

@@ -99,6 +99,42 @@ def test_no_planes_but_the_floor_when_none_are_wanted(room, observed_points):
     assert len(find_planes(data, cameras, none, np.random.default_rng(0)).offsets) == 1
 
 
+def walls(*places_m, counts):
+    """Points on walls x = place that face the origin, and a camera there."""
+    rng = np.random.default_rng(0)
+    points = [
+        np.column_stack([np.full(n, x), rng.uniform(-1, 1, n), rng.uniform(0.5, 2, n)])
+        for x, n in zip(places_m, counts, strict=True)
+    ]
+    normals = [np.tile([-np.sign(x), 0.0, 0.0], (n, 1)) for x, n in zip(places_m, counts, strict=True)]
+    camera = Camera(8, 6, 5.0, 5.0, 4.0, 3.0, look_at((0, 0, 1.5), (1, 0, 1.5)))
+    return observed(np.concatenate(points), np.concatenate(normals)), (camera,)
+
+
+@pytest.mark.parametrize(("share", "places"), [(0.05, [-1.0, 0.0, 2.0]), (0.15, [0.0, 2.0]), (0.95, [0.0])])
+def test_a_plane_holds_its_share_of_the_points(share, places):
+    data, cameras = walls(2.0, -1.0, counts=(900, 100))
+    chosen = dataclasses.replace(SETTINGS, plane_share=share)
+    planes = find_planes(data, cameras, chosen, np.random.default_rng(0))
+    np.testing.assert_allclose(sorted(planes.offsets * planes.normals.sum(axis=1)), places, atol=1e-6)
+
+
+@pytest.mark.parametrize(("tolerance_m", "count"), [(0.02, 2), (0.08, 1)])
+def test_what_lies_within_the_tolerance_is_one_plane(tolerance_m, count):
+    data, cameras = walls(2.0, 2.06, counts=(600, 400))
+    chosen = dataclasses.replace(SETTINGS, plane_tolerance_m=tolerance_m)
+    assert len(find_planes(data, cameras, chosen, np.random.default_rng(0)).offsets) == 1 + count
+
+
+@pytest.mark.parametrize(("share", "bounds"), [(0.88, True), (0.92, False)])
+def test_a_bound_has_its_share_of_the_points_before_it(share, bounds):
+    data, cameras = walls(2.0, 3.0, counts=(900, 100))
+    chosen = dataclasses.replace(SETTINGS, envelope_share=share, plane_share=0.5)
+    planes = find_planes(data, cameras, chosen, np.random.default_rng(0))
+    (wall,) = matching(planes, np.array([-1.0, 0.0, 0.0]), -2.0)
+    assert planes.bounding[wall] == bounds
+
+
 @settings(max_examples=50, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_depths_are_where_rays_meet_the_plane(seed):

@@ -12,6 +12,7 @@ from r2sego_blender.geometry.shapes import Shape
 from r2sego_blender.settings import PriorSettings
 
 ONE = PriorSettings(candidates=1)
+TWO_ALIKE = PriorSettings(candidates=2, screening_margin=0.0)
 WORLD_FROM_CHAIR = standing(40.0, (-0.2, 0.3))
 
 
@@ -34,7 +35,7 @@ def library() -> dict[str, Shape]:
 
 
 def test_the_right_shape_among_five_wins(evidence, library):
-    found = retrieve(evidence, list(library.values()), ONE)
+    found = retrieve(evidence, list(library.values()), TWO_ALIKE)  # of which no other is as good
     assert set(found.screening) == set(FURNITURE)
     assert found.best.shape == "chair" == min(found.screening, key=found.screening.get)
     assert set(found.rough) == {"chair"} and found.refusal == ""
@@ -53,5 +54,8 @@ def test_the_figure_that_misses_its_limit_is_named(evidence):
     few = replace(evidence, points=evidence.points[:99])
     assert refusal(true, few, PriorSettings()).startswith("only 99 observed points")
     assert refusal(true, few, PriorSettings(min_points=99)) == ""
-    assert "energy is 0.46" in refusal(replace(true, energy=0.456), evidence, PriorSettings())
-    assert "overlaps by 0.70" in refusal(replace(true, silhouette_iou=0.7), evidence, PriorSettings())
+    doubtful, other = replace(true, energy=0.456), replace(true, silhouette_iou=0.7)
+    assert "energy is 0.46" in refusal(doubtful, evidence, PriorSettings())
+    assert refusal(doubtful, evidence, PriorSettings(max_energy=0.456)) == ""
+    assert "overlaps by 0.70" in refusal(other, evidence, PriorSettings())
+    assert refusal(other, evidence, PriorSettings(min_iou=0.7)) == ""

@@ -100,6 +100,14 @@ def test_depth_and_normals_are_those_of_the_rendered_planes(scene, maps) -> None
         np.testing.assert_allclose(np.linalg.norm(found.normal, axis=-1), 1.0, atol=1e-4)
 
 
+def test_reliable_is_what_matched_well_and_another_capture_saw() -> None:
+    depth, cost, support = np.meshgrid([0.0, 2.0], [0.2, 0.4, 0.41], [0, 1, 2], indexing="ij")
+    camera = Camera(1, 1, 1.0, 1.0, 0.5, 0.5, np.eye(4))
+    found = DepthMap(depth, np.zeros((*depth.shape, 3)), cost, support.astype(np.uint8), camera)
+    reliable = found.reliable(replace(SETTINGS, max_cost=0.4))
+    np.testing.assert_array_equal(reliable, (depth == 2.0) & (cost < 0.405) & (support > 0))
+
+
 def test_support_counts_other_captures_only(maps) -> None:
     for found in maps:
         assert found.support.dtype == np.uint8
