@@ -13,6 +13,7 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ..r2sego_blender.bridge.show_asset import DrawnSplats
+from .clipping_region import kept
 
 NEAREST_M = 0.2
 """Splats nearer than this are not drawn, as in the trainer."""
@@ -127,6 +128,16 @@ class _Shaders(NamedTuple):
 _shaders: list[_Shaders | None] = []
 
 
+class Seen(NamedTuple):
+    """What a view shows: ``clip_from_object`` (4, 4) is its perspective matrix times the object's.
+
+    ``kept_sides`` are its Clipping Region's, of planes in the object.
+    """
+
+    clip_from_object: np.ndarray
+    kept_sides: np.ndarray | None
+
+
 def farthest_first(centres: np.ndarray, clip_from_object: np.ndarray) -> np.ndarray:
     """The order (M,) in which those of ``centres`` (N, 3) float32 that lie before the camera are drawn.
 
@@ -179,7 +190,7 @@ class GaussianSplats:
             self._corners.attr_fill(name, np.ascontiguousarray(np.repeat(values, 4, axis=0), np.float32))
         self._pictures: dict[int, Picture] = {}
 
-    def draw(self, view: int, clip_from_object: np.ndarray, opacity: float, anew: bool) -> bool:
+    def draw(self, view: int, seen: Seen, opacity: float, anew: bool) -> bool:
         """Draw them into the view being drawn, which ``view`` tells from others; False where they are not.
 
         A view that is not as its picture was painted is painted only if ``anew``.
@@ -190,16 +201,14 @@ class GaussianSplats:
         left, bottom, *size = gpu.state.viewport_get()
         size = tuple(size)
         picture = self._pictures.get(view)
-        if picture is None or not picture.shows(clip_from_object, size):
+        if picture is None or not picture.shows(seen, size):
             if not anew:
                 return False
-            picture = self._painted(view, clip_from_object, size, shaders)
+            picture = self._painted(view, seen, size, shaders)
         picture.lay((left, bottom), opacity, shaders)
         return True
 
-    def _painted(
-        self, view: int, clip_from_object: np.ndarray, size: tuple[int, int], shaders: _Shaders
-    ) -> "Picture":
+    def _painted(self, view: int, seen: Seen, size: tuple[int, int], shaders: _Shaders) -> "Picture":
         """The view's picture, painted anew."""
         picture = self._pictures.pop(view, None)
         if picture is None or picture.size != size:
@@ -207,12 +216,13 @@ class GaussianSplats:
         while len(self._pictures) >= _PICTURES:
             del self._pictures[next(iter(self._pictures))]
         self._pictures[view] = picture
-        triangles = _triangles(farthest_first(self._centres, clip_from_object))
+        chosen = kept(self._centres, seen.kept_sides)
+        triangles = _triangles(chosen[farthest_first(self._centres[chosen], seen.clip_from_object)])
         batch = None
         if len(triangles):
             indices = gpu.types.GPUIndexBuf(type="TRIS", seq=triangles)
             batch = gpu.types.GPUBatch(type="TRIS", buf=self._corners, elem=indices)
-        picture.paint(batch, clip_from_object, shaders)
+        picture.paint(batch, seen, shaders)
         return picture
 
 
@@ -231,17 +241,15 @@ class Picture:
         self._painted = gpu.types.GPUFrameBuffer(color_slots=(self.colours, self.nearnesses))
         self._laid = gpu.types.GPUTexture(size, format="RGBA16F")
         self._developed = gpu.types.GPUFrameBuffer(color_slots=(self._laid,))
-        self._clip_from_object: np.ndarray | None = None
+        self._seen: Seen | None = None
 
-    def shows(self, clip_from_object: np.ndarray, size: tuple[int, int]) -> bool:
+    def shows(self, seen: Seen, size: tuple[int, int]) -> bool:
         """Whether the picture is one of this view."""
-        return self.size == size and np.array_equal(self._clip_from_object, clip_from_object)
+        return self.size == size and self._seen is not None and all(map(np.array_equal, self._seen, seen))
 
-    def paint(
-        self, batch: gpu.types.GPUBatch | None, clip_from_object: np.ndarray, shaders: _Shaders
-    ) -> None:
+    def paint(self, batch: gpu.types.GPUBatch | None, seen: Seen, shaders: _Shaders) -> None:
         """Blend the splats of ``batch`` in its order."""
-        shader = shaders.paint
+        shader, clip_from_object = shaders.paint, seen.clip_from_object
         gpu.state.depth_test_set("NONE")
         gpu.state.depth_mask_set(False)
         with self._painted.bind():
@@ -258,7 +266,7 @@ class Picture:
             shaders.develop.bind()
             shaders.develop.uniform_sampler("colours", self.colours)
             _whole(shaders.develop).draw(shaders.develop)
-        self._clip_from_object = clip_from_object
+        self._seen = seen
 
     def lay(self, origin: tuple[int, int], opacity: float, shaders: _Shaders) -> None:
         """Lay the picture over what is drawn from ``origin`` on, behind what is nearer."""

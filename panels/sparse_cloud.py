@@ -1,10 +1,10 @@
 """The overlay of the triangulated points: drawn as they are, without objects, quick with 200 000."""
 
 import gpu
-from gpu_extras.batch import batch_for_shader
 
 from ..r2sego_blender.bridge.moved_bundle import whole_path
 from ..r2sego_blender.bridge.sparse_cloud import cloud_at
+from .clipping_region import ClippedPoints, kept_sides
 from .overlays import Overlay, points_while_moving, timeline_runs
 
 _VERTEX = """
@@ -28,16 +28,17 @@ _MOST_WIDE = 60_000
 def _draw(context):
     scene = context.scene
     shown = getattr(scene, "r2sego_captures", None)
-    if shown is None or not shown.show_cloud or not scene.r2sego.bundle or not _overlays(context):
+    if shown is None or not shown.show_cloud or not scene.r2sego.bundle or not _has_place(context.space_data):
         return
     cloud = cloud_at(whole_path(scene.r2sego.bundle))
     if cloud is None or not len(cloud.points):
         return
     if _made.get("cloud") is not cloud:  # to the GPU once, not once a frame
         _made["shader"] = _made.get("shader") or _shader()
-        _made["batch"] = batch_for_shader(
-            _made["shader"], "POINTS", {"pos": cloud.points, "color": cloud.colours}
-        )
+        vertices = gpu.types.GPUVertBuf(_made["shader"].format_calc(), len(cloud.points))
+        vertices.attr_fill("pos", cloud.points)
+        vertices.attr_fill("color", cloud.colours)
+        _made["points"] = ClippedPoints(vertices, cloud.points)
         _made["cloud"] = cloud
     shader = _made["shader"]
     gpu.state.depth_test_set("LESS_EQUAL")
@@ -49,13 +50,14 @@ def _draw(context):
     drawn = len(cloud.points) if size_px <= 1.0 else min(len(cloud.points), _MOST_WIDE)
     if timeline_runs(context):
         drawn = points_while_moving(drawn, gpu.platform.device_type_get())
-    _made["batch"].draw_range(shader, elem_start=0, elem_count=drawn)
+    _made["points"].draw(shader, drawn, kept_sides(context.region_data))
     gpu.state.program_point_size_set(False)
     gpu.state.depth_test_set("NONE")
 
 
-def _overlays(context):
-    return context.space_data is not None and context.space_data.overlay.show_overlays
+def _has_place(space):
+    """Whether a view shows overlays, and more than the objects of its Local View."""
+    return space is not None and space.overlay.show_overlays and space.local_view is None
 
 
 def _shader():

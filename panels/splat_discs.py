@@ -10,6 +10,7 @@ import numpy as np
 
 from ..r2sego_blender.bridge.show_asset import DrawnSplats
 from ..r2sego_blender.colours import linear_from_srgb
+from .clipping_region import ClippedPoints
 
 _LARGEST_PX = 48.0
 _FALLBACK_PX = 3.0
@@ -56,13 +57,19 @@ class SplatDiscs:
         form.attr_add(id="radius", comp_type="F32", len=1, fetch_mode="FLOAT")
         vertices = gpu.types.GPUVertBuf(form, len(chosen))
         linear = np.concatenate([linear_from_srgb(colours[chosen, :3]), colours[chosen, 3:]], axis=1)
-        vertices.attr_fill("pos", np.ascontiguousarray(splats.means[chosen]))
+        places = np.ascontiguousarray(splats.means[chosen])
+        vertices.attr_fill("pos", places)
         vertices.attr_fill("color", np.ascontiguousarray(linear))
         vertices.attr_fill("radius", np.ascontiguousarray(splats.radii_m[chosen, None]))
-        self._batch = gpu.types.GPUBatch(type="POINTS", buf=vertices)
+        self._points = ClippedPoints(vertices, places)
 
-    def draw(self, count: int, clip_from_object, scale_px: float, opacity: float) -> None:
-        """Draw the first ``count`` of them; ``scale_px`` as its function gives it, times their size."""
+    def draw(
+        self, count: int, clip_from_object, kept_sides: np.ndarray | None, scale_px: float, opacity: float
+    ) -> None:
+        """Draw the first ``count`` of those on the sides of planes in the object that ``kept_sides`` tell.
+
+        ``scale_px`` is as its function gives it, times the discs' size.
+        """
         shader, discs = _shader()
         gpu.state.depth_test_set("LESS_EQUAL")
         gpu.state.depth_mask_set(True)
@@ -75,7 +82,7 @@ class SplatDiscs:
             shader.uniform_float("opacity", opacity)
         else:
             gpu.state.point_size_set(_FALLBACK_PX)
-        self._batch.draw_range(shader, elem_start=0, elem_count=count)
+        self._points.draw(shader, count, kept_sides)
         if discs:
             gpu.state.program_point_size_set(False)
         gpu.state.depth_mask_set(False)

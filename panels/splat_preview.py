@@ -14,7 +14,8 @@ import numpy as np
 from ..r2sego_blender.bridge.show_asset import DrawnSplats, drawn_splats, is_deleted
 from ..r2sego_blender.bridge.views_3d import redraw_views
 from . import gaussian_splats, splat_discs
-from .gaussian_splats import GaussianSplats
+from .clipping_region import kept_sides
+from .gaussian_splats import GaussianSplats, Seen
 from .overlays import Overlay, points_while_moving, timeline_runs
 from .splat_discs import SplatDiscs, drawn_count, scale_px
 
@@ -153,18 +154,20 @@ def draw(context: bpy.types.Context) -> None:
         return
     view, device = context.region_data, gpu.platform.device_type_get()
     clip_from_object = view.perspective_matrix @ shown.matrix_world
+    sides = kept_sides(view)
+    sides = sides @ np.array(shown.matrix_world) if sides is not None else None
     key = context.region.as_pointer()
     moving = _motion.moving(key, tuple(value for row in clip_from_object for value in row))
     moving |= timeline_runs(context)
     if group.style == "GAUSSIANS":
         gaussians = buffers.gaussians
         anew = not moving or gaussians_while_moving(gaussians.count, device)
-        if gaussians.draw(key, np.array(clip_from_object), group.opacity, anew):
+        if gaussians.draw(key, Seen(np.array(clip_from_object), sides), group.opacity, anew):
             return
     count = drawn_count(buffers.disc_count, group.share, group.moving_share, moving)
     count = points_while_moving(count, device) if moving else count
     scale = group.size * scale_px(view.window_matrix, context.region.height)
-    buffers.discs.draw(count, clip_from_object, scale, group.opacity)
+    buffers.discs.draw(count, clip_from_object, sides, scale, group.opacity)
 
 
 _overlay = Overlay(draw, "POST_VIEW")

@@ -14,6 +14,7 @@ import fake_asset
 import numpy as np
 import pytest
 from fake_bundle import write_bundle
+from PIL import Image
 from stand_in_engine import write_stand_in_engine
 
 from r2sego_blender.cameras import Camera
@@ -182,8 +183,9 @@ def painted(material):
     }
 
 
-def test_blender_paints_the_asset_as_the_engine_renders_it(painted):
-    seen = painted["PERSP"]
+@pytest.mark.parametrize("kind", ["PERSP", "CLIPPED"])
+def test_blender_paints_the_asset_as_the_engine_renders_it(painted, kind):
+    seen, asset = painted[kind], shown_asset()
     picture, window = seen["colours"], seen["window"]
     height, width = picture.shape[:2]
     camera = Camera(
@@ -191,10 +193,28 @@ def test_blender_paints_the_asset_as_the_engine_renders_it(painted):
         0.5 * width * (1.0 - window[0, 2]), 0.5 * height * (1.0 + window[1, 2]),
         np.linalg.inv(seen["view"]) @ np.diag([1.0, -1.0, -1.0, 1.0]),
     )  # fmt: skip
-    (rendering,) = render_batch(shown_asset(), [camera])
+    if kind == "CLIPPED":
+        planes = seen["kept"][:4]
+        kept = (asset.means @ planes[:, :3].T + planes[:, 3] > 0.0).all(axis=1)
+        assert 20 < kept.sum() < len(asset) - 20
+        asset = asset.subset(kept)
+    (rendering,) = render_batch(asset, [camera])
     assert rendering.alpha.max() > 0.9
     assert np.abs(picture[..., :3] - rendering.colour).max() < 0.01
     assert np.abs(picture[..., 3] - rendering.alpha).max() < 0.01
+
+
+@pytest.mark.parametrize("drawn", ["discs", "points"])
+def test_a_clipping_region_and_a_local_view_of_other_things_show_nothing(painted, material, drawn):
+    def seen(name):
+        with Image.open(material / "painted" / f"{name}.png") as picture:
+            return np.asarray(picture.convert("RGB"), int)[150:700, 100:900]
+
+    def count(where):
+        return (np.abs(seen(f"{drawn}_{where}") - seen(f"nothing_{where}")).max(axis=-1) > 30).sum()
+
+    assert count("whole") > 50
+    assert count("clipped") == count("local") == 0
 
 
 def test_blender_paints_the_asset_without_perspective(painted):
