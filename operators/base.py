@@ -15,6 +15,9 @@ def needs_bundle(cls, context) -> bool:
     if not context.scene.r2sego.bundle:
         cls.poll_message_set("Open a scene first: press New or Open under Scene")
         return False
+    if context.scene.library is not None:
+        cls.poll_message_set("This Blender scene is linked from another .blend: work there, or append it")
+        return False
     return True
 
 

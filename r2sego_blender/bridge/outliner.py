@@ -35,8 +35,13 @@ def fresh_collection(scene: bpy.types.Scene, bundle_path: str | Path, part: str)
 def find_collection(
     scene: bpy.types.Scene, bundle_path: str | Path, part: str
 ) -> bpy.types.Collection | None:
-    """The collection of a part of the bundle at ``bundle_path``, if it was shown."""
+    """The collection of a part of the bundle at ``bundle_path``, if it was shown.
+
+    One that is linked from another .blend is not it: nothing can be put into that.
+    """
     for collection in scene.collection.children_recursive:
+        if collection.library is not None or collection.override_library is not None:
+            continue
         if collection.get(_PART) == part and collection.get(BUNDLE_MARK) == str(bundle_path):
             return collection
     return None

@@ -57,3 +57,17 @@ def test_what_belongs_to_a_moved_bundle_is_turned_to_it(scene, tmp_path):
     assert find_collection(scene, tmp_path / "room.r2s", "Captures") == part
     fresh_collection(scene, tmp_path / "room.r2s", "Captures")
     assert [one.name for one in bpy.data.objects] == ["other"]
+
+
+def test_a_collection_that_is_linked_from_another_file_stays_as_it_is(scene, tmp_path):
+    made(fresh_collection(scene, "/a/room.r2s", "Captures"), "theirs")
+    (root,) = scene.collection.children
+    bpy.data.libraries.write(str(tmp_path / "other.blend"), {root})
+    bpy.data.batch_remove([*bpy.data.collections, *bpy.data.objects, *bpy.data.meshes])
+    with bpy.data.libraries.load(str(tmp_path / "other.blend"), link=True) as (_, loaded):
+        loaded.collections = ["room"]
+    scene.collection.children.link(loaded.collections[0])
+    assert find_collection(scene, "/a/room.r2s", "Captures") is None
+    own = made(fresh_collection(scene, "/a/room.r2s", "Captures"), "own")
+    assert own.users_collection == (find_collection(scene, "/a/room.r2s", "Captures"),)
+    assert sorted(one.name for one in scene.objects) == ["own", "theirs"]

@@ -8,7 +8,7 @@ import threading
 from pathlib import Path
 
 import bpy
-from support import MODULE, OUT, copied_bundle, refused, state
+from support import BUNDLE, MODULE, OUT, copied_bundle, open_bundle, refused, state
 
 
 def operators():
@@ -31,6 +31,18 @@ def check_without_a_bundle_the_buttons_say_why():
     for name in ("import_captures", "show_proxy", "show_candidates", "refine", "evaluate",
                  "export_collision", "render_conditions", "open_report", "refresh_scene"):  # fmt: skip
         assert "Open a scene first" in refused(getattr(bpy.ops.r2sego, name)), name
+
+
+def check_a_blender_scene_that_is_linked_from_another_file_says_so():
+    open_bundle()
+    other = OUT.parent / "other.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(other))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    with bpy.data.libraries.load(str(other), link=True) as (_, loaded):
+        loaded.scenes = ["Scene"]
+    with bpy.context.temp_override(scene=loaded.scenes[0]):
+        assert state().bundle == str(BUNDLE)
+        assert "linked from another .blend" in refused(bpy.ops.r2sego.show_proxy)
 
 
 def check_every_grey_button_says_why_in_a_sentence():
