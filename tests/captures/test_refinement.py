@@ -131,6 +131,16 @@ def test_poses_of_another_unit_are_refined_alike(refined, disturbed):
     np.testing.assert_allclose(shift, 0.0, atol=1e-4)
 
 
+def test_poses_move_no_farther_than_they_may_be_wrong(disturbed, refined):
+    sure = replace(SETTINGS, refine_poses="always", pose_sigma_m=1e-4, pose_sigma_deg=0.003)
+    imported, _ = triangulate_refined(_imported(disturbed), sure)
+    assert "poses refined" in imported.source
+    for captures, moves_m, turns_deg in ((imported.captures, 1e-3, 0.05), (refined[0].captures, 0.02, 0.5)):
+        moved = [a.camera.centre - b.camera.centre for a, b in zip(captures, disturbed, strict=True)]
+        assert 0.1 * moves_m < np.linalg.norm(moved, axis=1).max() < moves_m
+        assert 0.1 * turns_deg < _turns_deg(captures, disturbed).max() < turns_deg
+
+
 def test_too_few_tracks_leave_the_poses_as_they_are(disturbed, grey, messages):
     given = _imported([*disturbed[:2], *(replace(capture, image_path=grey) for capture in disturbed[2:])])
     imported, sparse = triangulate_refined(

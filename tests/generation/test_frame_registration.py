@@ -158,6 +158,24 @@ def test_where_all_looks_alike_frames_are_placed_rightly_or_not_at_all(tmp_path,
             assert degrees < 0.5
 
 
+@pytest.mark.parametrize(
+    ("limits", "says"),
+    [
+        ({"search_radius_px": 8.0}, "no pose fits the"),
+        ({"min_correlation": 0.99}, "no pose fits the"),
+        ({"match_ratio": 0.1}, "no pose fits the"),
+        ({"max_offset_m": 0.02}, "m from its query, 0.02 m are allowed"),
+        ({"max_turn_deg": 1.2}, "deg from its query, 1.2 are allowed"),
+    ],
+)
+def test_settings_decide_how_far_off_a_frame_is_found_and_let_through(room_a, landmarks, limits, says):
+    """It is 5 cm and 3 degrees off its query, and placed with the defaults."""
+    view = room_a.frozen[0]
+    query = perturbed(view.camera, 0)
+    frame = registered(room_a, landmarks, view.image(), query, **limits)
+    assert frame.camera is None and says in frame.reason
+
+
 def test_each_gate_says_why(room_a, landmarks):
     view = room_a.frozen[0]
     image = view.image()
