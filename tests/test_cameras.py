@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from r2sego_blender.cameras import Camera, look_at, rotation_angle_rad
+from r2sego_blender.cameras import Camera, is_rigid, look_at, rotation_angle_rad
 
 finite = st.floats(-5.0, 5.0)
 
@@ -68,6 +68,39 @@ def test_look_at_is_upright_and_faces_its_target():
     np.testing.assert_allclose(pixels, [32, 24], atol=1e-9)
     assert depth > 0 and pose[2, 1] < 0 and abs(pose[2, 0]) < 1e-12
     assert rotation_angle_rad(pose, pose) == pytest.approx(0.0, abs=1e-7)
+
+
+def test_a_camera_sees_what_is_in_front_within_its_image_less_the_margin():
+    camera = Camera(64, 48, 50.0, 50.0, 32.0, 24.0, np.eye(4))
+    pixels = np.array([[0.0, 0.0], [63.9, 47.9], [64.0, 20.0], [20.0, 48.0], [-0.1, 20.0], [20.0, -0.1]])
+    assert camera.sees(pixels, np.ones(6)).tolist() == [True, True, False, False, False, False]
+    assert not camera.sees(pixels, np.zeros(6)).any() and not camera.sees(pixels, -np.ones(6)).any()
+    within = np.array([[3.0, 3.0], [60.9, 44.9], [61.0, 20.0], [20.0, 45.0], [2.9, 20.0], [20.0, 2.9]])
+    assert camera.sees(within, np.ones(6), margin_px=3.0).tolist() == [True, True, *[False] * 4]
+
+
+@given(cameras())
+def test_the_intrinsic_matrix_projects(camera):
+    point = np.array([0.3, -0.2, 1.7])
+    u, v, w = camera.matrix @ point
+    pixels, depth = camera.at(np.eye(4)).project(point)
+    np.testing.assert_allclose([u / w, v / w, w], [*pixels, depth])
+
+
+def test_a_rigid_pose_turns_and_moves_and_does_nothing_else():
+    pose = look_at([1.0, 2.0, 1.5], [4.0, 2.0, 0.5])
+    assert is_rigid(pose)
+    not_finite, last_row = pose.copy(), pose.copy()
+    not_finite[0, 3], last_row[3, 0] = np.inf, 1e-3
+    mirrored, stretched = pose @ np.diag([-1.0, 1.0, 1.0, 1.0]), pose @ np.diag([1.01, 1.01, 1.01, 1.0])
+    assert not any(map(is_rigid, (not_finite, last_row, mirrored, stretched)))
+
+
+def test_a_camera_keeps_a_pose_of_its_own():
+    pose = np.eye(4, dtype=np.float32)
+    camera = Camera(4, 4, 1, 1, 2, 2, pose)
+    pose[0, 3] = 5.0
+    assert camera.centre[0] == 0.0 and camera.world_from_camera.dtype == np.float64
 
 
 def test_a_pose_that_is_not_finite_is_refused():
