@@ -35,7 +35,10 @@ def _draw(context):
         return
     if _made.get("cloud") is not cloud:  # to the GPU once, not once a frame
         _made["shader"] = _made.get("shader") or _shader()
-        vertices = gpu.types.GPUVertBuf(_made["shader"].format_calc(), len(cloud.points))
+        form = gpu.types.GPUVertFormat()
+        form.attr_add(id="pos", comp_type="F32", len=3, fetch_mode="FLOAT")
+        form.attr_add(id="color", comp_type="F32", len=4, fetch_mode="FLOAT")
+        vertices = gpu.types.GPUVertBuf(form, len(cloud.points))
         vertices.attr_fill("pos", cloud.points)
         vertices.attr_fill("color", cloud.colours)
         _made["points"] = ClippedPoints(vertices, cloud.points)
