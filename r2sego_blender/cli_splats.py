@@ -14,15 +14,23 @@ from .named_settings import MANY_PHOTOGRAPHS, VANILLA_3DGS
 
 @click.command()
 @click.argument("captures", type=ANY_PATH)
-@click.option("--out", required=True, type=ANY_PATH, help="The asset's file; its suffix is its format.")
-@click.option("--poses", type=ANY_PATH, help="As for new; by default what the folder holds.")
-@click.option("--points", type=ANY_PATH, help="PLY to start from; else the COLMAP model's, or triangulated.")
+@click.option("--out", required=True, type=ANY_PATH, help="The file to write; its suffix is its format.")
+@click.option(
+    "--poses",
+    type=ANY_PATH,
+    help="transforms.json, cameras.json or a COLMAP folder; by default what CAPTURES holds, else solved.",
+)
+@click.option("--points", type=ANY_PATH, help="PLY to start from; else those of the poses, or triangulated.")
 @click.option("--steps", type=int, help="Short for --set training.steps_per_round=N.")
 @click.option("--gaussians", type=int, help="Short for --set training.max_gaussians=N.")
 @click.option("--seed", type=int, help="Short for --set seed=N.")
 @settings_option
 @click.option("--vanilla", is_flag=True, help="The original 3DGS: its settings and densification.")
-@click.option("--frozen", type=ANY_PATH, help="cameras.json with a 'frozen' list to score on.")
+@click.option(
+    "--frozen",
+    type=ANY_PATH,
+    help="Views to score on: transforms_test.json, or a cameras.json with a 'frozen' list.",
+)
 @click.option("--hold-out", type=int, metavar="K", help="Score on every K-th image, and do not train on it.")
 @click.option("--json", "as_object", is_flag=True, help="The result as one JSON object.")
 @json_progress
@@ -35,7 +43,12 @@ def train(
     as_json: bool,
     **given: Any,
 ) -> None:
-    """Train splats on the photographs CAPTURES alone: no scene, no robot."""
+    """Train splats on the photographs CAPTURES alone: no scene, no robot.
+
+    CAPTURES is a folder of photographs, or a pose file beside them. Images are trained on at up to
+    640 pixels a side, with 150000 Gaussians at most in 5000 steps: for more give --gaussians,
+    --steps and --set captures.max_side_px=1600.
+    """
     from .splat_training import settings_of, train_on_photographs
 
     progress = progress_of(context, as_json)
@@ -57,7 +70,10 @@ def train(
 @click.argument("source", metavar="IN", type=ANY_PATH)
 @click.argument("target", metavar="OUT", type=ANY_PATH)
 def convert(source: Path, target: Path) -> None:
-    """Write the splats of the file IN as OUT; the suffixes say the formats."""
+    """Write the splats of the file IN as OUT; the suffixes say the formats.
+
+    .ply (SuperSplat's compressed one is read too), .splat, .spz, .glb, .gltf, .usd, .usda, .usdc, .usdz.
+    """
     from .splats.formats import load_asset, save_asset
 
     asset = load_asset(source)

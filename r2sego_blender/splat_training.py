@@ -7,6 +7,7 @@ The asset stays in the frame and unit of the poses.
 from __future__ import annotations
 
 import dataclasses
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,12 +15,16 @@ from typing import Any
 
 import numpy as np
 
+from .captures import json_fields
 from .captures.capture import Capture
-from .captures.colmap_model import find_model
+from .captures.colmap_model import COLMAP_FILES, find_model
 from .captures.colmap_points import read_colmap_points
 from .captures.frozen import load_frozen_views
 from .captures.importing import Imported, import_captures
+from .captures.photographs import ANY_SIZE_PX, capture_of
+from .captures.polycam import find_keyframes
 from .captures.sparse import triangulate
+from .captures.transforms_json import read_transforms_json
 from .errors import AssetError, CaptureError, SettingsError
 from .named_settings import with_overrides
 from .progress import SILENT, Progress
@@ -28,12 +33,14 @@ from .settings import Settings
 from .splats.asset import SplatAsset
 from .splats.formats import SUFFIXES, save_asset
 from .splats.initialization import from_points
+from .splats.metrics import psnr
 from .splats.observations import Observation
-from .splats.rasterizer import render
-from .splats.training import train
+from .splats.packing import PackedGaussians
+from .splats.rasterizer import Rasterizer, render
+from .splats.training import Watch, train
 
 _SECTIONS = ("captures", "training")
-_POSE_FILES = ("cameras.json", "transforms.json")
+_POSE_FILES = ("cameras.json", "transforms.json", "transforms_train.json")
 _FEWEST_IMAGES = 2
 
 _MEDIAN_DEPTH_M = 3.0
@@ -41,6 +48,9 @@ _MEDIAN_DEPTH_M = 3.0
 sizes of Gaussians and the nearest distance drawn are metres."""
 
 _GREY = 128
+
+_TIMES_TOLD, _LEAST_BETWEEN_S, _VIEWS_TOLD = 10, 5.0, 4
+"""How often a training says how far it has come, and on how many views."""
 
 
 @dataclass(frozen=True)
@@ -114,11 +124,12 @@ def train_on_photographs(
     """Train an asset on ``captures`` and write it to ``out``, in the format of its suffix.
 
     ``captures`` is a folder of photographs, or a pose file beside them; without ``poses`` a
-    cameras.json, transforms.json or COLMAP model in the folder is taken, else poses are
-    solved. Gaussians start on the vertices of the PLY ``points``, else on the COLMAP model's
-    points, else on points triangulated from the training images. Scores are made on the
-    frozen views of the cameras.json ``frozen``, in the frame of the poses, or on every
-    ``hold_out``-th image by name, which is then not trained on.
+    cameras.json, transforms.json, transforms_train.json or COLMAP model in the folder is
+    taken, else poses are solved. Gaussians start on the vertices of the PLY ``points``, else
+    on the points of the COLMAP model or the transforms.json, else on points triangulated from
+    the training images. Scores are made on the views of ``frozen``, a cameras.json with such a
+    list or a transforms.json, in the frame of the poses, or on every ``hold_out``-th image by
+    name, which is then not trained on.
 
     What can be wrong is looked at before the long work. Raises AssetError for ``out``,
     SettingsError for options that do not fit, CaptureError for photographs, poses and points.
@@ -128,7 +139,10 @@ def train_on_photographs(
     start = prepare(captures, poses, points, frozen, hold_out, settings, progress)
     rng = np.random.default_rng(settings.seed)
     steps = settings.training.steps_per_round
-    asset = train(start.asset(settings, rng), start.observations, steps, settings.training, rng, progress)
+    asset = train(
+        start.asset(settings, rng), start.observations, steps, settings.training, rng, progress,
+        watch=_telling(start, steps, progress),
+    )  # fmt: skip
     save_asset(out, asset.transformed(np.linalg.inv(start.metres_from_poses)))
     taken_s, peak_mb = cpu_s() - started_s, peak_memory_mb()
     scores = _scores(asset, start.held_out, progress) if start.held_out else None
@@ -173,14 +187,20 @@ def prepare(
     imported = import_captures(folder, poses, settings.captures, progress)
     images, held = _split(imported.captures, hold_out)
     if frozen is not None:
-        held = load_frozen_views(frozen)
+        held = _views_of(frozen)
     if len(images) < _FEWEST_IMAGES:
         raise CaptureError(
             f"{len(images)} image{'s are' if len(images) != 1 else ' is'} left to train on",
             where=folder,
             cure="Hold out fewer, or add photographs.",
         )
-    progress.message(f"{len(images)} images to train on: {imported.source}")
+    side_px, limit_px = max(max(c.camera.shape) for c in images), settings.captures.max_side_px
+    limit = ", as captures.max_side_px says" if side_px == limit_px else ""
+    progress.message(
+        f"{len(images)} images to train on, up to {side_px} pixels a side{limit}: {imported.source}"
+    )
+    if any("mask_path" in frame for frame in _transforms(poses).get("frames", ())):
+        progress.message("masks are not read: what they hide is trained on too", level="warning")
     xyz, colours = _first_points(images, poses, points, settings, progress)
     unit_m = _unit_m(imported, images, xyz, progress)
     to_metres = np.diag([unit_m, unit_m, unit_m, 1.0])
@@ -202,16 +222,25 @@ def check_output(path: Path) -> None:
         )
     if not path.parent.is_dir():
         raise AssetError("there is no such folder", where=path.parent, cure="Make it first.")
+    if path.is_dir():
+        raise AssetError("a folder has this name", where=path, cure="Give a file.")
 
 
 def _folder_and_poses(captures: Path, poses: Path | None) -> tuple[Path, Path | None]:
-    """The folder of the photographs, and the poses given or found there."""
-    if captures.is_file() and poses is None:
-        return captures.parent, captures
-    if poses is not None or not captures.is_dir():
-        return captures, poses
-    file = next((captures / name for name in _POSE_FILES if (captures / name).is_file()), None)
-    return captures, find_model(captures) if file is None else file
+    """The folder of the photographs, and the poses given or found there: a file, or a model's folder."""
+    if poses is None and captures.is_file():
+        captures, poses = captures.parent, captures
+    elif poses is None and captures.is_dir():
+        file = next((captures / name for name in _POSE_FILES if (captures / name).is_file()), None)
+        poses = find_model(captures) if file is None else file
+    if poses is None:
+        return captures, None
+    if poses.name in COLMAP_FILES:
+        return captures, poses.parent
+    listed = poses / "transforms.json"
+    if listed.is_file() and not (find_model(poses) or find_keyframes(poses)):
+        return captures, listed
+    return captures, poses
 
 
 def _split(
@@ -229,19 +258,47 @@ def _split(
     return tuple(capture for k, capture in enumerate(ordered) if k % hold_out), held
 
 
+def _views_of(frozen: Path) -> tuple[Capture, ...]:
+    """The held-out views of a cameras.json, or all those of a transforms.json."""
+    if "frames" not in json_fields.read_json(frozen):
+        return load_frozen_views(frozen)
+    photographs, _ = read_transforms_json(frozen, frozen.parent)
+    return tuple(capture_of(photograph, ANY_SIZE_PX) for photograph in photographs)
+
+
 def _first_points(
     images: Sequence[Capture], poses: Path | None, points: Path | None, settings: Settings, progress: Progress
 ) -> tuple[np.ndarray, np.ndarray]:
     """Positions (P, 3) float64 in the frame of the poses, and colours (P, 3) uint8."""
     if points is not None:
         return read_ply_points(points)
-    if poses is not None and poses.is_dir():
-        found = read_colmap_points(find_model(poses))
-        if found is not None:
-            progress.message(f"{len(found[0])} points of the COLMAP model")
-            return found
+    model = find_model(poses) if poses is not None and poses.is_dir() else None
+    if model is not None:
+        found, whose = read_colmap_points(model), "COLMAP model"
+    else:
+        found, whose = _points_beside(poses, progress), "transforms.json"
+    if found is not None:
+        progress.message(f"{len(found[0])} points of the {whose}")
+        return found
     sparse = triangulate(images, settings.captures, progress)
     return sparse.points, sparse.colours
+
+
+def _transforms(poses: Path | None) -> dict[str, Any]:
+    """What a transforms.json says; empty for other poses."""
+    data = json_fields.read_json(poses) if poses is not None and poses.is_file() else {}
+    return data if "frames" in data else {}
+
+
+def _points_beside(poses: Path | None, progress: Progress) -> tuple[np.ndarray, np.ndarray] | None:
+    """The points that nerfstudio puts beside a transforms.json, in the frame of its poses."""
+    name = _transforms(poses).get("ply_file_path")
+    if not isinstance(name, str):
+        return None
+    if (poses.parent / name).is_file():
+        return read_ply_points(poses.parent / name)
+    progress.message(f"the points '{name}' of {poses} are missing", level="warning")
+    return None
 
 
 def read_ply_points(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -288,6 +345,32 @@ def _unit_m(imported: Imported, images: Sequence[Capture], xyz: np.ndarray, prog
         return 1.0
     progress.message("the poses' unit is unknown: lengths are taken for those of a room while training")
     return float(_MEDIAN_DEPTH_M / np.median(seen))
+
+
+def _telling(start: Start, steps: int, progress: Progress) -> Watch:
+    """A ``watch`` of ``train`` that tells now and then how many Gaussians there are, and how good."""
+    views = [(view.camera, view.image) for view in start.held_out]
+    kind = "held-out" if views else "training"
+    views = views or [(view.camera, view.loaded) for view in start.observations]
+    views = views[:: -(-len(views) // _VIEWS_TOLD)]
+    rasterizer, told_s = Rasterizer(), time.monotonic()
+
+    def watch(step: int, gaussians: PackedGaussians) -> bool:
+        nonlocal told_s
+        due = step % max(1, steps // _TIMES_TOLD) == 0 and step < steps
+        if due and time.monotonic() - told_s > _LEAST_BETWEEN_S:
+            found_db = []
+            for camera, image in views:
+                rasterizer.forward(gaussians, camera)
+                found_db.append(psnr(np.clip(rasterizer.colour, 0.0, 1.0), image()))
+            progress.message(
+                f"step {step} of {steps}: {len(gaussians)} Gaussians, "
+                f"PSNR {np.mean(found_db):.1f} dB on {len(views)} {kind} views"
+            )
+            told_s = time.monotonic()
+        return False
+
+    return watch
 
 
 def _scores(asset: SplatAsset, views: Sequence[Capture], progress: Progress) -> HeldOut:

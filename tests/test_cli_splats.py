@@ -16,6 +16,7 @@ from r2sego_blender import cli
 from r2sego_blender.benchmarks.workloads import made_up_room
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.images import save_image
+from r2sego_blender.settings import Settings
 from r2sego_blender.splats.formats import SUFFIXES, load_asset, save_asset
 
 ROOT = Path(__file__).parents[1]
@@ -25,7 +26,7 @@ SMALL = ["--set", "captures.max_side_px=200", "--set", "training.sh_degree=1"]
 
 @pytest.fixture(autouse=True)
 def signals_stay_the_tests_own(monkeypatch):
-    monkeypatch.setattr(cli, "_cancel_at_once", lambda: None)
+    monkeypatch.setattr(cli, "_cancel_at_once", lambda _: None)
 
 
 def r2sego(*arguments: object) -> Result:
@@ -75,6 +76,14 @@ def test_train_refuses_with_one_line(tmp_path, monkeypatch, arguments, words):
     monkeypatch.chdir(tmp_path)
     assert words in refused(r2sego("train", DEMO, *arguments))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_help_of_train_says_the_defaults_as_they_are():
+    told = " ".join(r2sego("train", "--help").stdout.split())
+    settings = Settings()
+    assert f"up to {settings.captures.max_side_px} pixels a side" in told
+    assert f"{settings.training.max_gaussians} Gaussians at most" in told
+    assert f"in {settings.training.steps_per_round} steps" in told
 
 
 def test_train_names_a_folder_without_photographs(tmp_path):

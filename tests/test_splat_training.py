@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 from cameras_file import save_cameras_json
+from progress_recorder import ProgressRecorder
 
+from r2sego_blender import splat_training
 from r2sego_blender.benchmarks.workloads import made_up_room
 from r2sego_blender.cameras import look_at
 from r2sego_blender.captures.capture import Capture
@@ -134,6 +136,105 @@ def test_points_come_from_the_colmap_model(tmp_path, binary):
     assert trained.source == "COLMAP model" and trained.gaussians == 1500
 
 
+def test_points_come_from_the_model_of_which_a_file_is_given(tmp_path):
+    captures = captures_in(tmp_path / "images")
+    save_colmap_model(tmp_path / "sparse", captures, sparse_points(len(captures)))
+    trained = train_on_photographs(
+        tmp_path, tmp_path / "asset.ply", poses=tmp_path / "sparse" / "images.txt", settings=SETTINGS
+    )
+    assert trained.gaussians == 1500
+
+
+def write_transforms(path: Path, captures: list[Capture], **more: object) -> None:
+    """A transforms.json as nerfstudio and Blender's synthetic scenes have it: OpenGL axes."""
+    camera = captures[0].camera
+    frames = [
+        {
+            "file_path": f"./{c.image_path.relative_to(path.parent).with_suffix('')}",
+            "transform_matrix": (c.camera.world_from_camera @ np.diag([1.0, -1.0, -1.0, 1.0])).tolist(),
+        }
+        for c in captures
+    ]
+    lens = {"camera_angle_x": 2.0 * np.arctan(camera.width / 2.0 / camera.fx)}
+    path.write_text(json.dumps({**lens, "frames": frames, **more}))
+
+
+@pytest.mark.parametrize("given", ["", ".", "transforms.json"])
+def test_points_come_from_the_ply_that_nerfstudio_names(tmp_path, given):
+    write_transforms(
+        tmp_path / "transforms.json", captures_in(tmp_path / "images"), ply_file_path="sparse_pc.ply"
+    )
+    write_points(tmp_path / "sparse_pc.ply")
+    poses = tmp_path / given if given else None
+    trained = train_on_photographs(tmp_path, tmp_path / "asset.ply", poses=poses, settings=SETTINGS)
+    assert trained.source == "transforms.json" and trained.gaussians == 1500
+    assert np.abs(load_asset(tmp_path / "asset.ply").means - ROOM.asset.means).max() < 0.5
+
+
+def test_points_that_are_missing_and_masks_that_are_not_read_are_told(tmp_path, monkeypatch):
+    captures = captures_in(tmp_path / "images")
+    write_transforms(tmp_path / "transforms.json", captures, ply_file_path="sparse_pc.ply")
+    data = json.loads((tmp_path / "transforms.json").read_text())
+    data["frames"][2]["mask_path"] = "masks/2.png"
+    (tmp_path / "transforms.json").write_text(json.dumps(data))
+    monkeypatch.setattr(splat_training, "triangulate", lambda images, *_: sparse_points(len(images)))
+    progress = ProgressRecorder()
+    train_on_photographs(tmp_path, tmp_path / "asset.ply", settings=SETTINGS, progress=progress)
+    assert any("sparse_pc.ply" in text and "missing" in text for text in progress.warnings)
+    assert any("masks are not read" in text for text in progress.warnings)
+
+
+def test_a_synthetic_scene_of_blender_is_trained_and_scored_on_its_own_split(tmp_path):
+    captures = captures_in(tmp_path / "train", count=7)
+    write_transforms(tmp_path / "transforms_train.json", captures[::2])
+    (tmp_path / "test").mkdir()
+    for capture in captures[1::2]:
+        capture.image_path.rename(tmp_path / "test" / capture.name)
+    held = [Capture(c.name, tmp_path / "test" / c.name, c.camera) for c in captures[1::2]]
+    write_transforms(tmp_path / "transforms_test.json", held)
+    trained = train_on_photographs(
+        tmp_path, tmp_path / "asset.ply", points=write_points(tmp_path / "points.ply"),
+        frozen=tmp_path / "transforms_test.json", settings=SETTINGS,
+    )  # fmt: skip
+    assert (trained.images, trained.held_out.views) == (4, 3)
+    assert trained.held_out.psnr > 15.0
+
+
+def test_training_tells_how_far_it_has_come_and_is_the_same(photographs, monkeypatch):
+    def trained(least_between_s: float, **options) -> tuple[bytes, list[str]]:
+        monkeypatch.setattr(splat_training, "_LEAST_BETWEEN_S", least_between_s)
+        progress = ProgressRecorder()
+        train_on_photographs(
+            photographs, photographs / "a.ply", points=photographs / "points.ply", settings=SETTINGS,
+            progress=progress, **options,
+        )  # fmt: skip
+        told = [text for _, text in progress.messages if text.startswith("step ")]
+        return (photographs / "a.ply").read_bytes(), told
+
+    silent, nothing = trained(1e9)
+    same, told = trained(-1.0)
+    assert same == silent and not nothing
+    assert [text.split()[1] for text in told] == [str(step) for step in range(6, 60, 6)]
+    assert "1500 Gaussians" in told[0] and "on 3 training views" in told[0]
+    first_db, last_db = (float(text.split("PSNR ")[1].split()[0]) for text in (told[0], told[-1]))
+    assert last_db > first_db + 3.0
+    assert "on 2 held-out views" in trained(-1.0, hold_out=3)[1][-1]
+
+
+def test_the_size_that_is_trained_on_is_told(photographs):
+    told = []
+    for side_px in (64, 640):
+        progress = ProgressRecorder()
+        settings = with_overrides({"captures.max_side_px": side_px, "training.steps_per_round": 1}, SETTINGS)
+        train_on_photographs(
+            photographs, photographs / "a.ply", points=photographs / "points.ply", settings=settings,
+            progress=progress,
+        )  # fmt: skip
+        told.append(progress.messages[0][1])
+    assert "up to 64 pixels a side, as captures.max_side_px says" in told[0]
+    assert "up to 96 pixels a side:" in told[1]
+
+
 def write_binary(path: Path, points: np.ndarray, colours: np.ndarray) -> None:
     records = [
         struct.pack("<Q3d3BdQ2i", row, *point, *colour, 0.5, 1, 1, row)
@@ -217,6 +318,9 @@ def test_an_output_that_cannot_be_written_is_said_at_once(tmp_path):
         check_output(tmp_path / "asset.obj")
     with pytest.raises(AssetError, match="nowhere"):
         check_output(tmp_path / "nowhere" / "asset.ply")
+    (tmp_path / "room.ply").mkdir()
+    with pytest.raises(AssetError, match=r"room\.ply: a folder has this name"):
+        check_output(tmp_path / "room.ply")
 
 
 def test_settings_that_do_nothing_here_are_refused():
