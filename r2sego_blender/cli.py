@@ -45,6 +45,7 @@ from .cli_views import views
 from .errors import MachineError, R2SEgoError, SettingsError, of_file
 from .named_settings import PRESETS, with_overrides
 from .progress import JsonProgress, Progress
+from .resources import available_cores
 from .scene import Scene
 from .workers.engine import GOING_ON
 
@@ -85,6 +86,7 @@ def main(context: click.Context) -> None:
     context.obj = {}
     if getattr(sys.stdout, "errors", "") == "strict":  # a name that it cannot write ends no command
         sys.stdout.reconfigure(errors="backslashreplace")
+    os.environ.setdefault("NUMBA_NUM_THREADS", str(available_cores()))  # Numba knows no containers
     _cancel_at_once("finished steps are kept" if context.invoked_subcommand in GOING_ON else "")
 
 

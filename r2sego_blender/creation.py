@@ -39,6 +39,7 @@ def create_scene(
     are solved from the photographs. Everything that can be wrong is looked at before the
     bundle appears: raises CaptureError, RobotError or SceneError and leaves nothing behind.
     """
+    path, captures, poses = Path(path), Path(captures), poses and Path(poses)  # scripts give texts, too
     require_place(path)
     if not captures.is_dir():
         raise CaptureError("there is no such folder", where=captures, cure="Give the folder of photographs.")

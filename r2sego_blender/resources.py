@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import sys
 from pathlib import Path
+
+_QUOTA = Path("/sys/fs/cgroup/cpu.max")
 
 
 def cpu_s() -> float:
@@ -15,11 +18,21 @@ def cpu_s() -> float:
 
 
 def available_cores() -> int:
-    """The processor's cores that this process may use."""
+    """The processor's cores that this process may use, at most NUMBA_NUM_THREADS where that is set.
+
+    A container's share of the processor counts (control groups of version 2).
+    """
     try:
-        return len(os.sched_getaffinity(0))
+        cores = len(os.sched_getaffinity(0))
     except AttributeError:  # macOS, Windows
-        return os.cpu_count() or 1
+        cores = os.cpu_count() or 1
+    with contextlib.suppress(OSError, ValueError):
+        quota_us, period_us = _QUOTA.read_text().split()
+        if quota_us != "max":
+            cores = min(cores, math.ceil(int(quota_us) / int(period_us)))
+    with contextlib.suppress(ValueError):
+        cores = min(cores, int(os.environ.get("NUMBA_NUM_THREADS", cores)))
+    return max(cores, 1)
 
 
 def forget_peak_memory() -> None:

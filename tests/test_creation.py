@@ -32,3 +32,11 @@ def test_a_scale_that_cannot_be_is_told_before_poses_are_solved(tmp_path, scale,
     with pytest.raises(CaptureError, match=message):
         create_scene(tmp_path / "room.r2s", tmp_path / "photos", scale=scale)
     assert not (tmp_path / "room.r2s").exists()
+
+
+def test_a_script_may_give_texts_for_paths(tmp_path):
+    (tmp_path / "photos").mkdir()
+    with pytest.raises(CaptureError, match=r"nowhere.*there is no such folder"):
+        create_scene(str(tmp_path / "room.r2s"), str(tmp_path / "nowhere"))
+    with pytest.raises(CaptureError, match=r"poses\.json"):
+        create_scene(str(tmp_path / "room.r2s"), str(tmp_path / "photos"), str(tmp_path / "poses.json"))

@@ -23,6 +23,30 @@ print(*told)
 """
 
 
+@pytest.fixture
+def on_64_cores(monkeypatch):
+    monkeypatch.setattr(resources.os, "sched_getaffinity", lambda _: set(range(64)), raising=False)
+    monkeypatch.setattr(resources, "_QUOTA", Path("/nowhere/cpu.max"))
+    monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
+
+
+@pytest.mark.parametrize(
+    ("quota", "cores"),
+    [("max 100000", 64), ("400000 100000", 4), ("150000 100000", 2), ("9900000 100000", 64), ("", 64)],
+)
+def test_a_container_has_its_share_of_the_cores(on_64_cores, monkeypatch, tmp_path, quota, cores):
+    (tmp_path / "cpu.max").write_text(f"{quota}\n")
+    monkeypatch.setattr(resources, "_QUOTA", tmp_path / "cpu.max")
+    assert resources.available_cores() == cores
+
+
+@pytest.mark.parametrize(("threads", "cores"), [("8", 8), ("200", 64), ("0", 1), ("many", 64)])
+def test_a_scene_among_many_gets_the_cores_it_was_given(on_64_cores, monkeypatch, threads, cores):
+    assert resources.available_cores() == 64
+    monkeypatch.setenv("NUMBA_NUM_THREADS", threads)
+    assert resources.available_cores() == cores
+
+
 def test_memory_and_time_only_grow():
     before_s = resources.cpu_s()
     block = bytearray(32 << 20)
