@@ -18,24 +18,26 @@ SUFFIXES = (".ply", ".splat", ".spz", ".glb", ".gltf", ".usd", ".usda", ".usdc",
 """What an asset's file may end in; the suffix chooses the format."""
 
 
-def load_asset(path: Path) -> SplatAsset:
+def load_asset(path: Path | str) -> SplatAsset:
     """The asset in a file of any format, in the world frame: Z up, metres.
 
     Gaussians with a value that is not finite are dropped. A ``.ply`` may be the compressed one
     of SuperSplat. Raises AssetError naming the file when it is missing, damaged or of another
     format.
     """
+    path = Path(path)
     load, _ = _functions(path)
     with np.errstate(over="ignore", invalid="ignore"):  # of values that are dropped
         return load(path)
 
 
-def save_asset(path: Path, asset: SplatAsset) -> None:
+def save_asset(path: Path | str, asset: SplatAsset) -> None:
     """Write an asset of the world frame in the format of the file's suffix.
 
     The file appears whole or not at all. Gaussians with a value that is not finite are left
     out. Raises AssetError when the format cannot hold the asset, or the disk refuses.
     """
+    path = Path(path)
     _, save = _functions(path)
     save(path, asset)
 
