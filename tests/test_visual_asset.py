@@ -104,18 +104,19 @@ def test_an_update_covers_what_only_a_generated_view_shows():
 
 
 @pytest.mark.parametrize(
-    ("real_weight", "synthetic_weight", "draws", "captures_first", "learnt"),
+    ("real_weight", "synthetic_weight", "draws", "captures_first", "shade", "learnt"),
     [
-        (1.0, 0.5, 3, 0.0, "capture"),
-        (1.0, 2.0, 3, 0.0, "capture"),
-        (1.0, 2.0, 1, 0.0, "generated"),
-        (1.0, 8.0, 3, 0.0, "generated"),
-        (0.1, 0.5, 3, 0.0, "generated"),
-        (1.0, 8.0, 3, 1.0, "capture"),
+        (1.0, 0.5, 3, 0.0, 0.05, "capture"),
+        (1.0, 2.0, 3, 0.0, 0.05, "capture"),
+        (1.0, 2.0, 1, 0.0, 0.05, "generated"),
+        (1.0, 8.0, 3, 0.0, 0.05, "generated"),
+        (0.1, 0.5, 3, 0.0, 0.05, "generated"),
+        (1.0, 8.0, 3, 1.0, 0.05, "capture"),  # all steps see the captures alone
+        (1.0, 8.0, 3, 0.0, 0.4, "capture"),  # so far from the asset, the generated view hardly counts
     ],
 )
 def test_of_two_colours_the_one_with_the_larger_sum_of_weights_is_learnt(
-    real_weight, synthetic_weight, draws, captures_first, learnt
+    real_weight, synthetic_weight, draws, captures_first, shade, learnt
 ):
     """By the absolute error: the weighted median. A capture's sum is its weight times its draws."""
     settings = dataclasses.replace(
@@ -123,7 +124,7 @@ def test_of_two_colours_the_one_with_the_larger_sum_of_weights_is_learnt(
         real_weight=real_weight, synthetic_weight=synthetic_weight, capture_oversampling=draws,
         captures_first_share=captures_first,
     )  # fmt: skip
-    capture, generated = wall_view(0.0), wall_view(0.0, shade=0.05)
+    capture, generated = wall_view(0.0), wall_view(0.0, shade=shade)
     between = grow(SplatAsset.empty(), [wall_view(0.0, shade=0.025)], SETTINGS, np.random.default_rng(0))
     asset = update_visual_asset(
         between, SplatAsset.empty(), [capture], [pseudo(generated)], settings, np.random.default_rng(0)
