@@ -111,9 +111,9 @@ def export_scene(
 def _write(scene: Scene, folder: Path, proxy: GeometryProxy, splats: Sequence[str]) -> list[str]:
     """Write what every export has, and the splats, into a new folder; returns the names."""
     folder.mkdir()
-    shutil.copy2(scene.asset_file, folder / "asset.ply")
+    _copy(scene.asset_file, folder / "asset.ply")
     _write_cameras(scene.captures_folder / "cameras.json", folder / "cameras.json")
-    shutil.copytree(scene.collision_folder, folder / "collision")
+    _copy(scene.collision_folder, folder / "collision")
     proxy.save_ply(folder / "proxy.ply")
     names = ["asset.ply", "collision", "proxy.ply", "cameras.json"]
     asset = load_asset(scene.asset_file) if splats else None
@@ -186,6 +186,16 @@ def _write_cameras(source: Path, file: Path) -> None:
         ) from error
     about = f"{cameras.get('about', '')} {_ABOUT_CAMERAS}".strip()
     file.write_text(json.dumps(cameras | {"about": about}, indent=1) + "\n", encoding="utf-8")
+
+
+def _copy(source: Path, place: Path) -> None:
+    """A copy that may be written, where the scene's own files may be read alone."""
+    if source.is_dir():
+        place.mkdir()
+        for inside in source.iterdir():
+            _copy(inside, place / inside.name)
+    else:
+        shutil.copyfile(source, place)
 
 
 def _replace(made: Path, place: Path) -> None:

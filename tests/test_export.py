@@ -164,6 +164,16 @@ def test_an_unknown_format_is_refused_before_anything_is_written(scene, tmp_path
     assert not (tmp_path / "out").exists()
 
 
+def test_what_is_exported_of_a_scene_that_may_only_be_read_can_be_written(scene, tmp_path):
+    """Published scenes often are read-only; their export is moved, changed and replaced."""
+    for path in (scene.path, *scene.path.rglob("*")):
+        path.chmod(path.stat().st_mode & ~0o222)
+    for _ in range(2):
+        export_scene(scene, tmp_path / "out")
+    for path in (tmp_path / "out").rglob("*"):
+        assert path.stat().st_mode & 0o200, path
+
+
 def test_a_second_export_replaces_what_is_no_more(scene, tmp_path):
     out = tmp_path / "out"
     export_scene(scene, out)
