@@ -14,7 +14,7 @@ import bpy
 from .bundle import SUFFIX
 from .moved_bundle import BUNDLE_MARK
 
-_PART = "r2sego_part"
+_PART, _MADE_AS = "r2sego_part", "r2sego_made_as"
 _ROOT = ""
 """In place of a part: the collection that holds the bundle's parts."""
 
@@ -49,13 +49,32 @@ def find_collection(
 
 def link(collection: bpy.types.Collection, made: bpy.types.Object) -> None:
     """Put an object that was made of the bundle into one of its collections, for ``clear`` to remove."""
-    made[BUNDLE_MARK] = collection[BUNDLE_MARK]
+    made[BUNDLE_MARK], made[_MADE_AS] = collection[BUNDLE_MARK], made.name
     collection.objects.link(made)
 
 
 def clear(collection: bpy.types.Collection) -> None:
-    """Remove what ``link`` put there; what a person put there stays."""
-    remove_objects(one for one in collection.objects if one.get(BUNDLE_MARK) == collection[BUNDLE_MARK])
+    """Remove what ``link`` put there; what a person put there stays.
+
+    Copies of it are the person's too: they come to stand beside the collection.
+    """
+    ours = [one for one in collection.objects if one.get(BUNDLE_MARK) == collection[BUNDLE_MARK]]
+    made = {one.get(_MADE_AS, one.name): one for one in reversed(ours)}.values()  # copies stand behind it
+    for copy in set(ours).difference(made):
+        _give_away(copy, collection)
+    remove_objects(made)
+
+
+def _give_away(copy: bpy.types.Object, collection: bpy.types.Collection) -> None:
+    """Let a copy be a person's own, where it stands in the world, beside the part's ``collection``."""
+    place = copy.matrix_world.copy()
+    copy.parent, copy.matrix_world = None, place
+    del copy[BUNDLE_MARK]
+    roots = (*bpy.data.collections, *(scene.collection for scene in bpy.data.scenes))
+    beside = next((one for one in roots if collection in one.children.values()), None)
+    if beside is not None and copy not in beside.objects.values():
+        beside.objects.link(copy)
+        collection.objects.unlink(copy)
 
 
 def remove_objects(removed: Iterable[bpy.types.Object]) -> None:

@@ -49,6 +49,25 @@ def test_what_a_person_put_into_a_part_stays_when_it_is_shown_again(scene):
     assert [mesh.name for mesh in bpy.data.meshes] == ["own"]
 
 
+def test_a_copy_that_a_person_made_stays_when_its_original_is_shown_again(scene):
+    part = fresh_collection(scene, "/a/room.r2s", "Priors")
+    base, chair = made(part, "base"), made(part, "chair")
+    chair.parent, base.location, chair.name = base, (1.0, 2.0, 3.0), "renamed"
+    scene.view_layers[0].update()
+    copy = chair.copy()
+    copy.data = chair.data.copy()
+    part.objects.link(copy)
+    scene.view_layers[0].update()
+    for _ in range(2):
+        assert not fresh_collection(scene, "/a/room.r2s", "Priors").objects
+        made(part, "chair")
+    assert len(part.objects) == 1 and len(bpy.data.objects) == 2
+    (root,) = scene.collection.children
+    assert list(root.objects) == [copy]
+    scene.view_layers[0].update()
+    assert tuple(copy.matrix_world.translation) == (1.0, 2.0, 3.0)
+
+
 def test_what_belongs_to_a_moved_bundle_is_turned_to_it(scene, tmp_path):
     part = fresh_collection(scene, "/a/room.r2s", "Captures")
     made(part)
