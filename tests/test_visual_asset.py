@@ -112,7 +112,7 @@ def test_an_update_covers_what_only_a_generated_view_shows():
         (1.0, 8.0, 3, 0.0, 0.05, "generated"),
         (0.1, 0.5, 3, 0.0, 0.05, "generated"),
         (1.0, 8.0, 3, 1.0, 0.05, "capture"),  # all steps see the captures alone
-        (1.0, 8.0, 3, 0.0, 0.4, "capture"),  # so far from the asset, the generated view hardly counts
+        (1.0, 8.0, 3, 0.0, 0.2, "capture"),  # so far from the asset, the generated view hardly counts
     ],
 )
 def test_of_two_colours_the_one_with_the_larger_sum_of_weights_is_learnt(
