@@ -72,8 +72,9 @@ MAY_IMPORT = {
     "collision_report": ABOVE_CAPTURES | {"geometry", "robot"},
     "evaluation": PARTS | {"visual_asset", "pipeline", "status"},
     "benchmarks": PARTS
-    | {"splat_training", "creation", "steps", "pipeline", "evaluation", "scoring", "references"},
-    "splat_training": FOUNDATION | {"captures", "splats", "evaluation"},
+    | {"splat_start", "creation", "steps", "pipeline", "evaluation", "scoring", "references"},
+    "splat_start": FOUNDATION | {"captures", "splats"},
+    "splat_training": FOUNDATION | {"captures", "splats", "evaluation", "splat_start"},
     "demo_scene": ABOVE_CAPTURES | {"creation", "pipeline", "evaluation"},
     "cli_demo": FOUNDATION | {"cli_options", "demo_scene"},
     "cli_options": ABOVE_CAPTURES | {"robot"},

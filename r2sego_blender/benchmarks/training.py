@@ -19,7 +19,7 @@ from ..errors import SettingsError
 from ..named_settings import FULL_RESOLUTION, MANY_PHOTOGRAPHS, UNREGULARISED, with_overrides
 from ..progress import SILENT, Progress
 from ..resources import forget_peak_memory, peak_memory_mb
-from ..splat_training import Start, prepare
+from ..splat_start import Start, prepare
 from ..splats.initialization import from_points
 from ..splats.metrics import psnr
 from ..splats.packing import PackedGaussians
