@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..r2sego_blender.bridge.words import counted
 from . import splat_preview, wipe
 from .sidebar import Sidebar, Step
 
@@ -78,7 +79,7 @@ class R2SEGO_PT_asset_render(_Part, bpy.types.Panel):
             column.label(text=f"{side.capitalize()} of the Divider")
             column.template_ID(group, name, open="image.open")
             row = column.row(align=True)
-            row.operator("r2sego.compare_photograph", icon="CAMERA_DATA").side = side
+            row.operator("r2sego.compare_photograph", text="Photograph", icon="CAMERA_DATA").side = side
             render = row.operator("r2sego.render_asset", text="Render", icon="RENDER_STILL")
             render.place, render.render_pass = side, group.render_pass
             if looked_through is not None:
@@ -118,13 +119,13 @@ class R2SEGO_PT_asset_delete(_Part, bpy.types.Panel):
         row.operator("r2sego.mark_selected_splats", icon="VERTEXSEL")
         row.operator("r2sego.mark_floaters", icon="SNAP_FACE_CENTER")
         if group.marks:
-            layout.label(text=f"{group.marked} splats marked")
+            layout.label(text=f"{counted(group.marked, 'splat')} marked")
         row = layout.row(align=True)
         row.operator("r2sego.delete_splats", icon="TRASH")
         row.operator("r2sego.clear_splat_marks", icon="X")
         if group.edits:
             layout.template_list("R2SEGO_UL_asset_edits", "", group, "edits", group, "edit_index", rows=2)
-            layout.operator("r2sego.restore_splats", icon="LOOP_BACK")
+            layout.operator("r2sego.restore_splats", text="Restore", icon="LOOP_BACK")
 
 
 CLASSES = (

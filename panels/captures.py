@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..r2sego_blender.bridge.words import counted
 from ..r2sego_blender.captures.picks_fit import in_centimetres
 from . import picture_labels, registration_overlay, sparse_cloud
 from .sidebar import Step, draw_problem, write_wrapped
@@ -79,7 +80,9 @@ class R2SEGO_PT_captures(Step, bpy.types.Panel):
         column = self.layout.column(align=True)
         column.active = False
         column.label(text=f"{capture.width} x {capture.height} px, {capture.view_deg:.1f}\u00b0 wide")
-        column.label(text=f"{capture.points} points, overlaps {capture.overlaps} captures")
+        column.label(
+            text=f"{counted(capture.points, 'point')}, overlaps {counted(capture.overlaps, 'capture')}"
+        )
 
 
 class R2SEGO_PT_registration(Step, bpy.types.Panel):

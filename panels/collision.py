@@ -18,14 +18,14 @@ class R2SEGO_PT_collision(Step, bpy.types.Panel):
         group, layout = context.scene.r2sego_collision, self.layout
         row = layout.row(align=True)
         row.operator("r2sego.show_collision", text="Show", icon="MOD_PHYSICS")
-        row.operator("r2sego.check_collision", icon="CHECKMARK")
+        row.operator("r2sego.check_collision", text="Check", icon="CHECKMARK")
         if group.checked:
             column = layout.column(align=True)
             icon = "CHECKMARK" if group.passed else "ERROR"
             column.label(text="Passed" if group.passed else "Not passed", icon=icon)
             write_facts(context, column, [(fact.name, fact.value) for fact in group.check])
         row = layout.row(align=True)
-        row.operator("r2sego.texture_proxy", icon="TEXTURE")
+        row.operator("r2sego.texture_proxy", text="Texture", icon="TEXTURE")
         row.operator("r2sego.export_collision", text="Export", icon="EXPORT")
         column = layout.column(align=True)
         write_facts(context, column, [(fact.name, fact.value) for fact in group.texture])

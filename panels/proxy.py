@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..r2sego_blender.bridge.words import counted
 from . import placement_overlay, proxy_legend
 from .sidebar import Sidebar, Step, write_wrapped
 
@@ -48,7 +49,7 @@ class R2SEGO_UL_proxy_objects(bpy.types.UIList):
         row.label(text=item.name, icon=_STATE_ICONS.get(item.state, "DOT"))
         row = row.split(factor=0.62)
         row.label(text=item.state)
-        row.label(text=f"{item.iou:.2f}" if item.iou >= 0.0 else f"{item.masks} masks")
+        row.label(text=f"{item.iou:.2f}" if item.iou >= 0.0 else counted(item.masks, "mask"))
 
 
 class R2SEGO_PT_proxy_masks(_Part, bpy.types.Panel):

@@ -47,7 +47,7 @@ class R2SEGO_OT_restore_splats(EngineOperator, bpy.types.Operator):
     """Take a deletion back: its splats return to the final asset"""
 
     bl_idname = "r2sego.restore_splats"
-    bl_label = "Restore"
+    bl_label = "Restore Splats"
     bl_options = {"REGISTER"}
 
     name: StringProperty(

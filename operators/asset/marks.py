@@ -7,6 +7,7 @@ import numpy as np
 
 from ...r2sego_blender.bridge.show_asset import centres_of, set_marked
 from ...r2sego_blender.bridge.views_3d import redraw_views
+from ...r2sego_blender.bridge.words import counted
 from ...r2sego_blender.errors import AssetError
 from ...r2sego_blender.splats.regions import Region, region_of
 
@@ -27,7 +28,7 @@ def add_mark(scene: bpy.types.Scene, region: Region) -> str:
     described = region.to_json()
     mark.region, mark.kind, mark.splats = json.dumps(described), described["kind"], held
     mark_again(scene)
-    return f"{held} splats marked, {group.marked} in all"
+    return f"{counted(held, 'splat')} marked, {group.marked} in all"
 
 
 def mark_again(scene: bpy.types.Scene) -> None:

@@ -15,7 +15,7 @@ class R2SEGO_OT_compare_photograph(ReportingOperator, bpy.types.Operator):
     """Put the photograph of the scene's camera on one side of the wipe"""
 
     bl_idname = "r2sego.compare_photograph"
-    bl_label = "Photograph"
+    bl_label = "Compare Photograph"
     bl_options = {"REGISTER", "UNDO"}
 
     side: EnumProperty(

@@ -38,7 +38,7 @@ class R2SEGO_OT_correct_registration(EngineOperator, bpy.types.Operator):
     """Correct the world's ground, scale or frame"""
 
     bl_idname = "r2sego.correct_registration"
-    bl_label = "Correct"
+    bl_label = "Correct Registration"
     bl_description = (
         "Move the whole scene so that the picks, or the placed frame, are right; "
         "the next Refine redoes what depends on it"

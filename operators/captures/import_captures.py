@@ -4,6 +4,7 @@ import bpy
 from bpy.props import BoolProperty, FloatProperty
 
 from ...r2sego_blender.bridge.show_captures import show_captures
+from ...r2sego_blender.bridge.words import counted
 from .. import state
 from ..base import ReportingOperator, needs_bundle
 
@@ -47,4 +48,4 @@ class R2SEGO_OT_import_captures(ReportingOperator, bpy.types.Operator):
         )  # fmt: skip
         shown = context.scene.r2sego_captures
         shown.show_photographs, shown.photograph_opacity = self.photographs, self.alpha
-        return f"Imported {len(cameras)} captures"
+        return f"Imported {counted(len(cameras), 'capture')}"

@@ -7,6 +7,7 @@ from ...r2sego_blender.bridge.cameras import camera_of, has_lens
 from ...r2sego_blender.bridge.registration_pixels import next_name, pixel_of_ray
 from ...r2sego_blender.bridge.scope_rays import is_over, mouse_ray
 from ...r2sego_blender.bridge.show_captures import looked_through
+from ...r2sego_blender.bridge.words import counted
 from ...r2sego_blender.errors import CaptureError, R2SEgoError
 from .. import state
 from ..base import ReportingOperator, needs_bundle
@@ -104,7 +105,7 @@ class R2SEGO_OT_pick_point(ViewTool, ReportingOperator, bpy.types.Operator):
         shown.active_point = shown.points.find(point.name)
         fit_again(context.scene)
         off = f", {point.off_px:.2f} px off" if point.off_px >= 0.0 else ""
-        return f"Point {point.name} in {len(point.views)} captures{off}"
+        return f"Point {point.name} in {counted(len(point.views), 'capture')}{off}"
 
     def _looks_through_a_capture(self, context):
         camera = context.scene.camera

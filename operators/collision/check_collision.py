@@ -3,6 +3,7 @@
 import bpy
 
 from ...r2sego_blender.bridge.show_collision_check import show_off_surface
+from ...r2sego_blender.bridge.words import counted
 from .. import state
 from ..base import EngineOperator, needs_idle_engine
 from .polls import needs_collision
@@ -13,7 +14,7 @@ class R2SEGO_OT_check_collision(EngineOperator, bpy.types.Operator):
     """Drop spheres on the collision surface in MuJoCo, and see whether the robot stands on it"""
 
     bl_idname = "r2sego.check_collision"
-    bl_label = "Check"
+    bl_label = "Check Collision"
     bl_options = {"REGISTER"}
 
     @classmethod
@@ -30,7 +31,7 @@ class R2SEGO_OT_check_collision(EngineOperator, bpy.types.Operator):
         tell(group.check, _facts(result))
         off = show_off_surface(context.scene, bundle, result.get("off_surface", ()))
         verdict = "The collision surface passed" if group.passed else "The collision surface did not pass"
-        return f"{verdict}; {len(off)} spheres off it are marked" if off else verdict
+        return f"{verdict}; marked: {counted(len(off), 'sphere')} off it" if off else verdict
 
 
 def _facts(result) -> list[tuple[str, str]]:

@@ -19,7 +19,7 @@ class R2SEGO_OT_texture_proxy(EngineOperator, bpy.types.Operator):
     """Write the proxy as one mesh with a texture baked from the captures, as GLB"""
 
     bl_idname = "r2sego.texture_proxy"
-    bl_label = "Texture"
+    bl_label = "Texture Proxy"
     bl_options = {"REGISTER"}
 
     filepath: StringProperty(

@@ -25,7 +25,7 @@ class R2SEGO_OT_demo_scene(EngineOperator, bpy.types.Operator):
 
     directory: StringProperty(
         name="Folder", subtype="DIR_PATH",
-        description="Where the scene bundle is made; empty = the folder of the person's documents",
+        description="Where the scene bundle is made; empty = your documents folder",
     )  # fmt: skip
     preset: EnumProperty(
         name="Preset", description="Named settings of the refinement", default="preview",

@@ -19,6 +19,7 @@ from ...r2sego_blender.bridge.object_masks import (
 from ...r2sego_blender.bridge.proxy_objects import read_objects
 from ...r2sego_blender.bridge.show_captures import looked_through
 from ...r2sego_blender.bridge.views_3d import redraw_views
+from ...r2sego_blender.bridge.words import counted
 from ...r2sego_blender.errors import GeometryError
 from ...r2sego_blender.geometry.object_names import plain_name
 from .. import state
@@ -236,7 +237,7 @@ class R2SEGO_OT_load_masks(ReportingOperator, bpy.types.Operator):
         bundle, group = state.opened_bundle(context), context.scene.r2sego_proxy
         count = sum(load_masks(bundle, item.name) for item in group.objects if item.declared)
         redraw_views("WINDOW")
-        return f"Loaded {count} masks"
+        return f"Loaded {counted(count, 'mask')}"
 
 
 class R2SEGO_OT_declare_masks(EngineOperator, bpy.types.Operator):
@@ -274,7 +275,7 @@ class R2SEGO_OT_declare_masks(EngineOperator, bpy.types.Operator):
         state.refresh(context.scene)
         if not group.objects:
             return "No object is declared any more: the next Refine places no priors"
-        return f"{len(group.objects)} objects declared: the next Refine looks for their priors"
+        return f"{counted(len(group.objects), 'object')} declared: the next Refine looks for their priors"
 
 
 CLASSES = (

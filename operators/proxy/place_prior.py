@@ -16,6 +16,7 @@ from ...r2sego_blender.bridge.placement_objects import (
     write_placement,
 )
 from ...r2sego_blender.bridge.views_3d import redraw_views
+from ...r2sego_blender.bridge.words import counted
 from ...r2sego_blender.errors import GeometryError, R2SEgoError
 from .. import state
 from ..base import (
@@ -118,7 +119,7 @@ class R2SEGO_OT_show_priors(ReportingOperator, bpy.types.Operator):
         placement_live.forget()
         context.scene.r2sego_proxy.fit_object = ""
         shown = show_priors(context.scene, state.opened_bundle(context))
-        return f"{len(shown)} priors"
+        return counted(len(shown), "prior")
 
 
 class R2SEGO_OT_place_prior(ReportingOperator, bpy.types.Operator):
@@ -232,7 +233,7 @@ class R2SEGO_OT_decide_prior(EngineOperator, bpy.types.Operator):
     """Accept, reject, lock or let go of the chosen object's prior"""
 
     bl_idname = "r2sego.decide_prior"
-    bl_label = "Decide"
+    bl_label = "Decide on Prior"
     bl_options = {"REGISTER"}
 
     object_name: StringProperty(

@@ -5,6 +5,7 @@ from bpy.props import BoolProperty, StringProperty
 
 from ...r2sego_blender.bridge.placed_box import placed_box
 from ...r2sego_blender.bridge.proxy_edits import select_faces, world_corners
+from ...r2sego_blender.bridge.words import counted
 from ...r2sego_blender.errors import GeometryError
 from ..base import ReportingOperator, needs_round
 from .polls import in_object_mode, proxy_shown, show_selection
@@ -36,4 +37,4 @@ class R2SEGO_OT_select_proxy_box(ReportingOperator, bpy.types.Operator):
         faces = placed_box(box).holds(world_corners(shown).mean(axis=1))
         count = select_faces(shown, faces, extend=self.extend)
         show_selection(context, shown)
-        return f"{count} faces selected"
+        return f"{counted(count, 'face')} selected"

@@ -4,6 +4,7 @@ import bpy
 from bpy.props import BoolProperty, FloatProperty
 
 from ...r2sego_blender.bridge.proxy_edits import faces_in_lasso, select_faces, world_corners
+from ...r2sego_blender.bridge.words import counted
 from ..base import ReportingOperator, needs_round
 from ..lasso import Lasso
 from .polls import in_object_mode, proxy_shown, show_selection
@@ -40,7 +41,7 @@ class R2SEGO_OT_select_proxy_lasso(Lasso, ReportingOperator, bpy.types.Operator)
         )  # fmt: skip
         count = select_faces(shown, faces, extend=self.extend)
         show_selection(context, shown)
-        return f"{count} faces selected"
+        return f"{counted(count, 'face')} selected"
 
     def begin(self, context):
         super().begin(context)

@@ -13,6 +13,11 @@ _DOCS = {
 }
 
 
+def _title(name):
+    """A scope's name as Blender writes names: walk_and_look is Walk and Look."""
+    return name.replace("_", " ").title().replace(" And ", " and ")
+
+
 class R2SEGO_OT_choose_scope(DeclaringOperator, bpy.types.Operator):
     """Declare the behaviour scope: which motions, places and views the refinement is for"""
 
@@ -23,7 +28,7 @@ class R2SEGO_OT_choose_scope(DeclaringOperator, bpy.types.Operator):
     scope: EnumProperty(
         name="Scope", description="The behaviour scope",
         items=[
-            *((name, name.replace("_", " ").title(), _DOCS.get(name, name)) for name in shipped_scopes()),
+            *((name, _title(name), _DOCS.get(name, name)) for name in shipped_scopes()),
             ("FILE", "File", "A TOML file, as docs/behaviour-scope.md describes"),
         ],
     )  # fmt: skip
