@@ -16,6 +16,7 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from measured_points import measured
 from progress_recorder import ProgressRecorder
 from scipy.spatial.transform import Rotation
 
@@ -65,15 +66,7 @@ def _truth(count=4):
 def _sparse(cameras, turn):
     x, y = np.meshgrid(np.linspace(-1.5, 1.5, 25), np.linspace(0.6, 3.0, 25))
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]) @ turn[:3, :3].T
-    pixels = np.full((len(points), len(cameras), 2), np.nan, np.float32)
-    for index, camera in enumerate(cameras):
-        place, depth = camera.project(points)
-        seen = camera.sees(place, depth)
-        pixels[seen, index] = place[seen]
-    visibility = np.isfinite(pixels[..., 0])
-    kept = visibility.sum(axis=1) >= 2
-    colours = np.zeros((kept.sum(), 3), np.uint8)
-    return SparsePoints(points[kept], colours, visibility[kept], np.zeros(kept.sum()), pixels[kept])
+    return measured(points, cameras, least_views=2)
 
 
 def _wrong(seed=0, scale=1.0, tilt_deg=5.0):

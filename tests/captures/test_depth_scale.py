@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from measured_points import measured
 from PIL import Image
 
 from r2sego_blender.cameras import Camera
@@ -20,7 +21,7 @@ from r2sego_blender.captures.lens import Lens
 from r2sego_blender.captures.registration import register
 from r2sego_blender.captures.scale import Scale
 from r2sego_blender.captures.sensor_depth import SensorDepth
-from r2sego_blender.captures.sparse import SparsePoints, triangulate
+from r2sego_blender.captures.sparse import triangulate
 from r2sego_blender.errors import CaptureError
 from r2sego_blender.settings import CaptureSettings
 
@@ -48,16 +49,9 @@ def _sparse(room, cameras, rng, noise_px=0.5, count=400):
     for camera in cameras:
         surface = camera.unproject(room.depth(camera)).reshape(-1, 3)
         chosen.append(surface[rng.choice(len(surface), count // len(cameras), replace=False)])
-    points = np.concatenate(chosen)
-    pixels = np.full((len(points), len(cameras), 2), np.nan, np.float32)
-    for index, camera in enumerate(cameras):
-        place, depth = camera.project(points)
-        seen = camera.sees(place, depth, 2.0)
-        pixels[seen, index] = place[seen] + rng.normal(0, noise_px, (seen.sum(), 2))
-    visibility = np.isfinite(pixels[..., 0])
-    return SparsePoints(
-        points, np.zeros((len(points), 3), np.uint8), visibility, np.zeros(len(points)), pixels
-    )
+    exact = measured(np.concatenate(chosen), cameras, margin_px=2.0)
+    noise = rng.normal(0, noise_px, exact.pixels.shape).astype(np.float32)
+    return dataclasses.replace(exact, pixels=exact.pixels + noise)
 
 
 def _scaled(captures, sparse, scale):

@@ -7,6 +7,7 @@ import json
 import cv2
 import numpy as np
 import pytest
+from measured_points import measured
 
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.importing import import_captures
@@ -82,15 +83,7 @@ def _measured(room, captures, cameras, rng):
         for camera in cameras
     ])  # fmt: skip
     points = points @ ARKIT_FROM_ROOM[:3, :3].T + ARKIT_FROM_ROOM[:3, 3]
-    pixels = np.full((len(points), len(captures), 2), np.nan, np.float32)
-    for index, capture in enumerate(captures):
-        place, depth = capture.camera.project(points)
-        seen = capture.camera.sees(place, depth)
-        pixels[seen, index] = place[seen]
-    visibility = np.isfinite(pixels[..., 0])
-    return SparsePoints(
-        points, np.zeros((len(points), 3), np.uint8), visibility, np.zeros(len(points)), pixels
-    )
+    return measured(points, [capture.camera for capture in captures])
 
 
 @pytest.mark.parametrize("given", ["the export as captures", "keyframes as poses", "the export as poses"])

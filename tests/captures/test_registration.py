@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from measured_points import measured
 from scipy.spatial.transform import Rotation
 
 from r2sego_blender.cameras import Camera, look_at, rotation_angle_rad
@@ -15,7 +16,6 @@ from r2sego_blender.captures.ground import find_ground, up_guess
 from r2sego_blender.captures.importing import Imported
 from r2sego_blender.captures.registration import register
 from r2sego_blender.captures.scale import Scale, require_marker
-from r2sego_blender.captures.sparse import SparsePoints
 from r2sego_blender.errors import CaptureError
 from r2sego_blender.images import save_image
 from r2sego_blender.settings import CaptureSettings
@@ -54,14 +54,7 @@ def _held(rng, count=6):
 
 def _scene(cameras, points):
     captures = tuple(Capture(f"p{i}", None, camera) for i, camera in enumerate(cameras))
-    pixels = np.full((len(points), len(cameras), 2), np.nan, np.float32)
-    for index, camera in enumerate(cameras):
-        place, depth = camera.project(points)
-        seen = camera.sees(place, depth)
-        pixels[seen, index] = place[seen]
-    visibility = np.isfinite(pixels[..., 0])
-    colours = np.zeros((len(points), 3), np.uint8)
-    return captures, SparsePoints(points, colours, visibility, np.zeros(len(points)), pixels)
+    return captures, measured(points, cameras)
 
 
 def _moved(captures, sparse, similarity):

@@ -9,6 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from policy_controllers import SCOPE, controller, only
 from tiny_policies import onnx_policy, torchscript_policy
 
 from r2sego_blender.errors import RobotError
@@ -16,14 +17,13 @@ from r2sego_blender.robot.attempts import Attempts, Rollout
 from r2sego_blender.robot.controller import check_controller
 from r2sego_blender.robot.free_floor import free_floor
 from r2sego_blender.robot.model import RobotModel
-from r2sego_blender.robot.policy import PolicyController, PolicyDrive
+from r2sego_blender.robot.policy import PolicyDrive
 from r2sego_blender.robot.policy_layout import PolicyLayout
 from r2sego_blender.robot.policy_observation import Command, Observer
 from r2sego_blender.robot.policy_runtime import PolicyFile
-from r2sego_blender.robot.scope import Behaviours, BehaviourScope, Control, Episode, Failures
+from r2sego_blender.robot.scope import BehaviourScope, Control, Episode, Failures
 from r2sego_blender.settings import RolloutSettings
 
-SCOPE = BehaviourScope.load("walk_and_look")
 KNEES = """
 rate_hz = 50.0
 step_s = 0.005
@@ -45,16 +45,6 @@ yaw_rate_rad_s = [-1.0, 1.0]
 def knees(tmp_path) -> PolicyLayout:
     (tmp_path / "knees.toml").write_text(KNEES)
     return PolicyLayout.load(tmp_path / "knees.toml")
-
-
-def controller(robot, scene, file, layout, scope=SCOPE) -> PolicyController:
-    control = Control(kind="policy", file=str(file), layout=str(layout))
-    scope = replace(scope, controller=control)
-    return PolicyController(robot, free_floor(robot, scope, scene), scope, scene, RolloutSettings())
-
-
-def only(scope: BehaviourScope, **weights: float) -> BehaviourScope:
-    return replace(scope, behaviours=Behaviours(**({"walk_to": 0.0, "look_around": 0.0} | weights)))
 
 
 # What a policy observes

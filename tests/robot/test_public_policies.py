@@ -8,16 +8,15 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from policy_controllers import SCOPE, controller, only
 
 from r2sego_blender.robot.attempts import Attempts, Rollout
 from r2sego_blender.robot.free_floor import free_floor
 from r2sego_blender.robot.model import RobotModel
-from r2sego_blender.robot.policy import PolicyController
 from r2sego_blender.robot.policy_observation import Command
-from r2sego_blender.robot.scope import Behaviours, BehaviourScope, Control, Failures
+from r2sego_blender.robot.scope import Control, Failures
 from r2sego_blender.settings import RolloutSettings
 
-SCOPE = BehaviourScope.load("walk_and_look")
 G1 = "g1/unitree_mujoco_g1/g1_29dof.xml"
 G1_MOUNT = ["torso_link", [0.0576235, 0.01753, 0.42987], [0.0, 0.8307767, 0.0], {"hfov_deg": 69.0}]
 H1_MOUNT = ["pelvis", [0.10848, 0.0325, 0.69317], [0.0, 0.8, 0.0], {"hfov_deg": 69.0}]
@@ -28,16 +27,6 @@ FALCON = ("g1/policies/falcon_g1.onnx", "falcon_g1_29dof")
 @pytest.fixture(scope="module")
 def g1(shared_robot) -> RobotModel:
     return RobotModel.load(shared_robot(G1), G1_MOUNT)
-
-
-def controller(robot, scene, file, layout, scope=SCOPE) -> PolicyController:
-    control = Control(kind="policy", file=str(file), layout=str(layout))
-    scope = replace(scope, controller=control)
-    return PolicyController(robot, free_floor(robot, scope, scene), scope, scene, RolloutSettings())
-
-
-def only(scope: BehaviourScope, **weights: float) -> BehaviourScope:
-    return replace(scope, behaviours=Behaviours(**({"walk_to": 0.0, "look_around": 0.0} | weights)))
 
 
 class Told:
