@@ -7,10 +7,13 @@ name in Blender is a longer one. What takes longer is a job (``jobs.py``).
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
+import signal
 import subprocess
-from collections.abc import Iterable
+import threading
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from ..errors import MachineError
@@ -72,17 +75,34 @@ def ask(arguments: Iterable[str], interpreter: str, timeout_s: float = 60.0) -> 
 def run_in_terminal(arguments: Iterable[str], interpreter: str) -> int:
     """Run a command on this process's own terminal and return its exit status.
 
-    Raises MachineError when the interpreter cannot be started.
+    Whoever ends this process ends the command: what terminates it is passed on. Raises
+    MachineError when the interpreter cannot be started.
     """
     try:
         process = subprocess.Popen([interpreter, "-m", LIBRARY.name, *arguments], env=engine_environment())
     except OSError as error:
         raise _not_started(interpreter, error) from error
-    while True:
-        try:
-            return process.wait()
-        except KeyboardInterrupt:
-            pass  # the terminal interrupts both; the engine ends, and this waits for it
+    with _passing_on(process):
+        while True:
+            try:
+                return process.wait()
+            except KeyboardInterrupt:
+                pass  # the terminal interrupts both; the engine ends, and this waits for it
+
+
+@contextlib.contextmanager
+def _passing_on(process: subprocess.Popen) -> Iterator[None]:
+    """Send ``process`` the SIGTERM and SIGHUP that this one gets, where it can hear them."""
+    if os.name == "nt" or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    numbers = [n for n in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(n) is not signal.SIG_IGN]
+    before = {n: signal.signal(n, lambda number, _: process.send_signal(number)) for n in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
 
 def _not_started(interpreter: str, error: OSError) -> MachineError:

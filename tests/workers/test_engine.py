@@ -1,13 +1,17 @@
 """Which Python is the engine, and what it answers, with a stand-in for the interpreter."""
 
+import contextlib
 import os
+import signal
 import stat
+import subprocess
 import sys
 
 import pytest
 
 from r2sego_blender.errors import MachineError
-from r2sego_blender.workers.engine import ask, find_interpreter
+from r2sego_blender.workers.engine import LIBRARY, ask, find_interpreter
+from r2sego_blender.workers.processes import birth
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="the stand-in is a script with a #! line")
 
@@ -44,3 +48,26 @@ def test_a_python_without_the_packages_is_told_so(interpreter):
 
 def test_the_real_engine_answers():
     assert ask(["--version"], sys.executable).startswith("r2sego")
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, getattr(signal, "SIGHUP", None)])
+def test_who_ends_blender_ends_the_command_it_runs(interpreter, tmp_path, number):
+    """As a farm's manager ends ``blender --background --python batch/refine.py``."""
+    engine = interpreter(
+        f"signal.signal({int(number)}, lambda *_: sys.exit(77))\n"
+        "print(os.getpid(), flush=True)\n"
+        "time.sleep(60)\n"
+    )
+    code = f"from r2sego_blender.workers.engine import *; raise SystemExit(run_in_terminal([], {engine!r}))"
+    environment = {**os.environ, "PYTHONPATH": str(LIBRARY.parent)}
+    process = subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE)
+    pid = int(process.stdout.readline())
+    try:
+        process.send_signal(number)
+        assert process.wait(30) == 77
+        assert not birth(pid)
+    finally:
+        process.kill()
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+        process.communicate()
