@@ -1,9 +1,13 @@
-"""Lets every test import the helpers of this folder and choose how many threads numba has."""
+"""Lets every test import this folder's helpers, choose numba's threads, and take its time."""
 
 import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("busy machines", deadline=None)
+settings.load_profile("busy machines")
 
 sys.path.insert(0, str(Path(__file__).parent))
 

@@ -48,10 +48,10 @@ def scene(room_a):
     )
 
 
-def views_of(room_a, scene, generator, folder, settings=SETTINGS):
+def views_of(room_a, scene, generator, folder, settings=SETTINGS, space=None):
     return ego_video_reg(
         scene.selection, scene.candidates, room_a.captures, room_a.renderer, generator,
-        scene.landmarks, settings, folder,
+        scene.landmarks, settings, folder, space=space,
     )  # fmt: skip
 
 
@@ -112,6 +112,20 @@ def test_of_the_conditions_the_targets_alone_may_be_kept(tmp_path, room_a, scene
     np.testing.assert_allclose(
         kept.camera.world_from_camera, scene.candidates[scene.selection.targets[0]].world_from_camera
     )
+
+
+def test_the_clip_follows_the_way_around_and_says_so(tmp_path, room_a, scene):
+    def aside(start, end):
+        """Half a metre to the side of the middle, so that both legs are as long."""
+        across = np.cross(end - start, [0.0, 0.0, 1.0])
+        corner = (start + end) / 2 + 0.5 * across / np.linalg.norm(across)
+        return SimpleNamespace(points=np.stack([start, corner, end]), note="around it")
+
+    views_of(room_a, scene, scene.generator, tmp_path, space=SimpleNamespace(way=aside))
+    path = json.loads((tmp_path / "000/path.json").read_text())
+    first, middle, last = (np.array(camera["world_from_camera"])[:3, 3] for camera in path["cameras"])
+    np.testing.assert_allclose(middle, aside(first, last).points[1])
+    assert path["note"] == "around it"
 
 
 def test_what_a_person_decided_overrules_the_gate(tmp_path, room_a, scene):
