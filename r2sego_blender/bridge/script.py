@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import traceback
 from collections.abc import Callable
@@ -21,7 +22,12 @@ def run_script(main: Callable[[list[str]], int]) -> None:
     """Call ``main`` with the person's arguments and end the process with its exit status.
 
     Whatever fails ends it with status 1: after an error that leaves a script, Blender ends with 0.
+    SIGTERM and SIGHUP leave what runs as Ctrl-C does, so that no job goes on alone.
     """
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, lambda number, _: sys.exit(128 + number))
     try:
         status = main(script_arguments())
     except R2SEgoError as error:

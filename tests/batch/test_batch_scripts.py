@@ -1,6 +1,8 @@
 """The scripts run as ``python batch/….py -- …`` with pip bpy."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -64,6 +66,27 @@ def test_any_error_ends_a_script_with_a_status(capsys):
         run_script(fail)
     assert ended.value.code == 1
     assert "ZeroDivisionError: in the middle" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+def test_a_script_that_is_terminated_leaves_what_it_runs():
+    """A job that it waits for is stopped on the way out (``Job.wait``)."""
+    waiting = (
+        "import time\n"
+        "from r2sego_blender.bridge.script import run_script\n"
+        "def main(arguments):\n"
+        "    print('begun', flush=True)\n"
+        "    try: time.sleep(60)\n"
+        "    finally: print('left')\n"
+        "run_script(main)\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", waiting], stdout=subprocess.PIPE, text=True, cwd=BATCH.parent
+    )
+    assert process.stdout.readline() == "begun\n"
+    process.terminate()
+    said, _ = process.communicate(timeout=30)
+    assert (said, process.returncode) == ("left\n", 128 + signal.SIGTERM)
 
 
 @pytest.mark.parametrize(("script", "command"), [("refine.py", "refine"), ("export_collision.py", "export")])
