@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..r2sego_blender.bridge.asset_pictures import is_of_view
 from ..r2sego_blender.bridge.words import counted
 from . import splat_preview, wipe
 from .sidebar import Sidebar, Step
@@ -78,6 +79,9 @@ class R2SEGO_PT_asset_render(_Part, bpy.types.Panel):
         for name, side in (("wipe_left", "LEFT"), ("wipe_right", "RIGHT")):
             column.label(text=f"{side.capitalize()} of the Divider")
             column.template_ID(group, name, open="image.open")
+            image = getattr(group, name)
+            if image is not None and not is_of_view(image, looked_through):
+                column.label(text="Of another view: not drawn", icon="INFO")
             row = column.row(align=True)
             row.operator("r2sego.compare_photograph", text="Photograph", icon="CAMERA_DATA").side = side
             render = row.operator("r2sego.render_asset", text="Render", icon="RENDER_STILL")

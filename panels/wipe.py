@@ -6,6 +6,7 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ..r2sego_blender.bridge.asset_frame import camera_frame_px
+from ..r2sego_blender.bridge.asset_pictures import is_of_view
 from ..r2sego_blender.colours import linear_from_srgb
 from .flat_shapes import rectangle, text_width, write
 from .overlays import Overlay
@@ -38,6 +39,14 @@ _shaders: list["gpu.types.GPUShader"] = []
 def parts(wipe: float) -> tuple[tuple[float, float], ...]:
     """For the left and the right picture: from which share of the frame's width to which."""
     return ((0.0, wipe), (wipe, 1.0))
+
+
+def compared(scene: bpy.types.Scene) -> tuple[bpy.types.Image | None, bpy.types.Image | None]:
+    """The left and the right picture, None for one that is of another view than the scene's camera has."""
+    group = scene.r2sego_asset
+    chosen = (group.wipe_left, group.wipe_right)
+    left, right = (one if one is not None and is_of_view(one, scene.camera) else None for one in chosen)
+    return left, right
 
 
 def _texture(image: bpy.types.Image) -> "gpu.types.GPUTexture | None":
@@ -98,24 +107,25 @@ def _draw_part(texture, frame: tuple[float, float, float, float], begin: float, 
 def draw(context: bpy.types.Context) -> None:
     """Draw the comparison where the view looks through the scene's camera."""
     group = context.scene.r2sego_asset
-    if not group.compare or (group.wipe_left is None and group.wipe_right is None):
+    if not group.compare:
         return
     frame = camera_frame_px(context.scene, context.region, context.region_data)
     if frame is None:
         return
     left, bottom, width, height = frame
-    pictures = (group.wipe_left, group.wipe_right)
+    on_left, on_right = pictures = compared(context.scene)
+    if not any(pictures):
+        return
     for image, (begin, end) in zip(pictures, parts(group.wipe), strict=True):
         texture = _texture(image) if image is not None else None
         if texture is not None:
             _draw_part(texture, frame, begin, end)
     rectangle(left + group.wipe * width - 1.0, bottom, 2.0, height, _DIVIDER)
     line = bottom + _MARGIN_PX
-    if group.wipe_left is not None:
-        write(group.wipe_left.name, left + _MARGIN_PX, line)
-    if group.wipe_right is not None:
-        name = group.wipe_right.name
-        write(name, left + width - text_width(name) - _MARGIN_PX, line)
+    if on_left is not None:
+        write(on_left.name, left + _MARGIN_PX, line)
+    if on_right is not None:
+        write(on_right.name, left + width - text_width(on_right.name) - _MARGIN_PX, line)
 
 
 _overlay = Overlay(draw, "POST_PIXEL")

@@ -4,11 +4,11 @@ import json
 from pathlib import Path
 
 import bpy
-from bpy.props import EnumProperty, StringProperty
+from bpy.props import EnumProperty, FloatVectorProperty, StringProperty
 
 from ...r2sego_blender.asset_stages import PASSES, stage_label, stage_named
 from ...r2sego_blender.bridge.asset_cameras import exact_camera
-from ...r2sego_blender.bridge.asset_pictures import load_picture, put_behind
+from ...r2sego_blender.bridge.asset_pictures import load_picture, note_pose, pose_values, put_behind
 from ...r2sego_blender.bridge.asset_renderings import camera_folder, prune, remove_rendering
 from ...r2sego_blender.bridge.image_editors import show_in_editor
 from ...r2sego_blender.bridge.views_3d import redraw_views
@@ -49,6 +49,7 @@ class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
         items=[(name, name.capitalize(), f"The {name} of each pixel") for name in PASSES],
     )  # fmt: skip
     place: EnumProperty(name="Show", description="Where the picture is shown", items=_PLACES)
+    seen_from: FloatVectorProperty(size=16, options={"HIDDEN", "SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context):
@@ -71,7 +72,7 @@ class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
         camera = {"name": "picture", **exact_camera(seen_from, context.scene).to_json()}
         stage = stage_named(bundle.scene, self.stage or group.stages[group.stage].name)
         # The job's end finds by these what it began with, whatever is chosen then.
-        self.camera, self.stage = seen_from.name, stage.name
+        self.camera, self.stage, self.seen_from = seen_from.name, stage.name, pose_values(seen_from)
         cameras = hand_over("cameras.json", json.dumps({"cameras": [camera]}))
         folder = camera_folder(bundle, stage, camera)
         return [
@@ -86,6 +87,7 @@ class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
         name += "" if self.render_pass == "colour" else f", {self.render_pass}"
         file, bundle = Path(result["files"][0]), state.opened_bundle(context)
         image = load_picture(file, name)
+        note_pose(image, self.seen_from)
         remove_rendering(bundle, file)  # the image holds it
         prune(bundle)
         group, seen_from = context.scene.r2sego_asset, bpy.data.objects.get(self.camera)
@@ -96,9 +98,9 @@ class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
         elif self.place == "RIGHT":
             group.wipe_right, group.compare = image, True
         elif self.place == "EDITOR" and not show_in_editor(image):
-            return f"{image.name} is rendered; open an image editor to see it"
+            return f"Rendered {image.name}: open an Image Editor to see it"
         redraw_views()
-        return f"{image.name}: {image.size[0]} x {image.size[1]}"
+        return f"Rendered {image.name}: {image.size[0]} x {image.size[1]}"
 
 
 def _camera_object(context, name: str) -> bpy.types.Object | None:

@@ -4,7 +4,7 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty
 
 from ...r2sego_blender.bridge.asset_frame import camera_frame_px
-from ...r2sego_blender.bridge.asset_pictures import photograph_of
+from ...r2sego_blender.bridge.asset_pictures import note_pose, photograph_of, pose_values
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import SceneError
 from ..base import ReportingOperator
@@ -37,6 +37,7 @@ class R2SEGO_OT_compare_photograph(ReportingOperator, bpy.types.Operator):
                 "this camera has no photograph", where=context.scene.camera.name,
                 cure="Look through a camera that Import Captures made.",
             )  # fmt: skip
+        note_pose(photograph, pose_values(context.scene.camera))
         group = context.scene.r2sego_asset
         if self.side == "LEFT":
             group.wipe_left = photograph

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from ..errors import SceneError
 
-_RENDERED = "r2sego_rendered"
+_RENDERED, _SEEN_FROM = "r2sego_rendered", "r2sego_seen_from"
 
 
 def load_picture(file: Path, name: str) -> bpy.types.Image:
@@ -29,6 +31,24 @@ def load_picture(file: Path, name: str) -> bpy.types.Image:
         bpy.data.images.remove(before)
     image.name = name
     return image
+
+
+def pose_values(camera_object: bpy.types.Object) -> list[float]:
+    """Where a camera stands, for ``note_pose``: its matrix without scale, row by row."""
+    return [value for row in camera_object.matrix_world.normalized() for value in row]
+
+
+def note_pose(image: bpy.types.Image, pose: Sequence[float]) -> None:
+    """Keep with an image the pose (16,) of the camera whose view it shows."""
+    image[_SEEN_FROM] = list(pose)
+
+
+def is_of_view(image: bpy.types.Image, camera_object: bpy.types.Object | None) -> bool:
+    """Whether an image may show what a camera sees: for all that is known it was taken from there."""
+    noted = image.get(_SEEN_FROM)
+    return noted is None or (
+        camera_object is not None and np.allclose(list(noted), pose_values(camera_object), atol=1e-4)
+    )
 
 
 def photograph_of(camera_object: bpy.types.Object | None) -> bpy.types.Image | None:

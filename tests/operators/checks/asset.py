@@ -466,6 +466,22 @@ def check_two_pictures_are_compared():
     assert abs(group().wipe - 0.25) < 1e-6
 
 
+def check_a_compared_picture_is_drawn_in_its_own_view_alone():
+    compared = importlib.import_module(f"{MODULE}.panels.wipe").compared
+    open_bundle()
+    bpy.ops.r2sego.import_captures()
+    scene, any_picture = bpy.context.scene, bpy.data.images.new("opened from disk", 4, 4)
+    bpy.ops.r2sego.compare_photograph(side="LEFT")
+    group().wipe_right = any_picture
+    own, other = (bpy.data.objects[f"capture_{index}"] for index in (0, 1))
+    for camera, left in ((own, group().wipe_left), (other, None), (own, group().wipe_left)):
+        scene.camera = camera
+        assert compared(scene) == (left, any_picture), camera.name
+    own.location.x += 0.1
+    bpy.context.view_layer.update()
+    assert compared(scene) == (None, any_picture)
+
+
 def check_the_asset_is_written_by_the_engine():
     open_bundle()
     conduct("succeed")
