@@ -25,7 +25,7 @@ from .world_frame import require_present_frame
 ABOUT, TEXTURED = "about.txt", "textured"
 _FILES = {
     "asset.ply": "what cameras see: 3D Gaussians in the order of Inria's PLY, the backdrop among them",
-    "collision": "what bodies touch, in files for many programs: scene.xml (MuJoCo), scene.urdf,\n"
+    "collision": "what bodies touch: scene.xml (MuJoCo), scene.urdf, scene.sdf (Gazebo, Drake) and\n"
     "scene.usd (UsdPhysics); convex pieces in hulls; mesh.obj, mesh.stl and mesh.glb (Y up)",
     "proxy.ply": "the geometry both were made with: grey observed, teal of a prior, amber completed",
     "cameras.json": "the photographs' cameras",
@@ -53,9 +53,9 @@ def export_scene(
     """Write the asset, the collision surface and the coloured proxy; returns what was written.
 
     ``asset.ply`` (3D Gaussians, Inria order), ``collision/`` (OBJ, STL, GLB, convex pieces,
-    ``scene.xml`` for MuJoCo, ``scene.urdf`` and ``scene.usd`` with physics), ``proxy.ply`` (faces
-    coloured by provenance) and ``cameras.json`` (the captures in the world frame; it names the
-    photographs as the scene's folder ``captures`` has them, and says so); the asset
+    ``scene.xml`` for MuJoCo, ``scene.urdf``, ``scene.sdf`` and ``scene.usd`` with physics),
+    ``proxy.ply`` (faces coloured by provenance) and ``cameras.json`` (the captures in the world
+    frame; it names the photographs as the scene's folder ``captures`` has them, and says so); the asset
     once more for each suffix in ``splats``, such as ``.spz`` (docs/splat_formats.md); if ``textured``
     the proxy with baked colours in ``textured/``, as OBJ, MJCF and USD; with either in USD also
     ``room.usda``, a stage of them and the collision surface; and ``about.txt``, which says what

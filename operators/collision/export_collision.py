@@ -19,7 +19,7 @@ _SPLATS = (
 
 
 class R2SEGO_OT_export_collision(EngineOperator, bpy.types.Operator):
-    """Copy the collision surface (mesh, pieces, MJCF, URDF, USD), the asset, proxy and cameras to a folder"""
+    """Copy the collision surface (mesh, pieces, MJCF, URDF, SDF, USD), asset, proxy, cameras to a folder"""
 
     bl_idname = "r2sego.export_collision"
     bl_label = "Export for Simulation"

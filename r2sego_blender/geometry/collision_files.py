@@ -1,6 +1,6 @@
 """The files of a collision surface: meshes, convex pieces, and the scenes of simulators.
 
-MJCF and URDF name the pieces by paths relative to their own file, so the folder can be moved.
+MJCF, URDF and SDF name the pieces by paths relative to their own file, so the folder can be moved.
 Everything is in metres, Z up, in the world frame; glTF alone is Y up, as that format demands.
 """
 
@@ -19,7 +19,7 @@ from .collision import CollisionSurface
 
 MESH_OBJ, MESH_STL, MESH_GLB = "mesh.obj", "mesh.stl", "mesh.glb"
 HULLS = "hulls"
-SCENE_XML, SCENE_URDF, SCENE_USD = "scene.xml", "scene.urdf", "scene.usd"
+SCENE_XML, SCENE_URDF, SCENE_SDF, SCENE_USD = "scene.xml", "scene.urdf", "scene.sdf", "scene.usd"
 FLOOR = "floor"
 """The name of the floor's box in every scene."""
 
@@ -50,8 +50,8 @@ def write_collision(surface: CollisionSurface, folder: Path) -> None:
     """Write the surface in all its forms.
 
     ``mesh.obj``, ``mesh.stl``, ``mesh.glb``: the simplified surface; ``hulls/*.obj``: the
-    convex pieces; ``scene.xml`` (MJCF), ``scene.urdf`` (one fixed link) and ``scene.usd``
-    (UsdPhysics): the pieces and the floor's box as static colliders.
+    convex pieces; ``scene.xml`` (MJCF), ``scene.urdf`` (one fixed link), ``scene.sdf`` (one static
+    model) and ``scene.usd`` (UsdPhysics): the pieces and the floor's box as static colliders.
     """
     from .collision_usd import write_usd
 
@@ -71,6 +71,7 @@ def write_collision(surface: CollisionSurface, folder: Path) -> None:
     floor = FloorBox.of(surface.floor) if len(surface.floor) else None
     (folder / SCENE_XML).write_text(_mjcf(names, floor))
     (folder / SCENE_URDF).write_text(_urdf(names, floor))
+    (folder / SCENE_SDF).write_text(_sdf(names, floor))
     write_usd(folder / SCENE_USD, surface, names, floor)
 
 
@@ -146,6 +147,28 @@ def _urdf(names: list[str], floor: FloorBox | None) -> str:
         geometry = ElementTree.SubElement(collision, "geometry")
         ElementTree.SubElement(geometry, "mesh", filename=f"{HULLS}/{name}.obj")
     return '<?xml version="1.0"?>\n' + _text(root)
+
+
+def _sdf(names: list[str], floor: FloorBox | None) -> str:
+    """A static model ``room`` for Gazebo and Drake: SDFormat 1.7, which all their versions in use read."""
+    root = ElementTree.Element("sdf", version="1.7")
+    model = ElementTree.SubElement(root, "model", name="room")
+    ElementTree.SubElement(model, "static").text = "true"
+    link = ElementTree.SubElement(model, "link", name="room")
+    _sdf_mesh(ElementTree.SubElement(link, "visual", name="mesh"), MESH_OBJ)
+    if floor is not None:
+        collision = ElementTree.SubElement(link, "collision", name=FLOOR)
+        ElementTree.SubElement(collision, "pose").text = _numbers((*floor.centre, 0, 0, floor.yaw_rad))
+        box = ElementTree.SubElement(ElementTree.SubElement(collision, "geometry"), "box")
+        ElementTree.SubElement(box, "size").text = _numbers(2.0 * floor.half)
+    for name in names:
+        _sdf_mesh(ElementTree.SubElement(link, "collision", name=name), f"{HULLS}/{name}.obj")
+    return '<?xml version="1.0"?>\n' + _text(root)
+
+
+def _sdf_mesh(parent: ElementTree.Element, file: str) -> None:
+    mesh = ElementTree.SubElement(ElementTree.SubElement(parent, "geometry"), "mesh")
+    ElementTree.SubElement(mesh, "uri").text = file
 
 
 def _text(root: ElementTree.Element) -> str:

@@ -98,6 +98,21 @@ def test_the_urdf_is_one_link_whose_meshes_are_beside_it(surface, folder):
     assert len(set(collisions)) == len(collisions) == 1 + len(surface.pieces)
 
 
+def test_the_sdf_is_a_static_model_with_what_the_urdf_has(folder):
+    sdf, urdf = (ElementTree.parse(folder / name).getroot() for name in ("scene.sdf", "scene.urdf"))
+    (model,) = sdf.findall("model")
+    assert sdf.get("version") == "1.7" and model.find("static").text == "true"
+    files = [uri.text for uri in sdf.iter("uri")]
+    assert files == [mesh.get("filename") for mesh in urdf.iter("mesh")]
+    assert all((folder / file).is_file() for file in files)
+    names = [[one.get("name") for one in root.iter("collision")] for root in (sdf, urdf)]
+    assert names[0] == names[1]
+    origin, box = urdf.find("link/collision/origin"), urdf.find("link/collision/geometry/box")
+    pose = model.find("link/collision/pose").text
+    assert pose.split() == [*origin.get("xyz").split(), *origin.get("rpy").split()]
+    assert model.find("link/collision/geometry/box/size").text == box.get("size")
+
+
 def test_the_urdf_weighs_nothing_so_that_pybullet_does_not_let_it_fall(folder):
     """It takes a link without an inertial for one of a kilogram, and one of no mass for fixed."""
     (link,) = ElementTree.parse(folder / "scene.urdf").getroot().iter("link")
@@ -162,6 +177,7 @@ def test_a_scene_without_a_floor_has_none(surface, tmp_path):
         assert mujoco.MjModel.from_xml_path(str(tmp_path / name)).ngeom == len(surface.pieces)
     stage = Usd.Stage.Open(str(tmp_path / "scene.usd"))
     assert not stage.GetPrimAtPath("/room/collision/floor")
+    assert not ElementTree.parse(tmp_path / "scene.sdf").getroot().findall(".//box")
 
 
 _ROBOT = """<mujoco model="arm"><compiler meshdir="meshes"/>
