@@ -78,4 +78,5 @@ def convert(source: Path, target: Path) -> None:
 
     asset = load_asset(source)
     save_asset(target, asset)
-    click.echo(f"{target}: {len(asset)} Gaussians of degree {asset.degree}")
+    degree = 0 if target.suffix.lower() == ".splat" else asset.degree
+    click.echo(f"{target}: {len(asset)} Gaussians of degree {degree}")

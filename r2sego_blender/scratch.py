@@ -1,4 +1,4 @@
-"""Temporary folders that also go when the process is cancelled."""
+"""Temporary folders, and files being written, that also go when the process is cancelled."""
 
 from __future__ import annotations
 
@@ -28,16 +28,18 @@ class ScratchFolder(tempfile.TemporaryDirectory):
 
 
 @contextlib.contextmanager
-def scratch_place(folder: Path) -> Iterator[None]:
-    """Within its ``with`` block ``folder`` goes with ``remove_scratch`` too; else its user removes it."""
-    _NAMES.add(str(folder))
+def scratch_place(place: Path) -> Iterator[None]:
+    """Within its ``with`` block a folder or file goes with ``remove_scratch``; else its user removes it."""
+    _NAMES.add(str(place))
     try:
         yield
     finally:
-        _NAMES.discard(str(folder))
+        _NAMES.discard(str(place))
 
 
 def remove_scratch() -> None:
-    """Remove every scratch folder of this process, whatever still uses it."""
+    """Remove every scratch folder and file of this process, whatever still uses it."""
     for name in tuple(_NAMES):
         shutil.rmtree(name, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            Path(name).unlink()

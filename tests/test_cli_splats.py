@@ -106,6 +106,33 @@ def test_a_signal_ends_training_and_leaves_nothing(tmp_path):
     assert not any("asset" in path.name for path in tmp_path.iterdir())
 
 
+_WRITING = """
+import sys, time
+from pathlib import Path
+from r2sego_blender.cli import _cancel_at_once
+from r2sego_blender.splats.formats.files import publishing
+_cancel_at_once()
+with publishing(Path(sys.argv[1])) as staging:
+    staging.write_bytes(bytes(1000))
+    print("writing", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+def test_a_signal_while_a_file_is_written_leaves_the_old_file_and_nothing_else(tmp_path):
+    (tmp_path / "room.spz").write_text("before")
+    command = [sys.executable, "-c", _WRITING, str(tmp_path / "room.spz")]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, cwd=ROOT)
+    assert process.stdout.readline() == b"writing\n"
+    assert len(list(tmp_path.iterdir())) == 2
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=30) == 128 + signal.SIGINT
+    process.stdout.close()
+    assert [path.name for path in tmp_path.iterdir()] == ["room.spz"]
+    assert (tmp_path / "room.spz").read_text() == "before"
+
+
 def _views(folder: Path) -> list[Capture]:
     view = made_up_room(1, (64, 48)).views[0]
     captures = []
@@ -124,6 +151,13 @@ def test_convert_writes_every_format(asset_file, tmp_path, suffix):
     done = r2sego("convert", asset_file, target)
     assert done.exit_code == 0 and "500 Gaussians" in done.stdout
     assert len(load_asset(target)) == 500
+
+
+def test_convert_says_the_degree_that_the_file_has(asset_file, tmp_path):
+    for suffix, degree in ((".spz", 3), (".splat", 0)):
+        done = r2sego("convert", asset_file, tmp_path / f"out{suffix}")
+        assert f"of degree {degree}" in done.stdout
+        assert load_asset(tmp_path / f"out{suffix}").degree == degree
 
 
 def test_convert_there_and_back_is_lossless_where_the_format_is(asset_file, tmp_path):

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ...errors import AssetError
+from ...scratch import scratch_place
 
 
 def content(path: Path, most: int = -1) -> bytes:
@@ -27,17 +28,18 @@ def content(path: Path, most: int = -1) -> bytes:
 def publishing(path: Path) -> Iterator[Path]:
     """A path beside ``path`` to write at; on leaving without an error it takes its place.
 
-    It ends in the same suffix, by which libraries choose a format. Raises AssetError when
-    the disk refuses.
+    It ends in the same suffix, by which libraries choose a format. A cancelled process leaves
+    neither. Raises AssetError when the disk refuses.
     """
     staging = path.with_name(f".unfinished-{os.getpid()}-{path.name}")
     try:
         if not path.parent.is_dir():  # which some libraries would make
             raise FileNotFoundError(errno.ENOENT, "there is no such folder")
-        yield staging
-        with staging.open("rb+") as file:
-            os.fsync(file.fileno())
-        staging.replace(path)
+        with scratch_place(staging):
+            yield staging
+            with staging.open("rb+") as file:
+                os.fsync(file.fileno())
+            staging.replace(path)
     except OSError as error:
         raise AssetError(
             f"the file cannot be written: {error.strerror or error}", where=path,
