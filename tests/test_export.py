@@ -81,9 +81,10 @@ def test_it_says_what_each_file_is_in_which_frame_and_what_made_it(scene, tmp_pa
     assert "surface: NKSR" in text and "object chair: mesh by SAM 3D 1.0" in text
 
 
-def test_usd_splats_and_the_collision_surface_are_one_stage_too(scene, tmp_path):
+@pytest.mark.parametrize("suffix", [".usdc", ".usdz"])
+def test_usd_splats_and_the_collision_surface_are_one_stage_too(scene, tmp_path, suffix):
     _add_collision_surface(scene)
-    written = export_scene(scene, tmp_path / "out", [".usdc"])
+    written = export_scene(scene, tmp_path / "out", [suffix])
     assert "room.usda" in [path.name for path in written]
     moved = (tmp_path / "out").rename(tmp_path / "elsewhere")
     stage = Usd.Stage.Open(str(moved / "room.usda"))
