@@ -15,8 +15,10 @@ def settings_page() -> str:
         "# Settings",
         "",
         "Made by `python docs/make_settings.py` from `r2sego_blender/settings.py`; do not edit.",
-        "Give any of them as `r2sego refine SCENE --set key=value`. The defaults are the paper's (its H)",
-        "or, where the paper is silent, what measured best. The last column is the `preview` preset.",
+        "Give any of them as `r2sego refine SCENE --set key=value`: the scene keeps it, until another",
+        "preset is asked for. Those of captures are for `r2sego new`, where photographs become captures.",
+        "The defaults are the paper's (its H) or, where the paper is silent, what measured best. The last",
+        "column is the `preview` preset.",
     ]
     docs = {f.name: type(getattr(Settings(), f.name)).__doc__ for f in dataclasses.fields(Settings)}
     section = None

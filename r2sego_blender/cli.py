@@ -156,6 +156,8 @@ def refine(
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)
     changes = overrides_of(overrides) | ({} if rounds is None else {"rounds": rounds})
+    if made_with := [key for key in changes if key.startswith("captures.")]:
+        progress.message(f"{', '.join(made_with)}: counts for `r2sego new`; the captures stay", "warning")
     with opened.locked():
         asked = opened.declaration.with_settings(preset, changes)
         opened = opened.declare(preset=asked.preset, overrides=asked.overrides)

@@ -153,6 +153,12 @@ def test_refine_refuses_unknown_settings_and_leaves_the_bundle(tmp_path, argumen
     assert content_digest(scene.path) == before
 
 
+@pytest.mark.parametrize(("key", "warned"), [("captures.max_side_px", True), ("stereo.max_side_px", False)])
+def test_refine_says_which_settings_came_too_late(tmp_path, key, warned):
+    done = r2sego("refine", bundle(tmp_path).path, "--set", f"{key}=320")
+    assert (f"{key}: counts for `r2sego new`; the captures stay" in done.stderr) == warned
+
+
 def test_every_command_refuses_a_bundle_of_another_version(tmp_path):
     scene = bundle(tmp_path)
     declared = scene.path / "scene.toml"
