@@ -37,6 +37,15 @@ def test_a_constant_is_continued():
     np.testing.assert_allclose(fill_holes(image, known, *plane(50, 70)), 0.3, atol=1e-6)
 
 
+def test_a_wide_hole_goes_from_one_sides_colour_to_the_others():
+    known = np.zeros((32, 256), bool)
+    known[:, :16] = known[:, -16:] = True
+    image = np.where(np.arange(256)[:, None] < 128, np.float32(0.2), np.float32(0.8))
+    filled = fill_holes(np.broadcast_to(image, (32, 256, 3)).copy(), known, *plane(32, 256))[..., 0]
+    assert np.abs(filled[:, 36] - 0.2).max() < 0.1 and np.abs(filled[:, 219] - 0.8).max() < 0.1
+    assert np.abs(np.diff(filled.mean(axis=0))).max() < 0.05
+
+
 def test_a_hidden_wall_is_filled_with_wall_and_not_with_what_hides_it():
     height, width = 96, 128
     wall, normals = plane(height, width, 3.0)
