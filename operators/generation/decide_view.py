@@ -13,6 +13,8 @@ _DECISIONS = [
     ("UNDECIDED", "By Its Figures", "Let the figures of its registration decide again"),
 ]
 
+_DECIDED = {"ACCEPT": "is accepted", "REJECT": "is rejected", "UNDECIDED": "is decided by its figures"}
+
 
 class R2SEGO_OT_decide_view(OfOneView, EngineOperator, bpy.types.Operator):
     """Accept or reject a generated view by hand; the next Refine trains the asset again"""
@@ -41,4 +43,4 @@ class R2SEGO_OT_decide_view(OfOneView, EngineOperator, bpy.types.Operator):
 
     def finish(self, context, result):
         state.refresh(context.scene)
-        return f"View {self.view}: {self.decision.lower()}; run Refine to train on what is accepted"
+        return f"View {self.view} {_DECIDED[self.decision]}: run Refine to train on what is accepted"

@@ -20,4 +20,4 @@ class DeclaringOperator(EngineOperator):
 
     def finish(self, context, result):
         state.refresh(context.scene)
-        return f"{self.bl_label}: {result.get('name', 'the robot')}, {result.get('scope', 'its scope')}"
+        return f"Declared: {result.get('name', 'the robot')}, {result.get('scope', 'its scope')}"

@@ -62,6 +62,8 @@ def check_a_view_is_decided_on_by_the_engine():
     group().active = 2
     assert bpy.ops.r2sego.decide_view(decision="ACCEPT") == {"FINISHED"}
     bpy.ops.r2sego.decide_view(view=1, decision="UNDECIDED")
+    told = bpy.context.window_manager.r2sego_engine.ended[-1].line
+    assert told == "View 1 is decided by its figures: run Refine to train on what is accepted"
     start = ["views", str(copy), "--round", "1"]
     assert calls() == [
         [*start, *words, "--json-progress"]
