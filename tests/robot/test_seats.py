@@ -44,6 +44,17 @@ def test_a_chair_s_seat_faces_away_from_its_back(box_room, humanoid):
 def test_a_stool_is_sat_on_from_every_side(box_room, humanoid):
     seats, _ = seats_in(box_room, humanoid, CHAIR[:1])
     assert {round(math.degrees(seat.yaw_rad)) for seat in seats} >= {0, 90, 180, 270}
+    for degrees in (
+        0,
+        90,
+        180,
+        270,
+    ):  # the edge is where the seat ends, and the places spread about its middle
+        facing = [seat for seat in seats if round(math.degrees(seat.yaw_rad)) == degrees]
+        along = [math.cos(math.radians(degrees)), math.sin(math.radians(degrees))]
+        places = np.array([seat.edge_m for seat in facing])
+        np.testing.assert_allclose(places @ along, HALF_M, atol=0.02)
+        assert abs((places @ [-along[1], along[0]]).mean()) < 0.015
 
 
 def test_a_chair_before_a_wall_is_sat_on_from_its_sides(box_room, humanoid):
