@@ -8,11 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import AssetError
-from .harmonics import degree_of, rotated_coefficients
+from .harmonics import SH_BAND_0, degree_of, rotated_coefficients
 from .quaternions import from_rotation, product
-
-SH_BAND_0 = 0.28209479177387814
-"""The constant harmonic: colour = SH_BAND_0 * sh[:, 0] + 0.5."""
 
 _WIDTHS = {"means": 3, "log_scales": 3, "quaternions": 4}
 

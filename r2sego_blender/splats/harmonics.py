@@ -6,7 +6,8 @@ import numpy as np
 
 from ..errors import AssetError
 
-_B0 = 0.28209479177387814
+SH_BAND_0 = 0.28209479177387814
+"""The constant harmonic: colour = SH_BAND_0 * sh[:, 0] + 0.5."""
 _B1 = 0.4886025119029199
 _B2A, _B2B, _B2C = 1.0925484305920792, 0.31539156525252005, 0.5462742152960396
 _B3A, _B3B = 0.5900435899266435, 2.890611442640554
@@ -22,7 +23,7 @@ def basis_values(x, y, z):
     """The sixteen harmonics of a unit direction, for anything that has Python's operators."""
     xx, yy, zz = x * x, y * y, z * z
     return [
-        _B0,
+        SH_BAND_0,
         -_B1 * y,
         _B1 * z,
         -_B1 * x,
@@ -71,7 +72,7 @@ def basis(directions: np.ndarray, degree: int) -> np.ndarray:
     return (
         np.stack(np.broadcast_arrays(*values), axis=1)
         if len(values) > 1
-        else np.full((len(directions), 1), _B0)
+        else np.full((len(directions), 1), SH_BAND_0)
     )
 
 
