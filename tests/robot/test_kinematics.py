@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from legged_robots import quadruped_mjcf
 from scipy.optimize import least_squares
 
 from r2sego_blender.robot.kinematics import LegSolver
@@ -108,6 +109,17 @@ def _errors(joints, robot, configuration, leg, target) -> np.ndarray:
     mujoco.mju_mat2Quat(found, data.xmat[leg.foot])
     mujoco.mju_subQuat(turned, wanted, found)
     return np.concatenate([target[:3] - leg.tip_place(data), 0.1 * turned])
+
+
+def test_joints_that_count_from_another_zero_reach_their_places(tmp_path):
+    """MJCF's ``ref``: the value of a joint in the posture that the file draws."""
+    text = quadruped_mjcf().replace('<joint armature="0.01"', '<joint ref="0.2" armature="0.01"')
+    (tmp_path / "robot.xml").write_text(text)
+    robot = RobotModel.load(tmp_path / "robot.xml")
+    assert (robot.model.qpos0[7:] == 0.2).all()
+    qpos, tips = reachable_tips(robot, 20, np.random.default_rng(1))
+    LegSolver(robot).solve(qpos, tips)
+    assert_feet_are_there(robot, qpos, tips)
 
 
 def test_a_frame_depends_on_itself_alone(robot):
