@@ -22,7 +22,12 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("source", metavar="SCENE|ASSET", type=ANY_PATH)
-@click.option("--cameras", required=True, type=ANY_PATH, help="JSON with a list 'cameras' or 'captures'.")
+@click.option(
+    "--cameras",
+    required=True,
+    type=ANY_PATH,
+    help="JSON with a list 'cameras' or 'captures'; for an ASSET also what it was trained on.",
+)
 @click.option("--to", "folder", required=True, type=FOLDER, help="Folder to write, made if missing.")
 @click.option("--round", "stage", default=FINAL, metavar="L", help="initial, a round from 0, or final.")
 @click.option(
@@ -40,11 +45,14 @@ def render(
     as_json: bool,
 ) -> None:
     """Render a scene's asset, or a splat file, exactly from given cameras."""
+    from .splat_start import cameras_of_poses, holds_poses
     from .splats.formats import load_asset
     from .splats.pictures import load_cameras, save_pictures
 
     progress = progress_of(context, as_json)
-    seen_from = load_cameras(cameras)
+    # A scene's world is another than that of the poses it was made of.
+    trained_on = not source.is_dir() and holds_poses(cameras)
+    seen_from = cameras_of_poses(cameras) if trained_on else load_cameras(cameras)
     asset = _present_asset(Scene.open(source), stage) if source.is_dir() else load_asset(source)
     started = time.monotonic()
     files = save_pictures(asset, seen_from, folder, tuple(dict.fromkeys(passes)) or ("colour",), progress)

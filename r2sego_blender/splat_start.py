@@ -6,12 +6,13 @@ Photographs are imported, and points read or triangulated (``splat_training``).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from .cameras import Camera
 from .captures import json_fields
 from .captures.capture import Capture
 from .captures.colmap_model import COLMAP_FILES, find_model
@@ -24,7 +25,7 @@ from .captures.sparse import triangulate
 from .captures.transforms_json import read_transforms_json
 from .errors import CaptureError, SettingsError
 from .progress import SILENT, Progress
-from .settings import Settings
+from .settings import CaptureSettings, Settings
 from .splats.asset import SplatAsset
 from .splats.initialization import from_points
 from .splats.observations import Observation
@@ -106,6 +107,27 @@ def prepare(
         metres_from_poses=to_metres,
         source=imported.source,
     )
+
+
+def holds_poses(path: Path) -> bool:
+    """Whether it is a folder or a transforms.json, as training takes them."""
+    try:
+        return path.is_dir() or bool(_transforms(path))
+    except CaptureError:  # what is wrong with it is for its reader to say
+        return False
+
+
+def cameras_of_poses(captures: Path) -> dict[str, Camera]:
+    """The cameras by the photographs' names, undistorted, at full size and in the unit of the poses.
+
+    ``captures`` is as in ``train_on_photographs``, but poses are never solved: that raises
+    CaptureError.
+    """
+    folder, poses = _folder_and_poses(captures, None)
+    if poses is None and find_keyframes(folder) is None:
+        raise CaptureError("there are no poses", where=captures, cure="Give a pose file, or its folder.")
+    imported = import_captures(folder, poses, replace(CaptureSettings(), max_side_px=ANY_SIZE_PX))
+    return {capture.name.replace("/", "_"): capture.camera for capture in imported.captures}
 
 
 def _folder_and_poses(captures: Path, poses: Path | None) -> tuple[Path, Path | None]:

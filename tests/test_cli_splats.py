@@ -11,13 +11,15 @@ import numpy as np
 import pytest
 from cameras_file import save_cameras_json
 from click.testing import CliRunner, Result
+from splat_photographs import captures_in, write_points, write_transforms
 
 from r2sego_blender import cli
 from r2sego_blender.benchmarks.workloads import made_up_room
 from r2sego_blender.captures.capture import Capture
-from r2sego_blender.images import save_image
+from r2sego_blender.images import load_image, save_image
 from r2sego_blender.settings import Settings
 from r2sego_blender.splats.formats import SUFFIXES, load_asset, save_asset
+from r2sego_blender.splats.metrics import psnr
 
 ROOT = Path(__file__).parents[1]
 DEMO = ROOT / "demo" / "room"
@@ -84,6 +86,25 @@ def test_help_of_train_says_the_defaults_as_they_are():
     assert f"up to {settings.captures.max_side_px} pixels a side" in told
     assert f"{settings.training.max_gaussians} Gaussians at most" in told
     assert f"in {settings.training.steps_per_round} steps" in told
+
+
+def test_an_asset_is_rendered_from_the_poses_that_it_was_trained_on(tmp_path):
+    out = tmp_path / "asset.ply"
+    captures = captures_in(tmp_path / "images")
+    write_transforms(tmp_path / "transforms.json", captures)
+    points = write_points(tmp_path / "points.ply")
+    done = r2sego("train", tmp_path, "--out", out, "--points", points, "--steps", 60, "--json")
+    assert done.exit_code == 0, done.output
+    for name in ("", "transforms.json"):
+        pictures = tmp_path / f"rendered{name}"
+        done = r2sego("render", out, "--cameras", tmp_path / name, "--to", pictures)
+        assert done.exit_code == 0, done.output
+        files = sorted(pictures.iterdir())
+        assert [file.name for file in files] == [c.name for c in captures]
+        for capture, file in zip(captures, files, strict=True):
+            assert psnr(load_image(file), capture.image()) > 15.0
+    (tmp_path / "transforms.json").unlink()
+    assert "there are no poses" in refused(r2sego("render", out, "--cameras", tmp_path, "--to", tmp_path))
 
 
 def test_train_names_a_folder_without_photographs(tmp_path):

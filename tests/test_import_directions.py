@@ -79,7 +79,8 @@ MAY_IMPORT = {
     "cli_demo": FOUNDATION | {"cli_options", "demo_scene"},
     "cli_options": ABOVE_CAPTURES | {"robot"},
     "cli_captures": ABOVE_CAPTURES | {"cli_options", "correction"},
-    "cli_asset": FOUNDATION | {"asset_edits", "asset_stages", "cli_options", "splats", "steps"},
+    "cli_asset": FOUNDATION
+    | {"asset_edits", "asset_stages", "cli_options", "splat_start", "splats", "steps"},
     "cli_bench": FOUNDATION | {"benchmarks", "cli_options"},
     "cli_splats": FOUNDATION | {"cli_options", "splat_training", "splats"},
     "cli_views": FOUNDATION | {"generation", "cli_options"},
