@@ -19,9 +19,10 @@ def refine(scene: Scene, progress: Progress = SILENT, until: str = "") -> None:
 
     The captures were registered in the world frame when the bundle was made; the rounds
     L, the budget K and the rest of H come from the scene's declaration. With ``until``, the
-    bundle's name of what a step publishes, it ends when that is there.
+    bundle's name of what a step publishes, it ends when that is there. Raises SceneError while
+    another process or thread writes to the scene.
     """
-    with contextlib.suppress(Reached):
+    with scene.locked(), contextlib.suppress(Reached):
         _algorithm_1(Steps(scene, scene.declaration.settings, progress, until))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -70,6 +71,10 @@ class PlannedScene(Scene):
             why = "it is damaged" if self.is_damaged(target, read) else ""
         self.planned.append(PlannedStep(target, why))
         return self.path / target
+
+    def locked(self) -> contextlib.AbstractContextManager[None]:
+        """Nothing is held: nothing is written."""
+        return contextlib.nullcontext()
 
     def _digest_of_input(self, item: str | Path) -> str:
         key = str(item)

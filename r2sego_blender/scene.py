@@ -17,6 +17,7 @@ import json
 import os
 import shutil
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -32,6 +33,7 @@ from .whole_files import UNFINISHED, finish_replacing, flush, remove, replacing_
 from .world_frame import frame_of_output
 
 _JOURNAL = "journal.jsonl"
+_HOLDERS: dict[Path, int] = {}  # of bundles that this process holds: the thread
 
 
 class Scene:
@@ -260,11 +262,17 @@ class Scene:
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Hold the bundle for writing.
+        """Hold the bundle for writing; the thread that holds it may do so again.
 
-        Raises SceneError when another process holds it, and after finishing what was cut off.
+        Raises SceneError when another process or thread holds it, and after finishing what was cut off.
         """
-        with (self.path / ".lock").open("a+") as file:
+        key, thread = self.path.resolve(), threading.get_ident()
+        if _HOLDERS.get(key) == thread:
+            yield
+            return
+        with _disk_errors(self.path, kept=""):
+            lock = (self.path / ".lock").open("a+")
+        with lock as file:
             if not _try_lock(file):
                 raise SceneError(
                     "another process is working on this scene", where=self.path,
@@ -274,7 +282,11 @@ class Scene:
                 raise SceneError(
                     "a correction had been cut off, and is finished now", where=self.path, cure="Start again."
                 )
-            yield
+            _HOLDERS[key] = thread
+            try:
+                yield
+            finally:
+                del _HOLDERS[key]
 
     def _digest_of_inputs(self, inputs: Sequence[str | Path], parameters: Any) -> str:
         state = {
@@ -302,7 +314,7 @@ def require_place(path: Path) -> None:
 
     Leaves nothing behind.
     """
-    if path.exists():
+    if path.exists() or path.is_symlink():
         raise SceneError("it exists already", where=path, cure="Choose another name, or remove it.")
     try:
         folder = next(place for place in path.absolute().parents if place.exists())

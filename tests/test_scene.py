@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 import tomllib
 from pathlib import Path
 
@@ -14,10 +15,12 @@ import tomli_w
 from r2sego_blender.backends import CONDITION_BACKENDS, SURFACE_BACKENDS
 from r2sego_blender.errors import SceneError, SettingsError
 from r2sego_blender.named_settings import entries
+from r2sego_blender.pipeline import refine
 from r2sego_blender.scene import (
     Declaration,
     Scene,
     content_digest,
+    require_place,
 )
 from r2sego_blender.scratch import remove_scratch
 
@@ -292,6 +295,45 @@ def test_the_lock_excludes_another_process(tmp_path):
         assert "another process" in other.stderr
     other = subprocess.run([sys.executable, "-c", code, str(scene.path)], capture_output=True, text=True)
     assert other.stdout.strip() == "locked"
+
+
+def test_the_lock_excludes_other_threads_and_not_its_own(tmp_path):
+    """As of ``pipeline.refine``, which a command calls while it holds the scene."""
+    scene = make_scene(tmp_path)
+    told = []
+
+    def try_it():
+        try:
+            refine(scene)
+        except SceneError as error:
+            told.append(str(error))
+
+    with scene.locked():
+        with Scene.open(scene.path).locked():
+            pass
+        other = threading.Thread(target=try_it)
+        other.start()
+        other.join()
+    assert len(told) == 1 and "another process is working" in told[0]
+    with scene.locked():
+        assert scene.journal() == []
+
+
+def test_a_scene_that_may_only_be_read_is_said_to_be(tmp_path, monkeypatch):
+    def refuse(file, *_, **__):
+        raise PermissionError(errno.EACCES, "Permission denied", str(file))
+
+    scene = make_scene(tmp_path)
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(SceneError, match=r"room\.r2s: it cannot be written"), scene.locked():
+        pass
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links need privileges")
+def test_a_link_to_nowhere_is_no_place_for_a_scene(tmp_path):
+    (tmp_path / "room.r2s").symlink_to("/nowhere")
+    with pytest.raises(SceneError, match="exists already"):
+        require_place(tmp_path / "room.r2s")
 
 
 def test_rounds_done_counts_unbroken_assets(tmp_path):
