@@ -49,6 +49,8 @@ class R2SEGO_OT_export_asset(EngineOperator, bpy.types.Operator):
     def arguments(self, context):
         if not self.filepath:
             raise AssetError("no file is chosen", cure="Choose where to write the asset.")
+        if Path(bpy.path.abspath(self.filepath)).is_dir():
+            raise AssetError("this is a folder", where=self.filepath, cure="Name a file in it.")
         bundle = state.opened_bundle(context)
         stages = context.scene.r2sego_asset.stages
         stage = stage_named(bundle.scene, self.stage or stages[len(stages) - 1].name)

@@ -1,10 +1,13 @@
 """Open a scene bundle."""
 
+from pathlib import Path
+
 import bpy
 from bpy.props import StringProperty
 
 from ...r2sego_blender.bridge.bundle import Bundle
 from ...r2sego_blender.errors import SceneError
+from ...r2sego_blender.scene_declaration import DECLARATION
 from .. import state
 from ..base import ReportingOperator
 
@@ -31,9 +34,20 @@ class R2SEGO_OT_open_scene(ReportingOperator, bpy.types.Operator):
     def perform(self, context):
         if not self.directory:
             raise SceneError("no bundle is chosen", cure="Choose a folder that ends in .r2s.")
-        bundle = Bundle.open(bpy.path.abspath(self.directory))
+        bundle = Bundle.open(_bundle_at(Path(bpy.path.abspath(self.directory))))
         state.show_bundle(context.scene, bundle)
         return f"Opened {bundle.name}"
+
+
+def _bundle_at(chosen: Path) -> Path:
+    """The chosen folder, or the bundle in which a person chose one, or a file."""
+    for folder in (chosen, *chosen.parents):
+        if (folder / DECLARATION).is_file():
+            return folder
+    raise SceneError(
+        "this is not a scene bundle", where=chosen,
+        cure="Choose a folder that ends in .r2s, or make one with New Scene.",
+    )  # fmt: skip
 
 
 class R2SEGO_FH_scene(bpy.types.FileHandler):

@@ -484,6 +484,7 @@ def check_a_compared_picture_is_drawn_in_its_own_view_alone():
 
 def check_the_asset_is_written_by_the_engine():
     open_bundle()
+    assert "Name a file in it" in refused(bpy.ops.r2sego.export_asset, filepath=f"{OUT.parent}/")
     conduct("succeed")
     suffixes = [".ply", ".spz", ".splat", ".glb", ".gltf", ".usdc", ".usda"]
     for suffix in suffixes:

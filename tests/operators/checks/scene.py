@@ -38,8 +38,19 @@ def check_opening_reads_what_the_bundle_holds():
 
 def check_a_folder_that_is_no_bundle_is_reported_and_changes_nothing():
     open_bundle()
-    assert "scene.toml" in refused(bpy.ops.r2sego.open_scene, directory=str(BUNDLE.parent))
+    told = refused(bpy.ops.r2sego.open_scene, directory=str(BUNDLE.parent))
+    assert told.strip() == (
+        f"Error: {BUNDLE.parent}: this is not a scene bundle. Choose a folder that ends in .r2s, or make one "
+        "with New Scene."
+    )
     assert Path(state().bundle) == BUNDLE
+
+
+def check_a_bundle_is_opened_from_what_lies_in_it_too():
+    for inside in ("captures", "captures/images", "scene.toml", ""):
+        bpy.ops.wm.read_homefile(use_empty=True)
+        assert bpy.ops.r2sego.open_scene(directory=str(BUNDLE / inside)) == {"FINISHED"}, inside
+        assert Path(state().bundle) == BUNDLE
 
 
 def check_refine_passes_the_preset_and_changed_settings():
