@@ -23,7 +23,12 @@ KEPT = [
     (0.6, 0.8, 0.0, 0.5),
     *2 * [4 * (0.0,)],
 ]
-NOTHING_KEPT = [(1.0, 0.0, 0.0, -99.0), *3 * [(0.0, 0.0, 0.0, 1.0)], *2 * [4 * (0.0,)]]
+
+
+def left_half(view):
+    """The planes of a Clipping Region that keeps the left half of a view."""
+    eye, right = view.view_matrix.inverted().translation, view.view_matrix[0].xyz
+    return [(*-right, right.dot(eye)), *3 * [(0.0, 0.0, 0.0, 1.0)], *2 * [4 * (0.0,)]]
 
 
 def script():
@@ -56,7 +61,8 @@ def script():
         yield from hand.picture(kind)
     bpy.data.objects.remove(bpy.data.objects["Cube"])  # which hides the points
     bpy.data.objects["Light"].select_set(True)
-    view.clip_planes = NOTHING_KEPT
+    view.clip_planes = left_half(view)
+    told["middle_px"] = area.x + region.width // 2
     bpy.context.scene.r2sego_asset.style = "DISCS"
     shown = {"nothing": (False, False), "discs": (True, False), "points": (False, True)}
     for where in ("clipped", "local", "whole"):
@@ -72,4 +78,5 @@ def script():
     (hand.OUT / "told.json").write_text(json.dumps(told))
 
 
+bpy.context.preferences.view.show_splash = False
 hand.perform(script())

@@ -29,6 +29,7 @@ SIZES = {1: (700, 7400), 2: (1000, 14800)}  # all panels open with everything th
 TIMED = ("cancelled", "left", "found")
 TIMED_SIZE = (1100, 900)  # software GL draws a tall window too slowly to tell what the add-on takes
 LEAST_BUTTONS = 40
+WIDE_PX = 50  # a disc at most
 CANCELLED_WITHIN_S = 2.0
 
 pytestmark = [
@@ -176,11 +177,12 @@ def painted(material):
     assert (out / "told.json").is_file(), log[-3000:]
     assert "drawn as discs" not in log
     told = json.loads((out / "told.json").read_text())
+    middle_px = told.pop("middle_px")
     return {
         kind: {name: np.load(out / f"{kind}_{name}.npy")[::-1] for name in ("colours", "nearnesses")}
         | {name: np.array(matrix) for name, matrix in matrices.items()}
         for kind, matrices in told.items()
-    }
+    } | {"middle_px": middle_px}
 
 
 @pytest.mark.parametrize("kind", ["PERSP", "CLIPPED"])
@@ -205,16 +207,21 @@ def test_blender_paints_the_asset_as_the_engine_renders_it(painted, kind):
 
 
 @pytest.mark.parametrize("drawn", ["discs", "points"])
-def test_a_clipping_region_and_a_local_view_of_other_things_show_nothing(painted, material, drawn):
+def test_a_clipping_region_cuts_off_what_lies_beyond_it_and_a_local_view_all(painted, material, drawn):
+    middle = painted["middle_px"]
+
     def seen(name):
         with Image.open(material / "painted" / f"{name}.png") as picture:
-            return np.asarray(picture.convert("RGB"), int)[150:700, 100:900]
+            return np.asarray(picture.convert("RGB"), int)[150:700]
 
-    def count(where):
-        return (np.abs(seen(f"{drawn}_{where}") - seen(f"nothing_{where}")).max(axis=-1) > 30).sum()
+    def places(where):
+        off = np.abs(seen(f"{drawn}_{where}") - seen(f"nothing_{where}")).max(axis=-1) > 30
+        return off[:, 100 : middle - WIDE_PX], off[:, middle + WIDE_PX : 2 * middle - 100]
 
-    assert count("whole") > 50
-    assert count("clipped") == count("local") == 0
+    whole, clipped, local = map(places, ("whole", "clipped", "local"))
+    assert min(part.sum() for part in whole) > 20
+    assert (clipped[0] == whole[0]).mean() > 0.999 and clipped[0].sum() > 20
+    assert not clipped[1].any() and not any(part.any() for part in local)
 
 
 def test_blender_paints_the_asset_without_perspective(painted):
