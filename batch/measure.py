@@ -97,7 +97,9 @@ def _emptied(folder: Path) -> Path:
 
 def _r2sego(*arguments: str) -> None:
     print(f"$ r2sego {' '.join(arguments)}", flush=True)
-    subprocess.run([sys.executable, "-m", "r2sego_blender", *arguments], check=True)
+    status = subprocess.run([sys.executable, "-m", "r2sego_blender", *arguments]).returncode
+    if status:  # it has said why
+        sys.exit(status)
 
 
 def main() -> None:

@@ -13,7 +13,7 @@ from scipy import ndimage
 from .cameras import Camera
 from .captures.capture import Capture
 from .captures.store import load_captures
-from .errors import SceneError, SettingsError
+from .errors import AssetError, SceneError, SettingsError
 from .generation.exposure import exposure_gains
 from .geometry.decimation import decimated
 from .geometry.proxy import GeometryProxy
@@ -80,6 +80,8 @@ def texture_scene(
         raise SettingsError(
             f"'{target.name}' ends neither in .glb nor in .obj", where="--to", cure="Name it so."
         )
+    if not target.parent.is_dir():
+        raise AssetError("there is no such folder", where=target.parent, cure="Make it first.")
     textured, views = _baked(scene, _newest_proxy(scene), settings, progress)
     is_glb = target.suffix.lower() == ".glb"
     files = {target.name: textured.glb()} if is_glb else obj_files(textured, target.stem)

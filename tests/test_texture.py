@@ -111,7 +111,6 @@ def test_the_same_scene_gives_the_same_bytes(scene, tmp_path):
     [
         (["--to", "out.stl"], "ends neither in .glb nor in .obj"),
         (["--size", 1], "texture.size_px: 1 is out of range"),
-        (["--to", "/no/such/folder/out.glb", *SMALL], "cannot be written"),
         (["--size", 64, "--set", "texture.unwrap_seconds=0", "--set", "texture.padding_px=32"], "do not fit"),
     ],
 )
@@ -121,6 +120,12 @@ def test_what_cannot_be_is_one_line_and_leaves_nothing(scene, options, words):
     assert done.exit_code == 1 and isinstance(done.exception, SystemExit), done.output
     assert words in done.stderr.strip().splitlines()[-1]
     assert sorted({*before, ".lock"}) == sorted({*(p.name for p in scene.path.iterdir()), ".lock"})
+
+
+def test_a_folder_that_is_not_there_is_told_before_anything_is_baked(scene):
+    done = r2sego("texture", scene.path, "--to", "/no/such/folder/out.glb", *SMALL)
+    assert done.exit_code == 1
+    assert done.stderr == "r2sego: /no/such/folder: there is no such folder. Make it first.\n"
 
 
 def test_a_scene_without_a_proxy_says_what_to_run(scene):

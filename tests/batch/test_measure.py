@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import subprocess
 import sys
 from pathlib import Path
 
@@ -50,3 +51,10 @@ def test_making_a_split_again_changes_nothing(split, tmp_path):
         if any(name in str(path) for path in before):
             make(DATA, tmp_path)
     assert sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*")) == before
+
+
+def test_a_command_that_fails_ends_it_with_its_status_and_words_alone(tmp_path):
+    command = [sys.executable, ROOT / "batch" / "measure.py", "--data", tmp_path, "--to", tmp_path / "out"]
+    done = subprocess.run([*command, "--scene", "room_a"], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr.startswith("r2sego: ") and len(done.stderr.splitlines()) == 1
