@@ -151,6 +151,8 @@ class EngineOperator:
             state.refresh(context.scene)
             level, ended = "WARNING" if ended_job.cancelled else "ERROR", {"CANCELLED"}
             line = told(error)
+            if "ModuleNotFoundError" in line:
+                line += " Press Check Engine: it tells which packages that Python lacks."
             if not ended_job.cancelled:  # on Blender's console, for whoever looks for the cause
                 print(*ended_job.words(), sep="\n")
         finally:

@@ -31,6 +31,9 @@ def check_a_failing_engine_is_reported_in_its_own_words():
     conduct("fail")
     assert "images/a.png: it is empty" in refused(bpy.ops.r2sego.refine)
     assert not bpy.context.window_manager.r2sego_job.running
+    conduct("lack")
+    told = refused(bpy.ops.r2sego.refine)
+    assert "No module named 'click'" in told and "Press Check Engine" in told
     conduct("succeed")
     assert bpy.ops.r2sego.refine() == {"FINISHED"}
 

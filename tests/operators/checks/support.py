@@ -43,7 +43,7 @@ def open_here(path):
 
 
 def conduct(text):
-    """What the stand-in engine does from now on: succeed, fail or sleep; forgets its calls."""
+    """What the stand-in engine does from now on: succeed, fail, lack a package, sleep; forgets its calls."""
     (ENGINE.parent / "conduct.txt").write_text(text)
     (ENGINE.parent / "calls.jsonl").unlink(missing_ok=True)
 
