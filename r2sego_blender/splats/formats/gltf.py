@@ -38,6 +38,7 @@ _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _HIGHEST_DEGREE = 3
 _INLINE_BUFFER = "data:application/octet-stream;base64,"
+_ENCODED_AT_ONCE = 3 << 18  # bytes, whole groups of three
 
 _GLB_HEADER, _GLB_CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
 _GLB_MAGIC, _GLB_VERSION, _JSON_CHUNK, _BINARY_CHUNK = b"glTF", 2, b"JSON", b"BIN\0"
@@ -74,10 +75,15 @@ def save_gltf(path: Path, asset: SplatAsset) -> None:
             file.write(_GLB_CHUNK.pack(size, _BINARY_CHUNK))
             for values in attributes.values():
                 file.write(values.tobytes())
+        elif attributes:
+            document["buffers"][0]["uri"] = _INLINE_BUFFER
+            head, mark, rest = json.dumps(document).encode().partition(_INLINE_BUFFER.encode())
+            file.write(head + mark)
+            buffer = b"".join(values.tobytes() for values in attributes.values())
+            for start in range(0, len(buffer), _ENCODED_AT_ONCE):
+                file.write(base64.b64encode(buffer[start : start + _ENCODED_AT_ONCE]))
+            file.write(rest)
         else:
-            if attributes:
-                buffer = b"".join(values.tobytes() for values in attributes.values())
-                document["buffers"][0]["uri"] = _INLINE_BUFFER + base64.b64encode(buffer).decode()
             file.write(json.dumps(document).encode())
 
 

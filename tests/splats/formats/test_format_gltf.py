@@ -4,6 +4,7 @@ import base64
 import copy
 import json
 import struct
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -242,6 +243,17 @@ def test_json_nested_without_end(tmp_path):
     (tmp_path / "a.gltf").write_text('{"a":' + "[" * 200_000)
     with pytest.raises(AssetError, match="damaged"):
         load_asset(tmp_path / "a.gltf")
+
+
+def test_a_large_text_file_is_written_in_little_memory(asset, tmp_path):
+    large = asset.subset(np.arange(20_000) % len(asset))
+    tracemalloc.start()
+    save_asset(tmp_path / "large.gltf", large)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert (tmp_path / "large.gltf").stat().st_size > 20_000 * 320
+    assert peak < 21 << 20  # attributes, the asset turned, and one buffer of 4.9 MB; its text was held too
+    np.testing.assert_allclose(load_asset(tmp_path / "large.gltf").means, large.means, atol=1e-6)
 
 
 def test_a_glb_beyond_four_gigabytes_is_refused(asset, tmp_path, monkeypatch):
