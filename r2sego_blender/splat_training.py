@@ -52,7 +52,7 @@ class Trained:
 
     ``cpu_s`` are processor seconds of all threads and child processes, from import to the
     written file; ``peak_rss_mb`` is the most memory of this process, None where unknown.
-    Scoring is in neither.
+    The scores at the end are in neither.
     """
 
     path: Path
