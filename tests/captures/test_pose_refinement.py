@@ -76,19 +76,32 @@ def test_points_uncertain_along_a_line_bind_the_pose_across_it(rng):
     assert offset_m(told.camera, TRUTH) < 0.3 * offset_m(not_told.camera, TRUTH)
 
 
-def test_the_covariance_is_the_scatter_of_the_estimates(rng):
-    """Noisy repetitions, of focal lengths too, scatter as foretold, each match in a cell of its own."""
+def scatter_and_foretold(rng, noise, focal_sigma, repetitions):
+    """Metres, along the least certain direction; each match in a cell of its own, said to be off by 1 px."""
     points = rng.uniform(-1, 1, (60, 3))
     exact = TRUTH.project(points)[0]
     centres, foretold = [], []
-    for _ in range(200):
-        pixels = exact + rng.normal(0, 1.0, exact.shape)
-        focal_px = TRUTH.fx * np.exp(rng.normal(0, 0.005))
-        found = refine_pose(TRUTH, pixels, points, np.zeros((60, 3)), 1.0, 6.0, focal_px, 0.005, 1e-3)
+    for _ in range(repetitions):
+        pixels = exact + rng.normal(0, noise, exact.shape)
+        focal_px = TRUTH.fx * np.exp(rng.normal(0, focal_sigma))
+        found = refine_pose(
+            TRUTH, pixels, points, np.zeros((60, 3)), 1.0, 6.0 * noise, focal_px, focal_sigma, 1e-3
+        )
         centres.append(found.camera.centre)
         foretold.append(found.sigma_m)
-    scatter = np.sqrt(np.linalg.eigvalsh(np.cov(np.transpose(centres)))[-1])
-    assert scatter == pytest.approx(np.mean(foretold), rel=0.25)
+    return np.sqrt(np.linalg.eigvalsh(np.cov(np.transpose(centres)))[-1]), np.mean(foretold)
+
+
+@pytest.mark.parametrize(("focal_sigma", "rel"), [(0.005, 0.25), (1e-6, 0.1)])
+def test_the_covariance_is_the_scatter_of_the_estimates(rng, focal_sigma, rel):
+    scatter, foretold = scatter_and_foretold(rng, 1.0, focal_sigma, 150)
+    assert scatter == pytest.approx(foretold, rel=rel)
+
+
+def test_matches_that_are_worse_than_they_are_said_to_be_are_found_out(rng):
+    """Not wholly: those that are far off count less, in the estimate and in what is foretold of it."""
+    scatter, foretold = scatter_and_foretold(rng, 2.0, 1e-6, 80)
+    assert 1.0 < scatter / foretold < 1.6
 
 
 def test_matches_on_one_spot_are_one_match(rng):
