@@ -10,7 +10,15 @@ from PIL import Image, ImageCms
 
 from r2sego_blender.captures.photographs import photograph_size, upright_size
 from r2sego_blender.errors import CaptureError
-from r2sego_blender.images import image_files, load_image, load_image_uint8
+from r2sego_blender.images import (
+    image_files,
+    load_image,
+    load_image_uint8,
+    resize,
+    resize_nearest,
+    save_image,
+    to_uint8,
+)
 
 
 @pytest.mark.parametrize("read", [load_image, photograph_size])
@@ -158,3 +166,29 @@ def test_a_heic_that_is_cut_short_or_garbled_is_named(tmp_path):
         path.write_bytes(damaged)
         with pytest.raises(CaptureError, match=r"IMG_1\.HEIC: the image cannot be read\. Replace the file"):
             load_image(path)
+
+
+def test_values_are_rounded_to_the_nearest_of_256_and_clipped():
+    values = np.array([-1.0, 0.0, 0.49 / 255, 0.51 / 255, 127.49 / 255, 127.51 / 255, 1.0, 7.0])
+    assert to_uint8(values).tolist() == [0, 0, 0, 1, 127, 128, 255, 255]
+    every = np.arange(256, dtype=np.uint8)
+    np.testing.assert_array_equal(to_uint8(every.astype(np.float32) / 255.0), every)
+
+
+def test_what_is_saved_is_loaded(tmp_path):
+    pixels = np.random.default_rng(0).integers(0, 256, (7, 5, 3)).astype(np.uint8)
+    for image in (pixels, pixels.astype(np.float32) / 255.0):
+        save_image(tmp_path / "image.png", image)
+        np.testing.assert_array_equal(load_image_uint8(tmp_path / "image.png"), pixels)
+        np.testing.assert_array_equal(load_image(tmp_path / "image.png"), pixels.astype(np.float32) / 255.0)
+    save_image(tmp_path / "grey.png", pixels[..., 0])
+    np.testing.assert_array_equal(load_image_uint8(tmp_path / "grey.png"), pixels[..., :1].repeat(3, axis=2))
+
+
+def test_smaller_is_the_mean_and_the_nearest_is_never_mixed():
+    image = np.random.default_rng(1).random((6, 8, 3)).astype(np.float32)
+    halves = image.reshape(3, 2, 4, 2, 3).mean(axis=(1, 3))
+    np.testing.assert_allclose(resize(image, 4, 3), halves, atol=1e-6)
+    assert resize(image, 8, 6) is image
+    ids = np.array([[3.0, 7.0]], np.float32)
+    assert resize_nearest(ids, 2, 4).tolist() == [[3.0, 3.0, 7.0, 7.0]] * 2

@@ -153,6 +153,8 @@ def test_edits_are_kept_in_their_order_and_move_with_the_world(proxy, tmp_path):
     moved = dataclasses.replace(proxy, vertices=moved_vertices)
     after = edited(moved, [read[0].transformed(similarity)], ())
     np.testing.assert_array_equal(after.faces, proxy.faces[~chosen])
+    cut, before = read[0].transformed(similarity).change, read[0].change
+    assert (cut.reach_m, cut.area_m2) == pytest.approx((2 * before.reach_m, 4 * before.area_m2))
     surface = read[1].transformed(similarity).change
     assert surface.area_m2 == pytest.approx(4 * read[1].change.area_m2)
     np.testing.assert_allclose(surface.vertices[0], similarity[:3, :3] @ (1, 0, 0) + similarity[:3, 3])
