@@ -387,10 +387,10 @@ def _cancel_at_once(kept: str = "") -> None:
         number = reader.recv(1)[0]
         kill_children(for_good=True)
         remove_scratch()
-        shown_again = "\x1b[?25h" if sys.stderr.isatty() else ""  # a bar had hidden the cursor
+        said = "; ".join(filter(None, ["\nr2sego: cancelled", kept])) + "\n"
         with contextlib.suppress(OSError):  # the terminal is gone
-            print(shown_again, end="", file=sys.stderr)
-            print("; ".join(filter(None, ["\nr2sego: cancelled", kept])), file=sys.stderr, flush=True)
+            shown_again = "\x1b[?25h" if os.isatty(2) else ""  # a bar hides the cursor, and keeps sys.stderr
+            os.write(2, (shown_again + said).encode())
         os._exit(128 + number)
 
     wait.writer = writer  # keeps the socket open as long as the thread lives

@@ -274,6 +274,34 @@ def test_a_cancelled_refine_says_that_steps_are_kept_even_to_a_closed_terminal(t
         assert process.stderr.read().strip() == b"r2sego: cancelled; finished steps are kept"
 
 
+@pytest.mark.skipif(os.name == "nt", reason="pseudo-terminals")
+def test_a_run_that_is_cancelled_behind_its_bar_leaves_the_terminal_as_it_was():
+    import pty
+
+    working = (
+        "import sys, time, r2sego_blender.doctor as doctor\n"
+        "from r2sego_blender.progress import TerminalProgress\n"
+        "def examine():\n"
+        "    with TerminalProgress().task('Dense stereo', 3): time.sleep(60)\n"
+        "doctor.examine = examine\n"
+        "from r2sego_blender.cli import main; main(['doctor'])\n"
+    )
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-c", working]
+    variables = {**os.environ, "TERM": "xterm"}
+    process = subprocess.Popen(command, stderr=theirs, cwd=ROOT, env=variables)
+    os.close(theirs)
+    said = b""
+    while b"0:00:01" not in said:
+        said += os.read(ours, 4096)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=30) == 128 + signal.SIGINT
+    said += os.read(ours, 65536)
+    os.close(ours)
+    assert b"r2sego: cancelled" in said
+    assert said.rindex(b"\x1b[?25h") > said.rindex(b"\x1b[?25l"), "the cursor is hidden"
+
+
 @pytest.mark.skipif(shutil.which("nohup") is None or os.name == "nt", reason="needs nohup")
 def test_a_run_under_nohup_outlives_its_terminal(tmp_path):
     waiting = (
