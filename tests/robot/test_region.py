@@ -40,6 +40,7 @@ def test_either_way_around_is_the_same_region():
         ("0,0 1 2,2", "no polygon"),
         ("0,0 1,nan 2,2", "not finite"),
         ("0,0 2,2 2,0 0,2", "crosses itself: sides 1 and 3"),
+        ("0,0 2,0 0,2 2,2", "crosses itself: sides 2 and 4"),
         ("0,0 1,0 2,0", "square metres"),
         ("0,0 100,0 100,100 0,100", "1e\\+04 square metres"),
     ],
