@@ -298,7 +298,7 @@ def test_humans_that_are_none_are_refused(tmp_path, content, message):
         ("0,0,1,1,0,0,0,0\n0,0,1,1,0,0,0\n", "its rows are not numbers of one count"),
         ("0,0,1,1,0,0,0,0\n0,0,1,1,0,0,0,x\n", "its rows are not numbers of one count"),
         ("0,0,1,1,0,0,0,0\n", "the motion has 1 frames"),
-        ("0,0,1,1,0,0,0,nan\n" * 2, "the joints are not 2 rows of 1 finite numbers"),
+        ("0,0,1,1,0,0,0,0\n0,0,1,1,0,0,0,nan\n", "the joints are not 2 rows of 1 finite numbers"),
         ("0,0,1e9,1,0,0,0,0\n" * 2, "the root lies farther than a kilometre"),
         ("0,0,1,3,0,0,0,0\n" * 2, "the quaternion has not length 1"),
         ("# rate_hz = 0\n" + "0,0,1,1,0,0,0,0\n" * 2, "its rate is 0"),
