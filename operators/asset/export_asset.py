@@ -19,6 +19,7 @@ _FORMATS = (
     (".gltf", "glTF", "All attributes, as text"),
     (".usdc", "USD", "All attributes, ParticleField3DGaussianSplat"),
     (".usda", "USD as Text", "All attributes, ParticleField3DGaussianSplat as text"),
+    (".usdz", "USD Package", "All attributes, ParticleField3DGaussianSplat in one file to hand on"),
 )
 
 
@@ -30,7 +31,7 @@ class R2SEGO_OT_export_asset(EngineOperator, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     filepath: StringProperty(name="File", description="The file to write", subtype="FILE_PATH")
-    filter_glob: StringProperty(default="*.ply;*.spz;*.splat;*.glb;*.gltf;*.usdc;*.usda", options={"HIDDEN"})
+    filter_glob: StringProperty(default=";".join(f"*{suffix}" for suffix, *_ in _FORMATS), options={"HIDDEN"})
     file_format: EnumProperty(name="Format", description="Gives the file its suffix", items=_FORMATS)
     stage: StringProperty(
         name="Asset", description="initial, a round's number, or final; empty = the final one"

@@ -15,6 +15,7 @@ _SPLATS = (
     (".gltf", "glTF", "The asset as .gltf too"),
     (".usdc", "USD", "The asset as .usdc too"),
     (".usda", "USD as Text", "The asset as .usda too"),
+    (".usdz", "USD Package", "The asset as .usdz too"),
 )
 
 
