@@ -53,6 +53,7 @@ JOBS_FOLDER = ".jobs"
 
 _FORMAT = 1
 _FOLLOWER_FILE = "follower.json"
+_TELLS_RESULT = "--json-progress"  # a command with this option ends with a result event
 _START_LIMIT_S = 30.0  # a supervisor that has not said who it is by then did not start
 _TAIL_BYTES = 8192
 _started_here: set[subprocess.Popen] = set()  # so that none is left a zombie
@@ -149,7 +150,7 @@ class Job:
         self._process = process
         self._offset = 0
         self._unread: deque[Event] = deque()
-        self._result: Mapping[str, Any] = {}
+        self._result: Mapping[str, Any] | None = None
         self._error = ""
         self._last_line = ""
 
@@ -231,9 +232,10 @@ class Job:
         return self.result()
 
     def result(self) -> Mapping[str, Any]:
-        """Wait for the end and return the data of the result event, empty when there was none.
+        """Wait for the end and return the data of the result event, empty for a command that tells none.
 
-        Raises EngineError with the engine's own line when it failed, was cancelled or was killed.
+        Raises EngineError with the engine's own line when it failed, was cancelled or was killed, and
+        when a command that tells its result ended without one.
         """
         while self.running():
             time.sleep(0.02)
@@ -252,7 +254,12 @@ class Job:
             last = words[-1] if words else self._last_line or f"exit status {status}"
             text = self._error or last.removeprefix(f"{COMMAND_NAME}: ")
             raise EngineError(text.rstrip(". "))
-        return self._result
+        if self._result is None and _TELLS_RESULT in self.command:
+            raise EngineError(
+                "it ended without a result: what ran is not the engine", where=self.title,
+                cure="Press Check Engine.",
+            )  # fmt: skip
+        return self._result or {}
 
     def words(self) -> list[str]:
         """The last lines of its standard error, at most some kilobytes."""

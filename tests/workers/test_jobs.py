@@ -132,6 +132,15 @@ def test_a_failure_is_told_in_the_engines_words(start, body, words):
         start(body).wait()
 
 
+def test_an_end_without_the_result_is_no_success(start):
+    """Such as that of a program that is no Python and heeds no arguments."""
+    with pytest.raises(EngineError, match="without a result"):
+        start("pass", ["refine", "room.r2s", "--json-progress"]).wait()
+    told = "print(json.dumps({'event': 'result', 'asset': 'asset.ply'}))"
+    assert start(told, ["refine", "room.r2s", "--json-progress"]).wait()["asset"] == "asset.ply"
+    assert start("pass", ["convert", "a.ply", "b.spz"]).wait() == {}
+
+
 def test_an_interpreter_that_cannot_run_is_told(tmp_path, interpreter):
     with pytest.raises(MachineError, match="/nowhere/python"):
         start_job([], "/nowhere/python", "Refine", tmp_path)
