@@ -86,7 +86,8 @@ def main(context: click.Context) -> None:
     context.obj = {}
     if getattr(sys.stdout, "errors", "") == "strict":  # a name that it cannot write ends no command
         sys.stdout.reconfigure(errors="backslashreplace")
-    os.environ.setdefault("NUMBA_NUM_THREADS", str(available_cores()))  # Numba knows no containers
+    if "numba" not in sys.modules:  # Numba knows no containers; once it is there it would forget its cache
+        os.environ.setdefault("NUMBA_NUM_THREADS", str(available_cores()))
     _cancel_at_once("finished steps are kept" if context.invoked_subcommand in GOING_ON else "")
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from r2sego_blender import compiled
 from r2sego_blender.cli import main
 from r2sego_blender.images import save_image
 from r2sego_blender.scene import Declaration, Scene, content_digest
@@ -218,6 +219,14 @@ def test_a_machine_that_lacks_something_is_told_in_one_line(tmp_path, monkeypatc
     done = CliRunner().invoke(main, ["status", str(bundle(tmp_path).path)])
     assert done.exit_code == 1
     assert told in done.stderr and len(done.stderr.splitlines()) == 1
+
+
+def test_a_command_within_a_program_that_has_compiled_leaves_numba_its_settings(tmp_path):
+    """Numba reads all its settings anew when one has changed: the cache of kernels would go astray."""
+    before = dict(os.environ), compiled.numba.config.CACHE_DIR
+    CliRunner().invoke(main, ["status", str(tmp_path)])
+    compiled.numba.config.reload_config()
+    assert before == (dict(os.environ), compiled.numba.config.CACHE_DIR)
 
 
 @pytest.mark.parametrize("group", [[], ["bench"]])
