@@ -7,6 +7,7 @@ import json
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -453,8 +454,10 @@ def test_floor_points_are_parsed_strictly(text):
 
 def test_a_scene_in_use_is_left_alone(tmp_path):
     scene, turn, cameras = _scene(tmp_path, _wrong())
-    with scene.locked(), pytest.raises(SceneError, match="another process"):
-        correct_registration(scene, floor=_shown(turn, cameras))
+    with scene.locked(), ThreadPoolExecutor(1) as another:
+        correcting = another.submit(correct_registration, scene, floor=_shown(turn, cameras))
+        with pytest.raises(SceneError, match="another process"):
+            correcting.result()
 
 
 def test_the_ground_by_hand_says_what_was_given():
