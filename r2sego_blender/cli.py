@@ -20,11 +20,11 @@ from typing import Any
 import click
 
 from . import __version__
-from .cli_asset import edit_asset, render
-from .cli_bench import bench
-from .cli_captures import register
-from .cli_demo import demo
-from .cli_options import (
+from .commands.asset import edit_asset, render
+from .commands.bench import bench
+from .commands.captures import register
+from .commands.demo import demo
+from .commands.options import (
     ANY_PATH,
     FOLDER,
     Commands,
@@ -38,10 +38,10 @@ from .cli_options import (
     show,
     tell,
 )
-from .cli_proxy import PROXY_COMMANDS
-from .cli_robot import robot, robot_bodies, try_rollouts
-from .cli_splats import convert, train
-from .cli_views import views
+from .commands.proxy import PROXY_COMMANDS
+from .commands.robot import robot, robot_bodies, try_rollouts
+from .commands.splats import convert, train
+from .commands.views import views
 from .errors import MachineError, R2SEgoError, SettingsError, of_file
 from .named_settings import PRESETS, with_overrides
 from .progress import JsonProgress, Progress

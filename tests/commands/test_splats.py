@@ -21,7 +21,7 @@ from r2sego_blender.settings import Settings
 from r2sego_blender.splats.formats import SUFFIXES, load_asset, save_asset
 from r2sego_blender.splats.metrics import psnr
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 DEMO = ROOT / "demo" / "room"
 SMALL = ["--set", "captures.max_side_px=200", "--set", "training.sh_degree=1"]
 

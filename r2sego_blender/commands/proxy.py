@@ -8,7 +8,9 @@ from typing import Any
 
 import click
 
-from .cli_options import (
+from ..named_settings import PRESETS
+from ..scene import Scene
+from .options import (
     ANY_PATH,
     FOLDER,
     json_progress,
@@ -18,8 +20,6 @@ from .cli_options import (
     settings_option,
     show,
 )
-from .named_settings import PRESETS
-from .scene import Scene
 
 
 @click.command()
@@ -53,7 +53,7 @@ from .scene import Scene
 @click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
 def objects(scene: Path, as_json: bool, **given: Any) -> None:
     """Declare SCENE's objects for shape priors, and say what became of them."""
-    from .object_priors import declare_objects, describe_objects, lines
+    from ..object_priors import declare_objects, describe_objects, lines
 
     opened = Scene.open(scene)
     if any(given.values()):
@@ -83,8 +83,8 @@ def edit_proxy(
     context: click.Context, scene: Path, only_list: bool, as_object: bool, as_json: bool, **given: Any
 ) -> None:
     """Cut faces of SCENE's proxy away or draw surfaces; the next refine redoes what depends on it."""
-    from .proxy_edits import describe_edits, lines
-    from .proxy_edits import edit_proxy as change
+    from ..proxy_edits import describe_edits, lines
+    from ..proxy_edits import edit_proxy as change
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)
@@ -103,7 +103,7 @@ def coverage(
     context: click.Context, scene: Path, round_index: int | None, as_object: bool, as_json: bool
 ) -> None:
     """Count, for each face of a round's proxy, the robot's views and the captures that see it."""
-    from .coverage_report import lines, measure_coverage
+    from ..coverage_report import lines, measure_coverage
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)
@@ -128,7 +128,7 @@ def plan(
     as_json: bool,
 ) -> None:
     """Say which steps the next refine of SCENE would run again; runs and writes nothing."""
-    from .plan import describe_plan, lines, plan_refinement
+    from ..plan import describe_plan, lines, plan_refinement
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)

@@ -8,10 +8,10 @@ from typing import Any
 import click
 import numpy as np
 
-from .cli_options import ANY_PATH, direction_of, json_progress, progress_of, scale_of, scale_options, tell
-from .errors import SettingsError
-from .progress import JsonProgress
-from .scene import Scene
+from ..errors import SettingsError
+from ..progress import JsonProgress
+from ..scene import Scene
+from .options import ANY_PATH, direction_of, json_progress, progress_of, scale_of, scale_options, tell
 
 
 @click.command()
@@ -48,9 +48,9 @@ def register(
     **given: Any,
 ) -> None:
     """Correct SCENE's ground or scale; what depends on it is redone by the next refine."""
-    from .captures.floor_points import FloorPoint
-    from .captures.picks import Picks
-    from .correction import correct_by_picks, correct_registration, correct_to_frame, undo_correction
+    from ..captures.floor_points import FloorPoint
+    from ..captures.picks import Picks
+    from ..correction import correct_by_picks, correct_registration, correct_to_frame, undo_correction
 
     progress = progress_of(context, as_json)
     single = (

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from .cli_options import ANY_PATH, json_progress, overrides_of, progress_of, settings_option, tell
-from .named_settings import PRESETS
+from ..named_settings import PRESETS
+from .options import ANY_PATH, json_progress, overrides_of, progress_of, settings_option, tell
 
 
 @click.command()
@@ -20,7 +20,7 @@ from .named_settings import PRESETS
 @click.pass_context
 def demo(context: click.Context, scene: Path, preset: str, overrides: tuple[str, ...], as_json: bool) -> None:
     """Make SCENE of the demo room and refine it; started again, it goes on where it stopped."""
-    from .demo_scene import make_demo_scene
+    from ..demo_scene import make_demo_scene
 
     progress = progress_of(context, as_json)
     made = make_demo_scene(scene, preset, overrides_of(overrides), progress)

@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from .cli_options import ANY_PATH, FOLDER, Commands, overrides_of, progress_of, settings_option
-from .named_settings import PRESETS
+from ..named_settings import PRESETS
+from .options import ANY_PATH, FOLDER, Commands, overrides_of, progress_of, settings_option
 
 
 @click.group(cls=Commands)
@@ -19,9 +19,9 @@ def bench() -> None:
 
 def _measure(name: str, context: click.Context, file: Path | None, **given: Any) -> None:
     """Run ``benchmarks.<name>`` with the options given, tell its figures, and write them to ``file``."""
-    from .benchmarks.figures import write_figures
+    from ..benchmarks.figures import write_figures
 
-    benchmark = importlib.import_module(f".benchmarks.{name}", __package__)
+    benchmark = importlib.import_module(f"..benchmarks.{name}", __package__)
     chosen = {option: value for option, value in given.items() if value is not None}
     figures = getattr(benchmark, f"bench_{name}")(**chosen, progress=progress_of(context, as_json=False))
     click.echo("\n".join(benchmark.lines(figures)))

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .asset_stages import FINAL, PASSES, Stage, stage_named
-from .cli_options import ANY_PATH, FOLDER, json_progress, progress_of, show, tell
-from .errors import AssetError
-from .layout import REFINED_ASSET
-from .progress import JsonProgress, Progress
-from .scene import Scene
-from .world_frame import require_present_frame
+from ..asset_stages import FINAL, PASSES, Stage, stage_named
+from ..errors import AssetError
+from ..layout import REFINED_ASSET
+from ..progress import JsonProgress, Progress
+from ..scene import Scene
+from ..world_frame import require_present_frame
+from .options import ANY_PATH, FOLDER, json_progress, progress_of, show, tell
 
 if TYPE_CHECKING:
-    from .splats.asset import SplatAsset
+    from ..splats.asset import SplatAsset
 
 
 @click.command()
@@ -45,9 +45,9 @@ def render(
     as_json: bool,
 ) -> None:
     """Render a scene's asset, or a splat file, exactly from given cameras."""
-    from .splat_start import cameras_of_poses, holds_poses
-    from .splats.formats import load_asset
-    from .splats.pictures import load_cameras, save_pictures
+    from ..splat_start import cameras_of_poses, holds_poses
+    from ..splats.formats import load_asset
+    from ..splats.pictures import load_cameras, save_pictures
 
     progress = progress_of(context, as_json)
     # A scene's world is another than that of the poses it was made of.
@@ -92,7 +92,7 @@ def edit_asset(
     FILE of --box holds world_from_box (4x4) and half_extents (3); of --lasso camera,
     polygon_px, near_m and far_m; of --cells grid_from_world (4x4) and cells (K x 3).
     """
-    from .asset_edits import AssetEdit, load_edits, load_region, next_name, remove_edit, save_edit
+    from ..asset_edits import AssetEdit, load_edits, load_region, next_name, remove_edit, save_edit
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)
@@ -121,7 +121,7 @@ def _present_asset(scene: Scene, name: str) -> SplatAsset:
 
 def _asset(stage: Stage) -> SplatAsset:
     """A bundle's asset at a stage, with the backdrop behind it."""
-    from .splats.formats import load_asset
+    from ..splats.formats import load_asset
 
     asset = load_asset(stage.file)
     if stage.backdrop is None:
@@ -131,8 +131,8 @@ def _asset(stage: Stage) -> SplatAsset:
 
 def _publish_again(scene: Scene, progress: Progress) -> None:
     """The final asset anew; of a refinement that was cut off, made of its newest round."""
-    from .layout import of_round
-    from .steps import Steps
+    from ..layout import of_round
+    from ..steps import Steps
 
     last = _last_round(scene)
     if last >= 0:
@@ -147,7 +147,7 @@ def _last_round(scene: Scene) -> int:
 
 def _described(scene: Scene) -> dict[str, Any]:
     """The edits, and what they delete of the final asset."""
-    from .asset_edits import deleted_by, load_edits
+    from ..asset_edits import deleted_by, load_edits
 
     edits = load_edits(scene.path)
     listed = [{"name": e.name, "regions": [r.to_json()["kind"] for r in e.regions]} for e in edits]

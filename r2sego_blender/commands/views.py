@@ -7,10 +7,10 @@ from typing import Any
 
 import click
 
-from .cli_options import ANY_PATH, json_progress, progress_of, round_option, show
-from .errors import GenerationError, SettingsError
-from .generation.view_records import decide, read_views
-from .scene import Scene
+from ..errors import GenerationError, SettingsError
+from ..generation.view_records import decide, read_views
+from ..scene import Scene
+from .options import ANY_PATH, json_progress, progress_of, round_option, show
 
 
 @click.command()

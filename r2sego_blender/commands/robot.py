@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from .cli_options import ANY_PATH, json_progress, overrides_of, progress_of, round_option, show, tell
-from .scene import Scene
+from ..scene import Scene
+from .options import ANY_PATH, json_progress, overrides_of, progress_of, round_option, show, tell
 
 
 @click.command()
@@ -46,10 +46,10 @@ def robot(
 
     Fields that are changed go to a scope file of the bundle's own.
     """
-    from .robot.region import parse_polygon
-    from .robot.scope import FREE_FLOOR
-    from .robot.scope_file import value_of
-    from .robot_declaration import declare_robot, describe_robot, lines, sitting_on
+    from ..robot.region import parse_polygon
+    from ..robot.scope import FREE_FLOOR
+    from ..robot.scope_file import value_of
+    from ..robot_declaration import declare_robot, describe_robot, lines, sitting_on
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)
@@ -70,7 +70,7 @@ def robot(
 @click.pass_context
 def robot_bodies(context: click.Context, scene: Path, round_index: int | None, as_json: bool) -> None:
     """Write the robot's shapes and their poses along a round's rollouts of SCENE, for Blender."""
-    from .robot_bodies import export_bodies
+    from ..robot_bodies import export_bodies
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)
@@ -89,8 +89,8 @@ def robot_bodies(context: click.Context, scene: Path, round_index: int | None, a
 @click.pass_context
 def try_rollouts(context: click.Context, scene: Path, attempts: int, as_json: bool) -> None:
     """Try the behaviour on SCENE's newest collision surface, and say what fails; no round changes."""
-    from .trial_rollouts import TRIAL
-    from .trial_rollouts import try_rollouts as run
+    from ..trial_rollouts import TRIAL
+    from ..trial_rollouts import try_rollouts as run
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)

@@ -1,0 +1,1 @@
+"""The commands of ``r2sego``, by what they are about; ``cli`` puts them in one tree."""
