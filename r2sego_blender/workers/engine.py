@@ -17,6 +17,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from ..errors import MachineError
+from .processes import NO_WINDOW
 
 LIBRARY = Path(__file__).resolve().parents[1]
 COMMAND_NAME = "r2sego"
@@ -57,6 +58,7 @@ def ask(arguments: Iterable[str], interpreter: str, timeout_s: float = 60.0) -> 
         done = subprocess.run(
             command, env=engine_environment(), stdin=subprocess.DEVNULL,
             capture_output=True, text=True, encoding="utf-8", errors="replace", timeout=timeout_s,
+            **NO_WINDOW,
         )  # fmt: skip
     except (OSError, subprocess.TimeoutExpired) as error:
         raise MachineError(

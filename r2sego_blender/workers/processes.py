@@ -27,9 +27,17 @@ def birth(pid: int) -> str:
 
 
 def end_tree(process: subprocess.Popen) -> None:
-    """Kill a process started with ``group_of_its_own``, and what it started."""
+    """Kill a process started with ``group_of_its_own``, and what it started.
+
+    On Windows, where those of a parent that has ended are found no more, only after
+    ``take_children_along`` all of them, and then all that this process started.
+    """
     if os.name == "nt":
-        subprocess.run(["taskkill", "/T", "/F", "/PID", str(process.pid)], capture_output=True)
+        if _JOB:
+            _end_others_in(_JOB)
+        else:
+            command = ["taskkill", "/T", "/F", "/PID", str(process.pid)]
+            subprocess.run(command, capture_output=True, **NO_WINDOW)
         return
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
@@ -61,6 +69,17 @@ def die_with_parent() -> None:
         _PRCTL(_SET_DEATH_SIGNAL, int(signal.SIGKILL), 0, 0, 0)
 
 
+def take_children_along() -> None:
+    """However this process ends, all it starts from now on ends with it, where it can (Windows)."""
+    global _JOB
+    if os.name == "nt":
+        _JOB = _job_of_this_process()
+
+
+NO_WINDOW: dict[str, Any] = {"creationflags": subprocess.CREATE_NO_WINDOW} if os.name == "nt" else {}
+"""Arguments of Popen for a process that opens no console on Windows, also from a Blender without one."""
+
+_JOB: int | None = None
 _SET_DEATH_SIGNAL = 1
 _PRCTL = ctypes.CDLL(None).prctl if sys.platform.startswith("linux") else None
 
@@ -80,25 +99,70 @@ if sys.platform.startswith("linux"):
         return ""
 
 elif os.name == "nt":
+    _ASK, _STILL_RUNS = 0x1000, 259
+    _LIST, _LIMITS, _KILL_ON_CLOSE, _MOST = 3, 9, 0x2000, 4096
+
+    _KERNEL = ctypes.WinDLL("kernel32", use_last_error=True)
+    for _name in ("OpenProcess", "CreateJobObjectW", "GetCurrentProcess"):
+        getattr(_KERNEL, _name).restype = ctypes.c_void_p
 
     def _birth(pid: int) -> str:
-        kernel = ctypes.WinDLL("kernel32", use_last_error=True)
-        kernel.OpenProcess.restype = ctypes.c_void_p
-        handle = ctypes.c_void_p(kernel.OpenProcess(0x1000, False, pid))  # may only be asked about
+        handle = ctypes.c_void_p(_KERNEL.OpenProcess(_ASK, False, pid))
         if not handle:
             return ""
         try:
             status, times = ctypes.c_ulong(), (ctypes.c_ulonglong * 4)()
-            kernel.GetExitCodeProcess(handle, ctypes.byref(status))
+            _KERNEL.GetExitCodeProcess(handle, ctypes.byref(status))
             places = [ctypes.byref(times, 8 * index) for index in range(4)]
-            kernel.GetProcessTimes(handle, *places)
-            return str(times[0]) if status.value == 259 else ""  # 259: it still runs
+            _KERNEL.GetProcessTimes(handle, *places)
+            return str(times[0]) if status.value == _STILL_RUNS else ""
         finally:
-            kernel.CloseHandle(handle)
+            _KERNEL.CloseHandle(handle)
+
+    class _Limits(ctypes.Structure):
+        """JOBOBJECT_EXTENDED_LIMIT_INFORMATION, of which the flags alone are set here."""
+
+        _fields_ = (
+            ("times", ctypes.c_int64 * 2), ("flags", ctypes.c_uint32), ("set", ctypes.c_size_t * 2),
+            ("processes", ctypes.c_uint32), ("affinity", ctypes.c_size_t), ("priority", ctypes.c_uint32 * 2),
+            ("transfers", ctypes.c_uint64 * 6), ("memory", ctypes.c_size_t * 4),
+        )  # fmt: skip
+
+    class _Members(ctypes.Structure):
+        """JOBOBJECT_BASIC_PROCESS_ID_LIST."""
+
+        _fields_ = (
+            ("assigned", ctypes.c_uint32), ("count", ctypes.c_uint32), ("pids", ctypes.c_size_t * _MOST)
+        )  # fmt: skip
+
+    def _job_of_this_process() -> int | None:
+        """A job object of this process and all it starts; the system ends them with its last handle."""
+        job = _KERNEL.CreateJobObjectW(None, None)
+        limits = _Limits(flags=_KILL_ON_CLOSE)
+        place, this = ctypes.c_void_p(job), ctypes.c_void_p(_KERNEL.GetCurrentProcess())
+        _KERNEL.SetInformationJobObject(place, _LIMITS, ctypes.byref(limits), ctypes.sizeof(limits))
+        return job if _KERNEL.AssignProcessToJobObject(place, this) else None
+
+    def _end_others_in(job: int) -> None:
+        members = _Members()
+        size = ctypes.sizeof(members)
+        _KERNEL.QueryInformationJobObject(ctypes.c_void_p(job), _LIST, ctypes.byref(members), size, None)
+        for pid in members.pids[: members.count]:
+            if pid != os.getpid():
+                with contextlib.suppress(OSError):
+                    os.kill(pid, signal.SIGTERM)  # which ends it at once there
 
 else:
 
     def _birth(pid: int) -> str:
-        told = subprocess.run(["ps", "-o", "stat=,lstart=", "-p", str(pid)], capture_output=True, text=True)
-        state, _, began = told.stdout.strip().partition(" ")
-        return "" if state.startswith("Z") else began.strip()
+        return _told_by_ps(pid)
+
+
+def _told_by_ps(pid: int) -> str:
+    # Its date is written in the asker's language and time zone, which another asker need not share.
+    variables = {**os.environ, "LC_ALL": "C", "TZ": "UTC"}
+    command = ["ps", "-o", "stat=", "-o", "lstart=", "-p", str(pid)]
+    state, _, began = subprocess.run(
+        command, env=variables, capture_output=True, text=True
+    ).stdout.strip().partition(" ")  # fmt: skip
+    return "" if state.startswith("Z") else began.strip()

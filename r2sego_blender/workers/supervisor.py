@@ -18,7 +18,14 @@ from pathlib import Path
 from typing import Any
 
 from ..whole_files import write_whole
-from .processes import birth, die_with_parent, end_tree, group_of_its_own, interrupt_group
+from .processes import (
+    birth,
+    die_with_parent,
+    end_tree,
+    group_of_its_own,
+    interrupt_group,
+    take_children_along,
+)
 
 JOB_FILE, PROCESS_FILE, END_FILE = "job.json", "process.json", "end.json"
 EVENTS_FILE, WORDS_FILE, CANCEL_FILE = "events.jsonl", "stderr.txt", "cancel"
@@ -39,6 +46,7 @@ def supervise(folder: Path) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: asked.append(True))
     write_record(folder / PROCESS_FILE, {"pid": os.getpid(), "birth": birth(os.getpid())})
+    take_children_along()
     command = json.loads((folder / JOB_FILE).read_text(encoding="utf-8"))["command"]
     with (folder / EVENTS_FILE).open("ab") as events, (folder / WORDS_FILE).open("ab") as words:
         try:

@@ -3,17 +3,15 @@
 import contextlib
 import os
 import signal
-import stat
 import subprocess
 import sys
 
 import pytest
+from stand_in_program import write_program
 
 from r2sego_blender.errors import MachineError
 from r2sego_blender.workers.engine import LIBRARY, ask, find_interpreter
 from r2sego_blender.workers.processes import birth
-
-pytestmark = pytest.mark.skipif(os.name == "nt", reason="the stand-in is a script with a #! line")
 
 
 @pytest.fixture
@@ -21,10 +19,8 @@ def interpreter(tmp_path):
     """Makes an executable whose Python body runs in place of the engine."""
 
     def make(body: str) -> str:
-        path = tmp_path / "python"
-        path.write_text(f"#!{sys.executable}\nimport json, os, signal, subprocess, sys, time\n{body}\n")
-        path.chmod(path.stat().st_mode | stat.S_IXUSR)
-        return str(path)
+        imports = "import json, os, signal, subprocess, sys, time\n"
+        return str(write_program(tmp_path / "python", imports + body))
 
     return make
 
@@ -50,7 +46,8 @@ def test_the_real_engine_answers():
     assert ask(["--version"], sys.executable).startswith("r2sego")
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, getattr(signal, "SIGHUP", None)])
+@pytest.mark.skipif(os.name == "nt", reason="Windows sends no such signals")
+@pytest.mark.parametrize("number", [signal.SIGTERM, getattr(signal, "SIGHUP", None)], ids=["TERM", "HUP"])
 def test_who_ends_blender_ends_the_command_it_runs(interpreter, tmp_path, number):
     """As a farm's manager ends ``blender --background --python batch/refine.py``."""
     engine = interpreter(

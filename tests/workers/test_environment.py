@@ -9,6 +9,7 @@ import zipfile
 
 import pytest
 from progress_recorder import ProgressRecorder
+from stand_in_program import write_program
 
 from r2sego_blender.errors import MachineError
 from r2sego_blender.workers.environment import make_environment, python_of, required_packages
@@ -36,11 +37,8 @@ def write_pip(folder, body):
     """An environment whose ``python -m pip install`` is this Python body."""
     python = python_of(folder)
     python.parent.mkdir(parents=True)
-    python.write_text(
-        f"#!{sys.executable}\nimport sys, time\nif '--version' in sys.argv: sys.exit(0)\n{body}\n"
-    )
-    python.chmod(0o755)
-    return python
+    asked = "import sys, time\nif '--version' in sys.argv: sys.exit(0)\n"
+    return write_program(python.with_suffix(""), asked + body)
 
 
 @pytest.mark.slow
