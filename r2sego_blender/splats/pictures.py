@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from ..arrays import save_arrays
 from ..cameras import RIGID_CURE, Camera, is_rigid
 from ..errors import AssetError
-from ..images import save_image
+from ..images import SUFFIXES, save_image
 from ..progress import SILENT, Progress
 from .asset import SplatAsset
 from .formats.files import publishing
@@ -66,10 +67,11 @@ def save_pictures(
     """Render ``asset`` from every camera into ``folder``, made if missing; returns the files.
 
     ``<name>.png`` is the colour over black, clipped and rounded to 8 bits as the evaluation
-    does. The other passes, alpha, depth and normals, have ``<name>_<pass>.png`` to look at (alpha
-    as grey, depth from the nearest, light, to the farthest, dark, normals as (n + 1) / 2) and
-    stand exactly in ``<name>.npz``: alpha (H, W), depth (H, W) metres, 0 where nothing is,
-    normals (H, W, 3) in the world; all float32. Raises AssetError when the folder cannot be written.
+    does; of a photograph's name its suffix is left out. The other passes, alpha, depth and normals,
+    have ``<name>_<pass>.png`` to look at (alpha as grey, depth from the nearest, light, to the
+    farthest, dark, normals as (n + 1) / 2) and stand exactly in ``<name>.npz``: alpha (H, W), depth
+    (H, W) metres, 0 where nothing is, normals (H, W, 3) in the world; all float32. Raises AssetError
+    when the folder cannot be written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -80,7 +82,7 @@ def save_pictures(
     written = []
     renderings = _renderings(asset, cameras, "normals" in passes)
     for name, rendering in progress.track(
-        zip(cameras, renderings, strict=True), "Rendering the asset", len(cameras)
+        zip(_file_names(cameras), renderings, strict=True), "Rendering the asset", len(cameras)
     ):
         exact = {}
         for one in passes:
@@ -95,6 +97,13 @@ def save_pictures(
                 save_arrays(staging, **exact)
             written.append(folder / f"{name}.npz")
     return written
+
+
+def _file_names(names: Collection[str]) -> list[str]:
+    """The names without the suffix of an image, unless another's is then the same, or differs in case."""
+    stems = [Path(name).stem if Path(name).suffix.lower() in SUFFIXES else name for name in names]
+    taken = Counter(name.lower() for both in zip(names, stems, strict=True) for name in {*both})
+    return [stem if taken[stem.lower()] == 1 else name for name, stem in zip(names, stems, strict=True)]
 
 
 def _renderings(asset: SplatAsset, cameras: Mapping[str, Camera], normals: bool) -> Iterator[Rendering]:

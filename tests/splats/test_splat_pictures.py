@@ -41,6 +41,17 @@ def test_colour_alone_is_the_evaluations_picture(room, tmp_path):
         np.testing.assert_array_equal(load_image_uint8(file), to_uint8(render(room.asset, camera).colour))
 
 
+def test_names_of_photographs_lose_their_suffix_unless_two_would_be_one(room, tmp_path):
+    names = ["capture_00.png", "a.JPG", "a.png", "b.jpg", "B", "view.1", "c.png.jpg", "c.png"]
+    cameras = dict.fromkeys(names, room.views[0].camera.scaled(0.25))
+    files = [file.name for file in save_pictures(room.asset, cameras, tmp_path)]
+    assert files == [
+        "capture_00.png", "a.JPG.png", "a.png.png", "b.jpg.png", "B.png", "view.1.png",
+        "c.png.jpg.png", "c.png",
+    ]  # fmt: skip
+    assert len({name.lower() for name in files}) == len(names)
+
+
 def test_cameras_are_read_by_name_or_place(room, tmp_path):
     camera = room.views[0].camera.to_json()
     file = tmp_path / "cameras.json"
