@@ -237,8 +237,7 @@ def evaluate(context: click.Context, scene: Path, frozen: Path, as_json: bool) -
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)
-    with opened.locked():
-        metrics = evaluate_scene(opened, frozen, progress)
+    metrics = evaluate_scene(opened, frozen, progress)
     if as_json:
         tell(progress, metrics=metrics)
     else:
@@ -294,8 +293,7 @@ def texture(
     shorts = {"texture.faces": faces, "texture.size_px": size}
     given = {key: value for key, value in shorts.items() if value is not None}
     settings = with_overrides({**overrides_of(overrides), **given}, opened.declaration.settings)
-    with opened.locked():
-        figures = texture_scene(opened, settings, file, progress)
+    figures = texture_scene(opened, settings, file, progress)
     if as_json:
         tell(progress, **figures.to_json())
     else:

@@ -72,8 +72,14 @@ def texture_scene(
     ``file`` ends in ``.glb``, or in ``.obj``: then its material, its texture and MuJoCo's scene of it are
     written beside it. By default it is the bundle's own ``textured_proxy.glb``. The captures' exposures
     are evened out first. Raises SettingsError for another suffix, SceneError when there is no proxy
-    yet, or its world frame was corrected since, AssetError when the file cannot be written.
+    yet, its world frame was corrected since, or while another process or thread writes to the scene,
+    AssetError when the file cannot be written.
     """
+    with scene.locked():
+        return _textured(scene, settings, file, progress)
+
+
+def _textured(scene: Scene, settings: Settings, file: Path | None, progress: Progress) -> TextureFigures:
     started = time.monotonic()
     target = scene.path / FILE if file is None else Path(file)
     if target.suffix.lower() not in (".glb", ".obj"):

@@ -14,6 +14,7 @@ import tomli_w
 
 from r2sego_blender.backends import CONDITION_BACKENDS, SURFACE_BACKENDS
 from r2sego_blender.errors import SceneError, SettingsError
+from r2sego_blender.evaluation.scene_evaluation import evaluate_scene
 from r2sego_blender.named_settings import entries
 from r2sego_blender.pipeline import refine
 from r2sego_blender.scene import (
@@ -23,6 +24,8 @@ from r2sego_blender.scene import (
     require_place,
 )
 from r2sego_blender.scratch import remove_scratch
+from r2sego_blender.settings import Settings
+from r2sego_blender.texture import texture_scene
 
 IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 DECLARATION = Declaration("photos", IDENTITY, ground="floor plane", scale_source="metric poses")
@@ -297,14 +300,23 @@ def test_the_lock_excludes_another_process(tmp_path):
     assert other.stdout.strip() == "locked"
 
 
-def test_the_lock_excludes_other_threads_and_not_its_own(tmp_path):
+@pytest.mark.parametrize(
+    "work",
+    [
+        refine,
+        lambda scene: evaluate_scene(scene, scene.path / "none.json"),
+        lambda scene: texture_scene(scene, Settings()),
+    ],
+    ids=["refine", "evaluate", "texture"],
+)
+def test_the_lock_excludes_other_threads_and_not_its_own(tmp_path, work):
     """As of ``pipeline.refine``, which a command calls while it holds the scene."""
     scene = make_scene(tmp_path)
     told = []
 
     def try_it():
         try:
-            refine(scene)
+            work(scene)
         except SceneError as error:
             told.append(str(error))
 

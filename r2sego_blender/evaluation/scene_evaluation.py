@@ -48,9 +48,14 @@ def evaluate_scene(scene: Scene, frozen: Path, progress: Progress = SILENT) -> d
 
     ``frozen`` is a cameras.json, of which the frozen list alone is read, or a folder of
     held-out photographs, which are located against the captures. Raises SceneError when
-    the scene has not been refined, its asset is not as it was made, or its world frame was
-    corrected since.
+    the scene has not been refined, its asset is not as it was made, its world frame was
+    corrected since, or while another process or thread writes to it.
     """
+    with scene.locked():
+        return _evaluated(scene, frozen, progress)
+
+
+def _evaluated(scene: Scene, frozen: Path, progress: Progress) -> dict[str, Any]:
     if not scene.asset_file.is_file():
         raise SceneError(
             "the scene has not been refined",
