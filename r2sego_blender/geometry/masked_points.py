@@ -24,4 +24,4 @@ def points_on_object(
         columns, rows = pixels[visible].astype(np.int64).T
         inside[visible] += mask[rows, columns]
         seen[visible] += 1
-    return (inside > 0) & (2 * inside > seen)
+    return 2 * inside > seen
