@@ -486,12 +486,14 @@ def check_the_asset_is_written_by_the_engine():
     open_bundle()
     assert "Name a file in it" in refused(bpy.ops.r2sego.export_asset, filepath=f"{OUT.parent}/")
     conduct("succeed")
+    out = OUT.parent / "out"
     suffixes = [".ply", ".spz", ".splat", ".glb", ".gltf", ".usdc", ".usda", ".usdz"]
     for suffix in suffixes:
-        assert bpy.ops.r2sego.export_asset(filepath="/out/room.ply", file_format=suffix) == {"FINISHED"}
-    assert calls()[1] == ["convert", str(BUNDLE / "asset.ply"), "/out/room.spz"]
+        done = bpy.ops.r2sego.export_asset(filepath=str(out / "room.ply"), file_format=suffix)
+        assert done == {"FINISHED"}
+    assert calls()[1] == ["convert", str(BUNDLE / "asset.ply"), str(out / "room.spz")]
     assert [Path(call[2]).suffix for call in calls()] == suffixes
     for name, written in (("room.v2", "room.v2.spz"), ("room.v2.PLY", "room.v2.spz"), ("room", "room.spz")):
-        bpy.ops.r2sego.export_asset(filepath=f"/out/{name}", file_format=".spz")
-        assert calls()[-1][2] == f"/out/{written}", calls()[-1]
+        bpy.ops.r2sego.export_asset(filepath=str(out / name), file_format=".spz")
+        assert calls()[-1][2] == str(out / written), calls()[-1]
     assert "No file is chosen" in refused(bpy.ops.r2sego.export_asset)

@@ -234,7 +234,7 @@ def check_masks_are_drawn_loaded_and_declared():
     assert bpy.ops.r2sego.declare_masks() == {"FINISHED"}
     (call,) = calls()
     assert call[:3] == ["objects", str(BUNDLE), "--masks"] and call[4:] == ["--json"]
-    written = {str(file.relative_to(call[3])) for file in Path(call[3]).rglob("*.png")}
+    written = {file.relative_to(call[3]).as_posix() for file in Path(call[3]).rglob("*.png")}
     assert {"my_chair/capture_0.png", "my_chair/capture_1.png", "crate/capture_2.png"} <= written
     assert len(written) == 8
     again = bpy.data.images.load(str(Path(call[3]) / "my_chair" / "capture_1.png"))

@@ -84,14 +84,14 @@ def check_saving_and_loading_keeps_the_bundle():
 
 def check_a_new_scene_asks_the_engine():
     conduct("succeed")
+    photographs, poses = str(OUT.parent / "photographs"), str(OUT.parent / "poses.json")
     assert bpy.ops.r2sego.new_scene(
-        filepath=str(BUNDLE), captures="/photographs", poses="/poses.json", scale="CAMERA_HEIGHT",
-        camera_height=1.5,
-    ) == {"FINISHED"}  # fmt: skip
+        filepath=str(BUNDLE), captures=photographs, poses=poses, scale="CAMERA_HEIGHT", camera_height=1.5
+    ) == {"FINISHED"}
     (made,) = calls()
     assert made == [
-        "new", str(BUNDLE), "--json-progress", "--captures", "/photographs", "--robot", "embedded:humanoid",
-        "--scope", "walk_and_look", "--poses", "/poses.json", "--camera-height", "1.5",
+        "new", str(BUNDLE), "--json-progress", "--captures", photographs, "--robot", "embedded:humanoid",
+        "--scope", "walk_and_look", "--poses", poses, "--camera-height", "1.5",
     ]  # fmt: skip
     assert "photographs" in refused(bpy.ops.r2sego.new_scene, filepath=str(BUNDLE))
     conduct("succeed")
