@@ -13,6 +13,15 @@ _ICONS = {"INFO": "CHECKMARK", "WARNING": "CANCEL", "ERROR": "ERROR"}
 _PICTURE_SCALE = 8.0
 
 
+def told_of_engine(preferences) -> tuple[str, str]:
+    """What is known of the engine while it is idle, and its icon; ``preferences`` are None for a script on
+    a checkout."""
+    found = preferences.engine_found if preferences is not None else ""
+    if not found:
+        return "Idle, not checked yet", "NONE"
+    return ("Packages are missing", "ERROR") if "missing: " in found else ("Ready", "CHECKMARK")
+
+
 class R2SEGO_PT_engine(Step, bpy.types.Panel):
     """The process that does the numeric work, and what it is doing"""
 
@@ -67,7 +76,8 @@ class R2SEGO_PT_engine(Step, bpy.types.Panel):
         if not context.scene.r2sego.bundle:
             row.operator("r2sego.demo_scene", icon="HOME")
         else:
-            row.label(text="Ready", icon="CHECKMARK")
+            text, icon = told_of_engine(addon_preferences())
+            row.label(text=text, icon=icon)
         row.operator("r2sego.check_engine", text="", icon="QUESTION")
 
     def _draw_end(self, context, index, end):

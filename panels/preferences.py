@@ -12,13 +12,17 @@ def _draw_so_many(preferences, context):
     draw_fewer_faces_of_all(preferences.drawn_faces)
 
 
+def _is_another(preferences, context):
+    preferences.engine_found = ""  # which was another Python's
+
+
 class R2SEGO_AP_preferences(bpy.types.AddonPreferences):
     """Which Python runs the engine, and how much is drawn"""
 
     bl_idname = ROOT
 
     engine_python: StringProperty(
-        name="Engine Python", subtype="FILE_PATH",
+        name="Engine Python", subtype="FILE_PATH", update=_is_another,
         description="The python of the environment that has the engine's packages; "
         "empty = the variable R2SEGO_PYTHON",
     )  # fmt: skip

@@ -6,7 +6,7 @@ import bpy
 from bpy.props import StringProperty
 
 from ...r2sego_blender.bridge.engine_python import addon_preferences, examine
-from ...r2sego_blender.bridge.user_folder import user_folder
+from ...r2sego_blender.bridge.user_folder import engine_folder
 from ...r2sego_blender.doctor import PACKAGES, REQUIRED_MB
 from ...r2sego_blender.errors import MachineError
 from ...r2sego_blender.workers.environment import DOWNLOAD_MB
@@ -64,7 +64,7 @@ class R2SEGO_OT_set_up_engine(EngineOperator, bpy.types.Operator):
 
     def arguments(self, context):
         wheels = ["--wheels", bpy.path.abspath(self.wheels)] if self.wheels else []
-        return [str(user_folder("engine")), "--needed-mb", str(REQUIRED_MB), *wheels]
+        return [str(engine_folder()), "--needed-mb", str(REQUIRED_MB), *wheels]
 
     def finish(self, context, result):
         preferences = addon_preferences()

@@ -84,7 +84,7 @@ def make_environment(
             )
         task.advance()
     shutil.rmtree(downloads / "unfinished", ignore_errors=True)
-    (downloads / "unfinished").mkdir(parents=True)
+    (downloads / "unfinished").mkdir(parents=True, exist_ok=True)
     source = ["--no-index", "--find-links", str(wheels)] if wheels else _indices()
     command = [
         str(python), "-m", "pip", "install", "--disable-pip-version-check", "--progress-bar=off",
@@ -180,7 +180,8 @@ def _run(
     """Run ``command``; ``on_line`` hears its lines, ``look`` is called now and then."""
     process = subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        env={**os.environ, **(variables or {})}, text=True, encoding="utf-8", errors="replace",
+        env={**os.environ, "PYTHONUTF8": "1", **(variables or {})},
+        text=True, encoding="utf-8", errors="replace",
         preexec_fn=None if os.name == "nt" else die_with_parent,
     )  # fmt: skip
     lines: list[str] = []

@@ -239,9 +239,14 @@ def check_a_job_of_a_bundle_that_is_not_open_is_only_told():
 
 
 def check_the_engines_answer_is_kept_in_the_preferences():
+    told = sys.modules[f"{MODULE}.panels.engine"].told_of_engine
+    preferences().engine_found = ""
+    assert told(preferences())[0] == "Idle, not checked yet"
     assert bpy.ops.r2sego.check_engine() == {"FINISHED"}
     assert preferences().engine_found == "engine: Python 3.99, r2sego 0.1.0, torch 9.9"
+    assert told(preferences())[0] == "Ready"
     preferences().engine_python = "/nowhere/python"
+    assert preferences().engine_found == ""
     assert "/nowhere/python" in refused(bpy.ops.r2sego.check_engine)
     preferences().engine_python = str(ENGINE)
 
@@ -438,6 +443,19 @@ def check_an_engine_is_set_up_from_a_folder_of_wheels():
     assert preferences().engine_python == str(ENGINE)
     (end,) = bpy.context.window_manager.r2sego_engine.ended
     assert (end.title, end.level) == ("Set Up Engine", "ERROR")
+
+
+def check_on_windows_the_engines_files_are_no_deeper_than_260_characters():
+    places = sys.modules[f"{MODULE}.r2sego_blender.bridge.user_folder"]
+    before, places._LOCAL_DATA = places._LOCAL_DATA, str(OUT.parent / "Local")
+    try:
+        below = places.engine_folder().relative_to(OUT.parent / "Local")
+    finally:
+        places._LOCAL_DATA = before
+    assert str(below).endswith("{}.{}".format(*bpy.app.version))
+    local_data, packages = "C:/Users/twenty_letters_long_/AppData/Local/", "/Lib/site-packages/"
+    longest_in_torch = 167
+    assert len(local_data) + len(str(below)) + len(packages) + longest_in_torch < 260
 
 
 def check_a_disk_without_room_for_the_engine_is_told():
