@@ -14,6 +14,7 @@ from .bundle import Bundle
 from .cameras import create_camera, use_frame_of
 from .materials import plain_material
 from .meshes import assign_materials, mesh_from_arrays
+from .moved_bundle import BUNDLE_MARK
 from .outliner import find_collection, fresh_collection, link
 from .robot_playback import CAMERA, ROOT, Recording
 from .rollout_bodies import RobotBodies, digest_of
@@ -31,7 +32,8 @@ def show_rollouts(
     """The robot along these rollouts of a round (or of the trial), in place of those shown before.
 
     Each rollout is an empty with an object a body and the head camera below it; those that
-    never began are left out. Frame f of the timeline is the rollouts' frame f, at their rate.
+    never began are left out. Frame f of the timeline is the rollouts' frame f, at their rate but
+    where a person has animated something: then the scene's time stays theirs.
     ``look_through`` makes the first one's camera the scene's. Returns the empties. Raises
     SceneError when there is no such rollout or its files are missing or damaged.
     """
@@ -65,7 +67,9 @@ def show_rollouts(
         if look_through and not roots:
             use_frame_of(camera, scene)
         roots.append(root)
-    _use_time_of(recording, bodies.rate_hz, scene)
+    preview_range.give_back(scene)  # a clip's would cut the rollouts off
+    if not _is_animated(scene):
+        _use_time_of(recording, bodies.rate_hz, scene)
     robot_playback.play(collection, bundle, round_index, bodies.digest, recording)
     robot_playback.place(collection, scene.frame_current)
     return roots
@@ -88,9 +92,13 @@ def _mesh(name: str, vertices: np.ndarray, faces: np.ndarray, colours: np.ndarra
     return mesh
 
 
+def _is_animated(scene: bpy.types.Scene) -> bool:
+    """Whether something that was not made of a bundle has keyframes, or drivers."""
+    return any(one.animation_data is not None and BUNDLE_MARK not in one for one in scene.objects)
+
+
 def _use_time_of(recording: Recording, rate_hz: float, scene: bpy.types.Scene) -> None:
     """Give the timeline the rollouts' frames and rate; Blender's rate is a whole number over another."""
-    preview_range.give_back(scene)  # a clip's would cut the rollouts off
     scene.frame_start, scene.frame_end = 0, max(1, recording.last_frame)
     scene.render.fps = max(1, math.ceil(rate_hz - 1e-6))
     scene.render.fps_base = scene.render.fps / rate_hz

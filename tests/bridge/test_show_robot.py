@@ -55,6 +55,20 @@ def test_every_body_is_where_mujoco_puts_it_at_every_frame(scene, bundle):
     check_frames(bundle, 0, [0], reversed(range(14)))  # behind its end it stays there
 
 
+def test_the_time_of_a_scene_that_a_person_has_animated_stays(scene, bundle):
+    scene.render.fps, scene.render.fps_base, scene.frame_start, scene.frame_end = 24, 1.0, 1, 250
+    own = bpy.data.objects.new("own", None)
+    scene.collection.objects.link(own)
+    own.keyframe_insert("location", frame=30)
+    show_robot.show_rollouts(scene, bundle, 0, [0])
+    assert (scene.render.fps, scene.render.fps_base) == (24, 1.0)
+    assert (scene.frame_start, scene.frame_end) == (1, 250)
+    check_frames(bundle, 0, [0], (0, 7))
+    bpy.data.objects.remove(own)
+    show_robot.show_rollouts(scene, bundle, 0, [0])
+    assert (scene.frame_start, scene.frame_end) == (0, 10)
+
+
 def test_several_are_shown_together(scene, bundle):
     roots = show_robot.show_rollouts(scene, bundle, 0, [0, 1, 3])
     assert len(roots) == 3
