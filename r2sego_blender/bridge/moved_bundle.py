@@ -7,7 +7,7 @@ What a .blend holds of a bundle names it by the whole path, on objects, collecti
 from __future__ import annotations
 
 import os
-from pathlib import Path
+from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
 
 import bpy
 
@@ -17,14 +17,17 @@ BUNDLE_MARK = "r2sego_bundle"
 
 def whole_path(written: str) -> str:
     """A bundle's whole path as ``Bundle`` has it, however a property writes it: from the .blend, or with
-    a slash at its end. '' stays ''."""
-    return str(Path(bpy.path.abspath(written)).absolute()) if written else ""
+    a slash at its end. '' stays '', and so does a path of another system, from which the .blend came."""
+    if not written or _is_foreign(written):
+        return written
+    return str(Path(bpy.path.abspath(written)).absolute())
 
 
 def way_from(blend: str, bundle: str) -> str:
-    """The relative path from a .blend's folder to a bundle; '' where there is none (two drives)."""
+    """The relative path from a .blend's folder to a bundle, for any system; '' where there is none (two
+    drives)."""
     try:
-        return os.path.relpath(bundle, Path(blend).parent)
+        return Path(os.path.relpath(bundle, Path(blend).parent)).as_posix()
     except ValueError:
         return ""
 
@@ -45,7 +48,16 @@ def turn_to(now: Path, before: str) -> None:
     for block in (*bpy.data.objects, *bpy.data.collections, *bpy.data.images):
         if block.get(BUNDLE_MARK) == before:
             block[BUNDLE_MARK] = str(now)
+    theirs = PurePosixPath if os.name == "nt" else PureWindowsPath
+    kind = theirs if _is_foreign(before) else PurePath
     for image in bpy.data.images:
-        file = Path(bpy.path.abspath(image.filepath))
+        file = kind(bpy.path.abspath(image.filepath))
         if image.filepath and file.is_relative_to(before):
-            image.filepath = str(now / file.relative_to(before))  # Blender reads it from there
+            image.filepath = str(now.joinpath(*file.relative_to(before).parts))  # Blender reads it from there
+
+
+def _is_foreign(path: str) -> bool:
+    """Whether a path is Windows' and this system is not, or the other way round."""
+    if os.name == "nt":
+        return path.startswith("/") and not path.startswith("//")  # which means: from the .blend
+    return path[1:3] == ":\\" or path.startswith("\\\\")

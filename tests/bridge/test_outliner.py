@@ -1,10 +1,13 @@
 """Whose a collection is: two bundles of one name, what a person moved, and what a person put there."""
 
+import os
+from pathlib import Path
+
 import pytest
 
 bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-from r2sego_blender.bridge.moved_bundle import turn_to  # noqa: E402
+from r2sego_blender.bridge.moved_bundle import found_again, turn_to, way_from, whole_path  # noqa: E402
 from r2sego_blender.bridge.outliner import find_collection, fresh_collection, link  # noqa: E402
 
 
@@ -76,6 +79,24 @@ def test_what_belongs_to_a_moved_bundle_is_turned_to_it(scene, tmp_path):
     assert find_collection(scene, tmp_path / "room.r2s", "Captures") == part
     fresh_collection(scene, tmp_path / "room.r2s", "Captures")
     assert [one.name for one in bpy.data.objects] == ["other"]
+
+
+def test_a_blend_from_another_system_finds_its_bundle_beside_itself(scene, tmp_path):
+    """Saved on Windows and opened on macOS, or the other way round: a folder that two machines share."""
+    before, sign = ("/work/room.r2s", "/") if os.name == "nt" else ("C:\\work\\room.r2s", "\\")
+    assert whole_path(before) == before
+    now = tmp_path / "room.r2s"
+    now.mkdir()
+    blend = str(tmp_path / "shots" / "room.blend")
+    way = way_from(blend, str(now))
+    assert way == "../room.r2s"
+    assert found_again(blend, before, way) == now
+    part = made(fresh_collection(scene, before, "Captures")) and find_collection(scene, before, "Captures")
+    image = bpy.data.images.new("a", 4, 4)
+    image.filepath = sign.join([before, "captures", "images", "a.png"])
+    turn_to(now, before)
+    assert find_collection(scene, now, "Captures") == part
+    assert Path(image.filepath) == now / "captures" / "images" / "a.png"
 
 
 def test_a_collection_that_is_linked_from_another_file_stays_as_it_is(scene, tmp_path):
