@@ -88,7 +88,7 @@ class Drawing(ViewTool):
         shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
         shader.bind()
         shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
-        shader.uniform_float("lineWidth", _WIDTH_PX)
+        shader.uniform_float("lineWidth", _WIDTH_PX * bpy.context.preferences.system.ui_scale)
         shader.uniform_float("color", _COLOUR)
         corners = [(*corner, 0.0) for corner in self._points]
         batch_for_shader(shader, "LINE_STRIP", {"pos": [*corners, corners[0]]}).draw(shader)

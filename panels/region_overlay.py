@@ -52,7 +52,7 @@ def _draw_polygon(text: str, line, fill) -> None:
         shader.uniform_float("color", fill)
         batch_for_shader(shader, "TRIS", {"pos": corners.astype(np.float32)}, indices=triangles).draw(shader)
         gpu.state.blend_set("NONE")
-    segments(sides, line, 2.5)
+    segments(sides, line, 2.5 * bpy.context.preferences.system.ui_scale)
 
 
 REGION = Overlay(_draw, "POST_VIEW")

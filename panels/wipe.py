@@ -15,7 +15,7 @@ _TEXTURES = 4
 """So many pictures stay on the graphics card."""
 
 _DIVIDER = (1.0, 1.0, 1.0, 0.9)
-_MARGIN_PX = 8.0
+_MARGIN_PX, _TEXT_PX = 8.0, 12.0
 
 _VERTEX = """
 void main()
@@ -120,12 +120,14 @@ def draw(context: bpy.types.Context) -> None:
         texture = _texture(image) if image is not None else None
         if texture is not None:
             _draw_part(texture, frame, begin, end)
-    rectangle(left + group.wipe * width - 1.0, bottom, 2.0, height, _DIVIDER)
-    line = bottom + _MARGIN_PX
+    scale = context.preferences.system.ui_scale
+    margin, size = _MARGIN_PX * scale, _TEXT_PX * scale
+    rectangle(left + group.wipe * width - scale, bottom, 2.0 * scale, height, _DIVIDER)
     if on_left is not None:
-        write(on_left.name, left + _MARGIN_PX, line)
+        write(on_left.name, left + margin, bottom + margin, size_px=size)
     if on_right is not None:
-        write(on_right.name, left + width - text_width(on_right.name) - _MARGIN_PX, line)
+        right = left + width - text_width(on_right.name, size) - margin
+        write(on_right.name, right, bottom + margin, size_px=size)
 
 
 _overlay = Overlay(draw, "POST_PIXEL")

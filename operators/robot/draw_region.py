@@ -69,7 +69,8 @@ class R2SEGO_OT_draw_region(ViewTool, DeclaringOperator, bpy.types.Operator):
         return ["--region", format_polygon(parse_polygon(self.polygon))]
 
     def _is_first(self, context, event):
-        return distance_px(context.region, event, (*self._corners[0], 0.0)) < _CLOSES_PX
+        closes_px = _CLOSES_PX * context.preferences.system.ui_scale
+        return distance_px(context.region, event, (*self._corners[0], 0.0)) < closes_px
 
     def _done(self, context):
         self.polygon = format_polygon(self._corners)
