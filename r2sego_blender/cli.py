@@ -363,7 +363,7 @@ def _advance(scene: Path, round_index: int | None, name: str, progress: Progress
 
 
 def _cancel_at_once(kept: str = "") -> None:
-    """Let SIGINT, SIGTERM and SIGHUP end the process within moments, native calls under way included.
+    """Let SIGINT, SIGTERM, SIGHUP and Ctrl-Break end the process within moments, with its native calls.
 
     Python's own handlers wait for the main thread to leave a compiled kernel; a thread
     that reads the wake-up pipe does not. Nothing published is half-written at any time.
@@ -377,7 +377,10 @@ def _cancel_at_once(kept: str = "") -> None:
     reader, writer = socket.socketpair()
     writer.setblocking(False)
     signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
-    for number in (signal.SIGINT, signal.SIGTERM):
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if hasattr(signal, "SIGBREAK"):  # Ctrl-Break, as Blender cancels on Windows
+        numbers.append(signal.SIGBREAK)
+    for number in numbers:
         signal.signal(number, lambda *_: None)
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:  # not so under nohup
         signal.signal(signal.SIGHUP, lambda *_: None)

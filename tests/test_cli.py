@@ -283,6 +283,20 @@ def test_a_cancelled_refine_says_that_steps_are_kept_even_to_a_closed_terminal(t
         assert process.stderr.read().strip() == b"r2sego: cancelled; finished steps are kept"
 
 
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGBREAK"])
+def test_a_command_ends_on_every_way_of_interrupting_it(name):
+    if not hasattr(signal, name):
+        pytest.skip("Windows has it")
+    interrupted = (
+        "import signal, time, r2sego_blender.doctor as doctor\n"
+        f"doctor.examine = lambda: (signal.raise_signal(signal.{name}), time.sleep(60))\n"
+        "from r2sego_blender.cli import main; main(['doctor'])\n"
+    )
+    command = [sys.executable, "-c", interrupted]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=50)
+    assert (done.returncode, done.stderr.strip()) == (128 + getattr(signal, name), "r2sego: cancelled")
+
+
 @pytest.mark.skipif(os.name == "nt", reason="pseudo-terminals")
 def test_a_run_that_is_cancelled_behind_its_bar_leaves_the_terminal_as_it_was():
     import pty
