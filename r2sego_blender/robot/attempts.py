@@ -116,7 +116,7 @@ def in_order(attempts: Attempts) -> Generator[Rollout]:
     Raises RobotError where the scene does not compile with the robot, or has no seat to sit on;
     NativeError where one of the processes died.
     """
-    processes = attempts.settings.processes or available_cores()
+    processes = _processes(attempts.settings.processes)
     if processes == 1:
         yield from map(attempts.run, count())
     with ProcessPoolExecutor(processes, SpawnContext(), _begin, (attempts,)) as pool:
@@ -133,6 +133,12 @@ def in_order(attempts: Attempts) -> Generator[Rollout]:
             ) from error  # fmt: skip
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _processes(asked: int, system: str = os.name) -> int:
+    """So many as were asked for, or as there are cores; Windows waits for no more than 61 at once."""
+    count = asked or available_cores()
+    return min(count, 61) if system == "nt" else count
 
 
 _attempts: Attempts

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from r2sego_blender.errors import NativeError, RobotError
-from r2sego_blender.robot.attempts import Attempts, in_order
+from r2sego_blender.robot.attempts import Attempts, _processes, in_order
 from r2sego_blender.robot.candidates import candidate_stream
 from r2sego_blender.robot.free_floor import free_floor
 from r2sego_blender.robot.rollouts import successful_rollouts
@@ -37,6 +37,12 @@ def test_the_number_of_processes_changes_nothing(humanoid, box_room):
         np.testing.assert_array_equal(first.camera_poses, second.camera_poses)
         arrays = {"qpos": 0, "times_s": 0, "camera_poses": 0}
         assert replace(first, **arrays) == replace(second, **arrays)
+
+
+def test_a_large_machine_simulates_on_windows_too():
+    """Windows refuses a pool of more than 61 processes."""
+    assert [_processes(128, system) for system in ("nt", "posix")] == [61, 128]
+    assert _processes(4, "nt") == 4
 
 
 @pytest.mark.parametrize("processes", [1, 2])
