@@ -38,7 +38,8 @@ def image_files(folder: Path) -> list[Path]:
     found = [p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith(".")]
     found = [p for p in found if p.is_file()]
     other_kinds = {p.stem.lower() for p in found if p.suffix.lower() not in HEIC}
-    return sorted(p for p in found if p.suffix.lower() not in HEIC or p.stem.lower() not in other_kinds)
+    found = [p for p in found if p.suffix.lower() not in HEIC or p.stem.lower() not in other_kinds]
+    return sorted(found, key=lambda path: path.name)  # Windows compares paths in small letters, others do not
 
 
 def load_image(path: Path) -> np.ndarray:
@@ -95,6 +96,15 @@ def _srgb(image: Image.Image) -> Image.Image:
         return ImageCms.profileToProfile(image, given, ImageCms.createProfile("sRGB")) or image
     except (ImageCms.PyCMSError, OSError):  # a damaged profile says nothing
         return image
+
+
+def stored_values(path: Path) -> np.ndarray | None:
+    """The values of an image as they are stored, of any kind and number of channels; None for no image.
+
+    OpenCV itself opens no file of Windows whose path has letters beyond the system's own.
+    """
+    data = np.fromfile(path, np.uint8)
+    return cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
 
 
 def to_uint8(image: np.ndarray) -> np.ndarray:

@@ -27,6 +27,7 @@ FOUNDATION = {
     "scene_declaration",
     "scratch",
     "settings",
+    "text_files",
     "whole_files",
     "world_frame",
 }

@@ -51,7 +51,7 @@ def _distinct(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
         digest = hashlib.sha256(path.read_bytes()).digest()
         (copies if digest in known else found).append(path)
         known.add(digest)
-    return sorted(found), sorted(copies)
+    return [path for path in paths if path in found], sorted(copies)
 
 
 def _passed_over(folder: Path, found: Sequence[Path]) -> list[Path]:

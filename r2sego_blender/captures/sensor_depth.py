@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from ..errors import CaptureError, NativeError
+from ..images import stored_values
 from ..scratch import ScratchFolder
 from ..workers.child import call_in_child
 from .capture import Capture
@@ -95,7 +94,7 @@ def _metres(path: Path) -> np.ndarray:
 
 
 def _read_image(path: Path) -> np.ndarray:
-    image = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED) if path.stat().st_size else None
+    image = stored_values(path)
     if image is None:
         raise _unreadable(path, "it is no image")
     return image[..., 0] if image.ndim == 3 else image
@@ -129,12 +128,16 @@ def _read_exr(path: Path) -> np.ndarray:
 
 
 def read_exr_in_child(request: dict[str, Any]) -> dict[str, Any]:
-    """Copy an EXR's first channel to a ``.npy``; runs in a child process."""
-    os.environ["OPENCV_IO_ENABLE_OPENEXR"] = "1"
-    image = cv2.imread(request["path"], cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise _unreadable(Path(request["path"]), "it is no EXR image")
-    np.save(request["copy"], image[..., 0] if image.ndim == 3 else image)
+    """Copy an EXR's channel of depth, or of brightness, to a ``.npy``; runs in a child process."""
+    import OpenEXR
+
+    try:
+        with OpenEXR.File(request["path"], separate_channels=True) as image:
+            channels = {name: channel.pixels for name, channel in image.channels().items()}
+    except Exception as error:  # it has no class of its own
+        raise _unreadable(Path(request["path"]), "it is no EXR image") from error
+    name = next((name for name in ("Z", "Y", "R") if name in channels), min(channels))
+    np.save(request["copy"], channels[name])
     return {}
 
 

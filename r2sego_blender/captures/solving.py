@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from copy import copy
 from pathlib import Path
@@ -78,7 +79,7 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
     with progress.task("Solving camera poses", total=1) as task, ScratchFolder() as folder:
         save_matches(Path(folder, "matches.npz"), features, pairs)
         request = {
-            "folder": folder, "paths": [str(path) for path in paths], "sizes": sizes,
+            "folder": folder, "paths": [str(path.absolute()) for path in paths], "sizes": sizes,
             "min_matches": settings.min_matches,
         }  # fmt: skip
         found = call_in_child(solve_in_child, request, timeout_s=_TIMEOUT_S)
@@ -109,7 +110,8 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
 
 def solve_in_child(request: dict[str, Any]) -> dict[str, Any]:
     """Incremental mapping with pycolmap; runs in a child process."""
-    folder = Path(request["folder"])
+    os.chdir(request["folder"])  # Windows' COLMAP opens no database by a path of letters beyond the system's
+    folder = Path()
     features, pairs = load_matches(folder / "matches.npz")
     matched = {index for pair in pairs for index in pair}
     shared = _cameras(request["paths"], request["sizes"])
@@ -257,7 +259,7 @@ def focal_of_exif(path: str) -> float | None:
     pycolmap = load_pycolmap()
     try:
         guess = pycolmap.infer_camera_from_image(path)
-    except ValueError:  # a format that COLMAP does not read
+    except (RuntimeError, ValueError):  # a format that COLMAP does not read, or its path cannot be told
         try:
             with Image.open(path) as image, ScratchFolder() as folder:
                 stand_in = Path(folder, "exif.jpg")

@@ -6,6 +6,7 @@ The first, sparse part of the paper's fragmentary geometry ``M_obs = (P_obs, A_o
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -133,7 +134,8 @@ def triangulate_matches(
 def triangulate_in_child(request: dict[str, Any]) -> dict[str, Any]:
     """The part of ``triangulate`` that runs in a child process; writes ``points.npz``."""
     pycolmap = load_pycolmap()
-    folder = Path(request["folder"])
+    os.chdir(request["folder"])  # Windows' COLMAP opens no database by a path of letters beyond the system's
+    folder = Path()
     cameras = [Camera.from_json(camera) for camera in request["cameras"]]
     features, pairs = load_matches(folder / "matches.npz")
     lenses = [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,6 +10,7 @@ from pathlib import Path
 from ..cameras import Camera
 from ..errors import CaptureError
 from ..images import save_image
+from ..text_files import write_json
 from .capture import Capture
 from .colmap_model import save_colmap_model
 from .json_fields import entries, read_json
@@ -39,8 +39,7 @@ def save_captures(
             entry["photograph_lens"] = kept.lens.to_json()
         listed.append(entry)
     data = {"about": "Captures in the world frame: metres, z up, floor at z = 0.", "metric": True}
-    text = json.dumps(data | {"captures": listed}, indent=1) + "\n"
-    (folder / "cameras.json").write_text(text, encoding="utf-8")
+    write_json(folder / "cameras.json", data | {"captures": listed})
     save_colmap_model(folder / "sparse", stored, sparse)
     if sparse is not None:
         sparse.save(folder / "sparse.npz")

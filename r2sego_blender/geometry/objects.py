@@ -23,8 +23,9 @@ import trimesh
 
 from ..captures.capture import Capture
 from ..errors import GeometryError
-from ..images import load_image_uint8, save_image
+from ..images import load_image_uint8, save_image, stored_values
 from ..layout import mask_stems
+from ..text_files import write_json, write_text
 from .object_names import plain_name
 from .shapes import MESH_SUFFIXES, load_shape
 
@@ -67,7 +68,7 @@ def load_objects(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObj
     """
     if not folder.is_dir():
         return ()
-    return tuple(_object(place, captures) for place in sorted(folder.iterdir()) if place.is_dir())
+    return tuple(_object(place, captures) for place in _folders(folder))
 
 
 def save_objects(folder: Path, objects: Sequence[DeclaredObject], capture_names: Sequence[str]) -> None:
@@ -86,14 +87,12 @@ def save_objects(folder: Path, objects: Sequence[DeclaredObject], capture_names:
             _save_mesh(one.mesh, place)
         if one.placement is not None:
             pose = one.placement.world_from_own.tolist()
-            text = json.dumps({"world_from_own": pose, "locked": one.placement.locked}, indent=1)
-            (place / "placement.json").write_text(text + "\n", encoding="utf-8")
+            placed = {"world_from_own": pose, "locked": one.placement.locked}
+            write_json(place / "placement.json", placed)
         if one.backends:
-            text = json.dumps(dict(one.backends), indent=1)
-            (place / "backends.json").write_text(text + "\n", encoding="utf-8")
+            write_json(place / "backends.json", dict(one.backends))
         if one.decision:
-            text = json.dumps({"decision": one.decision})
-            (place / "decision.json").write_text(text + "\n", encoding="utf-8")
+            write_text(place / "decision.json", json.dumps({"decision": one.decision}) + "\n")
 
 
 def read_masks(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObject, ...]:
@@ -106,7 +105,7 @@ def read_masks(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObjec
     """
     if not folder.is_dir():
         raise GeometryError("there is no such folder", where=folder, cure="Give the folder of the masks.")
-    parts = [place for place in sorted(folder.iterdir()) if place.is_dir()]
+    parts = _folders(folder)
     if parts:
         objects = [DeclaredObject(plain_name(place.name), _masks(place, captures)) for place in parts]
     else:
@@ -118,6 +117,11 @@ def read_masks(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObjec
             cure="Call the masks as the photographs, such as IMG_01.png.",
         )  # fmt: skip
     return told_apart(objects)
+
+
+def _folders(folder: Path) -> list[Path]:
+    """The folders in a folder, by their names as every system sorts them."""
+    return sorted((place for place in folder.iterdir() if place.is_dir()), key=lambda place: place.name)
 
 
 def told_apart(objects: Sequence[DeclaredObject]) -> tuple[DeclaredObject, ...]:
@@ -238,7 +242,7 @@ def _numbered(folder: Path, captures: Sequence[Capture]) -> list[DeclaredObject]
         path = files.get(capture.name)
         if path is None:
             continue
-        numbers = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        numbers = stored_values(path)
         if numbers is None:
             raise GeometryError("the mask cannot be read", where=path, cure="Replace or remove the file.")
         if numbers.ndim != 2:

@@ -84,12 +84,12 @@ def mesh_files(folder: Path) -> list[Path]:
     """The mesh files of a library, in the order of their names. Raises GeometryError for none."""
     if not folder.is_dir():
         raise GeometryError("there is no such folder", where=folder, cure="Give the folder of the meshes.")
-    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in MESH_SUFFIXES)
+    files = [path for path in folder.iterdir() if path.suffix.lower() in MESH_SUFFIXES]
     if not files:
         raise GeometryError(
             "the folder holds no mesh", where=folder, cure=f"Put {', '.join(MESH_SUFFIXES)} files there."
         )
-    return files
+    return sorted(files, key=lambda path: path.name)
 
 
 def _checked(name: str, vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 
 import cv2
 import numpy as np
+import OpenEXR
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -33,8 +33,8 @@ def _write(path, depth_m, kind="png"):
     if kind in ("png", "tif"):
         cv2.imwrite(str(path.with_suffix(f".{kind}")), np.rint(depth_m * 1000).astype(np.uint16))
     elif kind == "exr":
-        os.environ["OPENCV_IO_ENABLE_OPENEXR"] = "1"
-        cv2.imwrite(str(path.with_suffix(".exr")), depth_m.astype(np.float32))
+        image = OpenEXR.File({"type": OpenEXR.scanlineimage}, {"Y": depth_m.astype(np.float32)})
+        image.write(str(path.with_suffix(".exr")))
     elif kind == "npy":
         np.save(path.with_suffix(".npy"), depth_m.astype(np.float64))
     elif kind == "npy in mm":
