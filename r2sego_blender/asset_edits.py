@@ -17,6 +17,7 @@ import numpy as np
 from .errors import AssetError
 from .scene import Scene
 from .splats.regions import Box, Region, region_of
+from .text_files import write_json
 
 EDITS = "asset_edits"
 """The folder in the bundle."""
@@ -66,7 +67,7 @@ def save_edit(scene: Scene, edit: AssetEdit) -> Path:
         )
     content = {"regions": [region.to_json() for region in edit.regions]}
     with scene.publishing(f"{EDITS}/{edit.name}.json") as staging:
-        staging.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        write_json(staging, content)
     return scene.path / EDITS / f"{edit.name}.json"
 
 

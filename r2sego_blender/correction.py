@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Sequence
 from typing import Any
@@ -32,6 +31,7 @@ from .robot.moved_scope import moved_scope
 from .robot.scope import BehaviourScope
 from .robot.scope_file import save_scope
 from .scene import Scene
+from .text_files import write_json
 
 _MOVED = (CAPTURES, OBJECTS, PROXY_EDITS, EDITS, CORRECTIONS, GROUND_PICTURES, SCOPE_FILE)
 """What of a bundle stands in its world frame and is no result of a step."""
@@ -172,7 +172,7 @@ def _moved(
         move_proxy_edits(new, similarity)
         move_edits(new, similarity)
         with new.publishing(CORRECTIONS) as file:
-            file.write_text(json.dumps(history, indent=1) + "\n", encoding="utf-8")
+            write_json(file, history)
         with new.publishing(GROUND_PICTURES) as folder:
             save_ground_pictures(folder, load_captures(new.captures_folder))
         source = scene.name_of(scene.declaration.scope)

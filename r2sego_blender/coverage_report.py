@@ -13,6 +13,7 @@ from .layout import of_round
 from .progress import SILENT, Progress
 from .scene import Scene
 from .selection import load_candidates
+from .text_files import write_json
 
 _ARRAYS, _FIGURES = "coverage.npz", "coverage.json"
 
@@ -42,7 +43,7 @@ def measure_coverage(
         coverage.save(folder / _ARRAYS)
         areas = {name: round(area, 4) for name, area in coverage.areas_m2().items()}
         figures = {"round": index, "views": coverage.views, "faces": len(mesh.faces), "areas_m2": areas}
-        (folder / _FIGURES).write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+        write_json(folder / _FIGURES, figures)
 
     folder = scene.step(of_round(index, "coverage"), compute, inputs=[proxy, selection])
     return json.loads((folder / _FIGURES).read_text(encoding="utf-8"))

@@ -19,7 +19,9 @@ from .progress import SILENT, Progress
 from .room_stage import ROOM_USDA, write_room_stage
 from .scene import Scene
 from .splats.formats import SUFFIXES, load_asset, save_asset
+from .text_files import write_json, write_text
 from .texture import textured_room
+from .whole_files import rename
 from .world_frame import require_present_frame
 
 ABOUT, TEXTURED = "about.txt", "textured"
@@ -99,7 +101,7 @@ def export_scene(
             _write_textured(scene, staging / TEXTURED, proxy, progress)
             names.append(TEXTURED)
         names += _write_room_stage(staging, names)
-        (staging / ABOUT).write_text(_about(scene, names, rounds), encoding="utf-8")
+        write_text(staging / ABOUT, _about(scene, names, rounds))
         names.append(ABOUT)
         for name in names:
             _replace(staging / name, folder / name)
@@ -185,7 +187,7 @@ def _write_cameras(source: Path, file: Path) -> None:
             "the list of captures is damaged", where=source, cure="Make the scene anew with `r2sego new`."
         ) from error
     about = f"{cameras.get('about', '')} {_ABOUT_CAMERAS}".strip()
-    file.write_text(json.dumps(cameras | {"about": about}, indent=1) + "\n", encoding="utf-8")
+    write_json(file, cameras | {"about": about})
 
 
 def _copy(source: Path, place: Path) -> None:
@@ -201,4 +203,4 @@ def _copy(source: Path, place: Path) -> None:
 def _replace(made: Path, place: Path) -> None:
     if place.is_dir():
         shutil.rmtree(place)
-    made.replace(place)
+    rename(made, place)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,6 +20,7 @@ from .robot.scope import ANY_SEAT, FREE_FLOOR, BehaviourScope, shipped_scopes
 from .robot.scope_file import changed_scope, save_scope
 from .robot.seats import TARGET_M, Seat, find_seats
 from .scene import Scene
+from .text_files import write_json
 from .trial_rollouts import newest_surface
 
 ROBOT_FACTS = "robot/robot.json"
@@ -139,7 +139,7 @@ def describe_robot(scene: Scene, seats: bool = False) -> dict[str, Any]:
         except RobotError as error:
             described |= {"seats": [], "no_seats": str(error)}
     with scene.publishing(ROBOT_FACTS) as file:
-        file.write_text(json.dumps(described, indent=1) + "\n", encoding="utf-8")
+        write_json(file, described)
     return described
 
 

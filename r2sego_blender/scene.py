@@ -29,10 +29,11 @@ from .errors import SceneError
 from .layout import COLLISION, REFINED_ASSET
 from .scene_declaration import DECLARATION, Declaration, name_in, read_declaration, write_declaration
 from .scratch import scratch_place
-from .whole_files import UNFINISHED, finish_replacing, flush, remove, replacing_together, swap_in
+from .whole_files import UNFINISHED, finish_replacing, flush, remove, rename, replacing_together, swap_in
 from .world_frame import frame_of_output
 
 _JOURNAL = "journal.jsonl"
+_HIDDEN = ("desktop.ini", "thumbs.db")  # Windows hides these without a dot
 _HOLDERS: dict[Path, int] = {}  # of bundles that this process holds: the thread
 
 
@@ -62,7 +63,7 @@ class Scene:
                 fill(staging)
                 write_declaration(staging / DECLARATION, declaration)
                 flush(staging)
-                staging.rename(path)
+                rename(staging, path)
             finally:
                 shutil.rmtree(staging, ignore_errors=True)
                 for folder in missing:
@@ -330,15 +331,15 @@ def require_place(path: Path) -> None:
 def content_digest(path: Path) -> str:
     """A SHA-256 over a file's bytes, or over a folder's names and bytes; '' when it is missing.
 
-    Hidden files, such as a file manager's ``.DS_Store``, are none of a folder's.
+    Hidden files, such as a file manager's ``.DS_Store`` or ``Thumbs.db``, are none of a folder's.
     """
     digest = hashlib.sha256()
     if path.is_dir():
-        for file in sorted(p for p in path.rglob("*") if p.is_file()):
-            name = file.relative_to(path)
-            if not any(part.startswith(".") for part in name.parts):
+        names = [file.relative_to(path) for file in path.rglob("*") if file.is_file()]
+        for name in sorted(names, key=lambda name: name.parts):  # Windows compares paths in small letters
+            if not any(part.startswith(".") for part in name.parts) and name.name.lower() not in _HIDDEN:
                 digest.update(name.as_posix().encode())
-                digest.update(content_digest(file).encode())
+                digest.update(content_digest(path / name).encode())
     elif path.is_file():
         with path.open("rb") as stream:
             digest = hashlib.file_digest(stream, "sha256")
@@ -364,8 +365,9 @@ def _disk_errors(place: Path, kept: str = ": finished steps are kept") -> Iterat
             raise
         reason = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "it cannot be written"
         raise SceneError(
-            reason, where=place, cure=f"Make room or allow writing, then start again{kept}."
-        ) from error
+            reason, where=place,
+            cure=f"Make room, allow writing, or close what has it open, then start again{kept}.",
+        ) from error  # fmt: skip
 
 
 def _try_lock(file: Any) -> bool:

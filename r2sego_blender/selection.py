@@ -19,6 +19,7 @@ from .cameras import Camera
 from .errors import GenerationError
 from .progress import SILENT, Progress
 from .settings import SelectionSettings
+from .text_files import write_json
 
 _ARRAYS = (
     "rollout", "frame", "deficit", "availability", "score", "survived", "rank", "chosen", "reference",
@@ -77,7 +78,7 @@ class Selection:
             "targets": [self.described(index) for index in self.targets],
             "reasons": list(self.reason),
         }  # fmt: skip
-        (folder / "selection.json").write_text(json.dumps(words, indent=1) + "\n")
+        write_json(folder / "selection.json", words)
 
     @staticmethod
     def load(folder: Path) -> Selection:
@@ -85,7 +86,7 @@ class Selection:
         what = "this is not a selection of target views"
         with opened_arrays(folder / "selection.npz", GenerationError, what) as data:
             arrays = {name: data[name] for name in _ARRAYS}
-            words = json.loads((folder / "selection.json").read_text())
+            words = json.loads((folder / "selection.json").read_text(encoding="utf-8"))
             reason, budget, note = tuple(words["reasons"]), int(words["budget"]), str(words["note"])
             ablations = tuple(words["ablations"])
         if {array.shape[:1] for array in arrays.values()} != {(len(reason),)}:
@@ -113,13 +114,13 @@ def save_candidates(folder: Path, cameras: Sequence[Camera]) -> None:
         raise GenerationError("there are no candidate views", where=folder, cure="Run more rollouts.")
     save_arrays(folder / "candidates.npz", poses=np.stack([camera.world_from_camera for camera in cameras]))
     lens = {key: value for key, value in cameras[0].to_json().items() if key != "world_from_camera"}
-    (folder / "candidates.json").write_text(json.dumps({"camera": lens}, indent=1) + "\n")
+    write_json(folder / "candidates.json", {"camera": lens})
 
 
 def load_candidates(folder: Path) -> list[Camera]:
     """Read what ``save_candidates`` wrote. Raises GenerationError when the files are damaged."""
     with opened_arrays(folder / "candidates.npz", GenerationError, "these are not candidate views") as data:
-        lens = json.loads((folder / "candidates.json").read_text())["camera"]
+        lens = json.loads((folder / "candidates.json").read_text(encoding="utf-8"))["camera"]
         return [Camera.from_json({**lens, "world_from_camera": pose}) for pose in data["poses"]]
 
 

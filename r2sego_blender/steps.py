@@ -7,7 +7,6 @@ not changed is passed over.
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -73,6 +72,7 @@ from .splats.backdrop import backdrop
 from .splats.initialization import DepthView, merge_views
 from .splats.ply import save_ply
 from .splats.rasterizer import render
+from .text_files import write_json
 from .visual_asset import PseudoView, disc_stride_px, settings_of_round, update_visual_asset
 
 
@@ -452,7 +452,7 @@ class Steps:
             "mean_availability": round(float(selection.availability.mean()), 6),
             "gaussians": len(self._read.asset(of_round(l, "asset.ply"))),
         }
-        file.write_text(json.dumps(counts, indent=1) + "\n")
+        write_json(file, counts)
 
     def _step(
         self,

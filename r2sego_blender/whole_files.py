@@ -6,8 +6,11 @@ import contextlib
 import json
 import os
 import shutil
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+
+from .text_files import write_text
 
 UNFINISHED = ".unfinished-"
 """How the names begin of what is not in its place yet."""
@@ -16,15 +19,18 @@ _CHANGES, _PARTS = ".changes", "parts.json"
 _FEW_FILES = 64
 """Up to this many files are flushed one by one; beyond, the whole system once is quicker."""
 
+_PAUSES_S = [0.01 * 2**n for n in range(8)] if os.name == "nt" else []
+"""On Windows a virus scanner or an indexer may hold a new file for a moment; then it lets go."""
+
 
 def write_whole(file: Path, text: str) -> None:
     """Write ``text`` beside ``file``, have the disk take it, and put it in its place."""
     unfinished = file.with_name(file.name + ".unfinished")
-    with unfinished.open("w", encoding="utf-8") as stream:
+    with unfinished.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(text)
         stream.flush()
         os.fsync(stream.fileno())
-    unfinished.replace(file)
+    rename(unfinished, file)
 
 
 @contextlib.contextmanager
@@ -39,9 +45,9 @@ def replacing_together(folder: Path, parts: Sequence[str]) -> Iterator[Path]:
     staging.mkdir()
     try:
         yield staging
-        (staging / _PARTS).write_text(json.dumps(list(parts)), encoding="utf-8")
+        write_text(staging / _PARTS, json.dumps(list(parts)))
         flush(staging)
-        staging.rename(folder / _CHANGES)  # from here on they count
+        rename(staging, folder / _CHANGES)  # from here on they count
         finish_replacing(folder)
     finally:
         remove(staging)
@@ -79,15 +85,25 @@ def flush(path: Path) -> None:
 
 
 def swap_in(made: Path, place: Path) -> None:
-    """Rename ``made`` to ``place``, which may be there."""
+    """Rename ``made`` to ``place``, which may be there, a folder too."""
     if made.is_dir() and place.exists():
         old = place.with_name(f"{UNFINISHED}old-{place.name}")
         remove(old)
-        place.rename(old)
-        made.rename(place)
+        rename(place, old)
+        rename(made, place)
         remove(old)
     else:
-        made.replace(place)
+        rename(made, place)
+
+
+def rename(made: Path, place: Path) -> None:
+    """Rename ``made`` to ``place``, in place of a file that is there; waits for who holds it for a moment."""
+    for pause_s in _PAUSES_S:
+        with contextlib.suppress(PermissionError):
+            made.replace(place)
+            return
+        time.sleep(pause_s)
+    made.replace(place)
 
 
 def remove(path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from ..captures.cameras_json import read_cameras_json
 from ..captures.json_fields import read_json
 from ..images import load_image, save_image
+from ..text_files import write_json
 
 NOISE_SIGMA = 4.0 / 255.0
 GAIN = 0.05
@@ -37,8 +37,7 @@ def disturbed_captures(scene: Path, folder: Path, rng: np.random.Generator) -> N
         pose = disturbed_pose(photograph.world_from_camera, rng)
         entries.append(entry | {"file": file, "world_from_camera": pose.tolist()})
     shared = {key: value for key, value in data.items() if not key.startswith("frozen")}
-    text = json.dumps(shared | {"captures": entries}, indent=1) + "\n"
-    (folder / "cameras.json").write_text(text, encoding="utf-8")
+    write_json(folder / "cameras.json", shared | {"captures": entries})
 
 
 def disturbed_pose(world_from_camera: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from ..cameras import Camera
 from ..errors import GeometryError
 from ..geometry.masked_points import points_on_object
 from ..layout import COMPLETED, capture_files
+from ..text_files import write_json
 from .bundle import Bundle, CapturedView
 from .materials import plain_material
 from .meshes import arrays_from_mesh, mesh_from_arrays
@@ -121,8 +121,7 @@ def pose_of(shown: bpy.types.Object) -> np.ndarray:
 
 def write_placement(file: Path, shown: bpy.types.Object, *, locked: bool) -> None:
     """Write where a prior stands as ``r2sego objects --place`` reads it."""
-    text = json.dumps({"world_from_own": pose_of(shown).tolist(), "locked": locked}, indent=1)
-    file.write_text(text + "\n", encoding="utf-8")
+    write_json(file, {"world_from_own": pose_of(shown).tolist(), "locked": locked})
 
 
 def write_mesh(file: Path, one: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> None:

@@ -76,7 +76,7 @@ def read_obj(file: Path) -> tuple[np.ndarray, np.ndarray]:
     Blender's own importer turns axes and makes objects; these files are in the world frame.
     """
     try:
-        rows = [line.split() for line in file.read_text().splitlines()]
+        rows = [line.split() for line in file.read_text(encoding="utf-8").splitlines()]
         vertices = np.array([row[1:4] for row in rows if row[:1] == ["v"]], np.float32)
         corners = [[corner.partition("/")[0] for corner in row[1:]] for row in rows if row[:1] == ["f"]]
         faces = np.array(corners, np.int32).reshape(-1, 3) - 1

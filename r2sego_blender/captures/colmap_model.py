@@ -13,6 +13,7 @@ import numpy as np
 from ..errors import CaptureError, NativeError
 from ..progress import SILENT, Progress
 from ..scratch import ScratchFolder
+from ..text_files import write_text
 from ..workers.child import call_in_child
 from .capture import Capture
 from .colmap import load_pycolmap
@@ -223,7 +224,7 @@ def save_colmap_model(folder: Path, captures: Sequence[Capture], sparse: SparseP
             rgb = " ".join(str(int(v)) for v in colour)
             points.append(f"{row + 1} {xyz} {rgb} {float(sparse.error_px[row])!r} {track}")
     for name, lines in (("cameras", cameras), ("images", images), ("points3D", points)):
-        (folder / f"{name}.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        write_text(folder / f"{name}.txt", "\n".join(lines) + "\n")
 
 
 def _quaternion(rotation: np.ndarray) -> np.ndarray:

@@ -20,6 +20,7 @@ from ..images import load_image, save_image, to_uint8
 from ..progress import SILENT, Progress
 from ..selection import Selection
 from ..settings import Settings
+from ..text_files import write_json
 from .condition_files import save_conditions
 from .conditions import Condition, Renderer
 from .decisions import is_accepted
@@ -115,7 +116,7 @@ def load_pseudo_observations(folder: Path) -> tuple[PseudoObservation, ...]:
     observations = []
     for view in sorted(folder.glob("*/pose.json")):
         with _damage_of(view.parent):
-            record = json.loads(view.read_text())
+            record = json.loads(view.read_text(encoding="utf-8"))
             if is_accepted(view.parent, record["accepted"]):
                 if record["estimate"] is None:
                     raise ValueError("it was accepted by hand, but has no estimated pose")
@@ -127,7 +128,7 @@ def check_views(folder: Path) -> None:
     """Raises GenerationError when a generated view is damaged, accepted or not; decisions are not read."""
     for view in sorted(place for place in folder.iterdir() if place.is_dir()):
         with _damage_of(view):
-            record = json.loads((view / "pose.json").read_text())
+            record = json.loads((view / "pose.json").read_text(encoding="utf-8"))
             if record["estimate"] is not None:
                 _observation(view, record)
 
@@ -220,7 +221,7 @@ def _write_path(file: Path, view: _View, reference: Camera, path: Sequence[Camer
         "cameras": [camera.to_json() for camera in path],
         "reference_from_frame": reference_from_frame(reference, path).tolist(),
     }  # fmt: skip
-    file.write_text(json.dumps(record, indent=1) + "\n")
+    write_json(file, record)
 
 
 def _write_clip(folder: Path, clip: Sequence[Frame]) -> None:
@@ -260,4 +261,4 @@ def _write_pose(
             "turn_deg": registered.turn_deg, "focal_px": registered.focal_px,
             "sigma_m": registered.sigma_m, "sigma_deg": registered.sigma_deg,
         }  # fmt: skip
-    file.write_text(json.dumps(record, indent=1) + "\n")
+    write_json(file, record)

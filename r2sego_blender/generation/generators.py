@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import shlex
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -18,6 +17,7 @@ from ..captures.capture import Capture
 from ..errors import CaptureError, NativeError
 from ..images import load_image, resize, save_image
 from ..settings import GenerationSettings, Settings
+from ..text_files import write_json
 from ..workers.elsewhere import PROTOCOL
 from ..workers.generator_program import COMMAND_VARIABLE, GeneratorProgram, named_command, named_size
 from ..workers.viewcrafter import CURE, SIZES, viewcrafter_command
@@ -103,7 +103,7 @@ class ProgramGenerator:
             "cameras": [camera.to_json() for camera in path],
             "reference_from_frame": reference_from_frame(capture.camera, path).tolist(),
         }  # fmt: skip
-        (folder / "request.json").write_text(json.dumps(request, indent=1) + "\n", encoding="utf-8")
+        write_json(folder / "request.json", request)
 
     def _frame(self, folder: Path, index: int, box: Letterbox, condition: Condition) -> Frame:
         """The program's frame of this index, at the condition's size."""

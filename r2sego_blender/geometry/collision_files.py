@@ -15,6 +15,7 @@ import numpy as np
 import trimesh
 
 from ..errors import GeometryError
+from ..text_files import write_text
 from .collision import CollisionSurface
 
 MESH_OBJ, MESH_STL, MESH_GLB = "mesh.obj", "mesh.stl", "mesh.glb"
@@ -57,7 +58,7 @@ def write_collision(surface: CollisionSurface, folder: Path) -> None:
 
     folder.mkdir(parents=True, exist_ok=True)
     mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
-    (folder / MESH_OBJ).write_text(_obj(surface.vertices, surface.faces))
+    write_text(folder / MESH_OBJ, _obj(surface.vertices, surface.faces))
     (folder / MESH_STL).write_bytes(mesh.export(file_type="stl"))
     y_up = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
     (folder / MESH_GLB).write_bytes(mesh.copy().apply_transform(y_up).export(file_type="glb"))
@@ -67,11 +68,11 @@ def write_collision(surface: CollisionSurface, folder: Path) -> None:
     hulls.mkdir()
     names = [f"piece_{index:04d}" for index in range(len(surface.pieces))]
     for name, (vertices, faces) in zip(names, surface.pieces, strict=True):
-        (hulls / f"{name}.obj").write_text(_obj(vertices, faces))
+        write_text(hulls / f"{name}.obj", _obj(vertices, faces))
     floor = FloorBox.of(surface.floor) if len(surface.floor) else None
-    (folder / SCENE_XML).write_text(_mjcf(names, floor))
-    (folder / SCENE_URDF).write_text(_urdf(names, floor))
-    (folder / SCENE_SDF).write_text(_sdf(names, floor))
+    write_text(folder / SCENE_XML, _mjcf(names, floor))
+    write_text(folder / SCENE_URDF, _urdf(names, floor))
+    write_text(folder / SCENE_SDF, _sdf(names, floor))
     write_usd(folder / SCENE_USD, surface, names, floor)
 
 
@@ -79,7 +80,7 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (V, 3) float64 and faces (F, 3) int32 of an OBJ file that ``write_collision``
     wrote. Raises GeometryError when it is missing, or is no such file."""
     try:
-        lines = path.read_text().split("\n")
+        lines = path.read_text(encoding="utf-8").split("\n")
         vertices = np.array([line.split()[1:] for line in lines if line.startswith("v ")], np.float64)
         faces = np.array([line.split()[1:] for line in lines if line.startswith("f ")], np.int32) - 1
         vertices, faces = vertices.reshape(-1, 3), faces.reshape(-1, 3)

@@ -25,6 +25,7 @@ from ..captures.capture import Capture
 from ..errors import GeometryError
 from ..progress import SILENT, Progress
 from ..settings import PriorSettings
+from ..text_files import write_json
 from .alignment import Alignment, ObjectEvidence, rated, realigned
 from .masked_points import points_on_object
 from .mirrored_surface import mirrored_surface
@@ -191,8 +192,7 @@ def save_priors(folder: Path, priors: Sequence[ObjectPrior]) -> None:
             (folder / REFUSED).mkdir(exist_ok=True)
             path = folder / REFUSED / f"{one.name}.npz"
             save_arrays(path, vertices=one.refused.vertices, faces=one.refused.faces)
-    text = json.dumps([one.record for one in priors], indent=1)
-    (folder / _RECORD).write_text(text + "\n", encoding="utf-8")
+    write_json(folder / _RECORD, [one.record for one in priors])
 
 
 def read_record(folder: Path) -> list[dict[str, Any]]:

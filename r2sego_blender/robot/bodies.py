@@ -3,7 +3,6 @@ every frame of the rollouts."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from ..arrays import save_arrays
 from ..cameras import Camera
 from ..errors import RobotError
 from ..scene import content_digest
+from ..text_files import write_json
 from .attempts import Rollout
 from .model import RobotModel
 
@@ -117,7 +117,7 @@ def save_bodies(
         "camera_rate_hz": _rate_hz(rollouts),
         "rollouts": content_digest(rollouts_folder / "rollouts.npz"),
     }
-    (folder / DESCRIPTION).write_text(json.dumps(description, indent=1) + "\n", encoding="utf-8")
+    write_json(folder / DESCRIPTION, description)
 
 
 def _rate_hz(rollouts: Sequence[Rollout]) -> float:

@@ -13,6 +13,7 @@ from ..arrays import opened_arrays, save_arrays
 from ..errors import RobotError
 from ..progress import SILENT, Progress
 from ..settings import RolloutSettings
+from ..text_files import write_json
 from .attempts import Attempts, Rollout, in_order
 from .failures import Reason
 from .free_floor import free_floor
@@ -99,13 +100,13 @@ def save_rollouts(folder: Path, rollouts: Sequence[Rollout]) -> None:
     save_arrays(folder / _ARRAYS, **arrays)
     failures = Counter(rollout.reason for rollout in rollouts if not rollout.success)
     summary = {"attempts": len(rollouts), "failures": dict(failures), "rollouts": records}
-    (folder / _REASONS).write_text(json.dumps(summary, indent=1) + "\n")
+    write_json(folder / _REASONS, summary)
 
 
 def load_rollouts(folder: Path) -> tuple[Rollout, ...]:
     """Read what ``save_rollouts`` wrote. Raises RobotError where that is not there whole."""
     with opened_arrays(folder / _ARRAYS, RobotError, "these rollouts cannot be read") as arrays:
-        records = json.loads((folder / _REASONS).read_text())["rollouts"]
+        records = json.loads((folder / _REASONS).read_text(encoding="utf-8"))["rollouts"]
         return tuple(
             Rollout(
                 success=record["success"],

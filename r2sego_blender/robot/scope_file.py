@@ -13,6 +13,7 @@ from typing import Any
 import tomli_w
 
 from ..errors import RobotError
+from ..text_files import write_text
 from .scope import BehaviourScope
 
 # tomli_w gives each element a line; people read ranges and corners in one.
@@ -33,7 +34,7 @@ def tables_of(scope: BehaviourScope) -> dict[str, Any]:
 def save_scope(scope: BehaviourScope, file: Path) -> None:
     """Write the scope; the files it names are written with their whole paths."""
     text = _NUMBERS.sub(_in_one_line, tomli_w.dumps(tables_of(scope)))
-    file.write_text(text, encoding="utf-8")
+    write_text(file, text)
 
 
 def changed_scope(scope: BehaviourScope, changes: Mapping[str, Any], where: Path) -> BehaviourScope:

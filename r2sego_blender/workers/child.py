@@ -19,6 +19,7 @@ from typing import Any
 
 from ..errors import NativeError, R2SEgoError
 from ..scratch import ScratchFolder
+from ..text_files import write_text
 from .by_place import IMPORT_LIBRARY, LIBRARY, environment_elsewhere
 from .processes import die_with_parent
 
@@ -71,7 +72,7 @@ def call_in_child(
     name = f"{module}:{function.__name__}"
     with ScratchFolder() as folder:
         request_file, manifest = Path(folder, "request.json"), Path(folder, "manifest.json")
-        request_file.write_text(json.dumps(request))
+        write_text(request_file, json.dumps(request))
         command = [python, "-c", _CHILD, name, str(request_file), str(manifest)]
         process = subprocess.Popen(
             command, env=_environment(python, folder), stdin=subprocess.DEVNULL,
@@ -88,7 +89,7 @@ def call_in_child(
             process.kill()
             process.wait()
             forget(process)
-        outcome = json.loads(manifest.read_text()) if manifest.is_file() else {}
+        outcome = json.loads(manifest.read_text(encoding="utf-8")) if manifest.is_file() else {}
         if "error" in outcome:
             raise _error_class(outcome["error"])(
                 outcome["what"], where=outcome["where"], cure=outcome["cure"]
@@ -121,7 +122,7 @@ def serve_call(function: str, request_file: str, manifest: str) -> None:
     die_with_parent()  # nobody would hear of the result
     module_name, _, name = function.partition(":")
     module = importlib.import_module(module_name)
-    request = json.loads(Path(request_file).read_text())
+    request = json.loads(Path(request_file).read_text(encoding="utf-8"))
     try:
         outcome = {"complete": True, "result": getattr(module, name)(request)}
     except R2SEgoError as error:
@@ -130,5 +131,5 @@ def serve_call(function: str, request_file: str, manifest: str) -> None:
             "where": error.where, "cure": error.cure,
         }  # fmt: skip
     unfinished = Path(manifest + ".tmp")
-    unfinished.write_text(json.dumps(outcome))
+    write_text(unfinished, json.dumps(outcome))
     unfinished.replace(manifest)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ...errors import AssetError
 from ...scratch import scratch_place
+from ...whole_files import rename
 
 
 def content(path: Path, most: int = -1) -> bytes:
@@ -39,7 +40,7 @@ def publishing(path: Path) -> Iterator[Path]:
             yield staging
             with staging.open("rb+") as file:
                 os.fsync(file.fileno())
-            staging.replace(path)
+            rename(staging, path)
     except OSError as error:
         raise AssetError(
             f"the file cannot be written: {error.strerror or error}", where=path,

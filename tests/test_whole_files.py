@@ -1,0 +1,51 @@
+"""Files take their place though a virus scanner or an indexer holds them for a moment."""
+
+from pathlib import Path
+
+import pytest
+
+from r2sego_blender import whole_files
+
+
+@pytest.fixture
+def held(monkeypatch):
+    """``held(times)``: so many renames are refused, as Windows does while a file is open."""
+
+    def refuse(times):
+        left, replace = [times], Path.replace
+
+        def refused_at_first(made, place):
+            left[0] -= 1
+            if left[0] >= 0:
+                raise PermissionError(13, "used by another process")
+            return replace(made, place)
+
+        monkeypatch.setattr(whole_files, "_PAUSES_S", [0.0] * 3)
+        monkeypatch.setattr(Path, "replace", refused_at_first)
+
+    return refuse
+
+
+def test_a_file_that_is_held_for_a_moment_takes_its_place(tmp_path, held):
+    (tmp_path / "scene.toml").write_bytes(b"old")
+    held(3)
+    whole_files.write_whole(tmp_path / "scene.toml", "new\n")
+    assert (tmp_path / "scene.toml").read_bytes() == b"new\n"
+
+
+def test_a_folder_that_is_held_for_a_moment_takes_its_place(tmp_path, held):
+    for name in ("made", "depth"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "file").write_text(name)
+    held(2)
+    whole_files.swap_in(tmp_path / "made", tmp_path / "depth")
+    assert [file.name for file in tmp_path.iterdir()] == ["depth"]
+    assert (tmp_path / "depth" / "file").read_text() == "made"
+
+
+def test_one_that_is_held_for_good_is_told(tmp_path, held):
+    (tmp_path / "made").write_text("made")
+    held(100)
+    with pytest.raises(PermissionError, match="used by another process"):
+        whole_files.rename(tmp_path / "made", tmp_path / "asset.ply")
+    assert (tmp_path / "made").read_text() == "made"
