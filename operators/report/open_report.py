@@ -1,5 +1,8 @@
 """Open the report in the web browser."""
 
+import sys
+from pathlib import Path
+
 import bpy
 
 from ...r2sego_blender.errors import SceneError
@@ -28,5 +31,12 @@ class R2SEGO_OT_open_report(ReportingOperator, bpy.types.Operator):
         if not page.is_file():
             raise SceneError("the report is missing", where=page, cure="Run Refine or Evaluate again.")
         if not bpy.app.background:
-            bpy.ops.wm.url_open(url=page.as_uri())
+            _open(page)
         return f"Report: {page}"
+
+
+def _open(page: Path) -> None:
+    if sys.platform == "win32":  # where a URL's %C3%BC need not be read as the letter it stands for
+        bpy.ops.wm.path_open(filepath=str(page))
+    else:
+        bpy.ops.wm.url_open(url=page.as_uri())
