@@ -60,4 +60,4 @@ def _write_depth(file: Path, height: int, width: int) -> None:
     millimetres = np.zeros((height, width), np.uint16)
     millimetres[:, width // 2 :] = round(1000 * DEPTH_M[1])
     millimetres[:, : width // 4] = round(1000 * DEPTH_M[0])
-    cv2.imwrite(str(file), millimetres)
+    file.write_bytes(cv2.imencode(".png", millimetres)[1].tobytes())
