@@ -22,7 +22,7 @@ from pathlib import Path
 
 from ..errors import MachineError, R2SEgoError, of_file
 from ..progress import JsonProgress, Progress
-from .processes import die_with_parent
+from .processes import DYING_WITH_PARENT
 
 PROJECT_FILE = Path(__file__).resolve().parents[2] / "pyproject.toml"
 DOWNLOADS = ".downloads"
@@ -182,7 +182,7 @@ def _run(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         env={**os.environ, "PYTHONUTF8": "1", **(variables or {})},
         text=True, encoding="utf-8", errors="replace",
-        preexec_fn=None if os.name == "nt" else die_with_parent,
+        **DYING_WITH_PARENT,
     )  # fmt: skip
     lines: list[str] = []
     reader = threading.Thread(target=_read, args=(process, lines), daemon=True)

@@ -23,7 +23,7 @@ from ..errors import GenerationError, MachineError, NativeError
 from .by_place import environment_elsewhere
 from .child import RUNNING, forget
 from .elsewhere import PROTOCOL
-from .processes import die_with_parent, end_tree, group_of_its_own
+from .processes import DYING_WITH_PARENT, end_tree, group_of_its_own
 
 COMMAND_VARIABLE = "R2SEGO_GENERATOR"
 """Names the program and its arguments: this machine's affair, which no bundle from elsewhere decides."""
@@ -133,8 +133,7 @@ class GeneratorProgram:
             self._process = _Tree(
                 [*self._command, str(folder)], env=environment_elsewhere(),
                 stdin=subprocess.PIPE, stdout=self._said, stderr=subprocess.STDOUT,
-                preexec_fn=None if os.name == "nt" else die_with_parent,
-                **group_of_its_own(window=False),
+                **DYING_WITH_PARENT, **group_of_its_own(window=False),
             )  # fmt: skip
         except OSError as error:
             self._said.close()

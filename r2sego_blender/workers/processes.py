@@ -64,7 +64,7 @@ def group_of_its_own(window: bool = True) -> dict[str, Any]:
 
 
 def die_with_parent() -> None:
-    """Let the system end this process with its parent, where it can (Linux); for ``preexec_fn``."""
+    """Let the system end this process with its parent, where it can (Linux)."""
     if _PRCTL is not None:
         _PRCTL(_SET_DEATH_SIGNAL, int(signal.SIGKILL), 0, 0, 0)
 
@@ -82,6 +82,9 @@ NO_WINDOW: dict[str, Any] = {"creationflags": subprocess.CREATE_NO_WINDOW} if os
 _JOB: int | None = None
 _SET_DEATH_SIGNAL = 1
 _PRCTL = ctypes.CDLL(None).prctl if sys.platform.startswith("linux") else None
+
+DYING_WITH_PARENT: dict[str, Any] = {"preexec_fn": die_with_parent} if _PRCTL is not None else {}
+"""Arguments of Popen for a process that the system ends with this one, where it can."""
 
 if sys.platform.startswith("linux"):
 

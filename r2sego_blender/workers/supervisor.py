@@ -19,8 +19,8 @@ from typing import Any
 
 from ..whole_files import write_whole
 from .processes import (
+    DYING_WITH_PARENT,
     birth,
-    die_with_parent,
     end_tree,
     group_of_its_own,
     interrupt_group,
@@ -52,7 +52,7 @@ def supervise(folder: Path) -> None:
         try:
             process = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=events, stderr=words,
-                preexec_fn=None if os.name == "nt" else die_with_parent, **group_of_its_own(),
+                **DYING_WITH_PARENT, **group_of_its_own(),
             )  # fmt: skip
         except OSError as error:
             write_record(folder / END_FILE, {"status": None, "error": str(error), "ended": time.time()})
