@@ -42,7 +42,8 @@ def show_captures(
         created = create_camera(view.name, view.camera)
         created.data.display_size = display_size_m
         created[_NAME] = view.name
-        created[_IMAGE] = str(view.image_path.relative_to(bundle.path))  # the bundle may be moved
+        # The bundle may be moved, and the .blend opened on another system.
+        created[_IMAGE] = view.image_path.relative_to(bundle.path).as_posix()
         if photographs:
             _add_photograph(created.data, view.image_path, photograph_alpha)
         link(collection, created)

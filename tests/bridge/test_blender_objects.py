@@ -72,6 +72,7 @@ def test_a_camera_without_a_lens_is_refused(scene):
 
 def test_captures_carry_their_photographs(scene, bundle):
     cameras = show_captures(scene, bundle)
+    assert cameras[0]["r2sego_image"] == "captures/images/capture_0.png"  # on Windows too
     assert [camera.name for camera in cameras] == ["capture_0", "capture_1", "capture_2"]
     for camera, view in zip(cameras, bundle.captures(), strict=True):
         background = camera.data.background_images[0]
