@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import shlex
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -72,8 +74,13 @@ def lines(state: dict[str, Any]) -> list[str]:
     if state["of_old_frame"]:
         text.append(f"of the world frame before its correction: {state['of_old_frame']}")
     text += [f"not as it was made: {name}" for name in state["damaged"]]
-    text.append("refined" if state["refined"] else f"next: r2sego refine {shlex.quote(state['scene'])}")
+    text.append("refined" if state["refined"] else f"next: r2sego refine {_quoted(state['scene'])}")
     return text
+
+
+def _quoted(word: str, system: str = os.name) -> str:
+    """A word of a command as the system's shell takes it: Windows' knows no single quotes."""
+    return subprocess.list2cmdline([word]) if system == "nt" else shlex.quote(word)
 
 
 def robot_in_use(scene: Scene) -> str:

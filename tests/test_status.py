@@ -9,7 +9,7 @@ import pytest
 from r2sego_blender.errors import SceneError
 from r2sego_blender.scene import Scene
 from r2sego_blender.scene_declaration import Declaration
-from r2sego_blender.status import describe, lines
+from r2sego_blender.status import _quoted, describe, lines
 
 
 @pytest.fixture
@@ -46,6 +46,12 @@ def test_a_damaged_list_of_captures_is_told_with_its_cure(scene, text):
     (scene.captures_folder / "cameras.json").write_text(text)
     with pytest.raises(SceneError, match=r"cameras\.json.*damaged.*r2sego new"):
         describe(scene)
+
+
+def test_a_scene_is_named_as_the_shell_of_its_system_takes_it():
+    assert _quoted(r"C:\My Scenes\a.r2s", "nt") == r'"C:\My Scenes\a.r2s"'
+    assert _quoted("/home/my scenes/a.r2s", "posix") == "'/home/my scenes/a.r2s'"
+    assert [_quoted("a.r2s", system) for system in ("nt", "posix")] == ["a.r2s", "a.r2s"]
 
 
 def test_the_next_command_can_be_run_as_it_is_told(scene):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from operator import attrgetter
 from pathlib import Path
 
 from ..errors import CaptureError
@@ -18,6 +19,7 @@ UNREAD_PICTURES = _RAW | {".jxl", ".gif", ".jp2", ".psd", ".exr", ".hdr"}
 _VIDEOS = frozenset({".mov", ".mp4", ".m4v", ".avi", ".mkv", ".webm", ".3gp"})
 _POSE_FILES = ("transforms.json", "cameras.json")
 _LISTED = 4
+_NAME = attrgetter("name")  # paths themselves are sorted otherwise on Windows
 
 
 def plain_photographs(folder: Path, progress: Progress) -> list[Path]:
@@ -51,7 +53,7 @@ def _distinct(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
         digest = hashlib.sha256(path.read_bytes()).digest()
         (copies if digest in known else found).append(path)
         known.add(digest)
-    return [path for path in paths if path in found], sorted(copies)
+    return [path for path in paths if path in found], sorted(copies, key=_NAME)
 
 
 def _passed_over(folder: Path, found: Sequence[Path]) -> list[Path]:
@@ -65,7 +67,8 @@ def _passed_over(folder: Path, found: Sequence[Path]) -> list[Path]:
     known = {path.stem.lower() for path in found}
     pictures = [path for path in pictures if path.stem.lower() not in known]
     known |= {path.stem.lower() for path in pictures}
-    return sorted(pictures) + sorted(path for path in videos if path.stem.lower() not in known)
+    videos = [path for path in videos if path.stem.lower() not in known]
+    return sorted(pictures, key=_NAME) + sorted(videos, key=_NAME)
 
 
 def _too_few(folder: Path, count: int, copies: list[Path], passed: list[Path]) -> CaptureError:

@@ -42,7 +42,7 @@ def named_command() -> list[str]:
     """The program that the environment names, with its arguments. Raises MachineError without one."""
     named = os.environ.get(COMMAND_VARIABLE, "").strip()
     try:
-        command = [named] if Path(named).is_file() else shlex.split(named)
+        command = [named] if Path(named).is_file() else _words(named)
     except ValueError as error:
         raise MachineError(f"{COMMAND_VARIABLE} is no command: {error}", where=named, cure=_CURE) from error
     if not command:
@@ -53,6 +53,13 @@ def named_command() -> list[str]:
             f"the program in {COMMAND_VARIABLE} is not there or cannot be run", where=command[0], cure=_CURE
         )
     return [found, *command[1:]]
+
+
+def _words(command: str, system: str = os.name) -> list[str]:
+    """The words of a command; on Windows a backslash is part of a path. Raises ValueError: an open quote."""
+    if system != "nt":
+        return shlex.split(command)
+    return [word.strip("\"'") for word in shlex.split(command, posix=False)]
 
 
 def named_size() -> tuple[int, int] | None:
@@ -131,7 +138,8 @@ class GeneratorProgram:
         self._said = tempfile.TemporaryFile(prefix="r2sego-")  # noqa: SIM115
         try:
             self._process = _Tree(
-                [*self._command, str(folder)], env=environment_elsewhere(),
+                [*self._command, str(folder)],
+                env=environment_elsewhere() | {"PYTHONUTF8": "1"},  # it reads names of folders
                 stdin=subprocess.PIPE, stdout=self._said, stderr=subprocess.STDOUT,
                 **DYING_WITH_PARENT, **group_of_its_own(window=False),
             )  # fmt: skip

@@ -7,6 +7,7 @@ else is real: another process, request, conditions, frames and manifest.
 import ast
 import json
 import os
+import re
 import signal
 import stat
 import subprocess
@@ -27,11 +28,13 @@ from r2sego_blender.workers.generator_program import (
     COMMAND_VARIABLE,
     SIZE_VARIABLE,
     GeneratorProgram,
+    _words,
     named_command,
     named_size,
 )
 from r2sego_blender.workers.processes import birth
 
+KILLED = r"ended with exit status \d+" if os.name == "nt" else "was killed by signal 9"
 WHOLE = {"protocol": PROTOCOL, "backend": "Stand-in 1", "frames": 2}
 TELL = """
 import json, os, pathlib, subprocess, sys, time
@@ -82,7 +85,7 @@ def test_a_program_that_waits_is_started_once(tmp_path):
         second = program.answer(folder_of(tmp_path, "b"))["backend"]
         number = int(first.split()[-1])
         assert (first, second) == (f"clip 1 of {number}", f"clip 2 of {number}")
-        os.kill(number, signal.SIGKILL)
+        os.kill(number, signal.SIGTERM)  # Windows has no other
         wait_until(lambda: not birth(number))
         third = program.answer(folder_of(tmp_path, "c"))["backend"]
         assert third.startswith("clip 1 of ")
@@ -96,7 +99,7 @@ def test_a_program_that_waits_is_started_once(tmp_path):
         ("print('out of memory'); sys.exit(1)", NativeError,
          r"^generator\.py: the generator ended with exit status 1\. Mend it\. Its last words: out of m"),
         (f"tell(**{WHOLE}); sys.exit(3)", NativeError, r"ended with exit status 3"),
-        ("os.kill(os.getpid(), 9)", NativeError, r"was killed by signal 9\. Mend it\."),
+        ("os.kill(os.getpid(), 9)", NativeError, rf"{KILLED}\. Mend it\."),
         ("", NativeError, r"left no result\.json that can be read\. Mend it\."),
         ("(folder / 'result.json').write_text('{')", NativeError, r"left no result\.json that can be read"),
         ("(folder / 'result.json').write_text('[]')", NativeError, r"left no result\.json that can be read"),
@@ -116,6 +119,14 @@ def test_what_goes_wrong_is_told_in_a_line(tmp_path, body, kind, said):
             program.answer(folder_of(tmp_path))
         assert type(caught.value) is kind and "\n" not in str(caught.value)
         assert not RUNNING
+
+
+def test_a_program_that_waits_reads_any_folder_in_a_system_of_few_letters(tmp_path, monkeypatch):
+    for name, value in {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}.items():
+        monkeypatch.setenv(name, value)
+    with program_of(tmp_path, WAITING) as program:
+        program.answer(folder_of(tmp_path, "a"))
+        assert program.answer(folder_of(tmp_path, "Größe 部屋"))["backend"].startswith("clip 2 of ")
 
 
 def test_a_program_that_refused_still_waits(tmp_path):
@@ -151,11 +162,12 @@ inner.wait()
         began_s = time.monotonic()
         kill_children()
         thread.join(2.0)
-        wait_until(lambda: not birth(outer) and not birth(inner), 2.0)
+        wait_until(lambda: not birth(outer) and not birth(inner), 10.0)
         assert time.monotonic() - began_s < 10.0  # two seconds on a free machine
-    assert len(errors) == 1 and "was killed by signal 9" in errors[0]
+    assert len(errors) == 1 and re.search(KILLED, errors[0])
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Windows sends no such signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_cancelled_command_leaves_no_generator_behind(tmp_path, number):
     folder = folder_of(tmp_path)
@@ -182,6 +194,12 @@ with GeneratorProgram([{sys.executable!r}, {str(script)!r}], "my", "") as progra
 def test_a_program_that_cannot_be_started_is_named(tmp_path):
     with pytest.raises(MachineError, match=r"my: the generator could not be started: .*\. Mend it\."):
         GeneratorProgram([str(tmp_path / "none")], "my", "Mend it.").answer(folder_of(tmp_path))
+
+
+def test_a_command_is_read_as_its_system_writes_it():
+    told = r'"C:\Program Files\Python\python.exe" C:\gen\run.py --fast'
+    assert _words(told, "nt") == [r"C:\Program Files\Python\python.exe", r"C:\gen\run.py", "--fast"]
+    assert _words(r"'/opt/my gen/run' a\ b", "posix") == ["/opt/my gen/run", "a b"]
 
 
 def test_the_environment_names_program_and_size(tmp_path, monkeypatch):
@@ -283,6 +301,8 @@ def image_guided_synthesis(model, prompts, videos, noise_shape, n_samples=1, ddi
 @pytest.fixture
 def repository(tmp_path, monkeypatch) -> Path:
     """A stand-in repository with weights, and an environment whose python finds stand-in packages."""
+    if os.name == "nt":
+        pytest.skip("a shell script stands for the environment")
     repository, packages = tmp_path / "ViewCrafter", tmp_path / "packages"
 
     def configuration(height, width):
