@@ -84,8 +84,8 @@ class _Commands(Commands):
 def main(context: click.Context) -> None:
     """A handful of photographs becomes a scene a robot can be trained in."""
     context.obj = {}
-    if getattr(sys.stdout, "errors", "") == "strict":  # a name that it cannot write ends no command
-        sys.stdout.reconfigure(errors="backslashreplace")
+    if getattr(sys.stdout, "errors", "") in ("strict", "surrogateescape"):  # as in a file, on Windows
+        sys.stdout.reconfigure(errors="backslashreplace")  # a name that it cannot write ends no command
     if "numba" not in sys.modules:  # Numba knows no containers; once it is there it would forget its cache
         os.environ.setdefault("NUMBA_NUM_THREADS", str(available_cores()))
     _cancel_at_once("finished steps are kept" if context.invoked_subcommand in GOING_ON else "")

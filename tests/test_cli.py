@@ -195,11 +195,12 @@ def test_results_are_on_standard_output(tmp_path):
     assert made.stdout.splitlines()[0] == f"scene: {room}" and "scene:" not in made.stderr
 
 
-def test_a_terminal_that_cannot_write_a_name_ends_no_command(tmp_path):
+@pytest.mark.parametrize("encoding", ["latin-1", "latin-1:surrogateescape"])  # the latter as on Windows
+def test_a_terminal_that_cannot_write_a_name_ends_no_command(tmp_path, encoding):
     room = bundle(tmp_path).path
     (room / "captures" / "cameras.json").write_text('{"captures": []}')
     named = room.rename(tmp_path / "room \N{CAT FACE}.r2s")
-    done = r2sego("status", named, PYTHONIOENCODING="latin-1")
+    done = r2sego("status", named, PYTHONIOENCODING=encoding)
     assert done.returncode == 0, done.stderr
     assert "room \\U0001f431.r2s: 0 captures" in done.stdout
 
