@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import re
 
+_DEVICES = {
+    "con",
+    "prn",
+    "aux",
+    "nul",
+    *(f"{port}{number}" for port in ("com", "lpt") for number in range(1, 10)),
+}
+"""What no file of Windows can be called, whatever its suffix."""
+
 
 def plain_name(name: str) -> str:
     """A name that is a file's on any system."""
-    return re.sub(r"[^A-Za-z0-9._-]", "_", name).strip("._") or "object"
+    plain = re.sub(r"[^A-Za-z0-9._-]", "_", name).strip("._") or "object"
+    return f"object_{plain}" if plain.partition(".")[0].lower() in _DEVICES else plain
