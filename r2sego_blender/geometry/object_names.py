@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import re
 
-_DEVICES = {
-    "con",
-    "prn",
-    "aux",
-    "nul",
-    *(f"{port}{number}" for port in ("com", "lpt") for number in range(1, 10)),
-}
+_PORTS = {f"{port}{number}" for port in ("com", "lpt") for number in range(1, 10)}
+_DEVICES = {"con", "prn", "aux", "nul"} | _PORTS
 """What no file of Windows can be called, whatever its suffix."""
 
 
