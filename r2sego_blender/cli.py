@@ -45,7 +45,7 @@ from .commands.views import views
 from .errors import MachineError, R2SEgoError, SettingsError, of_file
 from .named_settings import PRESETS, with_overrides
 from .progress import JsonProgress, Progress
-from .resources import available_cores
+from .resources import available_cores, require_addresses
 from .scene import Scene
 from .workers.engine import GOING_ON
 
@@ -84,6 +84,7 @@ class _Commands(Commands):
 def main(context: click.Context) -> None:
     """A handful of photographs becomes a scene a robot can be trained in."""
     context.obj = {}
+    require_addresses()
     if getattr(sys.stdout, "errors", "") in ("strict", "surrogateescape"):  # as in a file, on Windows
         sys.stdout.reconfigure(errors="backslashreplace")  # a name that it cannot write ends no command
     if "numba" not in sys.modules:  # Numba knows no containers; once it is there it would forget its cache

@@ -8,7 +8,27 @@ import os
 import sys
 from pathlib import Path
 
+from .errors import MachineError
+
+_LEAST_ADDRESSES = 10**9  # bytes that the numeric packages take once loaded
 _QUOTA = Path("/sys/fs/cgroup/cpu.max")
+
+
+def require_addresses() -> None:
+    """Raise MachineError where a limit such as ``ulimit -v`` lets the numeric packages not be loaded.
+
+    At some limits OpenBLAS asks for its memory again without end, and cannot be cancelled.
+    """
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit != resource.RLIM_INFINITY and limit < _LEAST_ADDRESSES:
+        raise MachineError(
+            f"a process may use only {limit / 1e6:.0f} MB of addresses here", where="ulimit -v",
+            cure="Allow several GB, or limit the memory in another way.",
+        )  # fmt: skip
 
 
 def cpu_s() -> float:

@@ -47,6 +47,23 @@ def test_a_scene_among_many_gets_the_cores_it_was_given(on_64_cores, monkeypatch
     assert resources.available_cores() == cores
 
 
+def test_too_small_a_limit_of_addresses_is_an_error_and_no_hang():
+    """Below it OpenBLAS may never come back."""
+    limits = pytest.importorskip("resource")
+
+    def plan(mb: int) -> str:
+        done = subprocess.run(
+            [sys.executable, "-m", "r2sego_blender", "plan", "nowhere.r2s"], timeout=60,
+            capture_output=True, text=True,
+            preexec_fn=lambda: limits.setrlimit(limits.RLIMIT_AS, (mb * 10**6, limits.RLIM_INFINITY)),
+        )  # fmt: skip
+        assert done.returncode == 1
+        return done.stderr
+
+    assert plan(400).startswith("r2sego: ulimit -v: a process may use only 400 MB of addresses here. ")
+    assert "nowhere.r2s" in plan(4000)
+
+
 def test_memory_and_time_only_grow():
     before_s = resources.cpu_s()
     block = bytearray(32 << 20)
