@@ -32,7 +32,7 @@ from .scratch import scratch_place
 from .whole_files import UNFINISHED, finish_replacing, flush, remove, rename, replacing_together, swap_in
 from .world_frame import frame_of_output
 
-_JOURNAL = "journal.jsonl"
+_JOURNAL, _LOCK = "journal.jsonl", ".lock"
 _HIDDEN = ("desktop.ini", "thumbs.db")  # Windows hides these without a dot
 _HOLDERS: dict[Path, int] = {}  # of bundles that this process holds: the thread
 
@@ -57,12 +57,15 @@ class Scene:
         staging = path.with_name(f"{UNFINISHED}{path.name}-{os.getpid()}")
         missing = [folder for folder in path.absolute().parents if not folder.exists()]
         with _disk_errors(path, kept=""), scratch_place(staging):
+            _remove_abandoned(path.parent)
             shutil.rmtree(staging, ignore_errors=True)
             staging.mkdir(parents=True)
             try:
-                fill(staging)
-                write_declaration(staging / DECLARATION, declaration)
-                flush(staging)
+                with (staging / _LOCK).open("a+") as file:
+                    _try_lock(file)  # so that others see that it is being made
+                    fill(staging)
+                    write_declaration(staging / DECLARATION, declaration)
+                    flush(staging)
                 rename(staging, path)
             finally:
                 shutil.rmtree(staging, ignore_errors=True)
@@ -272,7 +275,7 @@ class Scene:
             yield
             return
         with _disk_errors(self.path, kept=""):
-            lock = (self.path / ".lock").open("a+")
+            lock = (self.path / _LOCK).open("a+")
         with lock as file:
             if not _try_lock(file):
                 raise SceneError(
@@ -326,6 +329,16 @@ def require_place(path: Path) -> None:
             f"no scene can be written there: {error.strerror}", where=path,
             cure="Choose another folder, or allow writing.",
         ) from error  # fmt: skip
+
+
+def _remove_abandoned(folder: Path) -> None:
+    """Remove the unfinished bundles that processes left in ``folder`` when they were killed."""
+    for file in folder.glob(f"{UNFINISHED}*/{_LOCK}"):
+        with contextlib.suppress(OSError, SceneError):  # what cannot go disturbs nobody
+            with file.open("a+") as lock:
+                free = _try_lock(lock)
+            if free:
+                remove(file.parent)
 
 
 def content_digest(path: Path) -> str:

@@ -312,6 +312,31 @@ def test_the_lock_excludes_another_process(tmp_path):
     assert other.stdout.strip() == "locked"
 
 
+def test_what_a_killed_process_left_of_a_new_bundle_goes_with_the_next(tmp_path):
+    """And not what another is still making."""
+    script = (
+        "import pathlib, sys, test_scene\n"
+        "def fill(folder):\n"
+        "    (folder / 'captures').mkdir()\n"
+        "    print(folder.name, flush=True)\n"
+        "    sys.stdin.read()\n"
+        "test_scene.Scene.create(pathlib.Path(sys.argv[1]), test_scene.DECLARATION, fill)\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", script, tmp_path / "cut.r2s"], cwd=Path(__file__).parent,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},
+    ) as making:  # fmt: skip
+        left = tmp_path / making.stdout.readline().strip()
+        first = make_scene(tmp_path)
+        assert left.is_dir() and (left / "captures").is_dir()
+        making.kill()
+    Scene.create(tmp_path / "next.r2s", DECLARATION, lambda folder: None)
+    assert {path.name for path in tmp_path.iterdir()} == {first.path.name, "next.r2s"}
+    with first.locked():
+        pass
+
+
 @pytest.mark.parametrize(
     "work",
     [
