@@ -13,6 +13,7 @@ from ...r2sego_blender.workers.environment import DOWNLOAD_MB
 from .. import job
 from ..base import EngineOperator, needs_idle_engine
 
+_TRANSLOCATED = "/AppTranslocation/"  # where macOS puts what was downloaded and not moved since
 _LISTED = 10  # the largest packages, which are most of it
 
 
@@ -58,6 +59,11 @@ class R2SEGO_OT_set_up_engine(EngineOperator, bpy.types.Operator):
                 "online access is not allowed", where="Preferences > System",
                 cure="Allow it there, or choose a folder of wheels.",
             )  # fmt: skip
+        if _TRANSLOCATED in sys.executable:
+            raise MachineError(
+                "macOS runs this Blender from a place that is gone when it ends, and the engine needs it",
+                cure="Move Blender to Applications, start it there, then try again.",
+            )
         return job.start(
             self, self.arguments(context), python=sys.executable, module="workers.environment", of_scene=False
         )

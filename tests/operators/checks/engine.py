@@ -458,6 +458,17 @@ def check_on_windows_the_engines_files_are_no_deeper_than_260_characters():
     assert len(local_data) + len(str(below)) + len(packages) + longest_in_torch < 260
 
 
+def check_setting_up_the_engine_needs_a_blender_that_stays_where_it_is():
+    """As macOS starts one that was downloaded and not moved to Applications."""
+    before = sys.executable
+    sys.executable = "/private/var/folders/x1/T/AppTranslocation/5D/d/Blender.app/python/bin/python3.11"
+    try:
+        said = refused(bpy.ops.r2sego.set_up_engine, wheels=str(OUT.parent))
+    finally:
+        sys.executable = before
+    assert "Move Blender to Applications" in said
+
+
 def check_a_disk_without_room_for_the_engine_is_told():
     with disk_needed_mb(10**12):
         said = refused(bpy.ops.r2sego.set_up_engine, wheels=str(OUT.parent))
