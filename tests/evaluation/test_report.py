@@ -283,7 +283,7 @@ def test_a_single_round_has_a_table_and_no_chart(tmp_path, report):
     one = replace(report, scored_rounds=(ScoredRound(0, 25.507, 0.831),))
     page = Page(write_report(tmp_path, one).read_text(encoding="utf-8"))
     assert "Round 0" in page.text and "25.51" in page.text and "below round" not in page.text
-    assert 'class="point"' not in (tmp_path / "index.html").read_text()
+    assert 'class="point"' not in (tmp_path / "index.html").read_text(encoding="utf-8")
 
 
 def test_the_stacked_bar_has_the_causes_shares(tmp_path, report):

@@ -28,7 +28,7 @@ def evaluated(tmp_path, monkeypatch):
         save_ply(scene.path / name, asset)
     views = photographs(tmp_path, (-0.1, 0.0, 0.1), "frozen")
     save_cameras_json(tmp_path / "cameras.json", views)
-    cameras = json.loads((tmp_path / "cameras.json").read_text())
+    cameras = json.loads((tmp_path / "cameras.json").read_text(encoding="utf-8"))
     (tmp_path / "cameras.json").write_text(json.dumps(cameras | {"frozen": cameras["captures"]}))
     # The baseline is trained, and rollouts are described, elsewhere; neither is read here.
     (scene.path / "report").mkdir()
@@ -43,7 +43,7 @@ def evaluated(tmp_path, monkeypatch):
 def test_rounds_and_causes_are_in_the_file_the_page_and_the_table(evaluated):
     scene, frozen = evaluated
     metrics = scene_evaluation.evaluate_scene(scene, frozen)
-    assert metrics == json.loads((scene.report_folder / "metrics.json").read_text())
+    assert metrics == json.loads((scene.report_folder / "metrics.json").read_text(encoding="utf-8"))
     first, second = metrics["rounds"]
     assert (first["round"], second["round"]) == (0, 1) and first["psnr"] > second["psnr"]
     assert second["psnr"] == metrics["arms"]["refined"]["psnr"]  # the last round is the refined asset
@@ -53,7 +53,7 @@ def test_rounds_and_causes_are_in_the_file_the_page_and_the_table(evaluated):
     assert [one["cause"] for one in told] == list(CAUSES)[1:]
     np.testing.assert_allclose(sum(one["error"] for one in told), 1.0, atol=1e-3)
 
-    page = (scene.report_folder / "index.html").read_text()
+    page = (scene.report_folder / "index.html").read_text(encoding="utf-8")
     assert mark in page and "Told by the proxy alone" in page
     for cause in CAUSES.values():
         assert cause.label in page
@@ -91,7 +91,7 @@ def test_a_bundle_that_lost_its_proxy_is_scored_and_says_so(evaluated):
     metrics = scene_evaluation.evaluate_scene(scene, frozen)
     assert "proxy" in metrics["causes"]["unavailable"]
     assert all(one["psnr"] is None and "missing" in one for one in metrics["rounds"])
-    page = (scene.report_folder / "index.html").read_text()
+    page = (scene.report_folder / "index.html").read_text(encoding="utf-8")
     assert "Not available: " in page and "not scored: rounds/0/asset.ply" in page
     assert "not scored" in scene_evaluation.table(metrics)
 

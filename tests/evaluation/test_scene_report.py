@@ -29,5 +29,5 @@ def scene(tmp_path):
 
 def test_the_robot_is_the_one_in_use(scene):
     assert scene.declaration.robot == "embedded:humanoid"
-    page = write_scene_report(scene).read_text()
+    page = write_scene_report(scene).read_text(encoding="utf-8")
     assert "embedded:wheeled" in page and "embedded:humanoid" not in page
