@@ -9,6 +9,7 @@ import pytest
 from box_room import arc
 from progress_recorder import ProgressRecorder
 
+from r2sego_blender import capture_steps
 from r2sego_blender import steps as steps_module
 from r2sego_blender.cameras import Camera
 from r2sego_blender.generation.carried_decisions import carry_decisions
@@ -108,7 +109,8 @@ def test_the_step_carries_them_and_warns(tmp_path, box_room, cameras, monkeypatc
         __enter__ = lambda self: self  # noqa: E731
         __exit__ = lambda self, *given: None  # noqa: E731
 
-    for name in ("Contents", "PointConditions", "open_generator", "ClearSpace", "Landmarks"):
+    monkeypatch.setattr(capture_steps, "Contents", Nothing)
+    for name in ("PointConditions", "open_generator", "ClearSpace", "Landmarks"):
         monkeypatch.setattr(steps_module, name, Nothing)
     monkeypatch.setattr(steps_module, "make_renderer", Nothing)
     monkeypatch.setattr(steps_module, "ego_video_reg", generate)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-import r2sego_blender.steps as steps_module
+from r2sego_blender import capture_steps
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.sparse import SparsePoints
 from r2sego_blender.captures.store import load_captures, save_captures
@@ -124,7 +124,7 @@ def test_the_captures_of_a_rig_may_repeat_their_file_names(room, tmp_path, monke
     names = ["cam0/0000.png", "cam1/0000.png", str(tmp_path / "cam2" / "0000.png"), "left.png"]
     captures = [replace(one, name=name) for one, name in zip(room.captures, names, strict=True)]
     scene = registered(tmp_path / "rig.r2s", room, captures)
-    monkeypatch.setattr(steps_module, "dense_stereo", lambda *_, **__: room.depth_maps)
+    monkeypatch.setattr(capture_steps, "dense_stereo", lambda *_, **__: room.depth_maps)
     steps = Steps(scene, scene.declaration.settings, SILENT)
     steps.align_priors(*steps.observed_and_prior_geometry(steps.register_inputs()[0]))
     for target in (DEPTH, COMPLETED):
