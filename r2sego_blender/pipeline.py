@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import contextlib
 
+from .capture_steps import Reached
 from .progress import SILENT, Progress
 from .scene import Scene
-from .steps import Reached, Steps
+from .steps import Steps
 
 
 def refine(scene: Scene, progress: Progress = SILENT, until: str = "") -> None:

@@ -51,7 +51,7 @@ MAY_IMPORT = {
     "contents": PARTS,
     "capture_steps": PARTS | {"contents", "visual_asset"},
     "steps": PARTS | {"capture_steps", "contents", "visual_asset", "allocation", "asset_edits"},
-    "pipeline": PARTS | {"steps"},
+    "pipeline": PARTS | {"steps", "capture_steps"},
     "creation": ABOVE_CAPTURES | {"robot"},
     "object_backends": ABOVE_CAPTURES | {"geometry"},
     "object_priors": ABOVE_CAPTURES | {"geometry", "object_backends"},
