@@ -7,6 +7,7 @@ result manifest.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import json
 import os
@@ -30,6 +31,7 @@ RUNNING: set[subprocess.Popen] = set()
 """The processes that ``kill_children`` ends."""
 
 _GOING_ON = threading.Lock()
+_GONE_S = 0.3
 
 
 def kill_children(for_good: bool = False) -> None:
@@ -39,8 +41,12 @@ def kill_children(for_good: bool = False) -> None:
     """
     if for_good:
         _GOING_ON.acquire()
-    for process in tuple(RUNNING):
+    ended = tuple(RUNNING)
+    for process in ended:
         process.kill()
+    for process in ended:  # Windows removes no file of one that is not gone yet
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(_GONE_S)
 
 
 def forget(process: subprocess.Popen) -> None:

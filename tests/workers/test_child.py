@@ -206,31 +206,34 @@ def test_inside_blender_the_module_is_named_as_the_child_knows_it(monkeypatch):
         child.call_in_child(elsewhere.checked_request, {})
 
 
-@pytest.mark.skipif(os.name == "nt", reason="signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_cancelled_command_leaves_no_temporary_folder(tmp_path, number):
+    temporary = tmp_path / "temporary"
     command = f"""
-import sys
+import pathlib, signal, sys, threading, time
 sys.path.insert(0, {str(Path(__file__).parent)!r})
 from r2sego_blender.cli import _cancel_at_once
 from r2sego_blender.scratch import ScratchFolder
 from r2sego_blender.workers.child import call_in_child
 from test_child import hang
 _cancel_at_once()
+def cancel():
+    temporary = pathlib.Path({str(temporary)!r})
+    while not list(temporary.glob("*/request.json")):
+        time.sleep(0.05)
+    print(len(list(temporary.iterdir())), flush=True)
+    signal.raise_signal({int(number)})  # none comes from outside on Windows
+threading.Thread(target=cancel).start()
 with ScratchFolder() as folder:
     open(folder + "/large", "w").close()
     call_in_child(hang, {{}})
 """
-    temporary = tmp_path / "temporary"
     temporary.mkdir()
     paths = [str(Path(__file__).parent), str(Path(r2sego_blender.__file__).parents[1])]
-    environment = os.environ | {"TMPDIR": str(temporary), "PYTHONPATH": os.pathsep.join(paths)}
-    engine = subprocess.Popen([sys.executable, "-c", command], stderr=subprocess.PIPE, env=environment)
-    deadline_s = time.monotonic() + 60.0
-    while not list(temporary.glob("*/request.json")) and time.monotonic() < deadline_s:
-        time.sleep(0.05)
-    assert len(list(temporary.iterdir())) == 2
-    engine.send_signal(number)
-    _, said = engine.communicate(timeout=30.0)
-    assert engine.returncode == 128 + number and b"cancelled" in said
+    environment = os.environ | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(temporary))
+    environment |= {"PYTHONPATH": os.pathsep.join(paths)}
+    done = subprocess.run(
+        [sys.executable, "-c", command], capture_output=True, text=True, env=environment, timeout=120
+    )
+    assert (done.stdout.strip(), done.returncode) == ("2", 128 + number) and "cancelled" in done.stderr
     assert list(temporary.iterdir()) == []
