@@ -45,7 +45,8 @@ def image_files(folder: Path) -> list[Path]:
 def load_image(path: Path) -> np.ndarray:
     """The image as (H, W, 3) float32 in [0, 1], turned upright by its EXIF orientation.
 
-    Colours of another profile, such as a phone's Display P3, become sRGB. Raises CaptureError
+    Colours of another profile, such as a phone's Display P3, become sRGB, and what is transparent
+    is seen over black. Raises CaptureError
     when the file is missing, empty, cut short or not an image.
     """
     return load_image_uint8(path).astype(np.float32) / 255.0
@@ -86,6 +87,9 @@ def _srgb(image: Image.Image) -> Image.Image:
     if image.mode.startswith("I;16"):  # Pillow would cut grey values off at 255
         image = Image.fromarray((np.asarray(image) >> 8).astype(np.uint8))
     profile = image.info.get("icc_profile")
+    if image.has_transparency_data:  # over black as splats are: what it hides may be of any colour
+        image = image.convert("RGBA")
+        image = Image.alpha_composite(Image.new("RGBA", image.size, (0, 0, 0, 255)), image)
     image = image.convert("RGB")
     if not profile:
         return image

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,10 @@ from .captures.colmap_model import COLMAP_FILES, find_model
 from .captures.colmap_points import read_colmap_points
 from .captures.frozen import load_frozen_views
 from .captures.importing import Imported, import_captures
+from .captures.masks import counted_pixels, with_masks_beside
 from .captures.photographs import ANY_SIZE_PX, capture_of
 from .captures.polycam import find_keyframes
-from .captures.sparse import triangulate
+from .captures.sparse import SparsePoints, triangulate
 from .captures.transforms_json import read_transforms_json
 from .errors import CaptureError, SettingsError
 from .progress import SILENT, Progress
@@ -80,7 +82,7 @@ def prepare(
         )
     folder, poses = _folder_and_poses(captures, poses)
     imported = import_captures(folder, poses, settings.captures, progress)
-    images, held = _split(imported.captures, hold_out)
+    images, held = _split(with_masks_beside(imported.captures, folder), hold_out)
     if frozen is not None:
         held = _views_of(frozen)
     if len(images) < _FEWEST_IMAGES:
@@ -94,13 +96,12 @@ def prepare(
     progress.message(
         f"{len(images)} images to train on, up to {side_px} pixels a side{limit}: {imported.source}"
     )
-    if any("mask_path" in frame for frame in _transforms(poses).get("frames", ())):
-        progress.message("masks are not read: what they hide is trained on too", level="warning")
+    _tell_masks(images, held, poses, progress)
     xyz, colours = _first_points(images, poses, points, settings, progress)
     unit_m = _unit_m(imported, images, xyz, progress)
     to_metres = np.diag([unit_m, unit_m, unit_m, 1.0])
     return Start(
-        observations=tuple(Observation(c.camera.transformed(to_metres), c.image) for c in images),
+        observations=tuple(_observation(capture.transformed(to_metres)) for capture in images),
         held_out=tuple(view.transformed(to_metres) for view in held),
         points=xyz * unit_m,
         colours=colours,
@@ -162,6 +163,42 @@ def _split(
     return tuple(capture for k, capture in enumerate(ordered) if k % hold_out), held
 
 
+def _observation(capture: Capture) -> Observation:
+    """Of the capture's image, loaded when it is needed, and so its mask."""
+    counted = None if capture.mask_path is None else partial(counted_pixels, capture)
+    return Observation(capture.camera, capture.image, confidence=counted)
+
+
+def _tell_masks(
+    images: Sequence[Capture], held: Sequence[Capture], poses: Path | None, progress: Progress
+) -> None:
+    """Say which masks are used, and look at them all before the long work."""
+    masked = [capture for capture in images if capture.mask_path is not None]
+    for capture in masked:
+        counted_pixels(capture)
+    if masked:
+        progress.message(f"masks of {len(masked)} images: what is black in them is not trained on")
+    if any(capture.mask_path is not None for capture in held):
+        progress.message("held-out views are scored whole: what their masks hide counts there", "warning")
+    named = sum("mask_path" in frame for frame in _transforms(poses).get("frames", ()))
+    found = sum(capture.mask_path is not None for capture in (*images, *held))
+    if found < named:
+        progress.message(f"{named - found} of the {named} masks named in {poses} are missing", "warning")
+
+
+def _outside_masks(sparse: SparsePoints, images: Sequence[Capture]) -> np.ndarray:
+    """(P,) bool: the points that no image measured where its mask hides what is there."""
+    kept = np.ones(len(sparse.points), bool)
+    for index, capture in enumerate(images):
+        if capture.mask_path is not None:
+            counted = counted_pixels(capture)
+            rows = sparse.visibility[:, index]
+            column, line = np.floor(sparse.pixels[rows, index]).astype(int).T
+            height, width = counted.shape
+            kept[rows] &= counted[line.clip(0, height - 1), column.clip(0, width - 1)] > 0
+    return kept
+
+
 def _views_of(frozen: Path) -> tuple[Capture, ...]:
     """The held-out views of a cameras.json, or all those of a transforms.json."""
     if "frames" not in json_fields.read_json(frozen):
@@ -185,7 +222,8 @@ def _first_points(
         progress.message(f"{len(found[0])} points of the {whose}")
         return found
     sparse = triangulate(images, settings.captures, progress)
-    return sparse.points, sparse.colours
+    kept = _outside_masks(sparse, images)
+    return sparse.points[kept], sparse.colours[kept]
 
 
 def _transforms(poses: Path | None) -> dict[str, Any]:

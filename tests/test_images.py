@@ -31,6 +31,16 @@ def test_an_image_of_too_many_pixels_is_named(tmp_path, monkeypatch, read):
     assert caught.value.cure == "Scale it down."
 
 
+def test_what_is_transparent_is_seen_over_black(tmp_path):
+    """As splats are, whatever colour lies under it."""
+    pixels = np.full((2, 2, 4), 200, np.uint8)
+    pixels[0, :, 3], pixels[1, 0, 3], pixels[1, 1, 3] = 0, 128, 255
+    Image.fromarray(pixels).save(tmp_path / "cut.png")
+    np.testing.assert_allclose(load_image_uint8(tmp_path / "cut.png")[..., 1], [[0, 0], [100, 200]], atol=1)
+    Image.fromarray(pixels).convert("LA").save(tmp_path / "grey.png")
+    assert load_image_uint8(tmp_path / "grey.png")[0].max() == 0
+
+
 def _colourful(width=40, height=24):
     """A picture whose corners differ, with smooth colours that JPEG keeps."""
     y, x = np.mgrid[:height, :width] / [[[height]], [[width]]]

@@ -24,10 +24,12 @@ from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.colmap_model import save_colmap_model
 from r2sego_blender.captures.colmap_points import read_colmap_points
 from r2sego_blender.errors import CaptureError, SettingsError
+from r2sego_blender.images import save_image
 from r2sego_blender.named_settings import with_overrides
 from r2sego_blender.splat_start import read_ply_points
 from r2sego_blender.splat_training import train_on_photographs
 from r2sego_blender.splats.formats import load_asset
+from r2sego_blender.splats.rasterizer import render
 
 
 @pytest.fixture
@@ -89,7 +91,7 @@ def test_points_come_from_the_ply_that_nerfstudio_names(tmp_path, given):
     assert np.abs(load_asset(tmp_path / "asset.ply").means - ROOM.asset.means).max() < 0.5
 
 
-def test_points_that_are_missing_and_masks_that_are_not_read_are_told(tmp_path, monkeypatch):
+def test_points_and_masks_that_are_missing_are_told(tmp_path, monkeypatch):
     captures = captures_in(tmp_path / "images")
     write_transforms(tmp_path / "transforms.json", captures, ply_file_path="sparse_pc.ply")
     data = json.loads((tmp_path / "transforms.json").read_text())
@@ -99,7 +101,62 @@ def test_points_that_are_missing_and_masks_that_are_not_read_are_told(tmp_path, 
     progress = ProgressRecorder()
     train_on_photographs(tmp_path, tmp_path / "asset.ply", settings=SETTINGS, progress=progress)
     assert any("sparse_pc.ply" in text and "missing" in text for text in progress.warnings)
-    assert any("masks are not read" in text for text in progress.warnings)
+    assert any("1 of the 1 masks named" in text and "missing" in text for text in progress.warnings)
+
+
+def test_what_masks_hide_is_not_trained_on(tmp_path):
+    """Half of each photograph is red."""
+    captures = captures_in(tmp_path / "images")
+    truths = [capture.image() for capture in captures]
+    hidden = np.s_[:, :48]
+    shown = np.ones((72, 96))
+    shown[hidden] = 0.0
+    save_image(tmp_path / "mask.png", shown)
+    for capture, truth in zip(captures, truths, strict=True):
+        image = truth.copy()
+        image[hidden] = (1.0, 0.0, 0.0)
+        save_image(capture.image_path, image)
+    write_transforms(tmp_path / "transforms.json", captures)
+    whole = json.loads((tmp_path / "transforms.json").read_text())
+    masked = {**whole, "frames": [{**frame, "mask_path": "mask.png"} for frame in whole["frames"]]}
+    points = write_points(tmp_path / "points.ply")
+
+    def error(poses: dict) -> float:
+        (tmp_path / "transforms.json").write_text(json.dumps(poses))
+        progress = ProgressRecorder()
+        train_on_photographs(
+            tmp_path, tmp_path / "asset.ply", points=points, settings=SETTINGS, progress=progress
+        )
+        assert any("masks of 6 images" in text for _, text in progress.messages) is (poses is masked)
+        asset = load_asset(tmp_path / "asset.ply")
+        seen = [render(asset, capture.camera).colour for capture in captures]
+        return float(np.mean([np.abs(a - b)[hidden].mean() for a, b in zip(seen, truths, strict=True)]))
+
+    assert error(masked) < 0.5 * error(whole)
+
+
+def test_points_that_were_measured_where_a_mask_hides_are_none(tmp_path, monkeypatch):
+    captures = captures_in(tmp_path)
+    write_transforms(tmp_path / "transforms.json", captures)
+    sparse = sparse_points(len(captures))
+    sparse.pixels[::3, 2] = (50.0, 30.0)
+    monkeypatch.setattr(splat_start, "triangulate", lambda *_: sparse)
+    (tmp_path / "masks").mkdir()
+    shown = np.ones(captures[2].camera.shape)
+    shown[30, 50] = 0.0
+    save_image(tmp_path / "masks" / "photo2.png", shown)
+    start = splat_start.prepare(tmp_path, None, None, None, None, SETTINGS)
+    assert len(start.points) == 1000
+
+
+def test_held_out_views_are_said_to_be_scored_whole(photographs):
+    (photographs / "masks").mkdir()
+    save_image(photographs / "masks" / "photo0.png", np.ones((72, 96)))
+    progress = ProgressRecorder()
+    points = photographs / "points.ply"
+    start = splat_start.prepare(photographs, None, points, None, 3, SETTINGS, progress)
+    assert [capture.name for capture in start.held_out] == ["photo0.png", "photo3.png"]
+    assert progress.warnings == ["held-out views are scored whole: what their masks hide counts there"]
 
 
 def test_a_synthetic_scene_of_blender_is_trained_and_scored_on_its_own_split(tmp_path):

@@ -18,7 +18,8 @@ class Capture:
 
     ``camera`` is a pinhole at the working size. ``lens`` is what the photograph was taken
     through, if that is known to distort; ``straight`` says that the file at ``image_path``
-    is already free of the distortion.
+    is already free of the distortion. ``mask_path`` is an image that says which of its pixels
+    count, if there is one.
     """
 
     name: str
@@ -26,6 +27,7 @@ class Capture:
     camera: Camera
     lens: Lens | None = None
     straight: bool = False
+    mask_path: Path | None = None
 
     def image(self) -> np.ndarray:
         """The undistorted photograph at its camera's size, (H, W, 3) float32 in [0, 1]."""

@@ -61,6 +61,11 @@ def find_photographs(
     return found
 
 
+def find_beside(name: str, folders: tuple[Path, ...]) -> Path | None:
+    """What a pose file names beside a photograph, inside one of ``folders``; None where it is missing."""
+    return _found(name, folders, guess_suffix=False, by_file_name=False)
+
+
 def _found(name: str, folders: tuple[Path, ...], guess_suffix: bool, by_file_name: bool) -> Path | None:
     relative = _plain(name)
     candidates = [folder / relative for folder in folders]

@@ -37,7 +37,7 @@ class Photograph:
     """A photograph, its lens and pose as a pose file states them.
 
     ``world_from_camera`` (4, 4) float64 has OpenCV axes; ``source`` is the file and field
-    that errors point to.
+    that errors point to, ``mask_path`` the mask that is named for it, if that is there.
     """
 
     name: str
@@ -45,6 +45,7 @@ class Photograph:
     lens: Lens
     world_from_camera: np.ndarray
     source: str
+    mask_path: Path | None = None
 
 
 def photograph_size(path: Path) -> tuple[int, int, int]:
@@ -119,7 +120,10 @@ def capture_of(photograph: Photograph, max_side_px: int, files_needed: bool = Tr
         camera = lens.straight(pose).fitted(max_side_px)
     except CaptureError as error:
         raise CaptureError(error.what, where=photograph.source, cure=error.cure) from error
-    return Capture(photograph.name, photograph.path, camera, None if lens.plain else lens)
+    return Capture(
+        photograph.name, photograph.path, camera, None if lens.plain else lens,
+        mask_path=photograph.mask_path,
+    )  # fmt: skip
 
 
 def _upright(photograph: Photograph, pose: np.ndarray) -> tuple[Lens, np.ndarray]:

@@ -13,7 +13,7 @@ from ..errors import CaptureError
 from ..progress import SILENT, Progress
 from . import json_fields as fields
 from .distortion import COEFFICIENTS
-from .finding import find_photographs
+from .finding import find_beside, find_photographs
 from .lens import Lens
 from .photographs import Photograph, photograph_size, with_unique_names
 
@@ -32,7 +32,7 @@ def read_transforms_json(
 
     Intrinsics stand in the file or in each frame: ``fl_x``, ``camera_angle_x`` (radians) or
     ``x_fov`` (degrees), and optionally ``fl_y, cx, cy, w, h, k1, k2, k3, k4, p1, p2``.
-    Photographs that are missing are left out with a warning. ``applied_transform``, masks,
+    Photographs that are missing are left out with a warning. ``mask_path`` is noted; ``applied_transform``,
     depth and what else programs write are passed over: the frame of the poses may be any.
     """
     data = fields.read_json(path)
@@ -47,7 +47,9 @@ def read_transforms_json(
         source = f"{path}, {field}"
         pose = fields.matrix("transform_matrix", path, field, frame) @ GL_FROM_CV
         lens = _lens((frame, data), image_path, path, field)
-        photographs.append(Photograph(name, image_path, lens, pose, source))
+        mask = frame.get("mask_path")
+        mask_path = find_beside(mask, (path.parent, folder)) if isinstance(mask, str) else None
+        photographs.append(Photograph(name, image_path, lens, pose, source, mask_path))
     return with_unique_names(photographs), data.get("metric") is True
 
 

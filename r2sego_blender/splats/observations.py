@@ -22,11 +22,11 @@ class Observation:
 
     ``image`` (H, W, 3) float32 in [0, 1] of the camera's size, or a function that loads it
     each time it is needed; ``weight`` multiplies the image's loss; ``confidence`` (H, W)
-    float32 in [0, 1], if given, multiplies each pixel's gradient (0 masks it out); ``draws``
-    is how often the image comes in each shuffled pass over all observations (oversampling of
-    captures); ``background`` (H, W, 3) float32 is what stands behind the Gaussians, black if
-    not given; where ``opaque`` (H, W) float32 is 1, a surface is known to be, and the
-    Gaussians must hide what stands behind them.
+    float32 in [0, 1], or a function that loads it, if given, multiplies each pixel's gradient
+    (0 masks it out); ``draws`` is how often the image comes in each shuffled pass over all
+    observations (oversampling of captures); ``background`` (H, W, 3) float32 is what stands
+    behind the Gaussians, black if not given; where ``opaque`` (H, W) float32 is 1, a surface is
+    known to be, and the Gaussians must hide what stands behind them.
 
     ``depth`` (H, W) float32 is planar depth in metres that the asset should have, 0 unknown,
     and ``normals`` (H, W, 3) float32 the surface's unit normals in the camera frame, 0
@@ -38,7 +38,7 @@ class Observation:
     camera: Camera
     image: ImageSource
     weight: float = 1.0
-    confidence: np.ndarray | None = None
+    confidence: ImageSource | None = None
     draws: int = 1
     background: np.ndarray | None = None
     opaque: np.ndarray | None = None
@@ -51,7 +51,9 @@ class Observation:
     def __post_init__(self) -> None:
         if isinstance(self.image, np.ndarray):
             self._check("image", self.image, (*self.camera.shape, 3))
-        for name in ("confidence", "opaque", "depth", "depth_confidence"):
+        if isinstance(self.confidence, np.ndarray):
+            self._check("confidence", self.confidence, self.camera.shape)
+        for name in ("opaque", "depth", "depth_confidence"):
             self._check(name, getattr(self, name), self.camera.shape)
         for name in ("background", "normals"):
             self._check(name, getattr(self, name), (*self.camera.shape, 3))
@@ -67,6 +69,14 @@ class Observation:
         image = self.image()
         self._check("image", image, (*self.camera.shape, 3))
         return image
+
+    def loaded_confidence(self) -> np.ndarray | None:
+        """The confidence. Raises AssetError when a loaded one is not of the camera's size."""
+        if not callable(self.confidence):
+            return self.confidence
+        confidence = self.confidence()
+        self._check("confidence", confidence, self.camera.shape)
+        return confidence
 
     def _check(self, name: str, values: np.ndarray | None, shape: tuple[int, ...]) -> None:
         if values is not None and values.shape != shape:
@@ -112,7 +122,7 @@ class Target:
         return Target(
             camera=camera,
             image=planes_of(resized(view.loaded())),
-            weights=None if view.confidence is None else planes_of(resized(view.confidence)),
+            weights=None if view.confidence is None else planes_of(resized(view.loaded_confidence())),
             background=None if view.background is None else planes_of(resized(view.background)),
             opaque=resized(view.opaque),
             depth=depth,
