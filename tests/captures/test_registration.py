@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import cv2
 import numpy as np
 import pytest
@@ -141,6 +143,18 @@ def test_cameras_that_look_down_do_not_tilt_the_guess_of_up():
     cameras = [LENS.at(look_at([2 * np.cos(a), 2 * np.sin(a), 2.5], [0.5, 0, 0])) for a in (0, 1, 2)]
     assert np.degrees(np.arccos(up_guess(cameras)[2])) < 4.0
     assert up_guess(cameras[:1])[2] > 0.5
+
+
+def test_points_as_near_as_is_set_belong_to_the_floor(rng):
+    captures, sparse = _scene(_held(rng), _furnished(rng, noise_m=0.01))
+    support = []
+    for tolerance_m in (0.005, 0.04):
+        found = register(
+            Imported(captures, "test", True), sparse, Scale.automatic(),
+            CaptureSettings(floor_tolerance_m=tolerance_m),
+        )  # fmt: skip
+        support.append(int(re.fullmatch(r"floor plane through (\d+) points", found.ground)[1]))
+    assert support[0] < 150 and support[1] > 230  # of 250: within half a standard deviation, and four
 
 
 def test_the_assumed_scale_is_said_loudly(rng, messages):

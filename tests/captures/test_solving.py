@@ -10,7 +10,7 @@ from r2sego_blender.cameras import rotation_angle_rad
 from r2sego_blender.captures.importing import import_captures
 from r2sego_blender.captures.registration import register
 from r2sego_blender.captures.scale import Scale
-from r2sego_blender.captures.solving import focal_of_exif
+from r2sego_blender.captures.solving import focal_of_exif, solve_poses
 from r2sego_blender.captures.sparse import triangulate
 from r2sego_blender.errors import CaptureError
 from r2sego_blender.images import resize, save_image, to_uint8
@@ -29,8 +29,8 @@ def _relative_errors_deg(captures, truth):
     return np.array(errors)
 
 
-def test_photographs_without_poses_are_solved_the_same_way_each_time(
-    room_captures, room_cameras, tmp_path, messages
+def test_photographs_without_poses_are_solved_the_same_way_each_time_and_in_any_folder(
+    room_captures, room_cameras, tmp_path, messages, elsewhere
 ):  # fmt: skip
     for capture in room_captures:
         save_image(tmp_path / capture.name, capture.image())
@@ -40,9 +40,19 @@ def test_photographs_without_poses_are_solved_the_same_way_each_time(
     assert len(messages.warnings) == 1 and "stranger.png" in messages.warnings[0]
     assert _relative_errors_deg(first.captures, room_cameras).max() < 0.5
     assert first.captures[0].camera.fx == pytest.approx(300.0, rel=0.03)
+    elsewhere()
     second = import_captures(tmp_path, None, SETTINGS)
     for a, b in zip(first.captures, second.captures, strict=True):
         assert a.camera.to_json() == b.camera.to_json()
+
+
+@pytest.mark.parametrize("side_px", [280, 1600])
+def test_poses_are_solved_at_the_size_that_is_set(room_captures, tmp_path, messages, side_px):
+    for capture in room_captures:
+        save_image(tmp_path / capture.name, capture.image())
+    settings = CaptureSettings(max_features=2500, solve_max_side_px=side_px)
+    photographs, _ = solve_poses(tmp_path, settings, messages)
+    assert {one.lens.width for one in photographs} == {min(side_px, 400)}
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])

@@ -207,6 +207,40 @@ def test_level_faces_within_the_tolerance_of_zero_are_the_floor(tolerance_m, is_
     assert (len(surface.floor), len(surface.pieces) > 0) == ((4, False) if is_floor else (0, True))
 
 
+def _valley(steepness):
+    """A gutter along y that faces up, a metre above the floor."""
+    return _grid((-0.5, 0.5), (-0.5, 0.5), lambda x, y: 1.0 + steepness * np.abs(x))
+
+
+def _fill_m(surface):
+    """How high pieces stand in the middle of the gutter."""
+    heights = [
+        z for z in np.linspace(1.0, 1.3, 61)
+        if any(
+            (ConvexHull(vertices).equations @ (0.0, 0.013, z, 1.0) <= 1e-6).all()
+            for vertices, _ in surface.pieces
+        )
+    ]  # fmt: skip
+    return max(heights) - 1.0
+
+
+@pytest.mark.parametrize("carrying_m", [0.01, 0.15])
+def test_what_carries_is_held_to_a_tolerance_of_its_own(carrying_m):
+    limits = replace(SETTINGS, tolerance_m=0.2, cell_m=2.0, carrying_tolerance_m=carrying_m)
+    filled_m = _fill_m(collision_surface(as_proxy(_valley(0.25)), limits))
+    assert filled_m < 0.02 if carrying_m == 0.01 else filled_m > 0.1
+
+
+def test_cutting_begins_with_cells_and_ends_with_small_ones():
+    """The gutter's cells end in the middle of each side where they may; it never fits."""
+    gutter = as_proxy(_valley(1.0))
+    tight = replace(SETTINGS, tolerance_m=0.002, carrying_tolerance_m=0.002)
+    coarse = collision_surface(gutter, replace(tight, cell_m=2.0, min_cell_m=1.0))
+    assert len(coarse.pieces) == 1 and _fill_m(coarse) > 0.25
+    assert _fill_m(collision_surface(gutter, replace(tight, cell_m=2.0, min_cell_m=0.06))) < 0.05
+    assert len(collision_surface(gutter, replace(tight, cell_m=0.3, min_cell_m=1.0)).pieces) > 1
+
+
 @pytest.mark.parametrize("cell_m", [0.1, 0.3])
 def test_one_vertex_is_left_of_those_in_a_cell(cell_m):
     level = _grid((-1.0, 1.0), (-1.0, 1.0), lambda x, y: 0 * x + 1.0)

@@ -127,6 +127,19 @@ def test_the_same_bits_for_one_and_two_threads(scene, with_threads) -> None:
             assert np.array_equal(getattr(one, name), getattr(two, name), equal_nan=True)
 
 
+def test_sweeps_of_the_geometric_rounds_are_as_many_as_is_set(scene) -> None:
+    captures, _, _, points = scene
+
+    def found(rounds: int, sweeps: int) -> np.ndarray:
+        settings = replace(
+            SETTINGS, max_side_px=80, iterations=2, geometric_rounds=rounds, geometric_sweeps=sweeps
+        )
+        return dense_stereo(captures, [RANGE_M] * 4, points, settings, seed=1)[0].depth
+
+    assert np.array_equal(found(0, 1), found(0, 4))
+    assert not np.array_equal(found(1, 1), found(1, 4))
+
+
 def test_another_seed_gives_other_bits(scene, maps) -> None:
     captures, _, _, points = scene
     settings = replace(SETTINGS, max_side_px=80, iterations=1, geometric_rounds=0)

@@ -147,6 +147,38 @@ def test_an_observation_is_drawn_as_often_as_it_says() -> None:
     assert ((drawn == 0).sum(axis=1) == 3).all()
 
 
+def test_rates_swing_around_what_is_set_and_the_means_decay_besides() -> None:
+    from r2sego_blender.splats.training import _Schedule
+
+    settings = dataclasses.replace(SETTINGS, position_decay=0.04, rate_swing=1.0)
+    first, middle = (_Schedule(settings, 100, 0, 2.0).at(step).rates for step in (0, 50))
+    assert first[0] == np.float32(2.0 * settings.position_rate)
+    np.testing.assert_allclose(middle / first, [0.2] * 3 + [1.0] * (len(first) - 3), rtol=1e-5)
+    swinging = _Schedule(dataclasses.replace(settings, rate_swing=3.0), 100, 0, 2.0)
+    np.testing.assert_allclose(swinging.at(0).rates, 3.0 * first, rtol=1e-5)
+    np.testing.assert_allclose(swinging.at(50).rates, middle, rtol=1e-5)
+    assert swinging.at(100).rates[-1] == pytest.approx(first[-1] / 3.0)
+
+
+@pytest.mark.parametrize(("cache_mb", "loads"), [(64, 5), (16, 15)])
+def test_images_are_kept_up_to_the_memory_that_is_set(cache_mb: int, loads: int) -> None:
+    """Five of 3.7 MB, each drawn three times."""
+    _, start, _ = scene()
+    loaded = []
+
+    def view(camera: Camera) -> Observation:
+        def image() -> np.ndarray:
+            loaded.append(camera)
+            return np.zeros((*camera.shape, 3), np.float32)
+
+        return Observation(camera, image)
+
+    settings = dataclasses.replace(SETTINGS, image_cache_mb=cache_mb, **FULL_RESOLUTION)
+    views = [view(camera) for camera in cameras(5, (640, 480))]
+    train(start.subset(np.arange(5)), views, 15, settings, np.random.default_rng(0))
+    assert (len(loaded) == loads) if loads == 5 else (5 < len(loaded) <= loads)
+
+
 def test_training_goes_on_at_the_degree_reached() -> None:
     true, _, views = scene()
     trained = train(true, views, 1, SETTINGS, np.random.default_rng(0))
