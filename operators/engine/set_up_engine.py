@@ -9,7 +9,7 @@ from ...r2sego_blender.bridge.engine_python import addon_preferences, examine
 from ...r2sego_blender.bridge.user_folder import engine_folder
 from ...r2sego_blender.doctor import PACKAGES, REQUIRED_MB
 from ...r2sego_blender.errors import MachineError
-from ...r2sego_blender.workers.environment import DOWNLOAD_MB
+from ...r2sego_blender.workers.environment import DOWNLOAD_MB, not_packaged
 from .. import job
 from ..base import EngineOperator, needs_idle_engine
 
@@ -48,6 +48,8 @@ class R2SEGO_OT_set_up_engine(EngineOperator, bpy.types.Operator):
         rest_mb = sum(package.size_mb for package in needed[_LISTED:])
         column.label(text=f"and {len(needed) - _LISTED} smaller ones, {rest_mb} MB")
         layout.prop(self, "wheels")
+        if not self.wheels and (reason := not_packaged()):
+            layout.label(text=reason[0].upper() + reason[1:], icon="ERROR")
         if not (self.wheels or bpy.app.online_access):
             box = layout.box()
             box.label(text="Blender may not go online: allow it, or choose a folder of wheels", icon="ERROR")

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -33,6 +34,12 @@ DOWNLOAD_MB = 540
 
 SMALL_TORCH = "https://download.pytorch.org/whl/cpu"
 """An index with the torch for processors: on Linux the usual one brings CUDA along, 3 GB more."""
+
+SYSTEMS = {"win": ("amd64", "Windows"), "linux": ("x86_64", "Linux"), "macosx": ("arm64", "macOS")}
+"""Where every package has a wheel: sysconfig's name of a system -> the processors' and ours of it."""
+
+OLDEST_MACOS = 14
+"""For which the packages' wheels are built."""
 
 _WORTH_TELLING = ("Collecting", "Downloading", "Using cached", "Processing", "Installing")  # pip's steps
 _LOOK_S = 0.5
@@ -57,6 +64,21 @@ def python_of(folder: Path) -> Path:
     return folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 
 
+def not_packaged(system: str = sysconfig.get_platform(), macos: str = platform.mac_ver()[0]) -> str:
+    """Why the package index holds no engine for this Python, '' where it does.
+
+    ``system`` is sysconfig's name, as macosx-11.0-arm64; ``macos`` the version of macOS, '' elsewhere.
+    """
+    name, _, processor = system.replace("universal2", platform.machine()).partition("-")
+    processor = processor.rpartition("-")[2]
+    if processor != SYSTEMS.get(name, ("", ""))[0]:
+        have = ", ".join(f"{told} ({processor})" for processor, told in SYSTEMS.values())
+        return f"the engine's packages are made for {have}, and this is {system}"
+    if macos and int(macos.partition(".")[0]) < OLDEST_MACOS:
+        return f"the engine's packages are made for macOS {OLDEST_MACOS} and later, and this is {macos}"
+    return ""
+
+
 def make_environment(
     folder: Path,
     requirements: Sequence[str],
@@ -67,13 +89,18 @@ def make_environment(
     """Make or complete the environment in ``folder``; returns its interpreter.
 
     With ``wheels`` nothing is fetched from a network. Raises MachineError when the disk has less
-    room than ``needed_mb``, and with pip's last line when something cannot be installed; what was
-    downloaded stays for the next try.
+    room than ``needed_mb``, when the index has no packages for this system, and with pip's last
+    line when something cannot be installed; what was downloaded stays for the next try.
     """
     python, downloads = python_of(folder), folder / DOWNLOADS
     _require_room(folder, needed_mb)
     if wheels is not None and not wheels.is_dir():
         raise MachineError("there is no such folder of wheels", where=wheels, cure="Choose another.")
+    if wheels is None and (reason := not_packaged()):
+        raise MachineError(
+            reason, cure="Make scenes on such a machine: this Blender opens and edits them. Or give a folder "
+            "of wheels that you have built.",
+        )  # fmt: skip
     with progress.task("Making an environment", 1) as task:
         if not _has_pip(python):
             folder.mkdir(parents=True, exist_ok=True)

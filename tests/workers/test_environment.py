@@ -12,7 +12,7 @@ from progress_recorder import ProgressRecorder
 from stand_in_program import write_program
 
 from r2sego_blender.errors import MachineError
-from r2sego_blender.workers.environment import make_environment, python_of, required_packages
+from r2sego_blender.workers.environment import make_environment, not_packaged, python_of, required_packages
 
 
 def write_wheel(folder):
@@ -109,3 +109,33 @@ def test_the_requirements_are_the_projects_own():
 def test_a_missing_list_is_an_error_with_its_place(tmp_path):
     with pytest.raises(MachineError, match=r"pyproject\.toml"):
         required_packages(tmp_path / "pyproject.toml")
+
+
+@pytest.mark.parametrize(
+    ("system", "macos"),
+    [("linux-x86_64", ""), ("win-amd64", ""), ("macosx-11.0-arm64", "14.0"), ("macosx-14.2-arm64", "26.1")],
+)
+def test_there_are_packages_for_the_systems_that_most_people_have(system, macos):
+    assert not_packaged(system, macos) == ""
+
+
+@pytest.mark.parametrize(
+    ("system", "macos", "told"),
+    [
+        ("macosx-10.15-x86_64", "15.1", "this is macosx-10.15-x86_64"),
+        ("macosx-11.0-arm64", "13.6.1", "macOS 14 and later, and this is 13.6.1"),
+        ("win-arm64", "", "Windows (amd64)"),
+        ("linux-aarch64", "", "Linux (x86_64)"),
+        ("freebsd-14-amd64", "", "macOS (arm64)"),
+    ],
+)
+def test_systems_without_packages_are_told_before_anything_is_fetched(
+    tmp_path, monkeypatch, system, macos, told
+):
+    monkeypatch.setattr(
+        "r2sego_blender.workers.environment.not_packaged", lambda: not_packaged(system, macos)
+    )
+    with pytest.raises(MachineError) as refused:
+        make_environment(tmp_path / "engine", ["tinything"], None, ProgressRecorder())
+    assert told in str(refused.value)
+    assert not (tmp_path / "engine").exists()
