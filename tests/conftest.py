@@ -1,6 +1,7 @@
 """Lets every test import this folder's helpers, choose numba's threads, and take its time."""
 
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,18 @@ settings.register_profile("busy machines", deadline=None)
 settings.load_profile("busy machines")
 
 sys.path.insert(0, str(Path(__file__).parent))
+
+
+@pytest.fixture
+def elsewhere(tmp_path, monkeypatch):
+    """``elsewhere()``: from now on temporary files lie in a folder of letters that not every system has."""
+
+    def go():
+        place = tmp_path / "Größe 部屋"
+        place.mkdir()
+        monkeypatch.setattr(tempfile, "tempdir", str(place))
+
+    return go
 
 
 @pytest.fixture(scope="session")

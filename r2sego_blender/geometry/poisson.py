@@ -6,6 +6,7 @@ clouds are looked at first and the reconstruction runs in a child process.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from ..scratch import ScratchFolder
 from ..workers.child import call_in_child
 from .oriented_points import OrientedPoints
 
+_CLOUD, _SURFACE = "points.ply", "surface.ply"
 _FEWEST_POINTS = 50
 _DEPTHS = (4, 10)  # of the octree; a side is cut into 2**depth cells
 _PADDING = 1.1  # the octree's side over the cloud's
@@ -34,10 +36,9 @@ def poisson_surface(cloud: OrientedPoints, cell_m: float) -> tuple[np.ndarray, n
     extent = float(np.ptp(points, axis=0).max())
     depth = int(np.clip(round(np.log2(_PADDING * extent / cell_m)), *_DEPTHS))
     with ScratchFolder() as folder:
-        source, target = Path(folder, "points.ply"), Path(folder, "surface.ply")
-        _write_ply(source, points, normals)
-        call_in_child(_reconstruct, {"source": str(source), "target": str(target), "depth": depth})
-        mesh = trimesh.load(target, process=False, force="mesh")
+        _write_ply(Path(folder, _CLOUD), points, normals)
+        call_in_child(_reconstruct, {"folder": folder, "depth": depth})
+        mesh = trimesh.load(Path(folder, _SURFACE), process=False, force="mesh")
         vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)
     reach = max(_TRIMMED_CELLS * cell_m, 1.5 * _PADDING * extent / 2**depth)
     near = np.isfinite(cKDTree(points).query(vertices, distance_upper_bound=reach)[0])
@@ -83,14 +84,16 @@ def _write_ply(path: Path, points: np.ndarray, normals: np.ndarray) -> None:
 
 
 def _reconstruct(request: dict) -> dict:
-    """Runs in the child: ``target`` becomes the surface of the cloud in ``source``."""
+    """Runs in the child: makes the surface of the cloud in ``folder``."""
     import pycolmap
 
+    os.chdir(request["folder"])  # Windows' COLMAP opens no path of letters beyond the system's,
+    os.environ |= {"TEMP": ".", "TMP": "."}  # nor do its own temporary files
     options = pycolmap.PoissonMeshingOptions()
     options.depth, options.trim, options.color = request["depth"], 0.0, False
     options.num_threads = 1  # the same bits every time
-    pycolmap.poisson_meshing(request["source"], request["target"], options)
-    if not Path(request["target"]).is_file():
+    pycolmap.poisson_meshing(_CLOUD, _SURFACE, options)
+    if not Path(_SURFACE).is_file() or not Path(_SURFACE).stat().st_size:
         raise GeometryError(
             "the reconstruction left no surface", where="surface", cure="Use another backend."
         )
