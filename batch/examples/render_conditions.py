@@ -4,7 +4,8 @@ blender --background --python batch/examples/render_conditions.py -- SCENE --to 
 python batch/examples/render_conditions.py -- SCENE --to FOLDER --engine eevee  (pip bpy)
 
 Each view gets a folder of multilayer EXRs, 000.exr at the reference capture and the last one
-at the target, and a manifest.json with the cameras and passes.
+at the target, and a manifest.json with the cameras and passes. On a render farm each machine
+takes a --view, or --frames of a clip; begin with an empty folder.
 """
 
 import argparse
@@ -28,6 +29,10 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--to", type=Path, required=True, help="folder for the views' folders")
     parser.add_argument("--round", type=int, default=None, help="from 0; the last one when left out")
     parser.add_argument("--view", type=int, default=None, help="from 0; every clip when left out")
+    parser.add_argument(
+        "--frames", type=int, nargs=2, metavar=("FIRST", "LAST"),
+        help="these alone of each clip, the last included, into a folder that several machines share",
+    )  # fmt: skip
     parser.add_argument("--engine", choices=("cycles", "eevee"), default="cycles")
     parser.add_argument("--scale", type=float, default=1.0, help="image scale, from 0.05 to 1")
     options = parser.parse_args(arguments)
@@ -41,7 +46,8 @@ def main(arguments: list[str]) -> int:
     scene = ConditionScene(bundle.proxy(shown), options.engine)
     for view in views:
         path = [camera.scaled(options.scale) for camera in bundle.camera_path(shown, view)]
-        files = render_path(scene, path, options.to / f"{view:03d}", options.engine)
+        only = None if options.frames is None else range(options.frames[0], options.frames[1] + 1)
+        files = render_path(scene, path, options.to / f"{view:03d}", options.engine, only=only)
         print(f"view {view}: {len(files)} frames in {files[0].parent}")
     return 0
 

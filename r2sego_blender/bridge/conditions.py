@@ -111,24 +111,35 @@ class ConditionScene:
 
 def render_path(
     scene: ConditionScene, path: Sequence[Camera], folder: Path, engine: str,
-    on_frame: Callable[[int], None] = lambda index: None,
+    on_frame: Callable[[int], None] = lambda index: None, only: range | None = None,
 ) -> list[Path]:  # fmt: skip
     """Render from every camera of ``path``: ``000.exr`` and on, and a manifest.
 
-    ``on_frame`` hears the index of each frame that is begun. Returns the images. Raises
-    GenerationError when Blender could not render one.
+    With ``only`` the frames of that range, as where several machines share a clip: whoever finds
+    all of them there in the end writes the manifest. ``on_frame`` hears the index of each frame
+    that is begun. Returns the images. Raises GenerationError when Blender could not render one,
+    or the path has none in the range.
     """
+    part = [index for index in range(len(path)) if only is None or index in only]
+    if only is not None and not part:
+        raise GenerationError(
+            f"the clip has no frame from {only.start} to {only.stop - 1}", where=folder,
+            cure=f"It has 0 to {len(path) - 1}.",
+        )  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     manifest = folder / MANIFEST
     manifest.unlink(missing_ok=True)
     files = [folder / f"{index:03d}.exr" for index in range(len(path))]
-    for index, (camera, file) in enumerate(zip(path, files, strict=True)):
+    for index in part:
         on_frame(index)
-        scene.render(camera, file)
+        scene.render(path[index], files[index])
+    written = [files[index] for index in part]
+    if not all(file.is_file() for file in files):
+        return written
     frames = [{"file": f.name, "camera": c.to_json()} for f, c in zip(files, path, strict=True)]
     content = {"complete": True, "renderer": renderer_name(engine), "passes": PASSES, "frames": frames}
     write_whole(manifest, json.dumps(content, indent=1))
-    return files
+    return written
 
 
 def _render_now(scene: bpy.types.Scene) -> None:

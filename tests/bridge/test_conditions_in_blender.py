@@ -176,6 +176,24 @@ def test_a_path_that_ends_half_way_leaves_whole_images_and_no_manifest(tmp_path)
     assert [file.name for file in tmp_path.iterdir()] == ["000.exr"]
 
 
+def test_machines_that_share_a_clip_make_together_what_one_makes_alone(in_cycles, tmp_path):
+    shown = ConditionScene(bumpy_room(), "cycles")
+    last = range(2, len(PATH))
+    assert [file.name for file in bridge.render_path(shown, PATH, tmp_path, "cycles", only=last)] == [
+        f"{index:03d}.exr" for index in last
+    ]
+    assert not (tmp_path / bridge.MANIFEST).exists()
+    with pytest.raises(GenerationError, match=rf"no frame from {len(PATH)} to 99"):
+        bridge.render_path(shown, PATH, tmp_path, "cycles", only=range(len(PATH), 100))
+    bridge.render_path(shown, PATH, tmp_path, "cycles", only=range(2))
+    shown.remove()
+    whole = in_cycles[1][0].parent
+    assert (tmp_path / bridge.MANIFEST).read_bytes() == (whole / bridge.MANIFEST).read_bytes()
+    for index, camera in enumerate(PATH):
+        parts, alone = (read_condition(folder / f"{index:03d}.exr", camera) for folder in (tmp_path, whole))
+        np.testing.assert_array_equal(parts.depth, alone.depth)
+
+
 def test_an_image_that_is_cut_off_is_never_taken_for_whole(scene, tmp_path, monkeypatch):
     conditions = ConditionScene(bumpy_room(), "cycles")
 
