@@ -42,7 +42,8 @@ def said(tmp_path_factory):
     (package,) = folder.glob("*.zip")
     blender = os.environ.get("R2SEGO_TEST_BLENDER")
     start = [blender, "--background", "--python", str(CHECKS)] if blender else [sys.executable, str(CHECKS)]
-    environment = {**os.environ, "BLENDER_USER_RESOURCES": str(folder / "user")}
+    own = {"BLENDER_USER_RESOURCES": str(folder / "user"), "LOCALAPPDATA": str(folder / "local")}
+    environment = {**os.environ, **own}
     if blender:  # 4.3 loads an add-on in a new user folder only from the next start on
         install = ["--command", "extension", "install-file", "-r", "user_default", "-e", str(package)]
         subprocess.run([blender, *install], env=environment, check=True)
