@@ -21,7 +21,7 @@ from .scene import Scene
 from .splats.formats import SUFFIXES, load_asset, save_asset
 from .text_files import write_json, write_text
 from .texture import textured_room
-from .whole_files import rename
+from .whole_files import remove, rename
 from .world_frame import require_present_frame
 
 ABOUT, TEXTURED = "about.txt", "textured"
@@ -202,5 +202,5 @@ def _copy(source: Path, place: Path) -> None:
 
 def _replace(made: Path, place: Path) -> None:
     if place.is_dir():
-        shutil.rmtree(place)
+        remove(place)
     rename(made, place)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import shutil
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from .text_files import write_text
@@ -98,17 +99,25 @@ def swap_in(made: Path, place: Path) -> None:
 
 def rename(made: Path, place: Path) -> None:
     """Rename ``made`` to ``place``, in place of a file that is there; waits for who holds it for a moment."""
-    for pause_s in _PAUSES_S:
-        with contextlib.suppress(PermissionError):
-            made.replace(place)
-            return
-        time.sleep(pause_s)
-    made.replace(place)
+    _patiently(lambda: made.replace(place))
 
 
 def remove(path: Path) -> None:
     """Remove a file, a link or a folder with all in it, if it is there."""
     if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
+        _patiently(lambda: shutil.rmtree(path))
     else:
-        path.unlink(missing_ok=True)
+        _patiently(lambda: path.unlink(missing_ok=True))
+
+
+def _patiently(change: Callable[[], object]) -> None:
+    """Call ``change`` until nobody holds the file any more, or for as long as a virus scanner may."""
+    for pause_s in _PAUSES_S:
+        try:
+            change()
+            return
+        except OSError as error:  # a folder is not empty while one of its removed files is still held
+            if error.errno not in (errno.EACCES, errno.ENOTEMPTY):
+                raise
+        time.sleep(pause_s)
+    change()

@@ -1,5 +1,7 @@
 """Files take their place though a virus scanner or an indexer holds them for a moment."""
 
+import errno
+import shutil
 from pathlib import Path
 
 import pytest
@@ -41,6 +43,22 @@ def test_a_folder_that_is_held_for_a_moment_takes_its_place(tmp_path, held):
     whole_files.swap_in(tmp_path / "made", tmp_path / "depth")
     assert [file.name for file in tmp_path.iterdir()] == ["depth"]
     assert (tmp_path / "depth" / "file").read_text() == "made"
+
+
+def test_a_folder_whose_files_go_late_is_removed(tmp_path, monkeypatch):
+    (tmp_path / "old").mkdir()
+    left, rmtree = [2], shutil.rmtree
+
+    def not_empty_at_first(path):
+        left[0] -= 1
+        if left[0] >= 0:
+            raise OSError(errno.ENOTEMPTY, "the directory is not empty")
+        rmtree(path)
+
+    monkeypatch.setattr(whole_files, "_PAUSES_S", [0.0] * 3)
+    monkeypatch.setattr(shutil, "rmtree", not_empty_at_first)
+    whole_files.remove(tmp_path / "old")
+    assert not (tmp_path / "old").exists()
 
 
 def test_one_that_is_held_for_good_is_told(tmp_path, held):
