@@ -190,7 +190,7 @@ def test_a_correction_that_fails_on_the_way_changes_nothing(tmp_path, monkeypatc
         patched.setattr("r2sego_blender.correction.save_ground_pictures", full)
         correct_registration(scene, floor=shown)
     (scene.path / "objects" / "chair" / "placement.json").write_text("{")
-    with pytest.raises(GeometryError, match=r"room\.r2s/objects/chair/placement\.json"):
+    with pytest.raises(GeometryError, match=r"room\.r2s.objects.chair.placement\.json"):
         correct_registration(scene, floor=shown)
     (scene.path / "objects" / "chair" / "placement.json").write_text(
         json.dumps({"world_from_own": np.eye(4).tolist(), "locked": True})

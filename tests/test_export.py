@@ -189,7 +189,7 @@ def test_a_folder_collision_that_no_export_made_is_left_alone(scene, tmp_path):
     mine = tmp_path / "package" / "collision" / "gripper.stl"
     mine.parent.mkdir(parents=True)
     mine.write_text("mine")
-    with pytest.raises(SceneError, match="package/collision: it is there already, and no export made it"):
+    with pytest.raises(SceneError, match=r"package.collision: it is there already, and no export made it"):
         export_scene(scene, tmp_path / "package")
     assert mine.read_text() == "mine" and [one.name for one in (tmp_path / "package").iterdir()] == [
         "collision"

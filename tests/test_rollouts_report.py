@@ -70,5 +70,5 @@ def test_a_person_reads_reason_frame_and_particulars(scene):
 
 
 def test_a_round_that_was_not_run_is_told(scene):
-    with pytest.raises(RobotError, match="rounds/1/rollouts"):
+    with pytest.raises(RobotError, match=r"rounds.1.rollouts"):
         describe_rollouts(scene, 1)

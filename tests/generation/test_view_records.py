@@ -63,7 +63,7 @@ def test_the_paths_note_is_told(views):
 @pytest.mark.parametrize("damage", ["", "[]", "{", '{"rank": 0}', '{"rank": "0", "accepted": 1}'])
 def test_damage_is_an_error_that_names_the_file(views, damage):
     (views / "001" / "pose.json").write_text(damage)
-    with pytest.raises(GenerationError, match=r"001/pose\.json"):
+    with pytest.raises(GenerationError, match=r"001.pose\.json"):
         read_views(views, 3)
 
 
