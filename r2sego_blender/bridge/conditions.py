@@ -85,7 +85,7 @@ class ConditionScene:
             set_camera(self._camera, camera)
         use_frame_of(self._camera, scene)
         unfinished = file.with_name(_UNFINISHED + file.name)
-        scene.render.filepath = str(unfinished)
+        scene.render.filepath = versions.render_filepath(unfinished)
         try:
             _render_now(scene)
         except RuntimeError as error:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bpy
 
+_FROM_4_5 = bpy.app.version >= (4, 5, 0)
 _FROM_5_0 = bpy.app.version >= (5, 0, 0)
 
 VERSION = ".".join(map(str, bpy.app.version))
@@ -11,6 +14,11 @@ VERSION = ".".join(map(str, bpy.app.version))
 
 RENDER_ENGINES = {"cycles": "CYCLES", "eevee": "BLENDER_EEVEE" if _FROM_5_0 else "BLENDER_EEVEE_NEXT"}
 """Blender's names of the engines."""
+
+
+def render_filepath(file: Path) -> str:
+    """``file`` as a render's path, in whose folders Blender 4.5 takes {…} for a variable."""
+    return str(file).replace("{", "{{").replace("}", "}}") if _FROM_4_5 else str(file)
 
 
 def write_multilayer(scene: bpy.types.Scene) -> None:

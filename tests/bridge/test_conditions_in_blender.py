@@ -152,6 +152,12 @@ def test_the_mesh_goes_to_cycles_once(scene, tmp_path, capfd):
     assert sum(line.endswith("Updating Scene BVH | Building") for line in lines) == 1
 
 
+def test_a_folder_may_have_braces_in_its_name(scene, tmp_path):
+    folder = tmp_path / "{room} 1"
+    (file,) = render_conditions(fake_bundle.proxy(), [fake_bundle.cameras()[0]], folder)
+    assert file.parent == folder and file.is_file()
+
+
 def test_a_folder_that_cannot_be_written_is_an_error(scene, tmp_path):
     (tmp_path / "000.exr").mkdir()
     with pytest.raises(GenerationError, match=r"000\.exr"):
