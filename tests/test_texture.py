@@ -125,7 +125,7 @@ def test_what_cannot_be_is_one_line_and_leaves_nothing(scene, options, words):
 def test_a_folder_that_is_not_there_is_told_before_anything_is_baked(scene):
     done = r2sego("texture", scene.path, "--to", "/no/such/folder/out.glb", *SMALL)
     assert done.exit_code == 1
-    assert done.stderr == "r2sego: /no/such/folder: there is no such folder. Make it first.\n"
+    assert done.stderr == f"r2sego: {Path('/no/such/folder')}: there is no such folder. Make it first.\n"
 
 
 def test_a_scene_without_a_proxy_says_what_to_run(scene):
