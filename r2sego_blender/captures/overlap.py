@@ -14,6 +14,7 @@ from ..progress import Progress
 from ..settings import CaptureSettings
 from .colmap import load_pycolmap
 from .features import Features, epipolar_errors, match, match_along_epipolar_lines
+from .neighbours import neighbours
 
 # Matches between poses that are known are searched in a narrow band, where a nearest
 # descriptor always exists: beyond this distance (of descriptors of length 512) it is chance.
@@ -23,17 +24,23 @@ _MIN_AGREEING_SHARE = 0.2
 # This many plain matches that contradict the poses mean overlap with wrong poses.
 _CONTRADICTING_MATCHES = 60
 
+# Of 55 photographs of an office, and of 42 views of a room at random, ten find every pair that overlaps.
+_NEAREST = 16
+# What is taken to be seen: along so many rays, so far away in median distances of two cameras.
+_RAYS_A_SIDE = 3
+_DEPTHS = (0.25, 0.5, 1.0)
+
 Pairs = dict[tuple[int, int], np.ndarray]
 """Matches (m, 2) int32 of feature indices for pairs (i, j), i < j, of photographs."""
 
 
 def match_all(
     features: Sequence[Features], settings: CaptureSettings, progress: Progress,
-    title: str = "Matching photographs",
+    title: str = "Matching photographs", among: Sequence[tuple[int, int]] | None = None,
 ) -> Pairs:  # fmt: skip
-    """Mutual ratio-test matches of every pair that has at least ``min_matches`` of them."""
+    """Mutual ratio-test matches of every pair, or every one ``among``, that has ``min_matches`` of them."""
     pairs: Pairs = {}
-    indices = list(combinations(range(len(features)), 2))
+    indices = list(combinations(range(len(features)), 2)) if among is None else among
     for i, j in progress.track(indices, title):
         matches = match(features[i].descriptors, features[j].descriptors, settings.match_ratio)
         if len(matches) >= settings.min_matches:
@@ -45,13 +52,30 @@ def match_known_poses(
     features: Sequence[Features], cameras: Sequence[Camera], names: Sequence[str],
     settings: CaptureSettings, progress: Progress,
 ) -> Pairs:  # fmt: skip
-    """Guided matches of every pair whose plain matches confirm the known poses.
+    """Guided matches of every near pair whose plain matches confirm the known poses.
 
     Raises CaptureError when no pair does, and tells overlap with wrong poses apart.
     """
-    plain = match_all(features, settings, progress)
+    plain = match_all(features, settings, progress, among=near_pairs(cameras))
     confirmed = confirming(plain, features, cameras, settings.max_error_px, settings)
     return match_guided(confirmed, features, cameras, names, settings, progress)
+
+
+def near_pairs(cameras: Sequence[Camera]) -> list[tuple[int, int]]:
+    """The pairs (i, j), i < j, of cameras that see most of the same places, sixteen for each at most.
+
+    Where the surfaces are is not known yet: places before a camera are as far as cameras are apart.
+    """
+    every = list(combinations(range(len(cameras)), 2))
+    if len(cameras) <= _NEAREST + 1:
+        return every
+    apart = np.median([np.linalg.norm(cameras[i].centre - cameras[j].centre) for i, j in every])
+    places = [
+        coarse.unproject(np.full(coarse.shape, depth * apart)).reshape(-1, 3)
+        for coarse in (camera.fitted(_RAYS_A_SIDE) for camera in cameras) for depth in _DEPTHS
+    ]  # fmt: skip
+    near = neighbours(cameras, np.concatenate(places), _NEAREST)
+    return sorted({(min(i, j), max(i, j)) for i, others in enumerate(near) for j in others}) or every
 
 
 def confirming(

@@ -16,13 +16,13 @@ import numpy as np
 from ..arrays import opened_arrays, save_arrays
 from ..cameras import Camera
 from ..captures.capture import Capture
+from ..captures.neighbours import neighbours
 from ..errors import GeometryError
 from ..images import resize
 from ..progress import SILENT, Progress, Task
 from ..settings import StereoSettings
 from . import matching, patchmatch
 from .consistency import support
-from .neighbours import neighbours
 from .noise import without_noise
 
 _LUMA = np.array([0.299, 0.587, 0.114], np.float32)

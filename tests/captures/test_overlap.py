@@ -1,11 +1,13 @@
 """Pairs of photographs: which of their matches are taken."""
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 
-from r2sego_blender.cameras import Camera
+from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.features import Features
-from r2sego_blender.captures.overlap import match_all, match_guided
+from r2sego_blender.captures.overlap import match_all, match_guided, near_pairs
 from r2sego_blender.progress import SILENT
 from r2sego_blender.settings import CaptureSettings
 
@@ -35,3 +37,29 @@ def test_matches_are_as_clear_as_is_set(twins, ratio, found):
     expected = np.repeat(np.arange(found)[:, None], 2, axis=1).tolist()
     assert [matches.tolist() for matches in plain.values()] == ([expected] if found else [])
     assert guided[0, 1].tolist() == expected
+
+
+def test_few_cameras_are_all_near():
+    rng = np.random.default_rng(1)
+    cameras = [CAMERA.at(look_at(rng.normal(size=3), rng.normal(size=3))) for _ in range(17)]
+    for count in range(2, 18):
+        assert near_pairs(cameras[:count]) == list(combinations(range(count), 2))
+
+
+@pytest.mark.parametrize("unit_m", [1.0, 0.02])
+def test_of_many_cameras_those_are_near_that_see_the_same(unit_m):
+    """Along a line 80 look to one side and 80 to the other; the poses' unit plays no part."""
+    places = np.linspace(0.0, 8.0, 80)
+    cameras = [
+        CAMERA.at(look_at(np.array([x, 0.0, 1.5]) / unit_m, np.array([x, way, 1.4]) / unit_m))
+        for way in (1.0, -1.0) for x in places
+    ]  # fmt: skip
+    pairs = near_pairs(cameras)
+    assert all(i < j and (i < 80) == (j < 80) and j - i <= 20 for i, j in pairs)
+    assert {(i, i + step) for i in range(72) for step in range(2, 6)} <= set(pairs)
+    assert len(pairs) < 0.15 * 160 * 159 / 2
+
+
+def test_cameras_at_one_place_are_all_near():
+    cameras = [CAMERA.at(look_at(np.zeros(3), np.array([np.cos(a), np.sin(a), 0.0]))) for a in range(20)]
+    assert near_pairs(cameras) == list(combinations(range(20), 2))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.geometry.neighbours import neighbours
+from r2sego_blender.captures.neighbours import neighbours
 
 
 def at(x: float, target_y: float = 3.0) -> Camera:
