@@ -45,9 +45,10 @@ class ValidityRenderer:
         self._supported = np.ascontiguousarray(proxy.support[order] > 0)
         # Each cluster has its own vertices, in the mesh's order: two faces of an edge that two
         # clusters share meet in the same numbers.
-        cluster = np.arange(len(faces)) // _CLUSTER
+        cluster = np.arange(len(faces), dtype=np.int64) // _CLUSTER  # NumPy 1 counts in 32 bits on Windows
         keys, local = np.unique(cluster[:, None] * len(vertices) + faces, return_inverse=True)
-        self._starts = np.searchsorted(keys, np.arange(-(-len(faces) // _CLUSTER) + 1) * len(vertices))
+        clusters = np.arange(-(-len(faces) // _CLUSTER) + 1, dtype=np.int64)
+        self._starts = np.searchsorted(keys, clusters * len(vertices))
         self._vertices = vertices[keys % max(len(vertices), 1)]
         self._faces = (local.reshape(-1, 3) - self._starts[cluster, None]).astype(np.int16)
         self._spheres = _spheres(self._vertices, self._starts)

@@ -118,7 +118,7 @@ def morton_order(points: np.ndarray) -> np.ndarray:
     points = np.asarray(points, np.float64)
     finite = np.isfinite(points).all(axis=1)
     if not finite.any():
-        return np.arange(len(points))
+        return np.arange(len(points), dtype=np.int64)
     # A few stray Gaussians far away must not squeeze the others into one cell.
     low, high = np.percentile(points[finite], [1.0, 99.0], axis=0)
     size = float((high - low).max()) or 1.0
