@@ -308,7 +308,7 @@ def test_humans_that_are_none_are_refused(tmp_path, content, message):
     ],
 )
 def test_tables_that_are_no_motions_are_refused(tmp_path, text, message):
-    (tmp_path / "m.csv").write_text(text)
+    (tmp_path / "m.csv").write_text(text, encoding="utf-8")
     with pytest.raises(RobotError, match=message) as raised:
         read_recording(tmp_path / "m.csv")
     assert str(raised.value).startswith(str(tmp_path / "m.csv"))
