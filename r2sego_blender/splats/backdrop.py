@@ -3,8 +3,9 @@
 A splat asset trained on a few captures is empty beyond them, and a view of the emptiness
 is black. The backdrop is a closed shell around the captures instead: in each direction it
 stands where the farthest thing was seen, and where nothing was seen it continues the
-directions around it, in distance and in colour. It is a guess, never geometry: the asset
-deficit, the proxy and the collision surface are made without it.
+directions around it, in distance and in colour, those at its own height first: a wall goes
+on as the walls beside it, not as the floor below. It is a guess, never geometry: the
+asset deficit, the proxy and the collision surface are made without it.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ _STRIDE_PX = 4  # of the pixels that are looked at
 _FAR_QUANTILE = 0.9  # of the distances seen in a direction: a few stray depths do not count
 _FAR_SHARE = 0.9  # pixels at least this near the far distance give the colour
 _NEIGHBOURS = 32  # seen directions that an unseen one is interpolated from
+_UPRIGHT = np.array([1.0, 1.0, 5.0])  # directions up and down count as this much farther than across
 _SIGMA = 0.7  # standard deviation over the spacing of directions: no gaps between neighbours
 _OPACITY = 0.95
 _CLEARANCE = 1.03  # the shell stands this much behind what was seen: surfaces stay in front
@@ -105,9 +107,10 @@ def _farthest(
 
 def _interpolated(around: np.ndarray, known: np.ndarray, values: np.ndarray) -> np.ndarray:
     """``values`` (D, C) where ``known``; elsewhere the mean of the nearest known directions,
-    weighted by the inverse square of their distance."""
+    weighted by the inverse square of their distance. Rooms are alike across, not upwards."""
     neighbours = min(_NEIGHBOURS, int(known.sum()))
-    distance, index = cKDTree(around[known]).query(around[~known], k=neighbours)
+    stretched = around * _UPRIGHT
+    distance, index = cKDTree(stretched[known]).query(stretched[~known], k=neighbours)
     weight = 1.0 / np.square(distance.reshape(-1, neighbours, 1))
     near = values[known][index.reshape(-1, neighbours)]
     filled = values.copy()

@@ -92,6 +92,19 @@ def test_it_is_closed_and_never_black_where_nothing_was_seen(views, target):
     assert image.colour.max() <= 0.95
 
 
+def test_an_unseen_wall_continues_the_walls_beside_it_and_not_the_floor():
+    """Behind the cameras, where the floor is nearer than any wall that was seen."""
+    views = [
+        room_view((0.0, -1.2, 1.3), (0.0, 2.0, 0.4)),
+        room_view((0.5, -1.2, 1.3), (1.5, 2.0, 0.4)),
+        room_view((-0.5, -1.2, 1.3), (-1.5, 2.0, 0.4)),
+    ]
+    camera = Camera(64, 48, 50, 50, 32, 24, look_at((0.0, 0.0, 1.3), (0.0, -2.0, 1.4)))
+    ahead = render(backdrop(views, COUNT), camera).colour[16:24].mean(axis=(0, 1))
+    assert ahead[2] < 0.4  # walls are red and green, the floor is blue
+    assert ahead[:2].max() > 0.5
+
+
 def test_it_is_empty_where_there_is_nothing_to_go_by(views):
     blind = DepthView(views[0].camera, np.zeros_like(views[0].depth), views[0].image, stride_px=2)
     assert len(backdrop([], COUNT)) == len(backdrop([blind], COUNT)) == len(backdrop(views, 0)) == 0
