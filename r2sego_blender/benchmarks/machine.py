@@ -16,8 +16,9 @@ import numpy as np
 from llvmlite import binding as llvm
 from numba.core.types import int64, void
 
+from ..splats.aligned_memory import aligned
 from ..splats.compiled import kernel
-from ..splats.vectors import LANES, VECTOR_BYTES, Code, Value, aligned, vector_kernel
+from ..splats.vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
 
 _ISAS = (
     ("avx512f", "avx512"),

@@ -20,8 +20,9 @@ from ..errors import GeometryError
 from ..geometry.proxy import GeometryProxy
 from ..geometry.rasterizer import NEAR_M, cut_bounds, edge_plane
 from ..geometry.view_volume import in_view, side_planes
+from ..splats.aligned_memory import aligned
 from ..splats.packing import morton_order
-from ..splats.vectors import LANES, VECTOR_BYTES, Code, Value, aligned, vector_kernel
+from ..splats.vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
 
 SAMPLES = 2
 """Samples of a pixel, a side."""

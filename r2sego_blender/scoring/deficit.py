@@ -14,8 +14,11 @@ import numpy as np
 from numba.core.types import float32, int64, void
 
 from ..cameras import Camera
+from ..splats.aligned_memory import aligned
 from ..splats.asset import SplatAsset
 from ..splats.compiled import parallel_kernel, prange
+from ..splats.denormals import flush_denormals, restore_denormals
+from ..splats.exponentials import EXP2_COEFFICIENTS_BELOW_0, exp2_small
 from ..splats.packing import LANES, PackedGaussians
 from ..splats.projection import (
     DILATION_PX2,
@@ -35,16 +38,7 @@ from ..splats.projection import (
     project_chunk,
 )
 from ..splats.tiles import BLOCK_PX
-from ..splats.vectors import (
-    EXP2_COEFFICIENTS_BELOW_0,
-    VECTOR_BYTES,
-    Code,
-    Value,
-    aligned,
-    flush_denormals,
-    restore_denormals,
-    vector_kernel,
-)
+from ..splats.vectors import VECTOR_BYTES, Code, Value, vector_kernel
 
 _LENS_FLOATS = 2 * LANES
 _SETTLED_MARGIN = 1e-3
@@ -163,7 +157,7 @@ def _dim(code: Code, record: Value, plane: Value, width: Value, height: Value, e
             with code.when(code.bits(light > enough).differs(0)):
                 e = code.fma(next_block, code.to_floats(block), e0)
                 exponent = code.fma(-e, e, above)
-                alpha = code.minimum(code.exp2_small(exponent, coefficients), LARGEST_ALPHA)
+                alpha = code.minimum(exp2_small(exponent, coefficients), LARGEST_ALPHA)
                 alpha = code.select(exponent >= EIGHTH_SMALLEST, alpha, 0.0)
                 code.store(at, code.fma(-alpha, light, light))
         row.add(code.long(1))

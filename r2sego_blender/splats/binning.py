@@ -11,6 +11,7 @@ import numpy as np
 from numba.core.types import int64
 
 from .compiled import dealt, kernel, parallel_kernel, prange, turns
+from .denormals import flush_denormals, restore_denormals
 from .packing import LANES
 from .projection import (
     BLOCK,
@@ -29,7 +30,7 @@ from .projection import (
     V,
 )
 from .tiles import BLOCK_PX, RUN_OF_TILES, TILE_SHIFT
-from .vectors import Code, Value, flush_denormals, restore_denormals, vector_kernel
+from .vectors import Code, Value, vector_kernel
 
 SEGMENTS = 16
 """The Gaussians are binned in this many runs, each by one thread at a time."""

@@ -22,8 +22,12 @@ import numpy as np
 from numba import get_thread_id
 from numba.core.types import int64, void
 
+from .aligned_memory import aligned
 from .binning import ENTRY_BYTES
 from .compiled import dealt, kernel, parallel_kernel, prange, turns
+from .denormals import flush_denormals, restore_denormals
+from .exponentials import EXP2_COEFFICIENTS_BELOW_0, exp2_small
+from .lanes import lane_sums
 from .projection import (
     DEPTH,
     EIGHTH,
@@ -52,18 +56,7 @@ from .tiles import (
     open_tile,
     store_tile,
 )
-from .vectors import (
-    EXP2_COEFFICIENTS_BELOW_0,
-    LANES,
-    VECTOR_BYTES,
-    Code,
-    Value,
-    Variable,
-    aligned,
-    flush_denormals,
-    restore_denormals,
-    vector_kernel,
-)
+from .vectors import LANES, VECTOR_BYTES, Code, Value, Variable, vector_kernel
 
 BATCH = 32
 """Entries whose records are fetched together; after each batch finished blocks are noticed."""
@@ -161,7 +154,7 @@ class _Splat:
         """
         code = self.code
         place, e, f, exponent = at
-        alpha = code.exp2_small(exponent, [self.constant(k) for k in range(6)])
+        alpha = exp2_small(exponent, [self.constant(k) for k in range(6)])
         if held:
             alpha = code.minimum(alpha, self.constant(_LARGEST))
         alpha = code.select(exponent >= self.constant(_EIGHTH_SMALLEST_AT), alpha, 0.0)
@@ -227,7 +220,7 @@ def _write_blend_backward(code: Code, depth: bool, *arguments: Value) -> None:
         code.store(slot, zero)
         with code.when(blocks.differs(0)):
             splat.visit(blocks, blend)
-            code.store(slot, code.sums([total.get() for total in sums]))
+            code.store(slot, lane_sums([total.get() for total in sums]))
             if not depth:
                 code.store_float(slot + 4 * (MOMENTS - 1), code.float(0.0))
             code.store_float(slot + 4 * BLENDED, code.float(1.0))

@@ -17,19 +17,13 @@ import numpy as np
 from numba import get_thread_id
 from numba.core.types import float32, int64, void
 
+from .aligned_memory import aligned
 from .compiled import kernel, parallel_kernel, prange
+from .denormals import flush_denormals, restore_denormals
+from .lanes import lane_sum
 from .metrics import SSIM_C1, SSIM_C2, SSIM_RADIUS_PX, ssim_window
 from .tiles import planes_of
-from .vectors import (
-    LANES,
-    VECTOR_BYTES,
-    Code,
-    Value,
-    aligned,
-    flush_denormals,
-    restore_denormals,
-    vector_kernel,
-)
+from .vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
 
 _CHANNELS = 3
 _DERIVATIVES = 3
@@ -203,7 +197,7 @@ def _clear_sum(code: Code, scratch: Value) -> None:
 
 @vector_kernel(float32(int64))
 def _read_sum(code: Code, scratch: Value) -> Value:
-    return code.sum(code.load(scratch))
+    return lane_sum(code.load(scratch))
 
 
 @vector_kernel(void(int64, int64))

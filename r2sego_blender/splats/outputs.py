@@ -17,6 +17,7 @@ from ..errors import AssetError
 from .asset import SplatAsset
 from .compiled import kernel, parallel_kernel, prange
 from .compositing import FINISHED
+from .exponentials import EXP2_COEFFICIENTS_BELOW_0
 from .packing import LANES, PackedGaussians
 from .projection import (
     EIGHTH,
@@ -31,7 +32,6 @@ from .projection import (
 from .quaternions import to_rotation
 from .rasterizer import SMALLEST_ALPHA, Background, Rasterizer, Rendering, TileEntries
 from .tiles import BLOCK_PX, BLOCKS, BLOCKS_A_SIDE, TILE_PX
-from .vectors import EXP2_COEFFICIENTS_BELOW_0
 
 NONE = -1
 """Number of the Gaussian, and of the instance, where nothing is seen."""

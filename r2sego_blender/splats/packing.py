@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .aligned_memory import aligned
 from .asset import SplatAsset
-from .vectors import LANES, aligned
+from .vectors import LANES
 
 MEAN, LOG_SCALE, QUATERNION, LOGIT_OPACITY, HARMONICS = 0, 3, 6, 10, 11
 """First row of each parameter; harmonic k of channel c stands in row HARMONICS + 3 k + c."""

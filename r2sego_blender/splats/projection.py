@@ -19,10 +19,13 @@ from numba.core.types import int64
 
 from ..cameras import Camera
 from .compiled import dealt, parallel_kernel, prange, turns
+from .denormals import flush_denormals, restore_denormals
+from .exponentials import exp2, log2
 from .harmonics import basis_values
+from .lanes import transposed
 from .packing import HARMONICS, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION
 from .tiles import TILE_SHIFT
-from .vectors import VECTOR_BYTES, Code, Value, flush_denormals, restore_denormals, vector_kernel
+from .vectors import VECTOR_BYTES, Code, Value, vector_kernel
 
 U, V, FACTOR_A, FACTOR_B, FACTOR_C, EIGHTH, RED, GREEN, BLUE, DEPTH, EXTENT_Y, SKEW_Y = range(12)
 INVERSE_A, TILES_X, TILES_Y = range(12, 15)
@@ -125,8 +128,8 @@ def parameter(code: Code, chunk: Value, row: int) -> Value:
 def sigmoid(code: Code, logit: Value) -> tuple[Value, Value]:
     """The opacity, and its binary logarithm."""
     bounded = code.minimum(code.maximum(logit, -_LARGEST_LOGIT), _LARGEST_LOGIT)
-    inverse = code.exp2(bounded * (-1.0 / math.log(2.0))) + 1.0
-    return 1.0 / inverse, -code.log2(inverse)
+    inverse = exp2(bounded * (-1.0 / math.log(2.0))) + 1.0
+    return 1.0 / inverse, -log2(inverse)
 
 
 def point_on_screen(code: Code, lens: Lens, chunk: Value) -> SimpleNamespace:
@@ -149,7 +152,7 @@ def ellipsoid_on_screen(code: Code, lens: Lens, chunk: Value, at: SimpleNamespac
     """
     logs = [parameter(code, chunk, LOG_SCALE + k) for k in range(3)]
     low, high = _LOG_SCALE_BOUNDS
-    scales = [code.exp2(code.minimum(code.maximum(s, low), high) * (1.0 / math.log(2.0))) for s in logs]
+    scales = [exp2(code.minimum(code.maximum(s, low), high) * (1.0 / math.log(2.0))) for s in logs]
     free = [(s > low) & (s < high) for s in logs]
     bound = _LARGEST_QUATERNION
     raw = [
@@ -258,7 +261,7 @@ def project_chunk(code: Code, chunk: Value, degree: Value, lens_address: Value, 
             fields = [u, v, a, b, c, eighth, *colour, at.point[2], extent_y, skew, 1.0 / a]
             fields += [_tiles(code, u, extent_x, lens[WIDTH]), _tiles(code, v, extent_y, lens[HEIGHT])]
             rows = fields + [code.vector(0.0)] * (16 - len(fields))
-            for lane, row in enumerate(code.transposed(rows)):
+            for lane, row in enumerate(transposed(rows)):
                 code.store(records + RECORD_BYTES * lane, row)
     return visible.get()
 

@@ -18,7 +18,10 @@ from numba.core.types import float32, int64, void
 
 from .compiled import dealt, kernel, parallel_kernel, prange, turns
 from .compositing import BLENDED, SLOT_BYTES
+from .denormals import flush_denormals, restore_denormals
+from .exponentials import exp2
 from .harmonics import basis_gradients, basis_values
+from .lanes import lane_sums, transposed
 from .packing import HARMONICS, LANES, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION
 from .projection import (
     BLOCK,
@@ -37,7 +40,7 @@ from .projection import (
     view_direction,
     visible_colour,
 )
-from .vectors import VECTOR_BYTES, Code, Value, flush_denormals, restore_denormals, vector_kernel
+from .vectors import VECTOR_BYTES, Code, Value, vector_kernel
 
 GATHER_BYTES = LANES * SLOT_BYTES
 POSE_SUMS = 6
@@ -129,7 +132,7 @@ def _write_gradients(
     camera_from_world becoming exp(w, t) camera_from_world. The two pulls are the gradients
     of the sums of opacities and scales (metres) in the loss.
     """
-    sums = code.transposed([code.load(gathered + SLOT_BYTES * k) for k in range(LANES)])
+    sums = transposed([code.load(gathered + SLOT_BYTES * k) for k in range(LANES)])
     at = point_on_screen(code, lens, chunk)
     shape = ellipsoid_on_screen(code, lens, chunk, at)
     a, b, c, _ = factor(code, shape)
@@ -196,7 +199,7 @@ def _blended(code: Code, gathered: Value) -> Value:
 
 
 def _store_pose_gradient(code: Code, pose: list[Value], blended: Value, address: Value) -> None:
-    code.store(address, code.sums([code.select(blended, p, 0.0) for p in pose]))
+    code.store(address, lane_sums([code.select(blended, p, 0.0) for p in pose]))
 
 
 @vector_kernel(void(int64, int64, int64, int64, int64, int64))
@@ -219,7 +222,7 @@ def _one_minus_power(code: Code, log2_base: float, steps: Value) -> Value:
     exponent = steps * log2_base
     x = exponent * math.log(2.0)
     series = -x * (1.0 + x * (0.5 + x * (1.0 / 6.0 + x * (1.0 / 24.0))))
-    direct = 1.0 - code.exp2(code.maximum(exponent, -100.0))
+    direct = 1.0 - exp2(code.maximum(exponent, -100.0))
     return code.select(x > -_SHORT, series, direct)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..cameras import Camera
 from ..errors import AssetError
+from .aligned_memory import aligned, aligned_copy
 from .asset import SplatAsset
 from .binning import (
     ENTRY_BYTES,
@@ -40,7 +41,7 @@ from .tiles import (
     TRANSMITTANCE_PLANE,
     planes_of,
 )
-from .vectors import LANES, VECTOR_BYTES, aligned, aligned_copy
+from .vectors import LANES, VECTOR_BYTES
 
 _SPARE = 1.25
 """Arrays that must grow get this much more than is needed now."""

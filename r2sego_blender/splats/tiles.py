@@ -14,7 +14,9 @@ from __future__ import annotations
 import numpy as np
 from numba.core.types import int64, void
 
-from .vectors import LANES, VECTOR_BYTES, Code, Value, aligned, vector_kernel
+from .aligned_memory import aligned
+from .lanes import quarters_exchanged
+from .vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
 
 TILE_SHIFT = 5
 TILE_PX = 1 << TILE_SHIFT
@@ -100,11 +102,11 @@ class _Group:
 
     def load_blocks(self, place: int) -> list[Value]:
         """The blocks' vectors, as rows."""
-        return self.code.quarters_exchanged([self.code.load(at) for at in self.blocks(place)])
+        return quarters_exchanged([self.code.load(at) for at in self.blocks(place)])
 
     def store_blocks(self, place: int, rows: list[Value]) -> None:
         """The reverse."""
-        for at, vector in zip(self.blocks(place), self.code.quarters_exchanged(rows), strict=True):
+        for at, vector in zip(self.blocks(place), quarters_exchanged(rows), strict=True):
             self.code.store(at, vector)
 
 

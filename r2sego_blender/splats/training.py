@@ -18,6 +18,7 @@ from ..cameras import Camera
 from ..errors import AssetError
 from ..progress import SILENT, Progress
 from ..settings import TrainingSettings
+from .aligned_memory import aligned_copy
 from .asset import SplatAsset
 from .corrections import Correction
 from .densification import Densification
@@ -30,7 +31,6 @@ from .projection import reduced_dilation_px2
 from .rasterizer import Rasterizer
 from .supervision import depth_gradients
 from .tiles import DEPTH_PLANE, TRANSMITTANCE_PLANE
-from .vectors import aligned_copy
 
 _BLACK = (0.0, 0.0, 0.0)
 

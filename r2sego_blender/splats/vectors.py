@@ -21,13 +21,12 @@ from __future__ import annotations
 
 import contextlib
 import inspect
-import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 LANES = 16
@@ -285,41 +284,9 @@ class Code:
     def absolute(self, x: Value) -> Value:
         return self._call(f"llvm.fabs.{_suffix(x)}", x)
 
-    def exp2(self, x: Value) -> Value:
-        """2**x for -126 <= x < 127, relative error below 2e-7."""
-        build = self.builder
-        whole = self._call(f"llvm.rint.{_suffix(x)}", x)
-        part = x - whole
-        result = self.vector(EXP2_COEFFICIENTS[0])
-        for coefficient in EXP2_COEFFICIENTS[1:]:
-            result = result * part + coefficient
-        bits = Value(self, build.bitcast(result.llvm, _INTS)) + (self.to_integers(whole) << 23)
-        return Value(self, build.bitcast(bits.llvm, _FLOATS))
-
-    def exp2_small(self, eighth: Value, coefficients: Sequence[Value]) -> Value:
-        """2**(8 x) for -1 <= x <= 0, relative error below 2e-6: a polynomial, squared three times.
-
-        Shorter than ``exp2``; outside the range the value is finite or inf and means nothing.
-        ``coefficients`` are the numbers of EXP2_COEFFICIENTS_BELOW_0.
-        """
-        result = coefficients[0]
-        for coefficient in coefficients[1:]:
-            result = self.fma(result, eighth, coefficient)
-        for _ in range(3):
-            result = result * result
-        return result
-
-    def log2(self, x: Value) -> Value:
-        """The binary logarithm of a positive normal float, within 2e-7 beside the result's rounding."""
-        build = self.builder
-        bits = Value(self, build.bitcast(x.llvm, _INTS))
-        exponent = (bits - 0x3F3504F3) >> 23  # the mantissa lies between sqrt(1/2) and sqrt(2)
-        mantissa = Value(self, build.bitcast((bits - (exponent << 23)).llvm, _FLOATS))
-        t = (mantissa - 1.0) / (mantissa + 1.0)
-        square = t * t
-        series = ((square * (2.0 / 9.0) + 2.0 / 7.0) * square + 2.0 / 5.0) * square + 2.0 / 3.0
-        log = t * (series * square + 2.0) * (1.0 / math.log(2.0))
-        return log + Value(self, build.sitofp(exponent.llvm, _FLOATS))
+    def rint(self, x: Value) -> Value:
+        """The nearest whole number, of two the even one, as floats."""
+        return self._call(f"llvm.rint.{_suffix(x)}", x)
 
     def to_integers(self, x: Value) -> Value:
         """Towards zero; NaN and values out of range give anything."""
@@ -362,67 +329,10 @@ class Code:
         call = cgutils.get_or_insert_function(self.builder.module, kind, "llvm.cttz.i64")
         return Value(self, self.builder.call(call, [x.llvm, ir.Constant(ir.IntType(1), 1)]))
 
-    def sum(self, x: Value) -> Value:
-        """The sum of the lanes, a scalar; the order of addition is fixed."""
-        for distance in (8, 4, 2, 1):
-            moved = [(k + distance) % LANES for k in range(LANES)]
-            x = x + Value(self, self._shuffled(x, x, moved))
-        return x.lane(0)
-
-    def sums(self, rows: Sequence[Value]) -> Value:
-        """The sum over the lanes of each of up to sixteen vectors, in the lane of its number.
-
-        Pairs of vectors are added into halves, then quarters: four additions for each
-        vector instead of sixteen.
-        """
-        groups: list[tuple[Value, list[int]]] = [(row, [k]) for k, row in enumerate(rows)]
-        size = LANES
-        while size > 1:
-            merged = []
-            for first in range(0, len(groups), 2):
-                a, owners_a = groups[first]
-                b, owners_b = groups[first + 1] if first + 1 < len(groups) else (a, [-1] * len(owners_a))
-                low = [g + k for g in range(0, LANES, size) for k in range(size // 2)]
-                high = [k + size // 2 for k in low]
-                lows = self._shuffled(a, b, low + [LANES + k for k in low])
-                highs = self._shuffled(a, b, high + [LANES + k for k in high])
-                merged.append((Value(self, lows) + Value(self, highs), owners_a + owners_b))
-            groups, size = merged, size // 2
-        total, owners = groups[0]
-        order = [owners.index(k) if k in owners else owners.index(0) for k in range(LANES)]
-        return Value(self, self._shuffled(total, total, order))
-
-    def quarters_exchanged(self, vectors: Sequence[Value]) -> list[Value]:
-        """Four vectors whose quarters and numbers are exchanged; done twice, nothing changes."""
-        a, b, c, d = vectors
-        low, high = list(range(LANES // 2)), list(range(LANES // 2, LANES))
-        halves = [
-            Value(self, self._shuffled(x, y, half + [LANES + k for k in half]))
-            for half in (low, high)
-            for x, y in ((a, b), (c, d))
-        ]
-        even = [k for k in range(2 * LANES) if k // 4 % 2 == 0]
-        odd = [k for k in range(2 * LANES) if k // 4 % 2 == 1]
-        return [
-            Value(self, self._shuffled(x, y, order))
-            for x, y in (halves[:2], halves[2:])
-            for order in (even, odd)
-        ]
-
-    def transposed(self, rows: Sequence[Value]) -> list[Value]:
-        """Sixteen vectors whose lanes and numbers are exchanged."""
-        rows = list(rows)
-        for distance in (8, 4, 2, 1):
-            low = [k if not k & distance else LANES + k - distance for k in range(LANES)]
-            high = [k + distance if not k & distance else LANES + k for k in range(LANES)]
-            swapped = list(rows)
-            for k in range(LANES):
-                if not k & distance:
-                    a, b = rows[k], rows[k + distance]
-                    swapped[k] = Value(self, self._shuffled(a, b, low))
-                    swapped[k + distance] = Value(self, self._shuffled(a, b, high))
-            rows = swapped
-        return rows
+    def shuffled(self, a: Value, b: Value, order: Sequence[int]) -> Value:
+        """Lanes of ``a`` and ``b`` by their numbers: those of ``b`` go on after those of ``a``."""
+        mask = ir.Constant(ir.VectorType(_INT, len(order)), list(order))
+        return Value(self, self.builder.shuffle_vector(a.llvm, b.llvm, mask))
 
     # -- control flow
 
@@ -497,11 +407,6 @@ class Code:
         with self.builder.if_then(condition.llvm):
             yield
 
-    def _shuffled(self, a: Value, b: Value, order: Sequence[int]) -> ir.Value:
-        order = list(order)
-        mask = ir.Constant(ir.VectorType(_INT, len(order)), order)
-        return self.builder.shuffle_vector(a.llvm, b.llvm, mask)
-
     def _call(self, name: str, x: Value) -> Value:
         kind = ir.FunctionType(x.llvm.type, [x.llvm.type])
         function = cgutils.get_or_insert_function(self.builder.module, kind, name)
@@ -536,83 +441,5 @@ def vector_kernel(signature: Any) -> Callable[[Callable[..., Value | None]], Any
     return decorate
 
 
-def aligned(shape: int | tuple[int, ...], dtype: Any = np.float32) -> np.ndarray:
-    """Zeros whose memory starts at a multiple of a vector's size."""
-    count = int(np.prod(shape)) * np.dtype(dtype).itemsize
-    memory = np.zeros(count + VECTOR_BYTES, np.uint8)
-    start = -memory.ctypes.data % VECTOR_BYTES
-    return memory[start : start + count].view(dtype).reshape(shape)
-
-
-def aligned_copy(values: np.ndarray) -> np.ndarray:
-    """The same values, float32, at an aligned place."""
-    copy = aligned(values.shape)
-    copy[:] = values
-    return copy
-
-
-@intrinsic
-def flush_denormals(typing: Any) -> Any:
-    """Let this thread take numbers below 1e-38 for 0: they cost a hundred times the others.
-
-    Returns the former state for ``restore_denormals``. Where the processor is not known,
-    nothing happens and kernels are only slower.
-    """
-
-    def emit(context: Any, builder: ir.IRBuilder, _: Any, __: Any) -> ir.Value:
-        if not _is_x86(builder):
-            return ir.Constant(_INT, 0)
-        slot, pointer = _control_register(builder)
-        _control(builder, "stmxcsr", pointer)
-        before = builder.load(slot)
-        flush_to_zero, denormals_are_zero = 0x8000, 0x0040
-        builder.store(builder.or_(before, ir.Constant(_INT, flush_to_zero | denormals_are_zero)), slot)
-        _control(builder, "ldmxcsr", pointer)
-        return before
-
-    return types.int32(), emit
-
-
-@intrinsic
-def restore_denormals(typing: Any, state: Any) -> Any:
-    """Undo ``flush_denormals``."""
-
-    def emit(context: Any, builder: ir.IRBuilder, _: Any, arguments: Sequence[ir.Value]) -> Any:
-        if _is_x86(builder):
-            slot, pointer = _control_register(builder)
-            builder.store(arguments[0], slot)
-            _control(builder, "ldmxcsr", pointer)
-        return context.get_dummy_value()
-
-    return types.void(types.int32), emit
-
-
-def _is_x86(builder: ir.IRBuilder) -> bool:
-    return builder.module.triple.startswith(("x86", "i686", "amd64"))
-
-
-def _control_register(builder: ir.IRBuilder) -> tuple[ir.Value, ir.Value]:
-    slot = cgutils.alloca_once(builder, _INT)
-    return slot, builder.bitcast(slot, ir.IntType(8).as_pointer())
-
-
-def _control(builder: ir.IRBuilder, name: str, pointer: ir.Value) -> None:
-    kind = ir.FunctionType(ir.VoidType(), [pointer.type])
-    builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.x86.sse.{name}"), [pointer])
-
-
 def _suffix(x: Value) -> str:
     return f"v{LANES}f32" if isinstance(x.llvm.type, ir.VectorType) else "f32"
-
-
-def _fitted_exp2(low: float, high: float) -> list[float]:
-    """The polynomial of degree 5 nearest to 2**x in relative error, highest power first."""
-    nodes = 0.5 * (low + high) + 0.5 * (high - low) * np.cos((2 * np.arange(64) + 1) * np.pi / 128)
-    powers = np.stack([nodes**k for k in range(5, -1, -1)], axis=1)
-    values = 2.0**nodes
-    solution = np.linalg.lstsq(powers / values[:, None], np.ones_like(values), rcond=None)[0]
-    return [float(np.float32(c)) for c in solution]
-
-
-EXP2_COEFFICIENTS = _fitted_exp2(-0.5, 0.5)
-EXP2_COEFFICIENTS_BELOW_0 = _fitted_exp2(-1.0, 0.0)

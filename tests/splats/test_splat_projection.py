@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from splat_reference import alphas, frozen, on_screen, random_asset, scenes, small_camera
 
 from r2sego_blender.cameras import Camera
+from r2sego_blender.splats.aligned_memory import aligned
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.packing import PackedGaussians
 from r2sego_blender.splats.projection import (
@@ -35,7 +36,7 @@ from r2sego_blender.splats.projection import (
 )
 from r2sego_blender.splats.rasterizer import Rasterizer
 from r2sego_blender.splats.tiles import TILE_PX
-from r2sego_blender.splats.vectors import LANES, aligned
+from r2sego_blender.splats.vectors import LANES
 
 SMALLEST_ALPHA = 1.0 / 255.0
 

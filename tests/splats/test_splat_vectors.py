@@ -1,113 +1,22 @@
 from __future__ import annotations
 
-import math
-import platform
-from collections.abc import Callable
-
 import numba
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from numba.core.types import int32, int64, void
+from numba.core.types import int64, void
+from vector_calls import compiled, mapped, random, scalar_results
 
-from r2sego_blender.splats.vectors import (
-    EXP2_COEFFICIENTS_BELOW_0,
-    LANES,
-    VECTOR_BYTES,
-    Code,
-    Value,
-    aligned,
-    flush_denormals,
-    restore_denormals,
-    vector_kernel,
-)
+from r2sego_blender.splats.vectors import LANES, Code, Value, vector_kernel
 
 LANE = np.arange(LANES)
 FLOATS = hnp.arrays(np.float32, (2, LANES), elements=st.floats(width=32))
-Write = Callable[..., list[Value]]
-
-
-def compiled(write: Write, inputs: int) -> Callable[[np.ndarray], np.ndarray]:
-    """A function from (inputs, 16) to the vectors (n, 16) that ``write(code, *vectors)`` lists."""
-    written = 0
-
-    @vector_kernel(void(int64, int64))
-    def body(code, source, target):
-        nonlocal written
-        rows = write(code, *(code.load(source + VECTOR_BYTES * k) for k in range(inputs)))
-        written = len(rows)
-        for k, row in enumerate(rows):
-            code.store(target + VECTOR_BYTES * k, row)
-
-    @numba.njit
-    def call(source, target):
-        body(source, target)
-
-    def run(values: np.ndarray) -> np.ndarray:
-        source, target = aligned((inputs, LANES)), aligned((64, LANES))
-        source[:] = values
-        call(source.ctypes.data, target.ctypes.data)
-        return target[:written].copy()
-
-    return run
-
-
-def mapped(function: Callable[[Code, Value], Value], values: np.ndarray) -> np.ndarray:
-    """A function of one vector at many values, float64 of float32 results."""
-
-    @vector_kernel(void(int64, int64, int64))
-    def body(code, source, target, count):
-        with code.loop(count) as i:
-            code.store(target + i * VECTOR_BYTES, function(code, code.load(source + i * VECTOR_BYTES)))
-
-    @numba.njit
-    def call(source, target, count):
-        body(source, target, count)
-
-    source, target = aligned((len(values) // LANES, LANES)), aligned((len(values) // LANES, LANES))
-    source[:] = values.reshape(-1, LANES)
-    call(source.ctypes.data, target.ctypes.data, len(source))
-    return target.ravel().astype(np.float64)
 
 
 def as_int32(rows: np.ndarray) -> np.ndarray:
     return rows.view(np.int32)
-
-
-def random(shape: tuple[int, ...], seed: int = 0) -> np.ndarray:
-    return np.random.default_rng(seed).normal(size=shape).astype(np.float32)
-
-
-def test_exp2_is_accurate_over_its_range() -> None:
-    edges = [-126.0, 126.9999, 0.0, 0.5, -0.5, 1.5, -1.5, 0.49999997]
-    x = np.concatenate([np.linspace(-126.0, 126.999, 1 << 16), np.repeat(np.float32(edges), 2)])
-    x = x.astype(np.float32)
-    expected = np.exp2(x.astype(np.float64))
-    assert np.abs(mapped(Code.exp2, x) / expected - 1.0).max() < 2e-7
-
-
-def test_exp2_small_is_accurate_over_its_range_and_never_nan_outside() -> None:
-    def small(code: Code, x: Value) -> Value:
-        return code.exp2_small(x, [code.vector(c) for c in EXP2_COEFFICIENTS_BELOW_0])
-
-    inside = np.linspace(-1.0, 0.0, 1 << 14).astype(np.float32)
-    outside = -np.geomspace(1.0, 3e38, 1 << 12).astype(np.float32)
-    outside[-1] = -np.inf
-    found = mapped(small, np.concatenate([inside, outside, -outside]))
-    assert np.abs(found[: len(inside)] / np.exp2(8.0 * inside.astype(np.float64)) - 1.0).max() < 2e-6
-    assert not np.isnan(found).any()
-
-
-def test_log2_is_accurate_for_all_normal_floats() -> None:
-    rng = np.random.default_rng(0)
-    x = np.exp2(rng.uniform(-126.0, 127.99, 1 << 16)).astype(np.float32)
-    near_one = (1.0 + rng.uniform(-0.3, 0.42, 1 << 14)).astype(np.float32)
-    for values in (x, near_one):
-        expected = np.log2(values.astype(np.float64))
-        rounding = 0.5 * np.spacing(np.abs(expected).astype(np.float32))
-        assert (np.abs(mapped(Code.log2, values) - expected) - rounding).max() < 2e-7
 
 
 def test_quotients_and_roots_are_accurate() -> None:
@@ -119,20 +28,17 @@ def test_quotients_and_roots_are_accurate() -> None:
     assert np.abs(mapped(Code.sqrt, x) / np.sqrt(wide) - 1.0).max() < 3e-7
 
 
-@pytest.mark.parametrize("count", range(1, LANES + 1))
-def test_sums_put_each_vectors_sum_in_the_lane_of_its_number(count: int) -> None:
-    rows = random((count, LANES), count)
-    both = compiled(lambda code, *v: [code.sums(v), code.spread(code.sum(v[-1]))], count)(rows)
-    expected = rows.astype(np.float64).sum(axis=1)
-    np.testing.assert_allclose(both[0, :count], expected, atol=1e-5)
-    np.testing.assert_allclose(both[1], expected[-1], atol=1e-5)
+def test_rint_takes_the_even_one_of_two() -> None:
+    x = np.float32([-2.5, -1.5, -0.5, 0.5, 1.5, 2.5, 0.49999997, -7.3, 8388607.5, 1e30, *range(6)])
+    np.testing.assert_array_equal(mapped(Code.rint, x), np.rint(x))
 
 
-def test_transposed_exchanges_lanes_and_numbers() -> None:
-    rows = random((LANES, LANES))
-    transposed = compiled(lambda code, *v: code.transposed(v), LANES)
-    np.testing.assert_array_equal(transposed(rows), rows.T)
-    np.testing.assert_array_equal(transposed(transposed(rows)), rows)
+@pytest.mark.parametrize("seed", range(3))
+def test_shuffled_takes_lanes_of_both(seed: int) -> None:
+    rows = random((2, LANES), seed)
+    order = np.random.default_rng(seed).integers(0, 2 * LANES, LANES)
+    found = compiled(lambda code, a, b: [code.shuffled(a, b, order)], 2)(rows)
+    np.testing.assert_array_equal(found[0], rows.ravel()[order])
 
 
 COMPARED = compiled(
@@ -199,27 +105,6 @@ def test_integers_shift_divide_and_become_floats() -> None:
     np.testing.assert_array_equal(found, np.array(expected, np.int64))
     as_floats = compiled(lambda code: [code.to_floats(code.integers(numbers))], 0)(np.zeros((0, LANES)))
     np.testing.assert_array_equal(as_floats[0], numbers)
-
-
-def scalar_results(write: Callable[..., list[Value]], *arguments: int) -> list[int]:
-    """The int64 values that ``write(code, *scalars)`` lists."""
-    written = 0
-
-    @vector_kernel(void(int64, int64))
-    def body(code, source, target):
-        nonlocal written
-        results = write(code, *(code.load_long(source + 8 * k) for k in range(len(arguments))))
-        written = len(results)
-        for k, result in enumerate(results):
-            code.store_long(target + 8 * k, result)
-
-    @numba.njit
-    def call(source, target):
-        body(source, target)
-
-    source, target = np.array([*arguments, 0], np.int64), np.zeros(64, np.int64)
-    call(source.ctypes.data, target.ctypes.data)
-    return target[:written].tolist()
 
 
 @pytest.mark.parametrize("count", [0, 1, 7, 15, 16])
@@ -316,24 +201,6 @@ def test_loop_bits_visits_the_set_bits_from_the_lowest(bits: int) -> None:
     assert (found[len(expected) :] == -1).all()
 
 
-def test_quarters_and_numbers_are_exchanged() -> None:
-    @vector_kernel(void(int64))
-    def body(code, vectors):
-        rows = [code.load(vectors + VECTOR_BYTES * k) for k in range(4)]
-        for k, row in enumerate(code.quarters_exchanged(rows)):
-            code.store(vectors + VECTOR_BYTES * k, row)
-
-    @numba.njit
-    def call(vectors):
-        body(vectors)
-
-    vectors = aligned((4, LANES))
-    vectors[:] = random((4, LANES))
-    expected = vectors.reshape(4, 4, 4).swapaxes(0, 1).reshape(4, LANES).copy()
-    call(vectors.ctypes.data)
-    np.testing.assert_array_equal(vectors, expected)
-
-
 def test_floats_and_integers_in_memory() -> None:
     @vector_kernel(int64(int64, int64))
     def body(code, reals, numbers):
@@ -347,44 +214,3 @@ def test_floats_and_integers_in_memory() -> None:
     reals, numbers = np.array([1.25, 0.0], np.float32), np.array([-7, 3], np.int32)
     assert call(reals.ctypes.data, numbers.ctypes.data) == -4
     assert reals[1] == 2.5
-
-
-def test_memory_is_aligned_and_zero() -> None:
-    for shape, dtype in (((3, 5), np.float32), (7, np.uint8), ((0, 16), np.float32), ((2, 3, 4), np.uint64)):
-        array = aligned(shape, dtype)
-        assert array.dtype == dtype and array.shape == (shape if isinstance(shape, tuple) else (shape,))
-        assert array.ctypes.data % VECTOR_BYTES == 0 or not array.size
-        assert not array.any()
-
-
-@pytest.mark.skipif(platform.machine().lower() not in ("x86_64", "amd64"), reason="only x86 is told to flush")
-def test_denormals_are_flushed_until_the_state_is_restored() -> None:
-    @numba.njit
-    def begin():
-        return flush_denormals()
-
-    @numba.njit(void(int32))
-    def end(state):
-        restore_denormals(state)
-
-    def product() -> float:
-        return float((np.full(3, 1e-30, np.float32) * np.float32(1e-10))[0])
-
-    before = begin()
-    try:
-        flushed, inner = product(), begin()
-        end(inner)
-        still_flushed = product()
-    finally:
-        end(before)
-    assert flushed == still_flushed == 0.0
-    assert product() == pytest.approx(1e-40, rel=1e-4)
-    again = begin()
-    end(before)
-    status_flags = 0x3F  # of past operations, not settings
-    assert again & ~status_flags == before & ~status_flags
-
-
-def test_the_coefficients_are_those_of_a_power_of_two() -> None:
-    assert np.polyval(EXP2_COEFFICIENTS_BELOW_0, -1.0) == pytest.approx(0.5, rel=1e-6)
-    assert EXP2_COEFFICIENTS_BELOW_0[-2] == pytest.approx(math.log(2.0), rel=1e-4)
