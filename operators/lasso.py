@@ -28,6 +28,10 @@ class Lasso(Drawing):
     region_size: IntVectorProperty(
         name="Region Size", description="Width and height of the 3D view, pixels", size=2, options=_HIDDEN
     )
+    clip_planes: FloatVectorProperty(
+        name="Clip Planes", description="The Clipping Region's planes, row by row; zeros: none", size=24,
+        options=_HIDDEN,
+    )  # fmt: skip
 
     def drawn(self) -> tuple[Camera, np.ndarray, bool]:
         """The view's camera, the polygon (N, 2) in its pixels from the upper left, and whether the
@@ -43,6 +47,11 @@ class Lasso(Drawing):
         camera, parallel = view_camera(view, window, width, height)
         return camera, polygon, parallel
 
+    def kept_sides(self) -> np.ndarray:
+        """(K, 4) planes on whose positive side lies what the view shows, none without a Clipping Region."""
+        planes = np.reshape(self.clip_planes, (6, 4)).astype(np.float64)
+        return planes[planes.any(axis=1)]
+
     def begin(self, context):
         self.path.clear()
 
@@ -53,3 +62,5 @@ class Lasso(Drawing):
         self.view_matrix = [value for row in view.view_matrix for value in row]
         self.window_matrix = [value for row in view.window_matrix for value in row]
         self.region_size = context.region.width, context.region.height
+        clipped = view.use_clip_planes
+        self.clip_planes = [value for row in view.clip_planes for value in row] if clipped else [0.0] * 24

@@ -36,7 +36,8 @@ class R2SEGO_OT_mark_splats_lasso(Lasso, ReportingOperator, bpy.types.Operator):
         camera, polygon, parallel = self.drawn()
         # A parallel view has no eye to measure from: its plane lies in the middle of what it shows.
         near = -self.far if parallel else self.near
-        return add_mark(context.scene, LassoRegion(camera, polygon, near, self.far, parallel))
+        region = LassoRegion(camera, polygon, near, self.far, parallel, self.kept_sides())
+        return add_mark(context.scene, region)
 
     def begin(self, context):
         super().begin(context)

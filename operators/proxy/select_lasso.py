@@ -37,7 +37,7 @@ class R2SEGO_OT_select_proxy_lasso(Lasso, ReportingOperator, bpy.types.Operator)
         context.view_layer.update()
         faces = faces_in_lasso(
             world_corners(shown), camera, polygon, parallel=parallel, farthest_m=self.farthest,
-            facing=self.facing,
+            facing=self.facing, kept_sides=self.kept_sides(),
         )  # fmt: skip
         count = select_faces(shown, faces, extend=self.extend)
         show_selection(context, shown)

@@ -10,6 +10,7 @@ import numpy as np
 from ..arrays import save_arrays
 from ..cameras import Camera
 from ..errors import GeometryError
+from ..splats.regions import on_kept_sides
 from .light_drawing import every_face
 from .meshes import arrays_from_mesh
 from .show_proxy import shown_round
@@ -65,18 +66,21 @@ def select_faces(shown: bpy.types.Object, chosen: np.ndarray, *, extend: bool = 
 
 def faces_in_lasso(
     corners: np.ndarray, camera: Camera, polygon: np.ndarray, *, parallel: bool, farthest_m: float,
-    facing: bool = True,
+    facing: bool = True, kept_sides: np.ndarray | None = None,
 ) -> np.ndarray:  # fmt: skip
     """(F,) bool: the faces (F, 3, 3) whose middle lies inside a ``polygon`` (n, 2) of a view's pixels.
 
     ``camera`` and ``parallel`` are as ``view_camera`` gives them. Faces farther than ``farthest_m``
-    are left out, and those seen from behind if ``facing``.
+    are left out, those seen from behind if ``facing``, and those not on the positive side of the
+    planes ``kept_sides`` (K, 4), such as the view's Clipping Region.
     """
     corners = np.asarray(corners, np.float64)
     middles = corners.mean(1)
     local = (middles - camera.centre) @ camera.world_from_camera[:3, :3]
     depth = local[:, 2]
     inside = np.abs(depth) <= farthest_m if parallel else (depth > 0.0) & (depth <= farthest_m)
+    if kept_sides is not None:
+        inside &= on_kept_sides(middles, kept_sides)
     scale = np.ones(len(depth)) if parallel else np.where(depth > 1e-9, depth, 1e-9)
     pixels = local[:, :2] / scale[:, None] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
     if facing:

@@ -6,7 +6,7 @@ NumPy alone: Blender marks with the same test what the engine deletes.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -49,7 +49,7 @@ class Lasso:
 
     ``polygon_px`` (P, 2) pixels, closed, by the even-odd rule; ``near_m`` and ``far_m`` bound
     the planar depth. An ``orthographic`` camera has parallel rays and ``fx``, ``fy`` in pixels
-    a metre.
+    a metre. Of ``kept_sides`` (K, 4), planes in the world, it sees the positive side alone.
     """
 
     camera: Camera
@@ -57,13 +57,15 @@ class Lasso:
     near_m: float
     far_m: float
     orthographic: bool = False
+    kept_sides: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
 
     def holds(self, means: np.ndarray) -> np.ndarray:
         """(N,) bool: which of the points (N, 3), metres, are seen inside the polygon."""
-        local = np.asarray(means, np.float64) @ self.camera.camera_from_world[:3, :3].T
-        local += self.camera.camera_from_world[:3, 3]
+        means = np.asarray(means, np.float64)
+        local = means @ self.camera.camera_from_world[:3, :3].T + self.camera.camera_from_world[:3, 3]
         depth = local[:, 2]
         held = (depth >= self.near_m) & (depth <= self.far_m) & (self.orthographic | (depth > 0.0))
+        held &= on_kept_sides(means, self.kept_sides)
         places = np.flatnonzero(held)
         scale = np.ones(len(places)) if self.orthographic else depth[places]
         focal, centre = (self.camera.fx, self.camera.fy), (self.camera.cx, self.camera.cy)
@@ -79,13 +81,17 @@ class Lasso:
                 camera.width, camera.height, camera.fx / scale, camera.fy / scale,
                 camera.cx, camera.cy, camera.world_from_camera,
             )  # fmt: skip
-        return Lasso(camera, self.polygon_px, self.near_m * scale, self.far_m * scale, self.orthographic)
+        return Lasso(
+            camera, self.polygon_px, self.near_m * scale, self.far_m * scale, self.orthographic,
+            self.kept_sides @ np.linalg.inv(similarity),
+        )  # fmt: skip
 
     def to_json(self) -> dict[str, Any]:
         """As ``region_of`` reads it."""
         return {
             "kind": "lasso", "camera": self.camera.to_json(), "polygon_px": self.polygon_px.tolist(),
             "near_m": self.near_m, "far_m": self.far_m, "orthographic": self.orthographic,
+            "kept_sides": self.kept_sides.tolist(),
         }  # fmt: skip
 
 
@@ -137,9 +143,11 @@ def region_of(data: Mapping[str, Any], where: object) -> Region:
                 polygon = _numbers(data["polygon_px"], (len(data["polygon_px"]), 2))
                 if len(polygon) < 3:
                     raise ValueError("polygon_px has fewer than three corners")
+                sides = data.get("kept_sides", [])
                 return Lasso(
                     Camera.from_json(data["camera"]), polygon,
                     float(data["near_m"]), float(data["far_m"]), bool(data.get("orthographic", False)),
+                    _numbers(np.reshape(sides, (-1, 4)), (len(sides), 4)),
                 )  # fmt: skip
             case "cells":
                 cells = np.asarray(data["cells"], np.int64).reshape(-1, 3)
@@ -158,6 +166,11 @@ def _numbers(values: Any, shape: tuple[int, ...]) -> np.ndarray:
     if array.shape != shape or not np.isfinite(array).all():
         raise ValueError(f"{shape} finite numbers are needed, not {array.shape}")
     return array
+
+
+def on_kept_sides(points: np.ndarray, sides: np.ndarray) -> np.ndarray:
+    """(N,) bool: which points (N, 3) lie on the positive side of all planes (K, 4): n . x + d > 0."""
+    return (points @ sides[:, :3].T + sides[:, 3] > 0.0).all(axis=1)
 
 
 def _inside(points: np.ndarray, polygon: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ RNG = np.random.default_rng(5)
 POINTS = RNG.uniform(-3.0, 3.0, (4000, 3))
 CAMERA = Camera(200, 100, 120.0, 110.0, 90.0, 55.0, look_at((0.2, -4.0, 1.0), (0.0, 0.0, 0.3)))
 PENTAGON = np.array([[40.0, 20.0], [160.0, 15.0], [120.0, 50.0], [150.0, 90.0], [30.0, 80.0]])
+SIDES = np.array([[0.0, 0.0, -1.0, 0.8], [2.0, 1.0, 0.0, 1.0]])
 
 
 def a_box() -> Box:
@@ -27,6 +28,7 @@ def regions() -> list[Region]:
     return [
         a_box(),
         Lasso(CAMERA, PENTAGON, 2.0, 5.0),
+        Lasso(CAMERA, PENTAGON, 2.0, 5.0, kept_sides=SIDES),
         Lasso(Camera(200, 100, 40.0, 40.0, 100.0, 50.0, CAMERA.world_from_camera), PENTAGON, -1.0, 4.0, True),
         Cells.around(POINTS[:20], 0.4),
     ]
@@ -67,6 +69,15 @@ def test_a_lasso_is_opencvs_polygon_between_two_depths():
     inside = [cv2.pointPolygonTest(corners, tuple(map(float, at)), False) > 0 for at in pixels]
     expected = np.array(inside) & (depth >= 2.0) & (depth <= 5.0)
     np.testing.assert_array_equal(Lasso(CAMERA, PENTAGON, 2.0, 5.0).holds(POINTS), expected)
+
+
+def test_a_lasso_holds_nothing_that_its_view_has_cut_off():
+    """Below 0.8 m and right of a slanted wall, as a Clipping Region of Blender's shows a room."""
+    shown = (POINTS[:, 2] < 0.8) & (2.0 * POINTS[:, 0] + POINTS[:, 1] > -1.0)
+    whole = Lasso(CAMERA, PENTAGON, 2.0, 5.0).holds(POINTS)
+    held = Lasso(CAMERA, PENTAGON, 2.0, 5.0, kept_sides=SIDES).holds(POINTS)
+    assert 10 < held.sum() < whole.sum() - 10
+    np.testing.assert_array_equal(held, whole & shown)
 
 
 def test_what_is_behind_the_camera_is_in_no_lasso():

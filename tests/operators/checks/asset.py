@@ -244,6 +244,14 @@ def check_a_lasso_marks_what_a_view_shows_inside_it():
         assert done == {"FINISHED"} and 0 < inside.sum() < len(places)
         assert (values(shown, "marked") == inside).all()
         bpy.ops.r2sego.clear_splat_marks()
+        height_m = float(np.median(places[inside][:, 2]))  # above it a Clipping Region cuts the view
+        planes = [0.0, 0.0, -1.0, height_m, *[0.0] * 20]
+        bpy.ops.r2sego.mark_splats_lasso(
+            path=path, region_size=size, near=0.0, far=6.0, clip_planes=planes, **matrices
+        )
+        below = inside & (places[:, 2] < np.float32(height_m))
+        assert 0 < below.sum() < inside.sum() and (values(shown, "marked") == below).all()
+        bpy.ops.r2sego.clear_splat_marks()
     assert "no polygon" in refused(bpy.ops.r2sego.mark_splats_lasso, path=path[:2], region_size=size)
 
 

@@ -116,6 +116,10 @@ def check_faces_are_selected_in_a_box_and_a_lasso_and_cut():
     assert 12 in selected(mesh) and len(selected(mesh)) > 2
     assert bpy.ops.r2sego.select_proxy_lasso(**{**given, "farthest": 1.7}) == {"FINISHED"}
     assert selected(mesh) == [12]
+    below_m = [0.0, 0.0, -1.0, 0.1, *[0.0] * 20]  # a Clipping Region that shows what is lower
+    assert bpy.ops.r2sego.select_proxy_lasso(**given, clip_planes=below_m) == {"FINISHED"}
+    assert 12 not in selected(mesh) and len(selected(mesh)) > 1
+    assert bpy.ops.r2sego.select_proxy_lasso(**{**given, "farthest": 1.7}) == {"FINISHED"}
     conduct("succeed")
     assert bpy.ops.r2sego.cut_proxy(name="window") == {"FINISHED"}
     (call,) = calls()
