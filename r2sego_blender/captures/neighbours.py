@@ -30,16 +30,24 @@ def neighbours(
     """
     if visibility is None:
         visibility = np.stack([camera.sees(*camera.project(points)) for camera in cameras], axis=1)
-    directions = np.stack([camera.centre - points for camera in cameras], axis=1)
-    directions /= np.linalg.norm(directions, axis=-1, keepdims=True).clip(1e-12)
+    centres = np.array([camera.centre for camera in cameras])
     chosen = []
     for i in range(len(cameras)):
-        cosine = np.einsum("pc,pnc->pn", directions[:, i], directions)
-        angle_deg = np.degrees(np.arccos(cosine.clip(-1.0, 1.0)))
+        # What a camera does not see, it shares with none.
+        seen = np.flatnonzero(visibility[:, i])
+        row, other = np.nonzero(visibility[seen])
+        shared = points[seen]
+        own, others = _directions(centres[i] - shared)[row], _directions(centres[other] - shared[row])
+        angle_deg = np.degrees(np.arccos(np.einsum("mc,mc->m", own, others).clip(-1.0, 1.0)))
         spread = np.where(angle_deg < _BEST_ANGLE_DEG, _SPREAD_BELOW_DEG, _SPREAD_ABOVE_DEG)
-        score = np.exp(-0.5 * ((angle_deg - _BEST_ANGLE_DEG) / spread) ** 2)
-        score = (score * (visibility & visibility[:, i : i + 1])).sum(axis=0)
+        scores = np.exp(-0.5 * ((angle_deg - _BEST_ANGLE_DEG) / spread) ** 2)
+        score = np.bincount(other, scores, len(cameras))
         score[i] = 0.0
         ranked = np.argsort(-score, kind="stable")[:count]
         chosen.append(tuple(int(j) for j in ranked if score[j] > 0.0))
     return tuple(chosen)
+
+
+def _directions(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (n, 3) of length 1; those of no length stay so."""
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True).clip(1e-12)

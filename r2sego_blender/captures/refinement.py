@@ -15,7 +15,7 @@ from ..progress import SILENT, Progress
 from ..settings import CaptureSettings
 from .bundle_adjustment import adjusted, reprojection_errors
 from .importing import Imported
-from .overlap import Pairs, confirming, match_all, match_guided
+from .overlap import Pairs, confirming, match_all, match_guided, near_pairs
 from .sparse import USUAL_DEPTH_M, Detected, SparsePoints, detect, triangulate_matches, usual_depth
 
 # Matches are looked for this many standard deviations off the given epipolar lines.
@@ -39,8 +39,8 @@ def triangulate_refined(
     captures = imported.captures
     names = [capture.name for capture in captures]
     detected = detect(captures, settings, progress)
-    plain = match_all(detected.features, settings, progress)
     cameras: Sequence[Camera] = [capture.camera for capture in captures]
+    plain = match_all(detected.features, settings, progress, among=near_pairs(cameras))
     if settings.refine_poses != "never" and not imported.solved:
         cameras, told = _refined(imported, detected, plain, settings, progress)
         if told:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 
 from r2sego_blender.cameras import Camera, look_at
@@ -36,3 +38,19 @@ def test_the_visibility_record_outweighs_the_projection() -> None:
 def test_no_more_than_count() -> None:
     cameras = [at(0.2 * i) for i in range(6)]
     assert all(len(sources) == 2 for sources in neighbours(cameras, POINTS, 2))
+
+
+def test_many_cameras_that_each_see_little_take_little_memory() -> None:
+    """A ray from every point to every camera would be 144 MB."""
+    rng = np.random.default_rng(1)
+    points = rng.uniform([-0.5, 2.8, 0.7], [0.5, 3.2, 1.3], (60_000, 3))
+    seen = np.zeros((60_000, 100), bool)
+    first = rng.integers(0, 98, 60_000)
+    for step in (0, 1, 2):
+        seen[np.arange(60_000), first + step] = True
+    tracemalloc.start()
+    chosen = neighbours([at(0.2 * i) for i in range(100)], points, 4, seen)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 20e6
+    assert [set(sources) for sources in chosen[2:98]] == [{i - 2, i - 1, i + 1, i + 2} for i in range(2, 98)]

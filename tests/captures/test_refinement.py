@@ -12,6 +12,8 @@ from cameras_file import save_cameras_json
 from scipy.spatial.transform import Rotation
 
 from r2sego_blender.benchmarks.disturbance import disturbed_captures
+from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.importing import Imported, import_captures
 from r2sego_blender.captures.refinement import triangulate_refined
 from r2sego_blender.captures.sparse import depth_ranges, triangulate
@@ -157,6 +159,23 @@ def test_a_capture_that_sees_nothing_of_the_others_stays(disturbed, grey, messag
     stayed = imported.captures[4].camera.world_from_camera
     assert np.array_equal(stayed, disturbed[4].camera.world_from_camera)
     assert len(messages.warnings) == 1 and "photo4.png" in messages.warnings[0]
+
+
+def test_many_captures_are_matched_with_near_ones_alone(room, messages, tmp_path):
+    """Forty in a ring look outwards; each sees what six on either side see, too."""
+    lens = Camera(160, 120, 160.0, 160.0, 80.0, 60.0, np.eye(4))
+    captures = []
+    for index, angle in enumerate(np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)):
+        outwards = np.array([np.cos(angle), np.sin(angle), 0.0])
+        camera = lens.at(look_at((0.0, -0.5, 1.2) + 0.5 * outwards, (0.0, -0.5, 1.1) + 2.0 * outwards))
+        path = tmp_path / f"{index:02d}.png"
+        save_image(path, room.image(camera))
+        captures.append(Capture(path.name, path, camera))
+    _, sparse = triangulate_refined(_imported(captures), SETTINGS, messages)
+    matched = next(task for task in messages.tasks if task.title == "Matching photographs")
+    assert matched.total < 40 * 39 / 2 / 2
+    assert sparse.visibility.any(axis=0).all()
+    assert np.median(sparse.error_px) < 0.5
 
 
 def test_poses_that_are_wholly_wrong_are_refused(room_captures):

@@ -9,7 +9,7 @@ import pytest
 
 from r2sego_blender.cameras import rotation_angle_rad
 from r2sego_blender.captures.importing import Imported, import_captures
-from r2sego_blender.captures.locating import locate_views
+from r2sego_blender.captures.locating import landmarks, locate, locate_views
 from r2sego_blender.captures.registration import register
 from r2sego_blender.captures.scale import Scale
 from r2sego_blender.captures.sparse import SparsePoints, depth_ranges, triangulate
@@ -154,6 +154,15 @@ def test_held_out_photographs_are_located(sparse, room_captures, room, tmp_path,
     assert np.linalg.norm(found[0].camera.centre - held_out.camera.centre) < 0.02
     pose, truth = found[0].camera.world_from_camera, held_out.camera.world_from_camera
     assert np.degrees(rotation_angle_rad(pose, truth)) < 0.3
+
+
+def test_photographs_are_located_by_matches_as_clear_as_is_set(sparse, room_captures):
+    held_out, known = room_captures[2], landmarks(room_captures[:2], sparse, SETTINGS)
+    strict, loose = (
+        locate(held_out.image(), held_out.camera, known, replace(SETTINGS, match_ratio=ratio), seed=0)
+        for ratio in (0.5, 0.95)
+    )
+    assert 15 < len(strict.inliers) < 0.9 * len(loose.inliers)
 
 
 def test_photographs_that_cannot_be_located_are_refused(sparse, room_captures, tmp_path):
