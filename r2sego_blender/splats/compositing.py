@@ -41,6 +41,7 @@ from .projection import (
     U,
     V,
 )
+from .stages import in_stages
 from .tiles import (
     BLOCK_BYTES,
     REST,
@@ -136,7 +137,7 @@ class _Splat:
                 blend(held, values[0], values[1:])
 
             with self.code.when(condition):
-                self.code.in_stages(blocks, self._exponent, partial(self._alpha, held), blend_at)
+                in_stages(blocks, self._exponent, partial(self._alpha, held), blend_at)
 
     def _exponent(self, block: Value) -> list[Value]:
         """Where the block's state is; e, f and the exponent's eighth."""

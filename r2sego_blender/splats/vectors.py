@@ -353,41 +353,6 @@ class Code:
             rest.set(now & (now - 1))
             yield self.trailing_zeros(now)
 
-    def in_stages(
-        self,
-        bits: Value,
-        start: Callable[[Value], list[Value]],
-        go_on: Callable[[list[Value]], list[Value]],
-        finish: Callable[[list[Value]], None],
-    ) -> None:
-        """``finish(go_on(start(bit)))`` for each set bit, the stages of neighbours side by side.
-
-        One bit after the other is a chain of operations longer than processors look ahead.
-        """
-
-        def set_all(variables: list[Variable], values: list[Value]) -> None:
-            for variable, value in zip(variables, values, strict=True):
-                variable.set(value)
-
-        def get_all(variables: list[Variable]) -> list[Value]:
-            return [variable.get() for variable in variables]
-
-        with self.when(bits.differs(0)):
-            started = [self.variable(x) for x in start(self.trailing_zeros(bits))]
-            gone_on = [self.variable(x) for x in go_on(get_all(started))]
-            rest = bits & (bits - 1)
-            with self.when(rest.differs(0)):
-                set_all(started, start(self.trailing_zeros(rest)))
-                with self.loop_bits(rest & (rest - 1)) as bit:
-                    third, second = start(bit), go_on(get_all(started))
-                    finish(get_all(gone_on))
-                    set_all(gone_on, second)
-                    set_all(started, third)
-                second = go_on(get_all(started))
-                finish(get_all(gone_on))
-                set_all(gone_on, second)
-            finish(get_all(gone_on))
-
     @contextlib.contextmanager
     def loop_while(self, condition: Callable[[], Value]) -> Iterator[None]:
         """The body runs as long as the condition, written anew each time, holds."""

@@ -116,29 +116,6 @@ def test_the_bits_of_a_mask_are_its_lanes(count: int) -> None:
     assert scalar_results(write, count) == [(1 << count) - 1] * 2
 
 
-@pytest.mark.parametrize("bits", [0, 1, 2**63 - 1, 0b1011, 1 << 40, -1, -(2**63)])
-def test_stages_are_done_in_order_for_each_set_bit(bits: int) -> None:
-    @vector_kernel(void(int64, int64))
-    def body(code, bits, target):
-        count = code.variable(code.long(0))
-
-        def finish(values):
-            code.store_long(target + count.get() * 8, values[0])
-            count.add(code.long(1))
-
-        code.in_stages(bits, lambda bit: [bit, bit * 3], lambda x: [x[0] + x[1] * 100], finish)
-
-    @numba.njit
-    def call(bits, target):
-        body(bits, target)
-
-    found = np.full(65, -1, np.int64)
-    call(bits, found.ctypes.data)
-    expected = [301 * k for k in range(64) if bits >> k & 1]
-    assert found[: len(expected)].tolist() == expected
-    assert (found[len(expected) :] == -1).all()
-
-
 def test_bytes_of_takes_the_lowest_byte_of_each_lane() -> None:
     numbers = np.random.default_rng(0).integers(-(2**31), 2**31, LANES)
     found = scalar_results(lambda code: [*code.bytes_of(code.integers(numbers))])
