@@ -20,9 +20,10 @@ from ..errors import SettingsError
 from ..progress import SILENT, Progress
 from ..resources import forget_peak_memory, peak_memory_mb
 from ..settings import TrainingSettings
+from ..splats.adam import AdamState
 from ..splats.loss import PhotometricLoss
 from ..splats.packing import PackedGaussians, rows_of
-from ..splats.rasterizer import AdamState, Rasterizer
+from ..splats.rasterizer import Rasterizer
 from ..splats.tiles import planes_of
 from ..splats.vectors import LANES
 from .machine import (

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .adam import AdamState
 from .packing import MEAN, PackedGaussians, morton_order
-from .rasterizer import AdamState
 from .vectors import LANES
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..cameras import Camera
 from ..errors import AssetError
+from .adam import AdamState
 from .aligned_memory import aligned, aligned_copy
 from .asset import SplatAsset
 from .binning import (
@@ -86,28 +87,6 @@ class Gradients:
     logit_opacities: np.ndarray
     sh: np.ndarray
     pose: np.ndarray
-
-
-@dataclass
-class AdamState:
-    """What Adam remembers of packed Gaussians, for all chunks they have room for.
-
-    ``first`` and ``second`` are the moments; ``steps`` (chunks, 16) each Gaussian's number of
-    steps; ``statistics`` (chunks, 2, 16) add up how far the loss would move its centre, in
-    half images, and the images it was blended into.
-    """
-
-    first: np.ndarray
-    second: np.ndarray
-    steps: np.ndarray
-    statistics: np.ndarray
-
-    @staticmethod
-    def of(gaussians: PackedGaussians) -> AdamState:
-        shape = gaussians.chunks.shape
-        return AdamState(
-            aligned(shape), aligned(shape), aligned((shape[0], LANES)), aligned((shape[0], 2, LANES))
-        )
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from splat_reference import random_asset, small_camera
 
+from r2sego_blender.splats.adam import AdamState
 from r2sego_blender.splats.dropout import Dropout
 from r2sego_blender.splats.packing import LOGIT_OPACITY, PackedGaussians, unpack
-from r2sego_blender.splats.rasterizer import AdamState, Rasterizer, render
+from r2sego_blender.splats.rasterizer import Rasterizer, render
 
 
 def columns(gaussians: PackedGaussians) -> np.ndarray:

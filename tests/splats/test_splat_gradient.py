@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from splat_reference import parameters, random_asset, rasterize, scenes, small_camera, twisted
 
 from r2sego_blender.cameras import Camera
+from r2sego_blender.splats.adam import AdamState
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.packing import PackedGaussians
-from r2sego_blender.splats.rasterizer import AdamState, Gradients, Rasterizer, render
+from r2sego_blender.splats.rasterizer import Gradients, Rasterizer, render
 
 BACKGROUND = (0.2, 0.5, 0.3)
 GROUPS = ("means", "log_scales", "quaternions", "logit_opacities", "sh")

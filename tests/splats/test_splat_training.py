@@ -11,11 +11,12 @@ from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.errors import AssetError
 from r2sego_blender.named_settings import FULL_RESOLUTION, UNREGULARISED
 from r2sego_blender.settings import TrainingSettings
+from r2sego_blender.splats.adam import AdamState
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.metrics import psnr
 from r2sego_blender.splats.observations import Observation, TargetCache
 from r2sego_blender.splats.packing import PackedGaussians
-from r2sego_blender.splats.rasterizer import AdamState, Rasterizer, render
+from r2sego_blender.splats.rasterizer import Rasterizer, render
 from r2sego_blender.splats.training import bound_scales, train
 
 GROUPS = ("means", "log_scales", "quaternions", "logit_opacities", "sh")
