@@ -71,13 +71,13 @@ def save_edit(scene: Scene, edit: AssetEdit) -> Path:
     return scene.path / EDITS / f"{edit.name}.json"
 
 
-def remove_edit(scene: Scene, name: str) -> None:
-    """Take an edit out of the bundle. Raises AssetError when there is none of that name."""
+def edit_file(scene: Scene, name: str) -> Path:
+    """Where the bundle keeps an edit. Raises AssetError when there is none of that name."""
     file = scene.path / EDITS / f"{name}.json"
     if not _NAME.fullmatch(name) or not file.is_file():
         names = ", ".join(edit.name for edit in load_edits(scene.path)) or "none"
         raise AssetError(f"there is no edit '{name}'", where=scene.path, cure=f"There are: {names}.")
-    file.unlink()
+    return file
 
 
 def move_edits(scene: Scene, similarity: np.ndarray) -> None:

@@ -92,7 +92,7 @@ def edit_asset(
     FILE of --box holds world_from_box (4x4) and half_extents (3); of --lasso camera,
     polygon_px, near_m and far_m; of --cells grid_from_world (4x4) and cells (K x 3).
     """
-    from ..asset_edits import AssetEdit, load_edits, load_region, next_name, remove_edit, save_edit
+    from ..asset_edits import AssetEdit, edit_file, load_edits, load_region, next_name, save_edit
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)
@@ -103,11 +103,13 @@ def edit_asset(
     if regions or remove:
         with opened.locked():
             require_present_frame(opened, [REFINED_ASSET], "edited")
-            load_edits(opened.path)  # damaged ones are refused before anything changes
+            # Damaged edits and unknown names are refused before anything changes.
+            load_edits(opened.path)
+            gone = {edit_file(opened, one) for one in remove}
             if regions:
                 save_edit(opened, AssetEdit(name or next_name(opened.path), regions))
-            for one in remove:
-                remove_edit(opened, one)
+            for file in gone:
+                file.unlink()
             _publish_again(opened, progress)
     show(progress, _described(opened), _lines, as_object)
 

@@ -150,6 +150,7 @@ def test_several_regions_of_one_call_are_one_edit(scene, tmp_path):
         ([], "nothing is to be edited"),
         (["--remove", "none"], "no edit 'none'"),
         (["--remove", "../scene"], "no edit"),
+        (["--box", "BOX", "--remove", "none"], "no edit 'none'"),
         (["--box", "missing.json"], "missing.json"),
         (["--box", "BOX", "--name", "a/b"], "a/b"),
         (["--lasso", "BOX"], "polygon_px"),
