@@ -58,7 +58,7 @@ def correct_registration(
     if (floor and by_hand) or not (floor or by_hand or scale):
         raise CaptureError(
             "the ground is given twice" if floor else "nothing is to be corrected", where=scene.path,
-            cure="Show floor points, or give up and the floor's height, or a scale.",
+            cure="Give points of the floor, or the direction up and where the floor lies, or a scale.",
         )  # fmt: skip
     with scene.locked():
         captures, sparse = _load(scene)

@@ -35,9 +35,9 @@ def create_scene(
 ) -> Scene:
     """Make the bundle ``path`` from the photographs in the folder ``captures``.
 
-    ``poses`` is a transforms.json, a cameras.json or a COLMAP folder; without it the poses
-    are solved from the photographs. Everything that can be wrong is looked at before the
-    bundle appears: raises CaptureError, RobotError or SceneError and leaves nothing behind.
+    ``poses`` is a transforms.json, a cameras.json, a COLMAP folder or a raw export of Polycam;
+    without it the poses are solved from the photographs. Everything that can be wrong is looked
+    at before the bundle appears: raises CaptureError, RobotError or SceneError and leaves nothing behind.
     """
     path, captures, poses = Path(path), Path(captures), poses and Path(poses)  # scripts give texts, too
     require_place(path)

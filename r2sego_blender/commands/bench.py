@@ -14,7 +14,7 @@ from .options import ANY_PATH, FOLDER, Commands, overrides_of, progress_of, sett
 
 @click.group(cls=Commands)
 def bench() -> None:
-    """Measure the kernels' speed on this machine, and geometry against ground truth."""
+    """Time the parts of the method on this machine, and score them against ground truth."""
 
 
 def _measure(name: str, context: click.Context, file: Path | None, **given: Any) -> None:

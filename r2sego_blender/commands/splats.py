@@ -18,7 +18,8 @@ from .options import ANY_PATH, json_progress, overrides_of, progress_of, setting
 @click.option(
     "--poses",
     type=ANY_PATH,
-    help="transforms.json, cameras.json or a COLMAP folder; by default what CAPTURES holds, else solved.",
+    help="transforms.json, cameras.json, a COLMAP folder or Polycam's raw export; by default what CAPTURES "
+    "holds, else solved.",
 )
 @click.option("--points", type=ANY_PATH, help="PLY to start from; else those of the poses, or triangulated.")
 @click.option("--steps", type=int, help="Short for --set training.steps_per_round=N.")
