@@ -108,6 +108,11 @@ def test_the_envelope_closes_what_no_capture_saw(room, proxy):
     assert right[~unseen_wall].mean() > 0.97
 
 
+def test_the_envelope_is_sheets_and_not_loose_cells(proxy):
+    """What is selected as linked in Blender is a wall: no place of the proxy has two vertices."""
+    assert len(np.unique(proxy.vertices, axis=0)) == len(proxy.vertices)
+
+
 def test_the_field_reaches_a_wall_that_only_the_envelope_explains(room, completed, observed, envelope):
     """Without any point on a wall (x = 2) it is fused as far as the captures look at it."""
     views, walls = [], []
