@@ -87,15 +87,15 @@ def read_declaration(path: Path) -> Declaration:
 def _declaration(data: Mapping[str, Any], file: Path) -> Declaration:
     try:
         declaration = Declaration(
-            captures_source=data["captures"]["source"],
+            captures_source=_text(data, "captures", "source"),
             world_from_capture=_matrix(data["registration"]["world_from_capture"]),
-            ground=data["registration"]["ground"],
-            scale_source=data["registration"]["scale_source"],
-            robot=data["robot"]["model"],
-            scope=data["robot"]["scope"],
-            mesh_library=data.get("priors", {}).get("mesh_library", ""),
+            ground=_text(data, "registration", "ground"),
+            scale_source=_text(data, "registration", "scale_source"),
+            robot=_text(data, "robot", "model"),
+            scope=_text(data, "robot", "scope"),
+            mesh_library=_text(data, "priors", "mesh_library", default=""),
             preset=data["settings"]["preset"],
-            overrides=_table(data["settings"].get("overrides", {}), "settings.overrides"),
+            overrides=_by_dotted_keys(data["settings"].get("overrides", {})),
             backends=data["backends"],
         )
     except SettingsError as error:
@@ -104,15 +104,27 @@ def _declaration(data: Mapping[str, Any], file: Path) -> Declaration:
         raise SceneError(
             f"the field {error} is missing or wrong",
             where=file,
-            cure="Make the scene anew with `r2sego new`.",
+            cure="Mend it there, or make the scene anew with `r2sego new`.",
         ) from error
     return declaration
 
 
-def _table(value: Any, name: str) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise ValueError(name)
-    return value
+def _text(data: Mapping[str, Any], section: str, name: str, default: str | None = None) -> str:
+    text = data[section][name] if default is None else data.get(section, {}).get(name, default)
+    if not isinstance(text, str):
+        raise ValueError(f"{section}.{name}")
+    return text
+
+
+def _by_dotted_keys(overrides: Any, prefix: str = "") -> dict[str, Any]:
+    """The settings by their keys, of which TOML makes tables where a person writes them without quotes."""
+    if not isinstance(overrides, Mapping):
+        raise ValueError("settings.overrides")
+    found: dict[str, Any] = {}
+    for key, value in overrides.items():
+        is_table = isinstance(value, Mapping)
+        found |= _by_dotted_keys(value, f"{prefix}{key}.") if is_table else {f"{prefix}{key}": value}
+    return found
 
 
 def _matrix(rows: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:

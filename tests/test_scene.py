@@ -127,6 +127,9 @@ def test_open_names_the_file_and_the_cure(tmp_path, text):
         ("registration", {"world_from_capture": [[float("nan")] * 4] * 4}, "registration.world_from_capture"),
         ("registration", {"world_from_capture": 1.0}, "missing or wrong"),
         ("priors", 3, "missing or wrong"),
+        ("priors", {"mesh_library": ["a", "b"]}, "the field priors.mesh_library is missing or wrong"),
+        ("robot", {"scope": 3}, "the field robot.scope is missing or wrong"),
+        ("robot", {"model": False}, "the field robot.model is missing or wrong"),
     ],
 )
 def test_a_wrong_declaration_is_an_error_that_names_its_file(tmp_path, section, wrong, told):
@@ -138,6 +141,17 @@ def test_a_wrong_declaration_is_an_error_that_names_its_file(tmp_path, section, 
     with pytest.raises((SceneError, SettingsError)) as caught:
         Scene.open(scene.path)
     assert str(caught.value).startswith(f"{file}: ") and told in str(caught.value) and caught.value.cure
+
+
+def test_settings_may_be_declared_without_quotes(tmp_path):
+    scene = make_scene(tmp_path)
+    file = scene.path / "scene.toml"
+    text, _, _ = file.read_text().partition("[settings.overrides]")
+    by_hand = "[settings.overrides]\ntraining.max_gaussians = 5000\ntraining.sh_degree = 2\nrounds = 5\n"
+    file.write_text(text + by_hand)
+    declared = Scene.open(scene.path).declaration
+    assert declared.overrides == {"training.max_gaussians": 5000, "training.sh_degree": 2, "rounds": 5}
+    assert (declared.settings.training.max_gaussians, declared.settings.rounds) == (5000, 5)
 
 
 def test_open_refuses_a_folder_that_is_no_bundle(tmp_path):

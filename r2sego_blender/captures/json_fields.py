@@ -20,7 +20,7 @@ def read_json(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > _LARGEST_FILE_BYTES:
             raise CaptureError("the file is too large for camera poses", where=path, cure="Check the path.")
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(path.read_text(encoding="utf-8-sig"))  # some programs on Windows begin with a mark
     except FileNotFoundError as error:
         raise CaptureError("the pose file is missing", where=path, cure="Check the path.") from error
     except (OSError, ValueError, RecursionError) as error:

@@ -60,6 +60,13 @@ def test_what_instant_ngps_script_writes(tmp_path, rng, blank_photograph):
             assert np.abs(capture.camera.world_from_camera - pose).max() < 1e-9
 
 
+def test_a_file_that_begins_with_a_byte_order_mark(tmp_path, rng, blank_photograph):
+    _photographs(tmp_path, blank_photograph)
+    path = _written(tmp_path, _poses(rng), {"fl_x": 50.0})
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert len(import_captures(tmp_path, path, SETTINGS).captures) == 4
+
+
 @pytest.mark.parametrize("suffix", ["png", "jpg", "jpeg", "webp"])
 def test_names_without_a_suffix(tmp_path, rng, blank_photograph, suffix):
     _photographs(tmp_path, blank_photograph, suffix)
