@@ -7,13 +7,9 @@ at once.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
-import signal
-import socket
 import sys
-import threading
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +43,7 @@ from .named_settings import PRESETS, with_overrides
 from .progress import JsonProgress, Progress
 from .resources import available_cores, require_addresses
 from .scene import Scene
+from .workers.cancelling import cancel_at_once
 from .workers.engine import GOING_ON
 
 
@@ -89,7 +86,7 @@ def main(context: click.Context) -> None:
         sys.stdout.reconfigure(errors="backslashreplace")  # a name that it cannot write ends no command
     if "numba" not in sys.modules:  # Numba knows no containers; once it is there it would forget its cache
         os.environ.setdefault("NUMBA_NUM_THREADS", str(available_cores()))
-    _cancel_at_once("finished steps are kept" if context.invoked_subcommand in GOING_ON else "")
+    cancel_at_once("finished steps are kept" if context.invoked_subcommand in GOING_ON else "")
 
 
 @main.command()
@@ -361,40 +358,3 @@ def _advance(scene: Path, round_index: int | None, name: str, progress: Progress
     with opened.locked():
         run(opened, progress, until=of_round(index, name))
     return opened, index
-
-
-def _cancel_at_once(kept: str = "") -> None:
-    """Let SIGINT, SIGTERM, SIGHUP and Ctrl-Break end the process within moments, with its native calls.
-
-    Python's own handlers wait for the main thread to leave a compiled kernel; a thread
-    that reads the wake-up pipe does not. Nothing published is half-written at any time.
-    ``kept`` says what the command leaves, where it leaves something.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        return
-    from .scratch import remove_scratch
-    from .workers.child import kill_children
-
-    reader, writer = socket.socketpair()
-    writer.setblocking(False)
-    signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
-    numbers = [signal.SIGINT, signal.SIGTERM]
-    if hasattr(signal, "SIGBREAK"):  # Ctrl-Break, as Blender cancels on Windows
-        numbers.append(signal.SIGBREAK)
-    for number in numbers:
-        signal.signal(number, lambda *_: None)
-    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:  # not so under nohup
-        signal.signal(signal.SIGHUP, lambda *_: None)
-
-    def wait() -> None:
-        number = reader.recv(1)[0]
-        kill_children(for_good=True)
-        remove_scratch()
-        said = "; ".join(filter(None, ["\nr2sego: cancelled", kept])) + "\n"
-        with contextlib.suppress(OSError):  # the terminal is gone
-            shown_again = "\x1b[?25h" if os.isatty(2) else ""  # a bar hides the cursor, and keeps sys.stderr
-            os.write(2, (shown_again + said).encode())
-        os._exit(128 + number)
-
-    wait.writer = writer  # keeps the socket open as long as the thread lives
-    threading.Thread(target=wait, name="cancel", daemon=True).start()

@@ -26,7 +26,7 @@ SMALL = ["--size", 256, "--faces", 300]
 
 @pytest.fixture(autouse=True)
 def signals_stay_the_tests_own(monkeypatch):
-    monkeypatch.setattr(cli, "_cancel_at_once", lambda _: None)
+    monkeypatch.setattr(cli, "cancel_at_once", lambda _: None)
 
 
 def r2sego(*arguments: object) -> Result:

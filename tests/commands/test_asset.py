@@ -32,7 +32,7 @@ FIELDS = ("means", "log_scales", "quaternions", "logit_opacities", "sh")
 
 @pytest.fixture(autouse=True)
 def signals_stay_the_tests_own(monkeypatch):
-    monkeypatch.setattr(cli, "_cancel_at_once", lambda _: None)
+    monkeypatch.setattr(cli, "cancel_at_once", lambda _: None)
 
 
 def r2sego(*arguments):

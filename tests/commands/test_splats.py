@@ -28,7 +28,7 @@ SMALL = ["--set", "captures.max_side_px=200", "--set", "training.sh_degree=1"]
 
 @pytest.fixture(autouse=True)
 def signals_stay_the_tests_own(monkeypatch):
-    monkeypatch.setattr(cli, "_cancel_at_once", lambda _: None)
+    monkeypatch.setattr(cli, "cancel_at_once", lambda _: None)
 
 
 def r2sego(*arguments: object) -> Result:
@@ -130,9 +130,9 @@ def test_a_signal_ends_training_and_leaves_nothing(tmp_path):
 _WRITING = """
 import sys, time
 from pathlib import Path
-from r2sego_blender.cli import _cancel_at_once
+from r2sego_blender.workers.cancelling import cancel_at_once
 from r2sego_blender.splats.formats.files import publishing
-_cancel_at_once()
+cancel_at_once()
 with publishing(Path(sys.argv[1])) as staging:
     staging.write_bytes(bytes(1000))
     print("writing", flush=True)

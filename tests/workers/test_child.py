@@ -212,11 +212,11 @@ def test_a_cancelled_command_leaves_no_temporary_folder(tmp_path, number):
     command = f"""
 import pathlib, signal, sys, threading, time
 sys.path.insert(0, {str(Path(__file__).parent)!r})
-from r2sego_blender.cli import _cancel_at_once
+from r2sego_blender.workers.cancelling import cancel_at_once
 from r2sego_blender.scratch import ScratchFolder
 from r2sego_blender.workers.child import call_in_child
 from test_child import hang
-_cancel_at_once()
+cancel_at_once()
 def cancel():
     temporary = pathlib.Path({str(temporary)!r})
     while not list(temporary.glob("*/request.json")):

@@ -175,9 +175,9 @@ def test_a_cancelled_command_leaves_no_generator_behind(tmp_path, number):
     script.write_text(TELL + "(folder / 'began').write_text(str(os.getpid()))\ntime.sleep(60)\n")
     command = f"""
 from pathlib import Path
-from r2sego_blender.cli import _cancel_at_once
+from r2sego_blender.workers.cancelling import cancel_at_once
 from r2sego_blender.workers.generator_program import GeneratorProgram
-_cancel_at_once()
+cancel_at_once()
 with GeneratorProgram([{sys.executable!r}, {str(script)!r}], "my", "") as program:
     program.answer(Path({str(folder)!r}))
 """

@@ -1,0 +1,122 @@
+"""Commands end at once when they are told to, leave nothing, and say what is kept."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from r2sego_blender.scene import Declaration, Scene
+
+ROOT = Path(__file__).parents[2]
+ROOM = ROOT / "demo" / "room"
+
+
+@pytest.fixture
+def scene(tmp_path) -> Scene:
+    declared = Declaration(
+        "photographs", tuple(map(tuple, np.eye(4).tolist())), ground="floor", scale_source="metric"
+    )
+    return Scene.create(tmp_path / "room.r2s", declared, lambda place: (place / "captures").mkdir())
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", None)])
+def test_a_signal_ends_a_run_within_two_seconds_and_leaves_nothing(tmp_path, number):
+    target, temporary = tmp_path / "a.r2s", tmp_path / "temporary"
+    temporary.mkdir()
+    arguments = ["new", target, "--captures", ROOM / "captures", "--poses", ROOM / "cameras.json"]
+    command = [sys.executable, "-m", "r2sego_blender", *map(str, arguments)]
+    variables = {**os.environ, "TMPDIR": str(temporary)}
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, cwd=ROOT, env=variables)
+    while not list(temporary.glob("r2sego-*/*")):  # it waits for a native call
+        assert process.poll() is None
+        time.sleep(0.02)
+    started_s = time.monotonic()
+    process.send_signal(number)
+    _, said = process.communicate(timeout=30)
+    assert time.monotonic() - started_s < 10.0  # two seconds on a free machine
+    assert process.returncode == 128 + number
+    assert said.decode().splitlines()[-1] == "r2sego: cancelled"
+    assert [file.name for file in tmp_path.iterdir()] == ["temporary"]
+    assert not list(temporary.iterdir())
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+@pytest.mark.parametrize("hangs_up", [True, False])
+def test_a_cancelled_refine_says_that_steps_are_kept_even_to_a_closed_terminal(scene, hangs_up):
+    refining = (
+        "import sys, time, r2sego_blender.pipeline as pipeline\n"
+        "pipeline.refine = lambda *_: (print('begun', file=sys.stderr, flush=True), time.sleep(60))\n"
+        "from r2sego_blender.cli import main; main()\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", refining, "refine", scene.path], stderr=subprocess.PIPE, cwd=ROOT
+    )
+    assert process.stderr.readline() == b"begun\n"
+    if hangs_up:
+        process.stderr.close()
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(timeout=30) == 128 + signal.SIGTERM
+    if not hangs_up:
+        assert process.stderr.read().strip() == b"r2sego: cancelled; finished steps are kept"
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGBREAK"])
+def test_a_command_ends_on_every_way_of_interrupting_it(name):
+    if not hasattr(signal, name):
+        pytest.skip("Windows has it")
+    interrupted = (
+        "import signal, time, r2sego_blender.doctor as doctor\n"
+        f"doctor.examine = lambda: (signal.raise_signal(signal.{name}), time.sleep(60))\n"
+        "from r2sego_blender.cli import main; main(['doctor'])\n"
+    )
+    command = [sys.executable, "-c", interrupted]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=50)
+    assert (done.returncode, done.stderr.strip()) == (128 + getattr(signal, name), "r2sego: cancelled")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pseudo-terminals")
+def test_a_run_that_is_cancelled_behind_its_bar_leaves_the_terminal_as_it_was():
+    import pty
+
+    working = (
+        "import sys, time, r2sego_blender.doctor as doctor\n"
+        "from r2sego_blender.progress import TerminalProgress\n"
+        "def examine():\n"
+        "    with TerminalProgress().task('Dense stereo', 3): time.sleep(60)\n"
+        "doctor.examine = examine\n"
+        "from r2sego_blender.cli import main; main(['doctor'])\n"
+    )
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-c", working]
+    variables = {**os.environ, "TERM": "xterm"}
+    process = subprocess.Popen(command, stderr=theirs, cwd=ROOT, env=variables)
+    os.close(theirs)
+    said = b""
+    while b"0:00:01" not in said:
+        said += os.read(ours, 4096)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=30) == 128 + signal.SIGINT
+    said += os.read(ours, 65536)
+    os.close(ours)
+    assert b"r2sego: cancelled" in said
+    assert said.rindex(b"\x1b[?25h") > said.rindex(b"\x1b[?25l"), "the cursor is hidden"
+
+
+@pytest.mark.skipif(shutil.which("nohup") is None or os.name == "nt", reason="needs nohup")
+def test_a_run_under_nohup_outlives_its_terminal(scene):
+    waiting = (
+        "import os, signal, r2sego_blender.status as status\n"
+        "status.describe = lambda *_, **__: os.kill(os.getpid(), signal.SIGHUP)\n"
+        "status.lines = lambda _: ['lives']\n"
+        "from r2sego_blender.cli import main; main()\n"
+    )
+    command = ["nohup", sys.executable, "-c", waiting, "status", scene.path]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert (done.returncode, done.stdout.strip()) == (0, "lives")
