@@ -1,8 +1,11 @@
 # Two commands do it all:
-#   make demo   install, refine the demo room, print the result table
-#   make test   install what is missing and run every test
-#   make window the tab in a real Blender with its window: BLENDER=/path/to/blender make window
-#   make measure  how quickly it draws with a large scene, and its memory: BLENDER=... make measure
+#   make demo       install, refine the demo room, print the result table
+#   make test       install what is missing and run every test
+# And one by one:
+#   make install    into .venv, with the command r2sego
+#   make extension  the Blender add-on, dist/r2sego-*.zip
+#   make window     the tab in a real Blender with its window: BLENDER=/path/to/blender make window
+#   make measure    how quickly it draws with a large scene, and its memory: BLENDER=... make measure
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin

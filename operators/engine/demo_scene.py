@@ -13,7 +13,7 @@ from .. import state
 from ..base import EngineOperator, needs_idle_engine
 from .room_view import hide_startup_cube, look_into
 
-_TAKES = "Takes a quarter of an hour or more; Blender stays free meanwhile"
+_TAKES = "Takes some minutes, Paper 15 and more; Blender stays free meanwhile"
 
 
 class R2SEGO_OT_demo_scene(EngineOperator, bpy.types.Operator):
