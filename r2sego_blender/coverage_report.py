@@ -27,7 +27,7 @@ def measure_coverage(
     metres); it is passed over while proxy and candidates have not changed. Raises SceneError
     when the round has no candidate views.
     """
-    index = _last_round(scene) if round_index is None else round_index
+    index = max(scene.newest_round("selection/selection.npz"), 0) if round_index is None else round_index
     proxy, selection = of_round(index, "proxy"), of_round(index, "selection")
     if not (scene.path / selection / "candidates.npz").is_file():
         raise SceneError(
@@ -59,10 +59,3 @@ def lines(figures: dict[str, Any]) -> list[str]:
         f"{seen}; captures support {areas['supported']:.1f} m2",
         f"support gap: {gap}, {areas['weak']:.1f} m2 that one does, {areas['covered']:.1f} m2 that more do",
     ]
-
-
-def _last_round(scene: Scene) -> int:
-    index = 0
-    while (scene.round_folder(index) / "selection" / "selection.npz").is_file():
-        index += 1
-    return max(0, index - 1)

@@ -10,6 +10,7 @@ from .layout import CAPTURES, of_round
 from .robot.bodies import save_bodies
 from .robot.candidates import ego_camera
 from .robot.model import RobotModel
+from .robot.robot_file import robot_digest
 from .robot.rollouts import load_rollouts
 from .robot.scope import BehaviourScope
 from .scene import Scene
@@ -38,9 +39,8 @@ def export_bodies(scene: Scene, round_index: int) -> Path:
             scene.path / name,
         )  # fmt: skip
 
-    robot_file = [Path(source)] if Path(source).is_file() else []
     with scene.locked():
         return scene.step(
-            of_round(round_index, "bodies"), compute, inputs=[CAPTURES, name, *robot_file],
-            parameters=[source, mount],
+            of_round(round_index, "bodies"), compute, inputs=[CAPTURES, name],
+            parameters=[source, mount, robot_digest(source)],
         )  # fmt: skip

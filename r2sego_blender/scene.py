@@ -140,6 +140,14 @@ class Scene:
         """How many rounds the result stands on: those done, but none beyond the declared ones."""
         return min(self.rounds_done(), self.declaration.settings.rounds)
 
+    def newest_round(self, made: str) -> int:
+        """The last declared round that holds ``made``, such as "views"; -1 where none does.
+
+        Rounds beyond the declared ones may be of anything that was there before.
+        """
+        declared = reversed(range(self.declaration.settings.rounds))
+        return next((index for index in declared if (self.round_folder(index) / made).exists()), -1)
+
     # ---- steps
 
     def step(

@@ -165,13 +165,11 @@ def _on_photograph(capture: Capture) -> np.ndarray:
 
 
 def _newest_proxy(scene: Scene) -> GeometryProxy:
-    index = 0
-    while (scene.round_folder(index) / "proxy" / "proxy.npz").is_file():
-        index += 1
-    if index == 0:
+    index = scene.newest_round("proxy/proxy.npz")
+    if index < 0:
         raise SceneError(
             "there is no proxy to texture yet", where=scene.path,
             cure=f"Run `r2sego refine {scene.path}` first.",
         )  # fmt: skip
-    require_present_frame(scene, [of_round(index - 1, "proxy")], "textured")
-    return GeometryProxy.load(scene.round_folder(index - 1) / "proxy" / "proxy.npz")
+    require_present_frame(scene, [of_round(index, "proxy")], "textured")
+    return GeometryProxy.load(scene.round_folder(index) / "proxy" / "proxy.npz")

@@ -407,6 +407,16 @@ def test_rounds_done_counts_unbroken_assets(tmp_path):
     assert scene.rounds_done() == 2
 
 
+def test_the_newest_round_is_a_declared_one(tmp_path):
+    scene = make_scene(tmp_path)
+    assert scene.newest_round("views") == -1
+    for index in range(3):
+        (scene.round_folder(index) / "views").mkdir(parents=True)
+    assert scene.newest_round("views") == 2
+    assert scene.declare(overrides={"rounds": 2}).newest_round("views") == 1
+    assert scene.newest_round("views/000") == -1
+
+
 def test_the_journal_is_json_lines_with_digests(tmp_path):
     scene = make_scene(tmp_path)
     scene.step("a.txt", lambda file: file.write_text("a"))

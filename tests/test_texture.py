@@ -83,6 +83,14 @@ def test_the_newest_proxy_is_baked_into_the_bundle(scene):
     assert mesh.visual.material.baseColorTexture.size == (256, 256)
 
 
+def test_a_proxy_of_more_rounds_than_are_declared_is_not_baked(scene):
+    """The second round is what an earlier refinement left."""
+    scene.declare(overrides={"rounds": 1})
+    assert r2sego("texture", scene.path, *SMALL).exit_code == 0
+    mesh = trimesh.load(scene.path / FILE, force="mesh", process=False)
+    assert mesh.bounds[1, 0] == pytest.approx(SIZE_M[0], abs=1e-3)
+
+
 def test_the_figures_are_those_of_what_was_written(scene, tmp_path):
     """The shell alone shows the captures again, but for the furniture's far sides."""
     file = tmp_path / "out.glb"

@@ -74,10 +74,8 @@ def robot_bodies(context: click.Context, scene: Path, round_index: int | None, a
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)
-    if round_index is None:
-        begun = opened.rounds_done()
-        round_index = begun if (opened.round_folder(begun) / "rollouts").is_dir() else max(begun - 1, 0)
-    tell(progress, bodies=str(export_bodies(opened, round_index)))
+    index = max(opened.newest_round("rollouts"), 0) if round_index is None else round_index
+    tell(progress, bodies=str(export_bodies(opened, index)))
 
 
 @click.command("try-rollouts")

@@ -41,7 +41,7 @@ def views(
     if len(set(given)) < len(given):
         raise SettingsError("a view is decided on twice", where="r2sego views", cure="Name each view once.")
     opened = Scene.open(scene)
-    index = _last_round(opened) if round_index is None else round_index
+    index = max(opened.newest_round("views"), 0) if round_index is None else round_index
     folder = opened.round_folder(index) / "views"
     if given:
         words = ((accept, True), (reject, False), (undecided, None))
@@ -80,11 +80,3 @@ def lines(told: dict[str, Any]) -> list[str]:
             f"{view['reference']}: {view['fate']}{stands}"
         )
     return text
-
-
-def _last_round(scene: Scene) -> int:
-    """The last round that has generated views, 0 when none has."""
-    index = 0
-    while (scene.round_folder(index + 1) / "views").is_dir():
-        index += 1
-    return index

@@ -8,6 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from legged_robots import quadruped_mjcf
+from made_up_room import made_up_bundle
 
 from r2sego_blender.arrays import opened_arrays
 from r2sego_blender.errors import RobotError
@@ -16,6 +18,8 @@ from r2sego_blender.robot.bodies import POSES, SHAPES, body_poses, body_shapes, 
 from r2sego_blender.robot.candidates import ego_camera
 from r2sego_blender.robot.collision_shapes import colliding
 from r2sego_blender.robot.model import RobotModel
+from r2sego_blender.robot.rollouts import save_rollouts
+from r2sego_blender.robot_bodies import export_bodies
 
 PRIMITIVES = """<mujoco><worldbody><body name="b" pos="0 0 1"><freejoint/>
 <geom type="sphere" size="0.1"/>
@@ -139,3 +143,16 @@ def test_another_robots_rollouts_are_refused(humanoid, wheeled, shared_robot, tm
     with pytest.raises(RobotError, match="another robot's"):
         save_bodies(tmp_path, like, [rollout_of(humanoid)], lens, tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_bodies_are_made_anew_when_a_file_that_the_robots_names_has_changed(tmp_path):
+    head, trunk, rest = quadruped_mjcf().partition('<geom type="box" size="0.2 0.05 0.05" mass="7"/>')
+    robot, included = tmp_path / "robot.xml", tmp_path / "trunk.xml"
+    robot.write_text(f'{head}<include file="trunk.xml"/>{rest}')
+    included.write_text(f"<mujoco>{trunk}</mujoco>")
+    scene = made_up_bundle(tmp_path / "room.r2s").declare(robot=str(robot))
+    (scene.path / "rounds/0/rollouts").mkdir()
+    save_rollouts(scene.path / "rounds/0/rollouts", [rollout_of(RobotModel.load(str(robot)))])
+    before = (export_bodies(scene, 0) / SHAPES).read_bytes()
+    included.write_text(f"<mujoco>{trunk}</mujoco>".replace("0.2 0.05", "0.3 0.05"))
+    assert (export_bodies(scene, 0) / SHAPES).read_bytes() != before
