@@ -137,7 +137,9 @@ def new(
 @main.command()
 @click.argument("scene", type=ANY_PATH)
 @click.option(
-    "--preset", type=click.Choice(list(PRESETS)), help="Named settings; 'paper' are the paper's own."
+    "--preset",
+    type=click.Choice(list(PRESETS)),
+    help="Named settings: 'preview' for a quick look; by default the scene's, at first 'paper'.",
 )
 @settings_option
 @click.option("--rounds", type=int, help="Refinement rounds; short for --set rounds=L.")

@@ -26,8 +26,8 @@ from .options import (
 @click.argument("scene", type=ANY_PATH)
 @click.option(
     "--masks", type=FOLDER,
-    help="Masks of the objects: a folder each, or numbered images. A name that is there already keeps "
-    "its mesh, pose and decision.",
+    help="Masks of the objects, in place of those declared: a folder each, or numbered images. A name that "
+    "is there already keeps its mesh, pose and decision.",
 )  # fmt: skip
 @click.option("--find", is_flag=True, help="Take what stands free in the observed geometry for objects.")
 @click.option("--segment", metavar="WORDS", help="Let SAM 3 mask what WORDS, with commas between, name.")
