@@ -5,7 +5,7 @@ blender --background --python-exit-code 1 --python tests/operators/in_blender.py
 
 Installs and enables ZIP as Blender itself does, runs every ``check_…`` of ``checks/`` on the
 bundle with the stand-in engine, and writes what each said: "" when it held, else its
-traceback. R2SEGO_CHECKS names single rooms, such as ``proxy,asset``.
+traceback. R2SEGO_CHECKS names single rooms, such as ``proxy,asset``, or files such as ``asset_marks``.
 """
 
 import importlib
@@ -28,10 +28,12 @@ def main():
         filepath=str(ZIP), repo="user_default", enable_on_install=True, overwrite=True
     )
     preferences().engine_python = str(ENGINE)
-    rooms = os.environ.get("R2SEGO_CHECKS", "")
-    names = rooms.split(",") if rooms else sorted(file.stem for file in CHECKS.glob("*.py"))
+    rooms = tuple(f"{room}_" for room in os.environ.get("R2SEGO_CHECKS", "").split(",") if room)
+    files = sorted(file.stem for file in CHECKS.glob("*.py"))
     said = {}
-    for room in names:
+    for room in files:
+        if rooms and not f"{room}_".startswith(rooms):
+            continue
         for name, check in vars(importlib.import_module(room)).items():
             if name.startswith("check_"):
                 said[f"{room}.{name}"] = _said(check)

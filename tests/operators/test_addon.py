@@ -1,7 +1,7 @@
 """The built extension, installed and used as a person would, in pip bpy.
 
 Set R2SEGO_TEST_BLENDER to a blender binary to run the same checks in it, R2SEGO_CHECKS to the
-names of single rooms.
+names of single rooms, or of single files of their checks.
 """
 
 import ast
@@ -17,11 +17,11 @@ pytest.importorskip("bpy", reason="pip bpy is not installed")
 
 ROOT = Path(__file__).parents[2]
 CHECKS = Path(__file__).with_name("in_blender.py")
-ROOMS = os.environ.get("R2SEGO_CHECKS", "")
+ROOMS = tuple(f"{room}_" for room in os.environ.get("R2SEGO_CHECKS", "").split(",") if room)
 NAMES = [
     f"{file.stem}.{node.name}"
     for file in sorted(CHECKS.with_name("checks").glob("*.py"))
-    if not ROOMS or file.stem in ROOMS.split(",")
+    if not ROOMS or f"{file.stem}_".startswith(ROOMS)
     for node in ast.parse(file.read_text()).body
     if isinstance(node, ast.FunctionDef) and node.name.startswith("check_")
 ]
