@@ -41,6 +41,14 @@ def test_embedded_mount_is_the_published_one(humanoid):
     np.testing.assert_allclose(by_hand.parent_from_camera, published_camera_in_torso(), atol=1e-12)
 
 
+def test_the_robots_eye_is_where_mujoco_has_it(humanoid):
+    data = mujoco.MjData(humanoid.model)
+    data.qpos[:] = humanoid.rest_qpos
+    mujoco.mj_kinematics(humanoid.model, data)
+    mujoco.mj_camlight(humanoid.model, data)
+    assert humanoid.eye_height_m == pytest.approx(data.cam("head_camera").xpos[2], abs=1e-9)
+
+
 def test_camera_stands_in_the_world_as_opencv(humanoid):
     camera = humanoid.camera(640, 480)
     pelvis_to_torso = np.array([-0.0039635, 0.0, 0.785 + 0.035 + 0.019])
