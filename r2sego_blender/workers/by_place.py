@@ -27,9 +27,12 @@ They also leave the working folder unsearched.
 
 
 def environment_elsewhere() -> dict[str, str]:
-    """This process's variables for a program of another environment: ``PYTHONPATH`` without the
-    folder of this library, which ``engine.engine_environment`` puts there."""
+    """This process's variables for a program of another environment, without what
+    ``engine.engine_environment`` adds: the folder of this library in ``PYTHONPATH``, and
+    ``PYTHONSAFEPATH``, under which a program finds no modules beside itself."""
     environment = dict(os.environ)
-    places = environment.pop("PYTHONPATH", "").split(os.pathsep)
-    kept = [place for place in places if place and Path(place).resolve() != LIBRARY.parent]
+    places = [place for place in environment.pop("PYTHONPATH", "").split(os.pathsep) if place]
+    kept = [place for place in places if Path(place).resolve() != LIBRARY.parent]
+    if kept != places:
+        environment.pop("PYTHONSAFEPATH", None)
     return environment | ({"PYTHONPATH": os.pathsep.join(kept)} if kept else {})

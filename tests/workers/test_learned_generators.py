@@ -24,6 +24,7 @@ from r2sego_blender.errors import GenerationError, MachineError, NativeError
 from r2sego_blender.workers import viewcrafter, viewcrafter_program
 from r2sego_blender.workers.child import RUNNING, kill_children
 from r2sego_blender.workers.elsewhere import PROTOCOL
+from r2sego_blender.workers.engine import engine_environment
 from r2sego_blender.workers.generator_program import (
     COMMAND_VARIABLE,
     SIZE_VARIABLE,
@@ -77,6 +78,16 @@ def test_an_answer_is_what_the_program_left(tmp_path):
     with program_of(tmp_path, f"tell(**{WHOLE})") as program:
         assert program.answer(folder_of(tmp_path)) == WHOLE
         assert not RUNNING
+
+
+@pytest.mark.skipif(sys.version_info < (3, 11), reason="Python knows no PYTHONSAFEPATH")
+def test_a_program_finds_its_modules_where_the_add_on_started_the_engine(tmp_path, monkeypatch):
+    for name, value in engine_environment().items():
+        monkeypatch.setenv(name, value)
+    (tmp_path / "model_of_ours.py").write_text("NAME = 'Stand-in 1'\n")
+    body = "import model_of_ours\ntell(protocol=1, backend=model_of_ours.NAME, frames=2)"
+    with program_of(tmp_path, body) as program:
+        assert program.answer(folder_of(tmp_path)) == WHOLE
 
 
 def test_a_program_that_waits_is_started_once(tmp_path):
@@ -215,6 +226,8 @@ def test_the_environment_names_program_and_size(tmp_path, monkeypatch):
     alone.chmod(alone.stat().st_mode | stat.S_IXUSR)
     monkeypatch.setenv(COMMAND_VARIABLE, str(alone))
     assert named_command() == [str(alone)]
+    monkeypatch.setenv(COMMAND_VARIABLE, f"{sys.executable} -c '{'pass;' * 100}'")
+    assert named_command() == [sys.executable, "-c", "pass;" * 100]
     monkeypatch.setenv(COMMAND_VARIABLE, "no-such-program here")
     with pytest.raises(MachineError, match="no-such-program: the program in R2SEGO_GENERATOR is not there"):
         named_command()
