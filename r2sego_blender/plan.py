@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .digests import content_digest
 from .pipeline import refine
-from .scene import Scene, content_digest
+from .scene import Scene
 from .world_frame import of_old_frame
 
 PARTS = {

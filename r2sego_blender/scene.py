@@ -25,6 +25,7 @@ from typing import Any
 
 from . import __version__
 from .backends import controller_backend
+from .digests import content_digest
 from .errors import SceneError
 from .layout import COLLISION, REFINED_ASSET
 from .scene_declaration import DECLARATION, Declaration, name_in, read_declaration, write_declaration
@@ -33,7 +34,6 @@ from .whole_files import UNFINISHED, finish_replacing, flush, remove, rename, re
 from .world_frame import frame_of_output
 
 _JOURNAL, _LOCK = "journal.jsonl", ".lock"
-_HIDDEN = ("desktop.ini", "thumbs.db")  # Windows hides these without a dot
 _HOLDERS: dict[Path, int] = {}  # of bundles that this process holds: the thread
 
 
@@ -347,26 +347,6 @@ def _remove_abandoned(folder: Path) -> None:
                 free = _try_lock(lock)
             if free:
                 remove(file.parent)
-
-
-def content_digest(path: Path) -> str:
-    """A SHA-256 over a file's bytes, or over a folder's names and bytes; '' when it is missing.
-
-    Hidden files, such as a file manager's ``.DS_Store`` or ``Thumbs.db``, are none of a folder's.
-    """
-    digest = hashlib.sha256()
-    if path.is_dir():
-        names = [file.relative_to(path) for file in path.rglob("*") if file.is_file()]
-        for name in sorted(names, key=lambda name: name.parts):  # Windows compares paths in small letters
-            if not any(part.startswith(".") for part in name.parts) and name.name.lower() not in _HIDDEN:
-                digest.update(name.as_posix().encode())
-                digest.update(content_digest(path / name).encode())
-    elif path.is_file():
-        with path.open("rb") as stream:
-            digest = hashlib.file_digest(stream, "sha256")
-    else:
-        return ""
-    return digest.hexdigest()
 
 
 def _as_json(value: Any) -> Any:

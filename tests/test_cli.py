@@ -13,8 +13,9 @@ from click.testing import CliRunner
 
 from r2sego_blender import compiled
 from r2sego_blender.cli import main
+from r2sego_blender.digests import content_digest
 from r2sego_blender.images import save_image
-from r2sego_blender.scene import Declaration, Scene, content_digest
+from r2sego_blender.scene import Declaration, Scene
 
 ROOT = Path(__file__).parents[1]
 ROOM = ROOT / "demo" / "room"

@@ -28,10 +28,11 @@ from r2sego_blender.correction import (
     correct_to_frame,
     undo_correction,
 )
+from r2sego_blender.digests import content_digest
 from r2sego_blender.errors import CaptureError, GeometryError, SceneError
 from r2sego_blender.robot.scope import BehaviourScope
 from r2sego_blender.robot_declaration import declare_robot
-from r2sego_blender.scene import Scene, content_digest
+from r2sego_blender.scene import Scene
 from r2sego_blender.splats.regions import Box
 
 

@@ -13,13 +13,14 @@ from r2sego_blender.benchmarks.workloads import made_up_room
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import save_captures
+from r2sego_blender.digests import content_digest
 from r2sego_blender.errors import AssetError, R2SEgoError, SceneError
 from r2sego_blender.export import export_scene
 from r2sego_blender.geometry.collision import CollisionSurface
 from r2sego_blender.geometry.collision_files import write_collision
 from r2sego_blender.geometry.convex import convex_hull
 from r2sego_blender.geometry.proxy import GeometryProxy
-from r2sego_blender.scene import Declaration, Scene, content_digest
+from r2sego_blender.scene import Declaration, Scene
 from r2sego_blender.splats.formats import load_asset, save_asset
 from r2sego_blender.status import describe, lines
 

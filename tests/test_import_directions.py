@@ -17,6 +17,7 @@ FOUNDATION = {
     "cameras",
     "colours",
     "compiled",
+    "digests",
     "errors",
     "images",
     "layout",

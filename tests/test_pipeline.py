@@ -13,6 +13,7 @@ from step_reads import KeysOnly, WatchedScene, another, unshared_contents
 from r2sego_blender.captures.store import load_captures
 from r2sego_blender.cli import main
 from r2sego_blender.creation import create_scene
+from r2sego_blender.digests import content_digest
 from r2sego_blender.evaluation.scene_evaluation import evaluate_scene
 from r2sego_blender.evaluation.scene_report import write_scene_report
 from r2sego_blender.export import export_scene
@@ -21,7 +22,7 @@ from r2sego_blender.geometry.proxy import GeometryProxy
 from r2sego_blender.named_settings import entries
 from r2sego_blender.pipeline import refine
 from r2sego_blender.plan import plan_refinement
-from r2sego_blender.scene import Scene, content_digest
+from r2sego_blender.scene import Scene
 from r2sego_blender.selection import Selection
 from r2sego_blender.settings import CaptureSettings
 from r2sego_blender.splats.ply import load_ply

@@ -1,7 +1,6 @@
 """The bundle: atomic, resumable, honest about versions and full disks."""
 
 import errno
-import hashlib
 import json
 import os
 import subprocess
@@ -14,16 +13,12 @@ import pytest
 import tomli_w
 
 from r2sego_blender.backends import CONDITION_BACKENDS, SURFACE_BACKENDS
+from r2sego_blender.digests import content_digest
 from r2sego_blender.errors import SceneError, SettingsError
 from r2sego_blender.evaluation.scene_evaluation import evaluate_scene
 from r2sego_blender.named_settings import entries
 from r2sego_blender.pipeline import refine
-from r2sego_blender.scene import (
-    Declaration,
-    Scene,
-    content_digest,
-    require_place,
-)
+from r2sego_blender.scene import Declaration, Scene, require_place
 from r2sego_blender.scratch import remove_scratch
 from r2sego_blender.settings import Settings
 from r2sego_blender.texture import texture_scene
@@ -247,28 +242,6 @@ def test_a_damaged_result_is_made_again_and_an_edited_one_kept(tmp_path):
     (scene.path / "last.json").write_text('{"a": 2}')  # what no step reads has no edits
     assert step("last.json").read_text() == '{"a": 1}'
     assert len(scene.journal()) == 4
-
-
-def test_hidden_files_are_no_content(tmp_path):
-    folder = tmp_path / "captures"
-    folder.mkdir()
-    (folder / "a.txt").write_text("a")
-    before = content_digest(folder)
-    for hidden in (".DS_Store", "Thumbs.db", "desktop.ini"):
-        (folder / hidden).write_text("a file manager's")
-    assert content_digest(folder) == before
-    (folder / "b.txt").write_text("b")
-    assert content_digest(folder) != before
-
-
-def test_a_folder_has_one_digest_on_every_system(tmp_path):
-    """Its files in the order of their names' letters, capitals first: Windows would not sort them so."""
-    digest = hashlib.sha256()
-    for name in ("B/c.txt", "C.txt", "a.txt"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_bytes(name.encode())
-        digest.update(name.encode() + hashlib.sha256(name.encode()).hexdigest().encode())
-    assert content_digest(tmp_path) == digest.hexdigest()
 
 
 def test_a_cut_off_journal_line_is_passed_over(tmp_path):

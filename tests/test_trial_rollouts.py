@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from made_up_room import made_up_bundle
 
+from r2sego_blender.digests import content_digest
 from r2sego_blender.errors import SceneError
 from r2sego_blender.robot.rollouts import load_rollouts
 from r2sego_blender.robot_bodies import export_bodies
 from r2sego_blender.robot_declaration import declare_robot
-from r2sego_blender.scene import content_digest
 from r2sego_blender.settings import RolloutSettings
 from r2sego_blender.steps import Steps
 from r2sego_blender.trial_rollouts import TRIAL, try_rollouts

@@ -13,8 +13,8 @@ import numpy as np
 
 from ..arrays import opened_arrays
 from ..cameras import Camera
+from ..digests import content_digest
 from ..errors import SceneError
-from ..scene import content_digest
 from .bundle import Bundle
 from .rollout_list import bodies_folder, rollouts_folder
 

@@ -13,8 +13,8 @@ import trimesh
 
 from ..arrays import save_arrays
 from ..cameras import Camera
+from ..digests import content_digest
 from ..errors import RobotError
-from ..scene import content_digest
 from ..text_files import write_json
 from .attempts import Rollout
 from .model import RobotModel

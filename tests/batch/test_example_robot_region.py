@@ -11,8 +11,8 @@ from example_runs import run_with_engine
 
 from r2sego_blender.cli import main
 from r2sego_blender.creation import create_scene
+from r2sego_blender.digests import content_digest
 from r2sego_blender.robot.region import parse_polygon
-from r2sego_blender.scene import content_digest
 from r2sego_blender.settings import CaptureSettings
 
 bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")

@@ -10,10 +10,11 @@ from painted_room import write_painted_room
 
 from r2sego_blender.benchmarks.figures import write_figures
 from r2sego_blender.benchmarks.refinement import bench_refinement, lines
+from r2sego_blender.digests import content_digest
 from r2sego_blender.errors import EvaluationError, SceneError, SettingsError
 from r2sego_blender.evaluation.arms import ARMS
 from r2sego_blender.images import save_image
-from r2sego_blender.scene import Scene, content_digest
+from r2sego_blender.scene import Scene
 
 TINY = {
     "rounds": 2, "stereo.max_side_px": 120, "proxy.voxel_m": 0.06, "proxy.truncation_m": 0.15,

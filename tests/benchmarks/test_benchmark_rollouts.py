@@ -8,11 +8,12 @@ import pytest
 
 from r2sego_blender.benchmarks import rollouts as bench
 from r2sego_blender.benchmarks.workloads import made_up_collision, made_up_path, made_up_proxy, made_up_room
+from r2sego_blender.digests import content_digest
 from r2sego_blender.errors import SettingsError
 from r2sego_blender.geometry.collision_files import write_collision
 from r2sego_blender.robot.attempts import Rollout
 from r2sego_blender.robot.quality import Quality
-from r2sego_blender.scene import Declaration, Scene, content_digest
+from r2sego_blender.scene import Declaration, Scene
 from r2sego_blender.scoring.scores import support_scores
 from r2sego_blender.settings import SelectionSettings
 

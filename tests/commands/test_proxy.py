@@ -13,6 +13,7 @@ from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import save_captures
 from r2sego_blender.cli import main
 from r2sego_blender.coverage_report import measure_coverage
+from r2sego_blender.digests import content_digest
 from r2sego_blender.errors import GeometryError
 from r2sego_blender.geometry.coverage import Coverage
 from r2sego_blender.geometry.edits import load_proxy_edits
@@ -21,7 +22,7 @@ from r2sego_blender.images import save_image
 from r2sego_blender.pipeline import refine
 from r2sego_blender.plan import PlannedScene, describe_plan, plan_refinement
 from r2sego_blender.proxy_edits import describe_edits, edit_proxy, move_proxy_edits
-from r2sego_blender.scene import Declaration, Scene, content_digest
+from r2sego_blender.scene import Declaration, Scene
 from r2sego_blender.selection import save_candidates
 
 IDENTITY = tuple(map(tuple, np.eye(4).tolist()))

@@ -10,11 +10,11 @@ import pytest
 from cameras_file import save_cameras_json
 from small_bundle import bundle, photographs, splats
 
+from r2sego_blender.digests import content_digest
 from r2sego_blender.errors import SceneError
 from r2sego_blender.evaluation import scene_evaluation, scene_report
 from r2sego_blender.evaluation.report_data import Round
 from r2sego_blender.evaluation.scene_causes import CAUSES
-from r2sego_blender.scene import content_digest
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.ply import save_ply
 from r2sego_blender.status import lines

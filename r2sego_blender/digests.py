@@ -1,0 +1,28 @@
+"""What a file or folder holds, told by a digest."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+_HIDDEN = ("desktop.ini", "thumbs.db")  # Windows hides these without a dot
+
+
+def content_digest(path: Path) -> str:
+    """A SHA-256 over a file's bytes, or over a folder's names and bytes; '' when it is missing.
+
+    Hidden files, such as a file manager's ``.DS_Store`` or ``Thumbs.db``, are none of a folder's.
+    """
+    digest = hashlib.sha256()
+    if path.is_dir():
+        names = [file.relative_to(path) for file in path.rglob("*") if file.is_file()]
+        for name in sorted(names, key=lambda name: name.parts):  # Windows compares paths in small letters
+            if not any(part.startswith(".") for part in name.parts) and name.name.lower() not in _HIDDEN:
+                digest.update(name.as_posix().encode())
+                digest.update(content_digest(path / name).encode())
+    elif path.is_file():
+        with path.open("rb") as stream:
+            digest = hashlib.file_digest(stream, "sha256")
+    else:
+        return ""
+    return digest.hexdigest()
