@@ -149,7 +149,7 @@ def _about(scene: Scene, names: Sequence[str], rounds: int) -> str:
     """What the files ``names`` are, in which frame, and what made them."""
     declared = scene.declaration
     lines = [
-        f"{scene.path.name}, exported by R2S-EGO {__version__} after {rounds} rounds of refinement",
+        f"{scene.name}, exported by R2S-EGO {__version__} after {rounds} rounds of refinement",
         "",
         "Metres, right-handed, Z up but for files said to be Y up. z = 0 is the floor, the first",
         "photograph's camera is above the origin, and x is its heading.",

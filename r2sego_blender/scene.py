@@ -91,6 +91,11 @@ class Scene:
 
     # ---- places
 
+    @property
+    def name(self) -> str:
+        """The folder's name, also of the folder that one stands in."""
+        return os.path.basename(os.path.abspath(self.path))  # noqa: PTH100, PTH119  (a link keeps its name)
+
     def name_of(self, file: str) -> str:
         """How the bundle names ``file``: relative to itself where it lies inside, else as it is."""
         return name_in(self.path, file)

@@ -117,6 +117,12 @@ def test_a_textured_export_shows_the_room_to_mujoco_and_usd(scene, tmp_path):
     assert _seen(Usd.Stage.Open(str(both / "room.usda"))) == ["/room/splats"]
 
 
+def test_a_scene_that_one_stands_in_is_called_by_its_name(scene, tmp_path, monkeypatch):
+    monkeypatch.chdir(scene.path)
+    *_, about = export_scene(Scene(Path(), scene.declaration), tmp_path / "out")
+    assert about.read_text(encoding="utf-8").startswith(f"{scene.path.name}, exported by")
+
+
 def test_a_folder_textured_that_no_export_made_is_left_alone(scene, tmp_path):
     kept = tmp_path / "out" / "textured" / "mine.png"
     kept.parent.mkdir(parents=True)

@@ -380,6 +380,14 @@ def test_rounds_done_counts_unbroken_assets(tmp_path):
     assert scene.rounds_done() == 2
 
 
+def test_a_scene_is_called_as_its_folder(tmp_path, monkeypatch):
+    scene = make_scene(tmp_path)
+    (scene.path / "report").mkdir()
+    for place, path in ((tmp_path, scene.path), (scene.path, "."), (scene.path / "report", "..")):
+        monkeypatch.chdir(place)
+        assert Scene.open(path).name == scene.path.name == "room.r2s"
+
+
 def test_the_newest_round_is_a_declared_one(tmp_path):
     scene = make_scene(tmp_path)
     assert scene.newest_round("views") == -1

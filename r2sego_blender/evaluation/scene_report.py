@@ -65,7 +65,7 @@ def write_scene_report(
     return write_report(
         scene.report_folder,
         ReportData(
-            title=scene.path.name.removesuffix(".r2s").replace("_", " "),
+            title=scene.name.removesuffix(".r2s").replace("_", " "),
             about=f"{len(list((scene.captures_folder / 'images').iterdir()))} photographs, "
             f"{len(rounds)} refinement rounds",
             facts=(
