@@ -32,6 +32,7 @@ from .layout import COMPLETED, OBJECTS, OBSERVED, PLANES, PRIORS, capture_files
 from .object_backends import generated_meshes, segmented_objects
 from .scene import Scene
 from .scratch import ScratchFolder
+from .world_frame import require_present_frame
 
 
 def declare_objects(
@@ -63,7 +64,8 @@ def declare_objects(
     with their meshes; ``unlock`` lets them go. ``accept`` and ``reject`` overrule what the
     figures say of a prior, ``reconsider`` lets them decide again. ``remove`` takes objects away,
     the last one too. The next run redoes only what depends on it. Raises GeometryError, and changes
-    nothing then; MachineError and NativeError where a learned backend is missing or fails.
+    nothing then; SceneError where the world frame was corrected since what is needed was made;
+    MachineError and NativeError where a learned backend is missing or fails.
     """
     words = [word.strip() for word in vocabulary if word.strip()]
     with scene.locked(), ScratchFolder() as temporary:
@@ -163,6 +165,7 @@ def _observed(scene: Scene) -> ObservedGeometry:
             "nothing is observed yet, by which the photographs' masks could be joined",
             where=scene.path, cure="Run `r2sego refine` first.",
         )  # fmt: skip
+    require_present_frame(scene, [OBSERVED], "used")
     return ObservedGeometry.load(path)
 
 
@@ -171,6 +174,7 @@ def _found(scene: Scene, captures: Sequence[Capture]) -> tuple[DeclaredObject, .
         raise GeometryError(
             "the captures have no depth yet", where=scene.path, cure="Run `r2sego refine` first."
         )
+    require_present_frame(scene, [COMPLETED, PLANES], "searched")
     files = capture_files([capture.name for capture in captures])
     completed = [CompletedDepth.load(scene.path / COMPLETED / file) for file in files]
     found = find_objects(captures, completed, RoomPlanes.load(scene.path / PLANES).envelope)
@@ -244,5 +248,6 @@ def _locked(one: DeclaredObject, scene: Scene, library: Path | None) -> Declared
         raise GeometryError(
             f"'{one.name}' has no alignment yet", where=scene.path, cure="Run `r2sego refine` first."
         )
+    require_present_frame(scene, [PRIORS], "held")
     mesh = one.mesh or _mesh_of_last_run(one, scene, library)
     return replace(one, mesh=mesh, placement=Placement(np.array(record["world_from_own"]), locked=True))

@@ -15,7 +15,9 @@ from .geometry.edited_proxy import cut_of, drawn_surface
 from .geometry.edits import PROXY_EDITS, Drawn, Edit, load_proxy_edits, new_name
 from .geometry.proxy import GeometryProxy
 from .geometry.shapes import load_shape
+from .layout import of_round
 from .scene import Scene
+from .world_frame import require_present_frame
 
 
 def edit_proxy(
@@ -31,7 +33,8 @@ def edit_proxy(
     ``cut`` is an ``.npz`` with ``round`` and ``corners`` (K, 3, 3) float32 of that round's proxy
     faces; ``draw`` one with ``vertices`` and ``faces`` in the world frame, or a mesh file;
     ``name`` is the new edit's, by default its file's; ``remove`` takes edits back. The next run
-    redoes the proxy and what depends on it. Raises GeometryError, and changes nothing then.
+    redoes the proxy and what depends on it. Raises GeometryError, and SceneError for a cut of a proxy
+    whose world frame was corrected since; changes nothing then.
     """
     with scene.locked():
         edits = list(load_proxy_edits(scene.path / PROXY_EDITS))
@@ -87,6 +90,7 @@ def _cut(scene: Scene, file: Path, edits: Sequence[Edit]) -> Any:
         raise GeometryError(
             f"round {round_index} has no proxy", where=file, cure="Run `r2sego refine` first."
         )
+    require_present_frame(scene, [of_round(round_index, "proxy")], "cut")
     return cut_of(GeometryProxy.load(proxy), corners, edits)
 
 

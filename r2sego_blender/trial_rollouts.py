@@ -15,6 +15,7 @@ from .robot.bodies import save_bodies
 from .robot.free_floor import free_floor
 from .robot.rollouts import save_rollouts, tell_warnings
 from .scene import Scene
+from .world_frame import require_present_frame
 
 TRIAL = "robot/trial"
 """Rollouts and the robot's bodies of the last trial, as a round has them in two folders."""
@@ -30,11 +31,13 @@ class Surface:
 
 
 def newest_surface(scene: Scene) -> Surface:
-    """The collision surface made last. Raises SceneError when there is none yet."""
+    """The collision surface made last. Raises SceneError when there is none yet, and when the world
+    frame was corrected since."""
     for index in reversed(range(scene.declaration.settings.rounds)):
         proxy = of_round(index, "proxy")
         mjcf = scene.path / of_round(index, "collision") / "scene.xml"
         if (scene.path / proxy / "proxy.npz").is_file() and mjcf.is_file():
+            require_present_frame(scene, [proxy, of_round(index, "collision")], "used")
             return Surface(index, proxy, mjcf)
     raise SceneError("there is no collision surface yet", where=scene.path, cure="Run Refine first.")
 

@@ -15,7 +15,7 @@ from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import load_captures, save_captures
 from r2sego_blender.cli import main
-from r2sego_blender.errors import GeometryError, R2SEgoError
+from r2sego_blender.errors import GeometryError, R2SEgoError, SceneError
 from r2sego_blender.geometry.objects import load_objects
 from r2sego_blender.geometry.observed import ObservedGeometry
 from r2sego_blender.images import save_image
@@ -98,6 +98,21 @@ def test_an_alignment_is_locked_with_its_mesh_and_let_go(scene, masks, library):
     assert len(trimesh.load(held.mesh).faces) == 12
     assert any("aligned, locked" in line for line in lines(describe_objects(scene)))
     declare_objects(Scene.open(scene.path), unlock=["chair"])
+    assert _objects(scene)["chair"].placement is None
+
+
+@pytest.mark.parametrize("asked", [{"lock": ["chair"]}, {"find": True}, {"vocabulary": ["chair"]}])
+def test_what_was_made_in_an_earlier_world_frame_is_not_used(scene, masks, library, asked):
+    declare_objects(scene, masks=masks, library=library)
+    _as_if_run(scene, np.eye(4))
+    record = (scene.path / "geometry/priors/priors.json").read_text()
+    scene.step("geometry/priors", lambda folder: (folder / "priors.json").write_text(record))
+    scene.step("geometry/completed", lambda folder: (folder / "p0.png.npz").touch())
+    scene.step("geometry/observed.npz", lambda file: file.touch())
+    larger = tuple(map(tuple, np.diag([1.1, 1.1, 1.1, 1.0]).tolist()))
+    corrected = Scene.open(scene.path).declare(world_from_capture=larger)
+    with pytest.raises(SceneError, match="was corrected since it was made"):
+        declare_objects(corrected, **asked)
     assert _objects(scene)["chair"].placement is None
 
 

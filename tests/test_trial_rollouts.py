@@ -81,5 +81,14 @@ def test_without_a_surface_there_is_nothing_to_try(tmp_path):
         try_rollouts(made, 1)
 
 
+def test_a_surface_of_an_earlier_world_frame_is_not_tried(tmp_path):
+    made = made_up_bundle(tmp_path / "room.r2s")
+    mjcf = (made.path / "rounds/0/collision/scene.xml").read_text()
+    made.step("rounds/0/collision", lambda folder: (folder / "scene.xml").write_text(mjcf))
+    larger = made.declare(world_from_capture=tuple(map(tuple, np.diag([1.1, 1.1, 1.1, 1.0]).tolist())))
+    with pytest.raises(SceneError, match=r"0.collision: the ground or the scale was corrected since"):
+        try_rollouts(larger, 1)
+
+
 def test_the_settings_are_the_rounds(scene):
     assert scene.declaration.settings.rollouts == RolloutSettings(successes=2, processes=1)

@@ -14,7 +14,7 @@ from r2sego_blender.captures.store import save_captures
 from r2sego_blender.cli import main
 from r2sego_blender.coverage_report import measure_coverage
 from r2sego_blender.digests import content_digest
-from r2sego_blender.errors import GeometryError
+from r2sego_blender.errors import GeometryError, SceneError
 from r2sego_blender.geometry.coverage import Coverage
 from r2sego_blender.geometry.edits import load_proxy_edits
 from r2sego_blender.geometry.proxy import GeometryProxy
@@ -88,6 +88,14 @@ def test_a_mesh_file_is_drawn_as_it_lies_in_the_world(scene, tmp_path):
     (edit,) = edit_proxy(scene, draw=tmp_path / "wall.obj")
     assert edit.name == "wall" and edit.change.area_m2 == pytest.approx(0.5)
     assert edit.change.vertices.max(0).tolist() == [1, 0, 1]
+
+
+def test_a_proxy_of_an_earlier_world_frame_is_not_cut(scene, cut_file):
+    scene.step("rounds/0/proxy", lambda folder: grid().save(folder / "proxy.npz"))
+    larger = tuple(map(tuple, np.diag([1.1, 1.1, 1.1, 1.0]).tolist()))
+    with pytest.raises(SceneError, match="was corrected since it was made, so it cannot be cut"):
+        edit_proxy(scene.declare(world_from_capture=larger), cut=cut_file)
+    assert len(edit_proxy(scene.declare(world_from_capture=IDENTITY), cut=cut_file)) == 1
 
 
 def test_what_is_no_edit_is_refused_and_changes_nothing(scene, cut_file, tmp_path):
