@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .asset_edits import EDITS, load_edits, move_edits
 from .captures.capture import Capture
-from .captures.correction_history import CORRECTIONS, corrections_of
+from .captures.correction_history import BEFORE, CORRECTIONS, corrections_of
 from .captures.floor_points import FloorPoint, ground_of, ground_through
 from .captures.ground import Ground
 from .captures.ground_picture import GROUND_PICTURES, save_ground_pictures
@@ -20,6 +21,7 @@ from .captures.registration import Registration, corrected
 from .captures.scale import Scale
 from .captures.sparse import SparsePoints
 from .captures.store import load_captures, save_captures
+from .digests import content_digest
 from .errors import CaptureError
 from .geometry.edits import PROXY_EDITS, load_proxy_edits
 from .geometry.objects import load_objects
@@ -33,7 +35,7 @@ from .robot.scope_file import save_scope
 from .scene import Scene
 from .text_files import write_json
 
-_MOVED = (CAPTURES, OBJECTS, PROXY_EDITS, EDITS, CORRECTIONS, GROUND_PICTURES, SCOPE_FILE)
+_MOVED = (CAPTURES, OBJECTS, PROXY_EDITS, EDITS, CORRECTIONS, BEFORE, GROUND_PICTURES, SCOPE_FILE)
 """What of a bundle stands in its world frame and is no result of a step."""
 
 
@@ -124,7 +126,9 @@ def correct_to_frame(scene: Scene, world_from_frame: np.ndarray) -> Scene:
 def undo_correction(scene: Scene) -> Scene:
     """Take the last correction back; returns the scene as declared then.
 
-    Raises CaptureError when no correction is left to take back.
+    What the correction moved and nobody changed since is to the bit as it was before it, so that
+    steps that have not run meanwhile need not run again. Raises CaptureError when no correction is
+    left to take back.
     """
     with scene.locked():
         history = corrections_of(scene.path)
@@ -133,7 +137,7 @@ def undo_correction(scene: Scene) -> Scene:
         last = history[-1]
         before = Registration(np.array(last["world_from_capture"]), last["ground"], last["scale_source"])
         similarity = np.linalg.inv(np.array(last["new_from_old"]))
-        return _moved(scene, *_load(scene), similarity, before, history[:-1])
+        return _moved(scene, *_load(scene), similarity, before, taken_back=True)
 
 
 def _moved(
@@ -142,16 +146,12 @@ def _moved(
     sparse: SparsePoints,
     similarity: np.ndarray,
     after: Registration,
-    history: list[dict[str, Any]] | None = None,
+    taken_back: bool = False,
 ) -> Scene:
-    """The scene carried over by one similarity, and declared; ``history`` replaces its corrections."""
-    if history is None:
-        before = _registration(scene)
-        taken = {
-            "new_from_old": similarity.tolist(), "world_from_capture": before.world_from_capture.tolist(),
-            "ground": before.ground, "scale_source": before.scale_source,
-        }  # fmt: skip
-        history = [*corrections_of(scene.path), taken]
+    """The scene carried over by one similarity, that of a correction or of one taken back, and declared."""
+    history = corrections_of(scene.path)
+    last = history.pop() if taken_back else {}
+    number = len(history)
     # Read before anything is written: what is damaged is named by its place in the scene.
     load_objects(scene.path / OBJECTS, captures)
     load_proxy_edits(scene.path / PROXY_EDITS)
@@ -171,20 +171,61 @@ def _moved(
         move_objects(new, similarity)
         move_proxy_edits(new, similarity)
         move_edits(new, similarity)
-        with new.publishing(CORRECTIONS) as file:
-            write_json(file, history)
-        with new.publishing(GROUND_PICTURES) as folder:
-            save_ground_pictures(folder, load_captures(new.captures_folder))
         source = scene.name_of(scene.declaration.scope)
         if scope != given:
             source = SCOPE_FILE
             with new.publishing(SCOPE_FILE) as file:
                 save_scope(scope, file)
+        if taken_back:
+            made = {}
+            _restore(scene.path, new.path, number, last["made"])
+        else:
+            made = _changed(scene.path, new.path)
+            history.append(_remembered(_registration(scene), similarity, made))
+        with new.publishing(BEFORE) as folder:
+            for earlier in range(number):
+                if (scene.path / BEFORE / str(earlier)).is_dir():
+                    shutil.copytree(scene.path / BEFORE / str(earlier), folder / str(earlier))
+            for name in made:
+                _copy(scene.path / name, folder / str(number) / name)
+        with new.publishing(CORRECTIONS) as file:
+            write_json(file, history)
+        with new.publishing(GROUND_PICTURES) as folder:
+            save_ground_pictures(folder, load_captures(new.captures_folder))
         new.declare(
             scope=source, world_from_capture=tuple(map(tuple, after.world_from_capture.tolist())),
             ground=after.ground, scale_source=after.scale_source,
         )  # fmt: skip
     return Scene.open(scene.path)
+
+
+def _remembered(before: Registration, similarity: np.ndarray, made: Mapping[str, str]) -> dict[str, Any]:
+    """A correction as the history has it: the registration before it, and the digests of what it made."""
+    return {
+        "new_from_old": similarity.tolist(), "world_from_capture": before.world_from_capture.tolist(),
+        "ground": before.ground, "scale_source": before.scale_source, "made": dict(made),
+    }  # fmt: skip
+
+
+def _changed(old: Path, new: Path) -> dict[str, str]:
+    """The digests of ``new``'s files that are others in ``old``, by their names."""
+    names = [file.relative_to(new).as_posix() for file in sorted(new.rglob("*")) if file.is_file()]
+    made = {name: content_digest(new / name) for name in names if (old / name).is_file()}
+    return {name: digest for name, digest in made.items() if digest != content_digest(old / name)}
+
+
+def _restore(old: Path, new: Path, number: int, made: Mapping[str, str]) -> None:
+    """Put back in ``new`` what correction ``number`` changed, where ``old`` still has what it made."""
+    kept = old / BEFORE / str(number)
+    for before in sorted(kept.rglob("*")):
+        name = before.relative_to(kept).as_posix()
+        if (new / name).is_file() and content_digest(old / name) == made.get(name):
+            _copy(before, new / name)
+
+
+def _copy(file: Path, place: Path) -> None:
+    place.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copy2(file, place)
 
 
 def _load(scene: Scene) -> tuple[tuple[Capture, ...], SparsePoints]:

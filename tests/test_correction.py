@@ -16,7 +16,7 @@ from wrong_world import FLOOR, assert_true, picked_points, shown_points, wrong_s
 
 from r2sego_blender import whole_files
 from r2sego_blender.asset_edits import AssetEdit, save_edit
-from r2sego_blender.captures.correction_history import CORRECTIONS
+from r2sego_blender.captures.correction_history import BEFORE, CORRECTIONS
 from r2sego_blender.captures.floor_points import FloorPoint
 from r2sego_blender.captures.picks import PickedLength, Picks
 from r2sego_blender.captures.scale import Scale
@@ -75,7 +75,7 @@ def _with_all_that_moves(folder):
     return declare_robot(scene, changes={"region.within": square}), shown_points(turn, cameras)
 
 
-@pytest.mark.parametrize("swaps", range(7))
+@pytest.mark.parametrize("swaps", range(8))
 def test_a_correction_that_is_killed_is_finished_by_the_next_command(tmp_path, monkeypatch, swaps):
     scene, shown = _with_all_that_moves(tmp_path)
     other = Scene.open(shutil.copytree(scene.path, tmp_path / "other.r2s"))
@@ -283,9 +283,46 @@ def test_corrections_are_taken_back_one_by_one(tmp_path):
         undo_correction(undone)
 
 
-@pytest.mark.parametrize("text", ["{", "[1]", '[{"new_from_old": [[1]]}]'])
+def _moved_parts(scene):
+    parts = ("captures", "objects", "asset_edits", "robot/scope.toml")
+    return {part: content_digest(scene.path / part) for part in parts}
+
+
+def test_what_a_taken_back_correction_moved_is_to_the_bit_as_before(tmp_path):
+    scene, shown = _with_all_that_moves(tmp_path)
+    before = _moved_parts(scene)
+    first = correct_registration(scene, floor=shown)
+    between = _moved_parts(first)
+    second = correct_registration(first, floor_at_m=0.1, up=(0.1, 0.2, 1.0))
+    assert not before.items() & between.items() and not between.items() & _moved_parts(second).items()
+    undone = undo_correction(second)
+    assert _moved_parts(undone) == between
+    assert _moved_parts(undo_correction(undone)) == before
+    assert not [file for file in (scene.path / BEFORE).rglob("*") if file.is_file()]
+
+
+def test_what_was_changed_after_a_correction_is_moved_back_and_not_lost(tmp_path):
+    scene, shown = _with_all_that_moves(tmp_path)
+    place = scene.path / "objects" / "chair" / "placement.json"
+    made = correct_registration(scene, floor=shown)
+    changed = json.loads(place.read_text())
+    raised = np.array(changed["world_from_own"])
+    raised[:3, 3] += 1.0
+    place.write_text(json.dumps(changed | {"world_from_own": raised.tolist()}))
+    new_from_old = np.array(json.loads((scene.path / CORRECTIONS).read_text())[0]["new_from_old"])
+    undo_correction(made)
+    found = np.array(json.loads(place.read_text())["world_from_own"])
+    np.testing.assert_allclose(found, np.linalg.inv(new_from_old) @ raised, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "text", ["{", "[1]", '[{"new_from_old": [[1]]}]', None], ids=["cut off", "a number", "a scale", "made"]
+)
 def test_a_damaged_history_is_named(tmp_path, text):
     scene, _, _ = wrong_scene(tmp_path, np.eye(4))
+    if text is None:
+        correct_registration(scene, floor_at_m=-0.1)
+        text = json.dumps([one | {"made": 1} for one in json.loads((scene.path / CORRECTIONS).read_text())])
     (scene.path / CORRECTIONS).write_text(text)
     with pytest.raises(CaptureError, match=r"corrections\.json"):
         undo_correction(scene)
