@@ -18,7 +18,9 @@ from .options import ANY_PATH, json_progress, progress_of, round_option, show
 @round_option
 @click.option("--accept", type=int, multiple=True, metavar="K", help="Train on view K; repeatable.")
 @click.option("--reject", type=int, multiple=True, metavar="K", help="Do not train on view K; repeatable.")
-@click.option("--undecided", type=int, multiple=True, metavar="K", help="Let view K's figures decide again.")
+@click.option(
+    "--undecided", type=int, multiple=True, metavar="K", help="Let view K's figures decide again; repeatable."
+)
 @click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
 @json_progress
 @click.pass_context
@@ -34,7 +36,8 @@ def views(
 ) -> None:
     """List SCENE's generated views of a round; accept or reject some by hand.
 
-    What was decided counts from the next refine on, which trains the asset again.
+    View 0 is the target of rank 1, and so on. What was decided counts from the next refine on, which
+    trains the asset again.
     """
     progress = progress_of(context, as_json)
     given = [*accept, *reject, *undecided]
@@ -69,7 +72,7 @@ def described(scene: Scene, round_index: int) -> dict[str, Any]:
 
 def lines(told: dict[str, Any]) -> list[str]:
     """The views as lines for a person."""
-    count = f"{told['accepted']} of {len(told['views'])} generated views are trained on"
+    count = f"{told['accepted']} of {len(told['views'])} views are trained on"
     text = [f"{told['scene']}, round {told['round']}: {count}", ""]
     text.append(f"{'view':>4}{'rollout':>9}{'frame':>7}  {'':2}reference, and what became of it")
     for view in told["views"]:

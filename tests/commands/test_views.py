@@ -41,7 +41,7 @@ def r2sego(*arguments):
 def test_views_are_listed(room):
     said = r2sego("views", room)
     assert said.exit_code == 0, said.output
-    assert "1 of 2 generated views are trained on" in said.output
+    assert "1 of 2 views are trained on" in said.output
     told = json.loads(r2sego("views", room, "--json").output)
     assert [view["accepted"] for view in told["views"]] == [True, False]
 
