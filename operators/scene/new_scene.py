@@ -35,7 +35,8 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
     )  # fmt: skip
     poses: StringProperty(
         name="Poses", subtype="FILE_PATH",
-        description="transforms.json, cameras.json or a file of a COLMAP model; empty = solve the poses",
+        description="transforms.json, cameras.json or a file of a COLMAP model; empty = those of a Polycam "
+        "export, else they are solved",
         options={"SKIP_SAVE"},
     )  # fmt: skip
     robot: StringProperty(
