@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 import tempfile
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 _NAMES: set[str] = set()
+
+_MAKING = threading.Lock()
+
+_ATTEMPTS, _PAUSE_S = 20, 0.01  # another thread may write a file into a folder that is being removed
 
 
 class ScratchFolder(tempfile.TemporaryDirectory):
@@ -18,8 +25,9 @@ class ScratchFolder(tempfile.TemporaryDirectory):
     """
 
     def __init__(self) -> None:
-        super().__init__(prefix="r2sego-", ignore_cleanup_errors=True)
-        _NAMES.add(self.name)
+        with _MAKING:
+            super().__init__(prefix="r2sego-", ignore_cleanup_errors=True)
+            _NAMES.add(self.name)
 
     def cleanup(self) -> None:
         """Remove the folder now."""
@@ -30,16 +38,26 @@ class ScratchFolder(tempfile.TemporaryDirectory):
 @contextlib.contextmanager
 def scratch_place(place: Path) -> Iterator[None]:
     """Within its ``with`` block a folder or file goes with ``remove_scratch``; else its user removes it."""
-    _NAMES.add(str(place))
+    with _MAKING:
+        _NAMES.add(str(place))
     try:
         yield
     finally:
         _NAMES.discard(str(place))
 
 
-def remove_scratch() -> None:
-    """Remove every scratch folder and file of this process, whatever still uses it."""
+def remove_scratch(for_good: bool = False) -> None:
+    """Remove every scratch folder and file of this process, whatever still uses it.
+
+    ``for_good`` where the process ends next: who asks for another waits for ever.
+    """
+    if for_good:
+        _MAKING.acquire()
     for name in tuple(_NAMES):
-        shutil.rmtree(name, ignore_errors=True)
-        with contextlib.suppress(OSError):
-            Path(name).unlink()
+        for _ in range(_ATTEMPTS):
+            shutil.rmtree(name, ignore_errors=True)
+            with contextlib.suppress(OSError):
+                Path(name).unlink()
+            if not os.path.lexists(name):
+                break
+            time.sleep(_PAUSE_S)

@@ -1,5 +1,6 @@
 """Lets every test import this folder's helpers, choose numba's threads, and take its time."""
 
+import signal
 import sys
 import tempfile
 from pathlib import Path
@@ -11,6 +12,9 @@ settings.register_profile("busy machines", deadline=None)
 settings.load_profile("busy machines")
 
 sys.path.insert(0, str(Path(__file__).parent))
+
+if hasattr(signal, "SIGHUP"):  # tests under nohup would hand on to their commands that it means nothing
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.fixture

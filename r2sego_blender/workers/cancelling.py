@@ -35,7 +35,7 @@ def cancel_at_once(kept: str = "") -> None:
     def wait() -> None:
         number = reader.recv(1)[0]
         kill_children(for_good=True)
-        remove_scratch()
+        remove_scratch(for_good=True)
         said = "; ".join(filter(None, ["\nr2sego: cancelled", kept])) + "\n"
         with contextlib.suppress(OSError):  # the terminal is gone
             shown_again = "\x1b[?25h" if os.isatty(2) else ""  # a bar hides the cursor, and keeps sys.stderr
