@@ -68,7 +68,7 @@ def create_scene(
         stored = save_captures(
             folder / "captures",
             registration.captures(imported.captures),
-            sparse.transformed(world_from_capture),
+            registration.sparse(sparse),
         )
         save_ground_pictures(folder / GROUND_PICTURES, stored)
 

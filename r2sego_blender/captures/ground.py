@@ -15,7 +15,7 @@ _PARALLEL_DEG = 4.0
 # Share of the camera height within which planes may be one floor.
 _SAME_FLOOR = 0.15
 _SAMPLES = 8_000
-_CHUNK = 500
+_COMPARED_AT_ONCE = 1_000_000  # points times planes
 _NEIGHBOURS = 24
 _REFINED = 60
 # Tolerances, as shares, of the successive fits: wide at first, then until nothing changes.
@@ -83,16 +83,16 @@ def find_ground(
     solid, level = [], up
     if len(points) >= _MIN_SUPPORT:
         needed = max(_MIN_SUPPORT, _MIN_SUPPORT_SHARE * len(points))
-        normals, offsets = _sampled_planes(points, up)
-        planes = _best_planes(points, centres, normals, offsets, tolerance, up, _MAX_TILT_DEG)
+        sampled = _sampled_planes(points, up)
+        planes = _best_planes(points, centres, *sampled, _contrast, tolerance, up, _MAX_TILT_DEG)
         planes = [plane for plane in planes if plane[2] >= needed]
         if planes:
             # The level surfaces of a room are parallel: the strongest one tells gravity, then
             # the floor is looked for among planes along it.
             level = max(planes, key=lambda plane: plane[2] * _plausibility(plane[0], up))[0]
-            normals = np.repeat(level[None], len(points), axis=0)
+            along = np.repeat(level[None], len(points), axis=0), points @ level
             planes += _best_planes(
-                points, centres, normals, points @ level, tolerance, level, _PARALLEL_DEG
+                points, centres, *along, _contrast_of_parallels, tolerance, level, _PARALLEL_DEG
             )  # fmt: skip
             cos_parallel = np.cos(np.radians(_PARALLEL_DEG))
             planes = [plane for plane in planes if plane[0] @ level >= cos_parallel]
@@ -130,18 +130,14 @@ def _holds_the_room(points, plane, tolerance: float) -> bool:
 
 
 def _best_planes(
-    points, centres, normals, offsets, tolerance, up, max_tilt_deg
+    points, centres, normals, offsets, contrast_of, tolerance, up, max_tilt_deg
 ) -> list[tuple[np.ndarray, float, float]]:
     """Refined planes (normal, offset, contrast) below the cameras, the best of every height."""
     below = (normals @ centres.T - offsets[:, None]).min(axis=1) > 4.0 * tolerance
     normals, offsets = normals[below], offsets[below]
     if len(normals) == 0:
         return []
-    contrast = np.concatenate(
-        [_contrast(points, normals[i : i + _CHUNK], offsets[i : i + _CHUNK], tolerance)
-         for i in range(0, len(normals), _CHUNK)]
-    )  # fmt: skip
-    likely = contrast * _plausibility(normals, up)
+    likely = contrast_of(points, normals, offsets, tolerance) * _plausibility(normals, up)
     level = np.floor((normals @ centres.T - offsets[:, None]).mean(axis=1) / (2.0 * tolerance))
     order = np.lexsort((-likely, level))
     best = order[np.concatenate([[True], np.diff(level[order]) != 0])]
@@ -186,10 +182,26 @@ def _contrast(points, normals, offsets, tolerance) -> np.ndarray:
 
     A slice through a wall or clutter has as many points above and below as within.
     """
-    heights = (normals @ points.T - offsets[:, None]) / tolerance
-    on = (np.abs(heights) <= 1.0).sum(axis=1)
-    beside = (np.abs(heights) <= _SLAB).sum(axis=1) - on
-    return on - 0.5 * beside
+    contrast = np.empty(len(normals))
+    count = max(1, _COMPARED_AT_ONCE // len(points))
+    for start in range(0, len(normals), count):
+        some = slice(start, start + count)
+        off = np.abs((normals[some] @ points.T - offsets[some, None]) / tolerance)
+        on = (off <= 1.0).sum(axis=1)
+        contrast[some] = on - 0.5 * ((off <= _SLAB).sum(axis=1) - on)
+    return contrast
+
+
+def _contrast_of_parallels(points, normals, offsets, tolerance) -> np.ndarray:
+    """The same of planes that share a normal, by the points' order along it."""
+    heights = np.sort(points @ normals[0])
+
+    def within(reach: float) -> np.ndarray:
+        first = np.searchsorted(heights, offsets - reach)
+        return np.searchsorted(heights, offsets + reach, side="right") - first
+
+    on = within(tolerance)
+    return on - 0.5 * (within(_SLAB * tolerance) - on)
 
 
 def _refined(points, normal, offset, up, tolerance, max_tilt_deg) -> tuple[np.ndarray, float, float] | None:

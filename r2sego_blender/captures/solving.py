@@ -70,16 +70,15 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
         sizes.append((image.shape[1], image.shape[0]))
         features.append(sift(image, settings.max_features))
     pairs = match_all(features, settings, progress, "Solving camera poses: matches")
-    folder_of_photographs = paths[0].parent
     if not pairs:
         raise CaptureError(
             f"no two of the {len(paths)} photographs share {settings.min_matches} features",
-            where=folder_of_photographs, cure=_ADVICE,
+            where=folder, cure=_ADVICE,
         )  # fmt: skip
-    with progress.task("Solving camera poses", total=1) as task, ScratchFolder() as folder:
-        save_matches(Path(folder, "matches.npz"), features, pairs)
+    with progress.task("Solving camera poses", total=1) as task, ScratchFolder() as scratch:
+        save_matches(Path(scratch, "matches.npz"), features, pairs)
         request = {
-            "folder": folder, "paths": [str(path.absolute()) for path in paths], "sizes": sizes,
+            "folder": scratch, "paths": [str(path.absolute()) for path in paths], "sizes": sizes,
             "min_matches": settings.min_matches,
         }  # fmt: skip
         found = call_in_child(solve_in_child, request, timeout_s=_TIMEOUT_S)
@@ -93,7 +92,7 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
         several = f" (in {len(models)} separate groups, as of several rooms)" if len(models) > 1 else ""
         raise CaptureError(
             f"only {count} could be registered together{several}; left out: {', '.join(fallen)}",
-            where=folder_of_photographs, cure=_ADVICE,
+            where=folder, cure=_ADVICE,
         )  # fmt: skip
     if fallen:
         progress.message(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tracemalloc
 
 import cv2
 import numpy as np
@@ -14,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from r2sego_blender.cameras import Camera, look_at, rotation_angle_rad
 from r2sego_blender.captures.capture import Capture
-from r2sego_blender.captures.ground import find_ground, up_guess
+from r2sego_blender.captures.ground import _contrast, _contrast_of_parallels, find_ground, up_guess
 from r2sego_blender.captures.importing import Imported
 from r2sego_blender.captures.registration import register
 from r2sego_blender.captures.scale import Scale, require_marker
@@ -120,6 +121,27 @@ def test_a_floor_of_few_points_wins_over_a_dense_table(seed, floor):
     assert ground.found
     assert abs(ground.offset) < 0.01
     assert np.degrees(np.arccos(ground.normal[2])) < 0.5
+
+
+def test_the_floor_of_many_points_is_found_in_little_memory(rng):
+    """As hundreds of photographs give them: a table of all points and planes would be a gigabyte."""
+    points = np.concatenate([_furnished(rng) for _ in range(12)])
+    tracemalloc.start()
+    ground = find_ground(points, _held(rng), 0.03)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert ground.found and abs(ground.offset) < 0.01 and len(points) > 20_000
+    assert peak < 60e6
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.02])
+def test_planes_of_one_normal_are_told_apart_as_others_are(rng, unit):
+    points = unit * _furnished(rng)
+    normal = np.array([0.05, -0.02, 0.9985])
+    normals, offsets = np.repeat(normal[None], len(points), axis=0), points @ normal
+    one_by_one = _contrast(points, normals, offsets, 0.03 * unit)
+    together = _contrast_of_parallels(points, normals, offsets, 0.03 * unit)
+    assert np.array_equal(together, one_by_one) and np.ptp(together) > 100
 
 
 def test_without_a_floor_the_table_tells_gravity_and_the_lowest_points_the_height(rng, messages):
