@@ -253,16 +253,16 @@ class Scene:
         return {**self.declaration.backends, **controller_backend(self.path)}
 
     def journal(self) -> list[dict[str, Any]]:
-        """The records of every step run so far, oldest first; a cut-off line is passed over."""
+        """The records of every step run so far, oldest first; a damaged line is passed over."""
         return [record for record in self._journal_lines() if "step" in record]
 
     def _journal_lines(self) -> list[dict[str, Any]]:
         records = []
         with contextlib.suppress(FileNotFoundError):
-            for line in (self.path / _JOURNAL).read_text(encoding="utf-8").splitlines():
+            for line in (self.path / _JOURNAL).read_text(encoding="utf-8", errors="replace").splitlines():
                 with contextlib.suppress(json.JSONDecodeError):
                     records.append(json.loads(line))
-        return records
+        return [record for record in records if isinstance(record, dict)]
 
     def recorded(self) -> dict[str, str]:
         """The digest of what each step read, by its target; without those killed while they published."""

@@ -254,6 +254,16 @@ def test_a_cut_off_journal_line_is_passed_over(tmp_path):
     assert [record["step"] for record in scene.journal()] == ["a.txt", "c.txt"]
 
 
+@pytest.mark.parametrize("line", [b"\x93\xfe\x00garbage", b"7", b'["step"]', b'"step"', b"null"])
+def test_a_damaged_journal_line_is_passed_over(tmp_path, line):
+    scene = make_scene(tmp_path)
+    scene.step("a.txt", lambda file: file.write_text("a"))
+    with (scene.path / "journal.jsonl").open("ab") as journal:
+        journal.write(line + b"\n")
+    assert [record["step"] for record in scene.journal()] == ["a.txt"]
+    assert scene.recorded().keys() == scene.outputs().keys() == {"a.txt"}
+
+
 def test_a_clock_set_back_does_not_shorten_a_step(tmp_path, monkeypatch):
     scene, clock = make_scene(tmp_path), iter([2000.0, 1000.0])
     monkeypatch.setattr("r2sego_blender.scene.time.time", lambda: next(clock))
