@@ -346,7 +346,10 @@ for command in PROXY_COMMANDS:
 
 def _advance(scene: Path, round_index: int | None, name: str, progress: Progress) -> tuple[Scene, int]:
     """The scene brought as far as ``name`` of the round, and the round."""
-    opened = Scene.open(scene)
+    from .layout import of_round
+    from .pipeline import refine as run
+
+    opened = Scene.open(scene)  # after the imports, which take seconds: it may be corrected meanwhile
     rounds = opened.declaration.settings.rounds
     index = min(opened.rounds_done(), rounds - 1) if round_index is None else round_index
     if not 0 <= index < rounds:
@@ -354,9 +357,6 @@ def _advance(scene: Path, round_index: int | None, name: str, progress: Progress
             f"there is no round {index}", where="--round",
             cure=f"Give 0 to {rounds - 1}; the scene declares {rounds} rounds.",
         )  # fmt: skip
-    from .layout import of_round
-    from .pipeline import refine as run
-
     with opened.locked():
         run(opened, progress, until=of_round(index, name))
     return opened, index
