@@ -162,11 +162,12 @@ def refine(
     with opened.locked():
         asked = opened.declaration.with_settings(preset, changes)
         opened = opened.declare(preset=asked.preset, overrides=asked.overrides)
-        from .evaluation.scene_report import write_scene_report
+        from .evaluation.scene_report import renew_scene_report
         from .pipeline import refine as run
 
+        before = opened.journal()
         run(opened, progress)
-        report = write_scene_report(opened)
+        report = renew_scene_report(opened, before)
     tell(progress, asset=str(opened.asset_file), collision=str(opened.collision_folder), report=str(report))
 
 

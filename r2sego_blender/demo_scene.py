@@ -9,7 +9,7 @@ from typing import Any
 from .captures.store import load_captures
 from .creation import create_scene
 from .errors import MachineError, SceneError
-from .evaluation.scene_report import write_scene_report
+from .evaluation.scene_report import renew_scene_report
 from .images import image_files
 from .named_settings import with_overrides
 from .pipeline import refine
@@ -42,8 +42,9 @@ def make_demo_scene(
         scene = create_scene(path, room / "captures", cameras, settings=settings, progress=progress)
     with scene.locked():
         scene = scene.declare(preset=preset, overrides=dict(overrides))
+        before = scene.journal()
         refine(scene, progress)
-        write_scene_report(scene)
+        renew_scene_report(scene, before)
     return scene
 
 

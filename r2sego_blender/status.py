@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import RobotError, SceneError
+from .layout import REFINED_ASSET
 from .robot.scope import BehaviourScope
 from .scene import Scene
 from .world_frame import in_words, of_old_frame, rounds_among
@@ -26,11 +27,12 @@ def describe(scene: Scene, look_at_results: bool = False) -> dict[str, Any]:
     were published.
     """
     declared = scene.declaration
-    rounds = [_describe_round(scene, index) for index in range(scene.rounds_done())]
+    rounds = [_describe_round(scene, index) for index in range(scene.rounds_of_result())]
     rounds_declared = declared.settings.rounds
     old = of_old_frame(scene)
     old_in_words = in_words(old, rounds_declared)
     damaged = scene.damaged_results() if look_at_results else ()
+    metrics = _read(scene.metrics_file) if scene.metrics_file.is_file() else None
     is_whole = scene.asset_file.is_file() and not old_in_words and not damaged
     return {
         "scene": str(scene.path),
@@ -49,7 +51,8 @@ def describe(scene: Scene, look_at_results: bool = False) -> dict[str, Any]:
         "of_old_frame": old_in_words,
         "damaged": list(damaged),
         "refined": is_whole and len(rounds) >= rounds_declared,
-        "metrics": _read(scene.metrics_file) if scene.metrics_file.is_file() else None,
+        "metrics": metrics,
+        "metrics_outdated": metrics is not None and not scores_hold(scene),
     }
 
 
@@ -67,7 +70,9 @@ def lines(state: dict[str, Any]) -> list[str]:
         f"{r['candidates']} candidates, {r['targets']} targets, {r['views_kept']} views kept"
         for index, r in enumerate(state["rounds"])
     ]
-    if state["metrics"]:
+    if state["metrics_outdated"]:
+        text.append("  scored before the asset changed: r2sego evaluate scores it anew")
+    elif state["metrics"]:
         text += [_scored(name, arm) for name, arm in sorted(state["metrics"]["arms"].items())]
         text += [_scored_round(entry) for entry in state["metrics"].get("rounds", ())]
         text += _largest_cause(state["metrics"].get("causes", {}))
@@ -76,6 +81,16 @@ def lines(state: dict[str, Any]) -> list[str]:
     text += [f"not as it was made: {name}" for name in state["damaged"]]
     text.append("refined" if state["refined"] else f"next: r2sego refine {_quoted(state['scene'])}")
     return text
+
+
+def scores_hold(scene: Scene) -> bool:
+    """Whether the scene was evaluated and all assets that were scored are still those, by the journal."""
+    try:
+        assets = _read(scene.metrics_file).get("assets")
+    except SceneError:
+        return False
+    scored, now = {REFINED_ASSET: None, **(assets if isinstance(assets, dict) else {})}, scene.outputs()
+    return all(now.get(name) == digest for name, digest in scored.items())
 
 
 def _quoted(word: str, system: str = os.name) -> str:

@@ -20,7 +20,7 @@ def refined(monkeypatch):
     """Scenes that the refinement, which is left out here, was asked for."""
     asked = []
     monkeypatch.setattr(demo_scene, "refine", lambda scene, progress: asked.append(scene))
-    monkeypatch.setattr(demo_scene, "write_scene_report", lambda scene: None)
+    monkeypatch.setattr(demo_scene, "renew_scene_report", lambda scene, before: None)
     return asked
 
 

@@ -58,3 +58,31 @@ def test_the_next_command_can_be_run_as_it_is_told(scene):
     moved = scene.path.rename(scene.path.with_name("living room.r2s"))
     command = lines(describe(Scene.open(moved)))[-1].removeprefix("next: ")
     assert shlex.split(command) == ["r2sego", "refine", str(moved)]
+
+
+def test_scores_of_an_asset_that_changed_are_not_told(scene):
+    def made(text):
+        scene.step("asset.ply", lambda file: file.write_text(text), parameters=text)
+
+    made("an asset")
+    scene.report_folder.mkdir()
+    scores = {"arms": {"refined": {"psnr": 21.0, "ssim": 0.7}}, "assets": scene.outputs()}
+    scene.metrics_file.write_text(json.dumps(scores))
+    assert "  refined        PSNR 21.00 dB, SSIM 0.700" in lines(describe(scene))
+    made("another")
+    told = describe(scene)
+    assert told["metrics_outdated"] and not any("PSNR" in line for line in lines(told))
+    assert any("r2sego evaluate" in line for line in lines(told))
+
+
+def test_rounds_beyond_those_that_are_declared_are_not_counted(scene):
+    counts = dict.fromkeys(
+        ("rollouts_succeeded", "rollouts_failed", "candidates", "targets", "views_kept"), 1
+    )
+    for index in range(2):
+        folder = scene.round_folder(index)
+        folder.mkdir(parents=True)
+        (folder / "asset.ply").touch()
+        (folder / "metrics.json").write_text(json.dumps(counts))
+    assert "rounds: 2 of 3 done" in lines(describe(scene))
+    assert "rounds: 1 of 1 done" in lines(describe(scene.declare(overrides={"rounds": 1})))

@@ -14,6 +14,9 @@ from .charts import candidate_chart, round_chart
 from .figures import PROVENANCE_COLOURS, save_figure
 from .report_data import Picture, ReportData
 
+PAGE = "index.html"
+"""The page's name in its folder."""
+
 _TEMPLATES = Path(__file__).with_name("templates")
 
 
@@ -45,7 +48,7 @@ def write_report(folder: Path, report: ReportData) -> Path:
         provenance_colours={kind.name.lower(): colour for kind, colour in PROVENANCE_COLOURS.items()},
         total_s=sum(seconds for _, seconds in report.timings),
     )
-    page = folder / "index.html"
+    page = folder / PAGE
     write_whole(page, html)
     writer.remove_others()
     return page

@@ -18,11 +18,11 @@ from ..named_settings import entries
 from ..robot.rollouts import load_rollouts
 from ..scene import Scene
 from ..selection import Selection, load_candidates
-from ..status import robot_in_use
+from ..status import robot_in_use, scores_hold
 from .arms import ARMS
 from .figures import camera_map, depth_picture, top_view
 from .frozen import ArmScore
-from .report import write_report
+from .report import PAGE, write_report
 from .report_data import (
     Arm,
     Backend,
@@ -50,6 +50,16 @@ _PAPER_BACKENDS = {
 }
 
 
+def renew_scene_report(scene: Scene, before: Sequence[Mapping[str, Any]]) -> Path:
+    """The report after a refinement that began with the journal ``before``; its page.
+
+    It is written anew, without scores, unless nothing was made and the page's scores still hold.
+    """
+    page = scene.report_folder / PAGE
+    is_current = page.is_file() and scene.journal() == before and scores_hold(scene)
+    return page if is_current else write_scene_report(scene)
+
+
 def write_scene_report(
     scene: Scene,
     scores: Mapping[str, ArmScore] | None = None,
@@ -67,7 +77,7 @@ def write_scene_report(
         ReportData(
             title=scene.name.removesuffix(".r2s").replace("_", " "),
             about=f"{len(list((scene.captures_folder / 'images').iterdir()))} photographs, "
-            f"{len(rounds)} refinement rounds",
+            f"{len(rounds)} refinement round{'s' if len(rounds) != 1 else ''}",
             facts=(
                 ("Captures", declared.captures_source),
                 ("Ground", declared.ground),

@@ -110,6 +110,7 @@ def test_the_status_tells_rounds_and_the_largest_cause():
         "scale_source": "metric", "robot": "humanoid", "scope": "walk", "preset": "paper", "overrides": {},
         "rounds": [], "rounds_declared": 3, "refined": True, "of_old_frame": [], "damaged": [],
         "metrics": {"arms": arms, "rounds": rounds, "causes": {"shares": [other, entry]}},
+        "metrics_outdated": False,
     }  # fmt: skip
     text = "\n".join(lines(state))
     assert "PSNR 25.00 dB, SSIM 0.790, 0.50 dB below round 0" in text

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from r2sego_blender.evaluation.scene_report import write_scene_report
+from r2sego_blender.evaluation.scene_report import renew_scene_report, write_scene_report
 from r2sego_blender.scene import Scene
 from r2sego_blender.scene_declaration import Declaration
 
@@ -31,3 +31,33 @@ def test_the_robot_is_the_one_in_use(scene):
     assert scene.declaration.robot == "embedded:humanoid"
     page = write_scene_report(scene).read_text(encoding="utf-8")
     assert "embedded:wheeled" in page and "embedded:humanoid" not in page
+
+
+def _made(scene, text):
+    scene.step("asset.ply", lambda file: file.write_text(text), parameters=text)
+
+
+def test_scores_stay_on_the_page_where_a_refinement_made_nothing(scene):
+    _made(scene, "an asset")
+    page = write_scene_report(scene)
+    page.write_text("the scores")
+    before = scene.journal()
+    scored = {"arms": {}, "assets": {"asset.ply": scene.outputs()["asset.ply"]}}
+    scene.metrics_file.write_text(json.dumps(scored))
+    _made(scene, "an asset")
+    assert renew_scene_report(scene, before) == page
+    assert page.read_text() == "the scores"
+    _made(scene, "another")
+    assert renew_scene_report(scene, before) == page
+    assert "embedded:wheeled" in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("metrics", [{"arms": {}, "assets": {"asset.ply": "another's"}}, [], None])
+def test_a_page_of_scores_that_do_not_hold_is_written_anew(scene, metrics):
+    _made(scene, "an asset")
+    page = write_scene_report(scene)
+    page.write_text("the scores")
+    if metrics is not None:
+        scene.metrics_file.write_text(json.dumps(metrics))
+    renew_scene_report(scene, scene.journal())
+    assert "embedded:wheeled" in page.read_text(encoding="utf-8")
