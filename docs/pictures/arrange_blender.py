@@ -17,7 +17,7 @@ _, ZIP, BUNDLE, ENGINE, NAME = sys.argv[sys.argv.index("--") + 1 :]
 VIEW_ANGLES_RAD = (0.85, 0.0, -0.45)
 VIEW_CENTRE_M = (2.3, 0.3, 0.6)
 VIEW_DISTANCE_M = 8.2
-WIPE_CAMERA, WIPE = "Target 00", 0.33
+WIPE_ROUND, WIPE_CAMERA, WIPE = 0, "Target 09", 0.4
 ROLLOUT_SHARE = 0.4
 CAMERA_ZOOM = 6.0
 SETTLED_S = 1.0
@@ -52,6 +52,7 @@ def splats():
 
 def wipe():
     """A robot's view: the initial asset on the left of the divider, the refined one on the right."""
+    bpy.context.scene.r2sego.round_index = WIPE_ROUND
     bpy.ops.r2sego.show_candidates(shown="TARGETS")
     bpy.context.view_layer.objects.active = bpy.data.objects[WIPE_CAMERA]
     bpy.ops.r2sego.look_through()
