@@ -43,7 +43,8 @@ def main(arguments: list[str]) -> int:
         for one in [point.name for point in shown.points] + [span(length) for length in shown.lengths]:
             leave_out(one)
             print(f"without {one}: {misses(shown)}")
-            bpy.ops.r2sego.remove_pick(everything=True)
+            if shown.points:  # it was not the only one
+                bpy.ops.r2sego.remove_pick(everything=True)
             pick(picks)
         for one in options.without:
             leave_out(one)
@@ -88,6 +89,8 @@ def misses(shown) -> str:
 def look_at_worst(shown) -> None:
     """Look through the capture in which a pick is off most."""
     picks = [(view.off_px, point.name, view.capture) for point in shown.points for view in point.views]
+    if not picks:
+        return
     off_px, point, capture = max(picks)
     bpy.context.view_layer.objects.active = bpy.data.objects[capture]
     bpy.ops.r2sego.look_through()

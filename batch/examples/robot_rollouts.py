@@ -1,7 +1,9 @@
 """Declare a scene's robot and behaviour, try it on the collision surface, and play a rollout.
 
 blender --background --python batch/examples/robot_rollouts.py -- SCENE [--region "0,0 2,0 2,1.5"] [--try 4]
-python batch/examples/robot_rollouts.py -- SCENE [--robot wheeled] [--blend OUT.blend]  (pip bpy)
+python batch/examples/robot_rollouts.py -- SCENE [--robot wheeled --try 4] [--blend OUT.blend]  (pip bpy)
+
+Without --try the newest round's rollouts are played, which have to be of the declared robot.
 """
 
 import argparse

@@ -80,3 +80,14 @@ def test_a_pick_in_one_capture_is_left_out(bundle_path, blender_environment, pic
     done = run(blender_environment, bundle_path, "--picks", file, "--without", "Z")
     assert done.returncode == 1
     assert "'Z' is no point and no length" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_the_only_point_is_left_out_and_picked_again(bundle_path, blender_environment, picks, tmp_path):
+    file = tmp_path / "picks.json"
+    file.write_text(json.dumps({"points": picks["points"][:1]}))
+    done = run(blender_environment, bundle_path, "--picks", file)
+    assert done.returncode == 0, done.stderr + done.stdout
+    assert "without A: 0.00 px" in done.stdout and "the worst pick is that of A in " in done.stdout
+    done = run(blender_environment, bundle_path, "--picks", file, "--without", "A")
+    assert done.returncode == 0, done.stderr + done.stdout
+    assert "the worst pick" not in done.stdout
