@@ -66,6 +66,7 @@ class Scene:
                     fill(staging)
                     write_declaration(staging / DECLARATION, declaration)
                     flush(staging)
+                require_place(path)  # another may have made it meanwhile
                 rename(staging, path)
             finally:
                 shutil.rmtree(staging, ignore_errors=True)

@@ -97,6 +97,15 @@ def test_create_refuses_an_existing_place(tmp_path):
         make_scene(tmp_path)
 
 
+def test_of_two_that_make_one_scene_the_later_is_told(tmp_path):
+    (tmp_path / "other").mkdir()
+    first, place = make_scene(tmp_path / "other"), tmp_path / "room.r2s"
+    with pytest.raises(SceneError, match=r"room\.r2s: it exists already"):
+        Scene.create(place, DECLARATION, lambda folder: first.path.rename(place))
+    assert {path.name for path in tmp_path.iterdir()} == {"other", "room.r2s"}
+    assert Scene.open(place).declaration == first.declaration
+
+
 @pytest.mark.parametrize("text", ["format = 99", "format = 1", "format = ", "\xff"])
 def test_open_names_the_file_and_the_cure(tmp_path, text):
     scene = make_scene(tmp_path)

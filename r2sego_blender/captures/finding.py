@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 
 from ..errors import CaptureError
@@ -43,9 +44,8 @@ def find_photographs(
     """
     # Rigs repeat file names in a folder a camera: there only the folder tells which is meant.
     counts = Counter(_plain(name).name for name in names)
-    found = [
-        _found(name, folders, guess_suffix, by_file_name=counts[_plain(name).name] == 1) for name in names
-    ]
+    images_in = cache(image_files)  # a model may name thousands that are not there
+    found = [_found(name, folders, guess_suffix, counts[_plain(name).name] == 1, images_in) for name in names]
     missing = [name for name, path in zip(names, found, strict=True) if path is None]
     if not missing:
         return found
@@ -66,7 +66,10 @@ def find_beside(name: str, folders: tuple[Path, ...]) -> Path | None:
     return _found(name, folders, guess_suffix=False, by_file_name=False)
 
 
-def _found(name: str, folders: tuple[Path, ...], guess_suffix: bool, by_file_name: bool) -> Path | None:
+def _found(
+    name: str, folders: tuple[Path, ...], guess_suffix: bool, by_file_name: bool,
+    images_in: Callable[[Path], list[Path]] = image_files,
+) -> Path | None:  # fmt: skip
     relative = _plain(name)
     candidates = [folder / relative for folder in folders]
     if by_file_name:
@@ -84,10 +87,10 @@ def _found(name: str, folders: tuple[Path, ...], guess_suffix: bool, by_file_nam
                 whole = candidate.with_name(candidate.name + suffix)
                 if whole.is_file():
                     return whole
-    return next(filter(None, map(_alike, candidates)), None)
+    return next(filter(None, (_alike(candidate, images_in) for candidate in candidates)), None)
 
 
-def _alike(candidate: Path) -> Path | None:
+def _alike(candidate: Path, images_in: Callable[[Path], list[Path]]) -> Path | None:
     """The one photograph that has the name of ``candidate`` but for case and kind.
 
     HEIC is converted before or after its poses are solved, and some systems take .JPG for .jpg.
@@ -96,7 +99,7 @@ def _alike(candidate: Path) -> Path | None:
         return None
     kinds = SUFFIXES | UNREAD_PICTURES
     stem = (candidate.stem if candidate.suffix.lower() in kinds else candidate.name).casefold()
-    alike = [path for path in image_files(candidate.parent) if path.stem.casefold() == stem]
+    alike = [path for path in images_in(candidate.parent) if path.stem.casefold() == stem]
     same = [path for path in alike if path.name.casefold() == candidate.name.casefold()]
     found = same or alike
     return found[0] if len(found) == 1 else None

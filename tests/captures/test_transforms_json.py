@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -185,6 +186,16 @@ def test_portrait_photographs_with_exif_orientation(tmp_path, rng, orientation, 
     place, depth = capture.camera.project(spot)
     assert np.abs(place - [column + 0.5, row + 0.5]).max() < 1e-9
     assert depth == pytest.approx(height)
+
+
+def test_a_folder_is_looked_through_once_for_all_missing(tmp_path, rng, blank_photograph, monkeypatch):
+    """A file of thousands of poses may lie beside some hundred photographs."""
+    _photographs(tmp_path, blank_photograph)
+    path = _written(tmp_path, _poses(rng, 200), {"fl_x": 50.0})
+    read, iterdir = [], Path.iterdir
+    monkeypatch.setattr(Path, "iterdir", lambda folder: read.append(folder) or iterdir(folder))
+    assert len(import_captures(tmp_path, path, SETTINGS).captures) == 4
+    assert len(read) == len(set(read)) > 0
 
 
 def test_photographs_that_are_missing_are_left_out(tmp_path, rng, blank_photograph, messages):
