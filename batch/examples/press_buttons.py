@@ -1,7 +1,7 @@
 """Press any of the add-on's buttons in a scene, one after the other, by their operators' names.
 
 blender --background --python batch/examples/press_buttons.py -- SCENE
-    show_proxy look_inside=False  clear_region  use_mesh_as_prior name=chair
+    show_proxy look_inside=False  clear_region  use_mesh_as_prior object_name=chair mesh=Chair
 python batch/examples/press_buttons.py -- SCENE remove_object name=chair --save room.blend  (pip bpy)
 
 A name is an operator of ``bpy.ops.r2sego``; what follows it are its properties, as Python writes
@@ -23,6 +23,9 @@ from enabled_addon import enabled_addon
 
 from r2sego_blender.bridge.script import run_script
 from r2sego_blender.errors import SceneError
+
+_INNER = {"rna_type", "job_folder", "filter_glob", "filter_folder"}
+"""Properties that are for Blender, its file browser and jobs."""
 
 
 def main(arguments: list[str]) -> int:
@@ -76,7 +79,7 @@ def literal(text: str) -> object:
 def described(name: str) -> str:
     """An operator's line: its name, its properties, what it does."""
     kind = getattr(bpy.ops.r2sego, name).get_rna_type()
-    names = [prop.identifier for prop in kind.properties if prop.identifier != "rna_type"]
+    names = [prop.identifier for prop in kind.properties if prop.identifier not in _INNER]
     return f"{name}({', '.join(names)}): {kind.description}"
 
 

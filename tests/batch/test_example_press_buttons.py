@@ -3,7 +3,7 @@
 from functools import partial
 
 import pytest
-from example_runs import run_example
+from example_runs import EXAMPLES, run_example
 
 bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
 
@@ -40,4 +40,12 @@ def test_every_operator_is_listed_with_what_it_does(blender_environment):
     assert done.returncode == 0, done.stderr
     lines = [line for line in done.stdout.splitlines() if "): " in line]
     assert len(lines) >= 80
-    assert any(line.startswith("show_proxy(look_inside") for line in lines)
+    listed = {
+        name: words.partition("): ")[0].split(", ") for name, _, words in (x.partition("(") for x in lines)
+    }
+    assert listed["show_proxy"] == ["look_inside"] and listed["clear_region"] == [""]
+    known = ""  # the script's own examples name what there is
+    for word in (EXAMPLES / "press_buttons.py").read_text(encoding="utf-8").split('"""')[1].split():
+        name, equals, _ = word.partition("=")
+        known = word if word in listed else known
+        assert not equals or name in listed[known], word
