@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import shlex
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +29,7 @@ def describe(scene: Scene, look_at_results: bool = False) -> dict[str, Any]:
     were published.
     """
     declared = scene.declaration
-    rounds = [_describe_round(scene, index) for index in range(scene.rounds_of_result())]
+    rounds = [_describe_round(scene, index) for index in _counted_rounds(scene)]
     rounds_declared = declared.settings.rounds
     old = of_old_frame(scene)
     old_in_words = in_words(old, rounds_declared)
@@ -117,6 +119,13 @@ def _count_captures(scene: Scene) -> int:
             f"the list of captures is damaged: {error!r}", where=file,
             cure="Make the scene anew with `r2sego new`.",
         ) from error  # fmt: skip
+
+
+def _counted_rounds(scene: Scene) -> Iterator[int]:
+    """The rounds whose last step is there: one may have been cut off between its asset and its counts."""
+    return itertools.takewhile(
+        lambda index: (scene.round_folder(index) / "metrics.json").is_file(), range(scene.rounds_of_result())
+    )
 
 
 def _describe_round(scene: Scene, index: int) -> dict[str, int]:

@@ -86,3 +86,5 @@ def test_rounds_beyond_those_that_are_declared_are_not_counted(scene):
         (folder / "metrics.json").write_text(json.dumps(counts))
     assert "rounds: 2 of 3 done" in lines(describe(scene))
     assert "rounds: 1 of 1 done" in lines(describe(scene.declare(overrides={"rounds": 1})))
+    (scene.round_folder(1) / "metrics.json").unlink()  # as where a refinement is cut off before it
+    assert "rounds: 1 of 3 done" in lines(describe(scene)) and not describe(scene)["refined"]
