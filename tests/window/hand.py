@@ -68,6 +68,16 @@ def click(x, y):
     yield _SETTLE_S
 
 
+def drag(corners):
+    """Draw a line with the left button through pixels of the window."""
+    yield from move(*corners[0])
+    window().event_simulate("LEFTMOUSE", "PRESS", x=_mouse[0], y=_mouse[1])
+    for corner in corners[1:]:
+        yield from move(*corner)
+    window().event_simulate("LEFTMOUSE", "RELEASE", x=_mouse[0], y=_mouse[1])
+    yield _SETTLE_S
+
+
 def key(kind):
     """Press and release a key where the mouse is."""
     for value in ("PRESS", "RELEASE"):

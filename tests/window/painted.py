@@ -16,6 +16,7 @@ import press  # its install()
 from mathutils import Euler
 
 SETTLES_S = 3.0
+MARGIN_PX = 60
 KEPT = [
     (1.0, 0.0, 0.0, 0.3),
     (0.0, 1.0, 0.0, 9.0),
@@ -29,6 +30,21 @@ def left_half(view):
     """The planes of a Clipping Region that keeps the left half of a view."""
     eye, right = view.view_matrix.inverted().translation, view.view_matrix[0].xyz
     return [(*-right, right.dot(eye)), *3 * [(0.0, 0.0, 0.0, 1.0)], *2 * [4 * (0.0,)]]
+
+
+def lasso(area, region):
+    """The centres (M, 3) of the splats that a lasso around nearly the whole view marks."""
+    right, top = area.x + region.width - MARGIN_PX, area.y + region.height - MARGIN_PX
+    left, low = area.x + MARGIN_PX, area.y + MARGIN_PX
+    with bpy.context.temp_override(window=hand.window(), area=area, region=region):
+        bpy.ops.r2sego.mark_splats_lasso("INVOKE_DEFAULT")
+    yield from hand.drag([(left, low), (right, low), (right, top), (left, top)])
+    mesh = bpy.context.scene.r2sego_asset.shown.data
+    marked, places = np.empty(len(mesh.vertices), bool), np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.attributes["marked"].data.foreach_get("value", marked)
+    mesh.vertices.foreach_get("co", places)
+    bpy.ops.r2sego.clear_splat_marks()
+    return places.reshape(-1, 3)[marked]
 
 
 def script():
@@ -62,6 +78,7 @@ def script():
     bpy.data.objects.remove(bpy.data.objects["Cube"])  # which hides the points
     bpy.data.objects["Light"].select_set(True)
     view.clip_planes = left_half(view)
+    told["left_half"] = np.array(view.clip_planes).reshape(-1, 4)[0].tolist()
     told["middle_px"] = area.x + region.width // 2
     bpy.context.scene.r2sego_asset.style = "DISCS"
     shown = {"nothing": (False, False), "discs": (True, False), "points": (False, True)}
@@ -70,6 +87,10 @@ def script():
         with bpy.context.temp_override(window=hand.window(), area=area, region=region):
             if where != "clipped":  # into the Local View of the light, and back
                 bpy.ops.view3d.localview(frame_selected=False)
+        if where != "local":
+            bpy.context.scene.r2sego_asset.preview = True
+            held = yield from lasso(area, region)
+            np.save(hand.OUT / f"held_{where}.npy", held)
         for name, (asset, points) in shown.items():
             bpy.context.scene.r2sego_asset.preview = asset
             bpy.context.scene.r2sego_captures.show_cloud = points

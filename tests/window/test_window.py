@@ -177,12 +177,12 @@ def painted(material):
     assert (out / "told.json").is_file(), log[-3000:]
     assert "drawn as discs" not in log
     told = json.loads((out / "told.json").read_text())
-    middle_px = told.pop("middle_px")
+    rest = {name: told.pop(name) for name in ("middle_px", "left_half")}
     return {
         kind: {name: np.load(out / f"{kind}_{name}.npy")[::-1] for name in ("colours", "nearnesses")}
         | {name: np.array(matrix) for name, matrix in matrices.items()}
         for kind, matrices in told.items()
-    } | {"middle_px": middle_px}
+    } | rest
 
 
 @pytest.mark.parametrize("kind", ["PERSP", "CLIPPED"])
@@ -222,6 +222,14 @@ def test_a_clipping_region_cuts_off_what_lies_beyond_it_and_a_local_view_all(pai
     assert min(part.sum() for part in whole) > 20
     assert (clipped[0] == whole[0]).mean() > 0.999 and clipped[0].sum() > 20
     assert not clipped[1].any() and not any(part.any() for part in local)
+
+
+def test_a_lasso_marks_nothing_that_a_clipping_region_hides(painted, material):
+    clipped, whole = (np.load(material / "painted" / f"held_{where}.npy") for where in ("clipped", "whole"))
+    plane = np.array(painted["left_half"])
+    shown = whole @ plane[:3] + plane[3] > 0.0
+    assert shown.sum() > 20 and (~shown).sum() > 20
+    np.testing.assert_array_equal(clipped, whole[shown])
 
 
 def test_blender_paints_the_asset_without_perspective(painted):
