@@ -41,6 +41,10 @@ SYSTEMS = {"win": ("amd64", "Windows"), "linux": ("x86_64", "Linux"), "macosx": 
 OLDEST_MACOS = 14
 """For which the packages' wheels are built."""
 
+_OF_ENVIRONMENTS = {
+    "bin", "include", "lib", "lib64", "share", "Scripts", "Include", "Lib", "pyvenv.cfg", DOWNLOADS,
+    ".gitignore", ".DS_Store",
+}  # fmt: skip
 _WORTH_TELLING = ("Collecting", "Downloading", "Using cached", "Processing", "Installing")  # pip's steps
 _LOOK_S = 0.5
 
@@ -89,8 +93,9 @@ def make_environment(
     """Make or complete the environment in ``folder``; returns its interpreter.
 
     With ``wheels`` nothing is fetched from a network. Raises MachineError when the disk has less
-    room than ``needed_mb``, when the index has no packages for this system, and with pip's last
-    line when something cannot be installed; what was downloaded stays for the next try.
+    room than ``needed_mb``, when the folder holds something else, when the index has no packages for
+    this system, and with pip's last line when something cannot be installed; what was downloaded stays
+    for the next try.
     """
     python, downloads = python_of(folder), folder / DOWNLOADS
     _require_room(folder, needed_mb)
@@ -103,6 +108,7 @@ def make_environment(
         )  # fmt: skip
     with progress.task("Making an environment", 1) as task:
         if not _has_pip(python):
+            _require_no_others(folder)
             folder.mkdir(parents=True, exist_ok=True)
             _run(
                 [sys.executable, "-m", "venv", "--clear", str(folder)],
@@ -185,6 +191,16 @@ def _require_room(folder: Path, needed_mb: int) -> None:
         raise MachineError(
             f"the disk has {free_mb} MB left and {needed_mb} MB are needed", where=folder,
             cure="Make room, then try again.",
+        )  # fmt: skip
+
+
+def _require_no_others(folder: Path) -> None:
+    """Raises MachineError where ``folder`` holds more than an environment, which begins with none of it."""
+    others = sorted({path.name for path in folder.iterdir()} - _OF_ENVIRONMENTS) if folder.is_dir() else ()
+    if others:
+        raise MachineError(
+            f"'{others[0]}' is in this folder, which would be emptied", where=folder,
+            cure="Choose a new or an empty folder.",
         )  # fmt: skip
 
 

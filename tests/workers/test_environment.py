@@ -92,6 +92,15 @@ def test_a_disk_without_room_and_a_missing_folder_are_told_first(tmp_path):
     assert not (tmp_path / "engine").exists()
 
 
+def test_a_folder_with_other_things_in_it_is_not_emptied(tmp_path):
+    (tmp_path / "wheels").mkdir()
+    (tmp_path / "work" / "lib").mkdir(parents=True)
+    (tmp_path / "work" / "thesis.txt").write_text("all of it")
+    with pytest.raises(MachineError, match=r"'thesis\.txt' is in this folder.*Choose a new or an empty"):
+        make_environment(tmp_path / "work", [], tmp_path / "wheels", ProgressRecorder())
+    assert (tmp_path / "work" / "thesis.txt").read_text() == "all of it"
+
+
 def test_a_folder_that_cannot_be_made_is_told_with_a_cure(tmp_path):
     (tmp_path / "taken").write_text("a file")
     command = [sys.executable, "-m", "r2sego_blender.workers.environment", str(tmp_path / "taken" / "engine")]
