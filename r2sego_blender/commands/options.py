@@ -95,6 +95,8 @@ def tell(progress: Progress, **result: Any) -> None:
         progress.emit(event="result", **result)
     else:
         for name, value in result.items():
+            if isinstance(value, dict):  # of counts
+                value = ", ".join(f"{what} ({count})" for what, count in value.items()) or "none"
             click.echo(f"{name}: {value}")
 
 
