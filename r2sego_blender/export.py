@@ -62,7 +62,8 @@ def export_scene(
     the proxy with baked colours in ``textured/``, as OBJ, MJCF and USD; with either in USD also
     ``room.usda``, a stage of them and the collision surface; and ``about.txt``, which says what
     these are and what made them.
-    Nothing appears before all of it is written; the folders of an earlier export go. Raises
+    Nothing appears before all of it is written; the folders of an earlier export go, and what it wrote
+    that this one does not is told. Raises
     SceneError where others of their names are, when the scene has no result yet, one of a world
     frame that was corrected since, or one that was damaged or changed since, and for a folder
     inside the scene; AssetError for a suffix that is no format of splats.
@@ -101,13 +102,24 @@ def export_scene(
             _write_textured(scene, staging / TEXTURED, proxy, progress)
             names.append(TEXTURED)
         names += _write_room_stage(staging, names)
-        write_text(staging / ABOUT, _about(scene, names, rounds))
+        others = _others(folder, names)
+        write_text(staging / ABOUT, _about(scene, names, rounds, others))
         names.append(ABOUT)
         for name in names:
             _replace(staging / name, folder / name)
     finally:
         shutil.rmtree(staging, ignore_errors=True)
+    if others:
+        progress.message(
+            f"{folder}: {', '.join(others)} are there already, and not of this export", "warning"
+        )
     return [folder / name for name in names]
+
+
+def _others(folder: Path, names: Sequence[str]) -> list[str]:
+    """What is called as exports call things, is in the folder and is not among ``names``."""
+    made = (TEXTURED, ROOM_USDA, *(f"asset{suffix}" for suffix in SUFFIXES))
+    return [name for name in made if name not in names and (folder / name).exists()]
 
 
 def _write(scene: Scene, folder: Path, proxy: GeometryProxy, splats: Sequence[str]) -> list[str]:
@@ -145,8 +157,8 @@ def _write_room_stage(folder: Path, names: Sequence[str]) -> list[str]:
     return [ROOM_USDA]
 
 
-def _about(scene: Scene, names: Sequence[str], rounds: int) -> str:
-    """What the files ``names`` are, in which frame, and what made them."""
+def _about(scene: Scene, names: Sequence[str], rounds: int, others: Sequence[str]) -> str:
+    """What the files ``names`` are, in which frame, and what made them; ``others`` were there before."""
     declared = scene.declaration
     lines = [
         f"{scene.name}, exported by R2S-EGO {__version__} after {rounds} rounds of refinement",
@@ -160,6 +172,7 @@ def _about(scene: Scene, names: Sequence[str], rounds: int) -> str:
         text = _FILES.get(name, f"asset.ply in another format{', Y up' * (Path(name).suffix in _Y_UP)}")
         first, *more = text.split("\n")
         lines += [f"{name:<{_WIDTH}}{first}", *(" " * _WIDTH + line for line in more)]
+    lines += [f"{name:<{_WIDTH}}was there before, and is not of this export" for name in others]
     lines += ["", "Made by"]
     lines += [f"  {slot.replace('_', ' ')}: {backend}" for slot, backend in scene.backends.items()]
     lines += _backends_of_objects(scene)

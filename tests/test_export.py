@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 from PIL import Image
+from progress_recorder import ProgressRecorder
 from pxr import Usd, UsdGeom, UsdPhysics, UsdVol
 
 from r2sego_blender.benchmarks.workloads import made_up_room
@@ -190,6 +191,17 @@ def test_a_second_export_replaces_what_is_no_more(scene, tmp_path):
     export_scene(scene, out)
     assert not (out / "collision" / "ghost.obj").exists() and (out / "mine.txt").read_text() == "kept"
     assert {path.name for path in out.iterdir()} == {*PLAIN, ABOUT, "mine.txt"}
+
+
+def test_what_only_an_earlier_export_wrote_is_told(scene, tmp_path):
+    """A stage of the splats of before would stand beside the surface of now."""
+    out, messages = tmp_path / "out", ProgressRecorder()
+    *_, about = export_scene(scene, out, [".spz", ".usdc"], progress=messages)
+    assert "not of this export" not in about.read_text(encoding="utf-8") and not messages.warnings
+    export_scene(scene, out, [".spz"], progress=messages)
+    text = about.read_text(encoding="utf-8")
+    told = {line.split()[0] for line in text.splitlines() if "was there before" in line}
+    assert told == {"room.usda", "asset.usdc"} and "room.usda, asset.usdc" in messages.warnings[0]
 
 
 def test_a_folder_collision_that_no_export_made_is_left_alone(scene, tmp_path):
