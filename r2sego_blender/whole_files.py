@@ -17,6 +17,7 @@ UNFINISHED = ".unfinished-"
 """How the names begin of what is not in its place yet."""
 
 _CHANGES, _PARTS = ".changes", "parts.json"
+_OLD = f"{UNFINISHED}old-"
 _FEW_FILES = 64
 """Up to this many files are flushed one by one; beyond, the whole system once is quicker."""
 
@@ -55,7 +56,14 @@ def replacing_together(folder: Path, parts: Sequence[str]) -> Iterator[Path]:
 
 
 def finish_replacing(folder: Path) -> bool:
-    """Put in place what ``replacing_together`` had written when it was killed; whether there was any."""
+    """Put in place what ``replacing_together`` had written when it was killed; whether there was any.
+
+    What ``swap_in`` had put aside in ``folder`` when it was killed is put back, whoever called it.
+    """
+    for old in folder.glob(f"{_OLD}*"):
+        place = folder / old.name.removeprefix(_OLD)
+        if not place.exists():
+            rename(old, place)
     changes = folder / _CHANGES
     if not (changes / _PARTS).is_file():
         remove(changes)
@@ -88,7 +96,7 @@ def flush(path: Path) -> None:
 def swap_in(made: Path, place: Path) -> None:
     """Rename ``made`` to ``place``, which may be there, a folder too."""
     if made.is_dir() and place.exists():
-        old = place.with_name(f"{UNFINISHED}old-{place.name}")
+        old = place.with_name(f"{_OLD}{place.name}")
         remove(old)
         rename(place, old)
         rename(made, place)

@@ -67,3 +67,30 @@ def test_one_that_is_held_for_good_is_told(tmp_path, held):
     with pytest.raises(PermissionError, match="used by another process"):
         whole_files.rename(tmp_path / "made", tmp_path / "asset.ply")
     assert (tmp_path / "made").read_text() == "made"
+
+
+class _Killed(BaseException):
+    pass
+
+
+def test_a_folder_put_aside_by_who_was_killed_is_put_back(tmp_path, monkeypatch):
+    """Between its two renames neither the old nor the new is in its place."""
+    for name in ("made", "objects"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "said").write_text(name)
+    rename = whole_files.rename
+
+    def killed_after_the_first(made, place):
+        rename(made, place)
+        raise _Killed
+
+    monkeypatch.setattr(whole_files, "rename", killed_after_the_first)
+    with pytest.raises(_Killed):
+        whole_files.swap_in(tmp_path / "made", tmp_path / "objects")
+    assert not (tmp_path / "objects").exists()
+    monkeypatch.setattr(whole_files, "rename", rename)
+    assert not whole_files.finish_replacing(tmp_path)
+    assert (tmp_path / "objects" / "said").read_text() == "objects"
+    whole_files.swap_in(tmp_path / "made", tmp_path / "objects")
+    assert (tmp_path / "objects" / "said").read_text() == "made"
+    assert [file.name for file in tmp_path.iterdir()] == ["objects"]
