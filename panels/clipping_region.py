@@ -4,6 +4,8 @@ import bpy
 import gpu
 import numpy as np
 
+from ..r2sego_blender.splats.regions import on_kept_sides
+
 _PLANES = 4
 """So many of the planes that Blender has for a region bound it; the others are zero."""
 
@@ -20,8 +22,7 @@ def kept(points: np.ndarray, sides: np.ndarray | None) -> np.ndarray:
     """(M,) which of the ``points`` (N, 3) lie on the kept sides, as indices in their order."""
     if sides is None:
         return np.arange(len(points))
-    normals, offsets = sides[:, :3].astype(np.float32), sides[:, 3].astype(np.float32)
-    return np.flatnonzero((points @ normals.T + offsets > 0.0).all(axis=1))
+    return np.flatnonzero(on_kept_sides(points, sides.astype(np.float32)))
 
 
 class ClippedPoints:

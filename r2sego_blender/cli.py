@@ -234,6 +234,7 @@ def select(
 @click.pass_context
 def evaluate(context: click.Context, scene: Path, frozen: Path, as_json: bool) -> None:
     """Score SCENE on frozen views against vanilla 3DGS; writes report/metrics.json."""
+    from .evaluation.report import PAGE
     from .evaluation.scene_evaluation import evaluate_scene, table
 
     progress = progress_of(context, as_json)
@@ -243,7 +244,7 @@ def evaluate(context: click.Context, scene: Path, frozen: Path, as_json: bool) -
         tell(progress, metrics=metrics)
     else:
         click.echo(table(metrics))
-        click.echo(f"report: {opened.report_folder / 'index.html'}")
+        click.echo(f"report: {opened.report_folder / PAGE}")
 
 
 @main.command()

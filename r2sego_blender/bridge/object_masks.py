@@ -14,9 +14,9 @@ import numpy as np
 
 from ..errors import GeometryError
 from ..layout import mask_stems
+from ..splats.regions import in_polygon
 from .bundle import Bundle, CapturedView
 from .moved_bundle import BUNDLE_MARK
-from .proxy_edits import in_polygon
 from .proxy_objects import mask_files
 
 _OBJECT, _CAPTURE, _REVISION = "r2sego_object", "r2sego_capture", "r2sego_revision"

@@ -10,7 +10,7 @@ import numpy as np
 from ..arrays import save_arrays
 from ..cameras import Camera
 from ..errors import GeometryError
-from ..splats.regions import on_kept_sides
+from ..splats.regions import Lasso
 from .light_drawing import every_face
 from .meshes import arrays_from_mesh
 from .show_proxy import shown_round
@@ -76,33 +76,13 @@ def faces_in_lasso(
     """
     corners = np.asarray(corners, np.float64)
     middles = corners.mean(1)
-    local = (middles - camera.centre) @ camera.world_from_camera[:3, :3]
-    depth = local[:, 2]
-    inside = np.abs(depth) <= farthest_m if parallel else (depth > 0.0) & (depth <= farthest_m)
-    if kept_sides is not None:
-        inside &= on_kept_sides(middles, kept_sides)
-    scale = np.ones(len(depth)) if parallel else np.where(depth > 1e-9, depth, 1e-9)
-    pixels = local[:, :2] / scale[:, None] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
+    nearest_m = -farthest_m if parallel else 0.0
+    sides = np.zeros((0, 4)) if kept_sides is None else kept_sides
+    inside = Lasso(camera, polygon, nearest_m, farthest_m, parallel, sides).holds(middles)
     if facing:
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         ray = camera.forward if parallel else middles - camera.centre
         inside &= (normals * ray).sum(1) < 0.0
-    asked = np.flatnonzero(inside)
-    inside[asked] = in_polygon(pixels[asked], polygon)
-    return inside
-
-
-def in_polygon(points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
-    """(N,) bool: the points (N, 2) inside a closed polygon (n, 2), by the even-odd rule."""
-    points, polygon = np.asarray(points, np.float64), np.asarray(polygon, np.float64)
-    inside = np.zeros(len(points), bool)
-    if not len(points):
-        return inside
-    x, y = points.T
-    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        if y0 != y1:
-            crosses = (y0 > y) != (y1 > y)
-            inside ^= crosses & (x < (x1 - x0) * (y - y0) / (y1 - y0) + x0)
     return inside
 
 

@@ -69,7 +69,7 @@ class Lasso:
         places = np.flatnonzero(held)
         scale = np.ones(len(places)) if self.orthographic else depth[places]
         focal, centre = (self.camera.fx, self.camera.fy), (self.camera.cx, self.camera.cy)
-        held[places] = _inside(local[places, :2] / scale[:, None] * focal + centre, self.polygon_px)
+        held[places] = in_polygon(local[places, :2] / scale[:, None] * focal + centre, self.polygon_px)
         return held
 
     def transformed(self, similarity: np.ndarray) -> Lasso:
@@ -173,8 +173,9 @@ def on_kept_sides(points: np.ndarray, sides: np.ndarray) -> np.ndarray:
     return (points @ sides[:, :3].T + sides[:, 3] > 0.0).all(axis=1)
 
 
-def _inside(points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
-    """(n,) bool: which points (n, 2) a ray to the right leaves the polygon (P, 2) from, by even-odd."""
+def in_polygon(points: np.ndarray, polygon: np.ndarray) -> np.ndarray:
+    """(n,) bool: the points (n, 2) inside a closed polygon (P, 2), by the even-odd rule."""
+    points, polygon = np.asarray(points, np.float64), np.asarray(polygon, np.float64)
     lowest, highest = polygon.min(axis=0), polygon.max(axis=0)
     places = np.flatnonzero(((points >= lowest) & (points <= highest)).all(axis=1))
     x, y = points[places].T

@@ -9,9 +9,10 @@ import bpy
 
 from r2sego_blender.bridge.light_drawing import draw_fewer_faces
 from r2sego_blender.bridge.object_masks import drawn_region
-from r2sego_blender.bridge.proxy_edits import faces_in_lasso, in_polygon, world_triangles
+from r2sego_blender.bridge.proxy_edits import faces_in_lasso, world_triangles
 from r2sego_blender.bridge.show_proxy import show_proxy
 from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.splats.regions import in_polygon
 
 
 def test_a_polygon_holds_what_is_inside_even_if_it_is_not_convex():

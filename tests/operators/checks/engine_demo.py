@@ -50,13 +50,18 @@ def check_the_demo_scene_is_opened_while_it_is_refined():
     assert state().bundle == str(folder / "demo_room.r2s")
 
 
+def begin_in(folder, conducted):
+    """The demo scene begun where one is already; what follows it."""
+    shutil.copytree(BUNDLE, folder / "demo_room.r2s")
+    conduct(conducted)
+    left_job(bpy.ops.r2sego.demo_scene, directory=str(folder))
+    return sys.modules[f"{MODULE}.operators.engine.following"]
+
+
 def check_a_demo_scene_that_was_made_before_is_shown_too():
     startup_file()
     folder = OUT.parent / "old_demo"
-    shutil.copytree(BUNDLE, folder / "demo_room.r2s")
-    conduct("succeed")
-    left_job(bpy.ops.r2sego.demo_scene, directory=str(folder))
-    following = sys.modules[f"{MODULE}.operators.engine.following"]
+    following = begin_in(folder, "succeed")
     wait_until(lambda: following._tick() and not bpy.context.window_manager.r2sego_job.running)
     (end,) = bpy.context.window_manager.r2sego_engine.ended
     assert (end.level, end.line) == ("INFO", "Made and refined demo_room.r2s")
@@ -67,11 +72,7 @@ def check_a_demo_scene_that_was_made_before_is_shown_too():
 
 def check_a_bundle_that_is_open_stays_open_while_the_demo_scene_is_made():
     open_bundle()
-    folder = OUT.parent / "other_demo"
-    shutil.copytree(BUNDLE, folder / "demo_room.r2s")
-    conduct("slow")
-    left_job(bpy.ops.r2sego.demo_scene, directory=str(folder))
-    following = sys.modules[f"{MODULE}.operators.engine.following"]
+    following = begin_in(OUT.parent / "other_demo", "slow")
     following._tick()
     assert state().bundle == str(BUNDLE)
     wait_until(lambda: following._tick() and not bpy.context.window_manager.r2sego_job.running)
