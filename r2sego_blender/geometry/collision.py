@@ -18,12 +18,11 @@ from ..progress import SILENT, Progress
 from ..settings import CollisionSettings
 from .coacd_regions import decompose_by_coacd
 from .convex import Limits, Soup, decompose
-from .meshes import merged
+from .meshes import merged, places
 from .proxy import GeometryProxy, Provenance
 
 _FLOOR_NORMAL = 0.8  # cosine from which a face near z = 0 belongs to the floor
 _SMALLEST_FLOOR_M2 = 0.05
-_SAME_PLACE_M = 1e-4
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ def _completed_on_the_floor(proxy: GeometryProxy, height_m: float) -> np.ndarray
     stands on the floor stays standing on it, since its lowest vertices move too.
     """
     vertices = np.array(proxy.vertices, np.float64)
-    _, place = np.unique(np.rint(vertices / _SAME_PLACE_M), axis=0, return_inverse=True)
+    _, place = np.unique(places(vertices), axis=0, return_inverse=True)
     place = place.ravel()
     known = np.zeros(len(vertices), bool)
     known[place[proxy.faces[proxy.provenance != Provenance.COMPLETED]]] = True

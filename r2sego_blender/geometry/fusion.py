@@ -24,7 +24,7 @@ from ..settings import ProxySettings
 from .completion import CompletedDepth, DepthSource
 from .envelope import envelope_polygons, tessellated
 from .evidence import KnownDepth, collect_votes
-from .meshes import component_areas, merged, normals_and_areas
+from .meshes import component_areas, merged, normals_and_areas, places
 from .observed import ObservedGeometry
 from .oriented_points import WeightedDepth
 from .planes import RoomPlanes
@@ -39,7 +39,6 @@ _CARVING_TOLERANCE = 0.04  # relative depth by which a capture must see past a f
 _SUPPORT_TOLERANCE = 0.03
 _LEAST_COSINE = 0.1  # a capture that sees a face more edge-on than this says nothing for it
 _CELL_VOXELS = 2  # side of the cells that close the envelope
-_ONE_PLACE_M = 1e-4  # corners of neighbouring cells this near are one vertex
 _SAME_PLANE = 0.8  # cosine from which a face covers the envelope
 _LARGEST_FIELD = 40_000_000  # voxels; 320 MB
 _OUTLIERS = 0.002  # share of the points at each end that the field need not cover
@@ -238,10 +237,10 @@ def _closed(vertices, faces, field, envelope, trusted):
             covered = np.isfinite(near)
         added.append(cells[(votes.through <= votes.agree) & ~covered.all(1)])
     added = np.concatenate([np.zeros((0, 3)), *(cells.reshape(-1, 3) for cells in added)])
-    places, corner = merged(added, np.rint(added / _ONE_PLACE_M).astype(np.int64))
+    welded, corner = merged(added, places(added))  # neighbouring cells share their corners
     corner = (len(vertices) + corner.reshape(-1, 4)).astype(np.int32)
     new = np.concatenate([corner[:, [0, 1, 2]], corner[:, [0, 2, 3]]])
-    return np.concatenate([vertices, places]), np.concatenate([faces, new])
+    return np.concatenate([vertices, welded]), np.concatenate([faces, new])
 
 
 def face_evidence(

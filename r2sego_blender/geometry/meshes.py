@@ -6,6 +6,8 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+_SAME_PLACE_M = 1e-4
+
 
 def normals_and_areas(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Unit normals (F, 3) float64, zero for faces without area, and areas (F,)."""
@@ -22,6 +24,11 @@ def component_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     graph = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), (count, count))
     component = connected_components(graph, directed=False)[1][faces[:, 0]]
     return np.bincount(component, weights=normals_and_areas(vertices, faces)[1])[component]
+
+
+def places(vertices: np.ndarray) -> np.ndarray:
+    """(V, 3) int64: the nearest tenths of a millimetre; vertices (V, 3), metres, that share them are one."""
+    return np.rint(vertices / _SAME_PLACE_M).astype(np.int64)
 
 
 def merged(vertices: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

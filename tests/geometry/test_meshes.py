@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from r2sego_blender.geometry.meshes import merged, normals_and_areas
+from r2sego_blender.geometry.meshes import merged, normals_and_areas, places
 
 
 def test_normals_and_areas_are_those_of_a_sphere_of_triangles():
@@ -30,3 +30,11 @@ def test_vertices_of_a_cell_become_their_mean():
         same = (cells == cells[became == k][0]).all(1)
         np.testing.assert_array_equal(same, became == k)
         np.testing.assert_allclose(means[k], vertices[same].mean(0), atol=1e-12)
+
+
+def test_vertices_a_hair_apart_are_one_place_and_a_millimetre_apart_two():
+    rng = np.random.default_rng(5)
+    vertices = rng.integers(-5000, 5000, (300, 3)) * 1e-3
+    near = vertices + rng.uniform(-4e-5, 4e-5, vertices.shape)
+    np.testing.assert_array_equal(places(near), places(vertices))
+    assert (places(vertices + (0.0, 1e-3, 0.0)) != places(vertices)).any(axis=1).all()
