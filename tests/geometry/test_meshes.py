@@ -37,4 +37,4 @@ def test_vertices_a_hair_apart_are_one_place_and_a_millimetre_apart_two():
     vertices = rng.integers(-5000, 5000, (300, 3)) * 1e-3
     near = vertices + rng.uniform(-4e-5, 4e-5, vertices.shape)
     np.testing.assert_array_equal(places(near), places(vertices))
-    assert (places(vertices + (0.0, 1e-3, 0.0)) != places(vertices)).any(axis=1).all()
+    assert (places(vertices + np.array([0.0, 1e-3, 0.0])) != places(vertices)).any(axis=1).all()
