@@ -376,7 +376,7 @@ class Rasterizer:
         self._capacity = capacity
         self._entries = aligned((SEGMENTS * capacity, ENTRY_BYTES), np.uint8)
         self._entry_words = self._entries.view(np.int32)
-        self._order, self._spare_order = np.empty((2, SEGMENTS * capacity), np.uint64)
+        self._order, self._spare_order = aligned((2, SEGMENTS * capacity), np.uint64)
 
 
 _LOCAL = threading.local()
