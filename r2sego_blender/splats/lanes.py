@@ -18,25 +18,19 @@ def lane_sum(x: Value) -> Value:
 def lane_sums(rows: Sequence[Value]) -> Value:
     """The sum over the lanes of each of one to sixteen vectors, in the lane of its number.
 
-    Pairs of vectors are added into halves, then quarters: four additions for each
+    Pairs of vectors become one, of which each has half of the lanes: four additions for each
     vector instead of sixteen.
     """
-    shuffled = rows[0].code.shuffled
-    groups: list[tuple[Value, list[int]]] = [(row, [k]) for k, row in enumerate(rows)]
-    size = LANES
-    while size > 1:
-        merged = []
-        for first in range(0, len(groups), 2):
-            a, owners_a = groups[first]
-            b, owners_b = groups[first + 1] if first + 1 < len(groups) else (a, [-1] * len(owners_a))
-            low = [g + k for g in range(0, LANES, size) for k in range(size // 2)]
-            high = [k + size // 2 for k in low]
-            lows = shuffled(a, b, low + [LANES + k for k in low])
-            highs = shuffled(a, b, high + [LANES + k for k in high])
-            merged.append((lows + highs, owners_a + owners_b))
-        groups, size = merged, size // 2
-    total, owners = groups[0]
-    order = [owners.index(k) if k in owners else owners.index(0) for k in range(LANES)]
+    shuffled, lanes = rows[0].code.shuffled, range(LANES)
+    vectors, distances = list(rows), (8, 4, 2, 1)
+    for distance in distances:
+        pairs = list(zip(vectors[::2], [*vectors[1::2], vectors[-1]], strict=False))
+        own = [k + LANES if k & distance else k for k in lanes]
+        others = [(k ^ distance) + LANES if k & distance else k ^ distance for k in lanes]
+        vectors = [shuffled(a, b, own) + shuffled(a, b, others) for a, b in pairs]
+    (total,) = vectors
+    # The first of the distances tells even from odd numbers, the last one low from high ones.
+    order = [sum(d for j, d in enumerate(distances) if k >> j & 1) for k in lanes]
     return shuffled(total, total, order)
 
 
