@@ -173,7 +173,9 @@ def _render(
         plane, record = planes + view * plane_bytes, records + view * LANES * RECORD_BYTES
         _open(plane, width, height)
         for chunk in range(count):
-            visible = project_chunk(chunks + chunk * chunk_bytes, 0, lenses + view * _LENS_FLOATS * 4, record)
+            visible = project_chunk(
+                chunks + chunk * chunk_bytes, chunk_bytes, 0, lenses + view * _LENS_FLOATS * 4, record
+            )
             lane = 0
             while visible:
                 if visible & 1:

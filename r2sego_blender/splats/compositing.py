@@ -44,6 +44,8 @@ from .projection import (
 from .stages import in_stages
 from .tiles import (
     BLOCK_BYTES,
+    BLOCK_PX,
+    DEPTH_PLANE,
     REST,
     RUN_OF_TILES,
     STATE_BYTES,
@@ -52,6 +54,7 @@ from .tiles import (
     UPSTREAM,
     X,
     Y,
+    ask_for_rows,
     open_blocks,
     open_gradient,
     open_tile,
@@ -278,13 +281,19 @@ def _clear_slots(code: Code, order: Value, count: Value, slots: Value) -> None:
 
 
 @kernel
-def _blend_tile(state, start, stop, order, entries, records, middle_x, middle_y, table, with_depth):
+def _blend_tile(
+    state, start, stop, order, entries, records, middle_x, middle_y, table, planes, plane_bytes, pitch,
+    with_depth,
+):  # fmt: skip
     """Blend a tile's entries; returns the place in ``order`` after the last one needed."""
     batch = state + STATE_BYTES
     masks = batch + BATCH * RECORD_BYTES
-    alive = -1
+    alive, row = -1, 0
     while start < stop and alive != 0:
         count = min(BATCH, stop - start)
+        if row < TILE_PX:
+            ask_for_rows(planes, plane_bytes, pitch, DEPTH_PLANE + with_depth, row)
+            row += BLOCK_PX
         _fetch(order + 8 * start, count, entries, records, middle_x, middle_y, batch, masks)
         if with_depth:
             _blend_with_depth(state, table, batch, masks, count, alive)
@@ -318,13 +327,14 @@ def composite(
         flags = flush_denormals()
         state = scratch + get_thread_id() * SCRATCH_BYTES
         x, y = tile % tiles_x * TILE_PX, tile // tiles_x * TILE_PX
+        target = planes + y * pitch + 4 * x
         open_tile(state, coordinates)
         tile_stops[tile] = _blend_tile(
             state, tile_starts[tile], tile_starts[tile + 1], order, entries, records,
-            x + TILE_PX // 2, y + TILE_PX // 2, table, with_depth,
+            x + TILE_PX // 2, y + TILE_PX // 2, table, target, plane_bytes, pitch, with_depth,
         )  # fmt: skip
         store_tile(
-            state, planes + y * pitch + 4 * x, plane_bytes, pitch,
+            state, target, plane_bytes, pitch,
             background + y * background_pitch + x // LANES * background_step,
             background_plane_bytes, background_pitch, background_step, with_depth,
         )  # fmt: skip

@@ -235,9 +235,13 @@ def _tiles(code: Code, centre: Value, extent: Value, size: Value) -> Value:
     return code.as_floats(tile_at(centre - extent) | (tile_at(centre + extent) << 16))
 
 
-@vector_kernel(int64(int64, int64, int64, int64))
-def project_chunk(code: Code, chunk: Value, degree: Value, lens_address: Value, records: Value) -> Value:
+@vector_kernel(int64(int64, int64, int64, int64, int64))
+def project_chunk(
+    code: Code, chunk: Value, chunk_bytes: Value, degree: Value, lens_address: Value, records: Value
+) -> Value:
     """Write the records of a chunk; returns the visible Gaussians as bits."""
+    for row in range(HARMONICS):
+        code.prefetch(chunk + chunk_bytes + VECTOR_BYTES * row)  # of the next chunk
     lens = Lens.load(code, lens_address)
     at = point_on_screen(code, lens, chunk)
     visible = code.variable(code.long(0))
@@ -279,6 +283,6 @@ def project(chunks, count, chunk_bytes, degree, lens, records, visible, threads)
         state = flush_denormals()
         for i in range(block * BLOCK, min(count, (block + 1) * BLOCK)):
             visible[i] = project_chunk(
-                chunks + i * chunk_bytes, degree, lens, records + i * 16 * RECORD_BYTES
+                chunks + i * chunk_bytes, chunk_bytes, degree, lens, records + i * 16 * RECORD_BYTES
             )
         restore_denormals(state)

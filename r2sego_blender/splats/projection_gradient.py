@@ -226,10 +226,13 @@ def _one_minus_power(code: Code, log2_base: float, steps: Value) -> Value:
     return code.select(x > -_SHORT, series, direct)
 
 
-@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64, int64, float32, float32, int64))
+@vector_kernel(
+    void(int64, int64, int64, int64, int64, int64, int64, int64, int64, int64, float32, float32, int64)
+)
 def _adam_chunk(
-    code: Code, chunk: Value, degree: Value, lens: Value, gathered: Value, first: Value, second: Value,
-    steps: Value, statistics: Value, rates: Value, opacity_pull: Value, scale_pull: Value, pose: Value,
+    code: Code, chunk: Value, chunk_bytes: Value, degree: Value, lens: Value, gathered: Value, first: Value,
+    second: Value, steps: Value, statistics: Value, rates: Value, opacity_pull: Value, scale_pull: Value,
+    pose: Value,
 ) -> None:  # fmt: skip
     """One step of a chunk's blended Gaussians; ``rates`` has a float for each row.
 
@@ -252,6 +255,7 @@ def _adam_chunk(
         moved = value - code.load_float(rates + 4 * row) * step
         for place, new, old in ((first, m, old_m), (second, v, old_v), (chunk, moved, value)):
             code.store(place + offset, code.select(blended, new, old))
+            code.prefetch(place + chunk_bytes + offset, write=True)  # of the next chunk
 
     moved = _write_gradients(
         code, chunk, degree, Lens.load(code, lens), gathered, opacity_pull, scale_pull, emit
@@ -332,7 +336,7 @@ def project_backward_adam(
             at, row = i * chunk_bytes, i * VECTOR_BYTES
             if visible[i] and _gather(visible[i], i, starts, counts, slots, gathered):
                 _adam_chunk(
-                    chunks + at, degree, lens, gathered, first + at, second + at, steps + row,
+                    chunks + at, chunk_bytes, degree, lens, gathered, first + at, second + at, steps + row,
                     statistics + 2 * row, rates, opacity_pull, scale_pull, pose + row,
                 )  # fmt: skip
             else:

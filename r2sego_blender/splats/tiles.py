@@ -11,6 +11,8 @@ side are four rows of sixteen pixels: one is made of the other by exchanging qua
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numba.core.types import int64, void
 
@@ -108,6 +110,21 @@ class _Group:
         """The reverse."""
         for at, vector in zip(self.blocks(place), quarters_exchanged(rows), strict=True):
             self.code.store(at, vector)
+
+
+@vector_kernel(void(int64, int64, int64, int64, int64))
+def ask_for_rows(
+    code: Code, planes: Value, plane_bytes: Value, pitch: Value, count: Value, row: Value
+) -> None:
+    """Have four rows, of ``count`` planes from the first, in the cache when ``store_tile`` writes them.
+
+    ``planes`` is where the tile begins in the first plane. A few rows at a time: the
+    processor waits when it is asked for too much at once.
+    """
+    first = planes + row * pitch
+    with code.loop(count) as plane:
+        for k, column in itertools.product(range(BLOCK_PX), range(0, TILE_PX, LANES)):
+            code.prefetch(first + plane * plane_bytes + pitch * k + 4 * column, write=True)
 
 
 @vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64, int64))
