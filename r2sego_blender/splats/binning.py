@@ -160,7 +160,7 @@ def append_entries(records, visible, width, height, entries, capacity, starts, c
 
 
 @parallel_kernel
-def count_tiles(entries, capacity, totals, histogram):
+def _count_tiles(entries, capacity, totals, histogram):
     """``histogram`` (SEGMENTS, tiles) int32: the entries of each segment in each tile."""
     for segment in prange(SEGMENTS):
         histogram[segment, :] = 0
@@ -169,7 +169,7 @@ def count_tiles(entries, capacity, totals, histogram):
 
 
 @kernel
-def place_tiles(histogram, tile_starts):
+def _place_tiles(histogram, tile_starts):
     """``histogram`` becomes each segment's first place in each tile, ``tile_starts`` the tiles'."""
     place = 0
     for tile in range(histogram.shape[1]):
@@ -182,7 +182,7 @@ def place_tiles(histogram, tile_starts):
 
 
 @parallel_kernel
-def scatter_entries(entries, capacity, totals, record_bits, histogram, order):
+def _scatter_entries(entries, capacity, totals, record_bits, histogram, order):
     """``order`` (E,) uint64, tile by tile: the depth's bits above the entry's number."""
     for segment in prange(SEGMENTS):
         for entry in range(segment * capacity, segment * capacity + totals[segment]):
@@ -240,7 +240,7 @@ def _sort_tile(order, spare, digits):
 
 
 @parallel_kernel
-def sort_tiles(order, spare, tile_starts, threads):
+def _sort_tiles(order, spare, tile_starts, threads):
     """Sort each tile's part of ``order`` by depth, then by the Gaussians' numbers."""
     tiles = tile_starts.shape[0] - 1
     each = turns(tiles, RUN_OF_TILES, threads)
@@ -252,3 +252,18 @@ def sort_tiles(order, spare, tile_starts, threads):
         if stop - start > 1:
             digits = np.empty(_DIGITS, np.int32)
             _sort_tile(order[start:stop], spare[start:stop], digits)
+
+
+@kernel
+def sort_entries(entries, capacity, totals, record_bits, histogram, tile_starts, order, spare, threads):
+    """Put what ``append_entries`` left into ``order``, tile by tile, the nearest first.
+
+    ``order`` (E,) uint64 gets the depth's bits above the entry's number, ``tile_starts``
+    (tiles + 1,) int64 where each tile begins there. ``entries`` (., 4) and ``record_bits``
+    (., 16) are the memory's int32 and uint32; ``histogram`` (SEGMENTS, tiles) int32 and
+    ``spare``, as ``order``, are written.
+    """
+    _count_tiles(entries, capacity, totals, histogram)
+    _place_tiles(histogram, tile_starts)
+    _scatter_entries(entries, capacity, totals, record_bits, histogram, order)
+    _sort_tiles(order, spare, tile_starts, threads)

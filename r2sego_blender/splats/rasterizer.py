@@ -19,10 +19,7 @@ from .binning import (
     ENTRY_BYTES,
     SEGMENTS,
     append_entries,
-    count_tiles,
-    place_tiles,
-    scatter_entries,
-    sort_tiles,
+    sort_entries,
 )
 from .compositing import (
     SCRATCH_BYTES,
@@ -180,17 +177,10 @@ class Rasterizer:
         if colours is not None:
             self._records[: len(gaussians), RED : RED + 3] = colours[gaussians.order]
         self._append_entries(visible)
-        count_tiles(self._entry_words, self._capacity, self._totals, self._frame.histogram)
-        place_tiles(self._frame.histogram, self._frame.tile_starts)
-        scatter_entries(
-            self._entry_words,
-            self._capacity,
-            self._totals,
-            self._record_bits,
-            self._frame.histogram,
-            self._order,
-        )
-        sort_tiles(self._order, self._spare_order, self._frame.tile_starts, numba.get_num_threads())
+        sort_entries(
+            self._entry_words, self._capacity, self._totals, self._record_bits, self._frame.histogram,
+            self._frame.tile_starts, self._order, self._spare_order, numba.get_num_threads(),
+        )  # fmt: skip
         behind, strides = self._behind(background)
         frame = self._frame
         composite(
@@ -266,7 +256,7 @@ class Rasterizer:
         columns[self._gaussians.order] = unpack(gradients, len(self._gaussians))
         return Gradients(
             columns[:, :3], columns[:, 3:6], columns[:, 6:10], columns[:, 10],
-            columns[:, 11:].reshape(len(columns), self._gaussians.coefficients, 3), self._pose_gradient(),
+            columns[:, 11:].reshape(len(columns), self._gaussians.coefficients, 3), self.pose_gradient(),
         )  # fmt: skip
 
     def step(
@@ -277,12 +267,11 @@ class Rasterizer:
         scale_pull: float = 0.0,
         with_alpha: bool = False,
         with_depth: bool = False,
-    ) -> np.ndarray:
+    ) -> None:
         """Move the Gaussians by one step of Adam along ``gradient_planes``.
 
         ``rates`` (rows,) float32 are the learning rates of the packed rows; the pulls are the
-        gradients of each blended Gaussian's opacity and scales (1/m) in the loss. Returns the
-        pose's gradient, as in ``Gradients``.
+        gradients of each blended Gaussian's opacity and scales (1/m) in the loss.
         """
         self._composite_backward(with_alpha, with_depth)
         rates = np.ascontiguousarray(rates, np.float32)
@@ -292,7 +281,11 @@ class Rasterizer:
             np.float32(opacity_pull), np.float32(scale_pull), self._pose_rows.ctypes.data,
             numba.get_num_threads(),
         )  # fmt: skip
-        return self._pose_gradient()
+
+    def pose_gradient(self) -> np.ndarray:
+        """(6,) float64, as in ``Gradients``: of the last ``backward`` or ``step``."""
+        rows = self._pose_rows[: len(self._gaussians.values), :POSE_SUMS]
+        return rows.sum(axis=0, dtype=np.float64)
 
     def _append_entries(self, visible: np.ndarray) -> None:
         height, width = self._camera.shape
@@ -331,10 +324,6 @@ class Rasterizer:
             self._visible[: len(values)], self._starts, self._counts, self._slots.ctypes.data,
             self._scratch.ctypes.data,
         )  # fmt: skip
-
-    def _pose_gradient(self) -> np.ndarray:
-        rows = self._pose_rows[: len(self._gaussians.values), :POSE_SUMS]
-        return rows.sum(axis=0, dtype=np.float64)
 
     def _behind(self, background: Background) -> tuple[np.ndarray, tuple[int, int, int]]:
         """The background as ``store_tile`` reads it: planes, and their strides in bytes."""

@@ -193,12 +193,12 @@ class _Trainer:
         loss = self._compare(target, self._observations[index].weight, correction)
         with_alpha = self._supervise(target, self._observations[index].weight, geometry)
         count = max(len(gaussians), 1)
-        pose_gradient = rasterizer.step(
+        rasterizer.step(
             self._population.state, stage.rates, settings.opacity_pull / count, settings.scale_pull / count,
             with_alpha, geometry,
         )  # fmt: skip
         if correction is not None and correction.refines_pose:
-            correction.learn_pose(pose_gradient)
+            correction.learn_pose(rasterizer.pose_gradient())
         return loss
 
     def _compare(self, target: Target, weight: float, correction: Correction | None) -> float:
