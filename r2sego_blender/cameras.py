@@ -7,6 +7,7 @@ pixel centres at half-integers, depth is planar z.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -48,13 +49,14 @@ class Camera:
             raise ValueError("world_from_camera must be a finite 4x4 matrix")
         object.__setattr__(self, "world_from_camera", pose)
 
-    @property
+    @cached_property
     def camera_from_world(self) -> np.ndarray:
-        """(4, 4) float64, the inverse rigid transform."""
+        """(4, 4) float64, the inverse rigid transform; not to be written to."""
         rotation = self.world_from_camera[:3, :3]
         inverse = np.eye(4)
         inverse[:3, :3] = rotation.T
         inverse[:3, 3] = -rotation.T @ self.world_from_camera[:3, 3]
+        inverse.flags.writeable = False
         return inverse
 
     @property

@@ -76,20 +76,19 @@ _DILATION, _LENS_SIZE = 25, 26
 
 def lens_of(camera: Camera, dilation_px2: float = DILATION_PX2) -> np.ndarray:
     """The camera as the (26,) float32 array the kernels read."""
-    transform = camera.camera_from_world
     margin_x = 0.15 * camera.width / camera.fx
     margin_y = 0.15 * camera.height / camera.fy
-    return np.concatenate(
-        [
-            transform[:3, :3].ravel(),
-            transform[:3, 3],
-            camera.centre,
-            [camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height],
-            [-camera.cx / camera.fx - margin_x, (camera.width - camera.cx) / camera.fx + margin_x],
-            [-camera.cy / camera.fy - margin_y, (camera.height - camera.cy) / camera.fy + margin_y],
-            [dilation_px2],
-        ]
-    ).astype(np.float32)
+    rows = camera.camera_from_world[:3].tolist()
+    numbers = [
+        *(number for row in rows for number in row[:3]),
+        *(row[3] for row in rows),
+        *camera.centre.tolist(),
+        *(camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height),
+        *(-camera.cx / camera.fx - margin_x, (camera.width - camera.cx) / camera.fx + margin_x),
+        *(-camera.cy / camera.fy - margin_y, (camera.height - camera.cy) / camera.fy + margin_y),
+        dilation_px2,
+    ]
+    return np.array(numbers, np.float32)
 
 
 @dataclass

@@ -147,6 +147,7 @@ class Rasterizer:
         threads = numba.config.NUMBA_NUM_THREADS
         self._scratch = aligned((threads, max(SCRATCH_BYTES, GATHER_BYTES)), np.uint8)
         self._lens = aligned(32)
+        self._colour = aligned((3, LANES))
 
     def forward(
         self,
@@ -327,11 +328,10 @@ class Rasterizer:
 
     def _behind(self, background: Background) -> tuple[np.ndarray, tuple[int, int, int]]:
         """The background as ``store_tile`` reads it: planes, and their strides in bytes."""
+        if np.shape(background) == (3,):
+            self._colour[:] = np.reshape(background, (3, 1))
+            return self._colour, (self._colour.strides[0], 0, 0)
         image = np.ascontiguousarray(background, np.float32)
-        if image.shape == (3,):
-            colour = aligned((3, LANES))
-            colour[:] = image[:, None]
-            return colour, (colour.strides[0], 0, 0)
         whole_tiles = (3, *self._frame.planes.shape[1:])
         if image.shape == (*self._camera.shape, 3):
             image = planes_of(image)
