@@ -63,7 +63,7 @@ def on_screen(
 
     ``camera_from_world`` (4, 4), a tensor, stands in for the camera's own.
     """
-    transform = torch.from_numpy(camera.camera_from_world) if camera_from_world is None else camera_from_world
+    transform = torch.tensor(camera.camera_from_world) if camera_from_world is None else camera_from_world
     p = means @ transform[:3, :3].T + transform[:3, 3]
     keep = p[:, 2] > 0.2
     p, number = p[keep], torch.nonzero(keep)[:, 0]
@@ -146,7 +146,7 @@ def twisted(camera: Camera, twist: torch.Tensor) -> torch.Tensor:
     zero = torch.zeros_like(x)
     rows = [[zero, -z, y, shift[0]], [z, zero, -x, shift[1]], [-y, x, zero, shift[2]], [zero] * 4]
     generator = torch.stack([torch.stack(row) for row in rows])
-    return torch.linalg.matrix_exp(generator) @ torch.from_numpy(camera.camera_from_world)
+    return torch.linalg.matrix_exp(generator) @ torch.tensor(camera.camera_from_world)
 
 
 def random_asset(rng: np.random.Generator, count: int = 60, degree: int = 3) -> SplatAsset:
