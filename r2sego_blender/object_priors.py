@@ -197,7 +197,7 @@ def _known(objects: Mapping[str, DeclaredObject], name: str, scene: Scene) -> De
     if name not in objects:
         raise GeometryError(
             f"there is no object '{name}'", where=scene.path,
-            cure=f"Use one of {', '.join(sorted(objects)) or 'none: give masks first'}.",
+            cure=f"Use one of {', '.join(sorted(objects))}." if objects else "Give its masks first.",
         )  # fmt: skip
     return objects[name]
 

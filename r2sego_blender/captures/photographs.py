@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -90,13 +91,19 @@ def captures_of(photographs: Sequence[Photograph], max_side_px: int) -> tuple[Ca
     """
     if len(photographs) < MIN_CAPTURES:
         raise too_few(len(photographs), photographs[0].source if photographs else "captures")
-    for name, count in Counter(photograph.name for photograph in photographs).items():
-        if count > 1:
-            raise CaptureError(
-                f"the photograph '{name}' is listed {count} times", where=photographs[0].source,
-                cure="Keep one entry for each photograph.",
-            )  # fmt: skip
+    for spell in (lambda photograph: photograph.name, _place):
+        for spelling, count in Counter(map(spell, photographs)).items():
+            if count > 1:
+                raise CaptureError(
+                    f"the photograph '{spelling}' is listed {count} times", where=photographs[0].source,
+                    cure="Keep one entry for each photograph.",
+                )  # fmt: skip
     return tuple(capture_of(photograph, max_side_px) for photograph in photographs)
+
+
+def _place(photograph: Photograph) -> str:
+    """Where the photograph lies, however its path is spelt."""
+    return os.path.normcase(photograph.path.resolve())
 
 
 def too_few(count: int, where: object) -> CaptureError:

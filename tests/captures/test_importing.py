@@ -241,6 +241,10 @@ def _valid(tmp_path, rng, blank_photograph):
         (lambda d: d["captures"].__delitem__(slice(1, None)), "1 photograph found, at least 3"),
         (lambda d: d["captures"].__delitem__(slice(2, None)), "2 photographs found"),
         (lambda d: d["captures"].append(d["captures"][0]), r"'p0.png'|'images/p0.png' is listed 2 times"),
+        (
+            lambda d: d["captures"].append(d["captures"][0] | {"file": "images/../images/./p0.png"}),
+            r"p0.png' is listed 2 times",
+        ),
         (lambda d: d["captures"][2].update(file="images/no.png"), r"captures\[2\].*no.png.*missing"),
         (lambda d: d["captures"][2].update(file="../../../etc/passwd"), r"captures\[2\].*missing"),
         (lambda d: d["captures"][2].update(file=7), r"captures\[2\].*names no file"),
