@@ -87,10 +87,8 @@ class _SelfContainedLibrary(codegen.JITCodeLibrary):
 
 codegen.JITCPUCodegen._library_class = _SelfContainedLibrary
 
-# Waiting threads give their core back: Blender, torch or another scene may want it. But not
-# within some 50 microseconds: from one kernel of a step to the next is less than to wake up.
+# Waiting threads give their core back: Blender, torch or another scene may want it.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-os.environ.setdefault("GOMP_SPINCOUNT", "1000")
 
 if not os.environ.get("NUMBA_CACHE_DIR"):
     numba.config.CACHE_DIR = str(_cache_folder())

@@ -24,7 +24,7 @@ def lane_sums(rows: Sequence[Value]) -> Value:
     shuffled, lanes = rows[0].code.shuffled, range(LANES)
     vectors, distances = list(rows), (8, 4, 2, 1)
     for distance in distances:
-        pairs = list(zip(vectors[::2], [*vectors[1::2], vectors[-1]], strict=False))
+        pairs = zip(vectors[::2], [*vectors[1::2], vectors[-1]], strict=False)
         own = [k + LANES if k & distance else k for k in lanes]
         others = [(k ^ distance) + LANES if k & distance else k ^ distance for k in lanes]
         vectors = [shuffled(a, b, own) + shuffled(a, b, others) for a, b in pairs]

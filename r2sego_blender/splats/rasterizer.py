@@ -15,12 +15,11 @@ from ..errors import AssetError
 from .adam import AdamState
 from .aligned_memory import aligned, aligned_copy
 from .asset import SplatAsset
-from .binning import ENTRY_BYTES, SEGMENTS
-from .compositing import SCRATCH_BYTES, SLOT_BYTES, TABLE, composite_backward
+from .binning import ENTRY_BYTES, SEGMENTS, append_entries, sort_entries
+from .compositing import SCRATCH_BYTES, SLOT_BYTES, TABLE, composite, composite_backward
 from .packing import PackedGaussians, unpack
-from .passes import draw, learn
 from .projection import DILATION_PX2, RECORD_BYTES, RED, lens_of, project
-from .projection_gradient import GATHER_BYTES, POSE_SUMS, project_backward
+from .projection_gradient import GATHER_BYTES, POSE_SUMS, project_backward, project_backward_adam
 from .tiles import (
     COORDINATES,
     DEPTH_PLANE,
@@ -104,6 +103,10 @@ class _Frame:
     planes: np.ndarray
     gradient_planes: np.ndarray
 
+    @property
+    def plane_bytes(self) -> int:
+        return self.planes[0].nbytes
+
     @staticmethod
     def of(shape: tuple[int, int]) -> _Frame:
         tiles_y, tiles_x = (-(-side // TILE_PX) for side in shape)
@@ -133,7 +136,6 @@ class Rasterizer:
         threads = numba.config.NUMBA_NUM_THREADS
         self._scratch = aligned((threads, max(SCRATCH_BYTES, GATHER_BYTES)), np.uint8)
         self._lens = aligned(32)
-        self._colour = aligned((3, LANES))
 
     def forward(
         self,
@@ -156,16 +158,25 @@ class Rasterizer:
         self._degree = min(degree, round(gaussians.coefficients**0.5) - 1)
         lens = lens_of(camera, dilation_px2)
         self._lens[: len(lens)] = lens
-        values = gaussians.values
+        values, visible = gaussians.values, self._visible[: len(gaussians.values)]
         project(
             values.ctypes.data, len(values), values.strides[0], self._degree, self._lens.ctypes.data,
-            self._records.ctypes.data, self._visible[: len(values)], numba.get_num_threads(),
+            self._records.ctypes.data, visible, numba.get_num_threads(),
         )  # fmt: skip
         if colours is not None:
             self._records[: len(gaussians), RED : RED + 3] = colours[gaussians.order]
+        self._append_entries(visible)
+        frame = self._frame
+        sort_entries(
+            self._entry_words, self._capacity, self._totals, self._record_bits, frame.histogram,
+            frame.tile_starts, self._order, self._spare_order, numba.get_num_threads(),
+        )  # fmt: skip
         behind, strides = self._behind(background)
-        while (needed := self._draw(len(values), behind, strides)) >= self._capacity:
-            self._reserve_entries(int(needed * _SPARE) + LANES)
+        composite(
+            *self._sorted_entries(), frame.planes.ctypes.data, frame.plane_bytes,
+            behind.ctypes.data, *strides, self._scratch.ctypes.data, TABLE.ctypes.data,
+            COORDINATES.ctypes.data, with_depth, numba.get_num_threads(),
+        )  # fmt: skip
 
     @property
     def planes(self) -> np.ndarray:
@@ -223,21 +234,13 @@ class Rasterizer:
         for plane, gradient in ((TRANSMITTANCE_PLANE, g_alpha), (DEPTH_PLANE, g_depth_sum)):
             if gradient is not None:
                 self._frame.gradient_planes[plane, :height, :width] = gradient
-        self._reserve_slots(with_depth=g_depth_sum is not None)
-        frame, values, threads = self._frame, self._gaussians.values, numba.get_num_threads()
-        composite_backward(
-            self._records.ctypes.data, self._entries.ctypes.data, self._order.ctypes.data, frame.tile_starts,
-            frame.tile_stops, frame.tiles_x, frame.planes.ctypes.data, frame.gradient_planes.ctypes.data,
-            frame.planes[0].nbytes, self._slots.ctypes.data, self._scratch.ctypes.data, TABLE.ctypes.data,
-            COORDINATES.ctypes.data, g_alpha is not None, g_depth_sum is not None, threads,
-        )  # fmt: skip
-        gradients = aligned(values.shape)
+        self._composite_backward(g_alpha is not None, g_depth_sum is not None)
+        gradients = aligned(self._gaussians.values.shape)
         project_backward(
-            values.ctypes.data, len(values), values.strides[0], self._degree, self._lens.ctypes.data,
-            self._visible[: len(values)], self._starts, self._counts, self._slots.ctypes.data,
-            self._scratch.ctypes.data, gradients.ctypes.data, self._pose_rows.ctypes.data, threads,
+            *self._backward_arguments(), gradients.ctypes.data, self._pose_rows.ctypes.data,
+            numba.get_num_threads(),
         )  # fmt: skip
-        columns = np.empty((len(self._gaussians), values.shape[1]), np.float32)
+        columns = np.empty((len(self._gaussians), gradients.shape[1]), np.float32)
         columns[self._gaussians.order] = unpack(gradients, len(self._gaussians))
         return Gradients(
             columns[:, :3], columns[:, 3:6], columns[:, 6:10], columns[:, 10],
@@ -258,15 +261,13 @@ class Rasterizer:
         ``rates`` (rows,) float32 are the learning rates of the packed rows; the pulls are the
         gradients of each blended Gaussian's opacity and scales (1/m) in the loss.
         """
-        self._reserve_slots(with_depth)
-        frame = self._frame
-        learn(
-            self._gaussians.values, self._degree, self._lens, self._records, self._visible, self._starts,
-            self._counts, self._entries, frame.tiles_x, frame.tile_starts, frame.tile_stops, self._order,
-            frame.planes, frame.gradient_planes, self._slots, state.first, state.second, state.steps,
-            state.statistics, np.ascontiguousarray(rates, np.float32), np.float32(opacity_pull),
-            np.float32(scale_pull), self._pose_rows, self._scratch, TABLE, COORDINATES, with_alpha,
-            with_depth, numba.get_num_threads(),
+        self._composite_backward(with_alpha, with_depth)
+        rates = np.ascontiguousarray(rates, np.float32)
+        project_backward_adam(
+            *self._backward_arguments(), state.first.ctypes.data, state.second.ctypes.data,
+            state.steps.ctypes.data, state.statistics.ctypes.data, rates.ctypes.data,
+            np.float32(opacity_pull), np.float32(scale_pull), self._pose_rows.ctypes.data,
+            numba.get_num_threads(),
         )  # fmt: skip
 
     def pose_gradient(self) -> np.ndarray:
@@ -274,28 +275,51 @@ class Rasterizer:
         rows = self._pose_rows[: len(self._gaussians.values), :POSE_SUMS]
         return rows.sum(axis=0, dtype=np.float64)
 
-    def _draw(self, chunks: int, behind: np.ndarray, strides: tuple[int, int, int]) -> int:
-        frame, (height, width) = self._frame, self._camera.shape
-        return draw(
-            chunks, width, height, self._records, self._record_bits, self._visible, self._starts,
-            self._counts, self._totals, self._entries, self._entry_words, self._capacity, frame.histogram,
-            frame.tiles_x, frame.tile_starts, frame.tile_stops, self._order, self._spare_order, frame.planes,
-            behind.ctypes.data, *strides, self._scratch, TABLE, COORDINATES, self._with_depth,
-            numba.get_num_threads(),
-        )  # fmt: skip
+    def _append_entries(self, visible: np.ndarray) -> None:
+        height, width = self._camera.shape
+        while True:
+            append_entries(
+                self._records.ctypes.data, visible, width, height, self._entries.ctypes.data, self._capacity,
+                self._starts, self._counts, self._totals,
+            )  # fmt: skip
+            needed = int(self._totals.max(initial=0))
+            if needed < self._capacity:
+                return
+            self._reserve_entries(int(needed * _SPARE) + LANES)
 
-    def _reserve_slots(self, with_depth: bool) -> None:
+    def _composite_backward(self, with_alpha: bool, with_depth: bool) -> None:
         if with_depth and not self._with_depth:
             raise ValueError("the image was rendered without depth")
         if len(self._slots) < len(self._entries):
             self._slots = aligned((len(self._entries), SLOT_BYTES // 4))
+        frame = self._frame
+        composite_backward(
+            *self._sorted_entries(), frame.planes.ctypes.data, frame.gradient_planes.ctypes.data,
+            frame.plane_bytes, self._slots.ctypes.data, self._scratch.ctypes.data, TABLE.ctypes.data,
+            COORDINATES.ctypes.data, with_alpha, with_depth, numba.get_num_threads(),
+        )  # fmt: skip
+
+    def _sorted_entries(self) -> tuple:
+        return (
+            self._records.ctypes.data, self._entries.ctypes.data, self._order.ctypes.data,
+            self._frame.tile_starts, self._frame.tile_stops, self._frame.tiles_x,
+        )  # fmt: skip
+
+    def _backward_arguments(self) -> tuple:
+        values = self._gaussians.values
+        return (
+            values.ctypes.data, len(values), values.strides[0], self._degree, self._lens.ctypes.data,
+            self._visible[: len(values)], self._starts, self._counts, self._slots.ctypes.data,
+            self._scratch.ctypes.data,
+        )  # fmt: skip
 
     def _behind(self, background: Background) -> tuple[np.ndarray, tuple[int, int, int]]:
         """The background as ``store_tile`` reads it: planes, and their strides in bytes."""
-        if np.shape(background) == (3,):
-            self._colour[:] = np.reshape(background, (3, 1))
-            return self._colour, (self._colour.strides[0], 0, 0)
         image = np.ascontiguousarray(background, np.float32)
+        if image.shape == (3,):
+            colour = aligned((3, LANES))
+            colour[:] = image[:, None]
+            return colour, (colour.strides[0], 0, 0)
         whole_tiles = (3, *self._frame.planes.shape[1:])
         if image.shape == (*self._camera.shape, 3):
             image = planes_of(image)
