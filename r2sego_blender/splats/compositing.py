@@ -86,7 +86,7 @@ _LARGEST, _EIGHTH_SMALLEST_AT, _EIGHTH_LARGEST_AT, _FINISHED_AT = range(6, 10)
 
 
 def _table() -> np.ndarray:
-    """(16,): the constants, in memory, so that vector registers are left for the sums."""
+    """(16,): the constants, in memory: the gradient's sums leave no registers for them."""
     table = aligned(LANES)
     table[: len(_CONSTANTS)] = _CONSTANTS
     return table
@@ -114,21 +114,24 @@ def _fetch(
         code.store_float(target + 4 * V, -(c * from_v))
 
 
-class _Splat:
-    """A fetched record and its alpha at a block."""
+def _constant(code: Code, table: Value, place: int) -> Value:
+    return code.spread(code.load_float(table + 4 * place))
 
-    def __init__(self, code: Code, state: Value, table: Value, record: Value, depth: bool) -> None:
+
+class _Splat:
+    """A fetched record and its alpha at a block; ``constant`` gives those of the table."""
+
+    def __init__(
+        self, code: Code, state: Value, record: Value, depth: bool, constant: Callable[[int], Value]
+    ) -> None:
         def field(place: int) -> Value:
             return code.spread(code.load_float(record + 4 * place))
 
-        self.code, self.state, self.table = code, state, table
+        self.code, self.state, self.constant = code, state, constant
         self.opacity_eighth = code.load_float(record + 4 * EIGHTH)
         self.e0, self.f0 = field(U), field(V)
         self.a, self.b, self.c, self.eighth = map(field, (FACTOR_A, FACTOR_B, FACTOR_C, EIGHTH))
         self.colour = [field(RED + k) for k in range(3)] + ([field(DEPTH)] if depth else [])
-
-    def constant(self, place: int) -> Value:
-        return self.code.spread(self.code.load_float(self.table + 4 * place))
 
     def visit(self, blocks: Value, blend: Callable[[bool, Value, list[Value]], None]) -> None:
         """``blend(held, place, [alpha, e, f, eighth])`` for each block, whose state is at ``place``."""
@@ -172,8 +175,10 @@ class _Splat:
 
 def _write_blend(code: Code, depth: bool, *arguments: Value) -> None:
     state, table, batch, masks, count, alive = arguments
+    # Read once, into registers: from memory, each costs a quarter of a cycle for each visit.
+    constants = [_constant(code, table, place) for place in range(len(_CONSTANTS))]
     with code.loop(count) as i:
-        splat = _Splat(code, state, table, batch + i * RECORD_BYTES, depth)
+        splat = _Splat(code, state, batch + i * RECORD_BYTES, depth, constants.__getitem__)
 
         def blend(held: bool, place: Value, shape: list[Value], splat: _Splat = splat) -> None:
             transmittance = code.load(place)
@@ -191,7 +196,7 @@ def _write_blend_backward(code: Code, depth: bool, *arguments: Value) -> None:
     channels = 4 if depth else 3
     zero = code.vector(0.0)
     with code.loop(count) as i:
-        splat = _Splat(code, state, table, batch + i * RECORD_BYTES, depth)
+        splat = _Splat(code, state, batch + i * RECORD_BYTES, depth, partial(_constant, code, table))
         sums = [code.variable(zero) for _ in range(6 + channels)]
 
         def blend(
