@@ -47,6 +47,24 @@ def quarters_exchanged(vectors: Sequence[Value]) -> list[Value]:
     return [shuffled(x, y, order) for x, y in (halves[:2], halves[2:]) for order in (even, odd)]
 
 
+def every_fourth(vectors: Sequence[Value]) -> list[Value]:
+    """Four vectors, 64 lanes in a row, dealt to four: number k has every fourth of them from the k-th on."""
+    a, b, c, d = vectors
+    even, odd = list(range(0, 2 * LANES, 2)), list(range(1, 2 * LANES, 2))
+    shuffled = a.code.shuffled
+    halves = [(shuffled(a, b, parity), shuffled(c, d, parity)) for parity in (even, odd)]
+    return [shuffled(*halves[k & 1], (even, odd)[k >> 1]) for k in range(4)]
+
+
+def side_by_side(vectors: Sequence[Value]) -> list[Value]:
+    """The reverse of ``every_fourth``."""
+    a, b, c, d = vectors
+    shuffled = a.code.shuffled
+    turns = [[k // 2 + (k & 1) * LANES + half for k in range(LANES)] for half in (0, LANES // 2)]
+    halves = [[shuffled(x, y, order) for order in turns] for x, y in ((a, c), (b, d))]
+    return [shuffled(halves[0][k >> 1], halves[1][k >> 1], turns[k & 1]) for k in range(4)]
+
+
 def transposed(rows: Sequence[Value]) -> list[Value]:
     """Sixteen vectors whose lanes and numbers are exchanged."""
     rows = list(rows)

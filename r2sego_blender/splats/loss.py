@@ -1,16 +1,15 @@
 """The photometric loss of 3DGS, (1 - w) L1 + w (1 - SSIM), and its gradient in the image.
 
-SSIM as in ``metrics``: 11x11 Gaussian window, zeros outside the image. A thread takes strips
-of one channel, 64 columns wide, from the left, each from top to bottom: a row is blurred
-across into a ring of sixteen rows, which are blurred down, so that this stays in the nearest
-cache. Four blurred images are enough for the similarity (x, y, x x + y y, x y) and three,
-its derivatives, for the gradient. The gradient of a strip follows when the derivatives of the
-next are there: those of three strips are kept, and stay in the second cache.
+SSIM as in ``metrics``: 11x11 Gaussian window, zeros outside the image. A thread takes bands
+of rows of one channel, and in a band strips 64 columns wide, from the left, each from top to
+bottom: a row is blurred across into a ring of rows, which are blurred down (``strip_blur``),
+so that this stays in the nearest cache. Four blurred images are enough for the similarity
+(x, y, x x + y y, x y) and three, its derivatives, for the gradient. The gradient of a strip
+follows when the derivatives of the next are there: those of three strips are kept, and stay
+in the second cache.
 """
 
 from __future__ import annotations
-
-import itertools
 
 import numba
 import numpy as np
@@ -20,64 +19,51 @@ from numba.core.types import float32, int64, void
 from .aligned_memory import aligned
 from .compiled import kernel, parallel_kernel, prange
 from .denormals import flush_denormals, restore_denormals
-from .lanes import lane_sum
-from .metrics import SSIM_C1, SSIM_C2, SSIM_RADIUS_PX, ssim_window
+from .lanes import lane_sum, side_by_side
+from .metrics import SSIM_C1, SSIM_C2, SSIM_RADIUS_PX
+from .strip_blur import (
+    BLUR_BYTES,
+    COLUMNS,
+    DELAY,
+    IMAGES,
+    ROW_BYTES,
+    VECTORS,
+    between_dealt,
+    blur_across,
+    blurred_down,
+    dealt_row,
+    store_line,
+)
 from .tiles import planes_of
 from .vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
 
 _CHANNELS = 3
 _DERIVATIVES = 3
-_VECTORS = 4
-_COLUMNS = _VECTORS * LANES
-_RING_ROWS = 16  # a power of two above the window's eleven
-_LINE_BYTES = (_VECTORS + 2) * VECTOR_BYTES  # a row of the strip with a vector of margin on each side
-_ROW_BYTES = _VECTORS * VECTOR_BYTES
-_WINDOW = [float(w) for w in ssim_window()]
-_RADIUS = SSIM_RADIUS_PX
-_TAPS = 2 * _RADIUS + 1
-_DELAY = _RADIUS + 1  # rows from the one blurred across to the one blurred down: all below it are there
-
-_IMAGES = 4
-_RING_BYTES = (_RING_ROWS + _TAPS - 1) * _ROW_BYTES  # the first ten rows are repeated at the end
-_SUM_BYTES = VECTOR_BYTES
-_LINES_BYTES = _IMAGES * _LINE_BYTES
-_STRIP_ROW_BYTES = _DERIVATIVES * _ROW_BYTES
+_STRIP_ROW_BYTES = _DERIVATIVES * ROW_BYTES
 _STRIPS_KEPT = 3
-_STRIPS_A_TASK = 5
-_SINK = _SUM_BYTES  # what lies outside the image is read here, and written
-_LINES = _SINK + VECTOR_BYTES
-_RINGS = _LINES + 2 * _LINES_BYTES
-_SCRATCH_BYTES = _RINGS + _IMAGES * _RING_BYTES
+_BAND_ROWS = 240
+_BAND_BYTES = (_BAND_ROWS + 2 * SSIM_RADIUS_PX) * _STRIP_ROW_BYTES
+_ROWS_AHEAD = 3  # a strip's rows are too short for the processor to guess what comes next
+
+_SUM = BLUR_BYTES  # in a thread's scratch, after what is blurred
+_SINK = _SUM + VECTOR_BYTES  # what lies outside the image is read here, and written
+_NOTHING = _SINK + VECTOR_BYTES  # a strip's row outside the image: zeros
+_KEPT = _NOTHING + _STRIP_ROW_BYTES
+_SCRATCH_BYTES = _KEPT + _STRIPS_KEPT * _BAND_BYTES
 
 
-def _lines(scratch: Value, row: Value) -> Value:
-    """Where the lines of a row stand: there are two sets, used in turn."""
-    return scratch + _LINES + (row & 1) * _LINES_BYTES
+def _lanes_before(code: Code, stop: Value, step: int = 1) -> Value:
+    """The lanes, ``step`` columns from one to the next, before the column ``stop``."""
+    return code.integers(range(0, step * LANES, step)) < code.to_int(stop)
 
 
-def _blurred(code: Code, scratch: Value, images: int, row: Value, vector: Value) -> list[Value]:
-    """The blurred ``images`` at one vector of the row ``_DELAY`` above ``row``.
+def _kept(code: Code, there: Value, mask: Value, values: Value) -> Value:
+    """The values of the mask's lanes, if they are there, else 0."""
+    return code.select(mask & code.spread(there), values, 0.0)
 
-    Beside it the lines of ``row`` are blurred across into their rings. Across, the loads take
-    longest, and down, the multiplications: tap by tap in turn neither waits for the other.
-    """
-    offset = vector * VECTOR_BYTES
-    lines = _lines(scratch, row) + (offset + VECTOR_BYTES)
-    ring = scratch + _RINGS + offset
-    first = ring + ((row - _DELAY - _RADIUS) & (_RING_ROWS - 1)) * _ROW_BYTES
-    across, down = [code.vector(0.0)] * images, [code.vector(0.0)] * images
-    for tap, weight in enumerate(_WINDOW):
-        for k in range(images):
-            neighbour = code.load(lines + (k * _LINE_BYTES + 4 * (tap - _RADIUS)), aligned=tap == _RADIUS)
-            across[k] = code.fma(neighbour, weight, across[k])
-            sample = code.load(first + (k * _RING_BYTES + tap * _ROW_BYTES))
-            down[k] = code.fma(sample, weight, down[k])
-    place = row & (_RING_ROWS - 1)
-    again = code.select(place < _TAPS - 1, place + _RING_ROWS, place)
-    for target in (ring + place * _ROW_BYTES, ring + again * _ROW_BYTES):
-        for k, blurred in enumerate(across):
-            code.store(target + k * _RING_BYTES, blurred)
-    return down
+
+def _add_up(code: Code, scratch: Value, values: Value) -> None:
+    code.store(scratch + _SUM, code.load(scratch + _SUM) + values)
 
 
 @vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64))
@@ -90,58 +76,51 @@ def _load_images(
     ``x`` and ``y`` are the addresses of an image row's first sample, ``pitch`` bytes above the
     next row's; ``inside`` is 0 for a row above or below the image.
     """
-    lines = _lines(scratch, row)
-    for k in range(_VECTORS + 2):
-        column = start + (k - 1) * LANES
+
+    def loaded(image: Value, k: int) -> Value:
+        column = start + k * LANES
         there = (column >= 0) & (column < width) & inside.differs(0)
-        a, b = (
-            # A vector that is not there is read from the scratch, and not used.
-            _kept(code, there, column, width, code.load(code.select(there, image + column * 4, scratch)))
-            for image in (x, y)
+        code.prefetch(image + column * 4 + pitch * _ROWS_AHEAD)
+        # A vector that is not there is read from the sink, and not used.
+        vector = code.load(code.select(there, image + column * 4, scratch + _SINK))
+        return _kept(code, there, _lanes_before(code, width - column), vector)
+
+    def dealt(image: Value) -> tuple[list[Value], list[Value]]:
+        left, *inner, right = (loaded(image, k) for k in range(-1, VECTORS + 1))
+        return dealt_row(left, inner, right)
+
+    own, between = (
+        [(a, b, code.fma(a, a, b * b), a * b) for a, b in zip(*vectors, strict=True)]
+        for vectors in zip(dealt(x), dealt(y), strict=True)
+    )
+    for image in range(IMAGES):
+        store_line(code, scratch, row, image, [v[image] for v in own], [v[image] for v in between])
+
+
+@vector_kernel(void(int64, int64, int64, int64, int64))
+def _load_derivatives(code: Code, scratch: Value, left: Value, own: Value, right: Value, row: Value) -> None:
+    """Put a row of a strip's derivatives into its lines, with what lies beside it in its neighbours'."""
+    for image in range(_DERIVATIVES):
+        before, inner, after = (
+            [code.load(strip + (image * ROW_BYTES + k * VECTOR_BYTES)) for k in range(VECTORS)]
+            for strip in (left, own, right)
         )
-        for source in (x, y):
-            # A strip's rows are too short for the processor to guess what comes next.
-            code.prefetch(source + column * 4 + pitch)
-        for image, value in enumerate((a, b, a * a + b * b, a * b)):
-            code.store(lines + (image * _LINE_BYTES + k * VECTOR_BYTES), value)
+        store_line(code, scratch, row, image, inner, between_dealt(before, after))
 
 
-@vector_kernel(void(int64, int64, int64, int64, int64, int64))
-def _load_derivatives(
-    code: Code, scratch: Value, left: Value, own: Value, right: Value, row: Value, inside: Value
-) -> None:
-    """Put a row of a strip's derivatives into its lines, with a vector of each of its neighbours'."""
-    lines = _lines(scratch, row)
-    inner = [own + k * VECTOR_BYTES for k in range(_VECTORS)]
-    sources = [left + (_VECTORS - 1) * VECTOR_BYTES, *inner, right]
-    for image, k in itertools.product(range(_DERIVATIVES), range(_VECTORS + 2)):
-        value = code.load(sources[k] + image * _ROW_BYTES)
-        value = code.select(code.spread(inside.differs(0)), value, 0.0)
-        code.store(lines + (image * _LINE_BYTES + k * VECTOR_BYTES), value)
-
-
-def _column_mask(code: Code, column: Value, width: Value) -> Value:
-    """The lanes from ``column`` on that lie left of ``width``."""
-    return code.integers(range(LANES)) < code.to_int(width - column)
-
-
-def _kept(code: Code, there: Value, column: Value, width: Value, values: Value) -> Value:
-    """The values inside the image, else 0."""
-    return code.select(_column_mask(code, column, width) & code.spread(there), values, 0.0)
-
-
-@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64))
+@vector_kernel(void(int64, int64, int64, int64, int64))
 def _similarity_row(
-    code: Code, scratch: Value, derivatives: Value, start: Value, width: Value, row: Value, first: Value,
-    stop: Value,
-) -> None:  # fmt: skip
-    """Blur the lines of ``row``; add up SSIM in the row ``_DELAY`` above it, and store its derivatives.
+    code: Code, scratch: Value, derivatives: Value, columns: Value, row: Value, there: Value
+) -> None:
+    """Blur the lines of ``row``; add up SSIM in the row ``DELAY`` above it, and store its derivatives.
 
-    These are by the blurred x, x x and x y, in a strip's row; only vectors from ``first`` to
-    before ``stop`` are computed.
+    These are by the blurred x, x x and x y, in a strip's row, dealt. ``columns`` of the strip
+    are in the image; ``there`` is 0 if that row is not wanted.
     """
-    with code.loop(stop, first) as k:
-        mean_x, mean_y, square, product = _blurred(code, scratch, _IMAGES, row, k)
+    there = there.differs(0)  # no condition: without one, the blurs are computed side by side
+    with code.loop(code.long(VECTORS)) as k:
+        blur_across(code, scratch, row, k)
+        mean_x, mean_y, square, product = blurred_down(code, scratch, IMAGES, row, k)
         both = mean_x * mean_y
         squares = mean_x * mean_x + mean_y * mean_y
         luminance = 2.0 * both + SSIM_C1
@@ -153,96 +132,115 @@ def _similarity_row(
         by_mean = 2.0 * (mean_y * (structure - luminance) - mean_x * value * (spread - power)) * inverse
         by_square = -(value * inverse * power)
         by_product = 2.0 * luminance * inverse
-        column = start + k * LANES
-        there = row >= _DELAY  # no condition: without one, the blurs are computed side by side
-        code.store(scratch, code.load(scratch) + _kept(code, there, column, width, value))
+        mask = _lanes_before(code, columns - k, VECTORS)
+        _add_up(code, scratch, _kept(code, there, mask, value))
         for image, derivative in enumerate((by_mean, by_square, by_product)):
-            place = derivatives + k * VECTOR_BYTES + image * _ROW_BYTES
+            place = derivatives + k * VECTOR_BYTES + image * ROW_BYTES
             place = code.select(there, place, scratch + _SINK)
-            code.store(place, _kept(code, there, column, width, derivative))
+            code.store(place, _kept(code, there, mask, derivative))
 
 
 @vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64, int64, float32, float32))
 def _gradient_row(
     code: Code, scratch: Value, x: Value, y: Value, weights: Value, gradient: Value, pitch: Value,
-    start: Value, width: Value, row: Value, by_difference: Value, by_similarity: Value,
+    columns: Value, row: Value, there: Value, by_difference: Value, by_similarity: Value,
 ) -> None:  # fmt: skip
-    """Blur the lines of ``row``; the gradient of the row ``_DELAY`` above it.
+    """Blur the lines of ``row``; the gradient of the row ``DELAY`` above it.
 
     Its absolute differences are added up. ``x``, ``y``, ``weights`` and ``gradient`` are where
-    that row stands, ``pitch`` bytes above the next.
+    that row of the strip stands, ``pitch`` bytes above the next; ``columns`` of it are in the
+    image; ``there`` is 0 if that row is not wanted.
     """
-    with code.loop(code.long(_VECTORS)) as k:
-        column = start + k * LANES
-        by_mean, by_square, by_product = _blurred(code, scratch, _DERIVATIVES, row, k)
-        there, sink = (row >= _DELAY) & (column < width), scratch + _SINK
-        a, b = (code.load(code.select(there, image + column * 4, sink)) for image in (x, y))
+    for image in range(_DERIVATIVES):
+        blur_across(code, scratch, row, image)
+    dealt = [blurred_down(code, scratch, _DERIVATIVES, row, k) for k in range(VECTORS)]
+    by_derivatives = zip(*(side_by_side(vectors) for vectors in zip(*dealt, strict=True)), strict=True)
+    sink = scratch + _SINK
+    for k, (by_mean, by_square, by_product) in enumerate(by_derivatives):
+        here = there.differs(0) & (columns > k * LANES)
+        place = k * VECTOR_BYTES
+        a, b = (code.load(code.select(here, image + place, sink)) for image in (x, y))
+        mask = _lanes_before(code, columns - k * LANES)
         difference = a - b
         sign = code.select(difference > 0.0, 1.0, code.select(difference < 0.0, -1.0, 0.0))
-        code.store(scratch, code.load(scratch) + _kept(code, there, column, width, sign * difference))
+        _add_up(code, scratch, _kept(code, here, mask, sign * difference))
         total = sign * by_difference
         total = total + (by_mean + 2.0 * a * by_square + b * by_product) * by_similarity
         weighted = weights.differs(0)
-        weight = code.load(code.select(there & weighted, weights + column * 4, sink))
+        weight = code.load(code.select(here & weighted, weights + place, sink))
         weight = code.select(code.spread(weighted), weight, 1.0)
-        value = _kept(code, there, column, width, total * weight)
-        code.store(code.select(there, gradient + column * 4, sink), value)
-        code.prefetch(gradient + column * 4 + pitch, write=True)
+        value = _kept(code, here, mask, total * weight)
+        code.store(code.select(here, gradient + place, sink), value)
+        code.prefetch(gradient + place + pitch * _ROWS_AHEAD, write=True)
 
 
 @vector_kernel(void(int64))
 def _clear_sum(code: Code, scratch: Value) -> None:
-    code.store(scratch, code.vector(0.0))
+    code.store(scratch + _SUM, code.vector(0.0))
 
 
 @vector_kernel(float32(int64))
 def _read_sum(code: Code, scratch: Value) -> Value:
-    return lane_sum(code.load(scratch))
+    return lane_sum(code.load(scratch + _SUM))
 
 
 @vector_kernel(void(int64, int64))
-def _clear(code: Code, address: Value, rows: Value) -> None:
-    """No derivatives: the image does not reach so far."""
-    with code.loop(rows * (_STRIP_ROW_BYTES // VECTOR_BYTES)) as k:
+def _clear(code: Code, address: Value, count: Value) -> None:
+    """No derivatives, in ``count`` bytes: the image does not reach so far."""
+    with code.loop(count >> (VECTOR_BYTES.bit_length() - 1)) as k:
         code.store(address + k * VECTOR_BYTES, code.vector(0.0))
 
 
 @kernel
-def _similarity_strip(x, y, derivatives, start, height, width, pitch, first, stop, scratch):
-    """Store a strip's derivatives; returns the sum of SSIM."""
+def _derivatives_of(scratch, strip):
+    """Where those of a strip are kept, from a little above its band on."""
+    return scratch + _KEPT + (strip + _STRIPS_KEPT) % _STRIPS_KEPT * _BAND_BYTES
+
+
+@kernel
+def _similarity_strip(x, y, derivatives, start, height, width, pitch, top, bottom, scratch):
+    """Store the derivatives of a band's rows, and of those that its blur reaches; returns the sum of SSIM."""
     total = 0.0
+    first, stop = max(top - SSIM_RADIUS_PX, 0), min(bottom + SSIM_RADIUS_PX, height)
     # A row is loaded one turn before it is blurred: what was just stored cannot be read
     # across the borders of its vectors without waiting.
-    for row in range(-_RADIUS, height + _DELAY + 1):
+    for row in range(first - SSIM_RADIUS_PX, stop + DELAY + 1):
         inside = 1 if 0 <= row < height else 0
         at = pitch * row * inside
         _load_images(scratch, x + at, y + at, pitch, start, width, row, inside)
-        if row > -_RADIUS:
+        if row > first - SSIM_RADIUS_PX:
             _clear_sum(scratch)
-            target = derivatives + _STRIP_ROW_BYTES * (row - 1 - _DELAY)
-            _similarity_row(scratch, target, start, width, row - 1, first, stop)
-            total += _read_sum(scratch)
+            done = row - 1 - DELAY
+            target = derivatives + _STRIP_ROW_BYTES * (done - first)
+            _similarity_row(scratch, target, width - start, row - 1, 1 if done >= first else 0)
+            if top <= done < bottom:
+                total += _read_sum(scratch)
     return total
 
 
 @kernel
 def _gradient_strip(
-    x, y, left, own, right, weights, gradient, start, height, width, pitch, by_difference, by_similarity,
-    scratch,
+    x, y, left, own, right, weights, gradient, start, height, width, pitch, top, bottom, by_difference,
+    by_similarity, scratch,
 ):  # fmt: skip
-    """Store a strip's gradient; returns the sum of the absolute differences."""
+    """Store the gradient of a strip in a band; returns the sum of the absolute differences."""
     total = 0.0
-    for row in range(-_RADIUS, height + _DELAY + 1):
-        inside = 1 if 0 <= row < height else 0
-        at = _STRIP_ROW_BYTES * row * inside
-        _load_derivatives(scratch, left + at, own + at, right + at, row, inside)
-        if row > -_RADIUS:
+    first = max(top - SSIM_RADIUS_PX, 0)
+    nothing = scratch + _NOTHING
+    for row in range(top - SSIM_RADIUS_PX, bottom + DELAY + 1):
+        at = _STRIP_ROW_BYTES * (row - first)
+        if 0 <= row < min(bottom + SSIM_RADIUS_PX, height):
+            _load_derivatives(scratch, left + at, own + at, right + at, row)
+        else:
+            _load_derivatives(scratch, nothing, nothing, nothing, row)
+        if row > top - SSIM_RADIUS_PX:
             _clear_sum(scratch)
-            at = pitch * (row - 1 - _DELAY)
+            done = row - 1 - DELAY
+            at = pitch * done + 4 * start
             weight = weights + at if weights != 0 else 0
             _gradient_row(
-                scratch, x + at, y + at, weight, gradient + at, pitch, start, width, row - 1,
-                by_difference, by_similarity,
+                scratch, x + at, y + at, weight, gradient + at, pitch, width - start, row - 1,
+                1 if done >= top else 0, by_difference, by_similarity,
             )  # fmt: skip
             total += _read_sum(scratch)
     return total
@@ -251,44 +249,34 @@ def _gradient_strip(
 @parallel_kernel
 def _loss_and_gradient(
     x, y, weights, gradient, height, width, pitch, plane_bytes, by_difference, by_similarity, scratch,
-    scratch_bytes, similarity, difference,
+    similarity, difference,
 ):  # fmt: skip
-    """``gradient`` times ``weights`` (one plane, or address 0); the sums of each strip.
+    """``gradient`` times ``weights`` (one plane, or address 0); the sums of each strip in each band.
 
-    ``similarity`` and ``difference`` are (channels, strips) float64; ``scratch`` holds
-    ``scratch_bytes`` for each thread.
+    ``similarity`` and ``difference`` are (channels, bands, strips) float64; ``scratch`` holds
+    _SCRATCH_BYTES for each thread.
     """
-    channels, strips = similarity.shape
-    tasks = (strips + _STRIPS_A_TASK - 1) // _STRIPS_A_TASK
-    for task in prange(channels * tasks):
+    channels, bands, strips = similarity.shape
+    for task in prange(channels * bands):
         flags = flush_denormals()
-        own = scratch + get_thread_id() * scratch_bytes
-        kept = own + _SCRATCH_BYTES
-        kept_bytes = height * _STRIP_ROW_BYTES
-        channel, first = task // tasks, task % tasks * _STRIPS_A_TASK
-        stop = min(strips, first + _STRIPS_A_TASK)
+        own = scratch + get_thread_id() * _SCRATCH_BYTES
+        channel, band = task // bands, task % bands
+        top, bottom = band * _BAND_ROWS, min(height, (band + 1) * _BAND_ROWS)
         plane = channel * plane_bytes
-        for strip in range(first - 1, stop + 1):
-            derivatives = kept + (strip + 1) % _STRIPS_KEPT * kept_bytes
+        for strip in range(-1, strips + 1):
+            left, middle = _derivatives_of(own, strip - 2), _derivatives_of(own, strip - 1)
+            right = _derivatives_of(own, strip)
             if 0 <= strip < strips:
-                # Of the strips beside the task's, only the vector at the border.
-                begin = _VECTORS - 1 if strip < first else 0
-                end = 1 if strip == stop else _VECTORS
-                total = _similarity_strip(
-                    x + plane, y + plane, derivatives, strip * _COLUMNS, height, width, pitch, begin, end, own
+                similarity[channel, band, strip] = _similarity_strip(
+                    x + plane, y + plane, right, strip * COLUMNS, height, width, pitch, top, bottom, own
                 )
-                if first <= strip < stop:
-                    similarity[channel, strip] = total
             else:
-                _clear(derivatives, height)
-            if strip > first:
-                left, middle = (
-                    kept + (strip - 1) % _STRIPS_KEPT * kept_bytes,
-                    kept + strip % _STRIPS_KEPT * kept_bytes,
-                )
-                difference[channel, strip - 1] = _gradient_strip(
-                    x + plane, y + plane, left, middle, derivatives, weights, gradient + plane,
-                    (strip - 1) * _COLUMNS, height, width, pitch, by_difference, by_similarity, own,
+                _clear(right, _BAND_BYTES)
+            if strip > 0:
+                difference[channel, band, strip - 1] = _gradient_strip(
+                    x + plane, y + plane, left, middle, right, weights, gradient + plane,
+                    (strip - 1) * COLUMNS, height, width, pitch, top, bottom, by_difference, by_similarity,
+                    own,
                 )  # fmt: skip
         restore_denormals(flags)
 
@@ -298,9 +286,8 @@ class PhotometricLoss:
 
     def __init__(self, height: int, width: int) -> None:
         self._shape = (height, width)
-        self._sums = np.zeros((2, _CHANNELS, -(-width // _COLUMNS)))
-        scratch_bytes = _SCRATCH_BYTES + _STRIPS_KEPT * height * _STRIP_ROW_BYTES
-        self._scratch = aligned((numba.config.NUMBA_NUM_THREADS, scratch_bytes), np.uint8)
+        self._sums = np.zeros((2, _CHANNELS, -(-height // _BAND_ROWS), -(-width // COLUMNS)))
+        self._scratch = aligned((numba.config.NUMBA_NUM_THREADS, _SCRATCH_BYTES), np.uint8)
 
     def __call__(
         self,
@@ -324,7 +311,7 @@ class PhotometricLoss:
             image.ctypes.data, target.ctypes.data, 0 if weights is None else weights.ctypes.data,
             gradient.ctypes.data, *self._shape, pitch, plane_bytes,
             np.float32(scale * (1.0 - ssim_weight) / samples), np.float32(-scale * ssim_weight / samples),
-            self._scratch.ctypes.data, self._scratch.shape[1], similarity, difference,
+            self._scratch.ctypes.data, similarity, difference,
         )  # fmt: skip
         loss = (1.0 - ssim_weight) * difference.sum() / samples
         return float(loss + ssim_weight * (1.0 - similarity.sum() / samples))

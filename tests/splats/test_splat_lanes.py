@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from vector_calls import compiled, random
 
-from r2sego_blender.splats.lanes import lane_sum, lane_sums, quarters_exchanged, transposed
+from r2sego_blender.splats.lanes import (
+    every_fourth,
+    lane_sum,
+    lane_sums,
+    quarters_exchanged,
+    side_by_side,
+    transposed,
+)
 from r2sego_blender.splats.vectors import LANES
 
 
@@ -29,3 +36,10 @@ def test_quarters_and_numbers_are_exchanged() -> None:
     exchanged = compiled(lambda code, *v: quarters_exchanged(v), 4)
     np.testing.assert_array_equal(exchanged(rows), rows.reshape(4, 4, 4).swapaxes(0, 1).reshape(4, LANES))
     np.testing.assert_array_equal(exchanged(exchanged(rows)), rows)
+
+
+def test_columns_are_dealt_to_four_vectors_and_put_side_by_side_again() -> None:
+    rows = random((4, LANES))
+    dealt = compiled(lambda code, *v: every_fourth(v), 4)(rows)
+    np.testing.assert_array_equal(dealt, rows.reshape(LANES, 4).T)
+    np.testing.assert_array_equal(compiled(lambda code, *v: side_by_side(v), 4)(dealt), rows)

@@ -29,7 +29,7 @@ def reference_loss(x: torch.Tensor, y: torch.Tensor, ssim_weight: float) -> tupl
     return (1 - ssim_weight) * (x - y).abs().mean() + ssim_weight * (1 - value.mean()), value.mean()
 
 
-@pytest.mark.parametrize(("height", "width"), [(33, 32), (12, 9), (70, 131), (64, 200)])
+@pytest.mark.parametrize(("height", "width"), [(33, 32), (12, 9), (70, 131), (64, 200), (500, 70)])
 @pytest.mark.parametrize("ssim_weight", [0.0, 0.2, 1.0])
 def test_loss_and_gradient_equal_the_reference(height: int, width: int, ssim_weight: float) -> None:
     x, y = images(height, width)
@@ -41,6 +41,17 @@ def test_loss_and_gradient_equal_the_reference(height: int, width: int, ssim_wei
     assert ssim(x, y) == pytest.approx(similarity.item(), abs=1e-9)
     error = np.linalg.norm(gradient - leaf.grad.numpy()) / np.linalg.norm(leaf.grad.numpy())
     assert error < 1e-5
+
+
+@pytest.mark.parametrize(("down", "across"), [(0, 7), (9, 0), (200, 64)])
+def test_the_gradient_moves_with_the_image_to_the_bit(down: int, across: int) -> None:
+    """Bands, strips and lanes begin elsewhere; what they compute is the same."""
+    still, moved = np.zeros((2, 2, 600, 200, 3), np.float32)
+    still[:, 30:330, 20:100] = images(300, 80)
+    moved[:, 30 + down : 330 + down, 20 + across : 100 + across] = still[:, 30:330, 20:100]
+    gradients = [photometric_loss(*pair, 0.2)[1] for pair in (still, moved)]
+    assert np.abs(gradients[0]).max() > 0
+    np.testing.assert_array_equal(np.roll(gradients[0], (down, across), (0, 1)), gradients[1])
 
 
 def test_equal_images_have_no_loss() -> None:
