@@ -70,6 +70,7 @@ MAY_IMPORT = {
     "trial_rollouts": ABOVE_CAPTURES | {"robot", "contents"},
     "robot_declaration": ABOVE_CAPTURES | {"geometry", "robot", "contents", "trial_rollouts"},
     "robot_bodies": ABOVE_CAPTURES | {"robot"},
+    "simulated_camera": FOUNDATION | {"robot", "splats"},
     "collision_report": ABOVE_CAPTURES | {"geometry", "robot"},
     "evaluation": PARTS | {"visual_asset", "pipeline", "status"},
     "benchmarks": PARTS

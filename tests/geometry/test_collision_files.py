@@ -196,7 +196,7 @@ def _room_geoms(model, prefix):
 
 
 def test_the_mjcf_is_attached_beside_a_robot_with_meshes_and_degrees_of_its_own(surface, folder, tmp_path):
-    """As docs/bundle.md says it is done, in XML and in Python."""
+    """As docs/simulators.md says it is done, in XML and in Python."""
     (tmp_path / "arm" / "meshes").mkdir(parents=True)
     trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "arm" / "meshes" / "link.stl")
     (tmp_path / "arm" / "arm.xml").write_text(_ROBOT)

@@ -1,0 +1,46 @@
+"""A camera of a MuJoCo model as it stands in a simulation."""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+
+from ..cameras import Camera
+from ..errors import RobotError
+
+_MUJOCO_FROM_OPENCV = np.diag([1.0, -1.0, -1.0])
+
+
+def model_camera(model: mujoco.MjModel, data: mujoco.MjData, name: str, width: int, height: int) -> Camera:
+    """The model's camera ``name`` at its pose in ``data``, with ``width`` x ``height`` pixels.
+
+    The lens is what MuJoCo renders with: ``fovy``, or where the camera has a ``sensorsize``
+    its focal lengths and principal point, which move with the sensor's size in pixels.
+    ``data`` must know the bodies' places: ``mj_forward`` or ``mj_step`` was called. Raises
+    RobotError when there is no such camera, or when it has no perspective.
+    """
+    names = [model.camera(index).name for index in range(model.ncam)]
+    if name not in names:
+        cure = f"It has: {', '.join(names)}." if names else "It has none."
+        raise RobotError(f"the model has no camera '{name}'", cure=cure)
+    camera = names.index(name)
+    if model.cam_projection[camera] != mujoco.mjtProjection.mjPROJ_PERSPECTIVE:
+        raise RobotError(
+            f"the model's camera '{name}' has no perspective",
+            cure='Give one without projection="orthographic".',
+        )
+    sensor = model.cam_sensorsize[camera]
+    if sensor[1] > 0:
+        focal, offset = np.split(model.cam_intrinsic[camera].astype(np.float64), 2)
+        size_px = np.array([width, height])
+        fx, fy = focal / sensor * size_px
+        cx, cy = (0.5 - offset / sensor) * size_px
+    else:
+        fx = fy = 0.5 * height / math.tan(math.radians(model.cam_fovy[camera]) / 2.0)
+        cx, cy = width / 2.0, height / 2.0
+    world_from_camera = np.eye(4)
+    world_from_camera[:3, :3] = data.cam_xmat[camera].reshape(3, 3) @ _MUJOCO_FROM_OPENCV
+    world_from_camera[:3, 3] = data.cam_xpos[camera]
+    return Camera(width, height, float(fx), float(fy), float(cx), float(cy), world_from_camera)

@@ -1,0 +1,73 @@
+"""What a robot's camera sees in MuJoCo: the room as splats, and the bodies before them."""
+
+from __future__ import annotations
+
+from types import TracebackType
+
+import mujoco
+import numpy as np
+
+from .cameras import Camera
+from .robot.model_camera import model_camera
+from .splats.asset import SplatAsset
+from .splats.rasterizer import render
+
+_NEARLY_FAR = 0.99
+
+_DEPTH_TOLERANCE_M = 0.05
+"""Splats lie this much before what they show: else feet would sink into the floor."""
+
+
+class SimulatedCamera:
+    """A camera of a MuJoCo model that sees ``asset``, and before it what MuJoCo draws.
+
+    MuJoCo draws the geoms of groups 0 to 2; the room's collision surface belongs in a group
+    that is not drawn, 3 to 5. Where a drawn geom is nearer than the splats, or just behind
+    their front, its pixel is seen.
+    The model's frame is the asset's: world frame, metres, Z up. ``size_px`` are width and
+    height, at most the model's ``offwidth`` and ``offheight``. To be closed, or used in a
+    ``with`` statement: it holds an OpenGL context (without a screen, with MUJOCO_GL=egl).
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, name: str, asset: SplatAsset, size_px: tuple[int, int] = (640, 480)
+    ) -> None:
+        self._model, self._name, self._asset, self._size_px = model, name, asset, size_px
+        width, height = size_px
+        # Each pixel is a body's or the room's: mixed with MuJoCo's own background, borders are dark.
+        quality = model.vis.quality
+        samples, quality.offsamples = quality.offsamples, 0
+        try:
+            self._renderer = mujoco.Renderer(model, height, width)
+        finally:
+            quality.offsamples = samples
+
+    def camera(self, data: mujoco.MjData) -> Camera:
+        """Lens and pose at this moment of the simulation. Raises RobotError if there is none of its name."""
+        return model_camera(self._model, data, self._name, *self._size_px)
+
+    def image(self, data: mujoco.MjData) -> np.ndarray:
+        """(H, W, 3) uint8, sRGB: what the camera sees at this moment of the simulation."""
+        room = render(self._asset, self.camera(data))
+        pixels = np.uint8(np.clip(room.colour, 0.0, 1.0) * 255.0 + 0.5)
+        self._renderer.update_scene(data, self._name)
+        self._renderer.enable_depth_rendering()
+        depth_m = self._renderer.render()
+        self._renderer.disable_depth_rendering()
+        far_m = self._model.vis.map.zfar * self._model.stat.extent
+        room_m = np.where(room.depth > 0.0, room.depth + _DEPTH_TOLERANCE_M, np.inf)
+        before = depth_m < np.minimum(room_m, _NEARLY_FAR * far_m)
+        if before.any():
+            pixels[before] = self._renderer.render()[before]
+        return pixels
+
+    def close(self) -> None:
+        self._renderer.close()
+
+    def __enter__(self) -> SimulatedCamera:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from r2sego_blender.errors import RobotError
+from r2sego_blender.robot.model_camera import model_camera
+
+XML = """
+<mujoco>
+  <worldbody>
+    <body name="head" pos="1 2 3" euler="0 0 30">
+      <freejoint/>
+      <geom size="0.1"/>
+      <camera name="eye" pos="0.1 0 0" xyaxes="0 -1 0 0 0 1" fovy="60"/>
+      <camera name="flat" projection="orthographic" fovy="2"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.fixture(scope="module")
+def simulation():
+    model = mujoco.MjModel.from_xml_string(XML)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def test_the_camera_stands_where_its_body_has_taken_it(simulation):
+    camera = model_camera(*simulation, "eye", 640, 480)
+    forward = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0])
+    np.testing.assert_allclose(camera.centre, [1, 2, 3] + 0.1 * forward, atol=1e-12)
+    np.testing.assert_allclose(camera.forward, forward, atol=1e-12)
+    pixels, depth = camera.project((camera.centre + 2 * forward + [0, 0, 2 * np.tan(np.pi / 6)])[None])
+    np.testing.assert_allclose(pixels, [[320.0, 0.0]], atol=1e-9)  # the upper border: half of 60 degrees up
+    np.testing.assert_allclose(depth, [2.0])
+
+
+def test_what_cannot_be_a_pinhole_is_told(simulation):
+    with pytest.raises(RobotError, match=r"no camera 'nose'.*It has: eye, flat"):
+        model_camera(*simulation, "nose", 640, 480)
+    with pytest.raises(RobotError, match="'flat' has no perspective"):
+        model_camera(*simulation, "flat", 640, 480)
