@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,7 +25,9 @@ from .robot.standing import Standing, stand
 from .scene import Scene
 from .world_frame import require_present_frame
 
-_MOST_LINES = 10  # of spheres off the surface; all are in the JSON
+_MOST_LINES = 10  # of places off the surface; all are in the JSON
+_SAME_PLACE_M = 0.005
+_OF_SEVERAL = {"floats": "float", "is sunk in": "are sunk in"}
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,7 @@ class CollisionReport:
                 (surface.at_rest & (abs(surface.proxy_gap_m) <= WITHIN_M)).sum()
             ),
             "largest_gap_m": _largest(surface.gap_m[surface.at_rest]),
-            "off_surface": [_off_surface(surface, int(index)) for index in surface.off_surface],
+            "off_surface": _places_off_surface(surface),
             "simulated_s": round(surface.simulated_s, 3),
             "robot_stands": standing.stands,
             "robot_place_m": list(standing.place_m),
@@ -69,8 +72,14 @@ def check_scene(scene: Scene, progress: Progress = SILENT) -> CollisionReport:
     """Check the current collision surface of ``scene`` with its declared robot and scope.
 
     Raises SceneError when there is none yet, or it is not as it was made or of an earlier world
-    frame; GeometryError or RobotError when it is damaged.
+    frame, and while another process or thread writes to the scene; GeometryError or RobotError when
+    it is damaged.
     """
+    with scene.held_still():
+        return _checked(scene, progress)
+
+
+def _checked(scene: Scene, progress: Progress) -> CollisionReport:
     rounds = scene.rounds_of_result()
     if not scene.collision_folder.is_dir() or not rounds:
         raise SceneError(
@@ -108,7 +117,7 @@ def lines(report: CollisionReport) -> list[str]:
     compiled = f"{facts['pieces']} convex pieces, compiled to {1e3 * facts['vertex_error_m']:.3g} mm"
     text = [compiled, rest, near]
     off = facts["off_surface"]
-    text += [f"  {_in_words(sphere)}" for sphere in off[:_MOST_LINES]]
+    text += [f"  {_in_words(place)}" for place in off[:_MOST_LINES]]
     text += [f"  and {len(off) - _MOST_LINES} more"] if len(off) > _MOST_LINES else []
     x, y = facts["robot_place_m"]
     if facts["robot_stands"]:
@@ -131,8 +140,27 @@ def _verdict(report: CollisionReport) -> str:
     return f"not passed: {'; '.join([*surface.failures, *robot])}"
 
 
+def _places_off_surface(surface: CollisionCheck) -> list[dict[str, Any]]:
+    """What became of the spheres that do not rest on the surface, the worst first, JSON-ready.
+
+    Those that rest at one place, as where they rolled together, are told once, as so many ``spheres``.
+    """
+    told: list[dict[str, Any]] = []
+    for index in surface.off_surface:
+        one = _off_surface(surface, int(index))
+        same = (
+            other for other in told
+            if other["what"] == one["what"] and math.dist(other["place_m"], one["place_m"]) < _SAME_PLACE_M
+        )  # fmt: skip
+        if (before := next(same, None)) is None:
+            told.append({**one, "spheres": 1})
+        else:
+            before["spheres"] += 1
+    return told
+
+
 def _off_surface(surface: CollisionCheck, index: int) -> dict[str, Any]:
-    """What became of a sphere that does not rest on the surface, JSON-ready.
+    """What became of a sphere that does not rest on the surface.
 
     ``place_m`` (3,): its centre where it rests, or where it was dropped if it went elsewhere;
     ``gap_m``: how far it floats, negative where it is sunk in, None where it does not rest near.
@@ -146,18 +174,20 @@ def _off_surface(surface: CollisionCheck, index: int) -> dict[str, Any]:
         what = "did not come to rest"
     else:
         what = "floats" if gap_m > 0.0 else "is sunk in"
-    rests = what in ("floats", "is sunk in")
+    rests = what in _OF_SEVERAL
     place = (surface.ends if rests else surface.starts)[index]
     near = rests and np.isfinite(gap_m)
     return {"what": what, "place_m": place.tolist(), "gap_m": gap_m if near else None}
 
 
-def _in_words(sphere: dict[str, Any]) -> str:
-    place = ", ".join(f"{x:.2f}" for x in sphere["place_m"])
-    if sphere["what"] not in ("floats", "is sunk in"):
-        return f"one dropped at ({place}) {sphere['what']}"
-    gap_m = np.inf if sphere["gap_m"] is None else abs(sphere["gap_m"])
-    return f"one at ({place}) {sphere['what']} by {gap_in_words(gap_m)}"
+def _in_words(off: dict[str, Any]) -> str:
+    place = ", ".join(f"{x:.2f}" for x in off["place_m"])
+    what, count = off["what"], off["spheres"]
+    if what not in _OF_SEVERAL:
+        return f"one dropped at ({place}) {what}"
+    how_many, what = ("one", what) if count == 1 else (count, _OF_SEVERAL[what])
+    gap_m = np.inf if off["gap_m"] is None else abs(off["gap_m"])
+    return f"{how_many} at ({place}) {what} by {gap_in_words(gap_m)}"
 
 
 def _largest(gaps_m: np.ndarray) -> float | None:

@@ -65,14 +65,22 @@ def export_scene(
     Nothing appears before all of it is written; the folders of an earlier export go, and what it wrote
     that this one does not is told. Raises
     SceneError where others of their names are, when the scene has no result yet, one of a world
-    frame that was corrected since, or one that was damaged or changed since, and for a folder
-    inside the scene; AssetError for a suffix that is no format of splats.
+    frame that was corrected since, or one that was damaged or changed since, while another process
+    or thread writes to the scene, and for a folder inside the scene; AssetError for a suffix that is
+    no format of splats.
     """
     for suffix in splats:
         if suffix not in SUFFIXES:
             raise AssetError(
                 f"'{suffix}' is no format of splats", where="--splats", cure=f"Use {', '.join(SUFFIXES)}."
             )
+    with scene.held_still():
+        return _exported(scene, folder, splats, textured, progress)
+
+
+def _exported(
+    scene: Scene, folder: Path, splats: Sequence[str], textured: bool, progress: Progress
+) -> list[Path]:
     rounds = scene.rounds_of_result()
     if not scene.asset_file.is_file() or not scene.collision_folder.is_dir() or not rounds:
         raise SceneError(

@@ -306,6 +306,15 @@ class Scene:
             finally:
                 del _HOLDERS[key]
 
+    def held_still(self) -> contextlib.AbstractContextManager[None]:
+        """Keep others from writing while results that belong together are read; as ``locked``.
+
+        A bundle that may only be read, as published ones, is read without its lock.
+        """
+        lock = self.path / _LOCK
+        writable = os.access(lock if lock.exists() else self.path, os.W_OK)
+        return self.locked() if writable else contextlib.nullcontext()
+
     def _digest_of_inputs(self, inputs: Sequence[str | Path], parameters: Any) -> str:
         state = {
             "version": __version__,

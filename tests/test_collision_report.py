@@ -9,11 +9,12 @@ import trimesh
 from click.testing import CliRunner
 
 from r2sego_blender.cli import main
-from r2sego_blender.collision_report import check_scene
+from r2sego_blender.collision_report import CollisionReport, check_scene, lines
 from r2sego_blender.geometry.collision import CollisionSurface, collision_surface
-from r2sego_blender.geometry.collision_check import SPHERE_RADIUS_M, check_collision
+from r2sego_blender.geometry.collision_check import SPHERE_RADIUS_M, CollisionCheck, check_collision
 from r2sego_blender.geometry.collision_files import write_collision
 from r2sego_blender.geometry.proxy import GeometryProxy
+from r2sego_blender.robot.standing import Standing
 from r2sego_blender.scene import Declaration, Scene
 from r2sego_blender.settings import CollisionSettings
 
@@ -110,6 +111,28 @@ def test_a_lone_sphere_that_floats_is_told_with_its_place_and_passes_up_to_3_cm(
     told = CliRunner().invoke(main, ["check-collision", str(scene.path)]).stdout
     assert f"({x:.2f}, {y:.2f}, 0.07) floats by 2.0 cm" in told
     assert f"passed, with 1 of {facts['spheres']} spheres off the surface" in told
+
+
+def test_spheres_that_rest_at_one_place_are_told_once_with_how_many():
+    """Two floating within a millimetre, one beside them, one sunk in at the same place, one fallen."""
+    ends = np.array(
+        [(1.0, 2.0, 0.07), (1.0, 2.0, 0.03), (1.0, 2.001, 0.07), (1.0, 2.1, 0.07), (0.0, 0.0, 9.0)]
+    )
+    found = CollisionCheck(
+        pieces=1, vertex_error_m=0.0, starts=ends + np.array([0, 0, 1]), ends=ends,
+        at_rest=np.array([True, True, True, True, False]), fell_through=np.arange(5) == 4,
+        left=np.zeros(5, bool), gap_m=np.array([0.021, -0.02, 0.0205, 0.015, 9.0]),
+        proxy_gap_m=np.full(5, np.nan), simulated_s=1.0,
+    )  # fmt: skip
+    report = CollisionReport(found, Standing((0.0, 0.0), 2.0, 0.0, "", ""))
+    assert [line for line in lines(report) if " at (" in line and line.startswith("  ")] == [
+        "  one dropped at (0.00, 0.00, 10.00) fell through",
+        "  2 at (1.00, 2.00, 0.07) float by 2.1 cm",
+        "  one at (1.00, 2.00, 0.03) is sunk in by 2.0 cm",
+        "  one at (1.00, 2.10, 0.07) floats by 1.5 cm",
+    ]
+    assert [one["spheres"] for one in report.to_json()["off_surface"]] == [1, 2, 1, 1]
+    assert "5 of 5 spheres off the surface" in lines(report)[-1]
 
 
 def test_a_sphere_that_floats_higher_is_not_passed(scene):

@@ -13,9 +13,11 @@ import pytest
 import tomli_w
 
 from r2sego_blender.backends import CONDITION_BACKENDS, SURFACE_BACKENDS
+from r2sego_blender.collision_report import check_scene
 from r2sego_blender.digests import content_digest
 from r2sego_blender.errors import SceneError, SettingsError
 from r2sego_blender.evaluation.scene_evaluation import evaluate_scene
+from r2sego_blender.export import export_scene
 from r2sego_blender.named_settings import entries
 from r2sego_blender.pipeline import refine
 from r2sego_blender.scene import Declaration, Scene, require_place
@@ -349,8 +351,10 @@ def test_what_a_killed_process_left_of_a_new_bundle_goes_with_the_next(tmp_path)
         refine,
         lambda scene: evaluate_scene(scene, scene.path / "none.json"),
         lambda scene: texture_scene(scene, Settings()),
+        lambda scene: export_scene(scene, scene.path.parent / "out"),
+        check_scene,
     ],
-    ids=["refine", "evaluate", "texture"],
+    ids=["refine", "evaluate", "texture", "export", "check-collision"],
 )
 def test_the_lock_excludes_other_threads_and_not_its_own(tmp_path, work):
     """As of ``pipeline.refine``, which a command calls while it holds the scene."""

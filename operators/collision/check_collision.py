@@ -31,7 +31,7 @@ class R2SEGO_OT_check_collision(EngineOperator, bpy.types.Operator):
         tell(group.check, _facts(result))
         off = show_off_surface(context.scene, bundle, result.get("off_surface", ()))
         verdict = "The collision surface passed" if group.passed else "The collision surface did not pass"
-        return f"{verdict}; marked: {counted(len(off), 'sphere')} off it" if off else verdict
+        return f"{verdict}; spheres off it are marked at {counted(len(off), 'place')}" if off else verdict
 
 
 def _facts(result) -> list[tuple[str, str]]:

@@ -45,8 +45,8 @@ def check_checking_asks_mujoco_and_keeps_its_figures():
 
 
 _OFF_SURFACE = [
-    {"what": "fell through", "place_m": [0.5, 0.0, 1.8], "gap_m": None},
-    {"what": "floats", "place_m": [1.0, -2.0, 0.5], "gap_m": 0.0224},
+    {"what": "fell through", "place_m": [0.5, 0.0, 1.8], "gap_m": None, "spheres": 1},
+    {"what": "floats", "place_m": [1.0, -2.0, 0.5], "gap_m": 0.0224, "spheres": 2},
 ]
 
 
@@ -60,7 +60,7 @@ def check_spheres_off_the_surface_are_marked_till_the_next_check_or_surface():
         fell, floats = sorted(
             (one for one in bpy.data.objects if one.type == "EMPTY"), key=lambda one: one.name
         )
-    assert told == "The collision surface did not pass; marked: 2 spheres off it"
+    assert told == "The collision surface did not pass; spheres off it are marked at 2 places"
     assert (fell.name, floats.name) == ("Sphere fell through", "Sphere floats by 2.2 cm")
     assert tuple(floats.location) == (1.0, -2.0, 0.5) and abs(floats.empty_display_size - 0.05) < 1e-6
     os.utime(copy / "collision" / "mesh.obj", (1, 1))
