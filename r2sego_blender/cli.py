@@ -39,6 +39,7 @@ from .commands.robot import robot, robot_bodies, try_rollouts
 from .commands.splats import convert, train
 from .commands.views import views
 from .errors import MachineError, R2SEgoError, SettingsError, of_file
+from .layout import REPORT_PAGE
 from .named_settings import PRESETS, with_overrides
 from .progress import JsonProgress, Progress
 from .resources import available_cores, require_addresses
@@ -234,7 +235,6 @@ def select(
 @click.pass_context
 def evaluate(context: click.Context, scene: Path, frozen: Path, as_json: bool) -> None:
     """Score SCENE on frozen views against vanilla 3DGS; writes report/metrics.json."""
-    from .evaluation.report import PAGE
     from .evaluation.scene_evaluation import evaluate_scene, table
 
     progress = progress_of(context, as_json)
@@ -244,7 +244,7 @@ def evaluate(context: click.Context, scene: Path, frozen: Path, as_json: bool) -
         tell(progress, metrics=metrics)
     else:
         click.echo(table(metrics))
-        click.echo(f"report: {opened.report_folder / PAGE}")
+        click.echo(f"report: {opened.report_folder / REPORT_PAGE}")
 
 
 @main.command()

@@ -22,6 +22,9 @@ COLLISION = "collision"
 SCOPE_FILE = "robot/scope.toml"
 """The bundle's own behaviour scope, once a person has changed a field of one."""
 
+REPORT_PAGE = "index.html"
+"""In the folder of the report."""
+
 _LONGEST = 100  # characters of a file's stem that is made of a path
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from .contents import Contents
 from .errors import SceneError
-from .layout import of_round
+from .geometry.collision_files import SCENE_XML
+from .layout import COLLISION, of_round
 from .progress import SILENT, Progress
 from .robot.attempts import Attempts, Rollout, in_order
 from .robot.bodies import save_bodies
@@ -33,13 +34,12 @@ class Surface:
 def newest_surface(scene: Scene) -> Surface:
     """The collision surface made last. Raises SceneError when there is none yet, and when the world
     frame was corrected since."""
-    for index in reversed(range(scene.declaration.settings.rounds)):
-        proxy = of_round(index, "proxy")
-        mjcf = scene.path / of_round(index, "collision") / "scene.xml"
-        if (scene.path / proxy / "proxy.npz").is_file() and mjcf.is_file():
-            require_present_frame(scene, [proxy, of_round(index, "collision")], "used")
-            return Surface(index, proxy, mjcf)
-    raise SceneError("there is no collision surface yet", where=scene.path, cure="Run Refine first.")
+    index = scene.newest_round(f"{COLLISION}/{SCENE_XML}")
+    if index < 0:
+        raise SceneError("there is no collision surface yet", where=scene.path, cure="Run Refine first.")
+    proxy, collision = of_round(index, "proxy"), of_round(index, COLLISION)
+    require_present_frame(scene, [proxy, collision], "used")
+    return Surface(index, proxy, scene.path / collision / SCENE_XML)
 
 
 def try_rollouts(scene: Scene, attempts: int, progress: Progress = SILENT) -> tuple[Rollout, ...]:

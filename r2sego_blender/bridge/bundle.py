@@ -14,6 +14,7 @@ from ..arrays import opened_arrays
 from ..cameras import Camera
 from ..errors import SceneError
 from ..geometry.proxy import GeometryProxy
+from ..layout import REPORT_PAGE
 from ..scene import Scene
 
 SUFFIX = ".r2s"
@@ -179,7 +180,7 @@ class Bundle:
     @property
     def report_page(self) -> Path:
         """The report."""
-        return self.scene.report_folder / "index.html"
+        return self.scene.report_folder / REPORT_PAGE
 
     def metrics(self) -> dict[str, Any]:
         """The report's figures, empty when there are none."""

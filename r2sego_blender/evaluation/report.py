@@ -9,13 +9,11 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
+from ..layout import REPORT_PAGE
 from ..whole_files import write_whole
 from .charts import candidate_chart, round_chart
 from .figures import PROVENANCE_COLOURS, save_figure
 from .report_data import Picture, ReportData
-
-PAGE = "index.html"
-"""The page's name in its folder."""
 
 _TEMPLATES = Path(__file__).with_name("templates")
 
@@ -48,7 +46,7 @@ def write_report(folder: Path, report: ReportData) -> Path:
         provenance_colours={kind.name.lower(): colour for kind, colour in PROVENANCE_COLOURS.items()},
         total_s=sum(seconds for _, seconds in report.timings),
     )
-    page = folder / PAGE
+    page = folder / REPORT_PAGE
     write_whole(page, html)
     writer.remove_others()
     return page

@@ -13,7 +13,7 @@ from ..captures.store import load_captures
 from ..generation.condition_files import load_conditions
 from ..generation.view_records import ViewRecord, read_views
 from ..geometry.proxy import GeometryProxy, Provenance
-from ..layout import of_round
+from ..layout import REPORT_PAGE, of_round
 from ..named_settings import entries
 from ..robot.rollouts import load_rollouts
 from ..scene import Scene
@@ -22,7 +22,7 @@ from ..status import robot_in_use, scores_hold
 from .arms import ARMS
 from .figures import camera_map, depth_picture, top_view
 from .frozen import ArmScore
-from .report import PAGE, write_report
+from .report import write_report
 from .report_data import (
     Arm,
     Backend,
@@ -55,7 +55,7 @@ def renew_scene_report(scene: Scene, before: Sequence[Mapping[str, Any]]) -> Pat
 
     It is written anew, without scores, unless nothing was made and the page's scores still hold.
     """
-    page = scene.report_folder / PAGE
+    page = scene.report_folder / REPORT_PAGE
     is_current = page.is_file() and scene.journal() == before and scores_hold(scene)
     return page if is_current else write_scene_report(scene)
 
