@@ -19,7 +19,7 @@ class Capture:
     ``camera`` is a pinhole at the working size. ``lens`` is what the photograph was taken
     through, if that is known to distort; ``straight`` says that the file at ``image_path``
     is already free of the distortion. ``mask_path`` is an image that says which of its pixels
-    count, if there is one.
+    count, if there is one. ``quarter_turns`` clockwise set the pixels as taken upright.
     """
 
     name: str
@@ -28,6 +28,7 @@ class Capture:
     lens: Lens | None = None
     straight: bool = False
     mask_path: Path | None = None
+    quarter_turns: int = 0
 
     def image(self) -> np.ndarray:
         """The undistorted photograph at its camera's size, (H, W, 3) float32 in [0, 1]."""

@@ -120,21 +120,21 @@ def capture_of(photograph: Photograph, max_side_px: int, files_needed: bool = Tr
     Without ``files_needed`` a photograph that is missing has the size its lens says.
     """
     pose = _rigid(photograph.world_from_camera, photograph.source)
-    lens, pose = (
-        _upright(photograph, pose) if photograph.path.is_file() or files_needed else (photograph.lens, pose)
-    )
+    lens, turns = photograph.lens, 0
+    if photograph.path.is_file() or files_needed:
+        lens, pose, turns = _upright(photograph, pose)
     try:
         camera = lens.straight(pose).fitted(max_side_px)
     except CaptureError as error:
         raise CaptureError(error.what, where=photograph.source, cure=error.cure) from error
     return Capture(
         photograph.name, photograph.path, camera, None if lens.plain else lens,
-        mask_path=photograph.mask_path,
+        mask_path=photograph.mask_path, quarter_turns=turns,
     )  # fmt: skip
 
 
-def _upright(photograph: Photograph, pose: np.ndarray) -> tuple[Lens, np.ndarray]:
-    """The lens and pose for the upright photograph at its true size."""
+def _upright(photograph: Photograph, pose: np.ndarray) -> tuple[Lens, np.ndarray, int]:
+    """The lens and pose for the upright photograph at its true size, and the quarter turns to it."""
     lens = photograph.lens
     width, height, turns = photograph_size(photograph.path)
     upright = (height, width) if turns % 2 else (width, height)
@@ -149,7 +149,7 @@ def _upright(photograph: Photograph, pose: np.ndarray) -> tuple[Lens, np.ndarray
             f"{lens.width}x{lens.height}", where=photograph.source,
             cure="Give the photographs the poses were made for, or correct the camera's width and height.",
         )  # fmt: skip
-    return (lens if (lens.width, lens.height) == upright else lens.scaled_to(*upright)), pose
+    return (lens if (lens.width, lens.height) == upright else lens.scaled_to(*upright)), pose, turns
 
 
 def _same_shape(lens: Lens, width: int, height: int) -> bool:

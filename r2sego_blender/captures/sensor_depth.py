@@ -13,7 +13,6 @@ from ..images import stored_values
 from ..scratch import ScratchFolder
 from ..workers.child import call_in_child
 from .capture import Capture
-from .photographs import photograph_size
 
 _SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy", ".npz")
 _CONFIDENCE_SUFFIXES = (".png", ".tif", ".tiff")
@@ -147,8 +146,7 @@ def _upright(depth: np.ndarray, capture: Capture, path: Path) -> np.ndarray:
     Only where its shape says so it is upright already.
     """
     width, height = capture.photograph_size
-    turns = 0 if capture.straight or not capture.image_path else photograph_size(capture.image_path)[2]
-    for quarter_turns in (turns, 0):
+    for quarter_turns in (capture.quarter_turns, 0):
         turned = np.rot90(depth, -quarter_turns)
         aspect = turned.shape[1] / turned.shape[0]
         if abs(aspect / (width / height) - 1.0) <= _ASPECT_TOLERANCE:

@@ -37,6 +37,8 @@ def save_captures(
         entry = {"file": f"images/{path.name}", "name": kept.name} | kept.camera.to_json()
         if kept.lens is not None:
             entry["photograph_lens"] = kept.lens.to_json()
+        if kept.quarter_turns:
+            entry["photograph_turns"] = kept.quarter_turns
         listed.append(entry)
     data = {"about": "Captures in the world frame: metres, z up, floor at z = 0.", "metric": True}
     write_json(folder / "cameras.json", data | {"captures": listed})
@@ -58,7 +60,8 @@ def load_captures(folder: Path) -> tuple[Capture, ...]:
             image_path = folder / "images" / Path(entry["file"]).name
             lens = Lens.from_json(entry["photograph_lens"]) if "photograph_lens" in entry else None
             camera = Camera.from_json(entry)
-            captures.append(Capture(str(entry["name"]), image_path, camera, lens, lens is not None))
+            turns, name = int(entry.get("photograph_turns", 0)), str(entry["name"])
+            captures.append(Capture(name, image_path, camera, lens, lens is not None, quarter_turns=turns))
         except (KeyError, TypeError, ValueError) as error:
             raise CaptureError(
                 f"the entry is damaged ({error!r})", where=f"{path}, captures[{index}]",

@@ -18,10 +18,12 @@ from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.depth_scale import depth_scale
 from r2sego_blender.captures.importing import Imported
 from r2sego_blender.captures.lens import Lens
+from r2sego_blender.captures.photographs import Photograph, capture_of
 from r2sego_blender.captures.registration import register
 from r2sego_blender.captures.scale import Scale
 from r2sego_blender.captures.sensor_depth import SensorDepth
 from r2sego_blender.captures.sparse import triangulate
+from r2sego_blender.captures.store import load_captures, save_captures
 from r2sego_blender.errors import CaptureError
 from r2sego_blender.settings import CaptureSettings
 
@@ -145,7 +147,7 @@ def test_depth_that_is_not_sure_is_not_believed(tmp_path, rng, room, room_camera
     [(6, (24, 32), -1), (3, (24, 32), 2), (6, (32, 32), -1), (8, (32, 32), 1), (1, (24, 32), 0)],
 )
 def test_depth_is_turned_upright_with_its_photograph(tmp_path, rng, orientation, shape, quarter_turns):
-    """Also where the shape does not tell: upside down, and square."""
+    """Also where the shape does not tell: upside down, and square; and for the bundle's upright images."""
     exif = Image.Exif()
     exif[274] = orientation
     stored = np.zeros((2 * shape[0], 2 * shape[1], 3), np.uint8)
@@ -156,9 +158,11 @@ def test_depth_is_turned_upright_with_its_photograph(tmp_path, rng, orientation,
     (tmp_path / "a.npy").rename(tmp_path / "depth" / "a.npy")
     upright = np.rot90(depth, quarter_turns)
     height, width = 2 * upright.shape[0], 2 * upright.shape[1]
-    camera = Camera(width, height, 50.0, 50.0, width / 2, height / 2, np.eye(4))
-    capture = Capture("a.png", tmp_path / "a.png", camera)
-    assert np.array_equal(SensorDepth(tmp_path / "depth").of(capture, "a"), upright)
+    lens = Lens(width, height, 50.0, 50.0, width / 2, height / 2)
+    capture = capture_of(Photograph("a.png", tmp_path / "a.png", lens, np.eye(4), "test"), 640)
+    save_captures(tmp_path / "bundle", [capture])
+    for one in (capture, *load_captures(tmp_path / "bundle")):
+        assert np.array_equal(SensorDepth(tmp_path / "depth").of(one, "a"), upright)
 
 
 def test_depth_that_is_upright_already_is_not_turned(tmp_path, rng):
@@ -168,7 +172,8 @@ def test_depth_that_is_upright_already_is_not_turned(tmp_path, rng):
     (tmp_path / "depth").mkdir()
     depth = rng.uniform(1, 3, (32, 24)).astype(np.float32)
     np.save(tmp_path / "depth" / "a.npy", depth)
-    capture = Capture("a.png", tmp_path / "a.png", Camera(48, 64, 50.0, 50.0, 24.0, 32.0, np.eye(4)))
+    lens = Lens(48, 64, 50.0, 50.0, 24.0, 32.0)
+    capture = capture_of(Photograph("a.png", tmp_path / "a.png", lens, np.eye(4), "test"), 640)
     assert np.array_equal(SensorDepth(tmp_path / "depth").of(capture, "a"), depth)
 
 
