@@ -57,7 +57,7 @@ def _lanes_before(code: Code, stop: Value, step: int = 1) -> Value:
     return code.integers(range(0, step * LANES, step)) < code.to_int(stop)
 
 
-def _kept(code: Code, there: Value, mask: Value, values: Value) -> Value:
+def _masked(code: Code, there: Value, mask: Value, values: Value) -> Value:
     """The values of the mask's lanes, if they are there, else 0."""
     return code.select(mask & code.spread(there), values, 0.0)
 
@@ -83,7 +83,7 @@ def _load_images(
         code.prefetch(image + column * 4 + pitch * _ROWS_AHEAD)
         # A vector that is not there is read from the sink, and not used.
         vector = code.load(code.select(there, image + column * 4, scratch + _SINK))
-        return _kept(code, there, _lanes_before(code, width - column), vector)
+        return _masked(code, there, _lanes_before(code, width - column), vector)
 
     def dealt(image: Value) -> tuple[list[Value], list[Value]]:
         left, *inner, right = (loaded(image, k) for k in range(-1, VECTORS + 1))
@@ -133,11 +133,11 @@ def _similarity_row(
         by_square = -(value * inverse * power)
         by_product = 2.0 * luminance * inverse
         mask = _lanes_before(code, columns - k, VECTORS)
-        _add_up(code, scratch, _kept(code, there, mask, value))
+        _add_up(code, scratch, _masked(code, there, mask, value))
         for image, derivative in enumerate((by_mean, by_square, by_product)):
             place = derivatives + k * VECTOR_BYTES + image * ROW_BYTES
             place = code.select(there, place, scratch + _SINK)
-            code.store(place, _kept(code, there, mask, derivative))
+            code.store(place, _masked(code, there, mask, derivative))
 
 
 @vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64, int64, float32, float32))
@@ -163,13 +163,13 @@ def _gradient_row(
         mask = _lanes_before(code, columns - k * LANES)
         difference = a - b
         sign = code.select(difference > 0.0, 1.0, code.select(difference < 0.0, -1.0, 0.0))
-        _add_up(code, scratch, _kept(code, here, mask, sign * difference))
+        _add_up(code, scratch, _masked(code, here, mask, sign * difference))
         total = sign * by_difference
         total = total + (by_mean + 2.0 * a * by_square + b * by_product) * by_similarity
         weighted = weights.differs(0)
         weight = code.load(code.select(here & weighted, weights + place, sink))
         weight = code.select(code.spread(weighted), weight, 1.0)
-        value = _kept(code, here, mask, total * weight)
+        value = _masked(code, here, mask, total * weight)
         code.store(code.select(here, gradient + place, sink), value)
         code.prefetch(gradient + place + pitch * _ROWS_AHEAD, write=True)
 
