@@ -30,6 +30,9 @@ def main(arguments: list[str]) -> int:
     scale.add_argument("--camera-height", type=float, help="of the first photograph's camera, metres")
     scale.add_argument("--marker-side", type=float, help="of a printed ArUco 4x4_50 marker, metres")
     scale.add_argument("--known-length", metavar="PHOTO:X,Y:X,Y:METRES")
+    scale.add_argument(
+        "--depth", type=Path, help="folder of depth maps, called as the photographs"
+    )
     options = parser.parse_args(arguments)
     given = {"filepath": str(options.scene.absolute()), "captures": str(options.captures.absolute())}
     given |= {"poses": str(options.poses.absolute())} if options.poses else {}
@@ -38,6 +41,7 @@ def main(arguments: list[str]) -> int:
     for choice, kind in (("camera_height", "CAMERA_HEIGHT"), ("marker_side", "MARKER"),
                          ("known_length", "KNOWN_LENGTH")):  # fmt: skip
         given |= {choice: value, "scale": kind} if (value := getattr(options, choice)) else {}
+    given |= {"depth": str(options.depth.absolute()), "scale": "DEPTH"} if options.depth else {}
     with enabled_addon():
         bpy.ops.r2sego.new_scene(**given)
         for fact in bpy.context.scene.r2sego.facts:

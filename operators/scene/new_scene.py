@@ -56,6 +56,7 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
             ("CAMERA_HEIGHT", "Camera Height", "Height of the first photograph's camera above the floor"),
             ("MARKER", "Printed Marker", "Side of an ArUco 4x4_50 marker in the photographs"),
             ("KNOWN_LENGTH", "Known Length", "Two pixels of one photograph and their distance"),
+            ("DEPTH", "Depth Maps", "What a depth sensor measured, a map for each photograph"),
         ],
     )  # fmt: skip
     camera_height: FloatProperty(
@@ -67,6 +68,12 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
         default=0.15, min=0.01, max=2.0, subtype="DISTANCE", unit="LENGTH",
     )  # fmt: skip
     known_length: StringProperty(name="Known Length", description="photo:x,y:x,y:metres")
+    depth: StringProperty(
+        name="Depth Maps", subtype="DIR_PATH",
+        description="Folder of depth maps called as the photographs are: 16-bit PNG in millimetres, or EXR "
+        "or NPY in metres",
+        options={"SKIP_SAVE"},
+    )  # fmt: skip
 
     @classmethod
     def poll(cls, context):
@@ -103,6 +110,10 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
             command += ["--marker-side", f"{self.marker_side:.6g}"]
         elif self.scale == "KNOWN_LENGTH":
             command += ["--known-length", self.known_length]
+        elif self.scale == "DEPTH":
+            if not self.depth:
+                raise CaptureError("no folder of depth maps is chosen", cure="Choose one in the side bar.")
+            command += ["--depth", bpy.path.abspath(self.depth)]
         return command
 
     def finish(self, context, result):

@@ -94,6 +94,11 @@ def check_a_new_scene_asks_the_engine():
         "--scope", "walk_and_look", "--poses", poses, "--camera-height", "1.5",
     ]  # fmt: skip
     assert "photographs" in refused(bpy.ops.r2sego.new_scene, filepath=str(BUNDLE))
+    given = {"filepath": str(BUNDLE), "captures": photographs, "scale": "DEPTH"}
+    assert "No folder of depth maps" in refused(bpy.ops.r2sego.new_scene, **given)
+    depth = str(OUT.parent / "depth")
+    assert bpy.ops.r2sego.new_scene(**given, depth=depth) == {"FINISHED"}
+    assert calls()[-1][-2:] == ["--depth", depth]
     conduct("succeed")
     photograph = BUNDLE / "captures" / "images" / "capture_0.png"
     assert bpy.ops.r2sego.new_scene(filepath=str(BUNDLE), captures=str(photograph)) == {"FINISHED"}
