@@ -7,6 +7,7 @@ from pathlib import Path
 from .captures.ground_picture import GROUND_PICTURES, save_ground_pictures
 from .captures.importing import import_captures
 from .captures.lifting import in_photograph
+from .captures.masks import FOLDER as MASKS
 from .captures.polycam import find_keyframes
 from .captures.refinement import triangulate_refined
 from .captures.registration import register
@@ -49,6 +50,11 @@ def create_scene(
     check_controller(RobotModel.load(*behaviour.robot_for(robot)), behaviour)
 
     _look_over(scale, captures, solved=poses is None and find_keyframes(captures) is None)
+    for masks in (captures / MASKS, captures.absolute().parent / MASKS):
+        if masks.is_dir():
+            progress.message(
+                f"{masks} is not read: masks of objects go in with `r2sego objects {path} --masks {masks}`"
+            )
     imported = import_captures(captures, poses, settings, progress)
     progress.message(f"{len(imported.captures)} captures: {imported.source}")
     imported, sparse = triangulate_refined(imported, settings, progress)
