@@ -33,5 +33,6 @@ def seen_floor(proxy: GeometryProxy, cameras: Sequence[Camera]) -> np.ndarray:
     except (QhullError, ValueError) as error:
         raise GeometryError(
             "the captures saw no floor", where="geometry proxy",
-            cure="Photograph the floor too, or give the behaviour scope a region polygon.",
+            cure="Photograph the floor too, or say where the robot may be (`r2sego robot --region`, in "
+            "Blender Draw Region).",
         ) from error  # fmt: skip

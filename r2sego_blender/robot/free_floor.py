@@ -80,8 +80,8 @@ def free_floor(robot: RobotModel, scope: BehaviourScope, collision_mjcf: Path) -
     if not np.isfinite(floor_z).any():
         raise RobotError(
             "the collision scene has no floor to stand on", where=collision_mjcf,
-            cure="Photograph the floor; or lay the ground with `r2sego register`, or draw a floor at z = 0 "
-            "(`r2sego edit-proxy --draw`, in Blender Edit Proxy).",
+            cure="Photograph the floor; or lay the ground (`r2sego register`, in Blender Captures), or draw "
+            "a floor at z = 0 (`r2sego edit-proxy --draw`, in Blender Edit Proxy).",
         )  # fmt: skip
     floor_z_m = float(np.nanmedian(floor_z))
     free = inside & (np.abs(floor_z - floor_z_m) < FLATNESS_M)

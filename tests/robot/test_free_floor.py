@@ -89,7 +89,7 @@ def test_rooms_without_free_floor_say_so(humanoid, box_room, tmp_path):
         free_floor(humanoid, SCOPE, box_room([(0.0, 0.0, 2.0, 1.8, 0.4)]))
     with pytest.raises(RobotError, match="there is no free floor"):
         free_floor(humanoid, SCOPE, box_room(floor=False, boxes=()))
-    with pytest.raises(RobotError, match=r"has no floor .*edit-proxy --draw"):
+    with pytest.raises(RobotError, match=r"has no floor .*in Blender Captures.*in Blender Edit Proxy"):
         path = tmp_path / "scene.xml"
         path.write_text('<mujoco><worldbody><geom size="1" pos="0 0 9"/></worldbody></mujoco>')
         free_floor(humanoid, SCOPE, path)

@@ -16,6 +16,8 @@ def check_a_failing_engine_is_reported_in_its_own_words():
     open_bundle()
     conduct("fail")
     assert "images/a.png: it is empty" in refused(bpy.ops.r2sego.refine)
+    end = bpy.context.window_manager.r2sego_engine.ended[-1]
+    assert (end.level, end.line) == ("ERROR", "images/a.png: it is empty. Replace the file.")
     assert not bpy.context.window_manager.r2sego_job.running
     conduct("lack")
     told = refused(bpy.ops.r2sego.refine)
