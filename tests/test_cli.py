@@ -1,5 +1,7 @@
 """The command tree: bad input gives one clear line with file, field and cure, and changes nothing."""
 
+import importlib
+import inspect
 import json
 import os
 import shutil
@@ -13,6 +15,7 @@ from click.testing import CliRunner
 
 from r2sego_blender import compiled
 from r2sego_blender.cli import main
+from r2sego_blender.commands.bench import bench
 from r2sego_blender.digests import content_digest
 from r2sego_blender.images import save_image
 from r2sego_blender.scene import Declaration, Scene
@@ -232,6 +235,20 @@ def test_a_command_within_a_program_that_has_compiled_leaves_numba_its_settings(
 @pytest.mark.parametrize("group", [[], ["bench"]])
 def test_the_help_says_what_each_command_does_in_full(group):
     assert "..." not in CliRunner().invoke(main, [*group, "--help"]).output.partition("Commands:")[2]
+
+
+@pytest.mark.parametrize("name", bench.commands)
+def test_the_help_of_a_benchmark_tells_the_defaults_that_hold(name):
+    benchmark = importlib.import_module(f"r2sego_blender.benchmarks.{name}")
+    taken = inspect.signature(getattr(benchmark, f"bench_{name}")).parameters
+    options = {option.name: option for option in bench.commands[name].params}
+    for option in set(options) & set(taken):
+        default = taken[option].default
+        if isinstance(default, (int, str)):
+            assert options[option].default == default and options[option].show_default, option
+    help_text = " ".join(CliRunner().invoke(main, ["bench", name, "--help"]).output.split())
+    if name == "splats":  # which has others for splats of files
+        assert f"{benchmark.GAUSSIANS} by default" in help_text and f"or {benchmark.SIZE} of" in help_text
 
 
 def test_doctor_names_what_is_installed():

@@ -30,12 +30,14 @@ def _measure(name: str, context: click.Context, file: Path | None, **given: Any)
 
 
 @bench.command("splats")
-@click.option("--gaussians", type=int, help="Gaussians of a made-up room.")
-@click.option("--asset", type=ANY_PATH, help="Splats to measure in its place, with --cameras.")
+@click.option("--gaussians", type=int, help="Gaussians of a made-up room; 50000 by default.")
+@click.option("--asset", type=ANY_PATH, help="Splats to measure in place of the room, with --cameras.")
 @click.option("--cameras", type=ANY_PATH, help="cameras.json: its frozen views, or its captures.")
-@click.option("--size", metavar="WxH", help="Size of the images.")
+@click.option(
+    "--size", metavar="WxH", help="Size of the images; by default that of --cameras, or 640x480 of the room."
+)
 @click.option("--threads", type=int, help="Threads to use; all by default.")
-@click.option("--repeats", type=int, help="Times each step is measured.")
+@click.option("--repeats", type=int, default=10, show_default=True, help="Times each step is measured.")
 @click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
 @click.pass_context
 def bench_splats(context: click.Context, file: Path | None, **given: Any) -> None:
@@ -45,11 +47,19 @@ def bench_splats(context: click.Context, file: Path | None, **given: Any) -> Non
 
 @bench.command("training")
 @click.argument("captures", type=ANY_PATH)
-@click.option("--poses", type=ANY_PATH, help="As for train.")
-@click.option("--points", type=ANY_PATH, help="PLY both trainings start from; as for train.")
-@click.option("--hold-out", type=int, metavar="K", help="Score on every K-th image.")
-@click.option("--gaussians", type=int, help="Gaussians of the plain training.")
-@click.option("--steps", type=int, help="Steps of the plain training.")
+@click.option("--poses", type=ANY_PATH, help="As for train: by default what CAPTURES holds, else solved.")
+@click.option(
+    "--points", type=ANY_PATH,
+    help="PLY both trainings start from; else the points of the poses, or triangulated ones.",
+)  # fmt: skip
+@click.option(
+    "--hold-out", type=int, metavar="K", default=6, show_default=True,
+    help="Score on every K-th image, and do not train on it.",
+)  # fmt: skip
+@click.option(
+    "--gaussians", type=int, default=60_000, show_default=True, help="Gaussians of the plain training."
+)
+@click.option("--steps", type=int, default=3000, show_default=True, help="Steps of the plain training.")
 @click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
 @click.pass_context
 def bench_training(context: click.Context, file: Path | None, **given: Any) -> None:
@@ -58,7 +68,9 @@ def bench_training(context: click.Context, file: Path | None, **given: Any) -> N
 
 
 @bench.command("geometry")
-@click.option("--scene", required=True, type=FOLDER, help="cameras.json, captures and their ground truth.")
+@click.option(
+    "--scene", required=True, type=FOLDER, help="Folder with cameras.json, captures and their ground truth."
+)
 @click.option("--library", type=ANY_PATH, help="Another scene's .glb: its meshes beside the true objects'.")
 @click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the pipeline and the noise.")
@@ -72,9 +84,13 @@ def bench_geometry(
 
 
 @bench.command("conditions")
-@click.option("--triangles", type=int, help="Triangles of a made-up room.")
-@click.option("--size", metavar="WxH", help="Size of the images.")
-@click.option("--repeats", type=int, help="Times each pass is measured.")
+@click.option(
+    "--triangles", type=int, default=200_000, show_default=True, help="Triangles of a made-up room."
+)
+@click.option("--size", metavar="WxH", default="640x480", show_default=True, help="Size of the images.")
+@click.option(
+    "--repeats", type=int, default=5, show_default=True, help="Times each pass is measured; the least counts."
+)
 @click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
 @click.pass_context
 def bench_conditions(context: click.Context, file: Path | None, **given: Any) -> None:
@@ -83,12 +99,16 @@ def bench_conditions(context: click.Context, file: Path | None, **given: Any) ->
 
 
 @bench.command("generation")
-@click.option("--scene", required=True, type=FOLDER, help="cameras.json, captures and their ground truth.")
-@click.option("--bundle", type=FOLDER, help="A bundle of these captures with a proxy, to save making it.")
+@click.option(
+    "--scene", required=True, type=FOLDER, help="Folder with cameras.json, captures and their ground truth."
+)
+@click.option("--bundle", type=FOLDER, help="A bundle of these captures with a proxy; else one is made.")
 @click.option("--library", type=ANY_PATH, help="Another scene's .glb: its meshes beside the true objects'.")
 @click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the pipeline.")
-@click.option("--clips", type=int, help="Whole clips made to see how steady they are.")
+@click.option(
+    "--clips", type=int, default=4, show_default=True, help="Whole clips made to see how steady they are."
+)
 @click.pass_context
 def bench_generation(context: click.Context, file: Path | None, **given: Any) -> None:
     """Time the embedded generator, and score it at the frozen poses of a scene with known truth."""
@@ -96,10 +116,15 @@ def bench_generation(context: click.Context, file: Path | None, **given: Any) ->
 
 
 @bench.command("refinement")
-@click.option("--scene", required=True, type=FOLDER, help="cameras.json with captures and frozen views.")
-@click.option("--bundle", type=FOLDER, help="Where the bundle is made and stays, or goes on if it is there.")
+@click.option(
+    "--scene", required=True, type=FOLDER, help="Folder with cameras.json: captures and frozen views."
+)
+@click.option(
+    "--bundle", type=FOLDER,
+    help="Where the bundle is made and stays, or goes on if it is there; by default a temporary one.",
+)  # fmt: skip
 @click.option("--library", type=ANY_PATH, help="Another scene's .glb: its meshes beside the true objects'.")
-@click.option("--preset", type=click.Choice(list(PRESETS)), help="Named settings; by default the bundle's.")
+@click.option("--preset", type=click.Choice(list(PRESETS)), help="By default the bundle's: at first 'paper'.")
 @settings_option
 @click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
 @click.pass_context
@@ -112,13 +137,15 @@ def bench_refinement(
 
 @bench.command("rollouts")
 @click.option("--scene", type=FOLDER, help="A bundle, or photographs and cameras.json; else a made-up room.")
-@click.option("--robot", help="The robot: an MJCF or URDF file; by default the scene's own.")
+@click.option(
+    "--robot", help="embedded:humanoid, embedded:wheeled, or an MJCF or URDF file; else the scene's."
+)
 @click.option(
     "--scope", "scopes", multiple=True, metavar="NAME|FILE",
     help="Behaviour scope; repeatable. By default walk_and_look and sit_down.",
 )  # fmt: skip
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the rollouts.")
-@click.option("--candidates", type=int, help="Views that are scored.")
+@click.option("--candidates", type=int, default=3600, show_default=True, help="Views that are scored.")
 @click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
 @click.pass_context
 def bench_rollouts(context: click.Context, scopes: tuple[str, ...], file: Path | None, **given: Any) -> None:
