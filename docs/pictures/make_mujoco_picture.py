@@ -20,6 +20,7 @@ from r2sego_blender.splats.formats import load_asset
 
 HERE = Path(__file__).resolve().parent
 PLACE_M, YAW_DEG = (0.25, -1.0), 80.0
+ELBOW_RAD = 0.0  # forearms forward, where the head camera sees them
 BESIDE, TOWARDS = (1.5, -1.9, 1.6), (0.2, 0.4, 0.75)
 
 
@@ -43,6 +44,8 @@ def main(folder: Path) -> None:
     mujoco.mj_resetDataKeyframe(model, data, model.key("stand").id)
     half_rad = np.radians(YAW_DEG) / 2
     data.qpos[:2], data.qpos[3:7] = PLACE_M, (np.cos(half_rad), 0, 0, np.sin(half_rad))
+    for side in ("left", "right"):
+        data.joint(f"{side}_elbow_joint").qpos = ELBOW_RAD
     mujoco.mj_forward(model, data)
     pictures = []
     for name in ("beside", "head_camera"):

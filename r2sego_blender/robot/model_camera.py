@@ -1,16 +1,44 @@
-"""A camera of a MuJoCo model as it stands in a simulation."""
+"""A camera of a MuJoCo model: put on a body, and as it stands in a simulation."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from ..cameras import Camera
 from ..errors import RobotError
+from .mount import parse_mount
 
 _MUJOCO_FROM_OPENCV = np.diag([1.0, -1.0, -1.0])
+
+
+def add_camera(
+    spec: mujoco.MjSpec,
+    name: str,
+    mount: Mapping[str, Any] | Sequence[Any],
+    size_px: tuple[int, int] = (640, 480),
+) -> None:
+    """Put a camera on a body of ``spec``, at a mount as behaviour scopes declare them.
+
+    That is ``[parent, [x, y, z], [roll, pitch, yaw], {"hfov_deg": 69}]``, metres and radians, in
+    the body's frame; see ``parse_mount``. ``size_px``, width and height, turn a field of view
+    across into MuJoCo's, which is upright. Raises RobotError naming the field, or when there is
+    no such body.
+    """
+    parsed = parse_mount(mount, f"the mount of '{name}'")
+    body = spec.body(parsed.parent)
+    if body is None:
+        names = ", ".join(body.name for body in spec.bodies[1:])
+        raise RobotError(f"the robot has no body '{parsed.parent}'", cure=f"It has: {names}.")
+    lens = parsed.camera(*size_px)
+    turn = np.empty(4)
+    mujoco.mju_mat2Quat(turn, (parsed.parent_from_camera[:3, :3] @ _MUJOCO_FROM_OPENCV).ravel())
+    fovy = math.degrees(2.0 * math.atan(lens.height / 2.0 / lens.fy))
+    body.add_camera(name=name, pos=parsed.parent_from_camera[:3, 3], quat=turn, fovy=fovy)
 
 
 def model_camera(model: mujoco.MjModel, data: mujoco.MjData, name: str, width: int, height: int) -> Camera:

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from r2sego_blender.errors import RobotError
-from r2sego_blender.robot.model_camera import model_camera
+from r2sego_blender.robot.model_camera import add_camera, model_camera
+from r2sego_blender.robot.mount import parse_mount
 
 XML = """
 <mujoco>
@@ -44,3 +45,20 @@ def test_what_cannot_be_a_pinhole_is_told(simulation):
         model_camera(*simulation, "nose", 640, 480)
     with pytest.raises(RobotError, match="'flat' has no perspective"):
         model_camera(*simulation, "flat", 640, 480)
+
+
+def test_a_declared_mount_is_put_on_its_body():
+    spec = mujoco.MjSpec.from_string(XML)
+    mount = ["head", [0.06, 0.02, 0.43], [0.1, 0.83, -0.2], {"hfov_deg": 69}]
+    add_camera(spec, "mounted", mount, (320, 200))
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    found = model_camera(model, data, "mounted", 320, 200)
+    head = np.eye(4)
+    head[:3, :3], head[:3, 3] = data.body("head").xmat.reshape(3, 3), data.body("head").xpos
+    declared = parse_mount(mount, "here")
+    np.testing.assert_allclose(found.world_from_camera, head @ declared.parent_from_camera, atol=1e-12)
+    assert found.fx == pytest.approx(declared.camera(320, 200).fx)
+    with pytest.raises(RobotError, match=r"no body 'nose'.*It has: head"):
+        add_camera(spec, "lost", ["nose", *mount[1:]])
