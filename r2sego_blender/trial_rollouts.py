@@ -8,8 +8,7 @@ from pathlib import Path
 
 from .contents import Contents
 from .errors import SceneError
-from .geometry.collision_files import SCENE_XML
-from .layout import COLLISION, of_round
+from .layout import of_round
 from .progress import SILENT, Progress
 from .robot.attempts import Attempts, Rollout, in_order
 from .robot.bodies import save_bodies
@@ -34,12 +33,12 @@ class Surface:
 def newest_surface(scene: Scene) -> Surface:
     """The collision surface made last. Raises SceneError when there is none yet, and when the world
     frame was corrected since."""
-    index = scene.newest_round(f"{COLLISION}/{SCENE_XML}")
+    index = scene.newest_round("collision/scene.xml")
     if index < 0:
         raise SceneError("there is no collision surface yet", where=scene.path, cure="Run Refine first.")
-    proxy, collision = of_round(index, "proxy"), of_round(index, COLLISION)
+    proxy, collision = of_round(index, "proxy"), of_round(index, "collision")
     require_present_frame(scene, [proxy, collision], "used")
-    return Surface(index, proxy, scene.path / collision / SCENE_XML)
+    return Surface(index, proxy, scene.path / collision / "scene.xml")
 
 
 def try_rollouts(scene: Scene, attempts: int, progress: Progress = SILENT) -> tuple[Rollout, ...]:
