@@ -27,7 +27,6 @@ from .commands.options import (
     json_progress,
     overrides_of,
     progress_of,
-    round_option,
     scale_of,
     scale_options,
     settings_option,
@@ -35,11 +34,11 @@ from .commands.options import (
     tell,
 )
 from .commands.proxy import PROXY_COMMANDS
+from .commands.results import RESULT_COMMANDS
 from .commands.robot import robot, robot_bodies, try_rollouts
 from .commands.splats import convert, train
 from .commands.views import views
 from .errors import MachineError, R2SEgoError, SettingsError, of_file
-from .layout import REPORT_PAGE
 from .named_settings import PRESETS, with_overrides
 from .progress import JsonProgress, Progress
 from .resources import available_cores, require_addresses
@@ -80,7 +79,17 @@ class _Commands(Commands):
 @click.version_option(__version__, prog_name="r2sego")
 @click.pass_context
 def main(context: click.Context) -> None:
-    """A handful of photographs becomes a scene a robot can be trained in."""
+    """A handful of photographs becomes a scene a robot can be trained in.
+
+    \b
+    r2sego new room.r2s --captures photographs/
+    r2sego refine room.r2s --preset preview
+    r2sego status room.r2s
+    r2sego export room.r2s --to room/
+
+    `r2sego demo demo.r2s` does it with photographs that come along, and `r2sego COMMAND --help` says
+    more of each. Lengths are metres, z is up; SCENE is the bundle, a folder such as room.r2s.
+    """
     context.obj = {}
     require_addresses()
     if getattr(sys.stdout, "errors", "") in ("strict", "surrogateescape"):  # as in a file, on Windows
@@ -105,7 +114,10 @@ def main(context: click.Context) -> None:
     help="The robot: embedded:humanoid, embedded:wheeled, or an MJCF or URDF file.",
 )
 @click.option(
-    "--scope", default="walk_and_look", show_default=True, help="Behaviour scope: a name or a TOML file."
+    "--scope",
+    default="walk_and_look",
+    show_default=True,
+    help="Behaviour scope: walk_and_look, sit_down or a TOML file.",
 )
 @scale_options
 @settings_option
@@ -122,7 +134,12 @@ def new(
     as_json: bool,
     **given: Any,
 ) -> None:
-    """Make the bundle SCENE from photographs."""
+    """Make the bundle SCENE from photographs.
+
+    SCENE is a new folder, by custom of a name in .r2s. Without an option for the scale, poses in metres
+    count as they are, and otherwise the cameras are taken to be 1.5 m above the floor. Pixels are those
+    of the upright photograph at its full size.
+    """
     from .captures.scale import Scale
     from .creation import create_scene
 
@@ -143,7 +160,10 @@ def new(
     help="Named settings: 'preview' for a quick look; by default the scene's, at first 'paper'.",
 )
 @settings_option
-@click.option("--rounds", type=int, help="Refinement rounds; short for --set rounds=L.")
+@click.option(
+    "--rounds", type=int,
+    help="Refinement rounds: 3 in 'paper', 2 in 'preview'. Short for --set rounds=L.",
+)  # fmt: skip
 @json_progress
 @click.pass_context
 def refine(
@@ -154,7 +174,11 @@ def refine(
     rounds: int | None,
     as_json: bool,
 ) -> None:
-    """Run Algorithm 1 on SCENE; started again, it goes on where it stopped."""
+    """Run Algorithm 1 on SCENE; started again, it goes on where it stopped.
+
+    Writes asset.ply, collision/ and report/index.html in SCENE. Preset and settings that are given stay
+    declared for the next time.
+    """
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)
     changes = overrides_of(overrides) | ({} if rounds is None else {"rounds": rounds})
@@ -183,16 +207,25 @@ def status(scene: Path, as_json: bool) -> None:
     click.echo(json.dumps(state, indent=1) if as_json else "\n".join(lines(state)))
 
 
+_round_option = click.option(
+    "--round", "round_index", type=int, metavar="L",
+    help="The round, from 0; by default the first that is not done, else the last.",
+)  # fmt: skip
+
+
 @main.command()
 @click.argument("scene", type=ANY_PATH)
-@round_option
+@_round_option
 @click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
 @json_progress
 @click.pass_context
 def rollouts(
     context: click.Context, scene: Path, round_index: int | None, as_object: bool, as_json: bool
 ) -> None:
-    """Bring SCENE to a round's rollouts, and say what became of every attempt."""
+    """Bring SCENE to a round's rollouts, and say what became of every attempt.
+
+    Runs the steps of refine up to there, as far as they are not done.
+    """
     from .rollouts_report import describe_rollouts, lines
 
     progress = progress_of(context, as_json)
@@ -202,7 +235,7 @@ def rollouts(
 
 @main.command()
 @click.argument("scene", type=ANY_PATH)
-@round_option
+@_round_option
 @click.option("--explain", is_flag=True, help="Every candidate with its scores, and why it is no target.")
 @click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
 @json_progress
@@ -215,109 +248,15 @@ def select(
     as_object: bool,
     as_json: bool,
 ) -> None:
-    """Bring SCENE to a round's target views, and say what they are and why."""
+    """Bring SCENE to a round's target views, and say what they are and why.
+
+    Runs the steps of refine up to there, as far as they are not done.
+    """
     from .selection_report import describe_selection, lines
 
     progress = progress_of(context, as_json)
     opened, index = _advance(scene, round_index, "selection", progress)
     show(progress, describe_selection(opened, index, explain), lines, as_object)
-
-
-@main.command()
-@click.argument("scene", type=ANY_PATH)
-@click.option(
-    "--frozen",
-    required=True,
-    type=ANY_PATH,
-    help="cameras.json with a 'frozen' list, or a folder of held-out photographs.",
-)
-@json_progress
-@click.pass_context
-def evaluate(context: click.Context, scene: Path, frozen: Path, as_json: bool) -> None:
-    """Score SCENE on frozen views against vanilla 3DGS; writes report/metrics.json."""
-    from .evaluation.scene_evaluation import evaluate_scene, table
-
-    progress = progress_of(context, as_json)
-    opened = Scene.open(scene)
-    metrics = evaluate_scene(opened, frozen, progress)
-    if as_json:
-        tell(progress, metrics=metrics)
-    else:
-        click.echo(table(metrics))
-        click.echo(f"report: {opened.report_folder / REPORT_PAGE}")
-
-
-@main.command()
-@click.argument("scene", type=ANY_PATH)
-@click.option("--to", "folder", required=True, type=FOLDER, help="Folder to write, made if missing.")
-@click.option("--splats", default="", metavar=".SPZ,.GLB", help="The asset in these formats too.")
-@click.option("--textured", is_flag=True, help="The proxy with baked colours too, for simulators.")
-@json_progress
-@click.pass_context
-def export(
-    context: click.Context, scene: Path, folder: Path, splats: str, textured: bool, as_json: bool
-) -> None:
-    """Copy SCENE's asset, collision surface and proxy to a folder other tools read."""
-    from .export import export_scene
-
-    progress = progress_of(context, as_json)
-    suffixes = [f".{name.strip().lower().lstrip('.')}" for name in splats.split(",") if name.strip()]
-    written = export_scene(Scene.open(scene), folder, suffixes, textured, progress)
-    if as_json:
-        tell(progress, files=[str(path) for path in written])
-    else:
-        for path in written:
-            click.echo(path)
-
-
-@main.command()
-@click.argument("scene", type=ANY_PATH)
-@click.option("--to", "file", type=ANY_PATH, metavar="FILE", help="GLB, or OBJ and MJCF; else in the scene.")
-@click.option("--faces", type=int, metavar="N", help="Short for --set texture.faces=N.")
-@click.option("--size", type=int, metavar="PX", help="Short for --set texture.size_px=PX.")
-@settings_option
-@json_progress
-@click.pass_context
-def texture(
-    context: click.Context,
-    scene: Path,
-    file: Path | None,
-    faces: int | None,
-    size: int | None,
-    overrides: tuple[str, ...],
-    as_json: bool,
-) -> None:
-    """Write SCENE's proxy as one mesh with a texture baked from the captures."""
-    from .texture import texture_scene
-
-    progress = progress_of(context, as_json)
-    opened = Scene.open(scene)
-    shorts = {"texture.faces": faces, "texture.size_px": size}
-    given = {key: value for key, value in shorts.items() if value is not None}
-    settings = with_overrides({**overrides_of(overrides), **given}, opened.declaration.settings)
-    figures = texture_scene(opened, settings, file, progress)
-    if as_json:
-        tell(progress, **figures.to_json())
-    else:
-        click.echo(figures.line())
-
-
-@main.command("check-collision")
-@click.argument("scene", type=ANY_PATH)
-@click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
-@json_progress
-@click.pass_context
-def check_collision(context: click.Context, scene: Path, as_object: bool, as_json: bool) -> None:
-    """Drop spheres on SCENE's collision surface in MuJoCo, and see that the robot stands."""
-    from .collision_report import check_scene, lines
-
-    progress = progress_of(context, as_json)
-    report = check_scene(Scene.open(scene), progress)
-    if as_json:
-        tell(progress, **report.to_json())
-    else:
-        click.echo(json.dumps(report.to_json(), indent=1) if as_object else "\n".join(lines(report)))
-    context.exit(0 if report.passed or as_json else 1)  # as JSON the result says it
 
 
 @main.command()
@@ -342,7 +281,7 @@ main.add_command(register)
 main.add_command(views)
 main.add_command(train)
 main.add_command(convert)
-for command in PROXY_COMMANDS:
+for command in (*PROXY_COMMANDS, *RESULT_COMMANDS):
     main.add_command(command)
 
 

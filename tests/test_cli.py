@@ -14,11 +14,15 @@ import pytest
 from click.testing import CliRunner
 
 from r2sego_blender import compiled
+from r2sego_blender.captures.registration import ASSUMED_CAMERA_HEIGHT_M
 from r2sego_blender.cli import main
 from r2sego_blender.commands.bench import bench
 from r2sego_blender.digests import content_digest
 from r2sego_blender.images import save_image
+from r2sego_blender.named_settings import PRESETS, with_overrides
+from r2sego_blender.robot.scope import shipped_scopes
 from r2sego_blender.scene import Declaration, Scene
+from r2sego_blender.settings import Settings
 
 ROOT = Path(__file__).parents[1]
 ROOM = ROOT / "demo" / "room"
@@ -237,6 +241,21 @@ def test_the_help_says_what_each_command_does_in_full(group):
     assert "..." not in CliRunner().invoke(main, [*group, "--help"]).output.partition("Commands:")[2]
 
 
+def told_by_help(*command: str) -> str:
+    return " ".join(CliRunner().invoke(main, [*command, "--help"]).output.split())
+
+
+def test_the_help_tells_settings_and_scopes_as_they_are():
+    texture, rounds = Settings().texture, with_overrides({}).rounds
+    told = told_by_help("texture")
+    assert f"by default {texture.faces}" in told and f"by default {texture.size_px}" in told
+    preview = PRESETS["preview"]["rounds"]
+    assert f"{rounds} in 'paper', {preview} in 'preview'" in told_by_help("refine")
+    for command in ("new", "robot"):
+        assert f"{', '.join(reversed(shipped_scopes()))} or a TOML file" in told_by_help(command)
+    assert f"{ASSUMED_CAMERA_HEIGHT_M} m above the floor" in told_by_help("new")
+
+
 @pytest.mark.parametrize("name", bench.commands)
 def test_the_help_of_a_benchmark_tells_the_defaults_that_hold(name):
     benchmark = importlib.import_module(f"r2sego_blender.benchmarks.{name}")
@@ -246,7 +265,7 @@ def test_the_help_of_a_benchmark_tells_the_defaults_that_hold(name):
         default = taken[option].default
         if isinstance(default, (int, str)):
             assert options[option].default == default and options[option].show_default, option
-    help_text = " ".join(CliRunner().invoke(main, ["bench", name, "--help"]).output.split())
+    help_text = told_by_help("bench", name)
     if name == "splats":  # which has others for splats of files
         assert f"{benchmark.GAUSSIANS} by default" in help_text and f"or {benchmark.SIZE} of" in help_text
 

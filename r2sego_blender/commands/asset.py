@@ -29,7 +29,10 @@ if TYPE_CHECKING:
     help="JSON with a list 'cameras' or 'captures'; for an ASSET also what it was trained on.",
 )
 @click.option("--to", "folder", required=True, type=FOLDER, help="Folder to write, made if missing.")
-@click.option("--round", "stage", default=FINAL, metavar="L", help="initial, a round from 0, or final.")
+@click.option(
+    "--round", "stage", default=FINAL, show_default=True, metavar="L",
+    help="Which asset of SCENE: initial, a round's, from 0, or final.",
+)  # fmt: skip
 @click.option(
     "--pass", "passes", type=click.Choice(PASSES), multiple=True, help="Repeatable; by default colour."
 )
@@ -44,7 +47,11 @@ def render(
     passes: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Render a scene's asset, or a splat file, exactly from given cameras."""
+    """Render a scene's asset, or a splat file, exactly from given cameras.
+
+    Writes a PNG for each camera and pass; alpha, depth (metres, 0 where nothing is) and normals (in the
+    world) also as exact numbers in a camera's .npz.
+    """
     from ..splat_start import cameras_of_poses, holds_poses
     from ..splats.formats import load_asset
     from ..splats.pictures import load_cameras, save_pictures
@@ -66,9 +73,20 @@ def render(
 
 @click.command("edit-asset")
 @click.argument("scene", type=ANY_PATH)
-@click.option("--box", "boxes", multiple=True, type=ANY_PATH, help="What to delete: a box; repeatable.")
-@click.option("--lasso", "lassos", multiple=True, type=ANY_PATH, help="What a lasso holds; repeatable.")
-@click.option("--cells", "cells", multiple=True, type=ANY_PATH, help="What cells of a grid hold; repeatable.")
+@click.option(
+    "--box", "boxes", multiple=True, type=ANY_PATH, metavar="FILE", help="What to delete: a box; repeatable."
+)
+@click.option(
+    "--lasso", "lassos", multiple=True, type=ANY_PATH, metavar="FILE", help="What a lasso holds; repeatable."
+)
+@click.option(
+    "--cells",
+    "cells",
+    multiple=True,
+    type=ANY_PATH,
+    metavar="FILE",
+    help="What cells of a grid hold; repeatable.",
+)
 @click.option("--name", help="The edit's name; by default the next edit_001.")
 @click.option("--remove", multiple=True, metavar="NAME", help="Take an edit back; repeatable.")
 @click.option("--list", "listed", is_flag=True, help="Only say which edits there are.")
@@ -89,7 +107,7 @@ def edit_asset(
 ) -> None:
     """Delete splats from SCENE's asset, now and whenever it is refined again.
 
-    FILE of --box holds world_from_box (4x4) and half_extents (3); of --lasso camera,
+    FILE is JSON: of --box it holds world_from_box (4x4) and half_extents (3); of --lasso camera,
     polygon_px, near_m and far_m; of --cells grid_from_world (4x4) and cells (K x 3).
     """
     from ..asset_edits import AssetEdit, edit_file, load_edits, load_region, next_name, save_edit

@@ -47,7 +47,11 @@ def register(
     as_json: bool,
     **given: Any,
 ) -> None:
-    """Correct SCENE's ground or scale; what depends on it is redone by the next refine."""
+    """Correct SCENE's ground or scale; what depends on it is redone by the next refine.
+
+    SCENE/report/ground shows where the floor was found. Pixels are those of SCENE/captures/images, from
+    the upper left corner.
+    """
     from ..captures.floor_points import FloorPoint
     from ..captures.picks import Picks
     from ..correction import correct_by_picks, correct_registration, correct_to_frame, undo_correction

@@ -35,9 +35,9 @@ def progress_of(context: click.Context, as_json: bool) -> Progress:
 
 def json_progress(command: Callable) -> Callable:
     """The option ``--json-progress``, given as ``as_json``."""
-    return click.option("--json-progress", "as_json", is_flag=True, help="Tell progress as JSON lines.")(
-        command
-    )
+    return click.option(
+        "--json-progress", "as_json", is_flag=True, help="Tell progress and result as JSON lines."
+    )(command)
 
 
 def settings_option(command: Callable) -> Callable:

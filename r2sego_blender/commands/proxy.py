@@ -70,9 +70,12 @@ def objects(scene: Path, as_json: bool, **given: Any) -> None:
 @click.command("edit-proxy")
 @click.argument("scene", type=ANY_PATH)
 @click.option(
-    "--cut", type=ANY_PATH, metavar="FILE.npz", help="Faces to cut away: corners of a round's proxy."
+    "--cut",
+    type=ANY_PATH,
+    metavar="FILE.npz",
+    help="Faces to cut away: the number round, and their corners (K x 3 x 3) in its proxy.",
 )
-@click.option("--draw", type=ANY_PATH, metavar="FILE", help="A surface to add: a mesh in the world, metres.")
+@click.option("--draw", type=ANY_PATH, metavar="FILE", help="A mesh to add, in the world's metres.")
 @click.option("--name", default="", help="What the edit is called; by default as its file.")
 @click.option("--remove", multiple=True, metavar="NAME", help="Take an edit back; repeatable.")
 @click.option("--list", "only_list", is_flag=True, help="Only say what edits there are.")
@@ -102,7 +105,10 @@ def edit_proxy(
 def coverage(
     context: click.Context, scene: Path, round_index: int | None, as_object: bool, as_json: bool
 ) -> None:
-    """Count, for each face of a round's proxy, the robot's views and the captures that see it."""
+    """Count, for each face of a round's proxy, the robot's views and the captures that see it.
+
+    The counts stand in rounds/L/coverage.
+    """
     from ..coverage_report import lines, measure_coverage
 
     progress = progress_of(context, as_json)
@@ -114,7 +120,7 @@ def coverage(
 
 @click.command()
 @click.argument("scene", type=ANY_PATH)
-@click.option("--preset", type=click.Choice(list(PRESETS)), help="As for refine.")
+@click.option("--preset", type=click.Choice(list(PRESETS)), help="By default the scene's, as for refine.")
 @settings_option
 @click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
 @json_progress

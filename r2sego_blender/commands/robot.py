@@ -15,12 +15,16 @@ from .options import ANY_PATH, json_progress, overrides_of, progress_of, round_o
 @click.command()
 @click.argument("scene", type=ANY_PATH)
 @click.option("--robot", "model", help="embedded:humanoid, embedded:wheeled, or an MJCF or URDF file.")
-@click.option("--scope", help="Behaviour scope: a name or a TOML file.")
+@click.option("--scope", help="Behaviour scope: walk_and_look, sit_down or a TOML file.")
 @click.option(
     "--region", metavar="POLYGON|free_floor",
     help="Where the base may be: corners in metres, '0,0 2,0 2,1.5', or wherever the floor is free.",
 )  # fmt: skip
-@click.option("--target", metavar="any|NAME|X,Y", help="What to sit on; sitting is drawn from then on.")
+@click.option(
+    "--target",
+    metavar="any|NAME|X,Y",
+    help="What to sit on from then on: any seat, an object or a place in metres.",
+)
 @click.option(
     "--set", "fields", multiple=True, metavar="FIELD=VALUE",
     help="One field of the scope, as in docs/behaviour-scope.md, with a TOML value; no value: the default "
@@ -44,7 +48,7 @@ def robot(
 ) -> None:
     """Declare SCENE's robot and behaviour scope, and say what they are.
 
-    Fields that are changed go to a scope file of the bundle's own.
+    Without options it only says. Fields that are changed go to a scope file of the bundle's own.
     """
     from ..robot.region import parse_polygon
     from ..robot.scope import FREE_FLOOR
@@ -69,7 +73,10 @@ def robot(
 @json_progress
 @click.pass_context
 def robot_bodies(context: click.Context, scene: Path, round_index: int | None, as_json: bool) -> None:
-    """Write the robot's shapes and their poses along a round's rollouts of SCENE, for Blender."""
+    """Write the robot's shapes and their poses along a round's rollouts of SCENE, for Blender.
+
+    They stand in rounds/L/bodies.
+    """
     from ..robot_bodies import export_bodies
 
     progress = progress_of(context, as_json)
