@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import TracebackType
 
 import mujoco
@@ -16,6 +17,19 @@ _NEARLY_FAR = 0.99
 
 _DEPTH_TOLERANCE_M = 0.05
 """Splats lie this much before what they show: else feet would sink into the floor."""
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What a camera sees at one moment.
+
+    ``colour`` (H, W, 3) uint8, sRGB; ``depth_m`` (H, W) float32, planar, 0 where nothing is;
+    ``body`` (H, W) bool, where a body of the simulation is seen and not the room.
+    """
+
+    colour: np.ndarray
+    depth_m: np.ndarray
+    body: np.ndarray
 
 
 class SimulatedCamera:
@@ -46,20 +60,20 @@ class SimulatedCamera:
         """Lens and pose at this moment of the simulation. Raises RobotError if there is none of its name."""
         return model_camera(self._model, data, self._name, *self._size_px)
 
-    def image(self, data: mujoco.MjData) -> np.ndarray:
-        """(H, W, 3) uint8, sRGB: what the camera sees at this moment of the simulation."""
+    def see(self, data: mujoco.MjData) -> Sight:
+        """What the camera sees at this moment of the simulation."""
         room = render(self._asset, self.camera(data))
-        pixels = np.uint8(np.clip(room.colour, 0.0, 1.0) * 255.0 + 0.5)
         self._renderer.update_scene(data, self._name)
         self._renderer.enable_depth_rendering()
-        depth_m = self._renderer.render()
+        drawn_m = self._renderer.render()
         self._renderer.disable_depth_rendering()
         far_m = self._model.vis.map.zfar * self._model.stat.extent
         room_m = np.where(room.depth > 0.0, room.depth + _DEPTH_TOLERANCE_M, np.inf)
-        before = depth_m < np.minimum(room_m, _NEARLY_FAR * far_m)
-        if before.any():
-            pixels[before] = self._renderer.render()[before]
-        return pixels
+        body = drawn_m < np.minimum(room_m, _NEARLY_FAR * far_m)
+        colour = np.uint8(np.clip(room.colour, 0.0, 1.0) * 255.0 + 0.5)
+        if body.any():
+            colour[body] = self._renderer.render()[body]
+        return Sight(colour, np.where(body, drawn_m, room.depth), body)
 
     def close(self) -> None:
         self._renderer.close()

@@ -49,12 +49,15 @@ model = mujoco.MjModel.from_xml_string('''
 </mujoco>''')
 data = mujoco.MjData(model)
 mujoco.mj_forward(model, data)
-pictures, projected = [], []
+pictures, projected, depths = [], [], []
 for name in ("eye", "sensor"):
     with SimulatedCamera(model, name, wall, (320, 240)) as camera:
-        pictures.append(camera.image(data))
+        sight = camera.see(data)
+        pictures.append(sight.colour)
+        depths.append(np.where(sight.body, -sight.depth_m, sight.depth_m))
         projected.append(camera.camera(data).project(np.array([[0.3, 1.5, 1.2]]))[0][0])
-np.savez(sys.argv[1], pictures=pictures, projected=projected, samples=model.vis.quality.offsamples)
+samples = model.vis.quality.offsamples
+np.savez(sys.argv[1], pictures=pictures, projected=projected, depths=depths, samples=samples)
 """
 
 
@@ -105,6 +108,15 @@ def test_the_nearer_one_is_seen(seen):
     assert not (picture.max(axis=2) < 100).any()
 
 
+def test_depth_is_that_of_what_is_seen(seen):
+    """Bodies' depths are negative here."""
+    depth, red = seen["depths"][0], share(seen["pictures"][0], (255, 0, 0))
+    np.testing.assert_allclose(depth[red].max(), -1.44, atol=0.002)  # the sphere's nearest point
+    green = share(seen["pictures"][0], (55, 200, 55))
+    np.testing.assert_allclose(np.median(depth[green]), 2.0, atol=0.01)
+    assert (depth[green] > 0).all() and (depth[red] < 0).all()
+
+
 def test_the_model_is_left_as_it_was(seen):
     assert seen["samples"] == 4
 
@@ -126,6 +138,9 @@ def test_the_pages_examples_run_as_they_are_written(tmp_path):
     (tmp_path / "robot").mkdir()
     (tmp_path / "robot" / "g1.xml").write_text(humanoid_mjcf())
     camera, textured = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    done = run(camera + "print(image.shape, image.dtype)\n" + textured + "print(model.nmesh)", cwd=tmp_path)
+    done = run(
+        camera + "print(seen.colour.shape, seen.colour.dtype)\n" + textured + "print(model.nmesh)",
+        cwd=tmp_path,
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.split("\n")[:2] == ["(480, 640, 3) uint8", "2"]

@@ -50,7 +50,7 @@ def main(folder: Path) -> None:
     pictures = []
     for name in ("beside", "head_camera"):
         with SimulatedCamera(model, name, asset) as camera:
-            pictures.append(np.float32(camera.image(data)) / 255)
+            pictures.append(np.float32(camera.see(data).colour) / 255)
     save_figure(HERE / "mujoco.jpg", strip(pictures))
 
 
