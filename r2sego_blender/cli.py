@@ -262,7 +262,10 @@ def select(
 @main.command()
 @click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
 def doctor(as_json: bool) -> None:
-    """Say what is installed, what is missing, what it is for and what it costs."""
+    """Say what is installed, what is missing, what it is for and what it costs.
+
+    Ends with status 1 where something is missing that is required.
+    """
     from .doctor import examine, lines
 
     findings = examine()

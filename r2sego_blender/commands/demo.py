@@ -19,7 +19,10 @@ from .options import ANY_PATH, json_progress, overrides_of, progress_of, setting
 @json_progress
 @click.pass_context
 def demo(context: click.Context, scene: Path, preset: str, overrides: tuple[str, ...], as_json: bool) -> None:
-    """Make SCENE of the demo room and refine it; started again, it goes on where it stopped."""
+    """Make SCENE of the demo room and refine it; started again, it goes on where it stopped.
+
+    It takes some minutes, with --preset paper 15 and more.
+    """
     from ..demo_scene import make_demo_scene
 
     progress = progress_of(context, as_json)

@@ -52,7 +52,11 @@ from .options import (
 )
 @click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
 def objects(scene: Path, as_json: bool, **given: Any) -> None:
-    """Declare SCENE's objects for shape priors, and say what became of them."""
+    """Declare SCENE's objects for shape priors, and say what became of them.
+
+    An object's mesh, aligned to what was observed of it, completes what no photograph shows. Without
+    options it only says. Masks are PNG files called as the photographs.
+    """
     from ..object_priors import declare_objects, describe_objects, lines
 
     opened = Scene.open(scene)

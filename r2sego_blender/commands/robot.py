@@ -93,7 +93,10 @@ def robot_bodies(context: click.Context, scene: Path, round_index: int | None, a
 @json_progress
 @click.pass_context
 def try_rollouts(context: click.Context, scene: Path, attempts: int, as_json: bool) -> None:
-    """Try the behaviour on SCENE's newest collision surface, and say what fails; no round changes."""
+    """Try the behaviour on SCENE's newest collision surface, and say what fails; no round changes.
+
+    The attempts are kept in robot/trial, until the next trial.
+    """
     from ..trial_rollouts import TRIAL
     from ..trial_rollouts import try_rollouts as run
 
