@@ -37,6 +37,12 @@ def test_what_the_engine_refuses_is_told_in_one_line(blender_environment, photog
     assert not (tmp_path / "a.r2s").exists()
 
 
+def test_the_depth_maps_that_are_chosen_are_looked_for(blender_environment, photographs, tmp_path):
+    depth = tmp_path / "nowhere"
+    done = run(blender_environment, tmp_path / "a.r2s", "--captures", photographs, "--depth", depth)
+    assert done.returncode == 1 and f"{depth}: there is no such folder" in done.stderr
+
+
 @pytest.mark.slow
 def test_a_bundle_is_made_as_the_command_does(blender_environment, photographs, tmp_path):
     poses = json.loads((ROOM / "cameras.json").read_text())
