@@ -30,9 +30,7 @@ def main(arguments: list[str]) -> int:
     scale.add_argument("--camera-height", type=float, help="of the first photograph's camera, metres")
     scale.add_argument("--marker-side", type=float, help="of a printed ArUco 4x4_50 marker, metres")
     scale.add_argument("--known-length", metavar="PHOTO:X,Y:X,Y:METRES")
-    scale.add_argument(
-        "--depth", type=Path, help="folder of depth maps, called as the photographs"
-    )
+    scale.add_argument("--depth", type=Path, help="folder of depth maps, called as the photographs")
     options = parser.parse_args(arguments)
     given = {"filepath": str(options.scene.absolute()), "captures": str(options.captures.absolute())}
     given |= {"poses": str(options.poses.absolute())} if options.poses else {}
