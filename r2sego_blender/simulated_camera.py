@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from .cameras import Camera
+from .errors import MachineError
 from .robot.model_camera import model_camera
 from .splats.asset import SplatAsset
 from .splats.rasterizer import render
@@ -39,22 +40,15 @@ class SimulatedCamera:
     that is not drawn, 3 to 5. Where a drawn geom is nearer than the splats, or just behind
     their front, its pixel is seen.
     The model's frame is the asset's: world frame, metres, Z up. ``size_px`` are width and
-    height, at most the model's ``offwidth`` and ``offheight``. To be closed, or used in a
-    ``with`` statement: it holds an OpenGL context (without a screen, with MUJOCO_GL=egl).
+    height. To be closed, or used in a ``with`` statement: it holds an OpenGL context. Raises
+    MachineError when there is none to have.
     """
 
     def __init__(
         self, model: mujoco.MjModel, name: str, asset: SplatAsset, size_px: tuple[int, int] = (640, 480)
     ) -> None:
         self._model, self._name, self._asset, self._size_px = model, name, asset, size_px
-        width, height = size_px
-        # Each pixel is a body's or the room's: mixed with MuJoCo's own background, borders are dark.
-        quality = model.vis.quality
-        samples, quality.offsamples = quality.offsamples, 0
-        try:
-            self._renderer = mujoco.Renderer(model, height, width)
-        finally:
-            quality.offsamples = samples
+        self._renderer = _renderer(model, *size_px)
 
     def camera(self, data: mujoco.MjData) -> Camera:
         """Lens and pose at this moment of the simulation. Raises RobotError if there is none of its name."""
@@ -85,3 +79,19 @@ class SimulatedCamera:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
+    """MuJoCo's, for any size, and without smooth borders: each pixel is a body's or the room's."""
+    view, quality = model.vis.global_, model.vis.quality
+    before = view.offwidth, view.offheight, quality.offsamples
+    view.offwidth, view.offheight, quality.offsamples = width, height, 0
+    try:
+        return mujoco.Renderer(model, height, width)
+    except mujoco.FatalError as error:
+        raise MachineError(
+            f"MuJoCo cannot draw here: {error}",
+            cure="Without a screen, set MUJOCO_GL=egl before Python starts.",
+        ) from error
+    finally:
+        view.offwidth, view.offheight, quality.offsamples = before

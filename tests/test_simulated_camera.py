@@ -56,16 +56,19 @@ for name in ("eye", "sensor"):
         pictures.append(sight.colour)
         depths.append(np.where(sight.body, -sight.depth_m, sight.depth_m))
         projected.append(camera.camera(data).project(np.array([[0.3, 1.5, 1.2]]))[0][0])
-samples = model.vis.quality.offsamples
-np.savez(sys.argv[1], pictures=pictures, projected=projected, depths=depths, samples=samples)
+with SimulatedCamera(model, "eye", wall, (800, 600)) as camera:
+    larger = camera.see(data).colour
+np.savez(sys.argv[1], pictures=pictures, projected=projected, depths=depths, larger=larger,
+    offscreen=(model.vis.global_.offwidth, model.vis.global_.offheight, model.vis.quality.offsamples))
 """
 
 
-def run(program: str, *arguments: object, **options: object) -> subprocess.CompletedProcess:
+def run(program: str, *arguments: object, gl: str = "egl", **options: object) -> subprocess.CompletedProcess:
     """Run Python without a screen."""
+    environment = {key: value for key, value in os.environ.items() if key != "DISPLAY"}
     return subprocess.run(
         [sys.executable, "-c", program, *map(str, arguments)],
-        env={**os.environ, "MUJOCO_GL": "egl", "PYTHONPATH": str(PAGE.parents[1])},
+        env=environment | {"MUJOCO_GL": gl, "PYTHONPATH": str(PAGE.parents[1])},
         capture_output=True, text=True, **options,
     )  # fmt: skip
 
@@ -117,8 +120,16 @@ def test_depth_is_that_of_what_is_seen(seen):
     assert (depth[green] > 0).all() and (depth[red] < 0).all()
 
 
-def test_the_model_is_left_as_it_was(seen):
-    assert seen["samples"] == 4
+def test_any_size_is_seen_and_the_model_is_left_as_it_was(seen):
+    assert seen["larger"].shape == (600, 800, 3)
+    red = [share(picture, (255, 0, 0)).mean() for picture in (seen["pictures"][0], seen["larger"])]
+    assert red[0] == pytest.approx(red[1], rel=0.05)
+    assert tuple(seen["offscreen"]) == (640, 480, 4)
+
+
+def test_where_nothing_can_be_drawn_the_cure_is_told():
+    done = run(SEE, "/dev/null", gl="glfw")
+    assert "MachineError: MuJoCo cannot draw here" in done.stderr and "MUJOCO_GL=egl" in done.stderr
 
 
 def test_the_pages_examples_run_as_they_are_written(tmp_path):
