@@ -2,6 +2,8 @@
 
 Descriptors are uint8, so their inner products are integers below 2**24, which float32
 holds exactly: the blocked BLAS product gives the same matches for any number of threads.
+Of pairs that must lie near their epipolar lines there are few: their products are made one by one.
+Numba is loaded where features are matched: child processes that only read them do without.
 """
 
 from __future__ import annotations
@@ -62,7 +64,16 @@ def match(desc_a: np.ndarray, desc_b: np.ndarray, ratio: float = 0.8, mutual: bo
     is below ``ratio`` times that of the second nearest in ``b`` and, with ``mutual``, when
     each is the other's nearest. Rows are in the order of ``a``.
     """
-    return _best_pairs(desc_a, desc_b, ratio, mutual, lambda rows, squared: squared)
+    from .nearest_descriptors import Best, compare
+
+    if len(desc_b) < 2:
+        return np.zeros((0, 2), np.int32)
+    best = Best.of(len(desc_a), len(desc_b))
+    a, b = desc_a.astype(np.float32), desc_b.astype(np.float32)
+    squares_a, squares_b = _squares(desc_a), _squares(desc_b)
+    for rows in _blocks(len(a)):
+        compare(a[rows] @ b.T, squares_a, squares_b, rows.start, *best)
+    return best.pairs(ratio, mutual)
 
 
 def match_along_epipolar_lines(
@@ -73,17 +84,20 @@ def match_along_epipolar_lines(
     The poses of both cameras are known, so repeated texture elsewhere in the image does
     not spoil the ratio test. Returns (m, 2) int32.
     """
+    from .nearest_descriptors import Best, compare_near
+
+    if len(b.keypoints) < 2:
+        return np.zeros((0, 2), np.int32)
     lines_b = epipolar_lines(a.keypoints, camera_a, camera_b)
     lines_a = epipolar_lines(b.keypoints, camera_b, camera_a)
     points_a, points_b = _homogeneous(a.keypoints), _homogeneous(b.keypoints)
-
-    def only_near(rows: slice, squared: np.ndarray) -> np.ndarray:
-        far = np.abs(lines_b[rows] @ points_b.T) > max_error_px
-        far |= np.abs(points_a[rows] @ lines_a.T) > max_error_px
-        squared[far] = np.inf
-        return squared
-
-    return _best_pairs(a.descriptors, b.descriptors, ratio, True, only_near)
+    best = Best.of(len(points_a), len(points_b))
+    descriptors = np.ascontiguousarray(a.descriptors), np.ascontiguousarray(b.descriptors)
+    squares = _squares(a.descriptors), _squares(b.descriptors)
+    for rows in _blocks(len(points_a)):
+        in_b, in_a = lines_b[rows] @ points_b.T, points_a[rows] @ lines_a.T
+        compare_near(in_b, in_a, np.float32(max_error_px), *descriptors, *squares, rows.start, *best)
+    return best.pairs(ratio, mutual=True)
 
 
 def epipolar_lines(keypoints: np.ndarray, camera: Camera, other: Camera) -> np.ndarray:
@@ -118,34 +132,6 @@ def _blocks(count: int) -> Iterator[slice]:
         yield slice(start, min(start + _BLOCK, count))
 
 
-def _best_pairs(desc_a, desc_b, ratio, mutual, restrict) -> np.ndarray:
-    """The pairs of ``match`` after ``restrict(rows, squared distances)`` has ruled some out."""
-    count_a, count_b = len(desc_a), len(desc_b)
-    if count_a == 0 or count_b < 2:
-        return np.zeros((0, 2), np.int32)
-    a, b = desc_a.astype(np.float32), desc_b.astype(np.float32)
-    squares_b = np.einsum("ij,ij->i", b, b)
-    nearest = np.zeros(count_a, np.int64)
-    passes = np.zeros(count_a, bool)
-    best_for_b = np.full(count_b, np.inf, np.float32)
-    owner_of_b = np.full(count_b, -1, np.int64)
-    for rows in _blocks(count_a):
-        block = a[rows]
-        squared = np.einsum("ij,ij->i", block, block)[:, None] + squares_b - 2.0 * (block @ b.T)
-        squared = restrict(rows, squared)
-        index = np.arange(len(block))
-        best = squared.argmin(axis=1)
-        first = squared[index, best]
-        closest_row = squared.argmin(axis=0)
-        closest = squared[closest_row, np.arange(count_b)]
-        nearer = closest < best_for_b
-        best_for_b[nearer] = closest[nearer]
-        owner_of_b[nearer] = closest_row[nearer] + rows.start
-        squared[index, best] = np.inf
-        second = squared.min(axis=1)
-        nearest[rows] = best
-        passes[rows] = np.isfinite(first) & (first < ratio * ratio * second)
-    if mutual:
-        passes &= owner_of_b[nearest] == np.arange(count_a)
-    kept = np.flatnonzero(passes)
-    return np.stack([kept, nearest[kept]], axis=1).astype(np.int32)
+def _squares(descriptors: np.ndarray) -> np.ndarray:
+    """(n,) int32 squared lengths."""
+    return np.einsum("ij,ij->i", descriptors, descriptors, dtype=np.int32)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -68,10 +72,29 @@ def test_matching_equals_the_plain_reference(seed, count_a, count_b):
     assert np.array_equal(match(a, b, 0.8), _reference_match(a, b, 0.8))
 
 
-def test_matching_of_nothing_is_empty():
-    some = np.zeros((5, 128), np.uint8)
-    assert match(np.zeros((0, 128), np.uint8), some).shape == (0, 2)
-    assert match(some, some[:1]).shape == (0, 2)
+def test_of_equal_descriptors_the_first_is_matched(rng):
+    b = rng.integers(0, 256, (40, 128), dtype=np.uint8)
+    a = b[rng.integers(0, 40, 1200)]  # over several blocks
+    found = match(a, b, 0.8)
+    assert np.array_equal(found, _reference_match(a, b, 0.8)) and len(found) == 40
+    assert len(match(a, b, 0.8, mutual=False)) == 1200
+    assert len(match(b, a, 0.8)) == 0  # the second nearest is as near
+
+
+@pytest.mark.parametrize("count_a, count_b", [(0, 5), (5, 1), (5, 0), (0, 0)])
+def test_matching_of_nothing_is_empty(count_a, count_b):
+    camera = Camera(320, 240, 260.0, 265.0, 161.0, 118.0, look_at([0, -3, 1.5], [0, 0, 1]))
+    a, b = (
+        Features(np.zeros((count, 2), np.float32), np.zeros((count, 128), np.uint8))
+        for count in (count_a, count_b)
+    )
+    assert match(a.descriptors, b.descriptors).shape == (0, 2)
+    assert match_along_epipolar_lines(a, b, camera, camera, 2.0).shape == (0, 2)
+
+
+def test_reading_matches_needs_no_numba():
+    program = "import sys, r2sego_blender.captures.overlap; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program]).returncode == 0
 
 
 def test_epipolar_matching_equals_the_plain_reference(rng):
