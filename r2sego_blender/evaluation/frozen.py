@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,7 +18,10 @@ from ..errors import CaptureError
 from ..images import to_uint8
 from ..progress import SILENT, Progress
 from ..splats.metrics import psnr, ssim
-from .lpips import Lpips, find_lpips
+from .lpips import find_lpips
+
+if TYPE_CHECKING:
+    from .lpips_network import Lpips
 
 DECIMALS = 4
 """Of every score that is written."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import pickle
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +86,12 @@ def test_the_folder_is_named_by_the_environment(weights, monkeypatch):
     network, reason = find_lpips()
     assert network is None
     assert reason.startswith("AlexNet weights not at hand")
+
+
+def test_torch_is_loaded_for_weights_alone():
+    program = "import sys, r2sego_blender.evaluation.scene_evaluation, r2sego_blender.pipeline\n"
+    program += "sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program]).returncode == 0
 
 
 def test_each_missing_file_is_named(weights):
