@@ -30,6 +30,9 @@ _SUPERSAMPLING = 2
 _CONTOUR_M = 0.06
 """Steps in height larger than this are outlined on the plan."""
 
+_FADED = 0.45
+"""How far the plan goes over into the background where cameras are drawn on it."""
+
 _KEY_LIGHT = np.array([-0.35, -0.5, 0.79])
 
 
@@ -72,10 +75,9 @@ class TopView:
         return self.camera.project(points)[0]
 
 
-def top_view(proxy: GeometryProxy, width_px: int = 960, faded: float = 0.0) -> TopView:
+def top_view(proxy: GeometryProxy, width_px: int = 960) -> TopView:
     """The proxy from above without its ceiling, each face in its provenance's colour.
 
-    ``faded`` in [0, 1] blends the picture towards the background, for drawing on it.
     The camera stands 200 m up, so that the picture is a plan to within a few centimetres.
     """
     vertices = np.asarray(proxy.vertices, np.float64)
@@ -92,26 +94,20 @@ def top_view(proxy: GeometryProxy, width_px: int = 960, faded: float = 0.0) -> T
     colours = _shaded(vertices, faces, provenance)
     image = buffers.of_face(colours) * _height_shade(buffers.depth)[..., None]
     image[buffers.face < 0] = BACKGROUND
-    image = resize(image.astype(np.float32), camera.width, camera.height)
-    image = image * (1.0 - faded) + np.array(BACKGROUND, np.float32) * faded
-    return TopView(image, camera)
+    return TopView(resize(image.astype(np.float32), camera.width, camera.height), camera)
 
 
 def camera_map(
-    proxy: GeometryProxy,
-    captures: Sequence[Camera],
-    candidates: np.ndarray,
-    chosen: np.ndarray,
-    width_px: int = 960,
+    plan: TopView, captures: Sequence[Camera], candidates: np.ndarray, chosen: np.ndarray
 ) -> np.ndarray:
-    """The plan with the captures' frusta, every candidate position and the target views' frusta.
+    """The ``plan``, faded, with the captures' frusta, every candidate position and the target views' frusta.
 
     ``candidates`` (M, 4, 4) world_from_camera; ``chosen`` (<= M,) indices into them. Returns
     (H, W, 3) float32.
     """
-    plan = top_view(proxy, width_px, faded=0.45)
-    large = TopView(plan.image, plan.camera.scaled(_SUPERSAMPLING))
-    canvas = Image.fromarray(to_uint8(resize(plan.image, large.camera.width, large.camera.height)))
+    faded = plan.image * (1.0 - _FADED) + np.array(BACKGROUND, np.float32) * _FADED
+    large = TopView(faded, plan.camera.scaled(_SUPERSAMPLING))
+    canvas = Image.fromarray(to_uint8(resize(faded, large.camera.width, large.camera.height)))
     draw = ImageDraw.Draw(canvas)
     if len(candidates):
         for x, y in large.pixels(np.asarray(candidates)[:, :3, 3]):

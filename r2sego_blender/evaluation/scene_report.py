@@ -132,6 +132,7 @@ def _round(scene: Scene, index: int) -> Round:
     poses = np.stack([camera.world_from_camera for camera in candidates])
     captures = load_captures(scene.captures_folder)
     budget = scene.declaration.settings.selection.target_views
+    plan = top_view(proxy)
     views = read_views(scene.path / of_round(index, "views"), budget)
     return Round(
         number=index,
@@ -148,8 +149,8 @@ def _round(scene: Scene, index: int) -> Round:
             selection.deficit, selection.availability, selection.score, selection.rollout, selection.targets
         ),
         targets=tuple(_target(view, selection, captures) for view in views),
-        proxy_picture=top_view(proxy).image,
-        camera_map=camera_map(proxy, [c.camera for c in captures], poses, selection.targets),
+        proxy_picture=plan.image,
+        camera_map=camera_map(plan, [c.camera for c in captures], poses, selection.targets),
         note=selection.note,
     )
 

@@ -81,8 +81,8 @@ def test_the_plan_is_to_scale_with_y_up_and_without_the_ceiling(proxy):
 def test_the_camera_map_marks_captures_and_targets(proxy):
     capture = Camera(64, 48, 40.0, 40.0, 32.0, 24.0, look_at((0.0, -0.6, 1.5), (0.0, 1.0, 1.0)))
     candidates = np.stack([look_at((x, 0.2, 1.2), (x, 1.0, 0.6)) for x in (-0.3, 0.3)])
-    plain = camera_map(proxy, [], candidates[:0], np.array([], int), 300)
-    marked = camera_map(proxy, [capture], candidates, np.array([1]), 300)
+    plain = camera_map(top_view(proxy, 300), [], candidates[:0], np.array([], int))
+    marked = camera_map(top_view(proxy, 300), [capture], candidates, np.array([1]))
     assert plain.shape == marked.shape
     assert 20 < (np.abs(marked - plain).max(axis=-1) > 0.1).sum() < plain.shape[0] * plain.shape[1] / 4
 
