@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -73,3 +74,24 @@ class Capture:
     def transformed(self, similarity: np.ndarray) -> Capture:
         """This capture after a (4, 4) similarity of the world."""
         return replace(self, camera=self.camera.transformed(similarity))
+
+
+@dataclass(frozen=True)
+class DecodedCapture(Capture):
+    """A capture that is looked at again and again: its photograph is decoded once and kept.
+
+    What ``image`` gives is shared and must not be written to.
+    """
+
+    @staticmethod
+    def of(capture: Capture) -> DecodedCapture:
+        """The same capture, not decoded yet."""
+        return DecodedCapture(**vars(capture))
+
+    def image(self) -> np.ndarray:
+        """See ``Capture``."""
+        return self._image
+
+    @cached_property
+    def _image(self) -> np.ndarray:
+        return super().image()

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..cameras import Camera
-from ..captures.capture import Capture
+from ..captures.capture import Capture, DecodedCapture
 from ..captures.frozen import load_frozen_views
 from ..captures.locating import locate_views
 from ..captures.sparse import SparsePoints
@@ -64,7 +64,7 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress) -> dict[str, Any]
         )  # fmt: skip
     require_present_frame(scene, [REFINED_ASSET], "scored")
     scene.require_as_made(REFINED_ASSET)
-    views = frozen_views(scene, frozen, progress)
+    views = tuple(map(DecodedCapture.of, frozen_views(scene, frozen, progress)))  # for all arms and rounds
     train_vanilla(scene, progress)
     scores: dict[str, ArmScore] = {}
     renderings: dict[str, dict[str, np.ndarray]] = {}
