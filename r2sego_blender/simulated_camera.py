@@ -10,6 +10,7 @@ import numpy as np
 
 from .cameras import Camera
 from .errors import MachineError
+from .images import to_uint8
 from .robot.model_camera import model_camera
 from .splats.asset import SplatAsset
 from .splats.rasterizer import render
@@ -38,10 +39,9 @@ class SimulatedCamera:
 
     MuJoCo draws the geoms of groups 0 to 2; the room's collision surface belongs in a group
     that is not drawn, 3 to 5. Where a drawn geom is nearer than the splats, or just behind
-    their front, its pixel is seen.
-    The model's frame is the asset's: world frame, metres, Z up. ``size_px`` are width and
-    height. To be closed, or used in a ``with`` statement: it holds an OpenGL context. Raises
-    MachineError when there is none to have.
+    their front, its pixel is seen. The model's frame is the asset's: world frame, metres, Z up.
+    ``size_px`` are width and height. To be closed, or used in a ``with`` statement: it holds an
+    OpenGL context. Raises MachineError when there is none to have.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class SimulatedCamera:
         far_m = self._model.vis.map.zfar * self._model.stat.extent
         room_m = np.where(room.depth > 0.0, room.depth + _DEPTH_TOLERANCE_M, np.inf)
         body = drawn_m < np.minimum(room_m, _NEARLY_FAR * far_m)
-        colour = np.uint8(np.clip(room.colour, 0.0, 1.0) * 255.0 + 0.5)
+        colour = to_uint8(room.colour)
         if body.any():
             colour[body] = self._renderer.render()[body]
         return Sight(colour, np.where(body, drawn_m, room.depth), body)

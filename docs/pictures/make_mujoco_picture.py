@@ -15,6 +15,7 @@ import numpy as np
 from r2sego_blender.cameras import look_at
 from r2sego_blender.evaluation.figures import save_figure, strip
 from r2sego_blender.robot.humanoid import humanoid_mjcf
+from r2sego_blender.robot.mount import MUJOCO_FROM_OPENCV
 from r2sego_blender.simulated_camera import SimulatedCamera
 from r2sego_blender.splats.formats import load_asset
 
@@ -33,7 +34,7 @@ def room_with_robot(folder: Path) -> mujoco.MjModel:
     robot.attach(room, prefix="room/", frame=robot.worldbody.add_frame())
     beside = look_at(BESIDE, TOWARDS)
     turn = np.empty(4)
-    mujoco.mju_mat2Quat(turn, (beside[:3, :3] @ np.diag([1.0, -1.0, -1.0])).ravel())
+    mujoco.mju_mat2Quat(turn, (beside[:3, :3] @ MUJOCO_FROM_OPENCV).ravel())
     robot.worldbody.add_camera(name="beside", pos=beside[:3, 3], quat=turn, fovy=60.0)
     return robot.compile()
 

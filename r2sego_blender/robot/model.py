@@ -15,7 +15,7 @@ from ..cameras import Camera
 from ..errors import RobotError
 from .collision_shapes import colliding, core_points, highest_m, lowest_m, reach_m
 from .humanoid import SERVOS, Servo
-from .mount import CameraMount, parse_mount
+from .mount import MUJOCO_FROM_OPENCV, CameraMount, mount_on
 from .rest_posture import declared_posture, standing_posture
 from .robot_file import EMBEDDED_HUMANOID, does_not_compile, robot_spec
 from .structure import (
@@ -35,8 +35,6 @@ from .structure import (
 
 # Gains and bounds belong to a robot of this mass; other robots' scale with theirs.
 _SERVO_ROBOT_MASS_KG = 35.0
-# MuJoCo's camera looks along -z with y up; OpenCV's along z with y down.
-_OPENCV_FLIP = np.diag([1.0, -1.0, -1.0])
 # Casters and skids of a wheeled robot come this close to the floor at rest.
 _RESTS_M = 0.01
 # What must be finite in a compiled robot; the XML's own numbers are, but not all that follows.
@@ -260,15 +258,9 @@ def _find_mount(model: mujoco.MjModel, mount: Any, source: str) -> CameraMount:
         rotation = np.zeros(9)
         mujoco.mju_quat2Mat(rotation, model.cam_quat[camera.id])
         pose = np.eye(4)
-        pose[:3, :3] = rotation.reshape(3, 3) @ _OPENCV_FLIP
+        pose[:3, :3] = rotation.reshape(3, 3) @ MUJOCO_FROM_OPENCV
         pose[:3, 3] = model.cam_pos[camera.id]
         parent = model.body(model.cam_bodyid[camera.id]).name
         return CameraMount(parent, pose, float(model.cam_fovy[camera.id]), vertical=True)
-    if not isinstance(mount, CameraMount):
-        mount = parse_mount(mount, source)
     bodies = [model.body(index).name for index in range(1, model.nbody)]
-    if mount.parent not in bodies:
-        raise RobotError(
-            f"the robot has no body '{mount.parent}'", where=source, cure=f"It has: {', '.join(bodies)}."
-        )
-    return mount
+    return mount_on(bodies, mount, source)

@@ -11,9 +11,7 @@ import numpy as np
 
 from ..cameras import Camera
 from ..errors import RobotError
-from .mount import parse_mount
-
-_MUJOCO_FROM_OPENCV = np.diag([1.0, -1.0, -1.0])
+from .mount import MUJOCO_FROM_OPENCV, CameraMount, mount_on
 
 
 def add_camera(
@@ -29,16 +27,12 @@ def add_camera(
     across into MuJoCo's, which is upright. Raises RobotError naming the field, or when there is
     no such body.
     """
-    parsed = parse_mount(mount, f"the mount of '{name}'")
-    body = spec.body(parsed.parent)
-    if body is None:
-        names = ", ".join(body.name for body in spec.bodies[1:])
-        raise RobotError(f"the robot has no body '{parsed.parent}'", cure=f"It has: {names}.")
+    parsed = mount_on([body.name for body in spec.bodies[1:]], mount, f"the mount of '{name}'")
     lens = parsed.camera(*size_px)
     turn = np.empty(4)
-    mujoco.mju_mat2Quat(turn, (parsed.parent_from_camera[:3, :3] @ _MUJOCO_FROM_OPENCV).ravel())
+    mujoco.mju_mat2Quat(turn, (parsed.parent_from_camera[:3, :3] @ MUJOCO_FROM_OPENCV).ravel())
     fovy = math.degrees(2.0 * math.atan(lens.height / 2.0 / lens.fy))
-    body.add_camera(name=name, pos=parsed.parent_from_camera[:3, 3], quat=turn, fovy=fovy)
+    spec.body(parsed.parent).add_camera(name=name, pos=parsed.parent_from_camera[:3, 3], quat=turn, fovy=fovy)
 
 
 def model_camera(model: mujoco.MjModel, data: mujoco.MjData, name: str, width: int, height: int) -> Camera:
@@ -59,16 +53,14 @@ def model_camera(model: mujoco.MjModel, data: mujoco.MjData, name: str, width: i
             f"the model's camera '{name}' has no perspective",
             cure='Give one without projection="orthographic".',
         )
+    pose = np.eye(4)
+    pose[:3, :3] = data.cam_xmat[camera].reshape(3, 3) @ MUJOCO_FROM_OPENCV
+    pose[:3, 3] = data.cam_xpos[camera]
     sensor = model.cam_sensorsize[camera]
-    if sensor[1] > 0:
-        focal, offset = np.split(model.cam_intrinsic[camera].astype(np.float64), 2)
-        size_px = np.array([width, height])
-        fx, fy = focal / sensor * size_px
-        cx, cy = (0.5 - offset / sensor) * size_px
-    else:
-        fx = fy = 0.5 * height / math.tan(math.radians(model.cam_fovy[camera]) / 2.0)
-        cx, cy = width / 2.0, height / 2.0
-    world_from_camera = np.eye(4)
-    world_from_camera[:3, :3] = data.cam_xmat[camera].reshape(3, 3) @ _MUJOCO_FROM_OPENCV
-    world_from_camera[:3, 3] = data.cam_xpos[camera]
-    return Camera(width, height, float(fx), float(fy), float(cx), float(cy), world_from_camera)
+    if sensor[1] == 0:
+        fixed = CameraMount("world", pose, float(model.cam_fovy[camera]), vertical=True)
+        return fixed.camera(width, height).at(pose)
+    focal, offset = np.split(model.cam_intrinsic[camera].astype(np.float64), 2)
+    size_px = np.array([width, height])
+    lens = np.concatenate([focal / sensor * size_px, (0.5 - offset / sensor) * size_px])
+    return Camera(width, height, *map(float, lens), pose)

@@ -16,6 +16,9 @@ from ..errors import RobotError
 # Columns: the OpenCV axes (right, down, forward) in a frame with x forward, y left, z up.
 _BODY_FROM_OPENCV = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
+MUJOCO_FROM_OPENCV = np.diag([1.0, -1.0, -1.0])
+"""MuJoCo's camera looks along -z with y up; OpenCV's along z with y down."""
+
 _MOST_RAD = 6.3  # degrees in their place are nearly always larger
 _CURE = "Write [parent, [x, y, z], [roll, pitch, yaw], {hfov_deg = 69}] in metres and radians."
 
@@ -50,6 +53,18 @@ class CameraMount:
         across = height if self.vertical else width
         focal_px = 0.5 * across / math.tan(math.radians(self.fov_deg) / 2.0)
         return Camera(width, height, focal_px, focal_px, width / 2.0, height / 2.0, np.eye(4))
+
+
+def mount_on(
+    bodies: Sequence[str], value: CameraMount | Mapping[str, Any] | Sequence[Any], where: object
+) -> CameraMount:
+    """The mount, or that of ``parse_mount``. Raises RobotError when its parent is not among ``bodies``."""
+    mount = value if isinstance(value, CameraMount) else parse_mount(value, where)
+    if mount.parent not in bodies:
+        raise RobotError(
+            f"the robot has no body '{mount.parent}'", where=where, cure=f"It has: {', '.join(bodies)}."
+        )
+    return mount
 
 
 def parse_mount(value: Mapping[str, Any] | Sequence[Any], where: object) -> CameraMount:

@@ -186,8 +186,8 @@ def _read_sum(code: Code, scratch: Value) -> Value:
 
 @vector_kernel(void(int64, int64))
 def _clear(code: Code, address: Value, count: Value) -> None:
-    """No derivatives, in ``count`` bytes: the image does not reach so far."""
-    with code.loop(count >> (VECTOR_BYTES.bit_length() - 1)) as k:
+    """No derivatives, in ``count`` vectors: the image does not reach so far."""
+    with code.loop(count) as k:
         code.store(address + k * VECTOR_BYTES, code.vector(0.0))
 
 
@@ -271,7 +271,7 @@ def _loss_and_gradient(
                     x + plane, y + plane, right, strip * COLUMNS, height, width, pitch, top, bottom, own
                 )
             else:
-                _clear(right, _BAND_BYTES)
+                _clear(right, _BAND_BYTES // VECTOR_BYTES)
             if strip > 0:
                 difference[channel, band, strip - 1] = _gradient_strip(
                     x + plane, y + plane, left, middle, right, weights, gradient + plane,
