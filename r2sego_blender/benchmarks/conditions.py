@@ -21,17 +21,21 @@ from ..generation.point_condition import PointConditions
 from ..images import save_image
 from ..progress import SILENT, Progress
 from ..settings import GenerationSettings
+from .defaults import CONDITIONS_REPEATS, CONDITIONS_TRIANGLES, SIZE
 from .machine import processor
 from .workloads import made_up_path, made_up_proxy, made_up_room, parse_size
 
-TRIANGLES, SIZE, FRAMES, REPEATS = 200_000, "640x480", 25, 5
+FRAMES = 25
 
 _CAPTURES = 6
 _WAVE_PX = 7.0  # of the made-up photographs' pattern
 
 
 def bench_conditions(
-    triangles: int = TRIANGLES, size: str = SIZE, repeats: int = REPEATS, progress: Progress = SILENT
+    triangles: int = CONDITIONS_TRIANGLES,
+    size: str = SIZE,
+    repeats: int = CONDITIONS_REPEATS,
+    progress: Progress = SILENT,
 ) -> dict[str, Any]:
     """Render a clip's conditions of a made-up room of about ``triangles`` at ``size`` (``WxH``).
 

@@ -43,10 +43,9 @@ from ..scene import Scene
 from ..settings import Settings
 from ..splats.metrics import psnr, ssim
 from ..steps import Steps
+from .defaults import GENERATION_CLIPS
 from .machine import processor
 from .true_objects import declare_true_objects
-
-CLIPS = 4
 
 _ESTIMATED, _WITH_PRIORS, _TRUE = "estimated", "with_priors", "true_geometry"
 _LIBRARY = 2  # the stream of random numbers that bench geometry makes its library with
@@ -69,7 +68,7 @@ def bench_generation(
     bundle: Path | None = None,
     library: Path | None = None,
     seed: int = 0,
-    clips: int = CLIPS,
+    clips: int = GENERATION_CLIPS,
     progress: Progress = SILENT,
 ) -> dict[str, Any]:
     """Score the embedded generator at the frozen poses of the folder ``scene``.

@@ -31,11 +31,12 @@ from ..scene import Declaration, Scene
 from ..scoring.scores import support_scores
 from ..settings import SelectionSettings
 from ..steps import Steps
+from .defaults import ROLLOUTS_CANDIDATES
 from .machine import processor
 from .workloads import made_up_collision, made_up_path, made_up_proxy, made_up_room
 
 SCOPES = ("walk_and_look", "sit_down")
-CANDIDATES, GAUSSIANS, TRIANGLES = 3600, 100_000, 200_000
+GAUSSIANS, TRIANGLES = 100_000, 200_000
 
 _SIZE = (640, 480)
 _IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
@@ -52,7 +53,7 @@ def bench_rollouts(
     robot: str | None = None,
     scopes: Sequence[str] = SCOPES,
     seed: int = 0,
-    candidates: int = CANDIDATES,
+    candidates: int = ROLLOUTS_CANDIDATES,
     progress: Progress = SILENT,
 ) -> dict[str, Any]:
     """Roll every scope out in ``scene``, and score ``candidates`` views of a made-up room.

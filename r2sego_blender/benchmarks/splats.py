@@ -26,6 +26,8 @@ from ..splats.packing import PackedGaussians, rows_of
 from ..splats.rasterizer import Rasterizer
 from ..splats.tiles import planes_of
 from ..splats.vectors import LANES
+from .defaults import SIZE, SPLATS_REPEATS
+from .defaults import SPLATS_GAUSSIANS as GAUSSIANS
 from .machine import (
     bandwidth_bytes_per_s,
     fma_rate_per_s,
@@ -35,7 +37,6 @@ from .machine import (
 from .pairs import Work, count_work
 from .workloads import Workload, made_up_room, of_files, parse_size
 
-GAUSSIANS, SIZE, REPEATS = 50_000, "640x480", 10
 _WARM_UP = 2
 
 _PARTS = ("forward", "loss", "backward")
@@ -65,7 +66,7 @@ def bench_splats(
     cameras: Path | None = None,
     size: str | None = None,
     threads: int | None = None,
-    repeats: int = REPEATS,
+    repeats: int = SPLATS_REPEATS,
     progress: Progress = SILENT,
 ) -> dict[str, Any]:
     """Measure on a made-up room of ``gaussians``, or on an ``asset`` seen by ``cameras``.

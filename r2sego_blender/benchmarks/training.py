@@ -25,8 +25,7 @@ from ..splats.metrics import psnr
 from ..splats.packing import PackedGaussians
 from ..splats.rasterizer import Rasterizer
 from ..splats.training import train
-
-GAUSSIANS, STEPS, HOLD_OUT = 60_000, 3000, 6
+from .defaults import TRAINING_GAUSSIANS, TRAINING_HOLD_OUT, TRAINING_STEPS
 
 _PLAIN: Mapping[str, Any] = {**FULL_RESOLUTION, **UNREGULARISED, "densification": "none"}
 _LOOKS = 30
@@ -66,9 +65,9 @@ def bench_training(
     captures: Path,
     poses: Path | None = None,
     points: Path | None = None,
-    hold_out: int = HOLD_OUT,
-    gaussians: int = GAUSSIANS,
-    steps: int = STEPS,
+    hold_out: int = TRAINING_HOLD_OUT,
+    gaussians: int = TRAINING_GAUSSIANS,
+    steps: int = TRAINING_STEPS,
     progress: Progress = SILENT,
 ) -> dict[str, Any]:
     """Train on ``captures`` plainly for ``steps``, then as usual until the same held-out PSNR.

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from ..benchmarks import defaults
 from ..named_settings import PRESETS
 from .options import ANY_PATH, FOLDER, Commands, overrides_of, progress_of, settings_option
 
@@ -30,14 +31,24 @@ def _measure(name: str, context: click.Context, file: Path | None, **given: Any)
 
 
 @bench.command("splats")
-@click.option("--gaussians", type=int, help="Gaussians of a made-up room; 50000 by default.")
+@click.option(
+    "--gaussians", type=int, help=f"Gaussians of a made-up room; {defaults.SPLATS_GAUSSIANS} by default."
+)
 @click.option("--asset", type=ANY_PATH, help="Splats to measure in place of the room, with --cameras.")
 @click.option("--cameras", type=ANY_PATH, help="cameras.json: its frozen views, or its captures.")
 @click.option(
-    "--size", metavar="WxH", help="Size of the images; by default that of --cameras, or 640x480 of the room."
+    "--size",
+    metavar="WxH",
+    help=f"Size of the images; by default that of --cameras, or {defaults.SIZE} of the room.",
 )
 @click.option("--threads", type=int, help="Threads to use; all by default.")
-@click.option("--repeats", type=int, default=10, show_default=True, help="Times each step is measured.")
+@click.option(
+    "--repeats",
+    type=int,
+    default=defaults.SPLATS_REPEATS,
+    show_default=True,
+    help="Times each step is measured.",
+)
 @click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
 @click.pass_context
 def bench_splats(context: click.Context, file: Path | None, **given: Any) -> None:
@@ -53,13 +64,23 @@ def bench_splats(context: click.Context, file: Path | None, **given: Any) -> Non
     help="PLY both trainings start from; else the points of the poses, or triangulated ones.",
 )  # fmt: skip
 @click.option(
-    "--hold-out", type=int, metavar="K", default=6, show_default=True,
+    "--hold-out", type=int, metavar="K", default=defaults.TRAINING_HOLD_OUT, show_default=True,
     help="Score on every K-th image, and do not train on it.",
 )  # fmt: skip
 @click.option(
-    "--gaussians", type=int, default=60_000, show_default=True, help="Gaussians of the plain training."
+    "--gaussians",
+    type=int,
+    default=defaults.TRAINING_GAUSSIANS,
+    show_default=True,
+    help="Gaussians of the plain training.",
 )
-@click.option("--steps", type=int, default=3000, show_default=True, help="Steps of the plain training.")
+@click.option(
+    "--steps",
+    type=int,
+    default=defaults.TRAINING_STEPS,
+    show_default=True,
+    help="Steps of the plain training.",
+)
 @click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
 @click.pass_context
 def bench_training(context: click.Context, file: Path | None, **given: Any) -> None:
@@ -85,11 +106,19 @@ def bench_geometry(
 
 @bench.command("conditions")
 @click.option(
-    "--triangles", type=int, default=200_000, show_default=True, help="Triangles of a made-up room."
+    "--triangles",
+    type=int,
+    default=defaults.CONDITIONS_TRIANGLES,
+    show_default=True,
+    help="Triangles of a made-up room.",
 )
-@click.option("--size", metavar="WxH", default="640x480", show_default=True, help="Size of the images.")
+@click.option("--size", metavar="WxH", default=defaults.SIZE, show_default=True, help="Size of the images.")
 @click.option(
-    "--repeats", type=int, default=5, show_default=True, help="Times each pass is measured; the least counts."
+    "--repeats",
+    type=int,
+    default=defaults.CONDITIONS_REPEATS,
+    show_default=True,
+    help="Times each pass is measured; the least counts.",
 )
 @click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
 @click.pass_context
@@ -107,7 +136,11 @@ def bench_conditions(context: click.Context, file: Path | None, **given: Any) ->
 @click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the pipeline.")
 @click.option(
-    "--clips", type=int, default=4, show_default=True, help="Whole clips made to see how steady they are."
+    "--clips",
+    type=int,
+    default=defaults.GENERATION_CLIPS,
+    show_default=True,
+    help="Whole clips made to see how steady they are.",
 )
 @click.pass_context
 def bench_generation(context: click.Context, file: Path | None, **given: Any) -> None:
@@ -145,7 +178,13 @@ def bench_refinement(
     help="Behaviour scope; repeatable. By default walk_and_look and sit_down.",
 )  # fmt: skip
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the rollouts.")
-@click.option("--candidates", type=int, default=3600, show_default=True, help="Views that are scored.")
+@click.option(
+    "--candidates",
+    type=int,
+    default=defaults.ROLLOUTS_CANDIDATES,
+    show_default=True,
+    help="Views that are scored.",
+)
 @click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
 @click.pass_context
 def bench_rollouts(context: click.Context, scopes: tuple[str, ...], file: Path | None, **given: Any) -> None:

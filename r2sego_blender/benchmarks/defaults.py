@@ -1,0 +1,13 @@
+"""What benchmarks measure if not told otherwise: light to load, for the help of the command line."""
+
+SIZE = "640x480"
+
+SPLATS_GAUSSIANS, SPLATS_REPEATS = 50_000, 10
+
+TRAINING_GAUSSIANS, TRAINING_STEPS, TRAINING_HOLD_OUT = 60_000, 3000, 6
+
+CONDITIONS_TRIANGLES, CONDITIONS_REPEATS = 200_000, 5
+
+GENERATION_CLIPS = 4
+
+ROLLOUTS_CANDIDATES = 3600
