@@ -1,9 +1,10 @@
 """What Blender remembers: the scene's bundle with its cached facts, and the running job.
 
 Panels draw only what stands here. ``refresh`` reads the bundle, on purpose: when it is
-opened, when a job has ended, or when the person asks.
+opened, when a job has ended, when the person asks, or when undo brought back what was read before.
 """
 
+import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -68,6 +69,12 @@ forgetters: list[Callable[[bpy.types.Scene, Bundle], None]] = []
 A room that keeps what a person began in a bundle adds its own, and forgets it there.
 """
 
+_readings = itertools.count(1)
+_latest: dict[tuple[int, str], int] = {}
+"""The latest reading of a bundle in a Blender scene, by the scene's session_uid and the bundle's path."""
+
+_showing = True
+
 
 def _other_round(group: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
     """The rooms read what they show of the round now chosen."""
@@ -88,6 +95,8 @@ class R2SEGO_PG_scene(bpy.types.PropertyGroup):
         min=0, default=0, update=_other_round,
     )  # fmt: skip
     settings: PointerProperty(type=SettingsGroup)
+    reading: IntProperty()
+    """Another number for another reading of the bundle: undo brings an earlier one back."""
     facts: CollectionProperty(type=R2SEGO_PG_fact)
     problem: StringProperty()
     rounds_begun: IntProperty()
@@ -137,11 +146,24 @@ def show_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
     state.round_index = max(0, bundle.rounds() - 1)  # reads the bundle, as every change of the round
 
 
+def may_show() -> bool:
+    """Whether a listener may make objects now, not only read facts.
+
+    Not after undo or redo: what is made there is in no step of Blender's history, and the next undo
+    would crash on it.
+    """
+    return _showing
+
+
 def refresh(scene: bpy.types.Scene) -> None:
-    """Read the bundle again into the cached facts; what is damaged becomes ``problem``, the rest is read."""
+    """Read the bundle again into the cached facts; what is damaged becomes ``problem``, the rest is read.
+
+    Listeners may show changed results anew: whoever calls this sees to a step to undo.
+    """
     state = scene.r2sego
     state.facts.clear()
     state.problem = ""
+    state.reading = _latest[scene.session_uid, bundle_path(scene)] = next(_readings)
     try:
         bundle = bundle_of(scene)
     except _DAMAGE as error:
@@ -174,6 +196,20 @@ def _read_again(file: str) -> None:
             turn_to(now, before)
             scene.r2sego.bundle = scene.r2sego.kept_of = str(now)
         refresh(scene)
+
+
+@bpy.app.handlers.persistent
+def _undone(*_: object) -> None:
+    """Undo does not reach the bundle: where it brought back what was read before, read what is there."""
+    global _showing
+    _showing = False
+    try:
+        for scene in bpy.data.scenes:
+            name = bundle_path(scene)
+            if name and scene.r2sego.reading != _latest.get((scene.session_uid, name)):
+                refresh(scene)
+    finally:
+        _showing = True
 
 
 def _told(error: Exception) -> str:
@@ -248,10 +284,14 @@ def register() -> None:
     bpy.types.WindowManager.r2sego_job = PointerProperty(type=R2SEGO_PG_job)
     bpy.app.handlers.save_pre.append(_note_way)
     bpy.app.handlers.load_post.append(_read_again)
+    bpy.app.handlers.undo_post.append(_undone)
+    bpy.app.handlers.redo_post.append(_undone)
 
 
 def unregister() -> None:
     """Take them away again."""
+    bpy.app.handlers.redo_post.remove(_undone)
+    bpy.app.handlers.undo_post.remove(_undone)
     bpy.app.handlers.load_post.remove(_read_again)
     bpy.app.handlers.save_pre.remove(_note_way)
     del bpy.types.WindowManager.r2sego_job

@@ -5,7 +5,7 @@ import bpy
 from ..r2sego_blender.bridge.asset_pictures import is_of_view
 from ..r2sego_blender.bridge.words import counted
 from . import splat_preview, wipe
-from .sidebar import Sidebar, Step
+from .sidebar import Sidebar, Step, write_wrapped
 
 
 class R2SEGO_PT_asset(Step, bpy.types.Panel):
@@ -25,6 +25,8 @@ class R2SEGO_PT_asset(Step, bpy.types.Panel):
             row = column.row(align=True)
             row.prop(group, "stage", text=stage.label, slider=False)
         column.operator("r2sego.show_asset", icon="POINTCLOUD_DATA")
+        if group.behind:
+            write_wrapped(context, layout, "The file has changed since: Show Asset shows it", "INFO")
         row = layout.row(align=True)
         row.operator("r2sego.export_asset", text="Export", icon="EXPORT")
         row.operator("r2sego.evaluate", icon="VIEWZOOM")

@@ -22,6 +22,7 @@ from ...r2sego_blender.bridge.show_asset import is_current, is_deleted, shown_st
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import R2SEgoError
 from ...r2sego_blender.splats.ply_vertices import vertex_count
+from .. import state
 from .show_asset import show_stage
 
 _FEW_SPLATS = 10000
@@ -58,7 +59,7 @@ def _other_stage(group: bpy.types.PropertyGroup, context: bpy.types.Context) -> 
     if group.stage > highest:
         group.stage = highest  # comes here again
         return
-    if not group.stages or not shown_stage(group.shown) or is_deleted(group.shown):
+    if not group.stages or not shown_stage(group.shown) or is_deleted(group.shown) or not state.may_show():
         return
     if shown_stage(group.shown) != group.stages[group.stage].name:
         try:
@@ -76,6 +77,8 @@ class R2SEGO_PG_asset(bpy.types.PropertyGroup):
         update=_other_stage,
     )  # fmt: skip
     shown: PointerProperty(type=bpy.types.Object)
+    behind: BoolProperty()
+    """Whether what is shown is older than its file."""
     revision: IntProperty()
     """Another number for other marks: what was drawn of them is kept by it."""
     preview: BoolProperty(
@@ -186,13 +189,17 @@ def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
 
 
 def _show_anew(scene: bpy.types.Scene, bundle: Bundle) -> None:
-    """Where the shown asset's file has changed since, show it as it is now."""
-    shown = scene.r2sego_asset.shown
-    if shown is None or shown.mode == "EDIT":
+    """Where the shown asset's file has changed since, show it as it is now, or say that it is older."""
+    group = scene.r2sego_asset
+    shown, group.behind = group.shown, False
+    if shown is None:
         return
     for stage in stages(bundle.scene):
         if stage.name == shown_stage(shown) and not is_current(shown, stage):
-            show_stage(scene, stage.name)
+            if shown.mode == "EDIT" or not state.may_show():
+                group.behind = True
+            else:
+                show_stage(scene, stage.name)
 
 
 def _scores(metrics: Mapping[str, Any]) -> dict[str, float | None]:

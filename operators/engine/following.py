@@ -22,6 +22,7 @@ from .job_scene import in_scene, scene_for, started_in
 from .properties import note_python
 
 _TICK_S, _IDLE_S = 0.2, 0.5
+_SETTLED_S = 1.0  # after a command's last step its end is near, and shows it in one step to undo
 _JOURNAL_FILE = "journal.jsonl"
 _journal_seen: tuple[str, int] | None = None
 _given_up: set[Path] = set()  # folders of jobs that could not be followed
@@ -150,8 +151,20 @@ def _show_finished_steps(scene: bpy.types.Scene) -> None:
         return
     if seen != _journal_seen:
         if _journal_seen is not None and seen is not None and _journal_seen[0] == name:
-            state.refresh(scene)
+            if time.time() < seen[1] * 1e-9 + _SETTLED_S:
+                return
+            _refresh(scene)
         _journal_seen = seen
+
+
+def _refresh(scene: bpy.types.Scene) -> None:
+    """Read the bundle again; what it shows anew is a step to undo: an undo over objects that are in
+    no step of Blender's history crashes Blender."""
+    before = {one.session_uid for one in bpy.data.objects}
+    state.refresh(scene)
+    if before != {one.session_uid for one in bpy.data.objects}:
+        with in_scene(bpy.context.scene):
+            _push_undo("Show Finished Steps")
 
 
 def _next_job() -> Job | None:
@@ -172,7 +185,7 @@ def _next_job() -> Job | None:
 def _conclude(ended: Job) -> None:
     job.let_go()
     if ended.followed_elsewhere or not ended.folder.exists():  # the other Blender takes it over
-        state.refresh(scene_for(ended) or bpy.context.scene)
+        _refresh(scene_for(ended) or bpy.context.scene)
         return
     try:
         _take_over_in_window(ended)

@@ -11,7 +11,7 @@ class R2SEGO_OT_refresh_scene(ReportingOperator, bpy.types.Operator):
 
     bl_idname = "r2sego.refresh_scene"
     bl_label = "Refresh"
-    bl_options = {"REGISTER"}
+    bl_options = {"REGISTER", "UNDO"}  # what changed since is shown anew
 
     @classmethod
     def poll(cls, context):

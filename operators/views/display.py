@@ -95,4 +95,5 @@ def _take_over(scene: bpy.types.Scene, scores: RoundScores | None) -> None:
     stamp = _stamp(scores)
     group.active = group.active if group.stamp == stamp else -1  # setting it writes its words anew
     group.stamp = stamp
-    follow(scene)
+    if state.may_show():
+        follow(scene)

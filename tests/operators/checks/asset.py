@@ -100,6 +100,26 @@ def check_an_asset_that_was_published_anew_is_shown_anew():
     assert len(group().shown.data.vertices) == SPLATS and group().shown["r2sego_stage"] == "final"
 
 
+def check_undo_brings_back_nothing_that_the_files_no_longer_hold():
+    copy = copied_bundle()
+    bpy.ops.r2sego.show_asset()
+    bpy.ops.ed.undo_push(message="shown")
+    shutil.copy(copy / "rounds" / "0" / "asset.ply", copy / "asset.ply")
+    (copy / "asset_edits").mkdir()
+    (copy / "asset_edits" / "floaters.json").write_text('{"regions": []}')
+    bpy.ops.r2sego.refresh_scene()
+    bpy.ops.ed.undo_push(message="deleted")
+    for step, drawn in ((bpy.ops.ed.undo, SPLATS + BACKDROP_SPLATS), (bpy.ops.ed.redo, SPLATS)):
+        step()
+        assert len(group().shown.data.vertices) == drawn
+        assert group().behind == (drawn != SPLATS)  # the panel says so
+        assert [edit.name for edit in group().edits] == ["floaters"]
+        assert group().stages["final"].gaussians == SPLATS
+    bpy.ops.ed.undo()
+    assert bpy.ops.r2sego.show_asset() == {"FINISHED"}
+    assert len(group().shown.data.vertices) == SPLATS and not group().behind
+
+
 def check_another_bundle_begins_without_splats_and_marks():
     copied_bundle()
     bpy.ops.r2sego.show_asset()

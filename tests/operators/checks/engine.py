@@ -117,6 +117,34 @@ def check_the_timer_follows_a_job_shows_finished_steps_and_takes_the_result_over
     assert not job.folder.exists()
 
 
+def check_what_a_finished_step_shows_anew_can_be_undone():
+    """Blender crashes at an undo over objects that no step of its history has."""
+    copy = copied_bundle()
+    following = sys.modules[f"{MODULE}.operators.engine.following"]
+    bpy.ops.r2sego.show_asset()
+    for message in ("shown", "something", "something else"):
+        bpy.context.scene.frame_current += 1
+        bpy.ops.ed.undo_push(message=message)
+    shown = bpy.context.scene.r2sego_asset.shown
+    before = len(shown.data.vertices)
+    (copy / "journal.jsonl").write_text("{}\n")
+    os.utime(copy / "journal.jsonl", (2, 2))
+    conduct("slow")
+    left_job(bpy.ops.r2sego.refine)
+    following._tick()
+    shutil.copy(copy / "rounds" / "0" / "asset.ply", copy / "asset.ply")
+    os.utime(copy / "journal.jsonl", (1, 1))  # a step is added
+    following._tick()
+    drawn = []
+    for step in (None, bpy.ops.ed.undo, bpy.ops.ed.undo, bpy.ops.ed.redo, bpy.ops.ed.redo):
+        if step:
+            step()
+        drawn.append(len(bpy.context.scene.r2sego_asset.shown.data.vertices))
+        assert bpy.context.scene.r2sego_asset.shown.users_collection
+    assert drawn[0] < before and drawn == [drawn[0], before, before, before, drawn[0]], drawn
+    wait_until(lambda: following._tick() and not bpy.context.window_manager.r2sego_job.running)
+
+
 def check_the_timer_finds_the_job_of_a_file_that_was_loaded():
     open_bundle()
     conduct("sleep")
