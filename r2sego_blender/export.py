@@ -18,6 +18,7 @@ from .layout import COLLISION, OBJECTS, REFINED_ASSET, of_round
 from .progress import SILENT, Progress
 from .room_stage import ROOM_USDA, write_room_stage
 from .scene import Scene
+from .scratch import keeping, scratch_place
 from .splats.formats import SUFFIXES, load_asset, save_asset
 from .text_files import write_json, write_text
 from .texture import textured_room
@@ -104,17 +105,20 @@ def _exported(
     staging = folder / ".unfinished-export"
     shutil.rmtree(staging, ignore_errors=True)
     try:
-        proxy = GeometryProxy.load(scene.round_folder(rounds - 1) / "proxy" / "proxy.npz")
-        names = _write(scene, staging, proxy, splats)
-        if textured:
-            _write_textured(scene, staging / TEXTURED, proxy, progress)
-            names.append(TEXTURED)
-        names += _write_room_stage(staging, names)
-        others = _others(folder, names)
-        write_text(staging / ABOUT, _about(scene, names, rounds, others))
-        names.append(ABOUT)
-        for name in names:
-            _replace(staging / name, folder / name)
+        with scratch_place(staging):
+            proxy = GeometryProxy.load(scene.round_folder(rounds - 1) / "proxy" / "proxy.npz")
+            names = _write(scene, staging, proxy, splats)
+            if textured:
+                _write_textured(scene, staging / TEXTURED, proxy, progress)
+                names.append(TEXTURED)
+            names += _write_room_stage(staging, names)
+            others = _others(folder, names)
+            write_text(staging / ABOUT, _about(scene, names, rounds, others))
+            names.append(ABOUT)
+            with keeping(staging):
+                for name in names:
+                    _replace(staging / name, folder / name)
+                remove(staging)
     finally:
         shutil.rmtree(staging, ignore_errors=True)
     if others:
@@ -222,6 +226,7 @@ def _copy(source: Path, place: Path) -> None:
 
 
 def _replace(made: Path, place: Path) -> None:
+    """Put ``made`` in its place; a folder there goes aside whole, so that the next export knows it as one."""
     if place.is_dir():
-        remove(place)
+        rename(place, made.with_name(f"old-{made.name}"))
     rename(made, place)

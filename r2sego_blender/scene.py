@@ -29,7 +29,7 @@ from .digests import content_digest
 from .errors import SceneError
 from .layout import COLLISION, REFINED_ASSET
 from .scene_declaration import DECLARATION, Declaration, name_in, read_declaration, write_declaration
-from .scratch import scratch_place
+from .scratch import keeping, scratch_place
 from .whole_files import UNFINISHED, finish_replacing, flush, remove, rename, replacing_together, swap_in
 from .world_frame import frame_of_output
 
@@ -67,7 +67,8 @@ class Scene:
                     write_declaration(staging / DECLARATION, declaration)
                     flush(staging)
                 require_place(path)  # another may have made it meanwhile
-                rename(staging, path)
+                with keeping(staging):
+                    rename(staging, path)
             finally:
                 shutil.rmtree(staging, ignore_errors=True)
                 for folder in missing:
@@ -224,7 +225,10 @@ class Scene:
 
     @contextlib.contextmanager
     def publishing(self, target: str) -> Iterator[Path]:
-        """A path to write at; on leaving without an error it takes ``target``'s place."""
+        """A path to write at; on leaving without an error it takes ``target``'s place.
+
+        A cancelled process leaves nothing of it.
+        """
         place = self.path / target
         place.parent.mkdir(parents=True, exist_ok=True)
         staging = place.with_name(UNFINISHED + place.name)
@@ -232,9 +236,11 @@ class Scene:
         if not place.suffix:
             staging.mkdir()
         try:
-            yield staging
-            flush(staging)
-            swap_in(staging, place)
+            with scratch_place(staging):
+                yield staging
+                flush(staging)
+                with keeping(staging):
+                    swap_in(staging, place)
         finally:
             remove(staging)
 

@@ -37,7 +37,10 @@ class ScratchFolder(tempfile.TemporaryDirectory):
 
 @contextlib.contextmanager
 def scratch_place(place: Path) -> Iterator[None]:
-    """Within its ``with`` block a folder or file goes with ``remove_scratch``; else its user removes it."""
+    """Within its ``with`` block a folder or file goes with ``remove_scratch``; else its user removes it.
+
+    One that comes to stay leaves in a block of ``keeping``.
+    """
     with _MAKING:
         _NAMES.add(str(place))
     try:
@@ -46,10 +49,21 @@ def scratch_place(place: Path) -> Iterator[None]:
         _NAMES.discard(str(place))
 
 
+@contextlib.contextmanager
+def keeping(place: Path) -> Iterator[None]:
+    """Within its ``with`` block a scratch place is renamed to where it stays: whole, or not at all.
+
+    Else who removes it might still be at it. A process that is being cancelled stays before the block.
+    """
+    with _MAKING:
+        yield
+        _NAMES.discard(str(place))
+
+
 def remove_scratch(for_good: bool = False) -> None:
     """Remove every scratch folder and file of this process, whatever still uses it.
 
-    ``for_good`` where the process ends next: who asks for another waits for ever.
+    ``for_good`` where the process ends next: who asks for another, or to keep one, waits for ever.
     """
     if for_good:
         _MAKING.acquire()

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from .scratch import keeping, scratch_place
 from .text_files import write_text
 
 UNFINISHED = ".unfinished-"
@@ -18,6 +19,8 @@ UNFINISHED = ".unfinished-"
 
 _CHANGES, _PARTS = ".changes", "parts.json"
 _OLD = f"{UNFINISHED}old-"
+_PLACES = ("", "*/", "*/*/")
+"""Where a bundle has what is published: at its top, as in ``geometry/``, as in ``rounds/0/``."""
 _FEW_FILES = 64
 """Up to this many files are flushed one by one; beyond, the whole system once is quicker."""
 
@@ -27,7 +30,7 @@ _PAUSES_S = [0.01 * 2**n for n in range(8)] if os.name == "nt" else []
 
 def write_whole(file: Path, text: str) -> None:
     """Write ``text`` beside ``file``, have the disk take it, and put it in its place."""
-    unfinished = file.with_name(file.name + ".unfinished")
+    unfinished = file.with_name(UNFINISHED + file.name)  # hidden: no digest of a folder has it
     with unfinished.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(text)
         stream.flush()
@@ -46,10 +49,12 @@ def replacing_together(folder: Path, parts: Sequence[str]) -> Iterator[Path]:
     remove(staging)
     staging.mkdir()
     try:
-        yield staging
-        write_text(staging / _PARTS, json.dumps(list(parts)))
-        flush(staging)
-        rename(staging, folder / _CHANGES)  # from here on they count
+        with scratch_place(staging):
+            yield staging
+            write_text(staging / _PARTS, json.dumps(list(parts)))
+            flush(staging)
+            with keeping(staging):
+                rename(staging, folder / _CHANGES)  # from here on they count
         finish_replacing(folder)
     finally:
         remove(staging)
@@ -58,12 +63,16 @@ def replacing_together(folder: Path, parts: Sequence[str]) -> Iterator[Path]:
 def finish_replacing(folder: Path) -> bool:
     """Put in place what ``replacing_together`` had written when it was killed; whether there was any.
 
-    What ``swap_in`` had put aside in ``folder`` when it was killed is put back, whoever called it.
+    What ``swap_in`` had put aside in ``folder``, or in one of those within, when it was killed is put
+    back, whoever called it; other folders that are not in their places go. Nobody else may be writing.
     """
-    for old in folder.glob(f"{_OLD}*"):
-        place = folder / old.name.removeprefix(_OLD)
-        if not place.exists():
-            rename(old, place)
+    for where in _PLACES:
+        for left in list(folder.glob(f"{where}{UNFINISHED}*")):
+            place = left.with_name(left.name.removeprefix(_OLD))
+            if left.name.startswith(_OLD) and not place.exists():
+                rename(left, place)
+            elif left.is_dir():  # files are written again, and those of others may be on their way
+                remove(left)
     changes = folder / _CHANGES
     if not (changes / _PARTS).is_file():
         remove(changes)

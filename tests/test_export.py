@@ -10,6 +10,7 @@ from PIL import Image
 from progress_recorder import ProgressRecorder
 from pxr import Usd, UsdGeom, UsdPhysics, UsdVol
 
+from r2sego_blender import whole_files
 from r2sego_blender.benchmarks.workloads import made_up_room
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.capture import Capture
@@ -191,6 +192,33 @@ def test_a_second_export_replaces_what_is_no_more(scene, tmp_path):
     export_scene(scene, out)
     assert not (out / "collision" / "ghost.obj").exists() and (out / "mine.txt").read_text() == "kept"
     assert {path.name for path in out.iterdir()} == {*PLAIN, ABOUT, "mine.txt"}
+
+
+@pytest.mark.parametrize("renames", range(6))
+def test_an_export_killed_as_it_took_its_place_can_be_made_again(scene, tmp_path, monkeypatch, renames):
+    """The earlier one's folders are there whole or not at all, so that the next knows them."""
+    out, left, rename = tmp_path / "out", [None] * renames, whole_files.rename
+    export_scene(scene, out)
+    made = content_digest(out)
+
+    def killed(one, place):
+        if not left:
+            raise KeyboardInterrupt
+        left.pop()
+        rename(one, place)
+
+    def cut_off(folder, **_):
+        for file in (file for file in sorted(folder.rglob("*")) if file.is_file()):
+            file.unlink()
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr("r2sego_blender.export.rename", killed)
+        patched.setattr(whole_files.shutil, "rmtree", cut_off)
+        export_scene(scene, out)
+    export_scene(scene, out)
+    assert content_digest(out) == made
+    assert {path.name for path in out.iterdir()} == {*PLAIN, ABOUT}
 
 
 def test_what_only_an_earlier_export_wrote_is_told(scene, tmp_path):

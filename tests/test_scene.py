@@ -307,6 +307,19 @@ def test_a_bundle_that_is_cancelled_in_the_making_leaves_nothing(tmp_path):
     assert left.value.args[0] == [tmp_path / "other"]
 
 
+def test_a_step_that_is_cancelled_leaves_nothing_of_its_result(tmp_path):
+    scene = make_scene(tmp_path)
+
+    def compute(folder):
+        (folder / "half").write_text("x")
+        remove_scratch()  # what a cancelled process does
+        raise KeyboardInterrupt([file.name for file in (scene.path / "geometry").iterdir()])
+
+    with pytest.raises(KeyboardInterrupt) as left:
+        scene.step("geometry/depth", compute)
+    assert left.value.args[0] == []
+
+
 def test_the_lock_excludes_another_process(tmp_path):
     scene = make_scene(tmp_path)
     code = (

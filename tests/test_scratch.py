@@ -7,7 +7,8 @@ import sys
 import threading
 from pathlib import Path
 
-from r2sego_blender.scratch import ScratchFolder, remove_scratch, scratch_place
+from r2sego_blender import scratch
+from r2sego_blender.scratch import ScratchFolder, keeping, remove_scratch, scratch_place
 
 ROOT = Path(__file__).parents[1]
 
@@ -70,3 +71,43 @@ def test_no_folder_is_made_while_a_process_ends():
             capture_output=True, text=True, check=True,
         )  # fmt: skip
     assert done.stdout.strip() == "[]"
+
+
+def test_what_comes_to_stay_stays_whole_though_its_process_is_cancelled(tmp_path):
+    made, place = tmp_path / "made", tmp_path / "place"
+    made.mkdir()
+    (made / "file").write_text("x")
+    with scratch_place(made), keeping(made):
+        ending = threading.Thread(target=remove_scratch, kwargs={"for_good": True}, daemon=True)
+        ending.start()
+        ending.join(0.2)
+        made.rename(place)
+        waited = ending.is_alive()
+    ending.join()
+    scratch._MAKING.release()
+    assert waited and (place / "file").read_text() == "x" and not made.exists()
+
+
+def test_nothing_comes_to_stay_once_a_process_ends(tmp_path):
+    made, place = tmp_path / "made", tmp_path / "place"
+    made.mkdir()
+
+    def keep():
+        with scratch_place(made):
+            begun.set()
+            ended.wait()
+            with keeping(made):
+                made.rename(place)
+
+    begun, ended = threading.Event(), threading.Event()
+    keeper = threading.Thread(target=keep, daemon=True)
+    keeper.start()
+    begun.wait()
+    remove_scratch(for_good=True)
+    ended.set()
+    keeper.join(0.2)
+    waited = keeper.is_alive() and not place.exists()
+    made.mkdir()  # so that the thread can end
+    scratch._MAKING.release()
+    keeper.join()
+    assert waited

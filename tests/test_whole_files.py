@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from r2sego_blender import whole_files
+from r2sego_blender.digests import content_digest
 
 
 @pytest.fixture
@@ -73,10 +74,12 @@ class _Killed(BaseException):
     pass
 
 
-def test_a_folder_put_aside_by_who_was_killed_is_put_back(tmp_path, monkeypatch):
+@pytest.mark.parametrize("where", [".", "geometry", "rounds/0"])
+def test_a_folder_put_aside_by_who_was_killed_is_put_back(tmp_path, monkeypatch, where):
     """Between its two renames neither the old nor the new is in its place."""
+    bundle, tmp_path = tmp_path, tmp_path / where
     for name in ("made", "objects"):
-        (tmp_path / name).mkdir()
+        (tmp_path / name).mkdir(parents=True)
         (tmp_path / name / "said").write_text(name)
     rename = whole_files.rename
 
@@ -89,8 +92,38 @@ def test_a_folder_put_aside_by_who_was_killed_is_put_back(tmp_path, monkeypatch)
         whole_files.swap_in(tmp_path / "made", tmp_path / "objects")
     assert not (tmp_path / "objects").exists()
     monkeypatch.setattr(whole_files, "rename", rename)
-    assert not whole_files.finish_replacing(tmp_path)
+    assert not whole_files.finish_replacing(bundle)
     assert (tmp_path / "objects" / "said").read_text() == "objects"
     whole_files.swap_in(tmp_path / "made", tmp_path / "objects")
     assert (tmp_path / "objects" / "said").read_text() == "made"
     assert [file.name for file in tmp_path.iterdir()] == ["objects"]
+
+
+def test_folders_that_who_was_killed_left_go(tmp_path):
+    """Half a removed one, half a new one, a correction's copies with such within; files of others stay."""
+    for name in (
+        "geometry/edits", "geometry/.unfinished-old-edits", "rounds/0/.unfinished-views/1",
+        ".unfinished-changes/geometry/.unfinished-old-edits",
+    ):  # fmt: skip
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / "said").write_text(name)
+    (tmp_path / ".unfinished-1-asset.spz").write_text("on its way")
+    assert not whole_files.finish_replacing(tmp_path)
+    left = sorted(file.relative_to(tmp_path).as_posix() for file in tmp_path.rglob("*"))
+    assert left == [
+        ".unfinished-1-asset.spz", "geometry", "geometry/edits", "geometry/edits/said", "rounds", "rounds/0",
+    ]  # fmt: skip
+    assert (tmp_path / "geometry" / "edits" / "said").read_text() == "geometry/edits"
+
+
+def test_a_file_that_is_being_written_is_hidden_from_digests(tmp_path, monkeypatch):
+    before = content_digest(tmp_path)
+
+    def killed(made, place):
+        assert made.read_text() == "{}"
+        raise _Killed
+
+    monkeypatch.setattr(whole_files, "rename", killed)
+    with pytest.raises(_Killed):
+        whole_files.write_whole(tmp_path / "decision.json", "{}")
+    assert content_digest(tmp_path) == before

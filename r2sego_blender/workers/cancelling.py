@@ -21,6 +21,7 @@ def cancel_at_once(kept: str = "") -> None:
     """
     if threading.current_thread() is not threading.main_thread():
         return
+    _hush_resource_tracker()
     reader, writer = socket.socketpair()
     writer.setblocking(False)
     signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
@@ -44,3 +45,10 @@ def cancel_at_once(kept: str = "") -> None:
 
     wait.writer = writer  # keeps the socket open as long as the thread lives
     threading.Thread(target=wait, name="cancel", daemon=True).start()
+
+
+def _hush_resource_tracker() -> None:
+    """Multiprocessing's tracker cleans up after a process that ends at once, and would say so last."""
+    hushed, told = "ignore:resource_tracker", os.environ.get("PYTHONWARNINGS", "")
+    if hushed not in told:
+        os.environ["PYTHONWARNINGS"] = f"{told},{hushed}".lstrip(",")

@@ -118,3 +118,20 @@ def test_a_run_under_nohup_outlives_its_terminal(scene):
     command = ["nohup", sys.executable, "-c", waiting, "status", scene.path]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert (done.returncode, done.stdout.strip()) == (0, "lives")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+def test_the_last_words_of_a_cancelled_command_are_its_own():
+    """And not those of multiprocessing's tracker, which cleans up after the processes of rollouts."""
+    code = (
+        "import os, signal, time\n"
+        "from r2sego_blender.robot.spawning import SpawnContext\n"
+        "from r2sego_blender.workers.cancelling import cancel_at_once\n"
+        "cancel_at_once()\n"
+        "kept = SpawnContext().Semaphore()\n"
+        "os.kill(os.getpid(), signal.SIGINT)\n"
+        "time.sleep(60)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=50)
+    assert done.returncode == 128 + signal.SIGINT
+    assert done.stderr.split("\n") == ["", "r2sego: cancelled", ""]
