@@ -255,7 +255,7 @@ def _facts(bundle: Bundle) -> Iterator[tuple[str, str, str]]:
     yield "captures", "Photos", str(told["captures"])
     yield "captures", "Poses", told["captures_source"]
     yield "captures", "Ground", told["ground"]
-    yield "captures", "Scale", told["scale_source"]
+    yield "captures", "Scale", told["scale_source"].replace(f" ({told['captures_source']})", "")  # as Poses
     yield "proxy", "Surface", told["backends"].get("surface", "unknown")
     yield "proxy", "Prior", told["backends"].get("shape_prior", "unknown")
     yield "robot", "Robot", told["robot"]

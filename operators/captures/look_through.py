@@ -4,7 +4,9 @@ import bpy
 
 from ...r2sego_blender.bridge.cameras import has_lens, use_frame_of
 from ...r2sego_blender.bridge.preview_range import give_back
+from ...r2sego_blender.bridge.show_captures import capture_camera
 from ...r2sego_blender.bridge.views_3d import views_3d
+from .. import state
 from ..base import ReportingOperator
 
 
@@ -18,8 +20,20 @@ def look_through(context, camera):
         area.spaces.active.region_3d.view_perspective = "CAMERA"
 
 
+def _chosen_camera(context):
+    """The active object if it is a camera of ours, else the camera of the list's capture; None: neither."""
+    active = context.view_layer.objects.active
+    if has_lens(active):
+        return active
+    shown = context.scene.r2sego_captures
+    if shown.active_capture >= len(shown.captures):
+        return None
+    name = shown.captures[shown.active_capture].name
+    return capture_camera(context.scene, state.bundle_path(context.scene), name)
+
+
 class R2SEGO_OT_look_through(ReportingOperator, bpy.types.Operator):
-    """Look through the active camera, with the image size and pixel aspect of its lens"""
+    """Look through the active camera, else the list's capture, with the image size of its lens"""
 
     bl_idname = "r2sego.look_through"
     bl_label = "Look Through"
@@ -27,11 +41,11 @@ class R2SEGO_OT_look_through(ReportingOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not has_lens(context.view_layer.objects.active):
-            cls.poll_message_set("Select a camera first: one of a capture or of a target view")
+        if _chosen_camera(context) is None:
+            cls.poll_message_set("Press Import first, or select the camera of a target view")
             return False
         return True
 
     def perform(self, context):
-        look_through(context, context.view_layer.objects.active)
+        look_through(context, _chosen_camera(context))
         return ""

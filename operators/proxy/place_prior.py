@@ -36,6 +36,8 @@ def shown_prior(context, name: str):
     """The shown prior of an object, by default of the chosen one. Raises GeometryError: none."""
     bundle, found = state.opened_bundle(context), declared_object(context, name)
     shown = prior_object(context.scene, bundle.path, found)
+    if shown is None and not context.scene.r2sego_proxy.objects[found].has_prior:
+        raise GeometryError(f"'{found}' has no prior yet", cure="Run Refine: it makes one, or says why not.")
     if shown is None:
         raise GeometryError(f"the prior of '{found}' is not shown", cure="Press Show Priors first.")
     return shown

@@ -26,8 +26,9 @@ class R2SEGO_OT_show_proxy(ReportingOperator, bpy.types.Operator):
         return needs_round(cls, context)
 
     def perform(self, context):
-        shown = show_proxy(context.scene, state.opened_bundle(context), context.scene.r2sego.round_index)
+        index = context.scene.r2sego.round_index
+        shown = show_proxy(context.scene, state.opened_bundle(context), index)
         colour_shown(context.scene)
         if self.look_inside and context.area is not None and context.area.type == "VIEW_3D":
             context.space_data.shading.show_backface_culling = True
-        return f"{shown.name}: {len(shown.data.polygons)} faces"
+        return f"Proxy, round {index}: {len(shown.data.polygons)} faces"

@@ -29,5 +29,5 @@ class R2SEGO_OT_show_rollout(ShowingOperator, bpy.types.Operator):
             numbers = [one.number for one in attempts(bundle, round_index) if one.success]
             if not numbers:
                 raise SceneError("no attempt succeeded", where=bundle.path, cure="Look at the failures.")
-        roots = show_rollouts(context.scene, bundle, round_index, numbers, look_through=self.look_through)
-        return f"{', '.join(root.name for root in roots)}: {context.scene.frame_end + 1} frames"
+        show_rollouts(context.scene, bundle, round_index, numbers, look_through=self.look_through)
+        return f"Rollout {', '.join(map(str, numbers))}: {context.scene.frame_end + 1} frames"

@@ -31,5 +31,5 @@ class R2SEGO_OT_show_candidates(ReportingOperator, bpy.types.Operator):
         bundle, group = state.opened_bundle(context), context.scene.r2sego_views
         bundle.candidates(context.scene.r2sego.round_index)  # refuses before anything is changed
         group.colour_by, group.shown, group.frustum_size = self.colour_by, self.shown, self.frustum_size
-        swarm, targets = display.show(context.scene, bundle)
-        return f"{swarm.name}: {len(targets)} target views"
+        _, targets = display.show(context.scene, bundle)
+        return f"Candidates, round {context.scene.r2sego.round_index}: {len(targets)} target views"

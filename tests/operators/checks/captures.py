@@ -119,6 +119,10 @@ def check_one_capture_after_the_other_is_looked_through():
         seen.append(bpy.context.scene.camera.name)
     assert seen == ["capture_1", "capture_2", "capture_0", "capture_2"]
     assert bpy.context.scene.render.resolution_y == 80
+    shown().active_capture = 1
+    bpy.context.view_layer.objects.active = None
+    assert bpy.ops.r2sego.look_through() == {"FINISHED"}  # through the list's capture
+    assert bpy.context.scene.camera.name == "capture_1"
 
 
 def check_a_bundle_written_with_a_slash_at_its_end_is_the_same():

@@ -1,11 +1,23 @@
 """What holds of the room Proxy, checked inside Blender."""
 
 import time
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
 from mathutils import Matrix
-from support import BUNDLE, OUT, calls, conduct, copied_bundle, open_bundle, refused, state
+from support import (
+    BUNDLE,
+    OUT,
+    bundle_of_one_name,
+    calls,
+    conduct,
+    copied_bundle,
+    open_bundle,
+    open_here,
+    refused,
+    state,
+)  # fmt: skip
 
 OPERATORS = {
     "show_proxy", "measure_coverage", "select_proxy_lasso", "select_proxy_box", "cut_proxy",
@@ -35,6 +47,22 @@ def selected(mesh):
 
 def legend():
     return {line.name: round(line.area, 3) for line in group().legend}
+
+
+def check_a_round_is_called_by_its_number_beside_another_bundle():
+    """Blender adds .001 to the names of the second bundle's objects: "round 1.001" is no round."""
+    open_bundle()
+    bpy.ops.r2sego.show_proxy()
+    bpy.ops.r2sego.show_candidates()
+    open_here(bundle_of_one_name())
+    told = [
+        bpy.types.R2SEGO_OT_show_proxy.perform(SimpleNamespace(look_inside=False), bpy.context),
+        bpy.types.R2SEGO_OT_show_candidates.perform(
+            SimpleNamespace(colour_by="S", shown="ALL", frustum_size=0.1), bpy.context
+        ),
+    ]
+    assert "Proxy, round 1.001" in bpy.data.objects
+    assert [line.partition(":")[0] for line in told] == ["Proxy, round 1", "Candidates, round 1"]
 
 
 def check_show_proxy():

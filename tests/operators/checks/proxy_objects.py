@@ -146,6 +146,10 @@ def check_a_prior_is_placed_by_hand_with_its_fit():
     crate.scale.x *= 2.0
     assert "not stretched" in refused(bpy.ops.r2sego.save_placement, object_name="crate")
     assert "There is no object 'sofa'" in refused(bpy.ops.r2sego.place_prior, object_name="sofa")
+    bpy.data.objects.remove(crate)
+    assert "Press Show Priors" in refused(bpy.ops.r2sego.place_prior, object_name="crate")
+    group().objects["crate"].has_prior = False  # as where Refine has not run yet
+    assert "Run Refine" in refused(bpy.ops.r2sego.place_prior, object_name="crate")
 
 
 def check_a_hidden_prior_is_not_placed_but_told():

@@ -172,6 +172,17 @@ def check_what_stands_in_the_frame_before_a_correction_is_told():
     assert facts["Before Correction"] == "round 0: run Refine"
 
 
+def check_what_is_told_of_the_poses_is_not_told_again_of_the_scale():
+    copy = copied_bundle()
+    declared = copy / "scene.toml"
+    poses = "cameras.json; poses refined from 520 tracks"
+    text = declared.read_text().replace('"cameras.json"', f'"{poses}"')
+    declared.write_text(text.replace('"metric poses"', f'"metric poses ({poses})"'))
+    assert bpy.ops.r2sego.refresh_scene() == {"FINISHED"}
+    facts = {fact.label: fact.value for fact in state().facts if fact.section == "captures"}
+    assert (facts["Poses"], facts["Scale"]) == (poses, "metric poses")
+
+
 def check_drawing_faster_changes_views_and_no_mesh():
     open_bundle()
     state().round_index = 0
