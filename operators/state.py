@@ -258,8 +258,8 @@ def _facts(bundle: Bundle) -> Iterator[tuple[str, str, str]]:
     yield "captures", "Scale", told["scale_source"].replace(f" ({told['captures_source']})", "")  # as Poses
     yield "proxy", "Surface", told["backends"].get("surface", "unknown")
     yield "proxy", "Prior", told["backends"].get("shape_prior", "unknown")
-    yield "robot", "Robot", told["robot"]
-    yield "robot", "Scope", told["scope"]
+    yield "robot", "Robot", _seen_from(bundle, told["robot"])
+    yield "robot", "Scope", _seen_from(bundle, told["scope"])
     yield "robot", "Controller", told["backends"].get("controller", "unknown")
     yield "generation", "Generator", told["backends"].get("generator", "unknown")
     for index, done in enumerate(told["rounds"]):
@@ -274,6 +274,12 @@ def _facts(bundle: Bundle) -> Iterator[tuple[str, str, str]]:
     hulls = len(bundle.collision_hulls)
     if hulls:
         yield "collision", "Convex Pieces", str(hulls)
+
+
+def _seen_from(bundle: Bundle, named: str) -> str:
+    """A name as it is; a file that lies in the bundle by its place there, which fits the side bar."""
+    file = Path(named)
+    return file.relative_to(bundle.path).as_posix() if file.is_relative_to(bundle.path) else named
 
 
 def register() -> None:

@@ -22,7 +22,7 @@ class R2SEGO_OT_compare_view(OfOneView, ReportingOperator, bpy.types.Operator):
 
     bl_idname = "r2sego.compare_view"
     bl_label = "Side by Side"
-    bl_options = {"REGISTER"}
+    bl_options = {"REGISTER", "UNDO"}  # else the next Ctrl-Z of anything takes the picture away
 
     parts: EnumProperty(
         name="Parts", description="What stands side by side; what is missing is left out", items=PARTS,

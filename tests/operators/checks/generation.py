@@ -101,6 +101,16 @@ def check_pictures_stand_side_by_side():
     assert "no generated view 9" in refused(bpy.ops.r2sego.compare_view, view=9)
 
 
+def check_undo_of_something_else_leaves_the_pictures_that_stand_side_by_side():
+    open_bundle()
+    bpy.ops.ed.undo_push(message="opened")
+    bpy.ops.r2sego.compare_view("EXEC_DEFAULT", True, view=0)  # as a button, whose end Blender remembers
+    bpy.context.scene.frame_current += 1
+    bpy.ops.ed.undo_push(message="something else")
+    bpy.ops.ed.undo()
+    assert "R2S-EGO Side by Side" in bpy.data.images
+
+
 def check_ground_truth_stands_beside_where_it_is_near():
     open_bundle()
     scores = bpy.context.scene.r2sego_views

@@ -1,6 +1,7 @@
 """What holds of the room Scene, checked inside Blender."""
 
 import json
+import re
 from pathlib import Path
 
 import bpy
@@ -181,6 +182,16 @@ def check_what_is_told_of_the_poses_is_not_told_again_of_the_scale():
     assert bpy.ops.r2sego.refresh_scene() == {"FINISHED"}
     facts = {fact.label: fact.value for fact in state().facts if fact.section == "captures"}
     assert (facts["Poses"], facts["Scale"]) == (poses, "metric poses")
+
+
+def check_a_scope_in_the_bundle_is_named_by_its_place_there():
+    copy = copied_bundle()
+    declared = copy / "scene.toml"
+    file = copy / "robot" / "scope.toml"
+    declared.write_text(re.sub(r"(?m)^scope = .*$", f"scope = {json.dumps(str(file))}", declared.read_text()))
+    assert bpy.ops.r2sego.refresh_scene() == {"FINISHED"}
+    facts = {fact.label: fact.value for fact in state().facts if fact.section == "robot"}
+    assert facts["Scope"] == "robot/scope.toml", facts
 
 
 def check_drawing_faster_changes_views_and_no_mesh():
