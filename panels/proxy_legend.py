@@ -20,6 +20,8 @@ def swatch(colour) -> int:
 
 def draw_legend(layout, group) -> None:
     """What each colour of the shown proxy means, and its area."""
+    if group.older:
+        layout.label(text="Redone since: press Show", icon="INFO")
     if group.legend_note:
         layout.label(text=group.legend_note, icon="INFO")
     column = layout.column(align=True)

@@ -17,7 +17,7 @@ from ...r2sego_blender.bridge.object_masks import masked_objects
 from ...r2sego_blender.bridge.proxy_colours import COLOURINGS
 from ...r2sego_blender.bridge.proxy_coverage import read_coverage
 from ...r2sego_blender.bridge.proxy_objects import read_objects
-from ...r2sego_blender.bridge.show_proxy import colour_proxy, shown_proxy
+from ...r2sego_blender.bridge.show_proxy import colour_proxy, is_current, shown_proxy
 from ...r2sego_blender.geometry.edits import PROXY_EDITS, load_proxy_edits
 from .. import state
 
@@ -68,6 +68,8 @@ class R2SEGO_PG_proxy(bpy.types.PropertyGroup):
     )  # fmt: skip
     legend: CollectionProperty(type=R2SEGO_PG_proxy_colour)
     legend_note: StringProperty()
+    older: BoolProperty()
+    """Whether the shown proxy was redone since."""
     has_coverage: BoolProperty()
     objects: CollectionProperty(type=R2SEGO_PG_proxy_object)
     declared_count: IntProperty()
@@ -138,8 +140,15 @@ def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
     group = scene.r2sego_proxy
     group.has_coverage = read_coverage(bundle, scene.r2sego.round_index) is not None
     group.plan = ""
+    note_age(scene, bundle)
     _read_edits(group, bundle)
     _read_objects(group, bundle)
+
+
+def note_age(scene: bpy.types.Scene, bundle: Bundle) -> None:
+    """Note whether the shown proxy is older than its file."""
+    shown = shown_proxy(scene, bundle.path)
+    scene.r2sego_proxy.older = shown is not None and not is_current(shown, bundle)
 
 
 def _read_edits(group: bpy.types.PropertyGroup, bundle: Bundle) -> None:

@@ -6,7 +6,7 @@ from bpy.props import BoolProperty
 from ...r2sego_blender.bridge.show_proxy import show_proxy
 from .. import state
 from ..base import ReportingOperator, needs_round
-from .properties import colour_shown
+from .properties import colour_shown, note_age
 
 
 class R2SEGO_OT_show_proxy(ReportingOperator, bpy.types.Operator):
@@ -27,7 +27,9 @@ class R2SEGO_OT_show_proxy(ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         index = context.scene.r2sego.round_index
-        shown = show_proxy(context.scene, state.opened_bundle(context), index)
+        bundle = state.opened_bundle(context)
+        shown = show_proxy(context.scene, bundle, index)
+        note_age(context.scene, bundle)
         colour_shown(context.scene)
         if self.look_inside and context.area is not None and context.area.type == "VIEW_3D":
             context.space_data.shading.show_backface_culling = True

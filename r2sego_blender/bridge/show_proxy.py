@@ -18,7 +18,7 @@ from .proxy_colours import Colouring, ProxyFaces, coloured
 from .proxy_coverage import read_coverage
 
 _PART = "Geometry proxy"
-_ROUND, _VIEWS, _SEEN = "r2sego_round", "r2sego_views", "seen"
+_ROUND, _MADE, _VIEWS, _SEEN = "r2sego_round", "r2sego_made", "r2sego_views", "seen"
 
 
 def show_proxy(scene: bpy.types.Scene, bundle: Bundle, round_index: int) -> bpy.types.Object:
@@ -32,7 +32,7 @@ def show_proxy(scene: bpy.types.Scene, bundle: Bundle, round_index: int) -> bpy.
     coverage = read_coverage(bundle, round_index, len(proxy.faces))
     collection = fresh_collection(scene, bundle.path, _PART)
     mesh = proxy_mesh(proxy, f"Proxy, round {round_index}")
-    mesh[_ROUND] = round_index
+    mesh[_ROUND], mesh[_MADE] = round_index, _made(bundle, round_index)
     if coverage is not None:
         add_attribute(mesh, _SEEN, coverage.seen)
         mesh[_VIEWS] = coverage.views
@@ -63,6 +63,18 @@ def draw_fewer_faces_of_all(most: int) -> None:
 def shown_round(shown: bpy.types.Object) -> int:
     """The round whose proxy an object shows."""
     return int(shown.data[_ROUND])
+
+
+def is_current(shown: bpy.types.Object, bundle: Bundle) -> bool:
+    """Whether an object that ``show_proxy`` made of this bundle shows the file as it is now."""
+    now = _made(bundle, shown_round(shown))
+    return shown.data.get(_MADE, now) == now  # earlier versions did not note it
+
+
+def _made(bundle: Bundle, round_index: int) -> str:
+    """When a round's proxy was written, '' where there is none."""
+    file = bundle.proxy_file(round_index)
+    return str(file.stat().st_mtime_ns) if file.is_file() else ""
 
 
 def colour_proxy(shown: bpy.types.Object, by: str) -> tuple[Colouring, np.ndarray] | None:

@@ -1,5 +1,6 @@
 """What holds of the room Proxy, checked inside Blender."""
 
+import os
 import time
 from types import SimpleNamespace
 
@@ -47,6 +48,19 @@ def selected(mesh):
 
 def legend():
     return {line.name: round(line.area, 3) for line in group().legend}
+
+
+def check_a_shown_proxy_that_was_redone_since_is_told():
+    copy = copied_bundle()
+    bpy.ops.r2sego.show_proxy()
+    bpy.ops.r2sego.refresh_scene()
+    assert not group().older
+    file = copy / "rounds" / "1" / "proxy" / "proxy.npz"
+    os.utime(file, (1, 1))
+    bpy.ops.r2sego.refresh_scene()
+    assert group().older
+    bpy.ops.r2sego.show_proxy()
+    assert not group().older
 
 
 def check_a_round_is_called_by_its_number_beside_another_bundle():
