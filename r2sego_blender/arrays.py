@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +17,15 @@ _DAMAGE = (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFil
 
 
 def save_arrays(path: Path, **arrays: np.ndarray | str) -> None:
-    """Write an uncompressed ``.npz`` that is called ``path``, whatever its suffix."""
-    with path.open("wb") as file:
-        np.savez(file, **arrays)
+    """Write an uncompressed ``.npz`` that is called ``path``, whatever its suffix.
+
+    The bytes are ``np.savez``'s, which leaves its archive open where a disk is full: as that is collected,
+    Python prints a traceback behind the error's message.
+    """
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                np.lib.format.write_array(file, np.asanyarray(array), allow_pickle=False)
 
 
 @contextlib.contextmanager
@@ -35,3 +41,17 @@ def opened_arrays(
             yield data
     except _DAMAGE as cause:
         raise error(what, where=path, cure=cure) from cause
+
+
+def require_shapes(arrays: Mapping[str, np.ndarray], **axes: str) -> None:
+    """Raises ValueError, as damage in ``opened_arrays``, where arrays do not belong together.
+
+    ``axes`` has each array's, as in ``points="P 3", normals="P 3"``: a letter is one number in all of them.
+    """
+    sizes: dict[str, int] = {}
+    for name, letters in axes.items():
+        shape, wanted = arrays[name].shape, letters.split()
+        known = [sizes.setdefault(axis, int(axis) if axis.isdigit() else size)
+                 for axis, size in zip(wanted, shape, strict=False)]  # fmt: skip
+        if len(shape) != len(wanted) or list(shape) != known:
+            raise ValueError(f"{name} has the shape {shape}")

@@ -7,19 +7,18 @@ candidates into one keyframe, and the Top-K keyframes become the round's target 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from .arrays import opened_arrays, save_arrays
+from .arrays import opened_arrays, require_shapes, save_arrays
 from .cameras import Camera
 from .errors import GenerationError
 from .progress import SILENT, Progress
 from .settings import SelectionSettings
-from .text_files import write_json
+from .text_files import opened_json, write_json
 
 _ARRAYS = (
     "rollout", "frame", "deficit", "availability", "score", "survived", "rank", "chosen", "reference",
@@ -84,11 +83,12 @@ class Selection:
     def load(folder: Path) -> Selection:
         """Read what ``save`` wrote. Raises GenerationError when the files are damaged."""
         what = "this is not a selection of target views"
-        with opened_arrays(folder / "selection.npz", GenerationError, what) as data:
-            arrays = {name: data[name] for name in _ARRAYS}
-            words = json.loads((folder / "selection.json").read_text(encoding="utf-8"))
+        with opened_json(folder / "selection.json", GenerationError, what) as words:
             reason, budget, note = tuple(words["reasons"]), int(words["budget"]), str(words["note"])
             ablations = tuple(words["ablations"])
+        with opened_arrays(folder / "selection.npz", GenerationError, what) as data:
+            arrays = {name: data[name] for name in _ARRAYS}
+            require_shapes(arrays, **dict.fromkeys(_ARRAYS, "M") | {"overlaps": "M N"})
         if {array.shape[:1] for array in arrays.values()} != {(len(reason),)}:
             raise GenerationError(
                 "selection.npz and selection.json do not belong together",
@@ -119,8 +119,10 @@ def save_candidates(folder: Path, cameras: Sequence[Camera]) -> None:
 
 def load_candidates(folder: Path) -> list[Camera]:
     """Read what ``save_candidates`` wrote. Raises GenerationError when the files are damaged."""
-    with opened_arrays(folder / "candidates.npz", GenerationError, "these are not candidate views") as data:
-        lens = json.loads((folder / "candidates.json").read_text(encoding="utf-8"))["camera"]
+    what = "these are not candidate views"
+    with opened_json(folder / "candidates.json", GenerationError, what) as words:
+        lens = Camera.from_json({**words["camera"], "world_from_camera": np.eye(4).tolist()}).to_json()
+    with opened_arrays(folder / "candidates.npz", GenerationError, what) as data:
         return [Camera.from_json({**lens, "world_from_camera": pose}) for pose in data["poses"]]
 
 

@@ -6,13 +6,14 @@ from itertools import groupby
 from typing import Any
 
 from .captures.store import load_captures
+from .errors import GenerationError
 from .layout import of_round
 from .scene import Scene
 from .selection import Selection
 
 
 def describe_selection(scene: Scene, round_index: int, explain: bool = False) -> dict[str, Any]:
-    """A round's selection, JSON-ready. Raises GenerationError where there is none.
+    """A round's selection, JSON-ready. Raises GenerationError where there is none of the scene's captures.
 
     ``targets`` are the target views, best first, each with its reference's name and what
     the captures see of it, the greatest share first. With ``explain`` the ``candidates`` are
@@ -20,6 +21,12 @@ def describe_selection(scene: Scene, round_index: int, explain: bool = False) ->
     """
     selection = Selection.load(scene.path / of_round(round_index, "selection"))
     names = [capture.name for capture in load_captures(scene.captures_folder)]
+    seen_by = selection.overlaps.shape[1]
+    if seen_by not in (0, len(names)):
+        raise GenerationError(
+            f"this selection was made with {seen_by} captures, and the scene has {len(names)}",
+            where=scene.path / of_round(round_index, "selection"), cure="Run `r2sego refine` again.",
+        )  # fmt: skip
     candidates = [_candidate(selection, index, names) for index in range(len(selection.score))]
     described = {
         "scene": str(scene.path),

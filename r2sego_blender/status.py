@@ -21,6 +21,8 @@ from .world_frame import in_words, of_old_frame, rounds_among
 _COUNTS = {"rollouts_succeeded", "rollouts_failed", "candidates", "targets", "views_kept"}
 """What is told of each round."""
 
+_CURE = "Run `r2sego refine` again."
+
 
 def describe(scene: Scene, look_at_results: bool = False) -> dict[str, Any]:
     """The scene's state, JSON-ready: declaration, rounds done and what each left.
@@ -34,7 +36,7 @@ def describe(scene: Scene, look_at_results: bool = False) -> dict[str, Any]:
     old = of_old_frame(scene)
     old_in_words = in_words(old, rounds_declared)
     damaged = scene.damaged_results() if look_at_results else ()
-    metrics = _read(scene.metrics_file) if scene.metrics_file.is_file() else None
+    metrics = _scores(scene.metrics_file) if scene.metrics_file.is_file() else None
     is_whole = scene.asset_file.is_file() and not old_in_words and not damaged
     return {
         "scene": str(scene.path),
@@ -75,9 +77,7 @@ def lines(state: dict[str, Any]) -> list[str]:
     if state["metrics_outdated"]:
         text.append("  scored before the asset changed: r2sego evaluate scores it anew")
     elif state["metrics"]:
-        text += [_scored(name, arm) for name, arm in sorted(state["metrics"]["arms"].items())]
-        text += [_scored_round(entry) for entry in state["metrics"].get("rounds", ())]
-        text += _largest_cause(state["metrics"].get("causes", {}))
+        text += _told(state["metrics"])
     if state["of_old_frame"]:
         text.append(f"of the world frame before its correction: {state['of_old_frame']}")
     text += [f"not as it was made: {name}" for name in state["damaged"]]
@@ -116,7 +116,7 @@ def _count_captures(scene: Scene) -> int:
         return len(json.loads(file.read_text(encoding="utf-8"))["captures"])
     except (OSError, ValueError, LookupError, TypeError) as error:
         raise SceneError(
-            f"the list of captures is damaged: {error!r}", where=file,
+            f"the list of captures is damaged: {error}", where=file,
             cure="Make the scene anew with `r2sego new`.",
         ) from error  # fmt: skip
 
@@ -136,18 +136,38 @@ def _describe_round(scene: Scene, index: int) -> dict[str, int]:
     return counts
 
 
-def _read(file: Path) -> dict[str, Any]:
+def _scores(file: Path) -> dict[str, Any]:
+    """The scores that an evaluation left, looked over; refining makes none."""
+    cure = "Run `r2sego evaluate` again, or remove the file."
+    metrics = _read(file, cure)
+    try:
+        _told(metrics)
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        raise _damaged(file, "a field of the scores is missing or wrong", cure) from error
+    return metrics
+
+
+def _read(file: Path, cure: str = _CURE) -> dict[str, Any]:
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
     except (ValueError, OSError) as error:
-        raise _damaged(file, str(error)) from error
+        raise _damaged(file, str(error), cure) from error
     if not isinstance(content, dict):
-        raise _damaged(file, "it holds no table")
+        raise _damaged(file, "it holds no table", cure)
     return content
 
 
-def _damaged(file: Path, why: str) -> SceneError:
-    return SceneError(f"this file of the scene is damaged: {why}", where=file, cure="Run Refine again.")
+def _damaged(file: Path, why: str, cure: str = _CURE) -> SceneError:
+    return SceneError(f"this file of the scene is damaged: {why}", where=file, cure=cure)
+
+
+def _told(metrics: dict[str, Any]) -> list[str]:
+    """The scores as lines."""
+    return [
+        *(_scored(name, arm) for name, arm in sorted(metrics["arms"].items())),
+        *(_scored_round(entry) for entry in metrics.get("rounds", ())),
+        *_largest_cause(metrics.get("causes", {})),
+    ]
 
 
 def _scored_round(entry: dict[str, Any]) -> str:

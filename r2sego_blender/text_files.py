@@ -6,9 +6,13 @@ the standard library alone.
 
 from __future__ import annotations
 
+import contextlib
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+from .errors import R2SEgoError
 
 
 def write_text(file: Path, text: str) -> None:
@@ -19,3 +23,17 @@ def write_text(file: Path, text: str) -> None:
 def write_json(file: Path, record: Any) -> None:
     """Write JSON for people, too, one value a line."""
     write_text(file, json.dumps(record, indent=1) + "\n")
+
+
+@contextlib.contextmanager
+def opened_json(
+    file: Path, error: type[R2SEgoError], what: str, cure: str = "Run `r2sego refine` again."
+) -> Iterator[Any]:
+    """What a JSON file of a bundle holds; reads it whole inside the ``with``.
+
+    Whatever damage is met there raises ``error`` with the file's name and cure.
+    """
+    try:
+        yield json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, LookupError, TypeError, ValueError, AttributeError) as cause:
+        raise error(what, where=file, cure=cure) from cause

@@ -1,6 +1,7 @@
 """Eq. 2 against its plain definition."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -195,7 +196,7 @@ def test_candidates_survive_the_disk(tmp_path):
     with pytest.raises(GenerationError, match="no candidate views"):
         save_candidates(tmp_path, [])
     (tmp_path / "candidates.json").write_text("{}")
-    with pytest.raises(GenerationError, match="these are not candidate views"):
+    with pytest.raises(GenerationError, match=r"candidates\.json: these are not candidate views"):
         load_candidates(tmp_path)
 
 
@@ -213,4 +214,19 @@ def test_a_damaged_selection_is_named(tmp_path, damage):
         words = json.loads((tmp_path / "selection.json").read_text())
         (tmp_path / "selection.json").write_text(json.dumps(words | {"reasons": ["one"]}))
     with pytest.raises(GenerationError, match="again"):
+        Selection.load(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"reasons": 1}'])
+def test_a_selection_whose_words_are_damaged_names_their_file(tmp_path, text):
+    select_targets([0.5, 0.1], [1.0, 1.0], [0, 1], [0, 0], FEW).save(tmp_path)
+    (tmp_path / "selection.json").write_text(text)
+    with pytest.raises(GenerationError, match=r"selection\.json: this is not a selection"):
+        Selection.load(tmp_path)
+
+
+def test_a_selection_whose_numbers_have_other_axes_names_their_file(tmp_path):
+    selection = select_targets([0.5, 0.1], [1.0, 1.0], [0, 1], [0, 0], FEW)
+    replace(selection, overlaps=np.zeros((2, 3, 1))).save(tmp_path)
+    with pytest.raises(GenerationError, match=r"selection\.npz: this is not a selection"):
         Selection.load(tmp_path)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.errors import GenerationError
 from r2sego_blender.references import with_references
 from r2sego_blender.scene import Declaration, Scene
 from r2sego_blender.selection import select_targets
@@ -85,3 +86,11 @@ def test_without_explain_the_lines_are_few(scene):
     assert not any(line.startswith("rollout") for line in text)
     best = next(line for line in text if line.split()[:3] == ["1", "0", "10"])
     assert "sofa 100%" in best and "90.0%" in best and "0.450" in best
+
+
+def test_a_selection_made_with_other_captures_is_said_to_be(scene):
+    file = scene.captures_folder / "cameras.json"
+    captures = json.loads(file.read_text())["captures"]
+    file.write_text(json.dumps({"captures": captures[:1]}))
+    with pytest.raises(GenerationError, match=r"selection: .* with 3 captures, and the scene has 1\. Run"):
+        describe_selection(scene, 0)

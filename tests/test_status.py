@@ -48,6 +48,22 @@ def test_a_damaged_list_of_captures_is_told_with_its_cure(scene, text):
         describe(scene)
 
 
+@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"arms": {"refined": {"psnr": "x", "ssim": 1}}}'])
+def test_scores_that_are_damaged_are_told_with_what_makes_them(scene, text):
+    """Refining makes none, and would leave them as they are."""
+    scene.report_folder.mkdir()
+    scene.metrics_file.write_text(text)
+    with pytest.raises(SceneError, match=r"report.metrics\.json: .*damaged.*`r2sego evaluate` again"):
+        describe(scene)
+
+
+def test_what_is_told_of_a_list_of_captures_that_is_no_text_does_not_hold_all_of_it(scene):
+    (scene.captures_folder / "cameras.json").write_bytes(b"\xff" + b"a" * 5000)
+    with pytest.raises(SceneError, match=r"damaged.*invalid start byte") as told:
+        describe(scene)
+    assert len(str(told.value)) < 500
+
+
 def test_a_scene_is_named_as_the_shell_of_its_system_takes_it():
     assert _quoted(r"C:\My Scenes\a.r2s", "nt") == r'"C:\My Scenes\a.r2s"'
     assert _quoted("/home/my scenes/a.r2s", "posix") == "'/home/my scenes/a.r2s'"

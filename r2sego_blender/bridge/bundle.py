@@ -185,7 +185,7 @@ class Bundle:
     def metrics(self) -> dict[str, Any]:
         """The report's figures, empty when there are none."""
         file = self.scene.metrics_file
-        return _json(file) if file.is_file() else {}
+        return _json(file, "Run Evaluate again.") if file.is_file() else {}
 
 
 def _json(file: Path, cure: str = _CURE) -> Mapping[str, Any]:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays import opened_arrays, save_arrays
+from ..arrays import opened_arrays, require_shapes, save_arrays
 from ..cameras import Camera
 from ..errors import CaptureError
 from ..progress import SILENT, Progress
@@ -66,7 +66,11 @@ class SparsePoints:
         """Read what ``save`` wrote. Raises CaptureError when the file is none of it."""
         cure = "Import the captures again."
         with opened_arrays(path, CaptureError, "these are no sparse points", cure) as data:
-            return SparsePoints(**{field.name: data[field.name] for field in fields(SparsePoints)})
+            arrays = {field.name: data[field.name] for field in fields(SparsePoints)}
+            require_shapes(
+                arrays, points="P 3", colours="P 3", visibility="P N", error_px="P", pixels="P N 2"
+            )  # fmt: skip
+            return SparsePoints(**arrays)
 
 
 class Detected(NamedTuple):

@@ -23,7 +23,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from ..arrays import opened_arrays, save_arrays
+from ..arrays import opened_arrays, require_shapes, save_arrays
 from ..cameras import Camera
 from ..captures.capture import Capture
 from ..errors import GeometryError
@@ -68,7 +68,9 @@ class CompletedDepth:
         """Read what ``save`` wrote. Raises GeometryError when the file is no completed depth."""
         with opened_arrays(path, GeometryError, "this is not a completed depth map") as data:
             camera = Camera.from_json(json.loads(str(data["camera"])))
-            return CompletedDepth(data["depth"], data["source"], camera)
+            maps = {name: data[name] for name in ("depth", "source")}
+            require_shapes(maps, **dict.fromkeys(maps, f"{camera.height} {camera.width}"))
+            return CompletedDepth(**maps, camera=camera)
 
 
 _OUTVOTED = 1.05  # how far neighbours of like colour must outvote a depth to replace it

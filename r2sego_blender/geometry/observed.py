@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..arrays import opened_arrays, save_arrays
+from ..arrays import opened_arrays, require_shapes, save_arrays
 from ..captures.capture import Capture
 from ..captures.sparse import SparsePoints
 from ..errors import GeometryError
@@ -59,7 +59,11 @@ class ObservedGeometry:
     def load(path: Path) -> ObservedGeometry:
         """Read what ``save`` wrote. Raises GeometryError when the file is none of it."""
         with opened_arrays(path, GeometryError, "this is not observed geometry") as data:
-            return ObservedGeometry(**{field.name: data[field.name] for field in fields(ObservedGeometry)})
+            arrays = {field.name: data[field.name] for field in fields(ObservedGeometry)}
+            require_shapes(
+                arrays, points="P 3", normals="P 3", colours="P 3", visibility="P N", confidence="P"
+            )  # fmt: skip
+            return ObservedGeometry(**arrays)
 
 
 def observe(

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arrays import opened_arrays, save_arrays
+from ..arrays import opened_arrays, require_shapes, save_arrays
 from ..cameras import Camera
 from ..errors import GeometryError
 from ..settings import ProxySettings
@@ -81,7 +81,9 @@ class RoomPlanes:
     def load(path: Path) -> RoomPlanes:
         """Read what ``save`` wrote. Raises GeometryError when the file holds no planes."""
         with opened_arrays(path, GeometryError, "these are not room planes") as data:
-            return RoomPlanes(**{field.name: data[field.name] for field in fields(RoomPlanes)})
+            arrays = {field.name: data[field.name] for field in fields(RoomPlanes)}
+            require_shapes(arrays, normals="P 3", offsets="P", inliers="P", bounding="P")
+            return RoomPlanes(**arrays)
 
 
 def find_planes(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arrays import opened_arrays, save_arrays
+from ..arrays import opened_arrays, require_shapes, save_arrays
 from ..errors import GeometryError
 
 
@@ -81,4 +81,14 @@ class GeometryProxy:
             arrays = {name: data[name] for name in names if name in data or name not in _INSTANCES}
             if "instance_names" in arrays:
                 arrays["instance_names"] = tuple(arrays["instance_names"].tolist())
-            return GeometryProxy(**arrays)
+            proxy = GeometryProxy(**arrays)
+            require_shapes(
+                vars(proxy), vertices="V 3", faces="F 3", provenance="F", support="F", confidence="F",
+                instance="F",
+            )  # fmt: skip
+            if proxy.provenance.dtype.kind not in "iu" or proxy.provenance.max(initial=0) > max(Provenance):
+                raise ValueError("a face has no known provenance")
+            corners = proxy.faces
+            if corners.size and not 0 <= corners.min() <= corners.max() < len(proxy.vertices):
+                raise ValueError("a face has a vertex that is not there")
+            return proxy

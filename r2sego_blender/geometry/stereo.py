@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..arrays import opened_arrays, save_arrays
+from ..arrays import opened_arrays, require_shapes, save_arrays
 from ..cameras import Camera
 from ..captures.capture import Capture
 from ..captures.neighbours import neighbours
@@ -72,7 +72,10 @@ class DepthMap:
         with opened_arrays(path, GeometryError, "this is not a depth map") as data:
             width, height, *lens = data["lens"].tolist()
             camera = Camera(int(width), int(height), *lens, data["world_from_camera"])
-            return DepthMap(data["depth"], data["normal"], data["cost"], data["support"], camera)
+            maps = {name: data[name] for name in ("depth", "normal", "cost", "support")}
+            size = f"{camera.height} {camera.width}"
+            require_shapes(maps, depth=size, normal=f"{size} 3", cost=size, support=size)
+            return DepthMap(**maps, camera=camera)
 
 
 def dense_stereo(

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections import Counter
 from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
 
-from ..arrays import opened_arrays, save_arrays
+from ..arrays import opened_arrays, require_shapes, save_arrays
 from ..errors import RobotError
 from ..progress import SILENT, Progress
 from ..settings import RolloutSettings
-from ..text_files import write_json
+from ..text_files import opened_json, write_json
 from .attempts import Attempts, Rollout, in_order
 from .failures import Reason
 from .free_floor import free_floor
@@ -23,6 +22,8 @@ from .quality import Quality
 from .scope import BehaviourScope
 
 _ARRAYS, _REASONS = "rollouts.npz", "rollouts.json"
+_FRAMES = ("qpos", "times_s", "camera_poses")
+_TOLD = ("success", "reason", "frame", "behaviour", "detail", "controller")
 
 _CURES = {
     Reason.NO_GOAL: "Give the behaviour scope shorter walk_to.distance_m, or a larger region.",
@@ -81,7 +82,7 @@ def save_rollouts(folder: Path, rollouts: Sequence[Rollout]) -> None:
     """Write ``rollouts.npz`` (the arrays) and ``rollouts.json`` (reasons, for people)."""
     arrays, records = {}, []
     for index, rollout in enumerate(rollouts):
-        for name in ("qpos", "times_s", "camera_poses"):
+        for name in _FRAMES:
             arrays[f"{name}_{index:04d}"] = getattr(rollout, name)
         records.append(
             {
@@ -105,25 +106,24 @@ def save_rollouts(folder: Path, rollouts: Sequence[Rollout]) -> None:
 
 def load_rollouts(folder: Path) -> tuple[Rollout, ...]:
     """Read what ``save_rollouts`` wrote. Raises RobotError where that is not there whole."""
-    with opened_arrays(folder / _ARRAYS, RobotError, "these rollouts cannot be read") as arrays:
-        records = json.loads((folder / _REASONS).read_text(encoding="utf-8"))["rollouts"]
-        return tuple(
-            Rollout(
-                success=record["success"],
-                reason=record["reason"],
-                frame=record["frame"],
-                qpos=arrays[f"qpos_{index:04d}"],
-                times_s=arrays[f"times_s_{index:04d}"],
-                camera_poses=arrays[f"camera_poses_{index:04d}"],
-                seed=tuple(record["seed"]),
-                behaviour=record["behaviour"],
-                detail=record["detail"],
-                controller=record["controller"],
-                quality=Quality.from_json(record["quality"]),
-                warnings=tuple(record.get("warnings", ())),  # bundles of before 2026-11-22 have none
-            )
-            for index, record in enumerate(records)
-        )
+    what = "these rollouts cannot be read"
+    with opened_json(folder / _REASONS, RobotError, what) as words:
+        records = [
+            {
+                **{name: record[name] for name in _TOLD},
+                "seed": tuple(record["seed"]),
+                "quality": Quality.from_json(record["quality"]),
+                "warnings": tuple(record.get("warnings", ())),  # bundles of before 2026-11-22 have none
+            }
+            for record in words["rollouts"]
+        ]
+    rollouts = []
+    with opened_arrays(folder / _ARRAYS, RobotError, what) as data:
+        for index, record in enumerate(records):
+            arrays = {name: data[f"{name}_{index:04d}"] for name in _FRAMES}
+            require_shapes(arrays, qpos="T Q", times_s="T", camera_poses="T 4 4")
+            rollouts.append(Rollout(**record, **arrays))
+    return tuple(rollouts)
 
 
 def _too_few(

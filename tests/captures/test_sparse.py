@@ -135,6 +135,12 @@ def test_damaged_stores_are_named(room_captures, tmp_path):
     (tmp_path / "sparse.npz").write_bytes(b"PK")
     with pytest.raises(CaptureError, match="no sparse points"):
         SparsePoints.load(tmp_path / "sparse.npz")
+    short = np.zeros((1, 3), np.uint8)
+    pixels = np.ones((2, 3, 2))
+    points = SparsePoints(np.zeros((2, 3)), short, np.ones((2, 3), bool), np.ones(2), pixels)
+    points.save(tmp_path / "sparse.npz")
+    with pytest.raises(CaptureError, match="no sparse points"):
+        SparsePoints.load(tmp_path / "sparse.npz")
 
 
 @pytest.mark.parametrize("dense", [False, True])

@@ -1,8 +1,12 @@
 """The geometry proxy on disk: its objects, and files older than they are."""
 
+import dataclasses
+
 import numpy as np
+import pytest
 import trimesh
 
+from r2sego_blender.errors import GeometryError
 from r2sego_blender.geometry.proxy import GeometryProxy, Provenance
 
 
@@ -40,3 +44,18 @@ def test_the_ply_tells_faces_by_colour_and_object(tmp_path):
     mesh = trimesh.load(tmp_path / "proxy.ply", process=False)
     assert len(np.unique(mesh.visual.face_colors, axis=0)) == 3
     assert mesh.metadata["_ply_raw"]["face"]["data"]["instance"].tolist() == [0, 0, 7]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"support": np.ones(2, np.uint16)}, {"confidence": np.ones((3, 1), np.float32)},
+        {"provenance": np.zeros(3)}, {"provenance": np.full(3, 7, np.uint8)},
+        {"faces": np.array([[0, 1, 2], [1, 2, 3], [2, 3, 5]], np.int32)},
+    ],
+)  # fmt: skip
+def test_a_file_whose_arrays_do_not_belong_together_is_no_proxy(tmp_path, wrong):
+    """Else the step that reads it fails on the way, and its message names no file."""
+    dataclasses.replace(proxy(), **wrong).save(tmp_path / "proxy.npz")
+    with pytest.raises(GeometryError, match=r"proxy\.npz: this is not a geometry proxy\. Run"):
+        GeometryProxy.load(tmp_path / "proxy.npz")

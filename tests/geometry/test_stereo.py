@@ -160,6 +160,9 @@ def test_a_depth_map_comes_back_from_its_file(maps, tmp_path: Path) -> None:
     for name in ("depth", "normal", "cost", "support"):
         np.testing.assert_array_equal(getattr(again, name), getattr(maps[0], name))
     assert again.camera.to_json() == maps[0].camera.to_json()
+    replace(again, cost=again.cost[1:]).save(tmp_path / "map.npz")
+    with pytest.raises(GeometryError, match="depth map"):
+        DepthMap.load(tmp_path / "map.npz")
     (tmp_path / "map.npz").write_bytes(b"no depth map")
     with pytest.raises(GeometryError, match="depth map"):
         DepthMap.load(tmp_path / "map.npz")

@@ -157,7 +157,15 @@ def test_broken_scene_and_broken_record(humanoid, tmp_path):
     with pytest.raises(RobotError, match="collision scene does not compile"):
         successful_rollouts(humanoid, SCOPE, tmp_path / "scene.xml", FEW, seed=0)
     (tmp_path / "rollouts.json").write_text("{}")
-    with pytest.raises(RobotError, match="cannot be read"):
+    with pytest.raises(RobotError, match=r"rollouts\.json: these rollouts cannot be read"):
+        load_rollouts(tmp_path)
+
+
+def test_rollouts_whose_frames_do_not_belong_together_are_named(tmp_path):
+    frames = {"times_s": np.arange(3.0), "camera_poses": np.tile(np.eye(4), (3, 1, 1))}
+    short = Rollout(True, "", 2, np.zeros((2, 7)), **frames, seed=(0, 0))
+    save_rollouts(tmp_path, [short])
+    with pytest.raises(RobotError, match=r"rollouts\.npz: these rollouts cannot be read"):
         load_rollouts(tmp_path)
 
 
