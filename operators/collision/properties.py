@@ -7,6 +7,7 @@ from bpy.props import BoolProperty, CollectionProperty, StringProperty
 
 from ...r2sego_blender.bridge.bundle import Bundle
 from ...r2sego_blender.bridge.show_collision_check import forget_off_surface
+from .. import state
 
 
 class R2SEGO_PG_collision_fact(bpy.types.PropertyGroup):
@@ -45,7 +46,8 @@ def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
     if group.checked != stamp(bundle):
         group.checked = ""
         group.check.clear()
-        forget_off_surface(scene, bundle)
+        if state.may_show():
+            forget_off_surface(scene, bundle)
     if group.textured != proxy_stamp(bundle):
         group.textured = ""
         group.texture.clear()

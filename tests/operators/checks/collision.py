@@ -63,9 +63,19 @@ def check_spheres_off_the_surface_are_marked_till_the_next_check_or_surface():
     assert told == "The collision surface did not pass; spheres off it are marked at 2 places"
     assert (fell.name, floats.name) == ("Sphere fell through", "Sphere floats by 2.2 cm")
     assert tuple(floats.location) == (1.0, -2.0, 0.5) and abs(floats.empty_display_size - 0.05) < 1e-6
+    bpy.ops.ed.undo_push(message="marked")
+    bpy.context.scene.frame_current += 1
+    bpy.ops.ed.undo_push(message="something else")
     os.utime(copy / "collision" / "mesh.obj", (1, 1))
     bpy.ops.r2sego.refresh_scene()
     assert not [one for one in bpy.data.objects if one.type == "EMPTY"]
+    bpy.ops.ed.undo_push(message="refreshed")
+    for _ in range(2):
+        bpy.ops.ed.undo()  # which must not remove what its own steps have
+        marks = [one for one in bpy.data.objects if one.type == "EMPTY"]
+        assert len(marks) == 2 and all(one.users_collection for one in marks)
+        assert not bpy.context.scene.r2sego_collision.checked
+    bpy.ops.r2sego.refresh_scene()
     operator.finish(None, bpy.context, {"passed": False, "off_surface": _OFF_SURFACE})
     assert operator.finish(None, bpy.context, {"passed": True, "off_surface": []}).endswith("passed")
     assert not [one for one in bpy.data.objects if one.type == "EMPTY"]
