@@ -47,6 +47,12 @@ def require_visible(context, one: bpy.types.Object) -> None:
         raise SceneError(f"'{one.name}' is hidden", cure="Show it and its collection in the Outliner.")
 
 
+def hint_if_hidden(context, one: bpy.types.Object) -> str:
+    """What a person is told besides of an object that was just shown, but whose collection is hidden."""
+    context.view_layer.update()
+    return "" if one.visible_get() else ". It is hidden: show its collection in the Outliner"
+
+
 def select_only(context, one: bpy.types.Object) -> None:
     """Select one object, no others, and make it the active one. Raises SceneError for a hidden one."""
     require_visible(context, one)

@@ -8,7 +8,7 @@ from ...r2sego_blender.bridge.show_asset import show_asset
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import AssetError
 from .. import state
-from ..base import ReportingOperator
+from ..base import ReportingOperator, hint_if_hidden
 from .marks import mark_again
 from .polls import needs_asset
 
@@ -47,4 +47,4 @@ class R2SEGO_OT_show_asset(ReportingOperator, bpy.types.Operator):
     def perform(self, context):
         group = context.scene.r2sego_asset
         shown = show_stage(context.scene, self.stage or group.stages[group.stage].name)
-        return f"{shown.name}: {len(shown.data.vertices)} splats"
+        return f"{shown.name}: {len(shown.data.vertices)} splats{hint_if_hidden(context, shown)}"

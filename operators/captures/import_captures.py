@@ -6,7 +6,7 @@ from bpy.props import BoolProperty, FloatProperty
 from ...r2sego_blender.bridge.show_captures import show_captures
 from ...r2sego_blender.bridge.words import counted
 from .. import state
-from ..base import ReportingOperator, needs_bundle
+from ..base import ReportingOperator, hint_if_hidden, needs_bundle
 
 
 class R2SEGO_OT_import_captures(ReportingOperator, bpy.types.Operator):
@@ -48,4 +48,5 @@ class R2SEGO_OT_import_captures(ReportingOperator, bpy.types.Operator):
         )  # fmt: skip
         shown = context.scene.r2sego_captures
         shown.show_photographs, shown.photograph_opacity = self.photographs, self.alpha
-        return f"Imported {counted(len(cameras), 'capture')}"
+        hint = hint_if_hidden(context, cameras[0]) if cameras else ""
+        return f"Imported {counted(len(cameras), 'capture')}{hint}"

@@ -5,7 +5,7 @@ from bpy.props import BoolProperty
 
 from ...r2sego_blender.bridge.show_collision import show_collision
 from .. import state
-from ..base import ReportingOperator
+from ..base import ReportingOperator, hint_if_hidden
 from .polls import needs_collision
 
 
@@ -26,4 +26,4 @@ class R2SEGO_OT_show_collision(ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         shown = show_collision(context.scene, state.opened_bundle(context), pieces=self.pieces)
-        return f"{shown.name}: {len(shown.data.polygons)} faces"
+        return f"{shown.name}: {len(shown.data.polygons)} faces{hint_if_hidden(context, shown)}"

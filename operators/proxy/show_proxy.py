@@ -5,7 +5,7 @@ from bpy.props import BoolProperty
 
 from ...r2sego_blender.bridge.show_proxy import show_proxy
 from .. import state
-from ..base import ReportingOperator, needs_round
+from ..base import ReportingOperator, hint_if_hidden, needs_round
 from .properties import colour_shown, note_age
 
 
@@ -33,4 +33,4 @@ class R2SEGO_OT_show_proxy(ReportingOperator, bpy.types.Operator):
         colour_shown(context.scene)
         if self.look_inside and context.area is not None and context.area.type == "VIEW_3D":
             context.space_data.shading.show_backface_culling = True
-        return f"Proxy, round {index}: {len(shown.data.polygons)} faces"
+        return f"Proxy, round {index}: {len(shown.data.polygons)} faces{hint_if_hidden(context, shown)}"

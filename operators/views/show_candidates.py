@@ -4,7 +4,7 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty
 
 from .. import state
-from ..base import ReportingOperator, needs_round
+from ..base import ReportingOperator, hint_if_hidden, needs_round
 from . import display
 from .properties import COLOURS, SHOWN
 
@@ -31,5 +31,6 @@ class R2SEGO_OT_show_candidates(ReportingOperator, bpy.types.Operator):
         bundle, group = state.opened_bundle(context), context.scene.r2sego_views
         bundle.candidates(context.scene.r2sego.round_index)  # refuses before anything is changed
         group.colour_by, group.shown, group.frustum_size = self.colour_by, self.shown, self.frustum_size
-        _, targets = display.show(context.scene, bundle)
-        return f"Candidates, round {context.scene.r2sego.round_index}: {len(targets)} target views"
+        swarm, targets = display.show(context.scene, bundle)
+        told = f"Candidates, round {context.scene.r2sego.round_index}: {len(targets)} target views"
+        return told + hint_if_hidden(context, swarm)

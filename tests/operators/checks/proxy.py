@@ -63,6 +63,15 @@ def check_a_shown_proxy_that_was_redone_since_is_told():
     assert not group().older
 
 
+def check_what_is_shown_in_a_hidden_collection_is_told():
+    open_bundle()
+    show = bpy.types.R2SEGO_OT_show_proxy.perform
+    assert show(SimpleNamespace(look_inside=False), bpy.context).endswith(" faces")
+    bpy.context.view_layer.layer_collection.children["room"].exclude = True
+    told = show(SimpleNamespace(look_inside=False), bpy.context)
+    assert told.endswith(" faces. It is hidden: show its collection in the Outliner"), told
+
+
 def check_a_round_is_called_by_its_number_beside_another_bundle():
     """Blender adds .001 to the names of the second bundle's objects: "round 1.001" is no round."""
     open_bundle()
