@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .errors import R2SEgoError
+from .errors import R2SEgoError, may_not_be_read
 
 _DAMAGE = (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile, zlib.error)
 """What reading a cut-off, overwritten or foreign file raises."""
@@ -24,7 +24,7 @@ def save_arrays(path: Path, **arrays: np.ndarray | str) -> None:
     """
     with zipfile.ZipFile(path, "w") as archive:
         for name, array in arrays.items():
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+            with archive.open(f"{name}.npy", mode="w", force_zip64=True) as file:
                 np.lib.format.write_array(file, np.asanyarray(array), allow_pickle=False)
 
 
@@ -39,6 +39,8 @@ def opened_arrays(
     try:
         with np.load(path, allow_pickle=False) as data:
             yield data
+    except PermissionError as cause:
+        raise may_not_be_read(path, error) from cause
     except _DAMAGE as cause:
         raise error(what, where=path, cure=cure) from cause
 

@@ -69,6 +69,11 @@ class NativeError(R2SEgoError):
     """Native code, run in a process of its own, that ended without a complete result."""
 
 
+def may_not_be_read(file: object, kind: type[R2SEgoError]) -> R2SEgoError:
+    """A file that is there and may not be read, which is no damage: nothing has to be made again."""
+    return kind("it may not be read", where=file, cure="Allow reading it, and all that it lies in.")
+
+
 def of_file(error: OSError) -> SceneError:
     """A file that fails on the way, in a sentence: a disk is full, or what was there is not any more."""
     return SceneError(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -20,7 +19,7 @@ from .room_stage import ROOM_USDA, write_room_stage
 from .scene import Scene
 from .scratch import keeping, scratch_place
 from .splats.formats import SUFFIXES, load_asset, save_asset
-from .text_files import write_json, write_text
+from .text_files import opened_json, write_json, write_text
 from .texture import textured_room
 from .whole_files import remove, rename
 from .world_frame import require_present_frame
@@ -205,12 +204,9 @@ def _backends_of_objects(scene: Scene) -> Iterator[str]:
 
 def _write_cameras(source: Path, file: Path) -> None:
     """The captures' cameras; it says what a pose is, and where the photographs are: they are not exported."""
-    try:
-        cameras = dict(json.loads(source.read_text(encoding="utf-8")))
-    except (OSError, TypeError, ValueError) as error:
-        raise SceneError(
-            "the list of captures is damaged", where=source, cure="Make the scene anew with `r2sego new`."
-        ) from error
+    cure = "Make the scene anew with `r2sego new`."
+    with opened_json(source, SceneError, "the list of captures is damaged", cure) as read:
+        cameras = dict(read)
     about = f"{cameras.get('about', '')} {_ABOUT_CAMERAS}".strip()
     write_json(file, cameras | {"about": about})
 

@@ -16,6 +16,7 @@ from .errors import RobotError, SceneError
 from .layout import REFINED_ASSET
 from .robot.scope import BehaviourScope
 from .scene import Scene
+from .text_files import opened_json
 from .world_frame import in_words, of_old_frame, rounds_among
 
 _COUNTS = {"rollouts_succeeded", "rollouts_failed", "candidates", "targets", "views_kept"}
@@ -112,13 +113,9 @@ def robot_in_use(scene: Scene) -> str:
 
 def _count_captures(scene: Scene) -> int:
     file = scene.captures_folder / "cameras.json"
-    try:
-        return len(json.loads(file.read_text(encoding="utf-8"))["captures"])
-    except (OSError, ValueError, LookupError, TypeError) as error:
-        raise SceneError(
-            f"the list of captures is damaged: {error}", where=file,
-            cure="Make the scene anew with `r2sego new`.",
-        ) from error  # fmt: skip
+    cure = "Make the scene anew with `r2sego new`."
+    with opened_json(file, SceneError, "the list of captures is damaged", cure) as cameras:
+        return len(cameras["captures"])
 
 
 def _counted_rounds(scene: Scene) -> Iterator[int]:

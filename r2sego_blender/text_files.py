@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from .errors import R2SEgoError
+from .errors import R2SEgoError, may_not_be_read
 
 
 def write_text(file: Path, text: str) -> None:
@@ -35,5 +35,7 @@ def opened_json(
     """
     try:
         yield json.loads(file.read_text(encoding="utf-8"))
+    except PermissionError as cause:
+        raise may_not_be_read(file, error) from cause
     except (OSError, LookupError, TypeError, ValueError, AttributeError) as cause:
         raise error(what, where=file, cure=cure) from cause

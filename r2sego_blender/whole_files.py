@@ -72,7 +72,8 @@ def finish_replacing(folder: Path) -> bool:
             if left.name.startswith(_OLD) and not place.exists():
                 rename(left, place)
             elif left.is_dir():  # files are written again, and those of others may be on their way
-                remove(left)
+                with contextlib.suppress(OSError):  # what cannot go disturbs nobody
+                    remove(left)
     changes = folder / _CHANGES
     if not (changes / _PARTS).is_file():
         remove(changes)

@@ -55,6 +55,15 @@ def test_an_array_that_is_not_there_is_damage(tmp_path):
         read(tmp_path / "table.npz")
 
 
+def test_a_file_that_may_not_be_read_is_not_called_damaged(tmp_path, monkeypatch):
+    def refused(path, **_):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(np, "load", refused)
+    with pytest.raises(GeometryError, match=r"table\.npz: it may not be read\. Allow"):
+        read(tmp_path / "table.npz")
+
+
 def test_pickled_objects_are_refused(tmp_path):
     np.savez(tmp_path / "table.npz", points=np.array([{"a": 1}], object))
     with pytest.raises(GeometryError, match=r"table\.npz"):

@@ -4,7 +4,10 @@ import ast
 import json
 from pathlib import Path
 
-from r2sego_blender.text_files import write_json, write_text
+import pytest
+
+from r2sego_blender.errors import SceneError
+from r2sego_blender.text_files import opened_json, write_json, write_text
 
 LIBRARY = Path(__file__).parents[1] / "r2sego_blender"
 WRITERS = {"text_files.py", "viewcrafter_program.py"}
@@ -19,6 +22,28 @@ def test_a_file_has_the_bytes_of_its_text_in_utf_8(tmp_path):
     write_json(tmp_path / "a.json", {"rounds": [1, 2]})
     assert (tmp_path / "a.json").read_bytes() == b'{\n "rounds": [\n  1,\n  2\n ]\n}\n'
     assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == {"rounds": [1, 2]}
+
+
+@pytest.mark.parametrize("text", ["", "[]", "3", '{"others": 1}', "\udcff"])
+def test_a_damaged_file_is_named_with_its_cure(tmp_path, text):
+    (tmp_path / "a.json").write_bytes(text.encode("utf-8", "surrogateescape"))
+    with (
+        pytest.raises(SceneError, match=r"a\.json: it is damaged\. Run `r2sego refine` again\."),
+        opened_json(tmp_path / "a.json", SceneError, "it is damaged") as read,
+    ):
+        assert read["rounds"]
+
+
+def test_a_file_that_may_not_be_read_is_not_called_damaged(tmp_path, monkeypatch):
+    def refused(path, **_):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "read_text", refused)
+    with (
+        pytest.raises(SceneError, match=r"a\.json: it may not be read\. Allow"),
+        opened_json(tmp_path / "a.json", SceneError, "it is damaged"),
+    ):
+        pass
 
 
 def _calls():

@@ -116,6 +116,16 @@ def test_folders_that_who_was_killed_left_go(tmp_path):
     assert (tmp_path / "geometry" / "edits" / "said").read_text() == "geometry/edits"
 
 
+def test_a_folder_that_cannot_go_disturbs_nobody(tmp_path, monkeypatch):
+    (tmp_path / ".unfinished-views" / "1").mkdir(parents=True)
+
+    def refused(path):
+        raise PermissionError(13, "may not", str(path))
+
+    monkeypatch.setattr(shutil, "rmtree", refused)
+    assert not whole_files.finish_replacing(tmp_path)
+
+
 def test_a_file_that_is_being_written_is_hidden_from_digests(tmp_path, monkeypatch):
     before = content_digest(tmp_path)
 
