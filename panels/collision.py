@@ -19,6 +19,8 @@ class R2SEGO_PT_collision(Step, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("r2sego.show_collision", text="Show", icon="MOD_PHYSICS")
         row.operator("r2sego.check_collision", text="Check", icon="CHECKMARK")
+        if group.older:
+            layout.label(text="Redone since: press Show", icon="INFO")
         if group.checked:
             column = layout.column(align=True)
             icon = "CHECKMARK" if group.passed else "ERROR"

@@ -6,6 +6,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, StringProperty
 
 from ...r2sego_blender.bridge.bundle import Bundle
+from ...r2sego_blender.bridge.show_collision import shows_older_collision
 from ...r2sego_blender.bridge.show_collision_check import forget_off_surface
 from .. import state
 
@@ -19,6 +20,8 @@ class R2SEGO_PG_collision_fact(bpy.types.PropertyGroup):
 class R2SEGO_PG_collision(bpy.types.PropertyGroup):
     """The room Collision."""
 
+    older: BoolProperty()
+    """Whether the shown collision surface was redone since."""
     checked: StringProperty()
     passed: BoolProperty()
     check: CollectionProperty(type=R2SEGO_PG_collision_fact)
@@ -41,8 +44,9 @@ def _stamp(file: Path) -> str:
 
 
 def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
-    """The listener: forget a check of another surface, and a texture of another proxy."""
+    """The listener: forget a check of another surface and a texture of another proxy; note what is older."""
     group = scene.r2sego_collision
+    group.older = shows_older_collision(scene, bundle)
     if group.checked != stamp(bundle):
         group.checked = ""
         group.check.clear()

@@ -26,4 +26,5 @@ class R2SEGO_OT_show_collision(ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         shown = show_collision(context.scene, state.opened_bundle(context), pieces=self.pieces)
+        context.scene.r2sego_collision.older = False
         return f"{shown.name}: {len(shown.data.polygons)} faces{hint_if_hidden(context, shown)}"

@@ -16,6 +16,19 @@ def check_show_collision():
     assert bpy.ops.r2sego.show_collision() == {"FINISHED"}
 
 
+def check_a_shown_surface_that_was_redone_since_is_told():
+    copy = copied_bundle()
+    group = bpy.context.scene.r2sego_collision
+    bpy.ops.r2sego.show_collision()
+    bpy.ops.r2sego.refresh_scene()
+    assert not group.older
+    os.utime(copy / "collision" / "mesh.obj", (1, 1))
+    bpy.ops.r2sego.refresh_scene()
+    assert group.older
+    bpy.ops.r2sego.show_collision()
+    assert not group.older
+
+
 def check_exporting_asks_the_engine():
     open_bundle()
     conduct("succeed")
