@@ -7,7 +7,19 @@ import time
 
 import bpy
 from left_jobs import followed_to_its_end, job_module, left_job, other_scene_shown, wait_until
-from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle, open_here, refused, state
+from support import (
+    BUNDLE,
+    MODULE,
+    OUT,
+    bundle_of_one_name,
+    calls,
+    conduct,
+    copied_bundle,
+    open_bundle,
+    open_here,
+    refused,
+    state,
+)  # fmt: skip
 
 OPERATORS = {"cancel", "check_engine", "demo_scene", "dismiss_job", "follow_job", "set_up_engine"}
 
@@ -240,6 +252,17 @@ def check_a_jobs_end_is_read_where_its_bundle_is_open():
     assert followed_to_its_end() == "Refined: 2 of 2 rounds"
     facts = {(fact.section, fact.label): fact.value for fact in first.r2sego.facts}
     assert facts["asset", "asset.ply"] == "5.0 MB" and not len(other.r2sego.facts)
+
+
+def check_a_jobs_end_names_its_bundle_where_the_scenes_show_several():
+    open_bundle()
+    conduct("succeed")
+    titles = []
+    for begin in (lambda: None, lambda: other_scene_shown() and open_here(bundle_of_one_name())):
+        begin()
+        bpy.ops.r2sego.refine()
+        titles.append(bpy.context.window_manager.r2sego_engine.ended[-1].title)
+    assert titles == ["Refine", f"Refine of {BUNDLE.stem}"], titles
 
 
 def check_what_was_made_for_a_blender_scene_that_is_gone_is_told():
