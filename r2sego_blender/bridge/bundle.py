@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import opened_arrays
+from ..arrays import opened_arrays, require_shapes
 from ..cameras import Camera
 from ..errors import SceneError
 from ..geometry.proxy import GeometryProxy
@@ -100,8 +100,9 @@ class Bundle:
 
     def sparse_points(self) -> tuple[np.ndarray, np.ndarray]:
         """Points (P, 3) float32 in metres and their colours (P, 3) uint8 sRGB."""
-        data = _arrays(self.sparse_file, "points", "colours")
-        return data["points"].astype(np.float32), data["colours"].astype(np.uint8)
+        with opened_arrays(self.sparse_file, SceneError, "it cannot be read", _NEW) as data:
+            require_shapes(data, points="P 3", colours="P 3")
+            return data["points"].astype(np.float32), data["colours"].astype(np.uint8)
 
     # ---- rounds
 
@@ -131,7 +132,7 @@ class Bundle:
         folder = self.selection_folder(round_index)
         _require(folder / "selection.npz", f"round {round_index} has no candidate views")
         scores = _arrays(folder / "selection.npz", *_SCORES)
-        poses = _arrays(folder / "candidates.npz", "poses")["poses"].astype(np.float64)
+        poses = _poses(folder / "candidates.npz")
         lens_file = folder / "candidates.json"
         try:
             lens = _json(lens_file)["camera"]
@@ -195,6 +196,16 @@ def _json(file: Path, cure: str = _CURE) -> Mapping[str, Any]:
         raise _damaged(file, "the file cannot be read", cure) from error
     except ValueError as error:
         raise _damaged(file, f"it is not JSON: {error}", cure) from error
+
+
+def _poses(file: Path) -> np.ndarray:
+    """(M, 4, 4) float64 ``world_from_camera``."""
+    with opened_arrays(file, SceneError, "it cannot be read", _CURE) as data:
+        require_shapes(data, poses="M 4 4")
+        poses = data["poses"].astype(np.float64)
+        if not np.isfinite(poses).all():
+            raise ValueError("a pose is not finite")
+    return poses
 
 
 def _arrays(file: Path, *names: str) -> dict[str, np.ndarray]:

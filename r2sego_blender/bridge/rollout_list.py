@@ -71,7 +71,8 @@ def attempts(bundle: Bundle, round_index: int) -> list[Attempt]:
             for index, record in enumerate(records)
         ]  # fmt: skip
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise SceneError(f"it is damaged: {error!r}", where=folder / "rollouts.json", cure=_CURE) from error
+        what = f"it is damaged: {error!r:.200}"
+        raise SceneError(what, where=folder / "rollouts.json", cure=_CURE) from error
 
 
 def camera_poses(bundle: Bundle, round_index: int, number: int) -> np.ndarray:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arrays import opened_arrays, save_arrays
+from ..arrays import opened_arrays, require_shapes, save_arrays
 from ..cameras import Camera
 from ..errors import GeometryError
 from ..progress import SILENT, Progress
@@ -46,6 +46,7 @@ class Coverage:
         cure = "Measure the coverage again (`r2sego coverage`)."
         with opened_arrays(path, GeometryError, "this is no coverage of a proxy", cure) as data:
             arrays = {field.name: data[field.name] for field in fields(Coverage)}
+            require_shapes(arrays, seen="F", support="F", area_m2="F", views="")
         return Coverage(**arrays | {"views": int(arrays["views"])})
 
     def areas_m2(self) -> dict[str, float]:

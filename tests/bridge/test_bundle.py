@@ -82,3 +82,24 @@ def test_damaged_arrays_are_an_error_that_names_the_file(tmp_path, file, damage)
         bundle.sparse_points() if "sparse" in file else None
         bundle.proxy(0)
         bundle.candidates(0)
+
+
+@pytest.mark.parametrize(
+    ("file", "name", "change"),
+    [
+        ("captures/sparse.npz", "colours", lambda colours: colours[1:]),
+        ("rounds/0/proxy/proxy.npz", "support", lambda support: support[1:]),
+        ("rounds/0/selection/candidates.npz", "poses", lambda poses: poses[..., None]),
+        ("rounds/0/selection/candidates.npz", "poses", lambda poses: poses * np.nan),
+    ],
+)
+def test_arrays_that_do_not_belong_together_are_an_error_that_names_the_file(tmp_path, file, name, change):
+    path = fake_bundle.write_bundle(tmp_path / "damaged.r2s")
+    with np.load(path / file) as data:
+        arrays = dict(data)
+    np.savez(path / file, **arrays | {name: change(arrays[name])})
+    bundle = Bundle.open(path)
+    with pytest.raises(R2SEgoError, match=file.rpartition("/")[2]):
+        bundle.sparse_points() if "sparse" in file else None
+        bundle.proxy(0)
+        bundle.candidates(0)

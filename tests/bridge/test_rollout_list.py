@@ -71,6 +71,13 @@ def test_a_damaged_list_is_told(copied, text):
         attempts(copied, 0)
 
 
+def test_what_is_told_of_a_list_that_is_no_text_does_not_hold_all_of_it(copied):
+    (copied.path / "rounds/0/rollouts/rollouts.json").write_bytes(b"\xff" + b"a" * 5000)
+    with pytest.raises(SceneError, match=r"rollouts\.json: it is damaged") as told:
+        attempts(copied, 0)
+    assert len(str(told.value)) < 1000
+
+
 def test_damaged_bodies_are_told(copied):
     folder = copied.path / "rounds/0/bodies"
     np.savez(folder / "poses.npz", world_from_body_0000=np.zeros((3, 99, 4, 4)))

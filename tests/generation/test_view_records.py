@@ -69,3 +69,10 @@ def test_damage_is_an_error_that_names_the_file(views, damage):
 
 def test_a_round_without_views_has_none(tmp_path):
     assert read_views(tmp_path / "views", 3) == []
+
+
+def test_what_is_told_of_a_view_that_is_no_text_does_not_hold_all_of_it(views):
+    (views / "001" / "pose.json").write_bytes(b"\xff" + b"a" * 5000)
+    with pytest.raises(GenerationError, match=r"pose\.json: this generated view cannot be read") as told:
+        read_views(views, budget=3)
+    assert len(str(told.value)) < 1000

@@ -1,5 +1,7 @@
 """Coverage of the proxy: which faces many views see, against rays that ask one by one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -93,6 +95,9 @@ def test_areas_are_told_by_what_sees_them(tmp_path):
     assert read.areas_m2() == {
         "proxy": 4.0, "supported": 3.0, "seen": 3.0, "gap": 1.0, "weak": 1.0, "covered": 1.0
     }  # fmt: skip
+    replace(coverage, seen=coverage.seen[:, None]).save(tmp_path / "coverage.npz")
+    with pytest.raises(GeometryError, match="no coverage"):
+        Coverage.load(tmp_path / "coverage.npz")
     (tmp_path / "coverage.npz").write_bytes(b"PK no")
     with pytest.raises(GeometryError, match="no coverage"):
         Coverage.load(tmp_path / "coverage.npz")
