@@ -68,6 +68,8 @@ class R2SEGO_PT_captures(Step, bpy.types.Panel):
         row.operator("r2sego.look_through", icon="VIEW_CAMERA")
         row.operator("r2sego.look_through_next", text="", icon="TRIA_LEFT").backwards = True
         row.operator("r2sego.look_through_next", text="", icon="TRIA_RIGHT").backwards = False
+        if shown.older:
+            layout.label(text="Corrected since: press Import", icon="INFO")
         row = layout.row(align=True)
         row.prop(shown, "show_photographs", toggle=True, icon="IMAGE_DATA")
         row.prop(shown, "photograph_opacity", text="", slider=True)

@@ -28,6 +28,7 @@ def show_corrected(context, residuals):
             scene, bundle, photographs=shown.show_photographs, points=False,
             photograph_alpha=shown.photograph_opacity,
         )  # fmt: skip
+    shown.older = False
     remove_frame(scene, bundle.path)
     shown.residuals.clear()
     for line in residual_lines(residuals):
@@ -62,7 +63,7 @@ class R2SEGO_OT_correct_registration(EngineOperator, bpy.types.Operator):
         command = ["register", str(bundle.path), "--json-progress"]
         if self.by == "FRAME":
             context.view_layer.update()
-            pose = world_from_frame(context.scene, bundle.path)
+            pose = world_from_frame(context.scene, bundle)
             return [*command, "--frame", ",".join(f"{number:.9g}" for number in np.ravel(pose[:3]))]
         shown = context.scene.r2sego_captures
         picks = picks_of(shown)

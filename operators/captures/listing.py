@@ -1,6 +1,7 @@
 """The room's cached facts, read whenever the bundle was opened or has changed."""
 
 from ...r2sego_blender.bridge.capture_list import listed_captures
+from ...r2sego_blender.bridge.show_captures import shows_older_captures
 from ...r2sego_blender.bridge.sparse_cloud import read_cloud
 from ...r2sego_blender.captures.correction_history import corrections_of
 from ...r2sego_blender.errors import R2SEgoError
@@ -35,5 +36,6 @@ def read_captures(scene, bundle):
     if not group.height_capture and listed:
         group.height_capture = listed[0].name
     group.corrections = len(corrections_of(bundle.path))
+    group.older = shows_older_captures(scene, bundle)
     read_cloud(bundle)
     fit_again(scene)

@@ -24,7 +24,7 @@ class R2SEGO_OT_place_frame(ReportingOperator, bpy.types.Operator):
         return needs_bundle(cls, context)
 
     def perform(self, context):
-        frame = place_frame(context.scene, state.opened_bundle(context).path)
+        frame = place_frame(context.scene, state.opened_bundle(context))
         try:
             select_only(context, frame)
         except SceneError as hidden:  # it is placed all the same

@@ -176,6 +176,8 @@ class R2SEGO_PG_captures(bpy.types.PropertyGroup):
     fit_warning: StringProperty()
     residuals: CollectionProperty(type=R2SEGO_PG_residual)
     corrections: IntProperty()
+    older: BoolProperty()
+    """Whether captures are shown where they stood before the world was corrected."""
 
 
 CLASSES = (

@@ -81,6 +81,10 @@ class Bundle:
 
     # ---- captures
 
+    def registration(self) -> list[float]:
+        """(16,): the similarity that took the captures' frame to the world, row by row."""
+        return [number for row in self.scene.declaration.world_from_capture for number in row]
+
     def captures(self) -> list[CapturedView]:
         """Every registered photograph. Raises SceneError when ``cameras.json`` is damaged."""
         file = self.scene.captures_folder / "cameras.json"

@@ -8,21 +8,22 @@ import bpy
 import numpy as np
 
 from ..errors import SceneError
+from .bundle import Bundle
 from .outliner import find_collection, fresh_collection, link
 
 _PART = "Registration"
-_ROLE = "r2sego_role"
+_ROLE, _REGISTRATION = "r2sego_role", "r2sego_registration"
 _FRAME = "world frame"
 _GRID_M, _STEP_M = 4.0, 1.0
 
 
-def place_frame(scene: bpy.types.Scene, bundle_path: str | Path) -> bpy.types.Object:
+def place_frame(scene: bpy.types.Scene, bundle: Bundle) -> bpy.types.Object:
     """Arrows at the world's origin with a grid of a metre's lines, in place of earlier ones."""
-    collection = fresh_collection(scene, bundle_path, _PART)
+    collection = fresh_collection(scene, bundle.path, _PART)
     frame = bpy.data.objects.new("World Frame", None)
     frame.empty_display_type, frame.empty_display_size = "ARROWS", 1.0
     frame.show_name, frame.show_in_front = True, True
-    frame[_ROLE] = _FRAME
+    frame[_ROLE], frame[_REGISTRATION] = _FRAME, bundle.registration()
     link(collection, frame)
     grid = bpy.data.objects.new("World Frame Grid", _grid_mesh())
     grid.parent = frame
@@ -39,11 +40,20 @@ def find_frame(scene: bpy.types.Scene, bundle_path: str | Path) -> bpy.types.Obj
     return next((one for one in collection.objects if one.get(_ROLE) == _FRAME), None)
 
 
-def world_from_frame(scene: bpy.types.Scene, bundle_path: str | Path) -> np.ndarray:
-    """(4, 4) float64: where the arrows stand now. Raises SceneError when there are none."""
-    frame = find_frame(scene, bundle_path)
+def world_from_frame(scene: bpy.types.Scene, bundle: Bundle) -> np.ndarray:
+    """(4, 4) float64: where the arrows stand now.
+
+    Raises SceneError when there are none, or the world was corrected since they were placed.
+    """
+    frame = find_frame(scene, bundle.path)
     if frame is None:
         raise SceneError("there is no frame to take", cure="Place Frame, then move and turn its arrows.")
+    now = bundle.registration()
+    if list(frame.get(_REGISTRATION, now)) != now:  # Ctrl-Z brings back a frame that was taken
+        raise SceneError(
+            "the world was corrected since this frame was placed",
+            cure="Place Frame, then move and turn its arrows.",
+        )
     return np.array(frame.matrix_world, np.float64)
 
 

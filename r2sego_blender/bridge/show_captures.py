@@ -18,7 +18,7 @@ from .outliner import find_collection, fresh_collection, link
 CAPTURES_PART = "Captures"
 """The part of the bundle's collection that holds the captures."""
 
-_NAME, _IMAGE = "r2sego_capture", "r2sego_image"
+_NAME, _IMAGE, _REGISTRATION = "r2sego_capture", "r2sego_image", "r2sego_registration"
 _COLOUR = "colour"
 _POINTS = "R2S-EGO sparse points"
 _RADIUS = "radius_m"
@@ -41,7 +41,7 @@ def show_captures(
     for view in views:
         created = create_camera(view.name, view.camera)
         created.data.display_size = display_size_m
-        created[_NAME] = view.name
+        created[_NAME], created[_REGISTRATION] = view.name, bundle.registration()
         # The bundle may be moved, and the .blend opened on another system.
         created[_IMAGE] = view.image_path.relative_to(bundle.path).as_posix()
         if photographs:
@@ -69,6 +69,13 @@ def looked_through(scene: bpy.types.Scene, bundle_path: str | Path) -> str:
 def capture_camera(scene: bpy.types.Scene, bundle_path: str, name: str) -> bpy.types.Object | None:
     """The camera of a capture of the bundle at ``bundle_path``, None when it is not shown."""
     return next((one for one in capture_cameras(scene, bundle_path) if capture_name(one) == name), None)
+
+
+def shows_older_captures(scene: bpy.types.Scene, bundle: Bundle) -> bool:
+    """Whether captures are shown where they stood before the world was corrected."""
+    now = bundle.registration()
+    shown = capture_cameras(scene, bundle.path)
+    return any(list(one.get(_REGISTRATION, now)) != now for one in shown)  # earlier versions did not note it
 
 
 def show_photographs(scene: bpy.types.Scene, bundle_path: str, shown: bool, alpha: float) -> None:

@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -317,6 +318,23 @@ def check_arrows_in_a_hidden_collection_are_placed_all_the_same():
     bpy.context.view_layer.layer_collection.children["room"].children[arrows.name].exclude = True
     assert bpy.ops.r2sego.place_frame() == {"FINISHED"}
     assert "World Frame" in bpy.data.objects and bpy.context.view_layer.objects.active is None
+
+
+def check_what_stands_in_the_world_before_its_correction_is_told():
+    copy = copied_bundle()
+    bpy.ops.r2sego.import_captures()
+    bpy.ops.r2sego.place_frame()
+    bpy.ops.r2sego.refresh_scene()
+    assert not shown().older
+    declared = (copy / "scene.toml").read_text(encoding="utf-8")
+    moved = re.sub(r"(world_from_capture = \[\s*\[[^]]*?)0\.0(,?\s*\])", r"\g<1>0.5\2", declared)
+    assert moved != declared
+    (copy / "scene.toml").write_text(moved, encoding="utf-8")
+    bpy.ops.r2sego.refresh_scene()
+    assert shown().older
+    assert "corrected since this frame was placed" in refused(bpy.ops.r2sego.correct_registration, by="FRAME")
+    bpy.ops.r2sego.import_captures()
+    assert not shown().older
 
 
 def check_a_correction_is_taken_back_when_there_is_one():
