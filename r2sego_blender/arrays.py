@@ -57,3 +57,10 @@ def require_shapes(arrays: Mapping[str, np.ndarray], **axes: str) -> None:
                  for axis, size in zip(wanted, shape, strict=False)]  # fmt: skip
         if len(shape) != len(wanted) or list(shape) != known:
             raise ValueError(f"{name} has the shape {shape}")
+
+
+def require_finite(**arrays: np.ndarray) -> None:
+    """Raises ValueError, as damage in ``opened_arrays``, where a number is infinite or none."""
+    for name, array in arrays.items():
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} are not all finite")

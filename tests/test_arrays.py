@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from r2sego_blender.arrays import opened_arrays, require_shapes, save_arrays
+from r2sego_blender.arrays import opened_arrays, require_finite, require_shapes, save_arrays
 from r2sego_blender.errors import GeometryError
 
 
@@ -90,3 +90,12 @@ def test_arrays_that_do_not_belong_together_are_damage(wrong):
     require_shapes({name: np.zeros(shape) for name, shape in shapes.items()}, **axes)
     with pytest.raises(ValueError, match="has the shape"):
         require_shapes({name: np.zeros(shape) for name, shape in (shapes | wrong).items()}, **axes)
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
+def test_a_number_that_is_none_is_damage(number):
+    points = np.zeros((5, 3), np.float32)
+    require_finite(points=points, none=points[:0])
+    points[4, 1] = number
+    with pytest.raises(ValueError, match="points are not all finite"):
+        require_finite(points=points)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays import opened_arrays, require_shapes, save_arrays
+from ..arrays import opened_arrays, require_finite, require_shapes, save_arrays
 from ..cameras import Camera
 from ..errors import CaptureError
 from ..progress import SILENT, Progress
@@ -70,6 +70,7 @@ class SparsePoints:
             require_shapes(
                 arrays, points="P 3", colours="P 3", visibility="P N", error_px="P", pixels="P N 2"
             )  # fmt: skip
+            require_finite(points=arrays["points"])
             return SparsePoints(**arrays)
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..arrays import opened_arrays, require_shapes, save_arrays
+from ..arrays import opened_arrays, require_finite, require_shapes, save_arrays
 from ..captures.capture import Capture
 from ..captures.sparse import SparsePoints
 from ..errors import GeometryError
@@ -63,6 +63,7 @@ class ObservedGeometry:
             require_shapes(
                 arrays, points="P 3", normals="P 3", colours="P 3", visibility="P N", confidence="P"
             )  # fmt: skip
+            require_finite(points=arrays["points"], normals=arrays["normals"])
             return ObservedGeometry(**arrays)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arrays import opened_arrays, require_shapes, save_arrays
+from ..arrays import opened_arrays, require_finite, require_shapes, save_arrays
 from ..errors import GeometryError
 
 
@@ -86,6 +86,7 @@ class GeometryProxy:
                 vars(proxy), vertices="V 3", faces="F 3", provenance="F", support="F", confidence="F",
                 instance="F",
             )  # fmt: skip
+            require_finite(vertices=proxy.vertices)
             if proxy.provenance.dtype.kind not in "iu" or proxy.provenance.max(initial=0) > max(Provenance):
                 raise ValueError("a face has no known provenance")
             corners = proxy.faces
