@@ -6,6 +6,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, StringProperty
 
 from ...r2sego_blender.bridge.bundle import Bundle
+from ...r2sego_blender.bridge.file_stamps import when_written
 from ...r2sego_blender.bridge.show_collision import shows_older_collision
 from ...r2sego_blender.bridge.show_collision_check import forget_off_surface
 from .. import state
@@ -40,7 +41,7 @@ def proxy_stamp(bundle: Bundle) -> str:
 
 
 def _stamp(file: Path) -> str:
-    return f"{file} {file.stat().st_mtime_ns}" if file.is_file() else ""
+    return f"{file} {when_written(file)}" if file.is_file() else ""
 
 
 def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:

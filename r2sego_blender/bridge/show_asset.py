@@ -9,6 +9,7 @@ import numpy as np
 
 from ..asset_stages import Stage
 from .bundle import Bundle
+from .file_stamps import MADE, when_written
 from .meshes import add_attribute, add_colours, mesh_from_arrays, read_attribute
 from .moved_bundle import BUNDLE_MARK
 from .outliner import fresh_collection, link
@@ -18,7 +19,7 @@ MARKED = "marked"
 """The attribute of the vertices that are to be deleted."""
 
 _PART = "Asset"
-_STAGE, _MADE = "r2sego_stage", "r2sego_made"
+_STAGE = "r2sego_stage"
 _COLOUR, _SCALE, _ROTATION, _RADIUS = "colour", "scale", "rotation", "radius_m"
 _OPACITY, _BACKDROP = "opacity", "backdrop"
 _DRAWN = (_SCALE, _ROTATION, _RADIUS, _OPACITY, _BACKDROP, MARKED)
@@ -75,7 +76,7 @@ def show_asset(scene: bpy.types.Scene, bundle: Bundle, stage: Stage) -> bpy.type
     add_attribute(mesh, _BACKDROP, splats.backdrop, "POINT")
     add_attribute(mesh, MARKED, np.zeros(len(splats), bool), "POINT")
     created = bpy.data.objects.new(mesh.name, mesh)
-    created[_STAGE], created[_MADE] = stage.name, _made(stage)
+    created[_STAGE], created[MADE] = stage.name, when_written(stage.file)
     created.hide_render = True
     link(collection, created)
     _draw_only(created, _outermost(splats.means, splats.backdrop))
@@ -121,7 +122,7 @@ def shows_bundle(candidate: bpy.types.Object, bundle: Bundle) -> bool:
 
 def is_current(candidate: bpy.types.Object, stage: Stage) -> bool:
     """Whether an object made by ``show_asset`` shows the stage's file as it is, with all that is drawn."""
-    as_now = candidate.get(_STAGE) == stage.name and candidate.get(_MADE) == _made(stage)
+    as_now = candidate.get(_STAGE) == stage.name and candidate.get(MADE) == when_written(stage.file)
     return as_now and _is_whole(candidate.data)
 
 
@@ -152,8 +153,3 @@ def centres_of(mesh: bpy.types.Mesh) -> np.ndarray:
 def set_marked(mesh: bpy.types.Mesh, marked: np.ndarray) -> None:
     """Mark the vertices (N,) bool as to be deleted, and no others."""
     mesh.attributes[MARKED].data.foreach_set("value", np.ascontiguousarray(marked, bool))
-
-
-def _made(stage: Stage) -> str:
-    """When the stage's file was written; text, since Blender's whole numbers have 32 bits."""
-    return str(stage.file.stat().st_mtime_ns)

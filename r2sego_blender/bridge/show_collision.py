@@ -9,13 +9,13 @@ import numpy as np
 
 from ..errors import SceneError
 from .bundle import Bundle
+from .file_stamps import MADE, when_written
 from .materials import ramp_materials
 from .meshes import add_attribute, assign_materials, mesh_from_arrays
 from .outliner import find_collection, fresh_collection, link
 
 _PART, _TEXTURED = "Collision", "Textured proxy"
 _PIECE_COLOURS = 8
-_MADE = "r2sego_made"
 
 
 def show_collision(scene: bpy.types.Scene, bundle: Bundle, *, pieces: bool = True) -> bpy.types.Object:
@@ -40,22 +40,16 @@ def show_collision(scene: bpy.types.Scene, bundle: Bundle, *, pieces: bool = Tru
     # Neighbouring pieces get distant colours, so that their borders show.
     assign_materials(mesh, ramp_materials("R2S-EGO piece", _PIECE_COLOURS), piece * 3 % _PIECE_COLOURS)
     created = bpy.data.objects.new(mesh.name, mesh)
-    created[_MADE] = _made(bundle)
+    created[MADE] = when_written(bundle.collision_mesh)
     link(collection, created)
     return created
 
 
 def shows_older_collision(scene: bpy.types.Scene, bundle: Bundle) -> bool:
     """Whether a collision surface is shown that was redone since."""
-    collection, now = find_collection(scene, bundle.path, _PART), _made(bundle)
+    collection, now = find_collection(scene, bundle.path, _PART), when_written(bundle.collision_mesh)
     shown = collection.objects if collection is not None else ()
-    return any(_MADE in one and one[_MADE] != now for one in shown)
-
-
-def _made(bundle: Bundle) -> str:
-    """When the collision surface was written, '' where there is none."""
-    file = bundle.collision_mesh
-    return str(file.stat().st_mtime_ns) if file.is_file() else ""
+    return any(MADE in one and one[MADE] != now for one in shown)
 
 
 def show_textured(scene: bpy.types.Scene, bundle: Bundle, file: Path) -> list[bpy.types.Object]:

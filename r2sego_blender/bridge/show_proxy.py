@@ -10,6 +10,7 @@ import numpy as np
 
 from ..geometry.proxy import PROVENANCE_COLOURS, GeometryProxy, Provenance
 from .bundle import Bundle
+from .file_stamps import MADE, when_written
 from .light_drawing import draw_fewer_faces, drawn_faces
 from .materials import plain_material
 from .meshes import add_attribute, assign_materials, mesh_from_arrays, read_attribute
@@ -18,7 +19,7 @@ from .proxy_colours import Colouring, ProxyFaces, coloured
 from .proxy_coverage import read_coverage
 
 _PART = "Geometry proxy"
-_ROUND, _MADE, _VIEWS, _SEEN = "r2sego_round", "r2sego_made", "r2sego_views", "seen"
+_ROUND, _VIEWS, _SEEN = "r2sego_round", "r2sego_views", "seen"
 
 
 def show_proxy(scene: bpy.types.Scene, bundle: Bundle, round_index: int) -> bpy.types.Object:
@@ -32,7 +33,7 @@ def show_proxy(scene: bpy.types.Scene, bundle: Bundle, round_index: int) -> bpy.
     coverage = read_coverage(bundle, round_index, len(proxy.faces))
     collection = fresh_collection(scene, bundle.path, _PART)
     mesh = proxy_mesh(proxy, f"Proxy, round {round_index}")
-    mesh[_ROUND], mesh[_MADE] = round_index, _made(bundle, round_index)
+    mesh[_ROUND], mesh[MADE] = round_index, when_written(bundle.proxy_file(round_index))
     if coverage is not None:
         add_attribute(mesh, _SEEN, coverage.seen)
         mesh[_VIEWS] = coverage.views
@@ -67,14 +68,8 @@ def shown_round(shown: bpy.types.Object) -> int:
 
 def is_current(shown: bpy.types.Object, bundle: Bundle) -> bool:
     """Whether an object that ``show_proxy`` made of this bundle shows the file as it is now."""
-    now = _made(bundle, shown_round(shown))
-    return shown.data.get(_MADE, now) == now  # earlier versions did not note it
-
-
-def _made(bundle: Bundle, round_index: int) -> str:
-    """When a round's proxy was written, '' where there is none."""
-    file = bundle.proxy_file(round_index)
-    return str(file.stat().st_mtime_ns) if file.is_file() else ""
+    now = when_written(bundle.proxy_file(shown_round(shown)))
+    return shown.data.get(MADE, now) == now  # earlier versions did not note it
 
 
 def colour_proxy(shown: bpy.types.Object, by: str) -> tuple[Colouring, np.ndarray] | None:
