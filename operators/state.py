@@ -158,8 +158,11 @@ def may_show() -> bool:
 def refresh(scene: bpy.types.Scene) -> None:
     """Read the bundle again into the cached facts; what is damaged becomes ``problem``, the rest is read.
 
-    Listeners may show changed results anew: whoever calls this sees to a step to undo.
+    Listeners may show changed results anew: whoever calls this sees to a step to undo. A Blender scene
+    that is linked from another .blend stays as it was saved there: nothing can be shown in it.
     """
+    if scene.library is not None:
+        return
     state = scene.r2sego
     state.facts.clear()
     state.problem = ""

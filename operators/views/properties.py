@@ -14,6 +14,7 @@ from ...r2sego_blender.bridge.show_candidates import mark_candidate, shown_candi
 from ...r2sego_blender.bridge.view_scores import remembered
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import R2SEgoError
+from .. import state
 from . import display
 
 COLOURS = [
@@ -59,7 +60,7 @@ def _active_changed(group: bpy.types.PropertyGroup, _context: bpy.types.Context)
     row = next((k for k, item in enumerate(group.ranked) if item.candidate == active), -1)
     if group.ranked_index != row:
         group.ranked_index = row
-    if shown_candidates(scene, scores.bundle_path) is not None:
+    if state.may_show() and shown_candidates(scene, scores.bundle_path) is not None:
         mark_candidate(scene, scores.bundle_path, scores.views, active, group.frustum_size)
     redraw_views()
 

@@ -45,6 +45,25 @@ def check_a_blender_scene_that_is_linked_from_another_file_says_so():
         assert "linked from another .blend" in refused(bpy.ops.r2sego.show_proxy)
 
 
+def check_a_file_that_shows_a_linked_scene_reads_its_own_scenes_all_the_same():
+    copy = copied_bundle()
+    bpy.ops.r2sego.show_asset()
+    library, other = OUT.parent / "library.blend", OUT.parent / "links.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(library))
+    open_bundle(copy)
+    bpy.context.scene.name = "Zimmer"  # behind the linked one
+    with bpy.data.libraries.load(str(library), link=True) as (_, loaded):
+        loaded.scenes = ["Scene"]
+    bpy.ops.wm.save_as_mainfile(filepath=str(other))
+    shutil.copy(copy / "rounds" / "0" / "asset.ply", copy / "asset.ply")  # newer than shown
+    state().facts.clear()
+    bpy.ops.wm.save_mainfile()
+    bpy.ops.wm.open_mainfile(filepath=str(other))
+    linked, own = sorted(bpy.data.scenes, key=lambda one: one.library is None)
+    assert linked.library is not None and linked.r2sego_asset.shown.name in linked.objects
+    assert own.r2sego.facts and not [one for one in bpy.data.collections if one.library is None]
+
+
 def check_every_grey_button_says_why_in_a_sentence():
     for begin in (lambda: bpy.ops.wm.read_homefile(use_empty=True), copied_bundle):
         begin()

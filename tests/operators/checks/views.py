@@ -1,6 +1,7 @@
 """What holds of the room Views, checked inside Blender."""
 
 import json
+import os
 import sys
 
 import bmesh
@@ -68,6 +69,22 @@ def check_undo_of_another_round_brings_its_candidates_back():
         assert state().round_index == index
         kept = scores.remembered(bpy.context.scene.session_uid)
         assert kept.stamp.startswith(f"{index} ") and group().stamp == f"{BUNDLE} {kept.stamp}"
+
+
+def check_undo_does_not_touch_the_mark_of_the_active_candidate():
+    copy = copied_bundle()
+    bpy.ops.r2sego.show_candidates()
+    bpy.ops.r2sego.pick_candidate(candidate=17)
+    bpy.ops.ed.undo_push(message="picked")
+    file = copy / "rounds" / "1" / "selection" / "selection.npz"
+    os.utime(file, (1, 1))  # selected anew
+    bpy.ops.r2sego.refresh_scene()
+    assert group().active == -1 and "Active candidate" not in bpy.data.objects
+    bpy.ops.ed.undo_push(message="refreshed")
+    bpy.ops.ed.undo()  # which must not remove what its own step has
+    assert group().active == -1 and bpy.data.objects["Active candidate"].users_collection
+    bpy.ops.r2sego.refresh_scene()
+    assert "Active candidate" not in bpy.data.objects
 
 
 def check_a_picked_candidate_says_why():
