@@ -12,6 +12,7 @@ class R2SEGO_GT_score_curves(bpy.types.Gizmo):
     """The curves' rectangle; it draws nothing itself"""
 
     bl_idname = "R2SEGO_GT_score_curves"
+    __slots__ = ("before",)  # the active candidate when the button went down
 
     def draw(self, context):
         """The overlay draws the curves."""
@@ -21,6 +22,7 @@ class R2SEGO_GT_score_curves(bpy.types.Gizmo):
         return 0 if chart is not None and chart.contains(*location, _SLACK_PX) else -1
 
     def invoke(self, context, event):
+        self.before = context.scene.r2sego_views.active
         _pick(context, event.mouse_region_x)
         return {"RUNNING_MODAL"}
 
@@ -29,7 +31,10 @@ class R2SEGO_GT_score_curves(bpy.types.Gizmo):
         return {"RUNNING_MODAL"}
 
     def exit(self, context, cancel):
-        """What was picked stays."""
+        """What was picked stays, as one step to undo: Blender makes none for a gizmo, and an undo over
+        the mark, an object that is in no step of its history, crashes it."""
+        if context.scene.r2sego_views.active != self.before:
+            bpy.ops.ed.undo_push(message="Pick Candidate")
 
 
 class R2SEGO_GGT_score_curves(bpy.types.GizmoGroup):

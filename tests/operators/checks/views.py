@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+from types import SimpleNamespace
 
 import bmesh
 import bpy
@@ -106,6 +107,25 @@ def check_a_picked_candidate_says_why():
     assert (group().rollout, group().active_rollout) == (3, 0)
     assert "no candidate 40" in refused(bpy.ops.r2sego.pick_candidate, candidate=40)
     assert "No candidate is named" in refused(bpy.ops.r2sego.pick_candidate)
+
+
+def check_what_a_click_in_the_curves_picked_is_one_step_to_undo():
+    """Blender makes none for a gizmo, and crashes at an undo over an object that no step has."""
+    open_bundle()
+    bpy.ops.r2sego.show_candidates()
+    for message in ("shown", "something", "something else"):
+        bpy.context.scene.frame_current += 1
+        bpy.ops.ed.undo_push(message=message)
+    curves = sys.modules[f"{MODULE}.panels.score_curves_click"].R2SEGO_GT_score_curves
+    gizmo = SimpleNamespace(before=group().active)  # as the button went down
+    for candidate in (4, 17):
+        bpy.ops.r2sego.pick_candidate(candidate=candidate)
+    curves.exit(gizmo, bpy.context, False)
+    shown = []
+    for step in (bpy.ops.ed.undo, bpy.ops.ed.redo, bpy.ops.ed.undo, bpy.ops.ed.undo):
+        step()
+        shown.append((group().active, "Active candidate" in bpy.data.objects))
+    assert shown == [(-1, False), (17, True), (-1, False), (-1, False)], shown
 
 
 def check_the_face_chosen_in_edit_mode_is_picked():
