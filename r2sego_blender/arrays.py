@@ -46,7 +46,7 @@ def opened_arrays(
 
 
 def require_shapes(arrays: Mapping[str, np.ndarray], **axes: str) -> None:
-    """Raises ValueError, as damage in ``opened_arrays``, where arrays do not belong together.
+    """Raises ValueError, as damage in ``opened_arrays``, where arrays do not fit together or are no numbers.
 
     ``axes`` has each array's, as in ``points="P 3", normals="P 3"``: a letter is one number in all of them.
     """
@@ -57,6 +57,8 @@ def require_shapes(arrays: Mapping[str, np.ndarray], **axes: str) -> None:
                  for axis, size in zip(wanted, shape, strict=False)]  # fmt: skip
         if len(shape) != len(wanted) or list(shape) != known:
             raise ValueError(f"{name} has the shape {shape}")
+        if arrays[name].dtype.kind not in "biuf":
+            raise ValueError(f"{name} holds no numbers")
 
 
 def require_finite(**arrays: np.ndarray) -> None:

@@ -58,7 +58,7 @@ def controller_backend(bundle: Path) -> dict[str, str]:
     A learned policy is named as such; what is embedded says so.
     """
     told = sorted(bundle.glob("rounds/*/rollouts/rollouts.json"), key=lambda file: int(file.parts[-3]))
-    with contextlib.suppress(OSError, ValueError, LookupError):
+    with contextlib.suppress(OSError, ValueError, LookupError, TypeError, AttributeError):
         controller = json.loads(told[-1].read_text(encoding="utf-8"))["rollouts"][-1]["controller"]
         if controller.startswith("policy"):
             return {"controller": controller}

@@ -149,13 +149,17 @@ class Camera:
 
     @staticmethod
     def from_json(data: dict[str, Any]) -> Camera:
-        """The camera of ``to_json``; extra keys are ignored."""
-        return Camera(
+        """The camera of ``to_json``; extra keys are ignored. Raises ValueError where it can see nothing."""
+        camera = Camera(
             width=int(data["width"]), height=int(data["height"]),
             fx=float(data["fx"]), fy=float(data["fy"]),
             cx=float(data["cx"]), cy=float(data["cy"]),
             world_from_camera=np.array(data["world_from_camera"], np.float64),
         )  # fmt: skip
+        lens = (camera.fx, camera.fy, camera.cx, camera.cy)
+        if min(camera.width, camera.height) < 1 or min(lens[:2]) <= 0.0 or not np.isfinite(lens).all():
+            raise ValueError("a camera needs a size, focal lengths above 0 and a principal point")
+        return camera
 
 
 def look_at(centre: np.ndarray, target: np.ndarray, up: np.ndarray = (0.0, 0.0, 1.0)) -> np.ndarray:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import os
+from collections.abc import Iterator
 from pathlib import Path
 
 _HIDDEN = ("desktop.ini", "thumbs.db")  # Windows hides these without a dot
@@ -11,11 +13,12 @@ _HIDDEN = ("desktop.ini", "thumbs.db")  # Windows hides these without a dot
 def content_digest(path: Path) -> str:
     """A SHA-256 over a file's bytes, or over a folder's names and bytes; '' when it is missing.
 
-    Hidden files, such as a file manager's ``.DS_Store`` or ``Thumbs.db``, are none of a folder's.
+    Hidden files, such as a file manager's ``.DS_Store`` or ``Thumbs.db``, are none of a folder's. Raises
+    OSError for what may not be read, which is not the same as nothing.
     """
     digest = hashlib.sha256()
     if path.is_dir():
-        names = [file.relative_to(path) for file in path.rglob("*") if file.is_file()]
+        names = [file.relative_to(path) for file in _files(path)]
         for name in sorted(names, key=lambda name: name.parts):  # Windows compares paths in small letters
             if not any(part.startswith(".") for part in name.parts) and name.name.lower() not in _HIDDEN:
                 digest.update(name.as_posix().encode())
@@ -26,3 +29,14 @@ def content_digest(path: Path) -> str:
     else:
         return ""
     return digest.hexdigest()
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    """The files within, hidden folders left out; ``rglob`` would pass over what may not be listed."""
+    for where, folders, names in os.walk(folder, onerror=_raise):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        yield from (file for name in names if (file := Path(where, name)).is_file())
+
+
+def _raise(error: OSError) -> None:
+    raise error

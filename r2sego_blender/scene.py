@@ -31,7 +31,7 @@ from .layout import COLLISION, REFINED_ASSET
 from .scene_declaration import DECLARATION, Declaration, name_in, read_declaration, write_declaration
 from .scratch import keeping, scratch_place
 from .whole_files import UNFINISHED, finish_replacing, flush, remove, rename, replacing_together, swap_in
-from .world_frame import frame_of_output
+from .world_frame import frame_of_output, is_frame
 
 _JOURNAL, _LOCK = "journal.jsonl", ".lock"
 _HOLDERS: dict[Path, int] = {}  # of bundles that this process holds: the thread
@@ -269,7 +269,7 @@ class Scene:
             for line in (self.path / _JOURNAL).read_text(encoding="utf-8", errors="replace").splitlines():
                 with contextlib.suppress(json.JSONDecodeError):
                     records.append(json.loads(line))
-        return [record for record in records if isinstance(record, dict)]
+        return [record for record in records if _is_record(record)]
 
     def recorded(self) -> dict[str, str]:
         """The digest of what each step read, by its target; without those killed while they published."""
@@ -340,6 +340,16 @@ class Scene:
             file.write(f"{json.dumps(record)}\n".encode())
             file.flush()
             os.fsync(file.fileno())
+
+
+def _is_record(line: Any) -> bool:
+    """Whether a line of the journal is as ``_record`` writes it."""
+    return (
+        isinstance(line, dict)
+        and all(isinstance(line.get(name, ""), str) for name in ("step", "publishing", "inputs", "output"))
+        and isinstance(line.get("seconds", 0.0), int | float)
+        and (line.get("frame") is None or is_frame(line["frame"]))
+    )
 
 
 def require_place(path: Path) -> None:

@@ -21,6 +21,14 @@ Frame = Sequence[Sequence[float]]
 """``world_from_capture``, (4, 4): the registration in force."""
 
 
+def is_frame(value: Any) -> bool:
+    """Whether ``value``, as JSON has it, is (4, 4) numbers."""
+    rows = value if isinstance(value, list) else []
+    return [len(row) if isinstance(row, list) else 0 for row in rows] == [4] * 4 and all(
+        isinstance(number, int | float) for row in rows for number in row
+    )
+
+
 def same_frame(one: Frame, other: Frame) -> bool:
     """Whether two registrations are one and the same, but for rounding."""
     pairs = [(a, b) for row, beside in zip(one, other, strict=True) for a, b in zip(row, beside, strict=True)]

@@ -92,6 +92,11 @@ def test_arrays_that_do_not_belong_together_are_damage(wrong):
         require_shapes({name: np.zeros(shape) for name, shape in (shapes | wrong).items()}, **axes)
 
 
+def test_text_where_numbers_belong_is_damage():
+    with pytest.raises(ValueError, match="points holds no numbers"):
+        require_shapes({"points": np.full((5, 3), "x")}, points="P 3")
+
+
 @pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
 def test_a_number_that_is_none_is_damage(number):
     points = np.zeros((5, 3), np.float32)

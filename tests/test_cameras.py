@@ -106,3 +106,12 @@ def test_a_camera_keeps_a_pose_of_its_own():
 def test_a_pose_that_is_not_finite_is_refused():
     with pytest.raises(ValueError):
         Camera(4, 4, 1, 1, 2, 2, np.full((4, 4), np.nan))
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"width": 0}, {"height": -7}, {"fx": 0.0}, {"fy": float("nan")}, {"cx": float("inf")}]
+)
+def test_a_camera_file_that_can_see_nothing_is_refused(wrong):
+    told = Camera(4, 4, 1, 1, 2, 2, np.eye(4)).to_json()
+    with pytest.raises(ValueError, match="a camera needs"):
+        Camera.from_json(told | wrong)

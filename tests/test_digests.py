@@ -1,6 +1,9 @@
 """Digests tell what is held, on every system alike."""
 
 import hashlib
+import os
+
+import pytest
 
 from r2sego_blender.digests import content_digest
 
@@ -25,3 +28,20 @@ def test_a_folder_has_one_digest_on_every_system(tmp_path):
         (tmp_path / name).write_bytes(name.encode())
         digest.update(name.encode() + hashlib.sha256(name.encode()).hexdigest().encode())
     assert content_digest(tmp_path) == digest.hexdigest()
+
+
+def test_a_folder_that_may_not_be_listed_is_not_taken_for_an_empty_one(tmp_path, monkeypatch):
+    """Whoever runs the tests may read everything, so the system's refusal is made up."""
+    (tmp_path / "whole").mkdir()
+    listed = os.scandir
+
+    def refused(path):
+        if os.fspath(path) == os.fspath(tmp_path / "whole"):
+            raise PermissionError(13, "Permission denied", path)
+        return listed(path)
+
+    monkeypatch.setattr(os, "scandir", refused)
+    with pytest.raises(PermissionError):
+        content_digest(tmp_path)
+    with pytest.raises(PermissionError):
+        content_digest(tmp_path / "whole")

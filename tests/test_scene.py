@@ -82,8 +82,9 @@ def test_the_controller_is_the_one_that_drove_the_last_rollouts(tmp_path):
         folder.mkdir(parents=True)
         (folder / "rollouts.json").write_text(json.dumps({"rollouts": [{"controller": name}]}))
         assert scene.backends["controller"] == told
-    (folder / "rollouts.json").write_text("{")
-    assert scene.backends["controller"] == declared
+    for damaged in ("{", '{"rollouts": 7}', '{"rollouts": [{"controller": null}]}', "[]"):
+        (folder / "rollouts.json").write_text(damaged)
+        assert scene.backends["controller"] == declared
 
 
 def test_create_leaves_nothing_when_filling_fails(tmp_path):
@@ -265,7 +266,12 @@ def test_a_cut_off_journal_line_is_passed_over(tmp_path):
     assert [record["step"] for record in scene.journal()] == ["a.txt", "c.txt"]
 
 
-@pytest.mark.parametrize("line", [b"\x93\xfe\x00garbage", b"7", b'["step"]', b'"step"', b"null"])
+@pytest.mark.parametrize(
+    "line",
+    [b"\x93\xfe\x00garbage", b"7", b'["step"]', b'"step"', b"null", b'{"step": ["b"]}',
+     b'{"step": "b", "inputs": "", "output": 3}', b'{"step": "b", "frame": [[1, 0], [0, 1]]}',
+     b'{"step": "b", "frame": 7}', b'{"step": "b", "seconds": "7"}'],
+)  # fmt: skip
 def test_a_damaged_journal_line_is_passed_over(tmp_path, line):
     scene = make_scene(tmp_path)
     scene.step("a.txt", lambda file: file.write_text("a"))

@@ -121,11 +121,14 @@ def edit_asset(
     if regions or remove:
         with opened.locked():
             require_present_frame(opened, [REFINED_ASSET], "edited")
-            # Damaged edits and unknown names are refused before anything changes.
+            # Damaged edits and assets and unknown names are refused before anything changes.
             load_edits(opened.path)
             gone = {edit_file(opened, one) for one in remove}
+            if (last := _last_round(opened)) >= 0:
+                _asset(stage_named(opened, str(last)))
             if regions:
-                save_edit(opened, AssetEdit(name or next_name(opened.path), regions))
+                saved = save_edit(opened, AssetEdit(name or next_name(opened.path), regions))
+                gone.discard(saved)  # one that takes a removed one's name stays
             for file in gone:
                 file.unlink()
             _publish_again(opened, progress)

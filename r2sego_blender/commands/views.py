@@ -49,6 +49,7 @@ def views(
     if given:
         words = ((accept, True), (reject, False), (undecided, None))
         with opened.locked():
+            read_views(folder, 0)  # damaged ones are refused before anything changes
             decide(folder, {rank: accepted for ranks, accepted in words for rank in ranks})
     show(progress, described(opened, index), lines, as_object)
 

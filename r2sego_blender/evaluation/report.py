@@ -10,7 +10,7 @@ import jinja2
 import numpy as np
 
 from ..layout import REPORT_PAGE
-from ..whole_files import write_whole
+from ..whole_files import UNFINISHED, rename, write_whole
 from .charts import candidate_chart, round_chart
 from .figures import PROVENANCE_COLOURS, save_figure
 from .report_data import Picture, ReportData
@@ -76,7 +76,9 @@ class _FigureWriter:
             copies += 1
             name = f"{stem}-{copies}.jpg"
         try:
-            save_figure(self._folder / name, picture)
+            made = self._folder / f"{UNFINISHED}{name}"
+            save_figure(made, picture)
+            rename(made, self._folder / name)
         except OSError:
             return ""
         self._written[name] = picture

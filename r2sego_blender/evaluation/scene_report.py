@@ -100,7 +100,9 @@ def write_scene_report(
             provenance={} if last is None else _provenance(last),
             collision=_collision(scene),
             settings=_settings(scene),
-            timings=tuple((record["step"], record["seconds"]) for record in _last_records(scene)),
+            timings=tuple(
+                (record["step"], record["seconds"]) for record in _last_records(scene) if "seconds" in record
+            ),
         ),
     )
 
@@ -165,7 +167,7 @@ def _target(view: ViewRecord, selection: Selection, captures: Sequence[Capture])
         accepted=view.accepted,
         verdict=view.fate,
         reference_name=view.reference,
-        reference=photographs[view.reference],
+        reference=photographs.get(view.reference),
         condition=depth_picture(conditions[-1].depth) if conditions else None,
         generated=frame if frame.is_file() else None,
         score=float(selection.score[view.candidate]),

@@ -38,8 +38,15 @@ class Quality:
 
     @staticmethod
     def from_json(values: dict[str, Any]) -> Quality:
-        """The quality of its fields as JSON has them."""
-        return Quality(**{key: tuple(v) if isinstance(v, list) else v for key, v in values.items()})
+        """The quality of its fields as JSON has them. Raises TypeError or ValueError for what is none."""
+        fields = {}
+        for key, value in values.items():
+            if key.startswith("camera_"):
+                low, high = map(float, value)
+                fields[key] = (low, high)
+            else:
+                fields[key] = float(value)
+        return Quality(**fields)
 
 
 class Meter:

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 from ..arrays import opened_arrays, require_shapes, save_arrays
 from ..errors import RobotError
@@ -23,7 +24,7 @@ from .scope import BehaviourScope
 
 _ARRAYS, _REASONS = "rollouts.npz", "rollouts.json"
 _FRAMES = ("qpos", "times_s", "camera_poses")
-_TOLD = ("success", "reason", "frame", "behaviour", "detail", "controller")
+_TOLD = {"success": bool, "reason": str, "frame": int, "behaviour": str, "detail": str, "controller": str}
 
 _CURES = {
     Reason.NO_GOAL: "Give the behaviour scope shorter walk_to.distance_m, or a larger region.",
@@ -110,7 +111,7 @@ def load_rollouts(folder: Path) -> tuple[Rollout, ...]:
     with opened_json(folder / _REASONS, RobotError, what) as words:
         records = [
             {
-                **{name: record[name] for name in _TOLD},
+                **{name: _of(kind, record[name]) for name, kind in _TOLD.items()},
                 "seed": tuple(record["seed"]),
                 "quality": Quality.from_json(record["quality"]),
                 "warnings": tuple(record.get("warnings", ())),  # bundles of before 2026-11-22 have none
@@ -124,6 +125,12 @@ def load_rollouts(folder: Path) -> tuple[Rollout, ...]:
             require_shapes(arrays, qpos="T Q", times_s="T", camera_poses="T 4 4")
             rollouts.append(Rollout(**record, **arrays))
     return tuple(rollouts)
+
+
+def _of(kind: type, value: object) -> Any:
+    if not isinstance(value, kind):
+        raise TypeError(f"{value!r} is no {kind.__name__}")
+    return value
 
 
 def _too_few(

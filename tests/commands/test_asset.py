@@ -164,6 +164,26 @@ def test_a_refused_edit_changes_nothing(scene, tmp_path, arguments, words):
     assert scene.asset_file.read_bytes() == before and load_edits(scene.path) == ()
 
 
+@pytest.mark.parametrize("damaged", ["geometry/backdrop.ply", "rounds/0/asset.ply"])
+def test_an_edit_of_a_damaged_asset_changes_nothing(scene, tmp_path, damaged):
+    file, before = scene.path / damaged, scene.asset_file.read_bytes()
+    file.write_bytes(file.read_bytes()[:3000])
+    done = r2sego("edit-asset", scene.path, "--box", box_file(tmp_path))
+    assert done.exit_code == 1 and damaged in done.stderr, done.output
+    assert scene.asset_file.read_bytes() == before and load_edits(scene.path) == ()
+
+
+def test_an_edit_takes_the_name_of_one_that_goes(scene, tmp_path):
+    box = box_file(tmp_path)
+    assert r2sego("edit-asset", scene.path, "--box", box, "--name", "floaters").exit_code == 0
+    wider = box_file(tmp_path, half=1.2)
+    done = r2sego("edit-asset", scene.path, "--remove", "floaters", "--box", wider, "--name", "floaters")
+    assert done.exit_code == 0, done.output
+    (edit,) = load_edits(scene.path)
+    assert edit.name == "floaters" and edit.regions[0].half_extents.tolist() == [1.2] * 3
+    assert not edit.deletes(published(scene).means).any()
+
+
 def test_edits_move_with_the_world(scene):
     similarity = np.diag([2.0, 2.0, 2.0, 1.0])
     save_edit(scene, AssetEdit("a", (Box(np.eye(4), np.ones(3)),)))

@@ -70,3 +70,14 @@ def test_what_cannot_be_is_refused(room, arguments, said):
     assert done.exit_code == 1
     assert said in done.output
     assert not list(room.rglob("decision.json"))
+
+
+def test_a_decision_that_cannot_be_told_is_not_taken(room):
+    """Another view is damaged: the command fails, so it has changed nothing."""
+    pose = room / "rounds/0/views/001/pose.json"
+    record = json.loads(pose.read_text())
+    del record["reference_name"]
+    pose.write_text(json.dumps(record))
+    said = r2sego("views", room, "--round", 0, "--reject", 0)
+    assert said.exit_code == 1 and "001/pose.json" in said.stderr
+    assert not (room / "rounds/0/views/000/decision.json").exists()

@@ -327,6 +327,22 @@ def test_a_lost_picture_and_an_old_figure_do_no_harm(tmp_path, report):
     assert [path.name for path in (tmp_path / "figures").iterdir()] == ["frozen-frozen-00-refined.jpg"]
 
 
+def test_a_picture_cut_off_as_it_is_written_leaves_the_one_before(tmp_path, report, monkeypatch):
+    write_report(tmp_path, report)
+    before = {path.name: path.read_bytes() for path in (tmp_path / "figures").iterdir()}
+
+    def cut_off(path, picture):
+        path.write_bytes(b"half a picture")
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr("r2sego_blender.evaluation.report.save_figure", cut_off)
+        write_report(tmp_path, report)
+    assert {name: (tmp_path / "figures" / name).read_bytes() for name in before} == before
+    write_report(tmp_path, report)
+    assert {path.name: path.read_bytes() for path in (tmp_path / "figures").iterdir()} == before
+
+
 def test_the_report_is_the_same_bytes_again(tmp_path, report):
     first = write_report(tmp_path / "a", report).read_bytes()
     assert write_report(tmp_path / "b", report).read_bytes() == first

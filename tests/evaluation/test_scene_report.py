@@ -4,10 +4,18 @@ import json
 
 import numpy as np
 import pytest
+from small_bundle import bundle, camera
 
+from r2sego_blender.captures.store import load_captures
 from r2sego_blender.evaluation.scene_report import renew_scene_report, write_scene_report
+from r2sego_blender.generation.condition_files import save_conditions
+from r2sego_blender.generation.conditions import Condition
+from r2sego_blender.references import with_references
+from r2sego_blender.robot.rollouts import Rollout, save_rollouts
 from r2sego_blender.scene import Scene
 from r2sego_blender.scene_declaration import Declaration
+from r2sego_blender.selection import save_candidates, select_targets
+from r2sego_blender.settings import SelectionSettings
 
 
 @pytest.fixture
@@ -61,3 +69,30 @@ def test_a_page_of_scores_that_do_not_hold_is_written_anew(scene, metrics):
         scene.metrics_file.write_text(json.dumps(metrics))
     renew_scene_report(scene, scene.journal())
     assert "embedded:wheeled" in page.read_text(encoding="utf-8")
+
+
+def test_the_page_shows_a_view_whose_reference_is_no_capture_any_more(tmp_path):
+    scene, cameras, settings = bundle(tmp_path, [None], None), [camera(), camera(0.1)], SelectionSettings()
+    folder = scene.round_folder(0)
+    (folder / "asset.ply").write_bytes(b"")  # the round has ended
+    rollout = Rollout(True, "", 2, np.zeros((3, 7)), np.arange(3.0), np.tile(np.eye(4), (3, 1, 1)), (0, 0))
+    (folder / "rollouts").mkdir()
+    save_rollouts(folder / "rollouts", [rollout])
+    seen = [capture.camera for capture in load_captures(scene.captures_folder)]
+    chosen = select_targets(np.full(2, 0.9), np.full(2, 0.5), np.zeros(2, int), np.arange(2), settings)
+    wall = lambda one: np.full(one.shape, 2.0, np.float32)  # noqa: E731
+    with_references(chosen, cameras, seen, wall, settings, 2).save(folder / "selection")
+    save_candidates(folder / "selection", cameras)
+    record = {
+        "accepted": True, "reason": "registered", "rank": 0, "generator": "blending", "candidate": 0,
+        "rollout": 0, "frame": 0, "reference": 0, "reference_name": "removed.png", "overlap": 0.5,
+        "estimate": None,
+    }  # fmt: skip
+    views, shape = folder / "views/000", cameras[0].shape
+    empty = Condition(
+        cameras[0], np.zeros(shape, np.float32), np.zeros((*shape, 3), np.float32), np.zeros(shape, np.uint8),
+        np.zeros(shape, np.float32), np.zeros(shape, np.int32),
+    )  # fmt: skip
+    save_conditions(views / "conditions", [empty])
+    (views / "pose.json").write_text(json.dumps(record))
+    assert "removed.png" in write_scene_report(scene).read_text(encoding="utf-8")

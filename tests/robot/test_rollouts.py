@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -166,6 +167,25 @@ def test_rollouts_whose_frames_do_not_belong_together_are_named(tmp_path):
     short = Rollout(True, "", 2, np.zeros((2, 7)), **frames, seed=(0, 0))
     save_rollouts(tmp_path, [short])
     with pytest.raises(RobotError, match=r"rollouts\.npz: these rollouts cannot be read"):
+        load_rollouts(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("behaviour", None), ("frame", [4]), ("controller", 7), ("success", "yes"),
+     ("quality", {"foot_slide_m": "far"}), ("quality", {"camera_height_m": 1.4}),
+     ("quality", {"camera_pitch_deg": ["low", "high"]}), ("quality", {"camera_pitch_deg": [1.0]})],
+)  # fmt: skip
+def test_words_of_another_kind_are_named(tmp_path, name, value):
+    frames = {"times_s": np.arange(3.0), "camera_poses": np.tile(np.eye(4), (3, 1, 1))}
+    rollout = Rollout(True, "", 2, np.zeros((3, 7)), **frames, seed=(0, 0))
+    save_rollouts(tmp_path, [rollout])
+    (loaded,) = load_rollouts(tmp_path)
+    assert loaded.quality == rollout.quality and loaded.seed == rollout.seed
+    told = json.loads((tmp_path / "rollouts.json").read_text())
+    told["rollouts"][0][name] = value
+    (tmp_path / "rollouts.json").write_text(json.dumps(told))
+    with pytest.raises(RobotError, match=r"rollouts\.json: these rollouts cannot be read"):
         load_rollouts(tmp_path)
 
 
