@@ -61,7 +61,7 @@ def load_image_uint8(path: Path) -> np.ndarray:
                     f"the image has {image.width}x{image.height} pixels, more than is sensible",
                     where=path, cure="Scale it down.",
                 )  # fmt: skip
-            return np.asarray(_srgb(ImageOps.exif_transpose(image)))
+            return np.asarray(_srgb(ImageOps.exif_transpose(image), path))
     except Image.DecompressionBombError as error:
         raise CaptureError(
             "the image has more pixels than is sensible", where=path, cure="Scale it down."
@@ -82,8 +82,13 @@ def unread(path: Path, what: str, cure: str) -> CaptureError:
     return CaptureError(what, where=path, cure=cure)
 
 
-def _srgb(image: Image.Image) -> Image.Image:
+def _srgb(image: Image.Image, path: Path) -> Image.Image:
     """The image in 8 bits and the colours of sRGB."""
+    if image.mode in ("F", "I"):  # Pillow would make them black or white
+        raise CaptureError(
+            "the image has 32 bits a value, of which none says what is white", where=path,
+            cure="Save it with 8 or 16 bits a channel.",
+        )  # fmt: skip
     if image.mode.startswith("I;16"):  # Pillow would cut grey values off at 255
         image = Image.fromarray((np.asarray(image) >> 8).astype(np.uint8))
     profile = image.info.get("icc_profile")

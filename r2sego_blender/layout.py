@@ -26,6 +26,7 @@ REPORT_PAGE = "index.html"
 """In the folder of the report."""
 
 _LONGEST = 100  # characters of a file's stem that is made of a path
+_LONGEST_NAME = 240  # bytes of a photograph's name that a result may have, too: file systems take 255
 
 
 def of_round(index: int, name: str) -> str:
@@ -56,8 +57,10 @@ def mask_stems(names: Sequence[str]) -> dict[str, str]:
 
 
 def _stems(names: Sequence[str]) -> list[str]:
-    """The names as they are, and plain ones for those that are paths."""
-    plain = [Path(name).name == name for name in names]
+    """The names as they are, and plain ones for those that are paths or leave no room for a suffix."""
+    plain = [
+        Path(name).name == name and len(name.encode(errors="replace")) <= _LONGEST_NAME for name in names
+    ]
     stems = [
         name if own else re.sub(r"[^A-Za-z0-9._-]", "_", name)[-_LONGEST:].lstrip("._")
         for name, own in zip(names, plain, strict=True)

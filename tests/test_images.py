@@ -116,6 +116,14 @@ def test_grey_images_of_16_bits_keep_their_brightness(tmp_path, suffix):
     np.testing.assert_array_equal(read, np.repeat(grey[..., None], 3, axis=2))
 
 
+@pytest.mark.parametrize("kind", [np.float32, np.int32])
+def test_an_image_of_32_bits_is_refused_and_not_taken_for_black_or_white(tmp_path, kind):
+    file = tmp_path / "photo.tif"
+    Image.fromarray(np.array([[0.2, 0.8]] if kind is np.float32 else [[10**8, 2 * 10**9]], kind)).save(file)
+    with pytest.raises(CaptureError, match=r"photo\.tif: .*32 bits.* 8 or 16 bits"):
+        load_image(file)
+
+
 def test_colours_of_another_profile_become_srgb(tmp_path):
     """As with a phone's Display P3: here of a profile that calls sRGB's red green and the other way."""
     picture = _colourful()

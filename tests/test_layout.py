@@ -35,6 +35,14 @@ def test_a_long_path_gives_a_name_that_a_file_can_have(tmp_path):
     assert file.endswith("deep_0000.png.npz")
 
 
+def test_a_photographs_long_name_leaves_room_for_a_suffix(tmp_path):
+    names = ["a" * 250 + ".png", "b" + "a" * 249 + ".png", "é" * 100 + ".png"]
+    files = capture_files(names)
+    for file in files:
+        (tmp_path / file).touch()
+    assert len(set(files)) == 3 and files[2] == names[2] + ".npz"
+
+
 @given(NAMES)
 def test_no_two_captures_share_a_file_and_none_leaves_the_folder(names):
     for stems in (capture_files(names), list(mask_stems(names).values())):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -71,23 +72,37 @@ def _found(
     images_in: Callable[[Path], list[Path]] = image_files,
 ) -> Path | None:  # fmt: skip
     relative = _plain(name)
+    if "\0" in name:
+        return None
     candidates = [folder / relative for folder in folders]
     if by_file_name:
         candidates += [folder / relative.name for folder in folders]
     candidates = [
         candidate for candidate in candidates
-        if any(candidate.resolve().is_relative_to(folder.resolve()) for folder in folders)
+        if any(_real(candidate).is_relative_to(_real(folder)) for folder in folders)
     ]  # fmt: skip
     for candidate in candidates:
-        if candidate.is_file():
+        if _is_file(candidate):
             return candidate
         if guess_suffix and candidate.suffix.lower() not in SUFFIXES:
             # Blender's scenes and instant-ngp mean .png, and COLMAP reads no HEIC.
             for suffix in sorted(SUFFIXES, key=lambda suffix: (suffix != ".png", suffix in HEIC, suffix)):
                 whole = candidate.with_name(candidate.name + suffix)
-                if whole.is_file():
+                if _is_file(whole):
                     return whole
     return next(filter(None, (_alike(candidate, images_in) for candidate in candidates)), None)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # its name is too long for any
+        return False
+
+
+def _real(path: Path) -> Path:
+    """``path`` without links; until Python 3.13 ``resolve`` fails where a link leads to itself."""
+    return Path(os.path.realpath(path))
 
 
 def _alike(candidate: Path, images_in: Callable[[Path], list[Path]]) -> Path | None:

@@ -207,6 +207,20 @@ def test_photographs_that_are_missing_are_left_out(tmp_path, rng, blank_photogra
     assert any("0002.jpg" in text for text in messages.warnings)
 
 
+@pytest.mark.parametrize("name", ["images/a\0b.jpg", f"images/{'a' * 300}.jpg", "images/loop.jpg"])
+def test_names_that_can_be_no_photographs_are_missing_ones(tmp_path, rng, blank_photograph, messages, name):
+    """What cannot be a file's name, and a link to itself."""
+    _photographs(tmp_path, blank_photograph)
+    (tmp_path / "images" / "loop.jpg").symlink_to("loop.jpg")
+    path = _written(tmp_path, _poses(rng), {"fl_x": 50.0})
+    told = json.loads(path.read_text())
+    told["frames"][2]["file_path"] = name
+    path.write_text(json.dumps(told))
+    captures = import_captures(tmp_path, path, SETTINGS, messages).captures
+    assert [capture.name for capture in captures] == ["0000.jpg", "0001.jpg", "0003.jpg"]
+    assert any("left out" in text for text in messages.warnings)
+
+
 @pytest.mark.parametrize(
     ("listed", "kind"),
     [
