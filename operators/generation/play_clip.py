@@ -1,5 +1,7 @@
 """Play a generated clip through the camera that goes along its path."""
 
+from functools import partial
+
 import bpy
 from bpy.props import BoolProperty
 
@@ -40,8 +42,8 @@ class R2SEGO_OT_play_clip(OfOneView, ReportingOperator, bpy.types.Operator):
         put_behind(camera, image, len(files), _FIRST_FRAME)
         use_frame_of(camera, scene)
         scene.frame_set(_FIRST_FRAME)
-        if self.in_editor and show_image(image):
-            play_in_editor(image, len(files), _FIRST_FRAME)
+        if self.in_editor:
+            show_image(image, partial(play_in_editor, frames=len(files), first_frame=_FIRST_FRAME))
         if context.area is not None and context.area.type == "VIEW_3D":
             context.space_data.region_3d.view_perspective = "CAMERA"
         if not bpy.app.background and context.screen is not None and not context.screen.is_animation_playing:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import bpy
 
@@ -25,24 +26,37 @@ def show_in_editor(image: bpy.types.Image) -> bool:
     return False
 
 
-def show_image(image: bpy.types.Image) -> bool:
-    """Show the whole of it in an Image Editor, in a window of its own when none is open.
+def show_image(image: bpy.types.Image, shown: Callable[[bpy.types.Image], None] | None = None) -> None:
+    """Show the whole of it in an Image Editor, in a window of its own when none is open; then call ``shown``.
 
-    False without a window.
+    Nothing without a window.
     """
-    windows = bpy.context.window_manager.windows
-    if bpy.app.background or not len(windows):
-        return False
+    if bpy.app.background or not len(bpy.context.window_manager.windows):
+        return
+    # Not at once: a window that an operator opens crashes Blender where that is a step to undo.
+    bpy.app.timers.register(partial(_show, image.name, shown), first_interval=0.0)
+
+
+def _show(name: str, shown: Callable[[bpy.types.Image], None] | None) -> None:
+    image = bpy.data.images.get(name)
+    if image is None:  # undone meanwhile
+        return
     if next(image_editors(), None) is None:
-        before = set(windows)
+        _open_editor()
+    if show_in_editor(image):
+        if shown is not None:
+            shown(image)
+        bpy.app.timers.register(_fit, first_interval=_FIT_S)
+
+
+def _open_editor() -> None:
+    """An Image Editor in a window of its own."""
+    windows = bpy.context.window_manager.windows
+    before = set(windows)
+    with bpy.context.temp_override(window=windows[0]):
         bpy.ops.wm.window_new()
-        opened = next((window for window in windows if window not in before), None)
-        if opened is None:
-            return False
+    for opened in set(windows) - before:
         opened.screen.areas[0].type = "IMAGE_EDITOR"
-    show_in_editor(image)
-    bpy.app.timers.register(_fit, first_interval=_FIT_S)
-    return True
 
 
 def _fit() -> None:
