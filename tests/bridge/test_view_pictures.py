@@ -87,7 +87,9 @@ def test_damage_and_nothing_at_all_are_errors(scene, tmp_path):
 
 
 def test_without_a_window_nothing_is_opened(scene):
-    assert not show_image(image_of("one", np.zeros((2, 2, 3), np.uint8)))
+    image, windows = image_of("one", np.zeros((2, 2, 3), np.uint8)), len(bpy.context.window_manager.windows)
+    show_image(image, lambda _: pytest.fail("it is shown somewhere"))
+    assert len(bpy.context.window_manager.windows) == windows
 
 
 def test_the_camera_goes_along_the_path(scene, bundle):
