@@ -134,8 +134,21 @@ def press_menu(call, near, notes):
     return (yield from press(call, entry, notes)) if entry else []
 
 
+def go_through_history(step):
+    """Take every step back, or do each again; returns how many there were. Data that is in no step of
+    Blender's history crashes it here."""
+    area, _ = hand.view()
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    for count in range(bpy.context.preferences.edit.undo_steps + 1):
+        with bpy.context.temp_override(window=hand.window(), area=area, region=region):
+            if not step.poll() or step() != {"FINISHED"}:
+                return count
+        yield 0.2
+    return count
+
+
 def script():
-    """Press what is ready, from below, and look again until nothing new can be pressed."""
+    """Press what is ready, from below, until nothing new can be pressed; then undo all, and redo it."""
     install()
     drawn, notes = drawn_buttons.Drawn(), listen()
     yield from hand.open_tab()
@@ -173,6 +186,9 @@ def script():
     yield from drawn.anew()
     grey = sorted(call for call in drawn.buttons() if call not in told and not ready(call))
     seen = {"pressed": told, "grey": grey, "first": sorted(first), "last": sorted(drawn.buttons())}
+    (hand.OUT / "pressing.txt").write_text("undo and redo")
+    seen["undone"] = yield from go_through_history(bpy.ops.ed.undo)
+    seen["redone"] = yield from go_through_history(bpy.ops.ed.redo)
     (hand.OUT / "told.json").write_text(json.dumps(seen))
 
 

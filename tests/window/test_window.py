@@ -29,6 +29,7 @@ SIZES = {1: (700, 7400), 2: (1000, 14800)}  # all panels open with everything th
 TIMED = ("cancelled", "left", "found")
 TIMED_SIZE = (1100, 900)  # software GL draws a tall window too slowly to tell what the add-on takes
 LEAST_BUTTONS = 40
+LEAST_UNDONE = 20
 WIDE_PX = 50  # a disc at most
 CANCELLED_WITHIN_S = 2.0
 
@@ -152,6 +153,11 @@ def test_every_button_that_is_not_grey_does_its_work_when_pressed(pressed):
     assert len(told["pressed"]) > LEAST_BUTTONS
     idle = {call: came for call, came in told["pressed"].items() if not did_its_work(call, came)}
     assert idle == {}
+
+
+def test_what_was_pressed_can_be_undone_and_done_again(pressed):
+    told, _ = pressed
+    assert told["undone"] == told["redone"] > LEAST_UNDONE
 
 
 def errors(log):
