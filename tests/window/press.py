@@ -24,6 +24,7 @@ _JOB_S = 20.0
 def install():
     """Install the add-on, open every panel and the bundle."""
     bpy.context.preferences.view.show_splash = False
+    bpy.context.preferences.edit.undo_steps = 256  # all that is pressed
     bpy.ops.extensions.package_install_files(
         filepath=ZIP, repo="user_default", enable_on_install=True, overwrite=True
     )

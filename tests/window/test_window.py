@@ -29,7 +29,7 @@ SIZES = {1: (700, 7400), 2: (1000, 14800)}  # all panels open with everything th
 TIMED = ("cancelled", "left", "found")
 TIMED_SIZE = (1100, 900)  # software GL draws a tall window too slowly to tell what the add-on takes
 LEAST_BUTTONS = 40
-LEAST_UNDONE = 20
+LEAST_UNDONE = 40
 WIDE_PX = 50  # a disc at most
 CANCELLED_WITHIN_S = 2.0
 
