@@ -25,7 +25,7 @@ class R2SEGO_PT_asset(Step, bpy.types.Panel):
             row = column.row(align=True)
             row.prop(group, "stage", text=stage.label, slider=False)
         column.operator("r2sego.show_asset", icon="POINTCLOUD_DATA")
-        if group.behind:
+        if group.older:
             write_wrapped(context, layout, "The file has changed since: Show Asset shows it", "INFO")
         row = layout.row(align=True)
         row.operator("r2sego.export_asset", text="Export", icon="EXPORT")

@@ -20,9 +20,8 @@ def content_digest(path: Path) -> str:
     if path.is_dir():
         names = [file.relative_to(path) for file in _files(path)]
         for name in sorted(names, key=lambda name: name.parts):  # Windows compares paths in small letters
-            if not any(part.startswith(".") for part in name.parts) and name.name.lower() not in _HIDDEN:
-                digest.update(name.as_posix().encode())
-                digest.update(content_digest(path / name).encode())
+            digest.update(name.as_posix().encode())
+            digest.update(content_digest(path / name).encode())
     elif path.is_file():
         with path.open("rb") as stream:
             digest = hashlib.file_digest(stream, "sha256")
@@ -32,10 +31,16 @@ def content_digest(path: Path) -> str:
 
 
 def _files(folder: Path) -> Iterator[Path]:
-    """The files within, hidden folders left out; ``rglob`` would pass over what may not be listed."""
+    """The files within that are not hidden; ``rglob`` would pass over what may not be listed."""
     for where, folders, names in os.walk(folder, onerror=_raise):
-        folders[:] = [name for name in folders if not name.startswith(".")]
-        yield from (file for name in names if (file := Path(where, name)).is_file())
+        folders[:] = [name for name in folders if not _is_hidden(name)]
+        for name in names:
+            if not _is_hidden(name) and name.lower() not in _HIDDEN and (file := Path(where, name)).is_file():
+                yield file
+
+
+def _is_hidden(name: str) -> bool:
+    return name.startswith(".")
 
 
 def _raise(error: OSError) -> None:

@@ -267,7 +267,8 @@ def test_the_help_of_a_benchmark_tells_the_defaults_that_hold(name):
             assert options[option].default == default and options[option].show_default, option
     help_text = told_by_help("bench", name)
     if name == "splats":  # which has others for splats of files
-        assert f"{benchmark.GAUSSIANS} by default" in help_text and f"or {benchmark.SIZE} of" in help_text
+        assert f"{benchmark.SPLATS_GAUSSIANS} by default" in help_text
+        assert f"or {benchmark.SIZE} of" in help_text
 
 
 def test_doctor_names_what_is_installed():

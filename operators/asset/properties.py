@@ -77,7 +77,7 @@ class R2SEGO_PG_asset(bpy.types.PropertyGroup):
         update=_other_stage,
     )  # fmt: skip
     shown: PointerProperty(type=bpy.types.Object)
-    behind: BoolProperty()
+    older: BoolProperty()
     """Whether what is shown is older than its file."""
     revision: IntProperty()
     """Another number for other marks: what was drawn of them is kept by it."""
@@ -191,13 +191,13 @@ def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
 def _show_anew(scene: bpy.types.Scene, bundle: Bundle) -> None:
     """Where the shown asset's file has changed since, show it as it is now, or say that it is older."""
     group = scene.r2sego_asset
-    shown, group.behind = group.shown, False
+    shown, group.older = group.shown, False
     if shown is None:
         return
     for stage in stages(bundle.scene):
         if stage.name == shown_stage(shown) and not is_current(shown, stage):
             if shown.mode == "EDIT" or not state.may_show():
-                group.behind = True
+                group.older = True
             else:
                 show_stage(scene, stage.name)
 

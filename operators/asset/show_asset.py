@@ -20,7 +20,7 @@ def show_stage(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
         raise AssetError("no scene is open", cure="Open one with Open Scene.")
     stage = stage_named(bundle.scene, name)
     group = scene.r2sego_asset
-    group.shown, group.behind = show_asset(scene, bundle, stage), False
+    group.shown, group.older = show_asset(scene, bundle, stage), False
     index = group.stages.find(stage.name)
     if index >= 0 and group.stage != index:
         group.stage = index

@@ -26,8 +26,7 @@ from ..splats.packing import PackedGaussians, rows_of
 from ..splats.rasterizer import Rasterizer
 from ..splats.tiles import planes_of
 from ..splats.vectors import LANES
-from .defaults import SIZE, SPLATS_REPEATS
-from .defaults import SPLATS_GAUSSIANS as GAUSSIANS
+from .defaults import SIZE, SPLATS_GAUSSIANS, SPLATS_REPEATS
 from .machine import (
     bandwidth_bytes_per_s,
     fma_rate_per_s,
@@ -80,7 +79,7 @@ def bench_splats(
             "the options do not fit together", where="r2sego bench splats",
             cure="Give --asset with --cameras, or --gaussians, or none of them.",
         )  # fmt: skip
-    gaussians = GAUSSIANS if gaussians is None else gaussians
+    gaussians = SPLATS_GAUSSIANS if gaussians is None else gaussians
     for option, value in (("--gaussians", gaussians), ("--repeats", repeats)):
         if value < 1:
             raise SettingsError(f"{value} is too few", where=option, cure="Give 1 at least.")

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import opened_arrays, require_shapes
+from ..arrays import opened_arrays, require_finite, require_shapes
 from ..cameras import Camera
 from ..errors import SceneError
 from ..geometry.proxy import GeometryProxy
@@ -80,10 +80,6 @@ class Bundle:
         return self.path.name.removesuffix(SUFFIX)
 
     # ---- captures
-
-    def registration(self) -> list[float]:
-        """(16,): the similarity that took the captures' frame to the world, row by row."""
-        return [number for row in self.scene.declaration.world_from_capture for number in row]
 
     def captures(self) -> list[CapturedView]:
         """Every registered photograph. Raises SceneError when ``cameras.json`` is damaged."""
@@ -206,10 +202,8 @@ def _poses(file: Path) -> np.ndarray:
     """(M, 4, 4) float64 ``world_from_camera``."""
     with opened_arrays(file, SceneError, "it cannot be read", _CURE) as data:
         require_shapes(data, poses="M 4 4")
-        poses = data["poses"].astype(np.float64)
-        if not np.isfinite(poses).all():
-            raise ValueError("a pose is not finite")
-    return poses
+        require_finite(poses=data["poses"])
+        return data["poses"].astype(np.float64)
 
 
 def _arrays(file: Path, *names: str) -> dict[str, np.ndarray]:

@@ -10,9 +10,10 @@ import numpy as np
 from ..errors import SceneError
 from .bundle import Bundle
 from .outliner import find_collection, fresh_collection, link
+from .registration_marks import note_registration, was_corrected_since
 
 _PART = "Registration"
-_ROLE, _REGISTRATION = "r2sego_role", "r2sego_registration"
+_ROLE = "r2sego_role"
 _FRAME = "world frame"
 _GRID_M, _STEP_M = 4.0, 1.0
 
@@ -23,7 +24,8 @@ def place_frame(scene: bpy.types.Scene, bundle: Bundle) -> bpy.types.Object:
     frame = bpy.data.objects.new("World Frame", None)
     frame.empty_display_type, frame.empty_display_size = "ARROWS", 1.0
     frame.show_name, frame.show_in_front = True, True
-    frame[_ROLE], frame[_REGISTRATION] = _FRAME, bundle.registration()
+    frame[_ROLE] = _FRAME
+    note_registration(frame, bundle)
     link(collection, frame)
     grid = bpy.data.objects.new("World Frame Grid", _grid_mesh())
     grid.parent = frame
@@ -48,8 +50,7 @@ def world_from_frame(scene: bpy.types.Scene, bundle: Bundle) -> np.ndarray:
     frame = find_frame(scene, bundle.path)
     if frame is None:
         raise SceneError("there is no frame to take", cure="Place Frame, then move and turn its arrows.")
-    now = bundle.registration()
-    if list(frame.get(_REGISTRATION, now)) != now:  # Ctrl-Z brings back a frame that was taken
+    if was_corrected_since(frame, bundle):  # Ctrl-Z brings back a frame that was taken
         raise SceneError(
             "the world was corrected since this frame was placed",
             cure="Place Frame, then move and turn its arrows.",

@@ -14,11 +14,12 @@ from .materials import attribute_material
 from .meshes import add_attribute, add_colours, mesh_from_arrays
 from .moved_bundle import BUNDLE_MARK
 from .outliner import find_collection, fresh_collection, link
+from .registration_marks import note_registration, was_corrected_since
 
 CAPTURES_PART = "Captures"
 """The part of the bundle's collection that holds the captures."""
 
-_NAME, _IMAGE, _REGISTRATION = "r2sego_capture", "r2sego_image", "r2sego_registration"
+_NAME, _IMAGE = "r2sego_capture", "r2sego_image"
 _COLOUR = "colour"
 _POINTS = "R2S-EGO sparse points"
 _RADIUS = "radius_m"
@@ -41,7 +42,8 @@ def show_captures(
     for view in views:
         created = create_camera(view.name, view.camera)
         created.data.display_size = display_size_m
-        created[_NAME], created[_REGISTRATION] = view.name, bundle.registration()
+        created[_NAME] = view.name
+        note_registration(created, bundle)
         # The bundle may be moved, and the .blend opened on another system.
         created[_IMAGE] = view.image_path.relative_to(bundle.path).as_posix()
         if photographs:
@@ -73,9 +75,7 @@ def capture_camera(scene: bpy.types.Scene, bundle_path: str, name: str) -> bpy.t
 
 def shows_older_captures(scene: bpy.types.Scene, bundle: Bundle) -> bool:
     """Whether captures are shown where they stood before the world was corrected."""
-    now = bundle.registration()
-    shown = capture_cameras(scene, bundle.path)
-    return any(list(one.get(_REGISTRATION, now)) != now for one in shown)  # earlier versions did not note it
+    return any(was_corrected_since(one, bundle) for one in capture_cameras(scene, bundle.path))
 
 
 def show_photographs(scene: bpy.types.Scene, bundle_path: str, shown: bool, alpha: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,14 @@ def _measure(name: str, context: click.Context, file: Path | None, **given: Any)
         write_figures(file, figures)
 
 
+_figures_file = click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
+
+
+def _number(name: str, default: int, words: str) -> Callable[[Any], Any]:
+    """An option that is a whole number and tells its default."""
+    return click.option(name, type=int, default=default, show_default=True, help=words)
+
+
 @bench.command("splats")
 @click.option(
     "--gaussians", type=int, help=f"Gaussians of a made-up room; {defaults.SPLATS_GAUSSIANS} by default."
@@ -42,14 +51,8 @@ def _measure(name: str, context: click.Context, file: Path | None, **given: Any)
     help=f"Size of the images; by default that of --cameras, or {defaults.SIZE} of the room.",
 )
 @click.option("--threads", type=int, help="Threads to use; all by default.")
-@click.option(
-    "--repeats",
-    type=int,
-    default=defaults.SPLATS_REPEATS,
-    show_default=True,
-    help="Times each step is measured.",
-)
-@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
+@_number("--repeats", defaults.SPLATS_REPEATS, "Times each step is measured.")
+@_figures_file
 @click.pass_context
 def bench_splats(context: click.Context, file: Path | None, **given: Any) -> None:
     """Time rendering and a training step of splats, beside the least they could take."""
@@ -67,21 +70,9 @@ def bench_splats(context: click.Context, file: Path | None, **given: Any) -> Non
     "--hold-out", type=int, metavar="K", default=defaults.TRAINING_HOLD_OUT, show_default=True,
     help="Score on every K-th image, and do not train on it.",
 )  # fmt: skip
-@click.option(
-    "--gaussians",
-    type=int,
-    default=defaults.TRAINING_GAUSSIANS,
-    show_default=True,
-    help="Gaussians of the plain training.",
-)
-@click.option(
-    "--steps",
-    type=int,
-    default=defaults.TRAINING_STEPS,
-    show_default=True,
-    help="Steps of the plain training.",
-)
-@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
+@_number("--gaussians", defaults.TRAINING_GAUSSIANS, "Gaussians of the plain training.")
+@_number("--steps", defaults.TRAINING_STEPS, "Steps of the plain training.")
+@_figures_file
 @click.pass_context
 def bench_training(context: click.Context, file: Path | None, **given: Any) -> None:
     """Train on CAPTURES plainly, then as usual until the held-out views are as good."""
@@ -93,7 +84,7 @@ def bench_training(context: click.Context, file: Path | None, **given: Any) -> N
     "--scene", required=True, type=FOLDER, help="Folder with cameras.json, captures and their ground truth."
 )
 @click.option("--library", type=ANY_PATH, help="Another scene's .glb: its meshes beside the true objects'.")
-@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
+@_figures_file
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the pipeline and the noise.")
 @click.option("--no-noise", is_flag=True, help="Leave out the stereo of disturbed captures.")
 @click.pass_context
@@ -105,22 +96,10 @@ def bench_geometry(
 
 
 @bench.command("conditions")
-@click.option(
-    "--triangles",
-    type=int,
-    default=defaults.CONDITIONS_TRIANGLES,
-    show_default=True,
-    help="Triangles of a made-up room.",
-)
+@_number("--triangles", defaults.CONDITIONS_TRIANGLES, "Triangles of a made-up room.")
 @click.option("--size", metavar="WxH", default=defaults.SIZE, show_default=True, help="Size of the images.")
-@click.option(
-    "--repeats",
-    type=int,
-    default=defaults.CONDITIONS_REPEATS,
-    show_default=True,
-    help="Times each pass is measured; the least counts.",
-)
-@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
+@_number("--repeats", defaults.CONDITIONS_REPEATS, "Times each pass is measured; the least counts.")
+@_figures_file
 @click.pass_context
 def bench_conditions(context: click.Context, file: Path | None, **given: Any) -> None:
     """Time the structural conditions of a clip: each pass, the colours of the captures, the files."""
@@ -133,15 +112,9 @@ def bench_conditions(context: click.Context, file: Path | None, **given: Any) ->
 )
 @click.option("--bundle", type=FOLDER, help="A bundle of these captures with a proxy; else one is made.")
 @click.option("--library", type=ANY_PATH, help="Another scene's .glb: its meshes beside the true objects'.")
-@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
+@_figures_file
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the pipeline.")
-@click.option(
-    "--clips",
-    type=int,
-    default=defaults.GENERATION_CLIPS,
-    show_default=True,
-    help="Whole clips made to see how steady they are.",
-)
+@_number("--clips", defaults.GENERATION_CLIPS, "Whole clips made to see how steady they are.")
 @click.pass_context
 def bench_generation(context: click.Context, file: Path | None, **given: Any) -> None:
     """Time the embedded generator, and score it at the frozen poses of a scene with known truth."""
@@ -159,7 +132,7 @@ def bench_generation(context: click.Context, file: Path | None, **given: Any) ->
 @click.option("--library", type=ANY_PATH, help="Another scene's .glb: its meshes beside the true objects'.")
 @click.option("--preset", type=click.Choice(list(PRESETS)), help="By default the bundle's: at first 'paper'.")
 @settings_option
-@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
+@_figures_file
 @click.pass_context
 def bench_refinement(
     context: click.Context, overrides: tuple[str, ...], file: Path | None, **given: Any
@@ -178,14 +151,8 @@ def bench_refinement(
     help="Behaviour scope; repeatable. By default walk_and_look and sit_down.",
 )  # fmt: skip
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the rollouts.")
-@click.option(
-    "--candidates",
-    type=int,
-    default=defaults.ROLLOUTS_CANDIDATES,
-    show_default=True,
-    help="Views that are scored.",
-)
-@click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")
+@_number("--candidates", defaults.ROLLOUTS_CANDIDATES, "Views that are scored.")
+@_figures_file
 @click.pass_context
 def bench_rollouts(context: click.Context, scopes: tuple[str, ...], file: Path | None, **given: Any) -> None:
     """Time successful rollouts of a scope, and the scoring of a round's candidate views."""

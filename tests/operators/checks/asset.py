@@ -112,12 +112,12 @@ def check_undo_brings_back_nothing_that_the_files_no_longer_hold():
     for step, drawn in ((bpy.ops.ed.undo, SPLATS + BACKDROP_SPLATS), (bpy.ops.ed.redo, SPLATS)):
         step()
         assert len(group().shown.data.vertices) == drawn
-        assert group().behind == (drawn != SPLATS)  # the panel says so
+        assert group().older == (drawn != SPLATS)  # the panel says so
         assert [edit.name for edit in group().edits] == ["floaters"]
         assert group().stages["final"].gaussians == SPLATS
     bpy.ops.ed.undo()
     assert bpy.ops.r2sego.show_asset() == {"FINISHED"}
-    assert len(group().shown.data.vertices) == SPLATS and not group().behind
+    assert len(group().shown.data.vertices) == SPLATS and not group().older
 
 
 def check_another_bundle_begins_without_splats_and_marks():
