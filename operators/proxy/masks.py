@@ -258,11 +258,10 @@ class R2SEGO_OT_declare_masks(EngineOperator, bpy.types.Operator):
         if not group.objects:  # all are removed
             gone = [f"--remove={one.name}" for one in read_objects(bundle)]
             return ["objects", str(bundle.path), "--json", *gone]
-        for item in group.objects:
-            if item.declared:  # what was not looked at here stays as it is
-                load_masks(bundle, item.name, anew=False)
+        names = [item.name for item in group.objects]
+        declared = [item.name for item in group.objects if item.declared]
         folder = handed_over("masks")
-        if not save_masks(bundle, folder, [item.name for item in group.objects]):
+        if not save_masks(bundle, folder, names, declared):  # what was not looked at here stays as it is
             raise GeometryError(
                 "no mask is drawn", cure="Draw an object in two captures at least, or remove the objects."
             )

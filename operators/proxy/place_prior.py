@@ -7,7 +7,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from ...r2sego_blender.bridge import placement_live
-from ...r2sego_blender.bridge.object_masks import take_pixels_back
+from ...r2sego_blender.bridge.object_masks import load_masks, take_pixels_back
 from ...r2sego_blender.bridge.placement_objects import (
     prior_name,
     prior_object,
@@ -142,7 +142,9 @@ class R2SEGO_OT_place_prior(ReportingOperator, bpy.types.Operator):
     def perform(self, context):
         shown = shown_prior(context, self.object_name)
         require_visible(context, shown)
-        placement_live.begin(state.opened_bundle(context), shown)
+        bundle = state.opened_bundle(context)
+        load_masks(bundle, prior_name(shown), anew=False)  # their outlines are drawn
+        placement_live.begin(bundle, shown)
         tell_fit(context.scene, shown)
         select_only(context, shown)
         redraw_views()

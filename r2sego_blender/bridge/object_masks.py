@@ -6,6 +6,8 @@ and the bundle they are of.
 
 from __future__ import annotations
 
+import shutil
+from collections.abc import Collection, Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -86,31 +88,37 @@ def load_masks(bundle: Bundle, name: str, *, anew: bool = True) -> int:
 
     They replace those drawn, or where not ``anew`` only join them: in captures without one.
     """
-    files, count = mask_files(bundle, name), 0
-    stems = _stems(bundle)
-    there = {} if anew else mask_images(bundle.path, name)
-    for view in bundle.captures():
-        file = files.get(stems[view.name])
-        if file is None or view.name in there:
-            continue
-        mask = _mask_of_file(file)
-        if mask.shape != view.camera.shape:
-            raise GeometryError(
-                "the mask is not of the capture's size", where=file, cure="Declare the masks again."
-            )
+    count = 0
+    for view, _, mask in list(_declared_masks(bundle, name, () if anew else mask_images(bundle.path, name))):
         write_mask(mask_image(bundle.path, name, view), mask)
         count += 1
     return count
 
 
-def save_masks(bundle: Bundle, folder: Path, names: list[str]) -> int:
-    """Write the masks of objects as ``r2sego objects --masks`` reads them; how many are not empty."""
+def known_masks(bundle: Bundle, name: str) -> dict[str, np.ndarray]:
+    """An object's masks (H, W) bool by the captures' names: those Blender holds, else the bundle's. Leaves
+    no image in Blender: one that is made in no step of its history crashes a later undo."""
+    held = {capture: read_mask(image) for capture, image in mask_images(bundle.path, name).items()}
+    return held | {view.name: mask for view, _, mask in _declared_masks(bundle, name, held)}
+
+
+def save_masks(bundle: Bundle, folder: Path, names: list[str], declared: Collection[str]) -> int:
+    """Write the masks of objects as ``r2sego objects --masks`` reads them; how many are not empty.
+
+    Of the objects that are ``declared`` those of the bundle, too, that Blender does not hold; it holds
+    no more of them afterwards.
+    """
     count, stems = 0, _stems(bundle)
     for name in names:
-        for capture, image in mask_images(bundle.path, name).items():
+        held, place = mask_images(bundle.path, name), folder / name
+        for _, file, mask in _declared_masks(bundle, name, held) if name in declared else ():
+            if mask.any():
+                place.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(file, place / file.name)
+                count += 1
+        for capture, image in held.items():
             if not read_mask(image).any():
                 continue
-            place = folder / name
             place.mkdir(parents=True, exist_ok=True)
             if image.is_dirty:  # a copy has what was packed, without strokes painted since
                 image.pack()
@@ -162,6 +170,23 @@ def _near_line(centres: np.ndarray, points: np.ndarray, reach: float) -> np.ndar
         share = np.clip((centres - start) @ along / max(along @ along, 1e-12), 0.0, 1.0)
         near |= ((centres - start - share[:, None] * along) ** 2).sum(1) <= reach**2
     return near
+
+
+def _declared_masks(
+    bundle: Bundle, name: str, there: Collection[str]
+) -> Iterator[tuple[CapturedView, Path, np.ndarray]]:
+    """The bundle's masks of an object in the captures that are not ``there``, each with its file."""
+    files, stems = mask_files(bundle, name), _stems(bundle)
+    for view in bundle.captures():
+        file = files.get(stems[view.name])
+        if file is None or view.name in there:
+            continue
+        mask = _mask_of_file(file)
+        if mask.shape != view.camera.shape:
+            raise GeometryError(
+                "the mask is not of the capture's size", where=file, cure="Declare the masks again."
+            )
+        yield view, file, mask
 
 
 def _stems(bundle: Bundle) -> dict[str, str]:

@@ -20,7 +20,7 @@ from ..text_files import write_json
 from .bundle import Bundle, CapturedView
 from .materials import plain_material
 from .meshes import arrays_from_mesh, mesh_from_arrays
-from .object_masks import load_masks, mask_images, read_mask
+from .object_masks import known_masks
 from .outliner import find_collection, fresh_collection, link
 from .placement import Fit, MaskWindow, fit_of, mask_window, surface_samples
 from .proxy_edits import world_triangles
@@ -140,8 +140,7 @@ def placement_of(bundle: Bundle, shown: bpy.types.Object) -> Placement:
     Raises GeometryError for damaged files.
     """
     name = prior_name(shown)
-    load_masks(bundle, name, anew=False)
-    masks = {capture: read_mask(image) for capture, image in mask_images(bundle.path, name).items()}
+    masks = known_masks(bundle, name)
     views = bundle.captures()
     chosen = [k for k, view in enumerate(views) if view.name in masks and masks[view.name].any()]
     windows, files = [], capture_files([view.name for view in views])

@@ -106,6 +106,23 @@ def check_the_first_stroke_on_a_declared_object_keeps_its_other_masks():
     assert 0 < drawn_pixels(of_bundle.name) < drawn
 
 
+def check_declaring_and_a_rating_after_undo_leave_no_image_behind_blenders_history():
+    """Blender crashes in an undo across images that no step of its history made."""
+    open_bundle()
+    conduct("succeed")
+    assert bpy.ops.r2sego.declare_masks() == {"FINISHED"}
+    assert len(list(Path(calls()[0][3]).rglob("*.png"))) == 6 and len(bpy.data.images) == 0
+    bpy.ops.r2sego.show_priors()
+    bpy.ops.r2sego.place_prior(object_name="crate")
+    rated = group().fit_iou
+    assert len(bpy.data.images) == 3  # whose outlines are drawn
+    for image in list(bpy.data.images):
+        bpy.data.images.remove(image)
+    group().fit_iou = 0.0
+    importlib.import_module(f"{MODULE}.operators.proxy.place_prior").undone(bpy.context.scene)
+    assert abs(group().fit_iou - rated) < 1e-6 and len(bpy.data.images) == 0
+
+
 def check_the_last_object_is_taken_from_the_bundle():
     open_bundle()
     for name in ("crate", "lamp"):
