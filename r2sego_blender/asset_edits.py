@@ -59,6 +59,18 @@ def next_name(bundle: Path) -> str:
     return next(name for name in (f"edit_{i:03d}" for i in range(1, len(taken) + 2)) if name not in taken)
 
 
+def not_yet_deleted(edits: Sequence[AssetEdit], regions: Sequence[Region]) -> tuple[Region, ...]:
+    """The regions that none of the edits has. Raises AssetError when there are some, but none such."""
+    told = {edit.name: [region.to_json() for region in edit.regions] for edit in edits}
+    left = tuple(one for one in regions if not any(one.to_json() in known for known in told.values()))
+    if regions and not left:
+        name = next(name for name, known in told.items() if regions[0].to_json() in known)
+        raise AssetError(
+            "the same regions are deleted already", where=name, cure="Give others, or take that edit back."
+        )
+    return left
+
+
 def save_edit(scene: Scene, edit: AssetEdit) -> Path:
     """Write an edit into the bundle, in place of one of that name. Raises AssetError for a bad name."""
     if not _NAME.fullmatch(edit.name):

@@ -48,6 +48,18 @@ def mark_again(scene: bpy.types.Scene) -> None:
     redraw_views("WINDOW")
 
 
+def drop_marks(scene: bpy.types.Scene, deleted: list[dict]) -> None:
+    """Mark no longer the regions that the bundle's deletions have: undo brings their marks back."""
+    marks = scene.r2sego_asset.marks
+    gone = [index for index, mark in enumerate(marks) if json.loads(mark.region) in deleted]
+    for index in reversed(gone):
+        marks.remove(index)
+    if gone and marks:
+        mark_again(scene)
+    elif gone:
+        clear_marks(scene)
+
+
 def clear_marks(scene: bpy.types.Scene) -> None:
     """Mark nothing."""
     scene.r2sego_asset.marks.clear()

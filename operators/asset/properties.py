@@ -23,6 +23,7 @@ from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import R2SEgoError
 from ...r2sego_blender.splats.ply_vertices import vertex_count
 from .. import state
+from .marks import drop_marks
 from .show_asset import show_stage
 
 _FEW_SPLATS = 10000
@@ -181,10 +182,12 @@ def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
         group.stage = max(0, wanted)
     _show_anew(scene, bundle)
     group.edits.clear()
+    deleted = []
     for edit in load_edits(bundle.path):
-        item = group.edits.add()
-        item.name = edit.name
-        item.regions = ", ".join(region.to_json()["kind"] for region in edit.regions)
+        item, regions = group.edits.add(), [region.to_json() for region in edit.regions]
+        item.name, item.regions = edit.name, ", ".join(region["kind"] for region in regions)
+        deleted += regions
+    drop_marks(scene, deleted)
     group.edit_index = min(group.edit_index, max(0, len(group.edits) - 1))
 
 

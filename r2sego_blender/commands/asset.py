@@ -110,7 +110,15 @@ def edit_asset(
     FILE is JSON: of --box it holds world_from_box (4x4) and half_extents (3); of --lasso camera,
     polygon_px, near_m and far_m; of --cells grid_from_world (4x4) and cells (K x 3).
     """
-    from ..asset_edits import AssetEdit, edit_file, load_edits, load_region, next_name, save_edit
+    from ..asset_edits import (
+        AssetEdit,
+        edit_file,
+        load_edits,
+        load_region,
+        next_name,
+        not_yet_deleted,
+        save_edit,
+    )
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)
@@ -122,7 +130,8 @@ def edit_asset(
         with opened.locked():
             require_present_frame(opened, [REFINED_ASSET], "edited")
             # Damaged edits and assets and unknown names are refused before anything changes.
-            load_edits(opened.path)
+            staying = [one for one in load_edits(opened.path) if one.name not in (*remove, name)]
+            regions = not_yet_deleted(staying, regions)
             gone = {edit_file(opened, one) for one in remove}
             if (last := _last_round(opened)) >= 0:
                 _asset(stage_named(opened, str(last)))

@@ -184,6 +184,21 @@ def test_an_edit_takes_the_name_of_one_that_goes(scene, tmp_path):
     assert not edit.deletes(published(scene).means).any()
 
 
+def test_a_region_is_not_deleted_twice(scene, tmp_path):
+    box = box_file(tmp_path)
+    assert r2sego("edit-asset", scene.path, "--box", box, "--name", "floaters").exit_code == 0
+    done = r2sego("edit-asset", scene.path, "--box", box)
+    assert done.exit_code == 1, done.output
+    assert "floaters: the same regions are deleted already. Give others" in done.stderr, done.stderr
+    assert r2sego("edit-asset", scene.path, "--box", box, "--name", "floaters").exit_code == 0  # the same
+    cells = tmp_path / "cells.json"
+    cells.write_text(json.dumps(Cells.around(ROOM.asset.means[:5], 0.05).to_json()))
+    assert r2sego("edit-asset", scene.path, "--box", box, "--cells", cells).exit_code == 0
+    assert {edit.name: [one.to_json()["kind"] for one in edit.regions] for edit in load_edits(scene.path)} == {
+        "edit_001": ["cells"], "floaters": ["box"],
+    }  # fmt: skip
+
+
 def test_edits_move_with_the_world(scene):
     similarity = np.diag([2.0, 2.0, 2.0, 1.0])
     save_edit(scene, AssetEdit("a", (Box(np.eye(4), np.ones(3)),)))

@@ -145,6 +145,28 @@ def check_deleting_hands_the_regions_to_the_engine():
     assert not (copy / ".marks").exists()  # the bundle holds nothing on its way
 
 
+def check_what_undo_marks_again_though_it_is_deleted_is_marked_no_longer():
+    """Delete Marked, Ctrl-Z, Delete Marked would write one region twice."""
+    copy = copied_bundle()
+    bpy.ops.r2sego.show_asset()
+    bpy.ops.r2sego.mark_splats_box(lowest=(-0.5, -0.5, 0.5), highest=(0.5, 0.5, 2.0))
+    bpy.ops.ed.undo_push(message="marked")
+    (copy / "asset_edits").mkdir()
+    region = json.loads(group().marks[0].region)
+    conduct("succeed")
+    # What the stand-in engine does not write, the real one has by the command's end.
+    (copy / "asset_edits" / "edit_001.json").write_text(json.dumps({"regions": [region]}))
+    assert bpy.ops.r2sego.delete_splats() == {"FINISHED"}
+    bpy.ops.ed.undo_push(message="deleted")
+    bpy.ops.ed.undo()
+    assert [edit.name for edit in group().edits] == ["edit_001"]
+    assert not group().marks and group().marked == 0 and not values(group().shown, "marked").any()
+    assert "Nothing is marked" in refused(bpy.ops.r2sego.delete_splats)
+    bpy.ops.r2sego.mark_splats_box(lowest=(-0.5, -0.5, 0.0), highest=(0.5, 0.5, 0.6))
+    bpy.ops.r2sego.refresh_scene()
+    assert len(group().marks) == 1 and group().marked > 0  # another region
+
+
 def check_what_was_deleted_is_listed_and_restored():
     copy = copied_bundle()
     assert "Nothing was deleted" in refused(bpy.ops.r2sego.restore_splats)
