@@ -164,16 +164,10 @@ class EngineOperator:
         finally:
             ended_job.forget()
         if line:
-            job.tell_end(self.bl_label + _of_which_bundle(context), level, line)
+            of = job.of_several(state.bundle_path(context.scene))
+            job.tell_end(f"{self.bl_label} of {of}" if of else self.bl_label, level, line)
             self.report({level}, line)
         return ended
-
-
-def _of_which_bundle(context) -> str:
-    """' of' and the bundle's name where the Blender scenes of this file show several, else ''."""
-    shown = {state.bundle_path(scene) for scene in bpy.data.scenes} - {""}
-    own = state.bundle_path(context.scene)
-    return f" of {Path(own).stem}" if own and len(shown) > 1 else ""
 
 
 def waits_for_engine(context) -> bool:

@@ -84,9 +84,20 @@ def follow(job: Job) -> None:
     show(job)
 
 
+def of_several(bundle: str) -> str:
+    """A bundle's name where the Blender scenes of this file show others beside it, else ''; with its
+    folder's where one of them has the same."""
+    others = {state.bundle_path(scene) for scene in bpy.data.scenes} - {"", bundle}
+    path = Path(bundle)
+    if not bundle or not others:
+        return ""
+    return f"{path.parent.name}/{path.stem}" if path.stem in {Path(one).stem for one in others} else path.stem
+
+
 def show(job: Job) -> None:
-    """Begin to show ``job``, unless it is shown."""
+    """Show ``job``, from its beginning where it is not shown yet."""
     shown = bpy.context.window_manager.r2sego_job
+    shown.of_bundle = of_several(bundle_of(job))  # others are opened and closed while it runs
     if not shown.running:
         shown.running, shown.cancel_requested = True, job.cancelled
         shown.title, shown.task, shown.message = job.title, "Starting", ""

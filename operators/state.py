@@ -49,6 +49,7 @@ class R2SEGO_PG_job(bpy.types.PropertyGroup):
     running: BoolProperty()
     cancel_requested: BoolProperty()
     title: StringProperty()
+    of_bundle: StringProperty(description="The bundle it works on, where others are open too")
     task: StringProperty()
     fraction: FloatProperty(min=0.0, max=1.0, subtype="FACTOR")
     message: StringProperty()

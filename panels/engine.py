@@ -47,6 +47,8 @@ class R2SEGO_PT_engine(Step, bpy.types.Panel):
         since = row.row()
         since.alignment, since.active = "RIGHT", False
         since.label(text=f"for {engine.running_for}")
+        if job.of_bundle:
+            column.label(text=f"of {job.of_bundle}", icon="FILE_FOLDER")
         column.progress(factor=job.fraction, text=f"{job.task} {job.fraction:.0%}")
         if engine.time_left and job.fraction < 1.0:
             column.label(text=f"{engine.time_left} in this step", icon="TIME")

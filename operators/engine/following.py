@@ -239,8 +239,9 @@ def _draw_in_status_bar(header, context) -> None:
     if not shown.running:
         return
     row = header.layout.row(align=True)
-    row.ui_units_x = 16
-    text = ", ".join(filter(None, (shown.task, context.window_manager.r2sego_engine.time_left)))
+    row.ui_units_x = 22 if shown.of_bundle else 16
+    left = context.window_manager.r2sego_engine.time_left
+    text = ", ".join(filter(None, (shown.of_bundle, shown.task, left)))
     row.progress(factor=shown.fraction, text=text)
     row.operator("r2sego.cancel", text="", icon="X")
 

@@ -254,15 +254,29 @@ def check_a_jobs_end_is_read_where_its_bundle_is_open():
     assert facts["asset", "asset.ply"] == "5.0 MB" and not len(other.r2sego.facts)
 
 
-def check_a_jobs_end_names_its_bundle_where_the_scenes_show_several():
+def check_a_job_and_its_end_name_their_bundle_where_the_scenes_show_several():
     open_bundle()
-    conduct("succeed")
-    titles = []
-    for begin in (lambda: None, lambda: other_scene_shown() and open_here(bundle_of_one_name())):
+    following = sys.modules[f"{MODULE}.operators.engine.following"]
+    attic = OUT.parent / "copies" / "attic.r2s"
+    shutil.rmtree(attic, ignore_errors=True)
+    shutil.copytree(BUNDLE, attic)
+    shown, titles = bpy.context.window_manager.r2sego_job, []
+    for begin, while_running, of in (
+        (lambda: None, lambda: None, ""),
+        (lambda: None, lambda: other_scene_shown() and open_here(attic), BUNDLE.stem),
+        (lambda: None, lambda: None, "attic"),
+        (lambda: open_here(bundle_of_one_name()), lambda: None, f"copies/{BUNDLE.stem}"),
+    ):
         begin()
-        bpy.ops.r2sego.refine()
+        conduct("slow")
+        left_job(bpy.ops.r2sego.refine)
+        while_running()
+        following._tick()
+        assert (shown.title, shown.of_bundle) == ("Refine", of), (shown.of_bundle, of)
+        followed_to_its_end()
         titles.append(bpy.context.window_manager.r2sego_engine.ended[-1].title)
-    assert titles == ["Refine", f"Refine of {BUNDLE.stem}"], titles
+    names = (BUNDLE.stem, "attic", f"copies/{BUNDLE.stem}")
+    assert titles == ["Refine", *(f"Refine of {name}" for name in names)], titles
 
 
 def check_what_was_made_for_a_blender_scene_that_is_gone_is_told():
