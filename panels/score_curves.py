@@ -9,7 +9,7 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ..r2sego_blender.bridge.view_chart import Chart, chart_in, covered_margins, curve, stems
-from ..r2sego_blender.bridge.view_scores import RoundScores, remembered
+from ..r2sego_blender.bridge.view_scores import RoundScores, remembered_in
 from .flat_shapes import rectangle, segments, text_width, write
 from .overlays import Overlay
 
@@ -44,7 +44,7 @@ def shown_chart(context) -> Chart | None:
 
 def _shown(context) -> tuple[Chart, list, list] | None:
     """What is drawn in the 3D view of ``context``; made anew only when something has changed."""
-    group, scores = context.scene.r2sego_views, remembered(context.scene.session_uid)
+    group, scores = context.scene.r2sego_views, remembered_in(context.scene)
     if scores is None or not group.curves or not context.space_data.overlay.show_overlays:
         return None
     region, scale = context.region, context.preferences.system.ui_scale
@@ -63,7 +63,7 @@ def _draw(context) -> None:
     made = _shown(context)
     if made is None:
         return
-    group, scores = context.scene.r2sego_views, remembered(context.scene.session_uid)
+    group, scores = context.scene.r2sego_views, remembered_in(context.scene)
     scale = context.preferences.system.ui_scale
     chart, batches, title = made
     edge = 5.0 * scale

@@ -9,7 +9,7 @@ from ...r2sego_blender.bridge.show_candidates import (
     show_candidates,
     shown_candidates,
 )
-from ...r2sego_blender.bridge.view_scores import RoundScores, remember, remembered
+from ...r2sego_blender.bridge.view_scores import RoundScores, remember, remembered_in
 from ...r2sego_blender.errors import R2SEgoError
 from .. import state
 
@@ -21,7 +21,7 @@ def show(scene: bpy.types.Scene, bundle: Bundle) -> tuple[bpy.types.Object, list
         scene, bundle, scene.r2sego.round_index, frustum_m=group.frustum_size, shown=group.shown.lower(),
         colour_by=group.colour_by.lower(),
     )  # fmt: skip
-    scores = remembered(scene.session_uid)
+    scores = remembered_in(scene)
     if scores is not None:
         swarm["stamp"] = scores.stamp
         mark_candidate(scene, scores.bundle_path, scores.views, group.active, group.frustum_size)
@@ -33,7 +33,7 @@ def follow(scene: bpy.types.Scene) -> None:
 
     A change of the colour alone is quick. Raises R2SEgoError when the bundle is damaged.
     """
-    scores, group = remembered(scene.session_uid), scene.r2sego_views
+    scores, group = remembered_in(scene), scene.r2sego_views
     swarm = None if scores is None else shown_candidates(scene, scores.bundle_path)
     if swarm is None:
         return
@@ -57,7 +57,7 @@ def read(scene: bpy.types.Scene, bundle: Bundle) -> None:
 @bpy.app.handlers.persistent
 def undone(scene: bpy.types.Scene, *_: object) -> None:
     """Remember the scores that the facts which undo or redo brought back are of."""
-    scores, group = remembered(scene.session_uid), scene.r2sego_views
+    scores, group = remembered_in(scene), scene.r2sego_views
     if group.stamp == _stamp(scores):
         return
     try:
@@ -69,7 +69,7 @@ def undone(scene: bpy.types.Scene, *_: object) -> None:
 
 
 def _stamp(scores: RoundScores | None) -> str:
-    return "" if scores is None else f"{scores.bundle_path} {scores.stamp}"
+    return "" if scores is None else scores.mark
 
 
 def _take_over(scene: bpy.types.Scene, scores: RoundScores | None) -> None:

@@ -6,7 +6,7 @@ from bpy.props import IntProperty
 from ...r2sego_blender.bridge.cameras import use_frame_of
 from ...r2sego_blender.bridge.preview_range import give_back
 from ...r2sego_blender.bridge.show_candidates import candidate_camera
-from ...r2sego_blender.bridge.view_scores import remembered
+from ...r2sego_blender.bridge.view_scores import remembered_in
 from ...r2sego_blender.errors import SceneError
 from ..base import ReportingOperator
 from .polls import needs_candidates
@@ -33,7 +33,7 @@ class R2SEGO_OT_look_through_candidate(ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         scene = context.scene
-        scores = remembered(scene.session_uid)
+        scores = remembered_in(scene)
         chosen = scene.r2sego_views.active if self.candidate < 0 else self.candidate
         if scores is None or not 0 <= chosen < len(scores):
             raise SceneError("no candidate is chosen", cure="Pick one in the view or in the list first.")

@@ -11,7 +11,7 @@ from ...r2sego_blender.bridge.show_candidates import (
     shown_candidates,
 )
 from ...r2sego_blender.bridge.view_chart import chart_in, covered_margins
-from ...r2sego_blender.bridge.view_scores import remembered
+from ...r2sego_blender.bridge.view_scores import remembered_in
 from ...r2sego_blender.errors import SceneError
 from ..base import ReportingOperator
 from ..view_tool import ViewTool
@@ -43,7 +43,7 @@ class R2SEGO_OT_pick_candidate(ViewTool, ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         scene = context.scene
-        group, scores = scene.r2sego_views, remembered(scene.session_uid)
+        group, scores = scene.r2sego_views, remembered_in(scene)
         if scores is None:
             raise SceneError("the candidates are not read yet", cure="Press Refresh.")
         candidate = self.candidate
@@ -101,7 +101,7 @@ class R2SEGO_OT_pick_candidate(ViewTool, ReportingOperator, bpy.types.Operator):
 
     def _on_curves(self, context, event, outside=False):
         """The candidate of the frame under the mouse, -1 when the curves are not there."""
-        group, scores = context.scene.r2sego_views, remembered(context.scene.session_uid)
+        group, scores = context.scene.r2sego_views, remembered_in(context.scene)
         if scores is None or not group.curves:
             return -1
         region = context.region
@@ -118,7 +118,7 @@ class R2SEGO_OT_pick_candidate(ViewTool, ReportingOperator, bpy.types.Operator):
 
     def _on_frusta(self, context, event):
         """The candidate whose frustum is under the mouse, -1 when none is."""
-        scores, region = remembered(context.scene.session_uid), context.region
+        scores, region = remembered_in(context.scene), context.region
         swarm = None if scores is None else shown_candidates(context.scene, scores.bundle_path)
         if swarm is None or not swarm.visible_get(viewport=context.space_data):
             return -1

@@ -11,7 +11,7 @@ from bpy.props import (
 )
 
 from ...r2sego_blender.bridge.show_candidates import mark_candidate, shown_candidates
-from ...r2sego_blender.bridge.view_scores import remembered
+from ...r2sego_blender.bridge.view_scores import remembered_in
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import R2SEgoError
 from .. import state
@@ -41,7 +41,7 @@ def _display_changed(group: bpy.types.PropertyGroup, _context: bpy.types.Context
 def _active_changed(group: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
     """The active candidate's words, its mark in the view and its row of the list."""
     scene = group.id_data
-    scores = remembered(scene.session_uid)
+    scores = remembered_in(scene)
     active = group.active
     if scores is None or active >= len(scores):
         group.why = group.figures = ""
@@ -78,7 +78,7 @@ def _rollout_changed(group: bpy.types.PropertyGroup, _context: bpy.types.Context
     if group.rollout > last:
         group.rollout = last
         return
-    scores = remembered(group.id_data.session_uid)
+    scores = remembered_in(group.id_data)
     group.origin = "" if scores is None else scores.origin(group.rollout)
     redraw_views()
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from itertools import count
+from typing import Any
 
 import numpy as np
 
@@ -52,6 +53,11 @@ class RoundScores:
 
     def __len__(self) -> int:
         return len(self.views.score)
+
+    @property
+    def mark(self) -> str:
+        """Of which selection of which bundle they are."""
+        return f"{self.bundle_path} {self.stamp}"
 
     @property
     def rollouts(self) -> int:
@@ -120,9 +126,20 @@ def remember(key: int, scores: RoundScores | None) -> None:
         _remembered[key] = scores
 
 
-def remembered(key: int) -> RoundScores | None:
-    """What is kept for the Blender scene with this session number."""
-    return _remembered.get(key)
+def remembered(key: int, mark: str = "") -> RoundScores | None:
+    """What is kept for the Blender scene with this session number.
+
+    Where nothing is, what is kept for another under that ``mark``: a copied scene has the facts of the
+    one it is copied of, but a number of its own.
+    """
+    if key in _remembered:
+        return _remembered[key]
+    return next((scores for scores in _remembered.values() if scores.mark == mark), None)
+
+
+def remembered_in(scene: Any) -> RoundScores | None:
+    """What is kept for a Blender scene."""
+    return remembered(scene.session_uid, scene.r2sego_views.stamp)
 
 
 def forget_all() -> None:

@@ -45,6 +45,20 @@ def check_another_file_forgets_the_scores_of_the_scenes_that_went():
     assert list(scores._remembered) == [bpy.context.scene.session_uid]
 
 
+def check_a_copied_scene_has_the_scores_at_once():
+    open_bundle()
+    bpy.ops.r2sego.show_candidates()
+    first = bpy.context.scene
+    for kind in ("FULL_COPY", "LINK_COPY"):
+        bpy.context.window.scene = first
+        assert bpy.ops.scene.new(type=kind) == {"FINISHED"}
+        assert bpy.context.scene != first and group().candidates == 40
+        assert bpy.ops.r2sego.pick_candidate(candidate=17) == {"FINISHED"}
+        assert group().why and group().active == 17 and group().figures
+        group().rollout = 1
+        assert group().origin
+
+
 def check_frusta_follow_the_properties_and_the_round():
     open_bundle()
     bpy.ops.r2sego.show_candidates()
