@@ -29,6 +29,7 @@ FOUNDATION = {
     "scratch",
     "settings",
     "text_files",
+    "told_numbers",
     "whole_files",
     "world_frame",
 }

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arrays import opened_arrays
 from ..errors import SceneError
+from ..told_numbers import told_apart
 from .bundle import Bundle, CandidateViews
 
 _CURE = "Run the round again (`r2sego refine`)."
@@ -87,7 +88,8 @@ def _compared(views: CandidateViews, told: SelectionReasons, index: int, said: s
     """The numbers that the reason compares."""
     score, better = views.score[index], suppressor_of(views, told, index)
     if better >= 0:
-        relation = f" ({views.score[better]:.3f} against {score:.3f})"
+        other = views.score[better]
+        relation = f" ({told_apart(other, score, 3)} against {told_apart(score, other, 3)})"
         distance = abs(int(views.frame[better]) - int(views.frame[index]))
         frames = "frame" if distance == 1 else "frames"
         place = f", {distance} {frames} away, within the window of {told.window}"

@@ -21,6 +21,7 @@ from ..cameras import Camera, rotation_angle_rad
 from ..captures.pnp import estimate_pose
 from ..captures.pose_refinement import RefinedPose, refine_pose
 from ..settings import RegistrationSettings
+from ..told_numbers import share, share_apart, told_apart
 from .capture_surfaces import CaptureSurface
 from .landmarks import FoundLandmarks, Landmarks, find_landmarks, landmarks_to_be_seen
 
@@ -175,13 +176,15 @@ def _judged(
     if inliers < settings.min_inliers:
         failed = f"{said}, {settings.min_inliers} are needed"
     elif agreement < settings.min_agreement:
-        failed = f"{said}, {settings.min_agreement:.0%} are needed"
+        failed = f"{said}, {share(settings.min_agreement)} are needed"
     elif spread < settings.min_spread:
-        failed = f"the patches cover {spread:.0%} of the image, {settings.min_spread:.0%} are needed"
+        covered = share_apart(spread, settings.min_spread)
+        failed = f"the patches cover {covered} of the image, {share(settings.min_spread)} are needed"
     elif uncertain := _uncertain(refined, settings, "is"):
         failed = uncertain
     elif abs(estimate.fx / query.fx - 1.0) > settings.max_focal_error:
-        failed = f"its focal length is {estimate.fx:.0f} px instead of {query.fx:.0f}"
+        found_px = told_apart(estimate.fx, round(query.fx), 0)
+        failed = f"its focal length is {found_px} px instead of {query.fx:.0f}"
     else:
         failed = _strayed(estimate, query, settings)
     return RegisteredFrame(
@@ -205,9 +208,11 @@ def _uncertain(refined: RefinedPose, settings: RegistrationSettings, verb: str, 
     """Why the pose is too uncertain, "" when it is not."""
     sigma_m, sigma_deg = refined.sigma_m, refined.sigma_deg
     if sigma_m > leeway * settings.max_sigma_m:
-        return f"its place {verb} uncertain by {sigma_m:.3f} m, {settings.max_sigma_m:g} are allowed"
+        told = told_apart(sigma_m, settings.max_sigma_m, 3)
+        return f"its place {verb} uncertain by {told} m, {settings.max_sigma_m:g} are allowed"
     if sigma_deg > leeway * settings.max_sigma_deg:
-        return f"its turn {verb} uncertain by {sigma_deg:.1f} deg, {settings.max_sigma_deg:g} are allowed"
+        told = told_apart(sigma_deg, settings.max_sigma_deg, 1)
+        return f"its turn {verb} uncertain by {told} deg, {settings.max_sigma_deg:g} are allowed"
     return ""
 
 
@@ -215,9 +220,11 @@ def _strayed(estimate: Camera, query: Camera, settings: RegistrationSettings, le
     """Why the estimate is too far from its query, "" when it is not."""
     offset_m, turn_deg = _offset_m(estimate, query), _turn_deg(estimate, query)
     if offset_m > leeway * settings.max_offset_m:
-        return f"it lies {offset_m:.3f} m from its query, {settings.max_offset_m:g} m are allowed"
+        told = told_apart(offset_m, settings.max_offset_m, 3)
+        return f"it lies {told} m from its query, {settings.max_offset_m:g} m are allowed"
     if turn_deg > leeway * settings.max_turn_deg:
-        return f"it is turned {turn_deg:.1f} deg from its query, {settings.max_turn_deg:g} are allowed"
+        told = told_apart(turn_deg, settings.max_turn_deg, 1)
+        return f"it is turned {told} deg from its query, {settings.max_turn_deg:g} are allowed"
     return ""
 
 

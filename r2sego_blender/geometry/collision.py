@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from ..errors import GeometryError
 from ..progress import SILENT, Progress
 from ..settings import CollisionSettings
+from ..told_numbers import told_apart
 from .coacd_regions import decompose_by_coacd
 from .convex import Limits, Soup, decompose
 from .meshes import merged, places
@@ -81,9 +82,10 @@ def collision_surface(
     soup = Soup.of(vertices, faces[~on_floor])
     pieces, limits = decompose(soup, limits, settings.max_pieces, floored, progress)
     if limits.tolerance_m > settings.tolerance_m:
+        found_cm, set_cm = 100.0 * limits.tolerance_m, 100.0 * settings.tolerance_m
         progress.message(
-            f"collision pieces stand out by up to {100 * limits.tolerance_m:.1f} cm, not the "
-            f"{100 * settings.tolerance_m:.1f} cm that are set: with less they would be more than "
+            f"collision pieces stand out by up to {told_apart(found_cm, set_cm, 1)} cm, not the "
+            f"{set_cm:.6g} cm that are set: with less they would be more than "
             f"{settings.max_pieces} (collision.max_pieces)",
             level="warning",
         )

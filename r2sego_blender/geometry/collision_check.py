@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from ..errors import GeometryError
 from ..progress import SILENT, Progress
+from ..told_numbers import told_apart
 from .collision_files import FLOOR, HULLS, MESH_OBJ, SCENE_XML, read_obj
 from .triangles import columns, crossed, distances
 
@@ -99,7 +100,7 @@ class CollisionCheck:
             found.append(f"{len(self.off_surface)} of {count} spheres off the surface, {allowed}")
         if not self.farthest_m <= FARTHEST_M:
             allowed = f"{100 * FARTHEST_M:.0f} cm are allowed"
-            found.append(f"one rests {gap_in_words(self.farthest_m)} off, {allowed}")
+            found.append(f"one rests {gap_in_words(self.farthest_m, FARTHEST_M)} off, {allowed}")
         return found
 
     @property
@@ -108,9 +109,9 @@ class CollisionCheck:
         return not self.failures
 
 
-def gap_in_words(gap_m: float) -> str:
+def gap_in_words(gap_m: float, limit_m: float = np.nan) -> str:
     """How far a sphere is from the surface, which is not looked at beyond 30 cm."""
-    return f"{100 * gap_m:.1f} cm" if np.isfinite(gap_m) else "more than 30 cm"
+    return f"{told_apart(100 * gap_m, 100 * limit_m, 1)} cm" if np.isfinite(gap_m) else "more than 30 cm"
 
 
 def check_collision(

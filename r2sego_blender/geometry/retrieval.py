@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..settings import PriorSettings
+from ..told_numbers import told_apart
 from .alignment import Alignment, ObjectEvidence, align, roughly_aligned, screened
 from .shapes import Shape
 
@@ -57,7 +58,9 @@ def refusal(alignment: Alignment, evidence: ObjectEvidence, settings: PriorSetti
     if few := too_few_points(evidence, settings):
         return few
     if alignment.energy > settings.max_energy:
-        return f"its energy is {alignment.energy:.2f}, above {settings.max_energy:g}"
+        energy = told_apart(alignment.energy, settings.max_energy, 2)
+        return f"its energy is {energy}, above {settings.max_energy:g}"
     if alignment.silhouette_iou < settings.min_iou:
-        return f"its silhouette overlaps by {alignment.silhouette_iou:.2f}, below {settings.min_iou:g}"
+        overlap = told_apart(alignment.silhouette_iou, settings.min_iou, 2)
+        return f"its silhouette overlaps by {overlap}, below {settings.min_iou:g}"
     return ""

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from ..errors import RobotError
+from ..told_numbers import told_apart
 
 Polygon = tuple[tuple[float, float], ...]
 """Corners (x, y) in metres, in the world, in order around the region."""
@@ -50,7 +51,8 @@ def problem_of(corners: Sequence[Sequence[float]]) -> str:
         return "crosses itself: sides {} and {}".format(*(1 + side for side in crossing))
     area = abs(area_m2(corners))
     if not _SMALLEST_M2 <= area <= _LARGEST_M2:
-        return f"has {area:.3g} square metres, not {_SMALLEST_M2:g} to {_LARGEST_M2:g}"
+        told = told_apart(area, _SMALLEST_M2 if area < _SMALLEST_M2 else _LARGEST_M2, 3, "g")
+        return f"has {told} square metres, not {_SMALLEST_M2:g} to {_LARGEST_M2:g}"
     return ""
 
 

@@ -59,3 +59,5 @@ def test_the_figure_that_misses_its_limit_is_named(evidence):
     assert refusal(doubtful, evidence, PriorSettings(max_energy=0.456)) == ""
     assert "overlaps by 0.70" in refusal(other, evidence, PriorSettings())
     assert refusal(other, evidence, PriorSettings(min_iou=0.7)) == ""
+    hardly = replace(other, silhouette_iou=0.7499)
+    assert refusal(hardly, evidence, PriorSettings()) == "its silhouette overlaps by 0.7499, below 0.75"
