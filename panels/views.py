@@ -66,7 +66,10 @@ class R2SEGO_PT_views_candidate(Sidebar, bpy.types.Panel):
     def draw(self, context):
         layout, group = self.layout, context.scene.r2sego_views
         row = layout.row(align=True)
-        row.prop(group, "active")
+        if group.active >= 0:
+            row.prop(group, "active")
+        else:  # whose field would show -1
+            row.label(text="None chosen yet")
         row.operator("r2sego.pick_candidate", text="", icon="EYEDROPPER")
         row = layout.row(align=True)
         row.operator("r2sego.look_through_candidate", text="Look Through", icon="VIEW_CAMERA")

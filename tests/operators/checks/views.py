@@ -142,6 +142,28 @@ def check_what_a_click_in_the_curves_picked_is_one_step_to_undo():
     assert shown == [(-1, False), (17, True), (-1, False), (-1, False)], shown
 
 
+def check_that_no_candidate_is_chosen_is_told_in_words():
+    """The field would show -1."""
+    drawn = []
+
+    class Layout:
+        def __getattr__(self, name):
+            return lambda *given, **words: drawn.append((name, *given[1:], *words.values())) or self
+
+    def fields():
+        drawn.clear()
+        panel = SimpleNamespace(layout=Layout())
+        bpy.types.R2SEGO_PT_views_candidate.draw(panel, SimpleNamespace(**area, scene=bpy.context.scene))
+        return [("prop", "active") in drawn, ("label", "None chosen yet") in drawn]
+
+    scale = SimpleNamespace(system=SimpleNamespace(ui_scale=1.0))  # 0 without a window
+    area = {"region": SimpleNamespace(width=300), "preferences": scale}
+    open_bundle()
+    assert fields() == [False, True]
+    bpy.ops.r2sego.pick_candidate(candidate=17)
+    assert fields() == [True, False]
+
+
 def check_the_face_chosen_in_edit_mode_is_picked():
     open_bundle()
     bpy.ops.r2sego.show_candidates()
