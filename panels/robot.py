@@ -82,6 +82,7 @@ class R2SEGO_PT_region(_Part, bpy.types.Panel):
         row = column.row(align=True)
         row.operator("r2sego.region_from_object", text="From Object", icon="MESH_PLANE")
         row.operator("r2sego.clear_region", text="Free Floor", icon="X")
+        column.operator("r2sego.set_clearance", text="Clearance", icon="FIXED_SIZE")
 
 
 class R2SEGO_PT_targets(_Part, bpy.types.Panel):

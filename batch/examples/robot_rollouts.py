@@ -28,6 +28,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--robot", help="humanoid, wheeled, or an MJCF or URDF file")
     parser.add_argument("--scope", help="walk_and_look, sit_down, or a TOML file")
     parser.add_argument("--region", help="corners 'x,y x,y x,y' in metres, or free_floor")
+    parser.add_argument("--clearance", type=float, help="metres kept from obstacles")
     parser.add_argument("--target", help="any, an object's name, or x,y: what to sit on")
     parser.add_argument("--pitch", metavar="LOW,HIGH", help="pitch of the camera's bracket, degrees down")
     parser.add_argument("--weights", metavar="WALK,LOOK", help="how often it walks, and looks around")
@@ -68,6 +69,8 @@ def declare(options: argparse.Namespace) -> None:
         ops.clear_region()
     elif options.region:
         ops.draw_region(polygon=options.region)
+    if options.clearance is not None:
+        ops.set_clearance(clearance=options.clearance)
     ops.inspect_robot(seats=options.seats)
     for fact in scene.r2sego.facts:
         if fact.section == "robot":

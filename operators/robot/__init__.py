@@ -15,6 +15,7 @@ from .properties import R2SEGO_PG_attempt, R2SEGO_PG_robot, R2SEGO_PG_seat
 from .region_from_object import R2SEGO_OT_clear_region, R2SEGO_OT_region_from_object
 from .run_rollouts import R2SEGO_OT_run_rollouts
 from .set_behaviours import R2SEGO_OT_set_behaviours
+from .set_clearance import R2SEGO_OT_set_clearance
 from .set_mount import R2SEGO_OT_set_mount
 from .show_rollout import R2SEGO_OT_show_rollout
 from .try_rollouts import R2SEGO_OT_try_rollouts
@@ -31,6 +32,7 @@ CLASSES = (
     R2SEGO_OT_draw_region,
     R2SEGO_OT_region_from_object,
     R2SEGO_OT_clear_region,
+    R2SEGO_OT_set_clearance,
     R2SEGO_OT_pick_target,
     R2SEGO_OT_try_rollouts,
     R2SEGO_OT_run_rollouts,

@@ -96,7 +96,8 @@ def free_floor(robot: RobotModel, scope: BehaviourScope, collision_mjcf: Path) -
     if count == 0:
         raise RobotError(
             f"there is no free floor of {2.0 * radius_m:.2f} m across in the region", where=collision_mjcf,
-            cure="Check the collision surface, or give the behaviour scope a smaller region.clearance_m.",
+            cure="Check the collision surface, or give the behaviour scope a smaller region.clearance_m "
+            "(`r2sego robot --set`, in Blender Clearance under Behaviour Region).",
         )  # fmt: skip
     free = pieces == 1 + np.argmax(np.bincount(pieces.ravel())[1:])
     # The padding counts as not free, so the grid's own edge has no clearance.

@@ -28,7 +28,8 @@ _TOLD = {"success": bool, "reason": str, "frame": int, "behaviour": str, "detail
 
 _CURES = {
     Reason.NO_GOAL: "Give the behaviour scope shorter walk_to.distance_m, or a larger region.",
-    Reason.BODY_CONTACT: "Check the collision surface, or give a larger region.clearance_m.",
+    Reason.BODY_CONTACT: "Check the collision surface, or give a larger region.clearance_m (`r2sego robot "
+    "--set`, in Blender Clearance under Behaviour Region).",
     Reason.LEFT_REGION: "Give the behaviour scope a larger region.",
     Reason.TIME_OUT: "Give a longer episode.duration_s or shorter walks.",
     Reason.MISSED_TARGET: "Check the seat on the collision surface, or give other sit_on ranges.",

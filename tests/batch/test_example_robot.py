@@ -9,6 +9,8 @@ pytest.importorskip("bpy", reason="pip bpy is not installed")
 
 from made_up_room import made_up_bundle
 
+from r2sego_blender.robot.scope import BehaviourScope
+
 run = partial(run_example, "robot_rollouts.py")
 
 
@@ -16,13 +18,15 @@ def test_a_robot_is_declared_tried_and_played(blender_environment, tmp_path):
     scene = made_up_bundle(tmp_path / "room.r2s")
     done = run(
         blender_environment, scene.path, "--robot", "wheeled", "--pitch", "20,40", "--weights", "0,1",
-        "--region", "-1,-1 1,-1 1,1 -1,1", "--try", 2, "--blend", tmp_path / "room.blend",
+        "--region", "-1,-1 1,-1 1,1 -1,1", "--clearance", 0.06, "--try", 2,
+        "--blend", tmp_path / "room.blend",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "Region: polygon, 4.00 m²" in done.stdout
     assert "Pitch: 20° to 40° down, drawn" in done.stdout
     assert "Behaviours: look_around 1" in done.stdout
     assert "2 wheels" in done.stdout
+    assert BehaviourScope.load(scene.path / "robot" / "scope.toml").region.clearance_m == 0.06
     assert "attempt 1: look_around, " in done.stdout
     assert "follow frames 0 to 40" in done.stdout
     assert (tmp_path / "room.blend").is_file()

@@ -13,8 +13,8 @@ from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bun
 
 OPERATORS = {
     "choose_robot", "choose_scope", "clear_region", "draw_region", "inspect_robot", "jump_to_attempt",
-    "pick_target", "region_from_object", "run_rollouts", "set_behaviours", "set_mount", "show_rollout",
-    "try_rollouts",
+    "pick_target", "region_from_object", "run_rollouts", "set_behaviours", "set_clearance", "set_mount",
+    "show_rollout", "try_rollouts",
 }  # fmt: skip
 
 
@@ -61,8 +61,8 @@ def check_opening_lists_the_attempts_and_the_seats():
 def check_the_dialogs_of_a_bundle_that_is_gone_say_so():
     open_bundle()
     state().bundle = gone = str(OUT.parent / "nowhere" / "room.r2s")
-    for operator in (bpy.ops.r2sego.choose_robot, bpy.ops.r2sego.set_mount, bpy.ops.r2sego.set_behaviours):
-        said = refused(operator, "INVOKE_DEFAULT")
+    for name in ("choose_robot", "set_mount", "set_behaviours", "set_clearance"):
+        said = refused(getattr(bpy.ops.r2sego, name), "INVOKE_DEFAULT")
         assert gone in said and "Traceback" not in said, said
 
 
@@ -81,6 +81,15 @@ def check_choosing_robot_and_scope_asks_the_engine():
         "--set", "behaviours.walk_to=0.25", "--set", "behaviours.look_around=0",
         "--set", "behaviours.step_around=0", "--set", "behaviours.squat=0", "--set", "behaviours.sit_on=1",
     ]  # fmt: skip
+
+
+def check_the_clearance_that_cures_name_is_a_field():
+    """Of the behaviour scope, in metres; its dialog begins with what is declared."""
+    open_bundle()
+    set_clearance = bpy.ops.r2sego.set_clearance
+    assert declared(set_clearance, clearance=0.04) == ["--set", "region.clearance_m=0.04"]
+    assert set_clearance.get_rna_type().properties["clearance"].name == "Clearance"
+    assert bpy.types.R2SEGO_PT_region.bl_label == "Behaviour Region"
 
 
 def check_the_mount_is_told_in_toml():

@@ -1,0 +1,34 @@
+"""Set how far the resting robot keeps from obstacles."""
+
+import bpy
+from bpy.props import FloatProperty
+
+from ...r2sego_blender.bridge.robot_facts import RobotFacts
+from ...r2sego_blender.errors import R2SEgoError
+from .. import state
+from ..base import told
+from .declaring import DeclaringOperator
+
+
+class R2SEGO_OT_set_clearance(DeclaringOperator, bpy.types.Operator):
+    """Set how far the resting robot's reach keeps from obstacles; where floor is scarce, less"""
+
+    bl_idname = "r2sego.set_clearance"
+    bl_label = "Set Clearance"
+    bl_options = {"REGISTER"}
+
+    clearance: FloatProperty(
+        name="Clearance", description="Kept between the resting robot's reach and obstacles",
+        default=0.08, min=0.0, max=1.0, subtype="DISTANCE", unit="LENGTH",
+    )  # fmt: skip
+
+    def invoke(self, context, event):
+        try:
+            self.clearance = RobotFacts.read(state.opened_bundle(context)).scope.region.clearance_m
+        except (R2SEgoError, OSError) as error:
+            self.report({"ERROR"}, told(error))
+            return {"CANCELLED"}
+        return context.window_manager.invoke_props_dialog(self)
+
+    def changes(self, context):
+        return ["--set", f"region.clearance_m={self.clearance:.6g}"]
