@@ -18,7 +18,7 @@ from ..splats.aligned_memory import aligned
 from ..splats.asset import SplatAsset
 from ..splats.compiled import parallel_kernel, prange
 from ..splats.denormals import flush_denormals, restore_denormals
-from ..splats.exponentials import EXP2_COEFFICIENTS_BELOW_0, exp2_small
+from ..splats.exponentials import EXP2_OF_EIGHTHS, exp2_of_eighths
 from ..splats.packing import LANES, PackedGaussians
 from ..splats.projection import (
     DILATION_PX2,
@@ -123,7 +123,7 @@ def _dim(code: Code, record: Value, plane: Value, width: Value, height: Value, e
     along_row = code.vector(_COLUMNS) * a + code.vector(_ROWS) * b
     down_rows, next_block = code.vector(_ROWS) * c, code.spread(a * BLOCK_PX)
     across = (width + BLOCK_PX - 1) >> 2
-    coefficients = [code.vector(number) for number in EXP2_COEFFICIENTS_BELOW_0]
+    constants = [code.vector(number) for number in EXP2_OF_EIGHTHS]
 
     def block_at(px: Value, size: Value) -> Value:
         """The block of the pixel whose centre is the first at ``px`` or before."""
@@ -157,7 +157,7 @@ def _dim(code: Code, record: Value, plane: Value, width: Value, height: Value, e
             with code.when(code.bits(light > enough).differs(0)):
                 e = code.fma(next_block, code.to_floats(block), e0)
                 exponent = code.fma(-e, e, above)
-                alpha = code.minimum(exp2_small(exponent, coefficients), LARGEST_ALPHA)
+                alpha = code.minimum(exp2_of_eighths(exponent, constants), LARGEST_ALPHA)
                 alpha = code.select(exponent >= EIGHTH_SMALLEST, alpha, 0.0)
                 code.store(at, code.fma(-alpha, light, light))
         row.add(code.long(1))

@@ -26,7 +26,7 @@ from .aligned_memory import aligned
 from .binning import ENTRY_BYTES
 from .compiled import dealt, kernel, parallel_kernel, prange, turns
 from .denormals import flush_denormals, restore_denormals
-from .exponentials import EXP2_COEFFICIENTS_BELOW_0, exp2_small
+from .exponentials import EXP2_OF_EIGHTHS, exp2_of_eighths
 from .lanes import lane_sums
 from .projection import (
     DEPTH,
@@ -45,15 +45,15 @@ from .stages import in_stages
 from .tiles import (
     BLOCK_BYTES,
     BLOCK_PX,
+    BLOCKS_A_SIDE,
     DEPTH_PLANE,
     REST,
     RUN_OF_TILES,
+    SIDE_SHIFT,
     STATE_BYTES,
     SUMS,
     TILE_PX,
     UPSTREAM,
-    X,
-    Y,
     ask_for_rows,
     open_blocks,
     open_gradient,
@@ -77,11 +77,19 @@ FINISHED = 1e-4
 _MASK_BYTES = 8
 _EIGHTH_LARGEST = math.log2(LARGEST_ALPHA) / 8.0
 
-SCRATCH_BYTES = STATE_BYTES + BATCH * (RECORD_BYTES + _MASK_BYTES)
-"""What a thread needs: the planes, a batch of records, and their blocks."""
+_E_DOWN, _F_DOWN, _SHARES_BYTES = VECTOR_BYTES // 2, VECTOR_BYTES, 2 * VECTOR_BYTES
+"""Of an entry, eight numbers each: the share of e that a column of blocks adds, after it that of a
+row of blocks, after it a row's share of f."""
 
+SCRATCH_BYTES = STATE_BYTES + BATCH * (RECORD_BYTES + _SHARES_BYTES + _MASK_BYTES)
+"""What a thread needs: the planes, a batch of records, their shares of e and f, and their blocks."""
 
-_CONSTANTS = (*EXP2_COEFFICIENTS_BELOW_0, LARGEST_ALPHA, EIGHTH_SMALLEST, _EIGHTH_LARGEST, FINISHED)
+_LANE_X = [float(lane % BLOCK_PX) for lane in range(LANES)]
+_LANE_Y = [float(lane // BLOCK_PX) for lane in range(LANES)]
+_BLOCK_PX = [BLOCK_PX * (k % BLOCKS_A_SIDE) + 0.5 - TILE_PX / 2 for k in range(LANES)]
+"""A lane's place in a block, and, twice, the place of a tile's eight blocks from its middle."""
+
+_CONSTANTS = (*EXP2_OF_EIGHTHS, LARGEST_ALPHA, EIGHTH_SMALLEST, _EIGHTH_LARGEST, FINISHED)
 _LARGEST, _EIGHTH_SMALLEST_AT, _EIGHTH_LARGEST_AT, _FINISHED_AT = range(6, 10)
 
 
@@ -95,23 +103,25 @@ def _table() -> np.ndarray:
 TABLE = _table()
 
 
-@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64))
+@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64, int64))
 def _fetch(
     code: Code, order: Value, count: Value, entries: Value, records: Value, middle_x: Value, middle_y: Value,
-    batch: Value, masks: Value,
+    batch: Value, shares: Value, masks: Value,
 ) -> None:  # fmt: skip
-    """Copy the next entries' records and blocks; U and V become the constants of e and f."""
+    """Copy the next entries' records and blocks, and compute the shares of e and f."""
     x, y = code.to_floats(middle_x), code.to_floats(middle_y)
     with code.loop(count) as i:
         entry = entries + (code.load_long(order + 8 * i) & 0xFFFFFFFF) * ENTRY_BYTES
         code.store_long(masks + 8 * i, code.load_long(entry))
         source = records + code.load_int(entry + 8) * RECORD_BYTES
-        target = batch + i * RECORD_BYTES
-        code.store(target, code.load(source))
+        code.store(batch + i * RECORD_BYTES, code.load(source))
         from_u, from_v = (code.load_float(source + 4 * k) - m for k, m in ((U, x), (V, y)))
-        a, b, c = (code.load_float(source + 4 * k) for k in (FACTOR_A, FACTOR_B, FACTOR_C))
-        code.store_float(target + 4 * U, -(a * from_u + b * from_v))
-        code.store_float(target + 4 * V, -(c * from_v))
+        a, b, c = (code.spread(code.load_float(source + 4 * k)) for k in (FACTOR_A, FACTOR_B, FACTOR_C))
+        across, down = (code.vector(_BLOCK_PX) - middle for middle in (from_u, from_v))
+        at = shares + i * _SHARES_BYTES
+        both = [*range(BLOCKS_A_SIDE), *range(LANES, LANES + BLOCKS_A_SIDE)]
+        code.store(at, code.shuffled(a * across, b * down, both))
+        code.store(at + _F_DOWN, c * down)
 
 
 def _constant(code: Code, table: Value, place: int) -> Value:
@@ -122,15 +132,18 @@ class _Splat:
     """A fetched record and its alpha at a block; ``constant`` gives those of the table."""
 
     def __init__(
-        self, code: Code, state: Value, record: Value, depth: bool, constant: Callable[[int], Value]
-    ) -> None:
+        self, code: Code, state: Value, record: Value, shares: Value, depth: bool,
+        constant: Callable[[int], Value],
+    ) -> None:  # fmt: skip
         def field(place: int) -> Value:
             return code.spread(code.load_float(record + 4 * place))
 
-        self.code, self.state, self.constant = code, state, constant
+        self.code, self.state, self.shares, self.constant = code, state, shares, constant
         self.opacity_eighth = code.load_float(record + 4 * EIGHTH)
-        self.e0, self.f0 = field(U), field(V)
-        self.a, self.b, self.c, self.eighth = map(field, (FACTOR_A, FACTOR_B, FACTOR_C, EIGHTH))
+        self.eighth = field(EIGHTH)
+        x, y = code.vector(_LANE_X), code.vector(_LANE_Y)
+        self.e_of_lane = code.fma(field(FACTOR_A), x, field(FACTOR_B) * y)
+        self.f_of_lane = field(FACTOR_C) * y
         self.colour = [field(RED + k) for k in range(3)] + ([field(DEPTH)] if depth else [])
 
     def visit(self, blocks: Value, blend: Callable[[bool, Value, list[Value]], None]) -> None:
@@ -149,9 +162,11 @@ class _Splat:
         """Where the block's state is; e, f and the exponent's eighth."""
         code = self.code
         place = self.state + block * BLOCK_BYTES
-        x, y = (code.load(place + plane * VECTOR_BYTES) for plane in (X, Y))
-        e = code.fma(self.a, x, code.fma(self.b, y, self.e0))
-        f = code.fma(self.c, y, self.f0)
+        column = self.shares + 4 * (block & (BLOCKS_A_SIDE - 1))
+        row = self.shares + 4 * (block >> SIDE_SHIFT)
+        e = code.added(self.e_of_lane, code.load_float(column))
+        e = code.added(e, code.load_float(row + _E_DOWN))
+        f = self.f_of_lane + code.load_float(row + _F_DOWN)
         return [place, e, f, code.fma(-e, e, code.fma(-f, f, self.eighth))]
 
     def _alpha(self, held: bool, at: list[Value]) -> list[Value]:
@@ -161,7 +176,7 @@ class _Splat:
         """
         code = self.code
         place, e, f, exponent = at
-        alpha = exp2_small(exponent, [self.constant(k) for k in range(6)])
+        alpha = exp2_of_eighths(exponent, [self.constant(k) for k in range(6)])
         if held:
             alpha = code.minimum(alpha, self.constant(_LARGEST))
         alpha = code.select(exponent >= self.constant(_EIGHTH_SMALLEST_AT), alpha, 0.0)
@@ -174,11 +189,13 @@ class _Splat:
 
 
 def _write_blend(code: Code, depth: bool, *arguments: Value) -> None:
-    state, table, batch, masks, count, alive = arguments
+    state, table, batch, shares, masks, count, alive = arguments
     # Read once, into registers: from memory, each costs a quarter of a cycle for each visit.
     constants = [_constant(code, table, place) for place in range(len(_CONSTANTS))]
     with code.loop(count) as i:
-        splat = _Splat(code, state, batch + i * RECORD_BYTES, depth, constants.__getitem__)
+        splat = _Splat(
+            code, state, batch + i * RECORD_BYTES, shares + i * _SHARES_BYTES, depth, constants.__getitem__
+        )
 
         def blend(held: bool, place: Value, shape: list[Value], splat: _Splat = splat) -> None:
             transmittance = code.load(place)
@@ -192,11 +209,14 @@ def _write_blend(code: Code, depth: bool, *arguments: Value) -> None:
 
 
 def _write_blend_backward(code: Code, depth: bool, *arguments: Value) -> None:
-    state, table, batch, masks, count, alive, order, slots = arguments
+    state, table, batch, shares, masks, count, alive, order, slots = arguments
     channels = 4 if depth else 3
     zero = code.vector(0.0)
     with code.loop(count) as i:
-        splat = _Splat(code, state, batch + i * RECORD_BYTES, depth, partial(_constant, code, table))
+        splat = _Splat(
+            code, state, batch + i * RECORD_BYTES, shares + i * _SHARES_BYTES, depth,
+            partial(_constant, code, table),
+        )  # fmt: skip
         sums = [code.variable(zero) for _ in range(6 + channels)]
 
         def blend(
@@ -235,40 +255,42 @@ def _write_blend_backward(code: Code, depth: bool, *arguments: Value) -> None:
             code.store_float(slot + 4 * BLENDED, code.float(1.0))
 
 
-_BLEND = void(int64, int64, int64, int64, int64, int64)
-_BLEND_BACKWARD = void(int64, int64, int64, int64, int64, int64, int64, int64)
+_BLEND = void(int64, int64, int64, int64, int64, int64, int64)
+_BLEND_BACKWARD = void(int64, int64, int64, int64, int64, int64, int64, int64, int64)
 
 
 @vector_kernel(_BLEND)
-def _blend(code, state, table, batch, masks, count, alive):
+def _blend(code, state, table, batch, shares, masks, count, alive):
     """Put a batch of Gaussians behind what the blocks already have."""
-    _write_blend(code, False, state, table, batch, masks, count, alive)
+    _write_blend(code, False, state, table, batch, shares, masks, count, alive)
 
 
 @vector_kernel(_BLEND)
-def _blend_with_depth(code, state, table, batch, masks, count, alive):
+def _blend_with_depth(code, state, table, batch, shares, masks, count, alive):
     """The same, and the sum of weight * depth."""
-    _write_blend(code, True, state, table, batch, masks, count, alive)
+    _write_blend(code, True, state, table, batch, shares, masks, count, alive)
 
 
 @vector_kernel(_BLEND_BACKWARD)
-def _blend_backward(code, state, table, batch, masks, count, alive, order, slots):
+def _blend_backward(code, state, table, batch, shares, masks, count, alive, order, slots):
     """Replay ``_blend`` and fill the entries' slots."""
-    _write_blend_backward(code, False, state, table, batch, masks, count, alive, order, slots)
+    _write_blend_backward(code, False, state, table, batch, shares, masks, count, alive, order, slots)
 
 
 @vector_kernel(_BLEND_BACKWARD)
-def _blend_backward_with_depth(code, state, table, batch, masks, count, alive, order, slots):
+def _blend_backward_with_depth(code, state, table, batch, shares, masks, count, alive, order, slots):
     """Replay ``_blend_with_depth`` and fill the entries' slots."""
-    _write_blend_backward(code, True, state, table, batch, masks, count, alive, order, slots)
+    _write_blend_backward(code, True, state, table, batch, shares, masks, count, alive, order, slots)
 
 
-@vector_kernel(void(int64, int64, int64))
-def _ask_for_slots(code: Code, order: Value, count: Value, slots: Value) -> None:
-    """Have the next entries' slots in the cache when they are written: they lie all over the memory."""
+@vector_kernel(void(int64, int64, int64, int64, int64))
+def _ask_for(code: Code, order: Value, count: Value, entries: Value, records: Value, slots: Value) -> None:
+    """Have entries' records and slots in the cache when they are needed: they lie all over the memory."""
     with code.loop(count) as i:
-        entry = code.load_long(order + 8 * i) & 0xFFFFFFFF
-        code.prefetch(slots + entry * SLOT_BYTES, write=True)
+        number = code.load_long(order + 8 * i) & 0xFFFFFFFF
+        code.prefetch(slots + number * SLOT_BYTES, write=True)
+        gaussian = code.load_int(entries + number * ENTRY_BYTES + 8)
+        code.prefetch(records + gaussian * RECORD_BYTES)
 
 
 @vector_kernel(int64(int64))
@@ -292,18 +314,19 @@ def _blend_tile(
 ):  # fmt: skip
     """Blend a tile's entries; returns the place in ``order`` after the last one needed."""
     batch = state + STATE_BYTES
-    masks = batch + BATCH * RECORD_BYTES
+    shares = batch + BATCH * RECORD_BYTES
+    masks = shares + BATCH * _SHARES_BYTES
     alive, row = -1, 0
     while start < stop and alive != 0:
         count = min(BATCH, stop - start)
         if row < TILE_PX:
             ask_for_rows(planes, plane_bytes, pitch, DEPTH_PLANE + with_depth, row)
             row += BLOCK_PX
-        _fetch(order + 8 * start, count, entries, records, middle_x, middle_y, batch, masks)
+        _fetch(order + 8 * start, count, entries, records, middle_x, middle_y, batch, shares, masks)
         if with_depth:
-            _blend_with_depth(state, table, batch, masks, count, alive)
+            _blend_with_depth(state, table, batch, shares, masks, count, alive)
         else:
-            _blend(state, table, batch, masks, count, alive)
+            _blend(state, table, batch, shares, masks, count, alive)
         start += count
         alive = _unfinished(state)
     return start
@@ -312,7 +335,7 @@ def _blend_tile(
 @parallel_kernel
 def composite(
     records, entries, order, tile_starts, tile_stops, tiles_x, planes, plane_bytes, background,
-    background_plane_bytes, background_pitch, background_step, scratch, table, coordinates, with_depth,
+    background_plane_bytes, background_pitch, background_step, scratch, table, with_depth,
     threads,
 ):  # fmt: skip
     """Render all tiles into image planes of whole tiles: red, green, blue, transmittance, depth sum.
@@ -333,7 +356,7 @@ def composite(
         state = scratch + get_thread_id() * SCRATCH_BYTES
         x, y = tile % tiles_x * TILE_PX, tile // tiles_x * TILE_PX
         target = planes + y * pitch + 4 * x
-        open_tile(state, coordinates)
+        open_tile(state)
         tile_stops[tile] = _blend_tile(
             state, tile_starts[tile], tile_starts[tile + 1], order, entries, records,
             x + TILE_PX // 2, y + TILE_PX // 2, table, target, plane_bytes, pitch, with_depth,
@@ -349,7 +372,7 @@ def composite(
 @parallel_kernel
 def composite_backward(
     records, entries, order, tile_starts, tile_stops, tiles_x, planes, gradients, plane_bytes, slots,
-    scratch, table, coordinates, with_alpha, with_depth, threads,
+    scratch, table, with_alpha, with_depth, threads,
 ):  # fmt: skip
     """Fill the slots of all entries from ``gradients``, planes in the layout of ``planes``.
 
@@ -366,25 +389,26 @@ def composite_backward(
         flags = flush_denormals()
         state = scratch + get_thread_id() * SCRATCH_BYTES
         batch = state + STATE_BYTES
-        masks = batch + BATCH * RECORD_BYTES
+        shares = batch + BATCH * RECORD_BYTES
+        masks = shares + BATCH * _SHARES_BYTES
         x, y = tile % tiles_x * TILE_PX, tile // tiles_x * TILE_PX
         corner = y * pitch + 4 * x
         open_gradient(
-            state, coordinates, planes + corner, gradients + corner, plane_bytes, pitch,
+            state, planes + corner, gradients + corner, plane_bytes, pitch,
             with_alpha, with_depth,
         )  # fmt: skip
         start, stop, alive = tile_starts[tile], tile_stops[tile], -1
         while start < stop:
             count = min(BATCH, stop - start)
             some = order + 8 * start
-            _fetch(some, count, entries, records, x + TILE_PX // 2, y + TILE_PX // 2, batch, masks)
+            _fetch(some, count, entries, records, x + TILE_PX // 2, y + TILE_PX // 2, batch, shares, masks)
             if start == tile_starts[tile]:
-                _ask_for_slots(some, count, slots)
-            _ask_for_slots(some + 8 * count, min(BATCH, stop - start - count), slots)
+                _ask_for(some, count, entries, records, slots)
+            _ask_for(some + 8 * count, min(BATCH, stop - start - count), entries, records, slots)
             if with_depth:
-                _blend_backward_with_depth(state, table, batch, masks, count, alive, some, slots)
+                _blend_backward_with_depth(state, table, batch, shares, masks, count, alive, some, slots)
             else:
-                _blend_backward(state, table, batch, masks, count, alive, some, slots)
+                _blend_backward(state, table, batch, shares, masks, count, alive, some, slots)
             start += count
             alive = _unfinished(state)
         _clear_slots(order + 8 * stop, tile_starts[tile + 1] - stop, slots)

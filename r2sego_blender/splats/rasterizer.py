@@ -21,7 +21,6 @@ from .packing import PackedGaussians, unpack
 from .projection import DILATION_PX2, RECORD_BYTES, RED, lens_of, project
 from .projection_gradient import GATHER_BYTES, POSE_SUMS, project_backward, project_backward_adam
 from .tiles import (
-    COORDINATES,
     DEPTH_PLANE,
     IMAGE_PLANES,
     TILE_PX,
@@ -175,7 +174,7 @@ class Rasterizer:
         composite(
             *self._sorted_entries(), frame.planes.ctypes.data, frame.plane_bytes,
             behind.ctypes.data, *strides, self._scratch.ctypes.data, TABLE.ctypes.data,
-            COORDINATES.ctypes.data, with_depth, numba.get_num_threads(),
+            with_depth, numba.get_num_threads(),
         )  # fmt: skip
 
     @property
@@ -296,7 +295,7 @@ class Rasterizer:
         composite_backward(
             *self._sorted_entries(), frame.planes.ctypes.data, frame.gradient_planes.ctypes.data,
             frame.plane_bytes, self._slots.ctypes.data, self._scratch.ctypes.data, TABLE.ctypes.data,
-            COORDINATES.ctypes.data, with_alpha, with_depth, numba.get_num_threads(),
+            with_alpha, with_depth, numba.get_num_threads(),
         )  # fmt: skip
 
     def _sorted_entries(self) -> tuple:

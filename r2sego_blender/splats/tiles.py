@@ -1,9 +1,9 @@
 """A tile's state while its Gaussians are blended, and its way from and to the image.
 
 A tile has 32 x 32 pixels, 64 blocks of 4 x 4: a block's pixels are the sixteen lanes of a
-vector. The state holds for each block eight vectors: the transmittances; what is summed
+vector. The state holds for each block six vectors: the transmittances, and what is summed
 (forward: red, green, blue and depth; backward: the rest, and the image's gradients in
-those four); the pixel centres, from the tile's middle.
+those four).
 
 An image is stored as *planes* of whole tiles, one for each channel. Four blocks side by
 side are four rows of sixteen pixels: one is made of the other by exchanging quarters.
@@ -22,19 +22,19 @@ from .vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
 
 TILE_SHIFT = 5
 TILE_PX = 1 << TILE_SHIFT
-BLOCK_PX = 4
+SIDE_SHIFT = 3
+BLOCKS_A_SIDE = 1 << SIDE_SHIFT
+BLOCK_PX = TILE_PX // BLOCKS_A_SIDE
 RUN_OF_TILES = 5  # side by side, for one thread: neighbours share Gaussians
-BLOCKS_A_SIDE = TILE_PX // BLOCK_PX
 BLOCKS = BLOCKS_A_SIDE**2
 
 TRANSMITTANCE, SUMS = 0, 1
 REST, UPSTREAM = 1, 2
-X, Y = 6, 7
 """Places in a block's state; of SUMS four, of UPSTREAM four. Forward and backward share it."""
 
-BLOCK_BYTES = 10 * VECTOR_BYTES
-"""From a block to the next: eight vectors, and two left free. Without them blocks one below the
-other would be 4 KiB apart, and processors take a load for one of what was just stored there."""
+BLOCK_BYTES = 7 * VECTOR_BYTES
+"""From a block to the next: six vectors, and one left free. With an odd number no two blocks are
+whole 4 KiB apart, where processors take a load for one of what was just stored."""
 
 STATE_BYTES = BLOCKS * BLOCK_BYTES
 
@@ -46,19 +46,6 @@ _GROUP = 4  # blocks side by side that are exchanged with rows
 _GROUPS_A_ROW = BLOCKS_A_SIDE // _GROUP
 
 
-def _coordinates() -> np.ndarray:
-    """(64, 2, 16): the pixel centres x and y of the blocks, from the tile's middle."""
-    lane, block = np.arange(LANES), np.arange(BLOCKS)[:, None]
-    coordinates = aligned((BLOCKS, 2, LANES))
-    middle = TILE_PX / 2 - 0.5
-    coordinates[:, 0] = BLOCK_PX * (block % BLOCKS_A_SIDE) + lane % BLOCK_PX - middle
-    coordinates[:, 1] = BLOCK_PX * (block // BLOCKS_A_SIDE) + lane // BLOCK_PX - middle
-    return coordinates
-
-
-COORDINATES = _coordinates()
-
-
 def planes_of(image: np.ndarray) -> np.ndarray:
     """An image (H, W, C), or (H, W), as aligned planes (C, H', W') of whole tiles, zeros outside."""
     image = image[..., None] if image.ndim == 2 else image
@@ -68,21 +55,14 @@ def planes_of(image: np.ndarray) -> np.ndarray:
     return planes
 
 
-def _write_coordinates(code: Code, block: Value, place: Value, coordinates: Value) -> None:
-    source = coordinates + block * (2 * VECTOR_BYTES)
-    for k, plane in enumerate((X, Y)):
-        code.store(place + plane * VECTOR_BYTES, code.load(source + k * VECTOR_BYTES))
-
-
-@vector_kernel(void(int64, int64))
-def open_tile(code: Code, state: Value, coordinates: Value) -> None:
+@vector_kernel(void(int64))
+def open_tile(code: Code, state: Value) -> None:
     """Nothing blended yet: all light comes through."""
     with code.loop(code.long(BLOCKS)) as block:
         place = state + block * BLOCK_BYTES
         code.store(place, code.vector(1.0))
         for k in range(4):
             code.store(place + (SUMS + k) * VECTOR_BYTES, code.vector(0.0))
-        _write_coordinates(code, block, place, coordinates)
 
 
 class _Group:
@@ -156,9 +136,9 @@ def store_tile(
                 code.store(at, row)
 
 
-@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64))
+@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64))
 def open_gradient(
-    code: Code, state: Value, coordinates: Value, planes: Value, gradients: Value, plane_bytes: Value,
+    code: Code, state: Value, planes: Value, gradients: Value, plane_bytes: Value,
     pitch: Value, with_alpha: Value, with_depth: Value,
 ) -> None:  # fmt: skip
     """Before the first Gaussian: the image's gradients, and as the rest all that was blended.
@@ -186,9 +166,7 @@ def open_gradient(
             add(TRANSMITTANCE_PLANE, -1.0)
         group.store_blocks(REST, [row.get() for row in rest])
     with code.loop(code.long(BLOCKS)) as block:
-        place = state + block * BLOCK_BYTES
-        code.store(place, code.vector(1.0))
-        _write_coordinates(code, block, place, coordinates)
+        code.store(state + block * BLOCK_BYTES, code.vector(1.0))
 
 
 def open_blocks(code: Code, state: Value, finished: float) -> Value:

@@ -38,6 +38,7 @@ _LONG = ir.IntType(64)
 
 # Everything but 'nnan' and 'ninf': a NaN must stay one, so that comparisons reject it.
 _FAST = ("nsz", "arcp", "contract", "afn", "reassoc")
+_AS_IT_STANDS = ("nsz",)  # Numba gives its own to an operation without any
 
 
 class Value:
@@ -272,6 +273,16 @@ class Code:
         kind = ir.FunctionType(a.llvm.type, [a.llvm.type] * 3)
         function = cgutils.get_or_insert_function(self.builder.module, kind, f"llvm.fma.{_suffix(a)}")
         return Value(self, self.builder.call(function, [a.llvm, b.llvm, c.llvm], fastmath=_FAST))
+
+    def added(self, a: Any, b: Any) -> Value:
+        """a + b as it stands: not put into another order with other sums, so that its rounding counts."""
+        a, b = self.matched(a, b)
+        return Value(self, self.builder.fadd(a.llvm, b.llvm, flags=_AS_IT_STANDS))
+
+    def subtracted(self, a: Any, b: Any) -> Value:
+        """a - b as it stands; see ``added``."""
+        a, b = self.matched(a, b)
+        return Value(self, self.builder.fsub(a.llvm, b.llvm, flags=_AS_IT_STANDS))
 
     def quotient(self, a: Any, b: Any) -> Value:
         """a / b of finite numbers, b not 0: by an estimate of 1 / b where the processor has one."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from vector_calls import mapped
 
-from r2sego_blender.splats.exponentials import EXP2_COEFFICIENTS_BELOW_0, exp2, exp2_small, log2
+from r2sego_blender.splats.exponentials import EXP2_OF_EIGHTHS, exp2, exp2_of_eighths, log2
 from r2sego_blender.splats.vectors import Code, Value
 
 
@@ -18,16 +18,24 @@ def test_exp2_is_accurate_over_its_range() -> None:
     assert np.abs(mapped(lambda code, v: exp2(v), x) / expected - 1.0).max() < 2e-7
 
 
-def test_exp2_small_is_accurate_over_its_range_and_never_nan_outside() -> None:
-    def small(code: Code, x: Value) -> Value:
-        return exp2_small(x, [code.vector(c) for c in EXP2_COEFFICIENTS_BELOW_0])
+def _of_eighths(x: np.ndarray) -> np.ndarray:
+    def write(code: Code, value: Value) -> Value:
+        return exp2_of_eighths(value, [code.vector(c) for c in EXP2_OF_EIGHTHS])
 
-    inside = np.linspace(-1.0, 0.0, 1 << 14).astype(np.float32)
-    outside = -np.geomspace(1.0, 3e38, 1 << 12).astype(np.float32)
-    outside[-1] = -np.inf
-    found = mapped(small, np.concatenate([inside, outside, -outside]))
-    assert np.abs(found[: len(inside)] / np.exp2(8.0 * inside.astype(np.float64)) - 1.0).max() < 2e-6
-    assert not np.isnan(found).any()
+    return mapped(write, x.astype(np.float32))
+
+
+def test_exp2_of_eighths_is_accurate_over_its_range() -> None:
+    x = np.linspace(-15.0, 15.0, 1 << 18).astype(np.float32)
+    assert np.abs(_of_eighths(x) / np.exp2(8.0 * x.astype(np.float64)) - 1.0).max() < 4e-6
+
+
+def test_exp2_of_eighths_gives_whole_powers_nearly_exactly_and_does_not_jump_between_them() -> None:
+    whole = np.arange(-8, 8)
+    assert np.abs(_of_eighths(whole / 8.0) / np.exp2(whole) - 1.0).max() < 4e-6
+    halves = (np.arange(-8, 8) + 0.5) / 8.0  # where the nearest whole number changes
+    below, above = (_of_eighths(halves + shift) for shift in (-1e-7, 1e-7))
+    assert np.abs(above / below - 1.0).max() < 8e-6
 
 
 def test_log2_is_accurate_for_all_normal_floats() -> None:
@@ -41,5 +49,7 @@ def test_log2_is_accurate_for_all_normal_floats() -> None:
 
 
 def test_the_coefficients_are_those_of_a_power_of_two() -> None:
-    assert np.polyval(EXP2_COEFFICIENTS_BELOW_0, -1.0) == pytest.approx(0.5, rel=1e-6)
-    assert EXP2_COEFFICIENTS_BELOW_0[-2] == pytest.approx(math.log(2.0), rel=1e-4)
+    *coefficients, counts = EXP2_OF_EIGHTHS
+    assert np.polyval(coefficients, 1.0 / 16.0) == pytest.approx(math.sqrt(2.0), rel=4e-6)
+    assert coefficients[-2] == pytest.approx(8.0 * math.log(2.0), rel=1e-4)
+    assert np.spacing(np.float32(counts)) == 1.0 / 8.0
