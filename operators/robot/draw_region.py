@@ -25,7 +25,7 @@ class R2SEGO_OT_draw_region(ViewTool, DeclaringOperator, bpy.types.Operator):
         name="From Above", description="Turn the view to look straight down first", default=True
     )
 
-    hint = "Click: corner · Backspace: take one back · Enter or the first corner: done · ESC: cancel"
+    hint = "Click: corner · Backspace, Ctrl Z: take one back · Enter or the first corner: done · ESC: cancel"
 
     def invoke(self, context, event):
         return self.start_tool(context)
@@ -36,11 +36,12 @@ class R2SEGO_OT_draw_region(ViewTool, DeclaringOperator, bpy.types.Operator):
         self._corners = []
 
     def on_event(self, context, event):
-        if event.type == "ESC":
+        if event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS":
             return {"CANCELLED"}
         if event.type in {"RET", "NUMPAD_ENTER"} and event.value == "PRESS":
             return self._done(context)
-        if event.type in {"BACK_SPACE", "DEL"} and event.value == "PRESS":
+        back = event.type in {"BACK_SPACE", "DEL"} or (event.type == "Z" and (event.ctrl or event.oskey))
+        if back and event.value == "PRESS":  # undo would take back something else
             self._corners = self._corners[:-1]
             self._show(context)
             return {"RUNNING_MODAL"}

@@ -31,7 +31,7 @@ class R2SEGO_OT_pick_target(ViewTool, DeclaringOperator, bpy.types.Operator):
         return self.start_tool(context)
 
     def on_event(self, context, event):
-        if event.type == "ESC":
+        if event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS":
             return {"CANCELLED"}
         clicked = event.type == "LEFTMOUSE" and event.value == "PRESS"
         if not clicked or not is_over(context.region, event):

@@ -92,6 +92,24 @@ def check_the_clearance_that_cures_name_is_a_field():
     assert bpy.types.R2SEGO_PT_region.bl_label == "Behaviour Region"
 
 
+def check_the_right_mouse_button_cancels_and_ctrl_z_takes_a_corner_back():
+    """Passed on, they would open Blender's menu and undo something else in the midst of a tool."""
+    open_bundle()
+
+    def pressed(kind, ctrl=False):
+        return SimpleNamespace(type=kind, value="PRESS", ctrl=ctrl, oskey=False, mouse_x=0, mouse_y=0)
+
+    for tool in (bpy.types.R2SEGO_OT_pick_target, bpy.types.R2SEGO_OT_draw_region):
+        for kind in ("ESC", "RIGHTMOUSE"):
+            assert tool.on_event(SimpleNamespace(), bpy.context, pressed(kind)) == {"CANCELLED"}
+    shown = []
+    tool = SimpleNamespace(_corners=[(0.0, 0.0), (1.0, 0.0)], _show=shown.append)
+    draw = bpy.types.R2SEGO_OT_draw_region.on_event
+    assert draw(tool, bpy.context, pressed("Z", ctrl=True)) == {"RUNNING_MODAL"}
+    assert draw(tool, bpy.context, pressed("BACK_SPACE")) == {"RUNNING_MODAL"}
+    assert tool._corners == [] and len(shown) == 2
+
+
 def check_the_mount_is_told_in_toml():
     import tomllib
 
