@@ -36,6 +36,7 @@ _HANDLERS = (
     (bpy.app.handlers.undo_post, place_prior.undone),
     (bpy.app.handlers.redo_post, place_prior.undone),
     (bpy.app.handlers.load_pre, place_prior.forget),
+    (bpy.app.handlers.load_post, place_prior.opened),
 )
 
 

@@ -67,16 +67,35 @@ def rate_again(context, name: str) -> None:
 
 @bpy.app.handlers.persistent
 def follow(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Rate the followed prior again when it was moved."""
-    if not placement_live.following():
+    """Rate the scene's placed prior again when it was moved."""
+    name = scene.r2sego_proxy.fit_object
+    if not name:
         return
     for update in depsgraph.updates:
         if update.is_updated_transform and isinstance(update.id, bpy.types.Object):
             shown = update.id.original
-            if placement_live.followed(shown) and prior_name(shown):
+            if prior_name(shown) != name:
+                continue
+            if placement_live.followed(shown) or follow_again(scene) == shown:
                 tell_fit(scene, shown)
                 redraw_views()
                 return
+
+
+def follow_again(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """Follow the prior that is placed in a scene, where undo, another file or another scene had it
+    forgotten; None where it is followed already, or there is nothing to follow."""
+    name = scene.r2sego_proxy.fit_object
+    try:
+        bundle = state.bundle_of(scene) if name else None
+        shown = prior_object(scene, bundle.path, name) if bundle is not None else None
+        if shown is None or placement_live.compares_with(bundle.path, shown):
+            return None
+        placement_live.begin(bundle, shown)
+    except (R2SEgoError, OSError):  # no masks or no bundle any more
+        placement_live.forget()
+        return None
+    return shown
 
 
 @bpy.app.handlers.persistent
@@ -84,26 +103,22 @@ def undone(scene: bpy.types.Scene, *_: object) -> None:
     """Show the masks that undo or redo brought back, and follow what it says is placed by them."""
     take_pixels_back()
     placement_live.forget_outlines()
-    name = scene.r2sego_proxy.fit_object
-    if not (name or placement_live.following()):
-        return
-    try:
-        bundle = state.bundle_of(scene)
-        shown = prior_object(scene, bundle.path, name) if bundle is not None and name else None
-        if shown is None:
-            placement_live.forget()
-        elif not placement_live.compares_with(bundle.path, shown):
-            bpy.context.view_layer.update()  # so that it stands where undo put it
-            placement_live.begin(bundle, shown)
-            tell_fit(scene, shown)
-    except (R2SEgoError, OSError):  # no masks or no bundle any more: there is nothing to follow
-        placement_live.forget()
+    shown = follow_again(scene)
+    if shown is not None:
+        bpy.context.view_layer.update()  # so that it stands where undo put it
+        tell_fit(scene, shown)
 
 
 @bpy.app.handlers.persistent
 def forget(_file: str) -> None:
     """Another file has other objects."""
     placement_live.forget()
+
+
+@bpy.app.handlers.persistent
+def opened(_file: str) -> None:
+    """Another file may have a prior that is being placed."""
+    follow_again(bpy.context.scene)
 
 
 class R2SEGO_OT_show_priors(ReportingOperator, bpy.types.Operator):

@@ -34,11 +34,6 @@ def begin(bundle: Bundle, shown: bpy.types.Object) -> tuple[Fit, float]:
     return rated(shown)
 
 
-def following() -> bool:
-    """Whether a prior is being placed."""
-    return bool(_current)
-
-
 def followed(shown: bpy.types.Object) -> bool:
     """Whether this object is the one being placed."""
     return shown.session_uid in _current

@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 from proxy import group
-from support import BUNDLE, MODULE, calls, conduct, copied_bundle, open_bundle, open_here, refused
+from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle, open_here, refused
 
 
 def check_objects_are_listed_with_what_became_of_them():
@@ -232,6 +232,39 @@ def check_undo_takes_the_fit_and_the_outlines_back():
     less = "0,0 32,0 32,48 0,48"
     bpy.ops.r2sego.draw_mask(object_name="crate", capture="capture_0", points=less)
     assert len(live.mask_outline(str(BUNDLE), "crate", "capture_0")) not in (len(outline), len(drawn))
+
+
+def check_a_placed_prior_is_followed_in_an_opened_file_and_in_every_scene():
+    live = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.placement_live")
+    open_bundle()
+    bpy.ops.r2sego.show_priors()
+    bpy.ops.r2sego.place_prior(object_name="crate")
+    blend = OUT.parent / "placed.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.wm.open_mainfile(filepath=str(blend))
+    assert live.followed(bpy.data.objects["Prior crate"])  # its outlines are drawn at once
+
+    def follows(name):
+        before = group().fit_iou
+        bpy.data.objects[name].location.x += 0.1
+        bpy.context.view_layer.update()
+        return group().fit_object == "crate" and group().fit_iou < before - 0.02
+
+    first = bpy.context.scene
+    assert follows("Prior crate")
+    told = group().fit_iou
+    assert bpy.ops.scene.new(type="FULL_COPY") == {"FINISHED"} and bpy.context.scene != first
+    assert follows("Prior crate.001") and abs(first.r2sego_proxy.fit_iou - told) < 1e-6
+    bpy.context.window.scene = first
+    assert follows("Prior crate")
+    name = first.name
+    bpy.context.window.scene = bpy.data.scenes.new("Empty")
+    bpy.ops.ed.undo_push(message="elsewhere")
+    bpy.ops.ed.undo_push(message="elsewhere too")
+    bpy.ops.ed.undo()
+    bpy.context.window.scene = bpy.data.scenes[name]
+    assert follows("Prior crate")
 
 
 def check_a_rating_follows_the_mouse():
