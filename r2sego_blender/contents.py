@@ -11,6 +11,7 @@ from .cameras import Camera
 from .captures.capture import Capture
 from .captures.sparse import SparsePoints
 from .captures.store import load_captures
+from .errors import GenerationError
 from .generation.conditions import ZBufferRenderer
 from .geometry.completion import CompletedDepth
 from .geometry.observed import ObservedGeometry
@@ -128,8 +129,20 @@ class Contents:
         return [renderer.depth(camera) for camera in self.cameras]
 
     def selection(self, name: str) -> tuple[Selection, list[Camera]]:
-        """The target views of a round, and the candidates they are chosen from."""
-        return Selection.load(self.scene.path / name), load_candidates(self.scene.path / name)
+        """The target views of a round, and the candidates they are chosen from.
+
+        Raises GenerationError where the two, or their references and the captures, do not belong together.
+        """
+        folder = self.scene.path / name
+        selection, candidates = Selection.load(folder), load_candidates(folder)
+        known = selection.overlaps.shape[1]
+        if len(selection.score) != len(candidates) or known not in (0, len(self.captures)):
+            raise GenerationError(
+                f"it is of {len(selection.score)} candidates and {known} captures, and there are "
+                f"{len(candidates)} and {len(self.captures)}",
+                where=folder / "selection.npz", cure="Run `r2sego refine` again.",
+            )  # fmt: skip
+        return selection, candidates
 
     def asset(self, name: str) -> SplatAsset:
         """Splats of the bundle."""

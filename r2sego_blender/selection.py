@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .arrays import opened_arrays, require_shapes, save_arrays
+from .arrays import opened_arrays, require_finite, require_shapes, save_arrays
 from .cameras import Camera
 from .errors import GenerationError
 from .progress import SILENT, Progress
@@ -89,6 +89,8 @@ class Selection:
         with opened_arrays(folder / "selection.npz", GenerationError, what) as data:
             arrays = {name: data[name] for name in _ARRAYS}
             require_shapes(arrays, **dict.fromkeys(_ARRAYS, "M") | {"overlaps": "M N"})
+            require_finite(**arrays)
+            _require_ranks(arrays)
         if {array.shape[:1] for array in arrays.values()} != {(len(reason),)}:
             raise GenerationError(
                 "selection.npz and selection.json do not belong together",
@@ -105,6 +107,23 @@ class Selection:
             "chosen": bool(self.chosen[index]), "reference": int(self.reference[index]),
             "overlaps": self.overlaps[index].tolist(), "reason": self.reason[index],
         }  # fmt: skip
+
+
+def _require_ranks(arrays: dict[str, np.ndarray]) -> None:
+    """Raises ValueError where the ranks do not count from 0, the chosen are not the best of them, or
+    references were given to others than the best, or to a capture beyond the last."""
+    rank, chosen, reference = arrays["rank"], arrays["chosen"], arrays["reference"]
+    eligible = rank >= 0
+    if rank.min(initial=-1) < -1 or (np.sort(rank[eligible]) != np.arange(eligible.sum())).any():
+        raise ValueError("rank")
+    if (chosen != (eligible & (rank < chosen.sum()))).any():
+        raise ValueError("chosen")
+    referred = reference >= 0
+    if (referred != (eligible & (rank < referred.sum()))).any() or reference.min(initial=-1) < -1:
+        raise ValueError("reference")
+    captures = arrays["overlaps"].shape[1]
+    if reference.max(initial=-1) >= captures or (captures and referred.sum() < chosen.sum()):
+        raise ValueError("reference")
 
 
 def save_candidates(folder: Path, cameras: Sequence[Camera]) -> None:

@@ -1,14 +1,18 @@
 """A bundle's contents are read as the steps and the trial need them, and the behaviour is placed once."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_up_room import made_up_bundle
 
 from r2sego_blender.arrays import save_arrays
 from r2sego_blender.contents import Contents
-from r2sego_blender.errors import GeometryError
+from r2sego_blender.errors import GenerationError, GeometryError
 from r2sego_blender.robot_declaration import declare_robot
 from r2sego_blender.scene import Scene
+from r2sego_blender.selection import save_candidates, select_targets
+from r2sego_blender.settings import SelectionSettings
 
 PROXY = "rounds/0/proxy"
 
@@ -61,3 +65,20 @@ def test_a_robot_that_never_sits_needs_no_seat(scene):
     )
     contents = contents_of(stands)
     assert contents.placed_scope(contents.scope, PROXY).sit_on.target == "nothing"
+
+
+def test_a_selection_of_other_candidates_or_captures_is_told(scene):
+    def saved(candidates: int, captures: int) -> None:
+        scores = np.linspace(0.9, 0.5, 3)
+        selection = select_targets(scores, scores, np.arange(3), np.zeros(3), SelectionSettings())
+        overlaps, reference = np.full((3, captures), 0.5), np.zeros(3, np.int64)
+        replace(selection, overlaps=overlaps, reference=reference).save(scene.path / "selection")
+        save_candidates(scene.path / "selection", [contents_of(scene).cameras[0]] * candidates)
+
+    known = len(contents_of(scene).captures)
+    saved(3, known)
+    assert len(contents_of(scene).selection("selection")[1]) == 3
+    for wrong in ((2, known), (3, known + 1)):
+        saved(*wrong)
+        with pytest.raises(GenerationError, match=r"selection\.npz: it is of 3 candidates and .* Run"):
+            contents_of(scene).selection("selection")

@@ -230,3 +230,29 @@ def test_a_selection_whose_numbers_have_other_axes_names_their_file(tmp_path):
     replace(selection, overlaps=np.zeros((2, 3, 1))).save(tmp_path)
     with pytest.raises(GenerationError, match=r"selection\.npz: this is not a selection"):
         Selection.load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"rank": [0, 9, -1, -1]},
+        {"rank": [0, 0, -1, -1]},
+        {"rank": [0, 1, -1, -7]},
+        {"chosen": [False, True, False, False]},
+        {"chosen": [True, True, True, True]},
+        {"reference": [-1, 1, -1, -1]},
+        {"reference": [0, -1, -1, 0]},
+        {"reference": [0, 3, -1, -1]},
+        {"reference": [0, -5, -1, -1]},
+        {"deficit": [0.9, np.nan, 0.1, 0.1]},
+    ],
+)
+def test_ranks_choices_and_references_that_contradict_each_other_are_damage(tmp_path, wrong):
+    selection = select_targets([0.9, 0.5, 0.0, 0.0], np.ones(4), [0, 1, 2, 3], np.zeros(4), FEW)
+    overlaps = np.array([[0.5, 0.1, 0.0], [0.0, 0.6, 0.0], [0.0] * 3, [0.0] * 3])
+    selection = replace(selection, reference=np.array([0, 1, -1, -1]), overlaps=overlaps)
+    selection.save(tmp_path)
+    assert Selection.load(tmp_path).targets.tolist() == [0, 1]
+    replace(selection, **{name: np.array(values) for name, values in wrong.items()}).save(tmp_path)
+    with pytest.raises(GenerationError, match=r"selection\.npz: this is not a selection"):
+        Selection.load(tmp_path)

@@ -51,7 +51,7 @@ def save_captures(
 def load_captures(folder: Path) -> tuple[Capture, ...]:
     """The captures that ``save_captures`` wrote.
 
-    Raises CaptureError when the folder is damaged or an image is missing.
+    Raises CaptureError when the folder is damaged, an image is missing or there is no capture at all.
     """
     path = folder / "cameras.json"
     captures = []
@@ -71,6 +71,10 @@ def load_captures(folder: Path) -> tuple[Capture, ...]:
             raise CaptureError(
                 "the capture's image is missing", where=image_path, cure="Import the captures again."
             )
+    if not captures:
+        raise CaptureError(
+            "'captures' is an empty list", where=path, cure="Make the scene anew with `r2sego new`."
+        )
     return tuple(captures)
 
 

@@ -132,6 +132,9 @@ def test_damaged_stores_are_named(room_captures, tmp_path):
     (tmp_path / "cameras.json").write_text('{"captures": [{"file": 3}]}')
     with pytest.raises(CaptureError, match=r"captures\[0\]"):
         load_captures(tmp_path)
+    (tmp_path / "cameras.json").write_text('{"captures": []}')
+    with pytest.raises(CaptureError, match=r"cameras\.json: 'captures' is an empty list\. Make the scene"):
+        load_captures(tmp_path)
     (tmp_path / "sparse.npz").write_bytes(b"PK")
     with pytest.raises(CaptureError, match="no sparse points"):
         SparsePoints.load(tmp_path / "sparse.npz")
