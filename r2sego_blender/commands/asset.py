@@ -136,7 +136,7 @@ def edit_asset(
             if (last := _last_round(opened)) >= 0:
                 _asset(stage_named(opened, str(last)))
             if regions:
-                saved = save_edit(opened, AssetEdit(name or next_name(opened.path), regions))
+                saved = save_edit(opened, AssetEdit(name or next_name(opened.path, regions), regions))
                 gone.discard(saved)  # one that takes a removed one's name stays
             for file in gone:
                 file.unlink()
@@ -180,6 +180,7 @@ def _last_round(scene: Scene) -> int:
 def _described(scene: Scene) -> dict[str, Any]:
     """The edits, and what they delete of the final asset."""
     from ..asset_edits import deleted_by, load_edits
+    from ..splats.ply_vertices import vertex_count
 
     edits = load_edits(scene.path)
     listed = [{"name": e.name, "regions": [r.to_json()["kind"] for r in e.regions]} for e in edits]
@@ -190,7 +191,8 @@ def _described(scene: Scene) -> dict[str, Any]:
     for edit, one in zip(edits, listed, strict=True):
         one["deleted"] = int(edit.deletes(means).sum())
     left = len(means) - int(deleted_by(edits, means).sum())
-    return {"edits": listed, "gaussians": left, "before": len(means)}
+    published = vertex_count(scene.asset_file) if scene.asset_file.is_file() else 0
+    return {"edits": listed, "gaussians": left, "before": len(means), "published": published}
 
 
 def _lines(described: dict[str, Any]) -> list[str]:
@@ -200,4 +202,6 @@ def _lines(described: dict[str, Any]) -> list[str]:
         lines.append(f"{one['name']}: {', '.join(one['regions'])}{deleted}")
     if "gaussians" in described:
         lines.append(f"asset.ply: {described['gaussians']} of {described['before']} Gaussians are left")
+        if described["gaussians"] != described["published"]:  # an edit that was cut off, or a refine that goes on
+            lines.append(f"  it still holds {described['published']}: `r2sego refine` publishes it anew")
     return lines or ["no edits"]

@@ -98,6 +98,27 @@ def test_an_edit_shows_at_once_where_a_refinement_was_cut_off(scene, tmp_path):
         np.testing.assert_array_equal(getattr(left, name), getattr(whole, name)[~gone])
 
 
+def test_an_edit_killed_before_its_asset_is_told_and_made_whole_when_it_is_given_again(
+    scene, tmp_path, monkeypatch
+):
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    box, whole = box_file(tmp_path), published(scene)
+    with monkeypatch.context() as patch:
+        patch.setattr("r2sego_blender.commands.asset._publish_again", killed)
+        assert r2sego("edit-asset", scene.path, "--box", box).exit_code != 0
+    (edit,) = load_edits(scene.path)
+    assert f"it still holds {len(whole)}: `r2sego refine`" in r2sego("edit-asset", scene.path, "--list").stdout
+    again = r2sego("edit-asset", scene.path, "--box", box)
+    assert again.exit_code == 0 and "still holds" not in again.stdout
+    assert [one.name for one in load_edits(scene.path)] == [edit.name]
+    assert len(published(scene)) == len(whole) - edit.deletes(whole.means).sum()
+    other = box_file(tmp_path, half=0.2)
+    assert r2sego("edit-asset", scene.path, "--box", other).exit_code == 0
+    assert [one.name for one in load_edits(scene.path)] == ["edit_001", "edit_002"]
+
+
 def test_a_box_that_can_hold_nothing_is_refused(scene, tmp_path):
     done = r2sego("edit-asset", scene.path, "--box", box_file(tmp_path, half=-0.8))
     assert done.exit_code == 1 and "box.json: half_extents are negative. Give half" in done.output
