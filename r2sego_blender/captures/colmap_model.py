@@ -17,7 +17,7 @@ from ..text_files import write_text
 from ..workers.child import call_in_child
 from .capture import Capture
 from .colmap import load_pycolmap
-from .colmap_files import check_cameras, check_images
+from .colmap_files import check_cameras, check_cameras_text, check_images, check_images_text
 from .finding import find_photographs
 from .lens import Lens
 from .photographs import Photograph, with_unique_names
@@ -98,6 +98,9 @@ def read_colmap_model(model: Path, folder: Path, progress: Progress = SILENT) ->
     if suffix == ".bin":
         check_cameras(model / "cameras.bin")
         check_images(model / "images.bin")
+    else:
+        check_cameras_text(model / "cameras.txt")
+        check_images_text(model / "images.txt")
     try:
         found = call_in_child(read_in_child, {"model": str(model), "suffix": suffix}, timeout_s=_TIMEOUT_S)
     except NativeError as error:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..compiled import kernel
 from ..errors import CaptureError
+from .colmap_files import check_whole_text
 
 _POINT = struct.Struct("<Q3d3BdQ")
 """points3D.bin: identity, position, colour, error and length of the track, which follows."""
@@ -76,7 +77,9 @@ def _find_points(data, places):
 
 
 def _parse_text(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    lines = (line.strip() for line in path.read_text(encoding="utf-8").splitlines())
-    rows = [line.split(maxsplit=7)[1:7] for line in lines if line and not line.startswith("#")]
+    lines = path.read_text(encoding="utf-8").split("\n")
+    stripped = (line.strip() for line in lines)
+    rows = [line.split(maxsplit=7)[1:7] for line in stripped if line and not line.startswith("#")]
+    check_whole_text(path, lines, len(rows), "points")
     values = np.array(rows, np.float64).reshape(-1, 6)
     return values[:, :3], np.clip(values[:, 3:], 0, 255).astype(np.uint8)

@@ -202,6 +202,6 @@ def _lines(described: dict[str, Any]) -> list[str]:
         lines.append(f"{one['name']}: {', '.join(one['regions'])}{deleted}")
     if "gaussians" in described:
         lines.append(f"asset.ply: {described['gaussians']} of {described['before']} Gaussians are left")
-        if described["gaussians"] != described["published"]:  # an edit that was cut off, or a refine that goes on
+        if described["gaussians"] != described["published"]:  # an edit or a refinement was cut off
             lines.append(f"  it still holds {described['published']}: `r2sego refine` publishes it anew")
     return lines or ["no edits"]

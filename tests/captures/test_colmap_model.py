@@ -180,3 +180,72 @@ def test_damaged_cameras_are_refused(tmp_path, rng, blank_photograph, damage):
     path.write_bytes(data)
     with pytest.raises(CaptureError, match=r"cameras\.bin|COLMAP model"):
         read_colmap_model(tmp_path / "sparse", tmp_path / "images")
+
+
+def _cut(path, kept):
+    """Keep the first ``kept`` lines; of a fraction also that share of the next one."""
+    lines = path.read_text().split("\n")
+    whole, part = int(kept), kept - int(kept)
+    cut = lines[whole][: int(part * len(lines[whole]))]
+    path.write_text("\n".join(lines[:whole]) + "\n" + cut)
+
+
+@pytest.mark.parametrize(
+    ("name", "kept", "words"),
+    [
+        ("images.txt", 8, r"its comment announces 6 images, and 2 are there"),
+        ("images.txt", 9, r"line 9 is an image without its line of measurements"),
+        ("images.txt", 8.5, r"line 9 is an image without its line of measurements"),
+        ("images.txt", 3, None),
+        ("cameras.txt", 4, r"its comment announces 2 cameras, and 1 are there"),
+        ("cameras.txt", 4.9, r"line 5 is cut off"),
+    ],
+)
+def test_texts_that_were_cut_off_are_told(tmp_path, rng, blank_photograph, name, kept, words):
+    _rig_model(tmp_path / "sparse", rng, binary=False)
+    _photographs(tmp_path / "images", blank_photograph)
+    assert len(read_colmap_model(tmp_path / "sparse", tmp_path / "images")) == 6
+    _cut(tmp_path / "sparse" / name, kept)
+    if words is None:
+        assert read_colmap_model(tmp_path / "sparse", tmp_path / "images") == []
+        return
+    with pytest.raises(CaptureError, match=rf"{name}: {words}.* Export or copy"):
+        read_colmap_model(tmp_path / "sparse", tmp_path / "images")
+
+
+@pytest.mark.parametrize(
+    ("between", "end", "words"),
+    [
+        ("\n\n", "\n\n", None),
+        ("\n0.5 1.5 -1 2 3 4\n", "\n0.5 1.5 -1", None),
+        ("\n\n", "\n", r"line 11 is an image without its line of measurements"),
+        ("\n\n", "", r"line 11 is an image without its line of measurements"),
+        ("\n", "\n", r"line 2 is not the measurements of the image before it"),
+    ],
+)
+def test_of_images_that_another_program_wrote_none_is_lost(
+    tmp_path, rng, blank_photograph, between, end, words
+):
+    """COLMAP reads five of six, and of poses alone every other one, without a word."""
+    _rig_model(tmp_path / "sparse", rng, binary=False)
+    _photographs(tmp_path / "images", blank_photograph)
+    path = tmp_path / "sparse" / "images.txt"
+    poses = [line for line in path.read_text().splitlines() if line.endswith(".png")]
+    path.write_text(between.join(poses) + end)
+    if words is None:
+        assert len(read_colmap_model(tmp_path / "sparse", tmp_path / "images")) == 6
+        return
+    with pytest.raises(CaptureError, match=rf"images\.txt: {words}"):
+        read_colmap_model(tmp_path / "sparse", tmp_path / "images")
+
+
+@pytest.mark.parametrize("kept", [4, 4.95, 3])
+def test_points_in_a_text_that_was_cut_off_are_told(tmp_path, kept):
+    path = tmp_path / "points3D.txt"
+    head = "# 3D point list with one line of data per point:\n#   POINT3D_ID, X, Y, Z\n"
+    points = "".join(f"{k} {k}.5 2 3 9 8 7 0.25 1 {k} 2 {k}\n" for k in range(2))
+    path.write_text(f"{head}# Number of points: 2, mean track length: 2\n{points}")
+    assert read_colmap_points(tmp_path)[0].tolist() == [[0.5, 2.0, 3.0], [1.5, 2.0, 3.0]]
+    _cut(path, kept)
+    with pytest.raises(CaptureError, match=r"points3D\.txt: .* Export or copy the COLMAP model again"):
+        read_colmap_points(tmp_path)

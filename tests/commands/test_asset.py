@@ -109,7 +109,8 @@ def test_an_edit_killed_before_its_asset_is_told_and_made_whole_when_it_is_given
         patch.setattr("r2sego_blender.commands.asset._publish_again", killed)
         assert r2sego("edit-asset", scene.path, "--box", box).exit_code != 0
     (edit,) = load_edits(scene.path)
-    assert f"it still holds {len(whole)}: `r2sego refine`" in r2sego("edit-asset", scene.path, "--list").stdout
+    listed = r2sego("edit-asset", scene.path, "--list").stdout
+    assert f"it still holds {len(whole)}: `r2sego refine`" in listed
     again = r2sego("edit-asset", scene.path, "--box", box)
     assert again.exit_code == 0 and "still holds" not in again.stdout
     assert [one.name for one in load_edits(scene.path)] == [edit.name]
