@@ -46,7 +46,8 @@ def stages(scene: Scene) -> tuple[Stage, ...]:
     shown as it is, as in the evaluation.
     """
     backdrop = scene.path / BACKDROP
-    behind = backdrop if backdrop.is_file() else None
+    # One that was made and is gone, or no file any more, is told where it is read.
+    behind = backdrop if backdrop.exists() or BACKDROP in scene.outputs() else None
     rounds = {str(index): of_round(index, "asset.ply") for index in range(scene.rounds_done())}
     targets = {INITIAL: INITIAL_ASSET, **rounds, FINAL: REFINED_ASSET}
     all_ = (

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import AssetError
+from ..errors import AssetError, may_not_be_read
 
 _SCALARS = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2",
@@ -44,6 +44,8 @@ def read_elements(path: Path, names: Collection[str]) -> dict[str, np.ndarray]:
     """Those of the elements ``names`` that the file has, each as ``read_vertices``; it must have vertices."""
     try:
         data = path.read_bytes()
+    except PermissionError as error:
+        raise may_not_be_read(path, AssetError) from error
     except OSError as error:
         raise AssetError("the splat file cannot be read", where=path, cure="Check the path.") from error
     return _elements(data, names, path)
@@ -54,6 +56,8 @@ def vertex_count(path: Path) -> int:
     try:
         with path.open("rb") as file:
             header = file.read(_LONGEST_HEADER)
+    except PermissionError as error:
+        raise may_not_be_read(path, AssetError) from error
     except OSError as error:
         raise AssetError("the splat file cannot be read", where=path, cure="Check the path.") from error
     found = _VERTICES.search(header[: max(0, header.find(b"end_header"))])

@@ -192,7 +192,21 @@ def test_an_edit_of_a_damaged_asset_changes_nothing(scene, tmp_path, damaged):
     file.write_bytes(file.read_bytes()[:3000])
     done = r2sego("edit-asset", scene.path, "--box", box_file(tmp_path))
     assert done.exit_code == 1 and damaged in done.stderr, done.output
+    assert done.stderr.strip().endswith("Run `r2sego refine` again."), done.stderr
     assert scene.asset_file.read_bytes() == before and load_edits(scene.path) == ()
+
+
+@pytest.mark.parametrize("what", ["a folder", "gone"])
+def test_a_round_is_not_rendered_without_its_backdrop(scene, tmp_path, what):
+    with (scene.path / "journal.jsonl").open("a") as journal:  # as the step that makes it notes it
+        journal.write(json.dumps({"step": "geometry/backdrop.ply", "inputs": "", "output": "0"}) + "\n")
+    (scene.path / "geometry/backdrop.ply").unlink()
+    if what == "a folder":
+        (scene.path / "geometry/backdrop.ply").mkdir()
+    options = ["--cameras", cameras_file(tmp_path), "--to", tmp_path / "out", "--round", 0]
+    done = r2sego("render", scene.path, *options)
+    assert done.exit_code == 1, done.output
+    assert "backdrop.ply: the splat file cannot be read. Run `r2sego refine` again." in done.stderr
 
 
 def test_an_edit_takes_the_name_of_one_that_goes(scene, tmp_path):
