@@ -11,7 +11,7 @@ from .cameras import Camera
 from .captures.capture import Capture
 from .captures.sparse import SparsePoints
 from .captures.store import load_captures
-from .errors import AssetError, GenerationError
+from .errors import GenerationError
 from .generation.conditions import ZBufferRenderer
 from .geometry.completion import CompletedDepth
 from .geometry.observed import ObservedGeometry
@@ -30,7 +30,7 @@ from .scene import Scene
 from .selection import Selection, load_candidates
 from .settings import Settings
 from .splats.asset import SplatAsset
-from .splats.ply import load_ply
+from .splats.ply import load_made
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ class Contents:
 
     def asset(self, name: str) -> SplatAsset:
         """Splats of the bundle."""
-        return made_asset(self.scene, name)
+        return load_made(self.scene.path / name)
 
     # ---- the behaviour in this room
 
@@ -167,16 +167,6 @@ class Contents:
             scope, region=replace(scope.region, within=self.outline(scope, proxy)),
             sit_on=replace(scope.sit_on, target=target),
         )  # fmt: skip
-
-
-def made_asset(scene: Scene, name: str) -> SplatAsset:
-    """The splats that a step published as ``name``. Raises AssetError, with a scene's cure, for damage."""
-    try:
-        return load_ply(scene.path / name)
-    except AssetError as error:
-        if isinstance(error.__cause__, PermissionError):
-            raise
-        raise AssetError(error.what, where=error.where, cure="Run `r2sego refine` again.") from error
 
 
 def names_object(scope: BehaviourScope) -> bool:

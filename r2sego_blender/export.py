@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from . import __version__
+from .cameras import Camera
 from .errors import AssetError, SceneError
 from .geometry.collision_files import MESH_OBJ, SCENE_USD
 from .geometry.objects import read_backends
@@ -207,6 +208,8 @@ def _write_cameras(source: Path, file: Path) -> None:
     cure = "Make the scene anew with `r2sego new`."
     with opened_json(source, SceneError, "the list of captures is damaged", cure) as read:
         cameras = dict(read)
+        if not [Camera.from_json(entry) for entry in cameras["captures"]]:
+            raise ValueError("captures")
     about = f"{cameras.get('about', '')} {_ABOUT_CAMERAS}".strip()
     write_json(file, cameras | {"about": about})
 

@@ -29,6 +29,11 @@ from r2sego_blender.status import describe, lines
 IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 PLAIN = ["asset.ply", "collision", "proxy.ply", "cameras.json"]
 ABOUT = "about.txt"
+ENTRY = {
+    "file": "images/a.png",
+    "name": "a.png",
+    **Camera(64, 48, 50.0, 50.0, 32.0, 24.0, np.eye(4)).to_json(),
+}
 
 
 @pytest.fixture
@@ -38,7 +43,7 @@ def scene(tmp_path) -> Scene:
     def fill(folder: Path) -> None:
         for name in ("captures", "collision", "rounds/0/proxy"):
             (folder / name).mkdir(parents=True)
-        (folder / "captures" / "cameras.json").write_text("{}")
+        (folder / "captures" / "cameras.json").write_text(json.dumps({"captures": [ENTRY]}))
         (folder / "collision" / "mesh.obj").write_text("v 0 0 0\n")
         for name in ("asset.ply", "rounds/0/asset.ply"):
             save_asset(folder / name, made_up_room(200, (64, 48)).asset)
@@ -53,7 +58,7 @@ def scene(tmp_path) -> Scene:
 
 
 def test_a_scene_is_exported_as_before_when_no_format_is_named(scene, tmp_path):
-    cameras = {"about": "In the world.", "captures": [{"file": "images/a.png"}]}
+    cameras = {"about": "In the world.", "captures": [ENTRY]}
     (scene.captures_folder / "cameras.json").write_text(json.dumps(cameras))
     written = export_scene(scene, tmp_path / "out")
     told = json.loads((tmp_path / "out" / "cameras.json").read_text())
@@ -260,7 +265,6 @@ def test_a_result_that_was_cut_off_since_is_neither_exported_nor_called_refined(
 
     counts = ("rollouts_succeeded", "rollouts_failed", "candidates", "targets", "views_kept")
     (scene.round_folder(0) / "metrics.json").write_text(json.dumps(dict.fromkeys(counts, 1)))
-    (scene.captures_folder / "cameras.json").write_text('{"captures": []}')
     scene = scene.declare(overrides={"rounds": 1})
     scene.step(result, same)
     assert len(export_scene(scene, tmp_path / "first")) == 5
@@ -272,6 +276,16 @@ def test_a_result_that_was_cut_off_since_is_neither_exported_nor_called_refined(
     assert not (tmp_path / "out").exists()
     told = describe(scene, look_at_results=True)
     assert not told["refined"] and f"not as it was made: {result}" in lines(told)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{}, {"captures": []}, {"captures": 5}, {"captures": [ENTRY | {"fx": np.nan}]}]
+)
+def test_cameras_that_are_damaged_are_not_exported(scene, tmp_path, wrong):
+    (scene.captures_folder / "cameras.json").write_text(json.dumps(wrong))
+    with pytest.raises(SceneError, match=r"cameras\.json: the list of captures is damaged\. Make the scene"):
+        export_scene(scene, tmp_path / "out")
+    assert not (tmp_path / "out" / "asset.ply").exists()
 
 
 @pytest.mark.parametrize("inside", ["", "rounds/0", "collision"])

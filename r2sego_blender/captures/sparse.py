@@ -64,7 +64,7 @@ class SparsePoints:
     @staticmethod
     def load(path: Path) -> SparsePoints:
         """Read what ``save`` wrote. Raises CaptureError when the file is none of it."""
-        cure = "Import the captures again."
+        cure = "Make the scene anew with `r2sego new`."
         with opened_arrays(path, CaptureError, "these are no sparse points", cure) as data:
             arrays = {field.name: data[field.name] for field in fields(SparsePoints)}
             require_shapes(

@@ -65,11 +65,13 @@ def load_captures(folder: Path) -> tuple[Capture, ...]:
         except (KeyError, TypeError, ValueError) as error:
             raise CaptureError(
                 f"the entry is damaged ({error!r})", where=f"{path}, captures[{index}]",
-                cure="Import the captures again.",
+                cure="Make the scene anew with `r2sego new`.",
             ) from error  # fmt: skip
         if not image_path.is_file():
             raise CaptureError(
-                "the capture's image is missing", where=image_path, cure="Import the captures again."
+                "the capture's image is missing",
+                where=image_path,
+                cure="Make the scene anew with `r2sego new`.",
             )
     if not captures:
         raise CaptureError(

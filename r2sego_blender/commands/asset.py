@@ -10,7 +10,7 @@ import click
 
 from ..asset_stages import FINAL, PASSES, Stage, stage_named
 from ..errors import AssetError
-from ..layout import BACKDROP, REFINED_ASSET
+from ..layout import REFINED_ASSET
 from ..progress import JsonProgress, Progress
 from ..scene import Scene
 from ..world_frame import require_present_frame
@@ -134,7 +134,7 @@ def edit_asset(
             regions = not_yet_deleted(staying, regions)
             gone = {edit_file(opened, one) for one in remove}
             if (last := _last_round(opened)) >= 0:
-                _asset(opened, stage_named(opened, str(last)))
+                _asset(stage_named(opened, str(last)))
             if regions:
                 saved = save_edit(opened, AssetEdit(name or next_name(opened.path, regions), regions))
                 gone.discard(saved)  # one that takes a removed one's name stays
@@ -148,17 +148,17 @@ def _present_asset(scene: Scene, name: str) -> SplatAsset:
     """The same as ``_asset``. Raises SceneError when it is of an earlier world frame."""
     stage = stage_named(scene, name)
     require_present_frame(scene, [stage.target], "rendered")
-    return _asset(scene, stage)
+    return _asset(stage)
 
 
-def _asset(scene: Scene, stage: Stage) -> SplatAsset:
+def _asset(stage: Stage) -> SplatAsset:
     """A bundle's asset at a stage, with the backdrop behind it."""
-    from ..contents import made_asset
+    from ..splats.ply import load_made
 
-    asset = made_asset(scene, stage.target)
+    asset = load_made(stage.file)
     if stage.backdrop is None:
         return asset
-    return asset.concatenated(made_asset(scene, BACKDROP).with_degree(asset.degree))
+    return asset.concatenated(load_made(stage.backdrop).with_degree(asset.degree))
 
 
 def _publish_again(scene: Scene, progress: Progress) -> None:
@@ -187,7 +187,7 @@ def _described(scene: Scene) -> dict[str, Any]:
     last = _last_round(scene)
     if last < 0:
         return {"edits": listed}
-    means = _asset(scene, stage_named(scene, str(last))).means
+    means = _asset(stage_named(scene, str(last))).means
     for edit, one in zip(edits, listed, strict=True):
         one["deleted"] = int(edit.deletes(means).sum())
     left = len(means) - int(deleted_by(edits, means).sum())

@@ -18,7 +18,6 @@ from ..captures.frozen import load_frozen_views
 from ..captures.locating import locate_views
 from ..captures.sparse import SparsePoints
 from ..captures.store import load_captures
-from ..contents import made_asset
 from ..errors import R2SEgoError, SceneError
 from ..geometry.observed import ObservedGeometry
 from ..geometry.stereo import DepthMap
@@ -28,7 +27,7 @@ from ..progress import SILENT, Progress
 from ..scene import Scene
 from ..splats.asset import SplatAsset
 from ..splats.observations import Observation
-from ..splats.ply import save_ply
+from ..splats.ply import load_made, save_ply
 from ..splats.rasterizer import render
 from ..visual_asset import vanilla_asset
 from ..world_frame import require_present_frame
@@ -72,7 +71,7 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress) -> dict[str, Any]
     refined_depths: list[np.ndarray] = []
     for arm, source in ARMS.items():
         pictures = renderings[arm] = {}
-        asset = made_asset(scene, source.asset)
+        asset = load_made(scene.path / source.asset)
         scores[arm] = score(
             _renderer(asset, refined_depths if arm == REFINED else []), views,
             keep=pictures.__setitem__, progress=progress, title=f"Scoring {source.label}",

@@ -63,6 +63,16 @@ def load_ply(path: Path) -> SplatAsset:
     return from_vertices(read_vertices(path), path)
 
 
+def load_made(path: Path) -> SplatAsset:
+    """The same of a file that a step of a scene made: where it is damaged, the step makes it again."""
+    try:
+        return load_ply(path)
+    except AssetError as error:
+        if isinstance(error.__cause__, PermissionError):
+            raise
+        raise AssetError(error.what, where=error.where, cure="Run `r2sego refine` again.") from error
+
+
 def from_vertices(vertices: np.ndarray, path: Path) -> SplatAsset:
     """The asset of a 3DGS PLY's vertices, as ``read_vertices`` returns them.
 
