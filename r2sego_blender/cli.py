@@ -41,6 +41,7 @@ from .commands.views import views
 from .errors import MachineError, R2SEgoError, SettingsError, of_file
 from .named_settings import PRESETS, with_overrides
 from .progress import JsonProgress, Progress
+from .reading import read_beside_jobs
 from .resources import available_cores, require_addresses
 from .scene import Scene
 from .workers.cancelling import cancel_at_once
@@ -203,7 +204,7 @@ def status(scene: Path, as_json: bool) -> None:
     """Say what SCENE holds and how far it has come."""
     from .status import describe, lines
 
-    state = describe(Scene.open(scene), look_at_results=True)
+    state = read_beside_jobs(scene, lambda opened: describe(opened, look_at_results=True))
     click.echo(json.dumps(state, indent=1) if as_json else "\n".join(lines(state)))
 
 

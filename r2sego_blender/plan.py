@@ -31,6 +31,9 @@ PARTS = {
 """What people call the steps, in the order of the work; those of rounds by their last name."""
 
 
+_HALF = "A correction was cut off; Refine finishes it first, and redoes what it moved"
+
+
 @dataclass(frozen=True)
 class PlannedStep:
     """A step of the bundle: ``target``, and why it is redone; '' where it is kept."""
@@ -94,8 +97,11 @@ def plan_refinement(scene: Scene) -> tuple[PlannedStep, ...]:
     return tuple(planned.planned)
 
 
-def describe_plan(steps: Sequence[PlannedStep]) -> dict[str, Any]:
-    """The plan, JSON-ready: ``line``, the ``parts`` redone and kept, and every step."""
+def describe_plan(steps: Sequence[PlannedStep], half_corrected: bool = False) -> dict[str, Any]:
+    """The plan, JSON-ready: ``line``, the ``parts`` redone and kept, and every step.
+
+    Of a scene that is ``half_corrected`` it says so: once that is finished, other steps may be redone.
+    """
     redone, kept = ([step for step in steps if bool(step.why) is again] for again in (True, False))
     parts = {_part(step.target) for step in redone}
     words = {
@@ -103,7 +109,7 @@ def describe_plan(steps: Sequence[PlannedStep]) -> dict[str, Any]:
         "kept": [name for key, name in PARTS.items() if key not in parts and key in map(_part_of, kept)],
     }
     return {
-        "line": _line(words, redone), **words,
+        "line": _HALF if half_corrected else _line(words, redone), **words,
         "steps": [{"step": step.target, "redone": bool(step.why), "why": step.why} for step in steps],
     }  # fmt: skip
 

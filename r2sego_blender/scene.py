@@ -33,7 +33,10 @@ from .scratch import keeping, scratch_place
 from .whole_files import UNFINISHED, finish_replacing, flush, remove, rename, replacing_together, swap_in
 from .world_frame import frame_of_output, is_frame
 
-_JOURNAL, _LOCK = "journal.jsonl", ".lock"
+JOURNAL = "journal.jsonl"
+"""The file in the bundle."""
+
+_LOCK = ".lock"
 _HOLDERS: dict[Path, int] = {}  # of bundles that this process holds: the thread
 
 
@@ -211,8 +214,11 @@ class Scene:
 
     def damaged_results(self) -> tuple[str, ...]:
         """The names of the scene's results that are no more what was published: cut off, or changed."""
-        results = (REFINED_ASSET, COLLISION)
-        return tuple(name for name in results if (self.path / name).exists() and self.is_damaged(name))
+        results = [name for name in (REFINED_ASSET, COLLISION) if (self.path / name).exists()]
+        published = self.outputs()
+        damaged = tuple(name for name in results if self.is_damaged(name))
+        now = self.outputs()  # a result that is replaced meanwhile is not damaged
+        return tuple(name for name in damaged if now.get(name) == published.get(name))
 
     def require_as_made(self, *results: str) -> None:
         """Raises SceneError where one of the ``results`` at the top is no more what was published."""
@@ -266,7 +272,7 @@ class Scene:
     def _journal_lines(self) -> list[dict[str, Any]]:
         records = []
         with contextlib.suppress(FileNotFoundError):
-            for line in (self.path / _JOURNAL).read_text(encoding="utf-8", errors="replace").splitlines():
+            for line in (self.path / JOURNAL).read_text(encoding="utf-8", errors="replace").splitlines():
                 with contextlib.suppress(json.JSONDecodeError):
                     records.append(json.loads(line))
         return [record for record in records if _is_record(record)]
@@ -281,8 +287,16 @@ class Scene:
         return inputs
 
     def outputs(self) -> dict[str, str]:
-        """The ``content_digest`` of each step's last result, by its target, as the journal noted it."""
-        return {record["step"]: record["output"] for record in self.journal() if "output" in record}
+        """The ``content_digest`` of each step's last result, by its target, as the journal noted it.
+
+        Without those that are taking their places, or were killed as they did.
+        """
+        made = {}
+        for record in self._journal_lines():
+            made.pop(record.get("publishing"), None)
+            if "step" in record and "output" in record:
+                made[record["step"]] = record["output"]
+        return made
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
@@ -334,7 +348,7 @@ class Scene:
         return content_digest(self.path / item)
 
     def _record(self, **record: Any) -> None:
-        with _disk_errors(self.path), (self.path / _JOURNAL).open("ab+") as file:
+        with _disk_errors(self.path), (self.path / JOURNAL).open("ab+") as file:
             if file.tell() and file.seek(-1, os.SEEK_END) and file.read() != b"\n":
                 file.write(b"\n")  # a cut-off line ends there
             file.write(f"{json.dumps(record)}\n".encode())

@@ -17,6 +17,7 @@ from .layout import REFINED_ASSET
 from .robot.scope import BehaviourScope
 from .scene import Scene
 from .text_files import opened_json
+from .whole_files import is_replacing
 from .world_frame import in_words, of_old_frame, rounds_among
 
 _COUNTS = {"rollouts_succeeded", "rollouts_failed", "candidates", "targets", "views_kept"}
@@ -38,7 +39,8 @@ def describe(scene: Scene, look_at_results: bool = False) -> dict[str, Any]:
     old_in_words = in_words(old, rounds_declared)
     damaged = scene.damaged_results() if look_at_results else ()
     metrics = _scores(scene.metrics_file) if scene.metrics_file.is_file() else None
-    is_whole = scene.asset_file.is_file() and not old_in_words and not damaged
+    half_corrected = is_replacing(scene.path)
+    is_whole = scene.asset_file.is_file() and not (old_in_words or damaged or half_corrected)
     return {
         "scene": str(scene.path),
         "captures": _count_captures(scene),
@@ -55,6 +57,7 @@ def describe(scene: Scene, look_at_results: bool = False) -> dict[str, Any]:
         "rounds_of_old_frame": list(rounds_among(old, rounds_declared)),
         "of_old_frame": old_in_words,
         "damaged": list(damaged),
+        "half_corrected": half_corrected,
         "refined": is_whole and len(rounds) >= rounds_declared,
         "metrics": metrics,
         "metrics_outdated": metrics is not None and not scores_hold(scene),
@@ -82,6 +85,8 @@ def lines(state: dict[str, Any]) -> list[str]:
     if state["of_old_frame"]:
         text.append(f"of the world frame before its correction: {state['of_old_frame']}")
     text += [f"not as it was made: {name}" for name in state["damaged"]]
+    if state["half_corrected"]:
+        text.append("a correction was cut off before all of it was in its place; refine finishes it first")
     text.append("refined" if state["refined"] else f"next: r2sego refine {_quoted(state['scene'])}")
     return text
 

@@ -87,6 +87,11 @@ def finish_replacing(folder: Path) -> bool:
     return True
 
 
+def is_replacing(folder: Path) -> bool:
+    """Whether ``replacing_together`` is putting things in their places, or was killed as it did."""
+    return (folder / _CHANGES / _PARTS).is_file()
+
+
 def flush(path: Path) -> None:
     """Have the disk take a file, or a folder with all in it."""
     files = [path, *path.rglob("*")] if path.is_dir() else [path]

@@ -23,6 +23,7 @@ FOUNDATION = {
     "layout",
     "named_settings",
     "progress",
+    "reading",
     "resources",
     "scene",
     "scene_declaration",

@@ -9,7 +9,9 @@ from typing import Any
 import click
 
 from ..named_settings import PRESETS
+from ..reading import read_beside_jobs
 from ..scene import Scene
+from ..whole_files import is_replacing
 from .options import (
     ANY_PATH,
     FOLDER,
@@ -141,10 +143,13 @@ def plan(
     from ..plan import describe_plan, lines, plan_refinement
 
     progress = progress_of(context, as_json)
-    opened = Scene.open(scene)
-    declared = opened.declaration.with_settings(preset, overrides_of(overrides))
-    planned = plan_refinement(Scene(opened.path, declared))
-    show(progress, describe_plan(planned), lines, as_object)
+    changes = overrides_of(overrides)
+
+    def planned(opened: Scene) -> dict[str, Any]:
+        asked = Scene(opened.path, opened.declaration.with_settings(preset, changes))
+        return describe_plan(plan_refinement(asked), is_replacing(opened.path))
+
+    show(progress, read_beside_jobs(scene, planned), lines, as_object)
 
 
 PROXY_COMMANDS = (objects, edit_proxy, coverage, plan)
