@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from .cameras import Camera
-from .errors import MachineError
+from .errors import MachineError, RobotError
 from .images import to_uint8
 from .robot.model_camera import model_camera
 from .splats.asset import SplatAsset
@@ -41,17 +41,21 @@ class SimulatedCamera:
     that is not drawn, 3 to 5. Where a drawn geom is nearer than the splats, or just behind
     their front, its pixel is seen. The model's frame is the asset's: world frame, metres, Z up.
     ``size_px`` are width and height. To be closed, or used in a ``with`` statement: it holds an
-    OpenGL context. Raises MachineError when there is none to have.
+    OpenGL context. Raises MachineError when there is none to have, RobotError for a size of no image.
     """
 
     def __init__(
         self, model: mujoco.MjModel, name: str, asset: SplatAsset, size_px: tuple[int, int] = (640, 480)
     ) -> None:
+        if len(size_px) != 2 or not all(isinstance(side, int | np.integer) and side > 0 for side in size_px):
+            raise RobotError(
+                f"size_px is {size_px}, and no image has that size", cure="Give width and height: (640, 480)."
+            )
         self._model, self._name, self._asset, self._size_px = model, name, asset, size_px
         self._renderer = _renderer(model, *size_px)
 
     def camera(self, data: mujoco.MjData) -> Camera:
-        """Lens and pose at this moment of the simulation. Raises RobotError if there is none of its name."""
+        """Lens and pose at this moment of the simulation. Raises RobotError where it has none."""
         return model_camera(self._model, data, self._name, *self._size_px)
 
     def see(self, data: mujoco.MjData) -> Sight:

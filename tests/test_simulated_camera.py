@@ -8,16 +8,20 @@ import subprocess
 import sys
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from splats.splat_reference import random_asset
 
+from r2sego_blender.errors import RobotError
 from r2sego_blender.geometry.collision import CollisionSurface
 from r2sego_blender.geometry.collision_files import write_collision
 from r2sego_blender.geometry.convex import convex_hull
 from r2sego_blender.geometry.textured_mesh import TexturedMesh
 from r2sego_blender.geometry.textured_obj import obj_files
 from r2sego_blender.robot.humanoid import humanoid_mjcf
+from r2sego_blender.simulated_camera import SimulatedCamera
+from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.formats import save_asset
 
 PAGE = Path(__file__).parents[1] / "docs" / "simulators.md"
@@ -130,6 +134,12 @@ def test_any_size_is_seen_and_the_model_is_left_as_it_was(seen):
 def test_where_nothing_can_be_drawn_the_cure_is_told():
     done = run(SEE, "/dev/null", gl="glfw")
     assert "MachineError: MuJoCo cannot draw here" in done.stderr and "MUJOCO_GL=egl" in done.stderr
+
+
+@pytest.mark.parametrize("size_px", [(0, 48), (64.0, 48.0), (64, 48, 3), ("640", "480")])
+def test_a_size_of_no_image_is_told(size_px):
+    with pytest.raises(RobotError, match=r"size_px is .* Give width and height"):
+        SimulatedCamera(mujoco.MjModel.from_xml_string("<mujoco/>"), "eye", SplatAsset.empty(), size_px)
 
 
 def test_the_pages_examples_run_as_they_are_written(tmp_path):

@@ -41,7 +41,7 @@ def model_camera(model: mujoco.MjModel, data: mujoco.MjData, name: str, width: i
     The lens is what MuJoCo renders with: ``fovy``, or where the camera has a ``sensorsize``
     its focal lengths and principal point, which move with the sensor's size in pixels.
     ``data`` must know the bodies' places: ``mj_forward`` or ``mj_step`` was called. Raises
-    RobotError when there is no such camera, or when it has no perspective.
+    RobotError when it does not, when there is no such camera, or when it has no perspective.
     """
     names = [model.camera(index).name for index in range(model.ncam)]
     if name not in names:
@@ -53,8 +53,14 @@ def model_camera(model: mujoco.MjModel, data: mujoco.MjData, name: str, width: i
             f"the model's camera '{name}' has no perspective",
             cure='Give one without projection="orthographic".',
         )
+    turn = data.cam_xmat[camera].reshape(3, 3)
+    if not (np.isfinite(data.cam_xpos[camera]).all() and abs(np.linalg.det(turn) - 1.0) < 1e-3):
+        raise RobotError(
+            f"the camera '{name}' stands nowhere yet, or the simulation has become unstable",
+            cure="Call mujoco.mj_forward(model, data) or mj_step before, and look at data.warning.",
+        )
     pose = np.eye(4)
-    pose[:3, :3] = data.cam_xmat[camera].reshape(3, 3) @ MUJOCO_FROM_OPENCV
+    pose[:3, :3] = turn @ MUJOCO_FROM_OPENCV
     pose[:3, 3] = data.cam_xpos[camera]
     sensor = model.cam_sensorsize[camera]
     if sensor[1] == 0:

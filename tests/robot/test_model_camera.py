@@ -47,6 +47,18 @@ def test_what_cannot_be_a_pinhole_is_told(simulation):
         model_camera(*simulation, "flat", 640, 480)
 
 
+@pytest.mark.parametrize("height_m", [None, np.nan])
+def test_a_camera_that_stands_nowhere_sees_no_black_room(simulation, height_m):
+    """Bodies that were not placed yet have a rotation of zeros; of an unstable simulation they have NaN."""
+    data = mujoco.MjData(simulation[0])
+    if height_m is not None:
+        data.qpos[2] = height_m
+        mujoco.mj_kinematics(simulation[0], data)
+        mujoco.mj_camlight(simulation[0], data)
+    with pytest.raises(RobotError, match=r"'eye' stands nowhere yet, .* Call mujoco\.mj_forward"):
+        model_camera(simulation[0], data, "eye", 640, 480)
+
+
 def test_a_declared_mount_is_put_on_its_body():
     spec = mujoco.MjSpec.from_string(XML)
     mount = ["head", [0.06, 0.02, 0.43], [0.1, 0.83, -0.2], {"hfov_deg": 69}]
