@@ -77,6 +77,7 @@ def may_not_be_read(file: object, kind: type[R2SEgoError]) -> R2SEgoError:
 def of_file(error: OSError) -> SceneError:
     """A file that fails on the way, in a sentence: a disk is full, or what was there is not any more."""
     return SceneError(
-        f"it cannot be read or written: {error.strerror or error}", where=error.filename,
+        f"it cannot be read or written: {error.strerror or error}",
+        where=error.filename2 or error.filename,  # of a rename the place, not what is on its way there
         cure="Check that it is there, that you may write there, and that the disk has room.",
     )  # fmt: skip

@@ -94,7 +94,7 @@ class Selection:
         if {array.shape[:1] for array in arrays.values()} != {(len(reason),)}:
             raise GenerationError(
                 "selection.npz and selection.json do not belong together",
-                where=folder, cure="Run the round again.",
+                where=folder, cure="Run `r2sego refine` again.",
             )  # fmt: skip
         return Selection(**arrays, reason=reason, budget=budget, note=note, ablations=ablations)
 

@@ -19,3 +19,11 @@ def test_a_pickled_error_says_the_same(kind):
     assert type(again) is kind
     assert str(again) == str(raised) == "room/scene.toml: the file is damaged. Import it again."
     assert (again.what, again.where, again.cure) == (raised.what, raised.where, raised.cure)
+
+
+def test_a_failed_rename_is_told_by_the_place_it_was_for(tmp_path):
+    (tmp_path / ".unfinished-metrics.json").write_text("{}")
+    (tmp_path / "metrics.json").mkdir()
+    with pytest.raises(OSError) as raised:
+        (tmp_path / ".unfinished-metrics.json").replace(tmp_path / "metrics.json")
+    assert errors.of_file(raised.value).where == str(tmp_path / "metrics.json")

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import CaptureError
+from ..errors import CaptureError, may_not_be_read
 
 _LARGEST_FILE_BYTES = 256 * 1024 * 1024
 
@@ -23,7 +23,13 @@ def read_json(path: Path) -> dict[str, Any]:
         data = json.loads(path.read_text(encoding="utf-8-sig"))  # some programs on Windows begin with a mark
     except FileNotFoundError as error:
         raise CaptureError("the pose file is missing", where=path, cure="Check the path.") from error
-    except (OSError, ValueError, RecursionError) as error:
+    except PermissionError as error:
+        raise may_not_be_read(path, CaptureError) from error
+    except OSError as error:
+        raise CaptureError(
+            f"the pose file cannot be read: {error.strerror}", where=path, cure="Check the path."
+        ) from error
+    except (ValueError, RecursionError) as error:
         raise CaptureError(
             f"this is not JSON ({error})", where=path, cure="Export the poses again."
         ) from error

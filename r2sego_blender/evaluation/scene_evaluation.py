@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..cameras import Camera
+from ..cameras import Camera, rotation_angle_rad
 from ..captures.capture import Capture, DecodedCapture
 from ..captures.frozen import load_frozen_views
 from ..captures.locating import locate_views
@@ -41,6 +41,9 @@ from .round_scores import score_rounds
 from .scene_causes import SceneCauses, split_by_cause
 from .scene_report import write_scene_report
 
+_SAME_PLACE_M, _SAME_TURN_RAD = 0.005, 0.005
+"""Poses of one photograph that were found twice differ by as much, such as given and located ones."""
+
 
 def evaluate_scene(scene: Scene, frozen: Path, progress: Progress = SILENT) -> dict[str, Any]:
     """Score the scene's arms and rounds on ``frozen``, and split the refined asset's error by
@@ -65,6 +68,11 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress) -> dict[str, Any]
     require_present_frame(scene, [REFINED_ASSET], "scored")
     scene.require_as_made(REFINED_ASSET)
     views = tuple(map(DecodedCapture.of, frozen_views(scene, frozen, progress)))  # for all arms and rounds
+    if seen := _seen_in_training(scene, views):
+        progress.message(
+            f"{', '.join(seen)}: taken from where a capture was; scores of what was trained on say little",
+            "warning",
+        )  # fmt: skip
     train_vanilla(scene, progress)
     scores: dict[str, ArmScore] = {}
     renderings: dict[str, dict[str, np.ndarray]] = {}
@@ -102,6 +110,20 @@ def frozen_views(scene: Scene, frozen: Path, progress: Progress = SILENT) -> tup
         )
     world_from_capture = np.array(scene.declaration.world_from_capture)
     return tuple(view.transformed(world_from_capture) for view in load_frozen_views(frozen))
+
+
+def _seen_in_training(scene: Scene, views: Sequence[Capture]) -> list[str]:
+    """The names of the views that stand and look as a capture does."""
+    captures = [capture.camera for capture in load_captures(scene.captures_folder)]
+    return [
+        view.name
+        for view in views
+        if any(
+            np.linalg.norm(view.camera.centre - camera.centre) < _SAME_PLACE_M
+            and rotation_angle_rad(view.camera.world_from_camera, camera.world_from_camera) < _SAME_TURN_RAD
+            for camera in captures
+        )
+    ]
 
 
 def train_vanilla(scene: Scene, progress: Progress = SILENT) -> None:

@@ -60,9 +60,9 @@ def load_conditions(folder: Path) -> tuple[Condition, ...]:
     """
     files = sorted(folder.glob("[0-9][0-9][0-9].exr"))
     if not files:
-        raise GenerationError("there are no conditions here", where=folder, cure="Run the round again.")
+        raise GenerationError("there are no conditions here", where=folder, cure="Run `r2sego refine` again.")
     if [file.stem for file in files] != [f"{index:03d}" for index in range(len(files))]:
-        raise GenerationError("conditions are missing here", where=folder, cure="Run the round again.")
+        raise GenerationError("conditions are missing here", where=folder, cure="Run `r2sego refine` again.")
     return tuple(map(_load_exr, files))
 
 
@@ -104,7 +104,7 @@ def _load_exr(path: Path) -> Condition:
             raise ValueError("a pass is not of the camera's size")
     except _DAMAGE as error:
         raise GenerationError(
-            "this structural condition is damaged", where=path, cure="Run the round again."
+            "this structural condition is damaged", where=path, cure="Run `r2sego refine` again."
         ) from error
     return Condition(
         camera,

@@ -141,7 +141,7 @@ def _damage_of(view: Path) -> Iterator[None]:
         raise GenerationError(
             f"this generated view cannot be used: {error}",
             where=view,
-            cure="Run the round again, or delete its decision.json.",
+            cure="Run `r2sego refine` again, or delete its decision.json.",
         ) from error
 
 

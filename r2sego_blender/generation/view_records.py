@@ -145,5 +145,5 @@ def _record(
 
 def _damaged(file: Path, error: Exception) -> GenerationError:
     return GenerationError(
-        f"this generated view cannot be read: {error!r:.200}", where=file, cure="Run the round again."
+        f"this generated view cannot be read: {error!r:.200}", where=file, cure="Run `r2sego refine` again."
     )

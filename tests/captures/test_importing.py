@@ -284,6 +284,21 @@ def test_files_that_are_no_json_objects(tmp_path, content):
         import_captures(tmp_path, tmp_path / "cameras.json", SETTINGS)
 
 
+def test_a_pose_file_that_may_not_be_read_is_not_called_damaged(tmp_path, monkeypatch):
+    def refused(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    file = tmp_path / "cameras.json"
+    file.mkdir()
+    with pytest.raises(CaptureError, match=r"cameras\.json: the pose file cannot be read: .*Check the path"):
+        load_frozen_views(file)
+    file.rmdir()
+    file.write_text("{}")
+    monkeypatch.setattr(type(file), "read_text", refused)
+    with pytest.raises(CaptureError, match=r"cameras\.json: it may not be read\. Allow reading it"):
+        load_frozen_views(file)
+
+
 @pytest.mark.parametrize("content", [b"", b"not an image", b"\x89PNG\r\n\x1a\n\x00\x00"])
 def test_photographs_that_cannot_be_read(tmp_path, rng, blank_photograph, content):
     data = _valid(tmp_path, rng, blank_photograph)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 from cameras_file import save_cameras_json
+from progress_recorder import ProgressRecorder
 from small_bundle import bundle, photographs, splats
 
+from r2sego_blender.captures.store import load_captures
 from r2sego_blender.digests import content_digest
 from r2sego_blender.errors import SceneError
 from r2sego_blender.evaluation import scene_evaluation, scene_report
@@ -73,6 +76,21 @@ def test_the_scores_say_of_which_assets_they_are(evaluated):
     assert scene.outputs()["asset.ply"] != assets["asset.ply"]
 
 
+def test_a_frozen_view_that_was_trained_on_is_told(evaluated):
+    scene, frozen = evaluated
+    recorder, captures = ProgressRecorder(), load_captures(scene.captures_folder)
+    listed = json.loads(frozen.read_text(encoding="utf-8"))
+    apart = [view for view in listed["frozen"] if view["world_from_camera"][0][3] != 0.0]
+    assert not scene_evaluation._seen_in_training(scene, captures[:0])
+    apart[0]["world_from_camera"] = captures[1].camera.world_from_camera.tolist()
+    frozen.write_text(json.dumps(listed | {"frozen": apart}), encoding="utf-8")
+    scene_evaluation.evaluate_scene(scene, frozen, recorder)
+    (warning,) = [text for level, text in recorder.messages if level == "warning"]
+    assert warning.startswith(
+        f"{apart[0].get('name', Path(apart[0]['file']).name)}: taken from where a capture"
+    )
+
+
 def test_an_asset_that_was_changed_since_is_not_scored(evaluated):
     scene, frozen = evaluated
     scene.step("asset.ply", lambda file: save_ply(file, splats(0.62)), inputs=[])
@@ -109,6 +127,7 @@ def test_the_status_tells_rounds_and_the_largest_cause():
         "scene": "room.r2s", "captures": 6, "captures_source": "cameras.json", "ground": "floor",
         "scale_source": "metric", "robot": "humanoid", "scope": "walk", "preset": "paper", "overrides": {},
         "rounds": [], "rounds_declared": 3, "refined": True, "of_old_frame": [], "damaged": [],
+        "half_corrected": False,
         "metrics": {"arms": arms, "rounds": rounds, "causes": {"shares": [other, entry]}},
         "metrics_outdated": False,
     }  # fmt: skip
