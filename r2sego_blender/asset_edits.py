@@ -53,15 +53,8 @@ def deleted_by(edits: Sequence[AssetEdit], means: np.ndarray) -> np.ndarray:
     return deleted
 
 
-def next_name(bundle: Path, regions: Sequence[Region]) -> str:
-    """The first free one of edit_001, edit_002 and on; that of an edit of the same ``regions``.
-
-    So a command that was killed once its edit was written leaves no second one when it is given again.
-    """
-    wanted = [region.to_json() for region in regions]
-    for edit in load_edits(bundle):
-        if [region.to_json() for region in edit.regions] == wanted:
-            return edit.name
+def next_name(bundle: Path) -> str:
+    """The first free one of edit_001, edit_002 and on."""
     taken = {file.stem for file in (bundle / EDITS).glob("[!.]*.json")}
     return next(name for name in (f"edit_{i:03d}" for i in range(1, len(taken) + 2)) if name not in taken)
 

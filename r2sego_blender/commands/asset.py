@@ -131,12 +131,16 @@ def edit_asset(
             require_present_frame(opened, [REFINED_ASSET], "edited")
             # Damaged edits and assets and unknown names are refused before anything changes.
             staying = [one for one in load_edits(opened.path) if one.name not in (*remove, name)]
-            regions = not_yet_deleted(staying, regions)
+            try:
+                regions = not_yet_deleted(staying, regions)
+            except AssetError:
+                _publish_again(opened, progress)  # what deleted them may have been killed before it did
+                raise
             gone = {edit_file(opened, one) for one in remove}
             if (last := _last_round(opened)) >= 0:
                 _asset(stage_named(opened, str(last)))
             if regions:
-                saved = save_edit(opened, AssetEdit(name or next_name(opened.path, regions), regions))
+                saved = save_edit(opened, AssetEdit(name or next_name(opened.path), regions))
                 gone.discard(saved)  # one that takes a removed one's name stays
             for file in gone:
                 file.unlink()
