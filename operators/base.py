@@ -15,6 +15,11 @@ def needs_bundle(cls, context) -> bool:
     if not context.scene.r2sego.bundle:
         cls.poll_message_set("Open a scene first: press New or Open under Scene")
         return False
+    return needs_own_scene(cls, context)
+
+
+def needs_own_scene(cls, context) -> bool:
+    """Poll of operators that put something into the Blender scene."""
     if context.scene.library is not None:
         cls.poll_message_set("This Blender scene is linked from another .blend: work there, or append it")
         return False

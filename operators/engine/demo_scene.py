@@ -10,7 +10,7 @@ from ...r2sego_blender.bridge.show_captures import capture_cameras
 from ...r2sego_blender.errors import R2SEgoError
 from ...r2sego_blender.workers.jobs import Job
 from .. import state
-from ..base import EngineOperator, needs_idle_engine
+from ..base import EngineOperator, needs_idle_engine, needs_own_scene
 from .room_view import hide_startup_cube, look_into
 
 _TAKES = "Takes some minutes, Paper 15 and more; Blender stays free meanwhile"
@@ -34,7 +34,7 @@ class R2SEGO_OT_demo_scene(EngineOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return needs_idle_engine(cls)
+        return needs_own_scene(cls, context) and needs_idle_engine(cls)
 
     def invoke(self, context, event):
         if not self.directory:

@@ -9,7 +9,7 @@ from ...r2sego_blender.bridge.bundle import SUFFIX, Bundle
 from ...r2sego_blender.bridge.scene_choices import robot_choices, scope_choices
 from ...r2sego_blender.errors import CaptureError, SceneError
 from .. import state
-from ..base import EngineOperator, needs_idle_engine
+from ..base import EngineOperator, needs_idle_engine, needs_own_scene
 
 
 def _matching(choices):
@@ -77,7 +77,7 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return needs_idle_engine(cls)
+        return needs_own_scene(cls, context) and needs_idle_engine(cls)
 
     def invoke(self, context, event):
         if not self.filepath:

@@ -8,7 +8,7 @@ from bpy.props import CollectionProperty, StringProperty
 from ...r2sego_blender.bridge.bundle import SUFFIX
 from ...r2sego_blender.bridge.capture_files import PHOTOGRAPHS, capture_files
 from ...r2sego_blender.errors import R2SEgoError
-from ..base import needs_idle_engine
+from ..base import needs_idle_engine, needs_own_scene
 
 
 class R2SEGO_OT_new_scene_from_files(bpy.types.Operator):
@@ -33,7 +33,7 @@ class R2SEGO_OT_new_scene_from_files(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return needs_idle_engine(cls)
+        return needs_own_scene(cls, context) and needs_idle_engine(cls)
 
     def invoke(self, context, event):
         return self._new_scene(context, "INVOKE_DEFAULT")

@@ -9,7 +9,7 @@ from ...r2sego_blender.bridge.bundle import Bundle
 from ...r2sego_blender.errors import SceneError
 from ...r2sego_blender.scene_declaration import DECLARATION
 from .. import state
-from ..base import ReportingOperator
+from ..base import ReportingOperator, needs_own_scene
 
 
 class R2SEGO_OT_open_scene(ReportingOperator, bpy.types.Operator):
@@ -24,6 +24,10 @@ class R2SEGO_OT_open_scene(ReportingOperator, bpy.types.Operator):
         options={"SKIP_SAVE"},
     )  # fmt: skip
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, context):
+        return needs_own_scene(cls, context)
 
     def invoke(self, context, event):
         if self.directory:  # its scene.toml was dropped

@@ -42,7 +42,8 @@ def check_a_blender_scene_that_is_linked_from_another_file_says_so():
         loaded.scenes = ["Scene"]
     with bpy.context.temp_override(scene=loaded.scenes[0]):
         assert state().bundle == str(BUNDLE)
-        assert "linked from another .blend" in refused(bpy.ops.r2sego.show_proxy)
+        for name in ("show_proxy", "open_scene", "new_scene", "demo_scene"):
+            assert "linked from another .blend" in refused(getattr(bpy.ops.r2sego, name)), name
 
 
 def check_a_file_that_shows_a_linked_scene_reads_its_own_scenes_all_the_same():
