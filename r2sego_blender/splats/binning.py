@@ -101,9 +101,9 @@ def _append_entries(
         first = code.to_integers(code.minimum(code.maximum(left, -1.0), columns) + 1.0)
         last = code.to_integers(code.maximum(code.minimum(right, columns) + 1.0, 0.0)) - 1
 
-        tile_x = code.variable(first_tile_x)
-        with code.loop_while(lambda: tile_x.get() <= last_tile_x):
-            offset = code.spread(code.to_int(tile_x.get() << 3))
+        def append(tile_x: Value, first: Value = first, last: Value = last, touched: Value = touched) -> None:
+            """The entries of two tiles, one below the other; one that is not touched is written over."""
+            offset = code.spread(code.to_int(tile_x << 3))
             low = first - offset
             high = last - offset
             low = code.select(low > 0, low, code.integers(0))
@@ -113,14 +113,20 @@ def _append_entries(
             low, high = (code.select(present, x, code.integers(0)) for x in (low, high))
             bits = (code.integers(2) << high) - (code.integers(1) << low)
             upper, lower = code.bytes_of(code.select(present, bits, code.integers(0)))
-            tile = tile_y.get() * (last_x + 1) + tile_x.get()
+            tile = tile_y.get() * (last_x + 1) + tile_x
             for blocks, place in ((upper, tile), (lower, tile + last_x + 1)):
                 at = code.select(number.get() < capacity, number.get(), capacity - 1)
                 address = entries + at * ENTRY_BYTES
                 code.store_long(address, blocks)
                 code.store_long(address + 8, gaussian | (place << 32))
                 number.add(code.select(blocks.differs(0), code.long(1), code.long(0)))
-            tile_x.add(code.long(1))
+
+        # Two at a time: most Gaussians touch one or two, and which cannot be foreseen.
+        tile_x = code.variable(first_tile_x)
+        with code.loop_while(lambda: tile_x.get() <= last_tile_x):
+            append(tile_x.get())
+            append(tile_x.get() + 1)
+            tile_x.add(code.long(2))
         tile_y.add(code.long(2))
     return number.get()
 

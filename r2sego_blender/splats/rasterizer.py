@@ -135,6 +135,7 @@ class Rasterizer:
         threads = numba.config.NUMBA_NUM_THREADS
         self._scratch = aligned((threads, max(SCRATCH_BYTES, GATHER_BYTES)), np.uint8)
         self._lens = aligned(32)
+        self._one_colour = aligned((3, LANES))
 
     def forward(
         self,
@@ -316,9 +317,8 @@ class Rasterizer:
         """The background as ``store_tile`` reads it: planes, and their strides in bytes."""
         image = np.ascontiguousarray(background, np.float32)
         if image.shape == (3,):
-            colour = aligned((3, LANES))
-            colour[:] = image[:, None]
-            return colour, (colour.strides[0], 0, 0)
+            self._one_colour[:] = image[:, None]
+            return self._one_colour, (VECTOR_BYTES, 0, 0)
         whole_tiles = (3, *self._frame.planes.shape[1:])
         if image.shape == (*self._camera.shape, 3):
             image = planes_of(image)
