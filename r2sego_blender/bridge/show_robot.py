@@ -42,11 +42,12 @@ def show_rollouts(
     if missing:
         raise SceneError(f"there is no rollout {missing[0]}", where=bundle.path, cure="Choose another.")
     bodies = RobotBodies.load(bundle, round_index)
-    numbers = [number for number in numbers if frames[number]]
+    asked, numbers = numbers, [number for number in numbers if frames[number]]
     if not numbers:
         raise SceneError(
-            "it never began: there is nothing to show", where="rollout", cure="Choose another rollout."
-        )
+            "it never began: there is nothing to show", where=f"rollout {', '.join(map(str, asked))}",
+            cure="Choose another rollout.",
+        )  # fmt: skip
     recording = Recording.read(bundle, round_index, tuple(numbers), bodies)
     collection = fresh_collection(scene, bundle.path, PART)
     meshes = [_mesh(name, *shape) for name, shape in zip(bodies.names, bodies.shapes, strict=True)]
