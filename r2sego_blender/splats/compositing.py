@@ -23,33 +23,22 @@ from numba import get_thread_id
 from numba.core.types import int64, void
 
 from .aligned_memory import aligned
-from .binning import ENTRY_BYTES
+from .batches import BATCH, BATCH_BYTES, FETCHED_BYTES, SLOT_BYTES, Fetched, ask_for, fetch
 from .compiled import dealt, kernel, parallel_kernel, prange, turns
 from .denormals import flush_denormals, restore_denormals
 from .exponentials import EXP2_OF_EIGHTHS, exp2_of_eighths
 from .lanes import lane_sums
 from .projection import (
-    DEPTH,
-    EIGHTH,
     EIGHTH_SMALLEST,
-    FACTOR_A,
-    FACTOR_B,
-    FACTOR_C,
     LARGEST_ALPHA,
-    RECORD_BYTES,
-    RED,
-    U,
-    V,
 )
 from .stages import in_stages
 from .tiles import (
     BLOCK_BYTES,
     BLOCK_PX,
-    BLOCKS_A_SIDE,
     DEPTH_PLANE,
     REST,
     RUN_OF_TILES,
-    SIDE_SHIFT,
     STATE_BYTES,
     SUMS,
     TILE_PX,
@@ -62,32 +51,18 @@ from .tiles import (
 )
 from .vectors import LANES, VECTOR_BYTES, Code, Value, Variable, vector_kernel
 
-BATCH = 32
-"""Entries whose records are fetched together; after each batch finished blocks are noticed."""
-
-SLOT_BYTES = VECTOR_BYTES
-"""An entry's gradient sums: of g = alpha dL/dalpha the moments 1, e, f, e e, e f and x, where
-x is the exponent's eighth (f f follows: x = eighth - e e - f f); the gradients of red, green,
-blue and depth; then 1 if the entry was blended."""
 MOMENTS, BLENDED = 10, 10
+"""In an entry's slot, its gradient sums: of g = alpha dL/dalpha the moments 1, e, f, e e, e f and x,
+where x is the exponent's eighth (f f follows: x = eighth - e e - f f); the gradients of red, green,
+blue and depth; then 1 if the entry was blended."""
 
 FINISHED = 1e-4
 """A pixel whose transmittance is not above this takes no more Gaussians."""
 
-_MASK_BYTES = 8
 _EIGHTH_LARGEST = math.log2(LARGEST_ALPHA) / 8.0
 
-_E_DOWN, _F_DOWN, _SHARES_BYTES = VECTOR_BYTES // 2, VECTOR_BYTES, 2 * VECTOR_BYTES
-"""Of an entry, eight numbers each: the share of e that a column of blocks adds, after it that of a
-row of blocks, after it a row's share of f."""
-
-SCRATCH_BYTES = STATE_BYTES + BATCH * (RECORD_BYTES + _SHARES_BYTES + _MASK_BYTES)
-"""What a thread needs: the planes, a batch of records, their shares of e and f, and their blocks."""
-
-_LANE_X = [float(lane % BLOCK_PX) for lane in range(LANES)]
-_LANE_Y = [float(lane // BLOCK_PX) for lane in range(LANES)]
-_BLOCK_PX = [BLOCK_PX * (k % BLOCKS_A_SIDE) + 0.5 - TILE_PX / 2 for k in range(LANES)]
-"""A lane's place in a block, and, twice, the place of a tile's eight blocks from its middle."""
+SCRATCH_BYTES = STATE_BYTES + BATCH_BYTES
+"""What a thread needs: the tile's state and a batch of entries."""
 
 _CONSTANTS = (*EXP2_OF_EIGHTHS, LARGEST_ALPHA, EIGHTH_SMALLEST, _EIGHTH_LARGEST, FINISHED)
 _LARGEST, _EIGHTH_SMALLEST_AT, _EIGHTH_LARGEST_AT, _FINISHED_AT = range(6, 10)
@@ -103,48 +78,18 @@ def _table() -> np.ndarray:
 TABLE = _table()
 
 
-@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64, int64))
-def _fetch(
-    code: Code, order: Value, count: Value, entries: Value, records: Value, middle_x: Value, middle_y: Value,
-    batch: Value, shares: Value, masks: Value,
-) -> None:  # fmt: skip
-    """Copy the next entries' records and blocks, and compute the shares of e and f."""
-    x, y = code.to_floats(middle_x), code.to_floats(middle_y)
-    with code.loop(count) as i:
-        entry = entries + (code.load_long(order + 8 * i) & 0xFFFFFFFF) * ENTRY_BYTES
-        code.store_long(masks + 8 * i, code.load_long(entry))
-        source = records + code.load_int(entry + 8) * RECORD_BYTES
-        code.store(batch + i * RECORD_BYTES, code.load(source))
-        from_u, from_v = (code.load_float(source + 4 * k) - m for k, m in ((U, x), (V, y)))
-        a, b, c = (code.spread(code.load_float(source + 4 * k)) for k in (FACTOR_A, FACTOR_B, FACTOR_C))
-        across, down = (code.vector(_BLOCK_PX) - middle for middle in (from_u, from_v))
-        at = shares + i * _SHARES_BYTES
-        both = [*range(BLOCKS_A_SIDE), *range(LANES, LANES + BLOCKS_A_SIDE)]
-        code.store(at, code.shuffled(a * across, b * down, both))
-        code.store(at + _F_DOWN, c * down)
-
-
 def _constant(code: Code, table: Value, place: int) -> Value:
     return code.spread(code.load_float(table + 4 * place))
 
 
-class _Splat:
-    """A fetched record and its alpha at a block; ``constant`` gives those of the table."""
+class _Splat(Fetched):
+    """A fetched entry and its alpha at a block; ``constant`` gives those of the table."""
 
     def __init__(
-        self, code: Code, state: Value, record: Value, shares: Value, depth: bool,
-        constant: Callable[[int], Value],
-    ) -> None:  # fmt: skip
-        def field(place: int) -> Value:
-            return code.spread(code.load_float(record + 4 * place))
-
-        self.code, self.state, self.shares, self.constant = code, state, shares, constant
-        self.opacity_eighth = code.load_float(record + 4 * EIGHTH)
-        self.eighth = field(EIGHTH)
-        x, y = code.vector(_LANE_X), code.vector(_LANE_Y)
-        self.e_of_lane = code.fma(field(FACTOR_A), x, field(FACTOR_B) * y)
-        self.f_of_lane = field(FACTOR_C) * y
-        self.colour = [field(RED + k) for k in range(3)] + ([field(DEPTH)] if depth else [])
+        self, code: Code, state: Value, fetched: Value, depth: bool, constant: Callable[[int], Value]
+    ) -> None:
+        super().__init__(code, fetched, depth)
+        self._state, self.constant = state, constant
 
     def visit(self, blocks: Value, blend: Callable[[bool, Value, list[Value]], None]) -> None:
         """``blend(held, place, [alpha, e, f, eighth])`` for each block, whose state is at ``place``."""
@@ -160,14 +105,7 @@ class _Splat:
 
     def _exponent(self, block: Value) -> list[Value]:
         """Where the block's state is; e, f and the exponent's eighth."""
-        code = self.code
-        place = self.state + block * BLOCK_BYTES
-        column = self.shares + 4 * (block & (BLOCKS_A_SIDE - 1))
-        row = self.shares + 4 * (block >> SIDE_SHIFT)
-        e = code.added(self.e_of_lane, code.load_float(column))
-        e = code.added(e, code.load_float(row + _E_DOWN))
-        f = self.f_of_lane + code.load_float(row + _F_DOWN)
-        return [place, e, f, code.fma(-e, e, code.fma(-f, f, self.eighth))]
+        return [self._state + block * BLOCK_BYTES, *self.exponent(block)]
 
     def _alpha(self, held: bool, at: list[Value]) -> list[Value]:
         """alpha, 0 where it is below 1/255, put before the others but the place.
@@ -189,13 +127,11 @@ class _Splat:
 
 
 def _write_blend(code: Code, depth: bool, *arguments: Value) -> None:
-    state, table, batch, shares, masks, count, alive = arguments
+    state, table, batch, count, alive = arguments
     # Read once, into registers: from memory, each costs a quarter of a cycle for each visit.
     constants = [_constant(code, table, place) for place in range(len(_CONSTANTS))]
     with code.loop(count) as i:
-        splat = _Splat(
-            code, state, batch + i * RECORD_BYTES, shares + i * _SHARES_BYTES, depth, constants.__getitem__
-        )
+        splat = _Splat(code, state, batch + i * FETCHED_BYTES, depth, constants.__getitem__)
 
         def blend(held: bool, place: Value, shape: list[Value], splat: _Splat = splat) -> None:
             transmittance = code.load(place)
@@ -205,18 +141,15 @@ def _write_blend(code: Code, depth: bool, *arguments: Value) -> None:
                 at = place + (SUMS + k) * VECTOR_BYTES
                 code.store(at, code.fma(weight, colour, code.load(at)))
 
-        splat.visit(code.load_long(masks + 8 * i) & alive, blend)
+        splat.visit(splat.blocks & alive, blend)
 
 
 def _write_blend_backward(code: Code, depth: bool, *arguments: Value) -> None:
-    state, table, batch, shares, masks, count, alive, order, slots = arguments
+    state, table, batch, count, alive, order, slots = arguments
     channels = 4 if depth else 3
     zero = code.vector(0.0)
     with code.loop(count) as i:
-        splat = _Splat(
-            code, state, batch + i * RECORD_BYTES, shares + i * _SHARES_BYTES, depth,
-            partial(_constant, code, table),
-        )  # fmt: skip
+        splat = _Splat(code, state, batch + i * FETCHED_BYTES, depth, partial(_constant, code, table))
         sums = [code.variable(zero) for _ in range(6 + channels)]
 
         def blend(
@@ -244,7 +177,7 @@ def _write_blend_backward(code: Code, depth: bool, *arguments: Value) -> None:
             for total, (a, b) in zip(sums[2:], products, strict=True):
                 total.set(code.fma(a, b, total.get()))
 
-        blocks = code.load_long(masks + 8 * i) & alive
+        blocks = splat.blocks & alive
         slot = slots + (code.load_long(order + 8 * i) & 0xFFFFFFFF) * SLOT_BYTES
         code.store(slot, zero)
         with code.when(blocks.differs(0)):
@@ -255,42 +188,32 @@ def _write_blend_backward(code: Code, depth: bool, *arguments: Value) -> None:
             code.store_float(slot + 4 * BLENDED, code.float(1.0))
 
 
-_BLEND = void(int64, int64, int64, int64, int64, int64, int64)
-_BLEND_BACKWARD = void(int64, int64, int64, int64, int64, int64, int64, int64, int64)
+_BLEND = void(int64, int64, int64, int64, int64)
+_BLEND_BACKWARD = void(int64, int64, int64, int64, int64, int64, int64)
 
 
 @vector_kernel(_BLEND)
-def _blend(code, state, table, batch, shares, masks, count, alive):
+def _blend(code, state, table, batch, count, alive):
     """Put a batch of Gaussians behind what the blocks already have."""
-    _write_blend(code, False, state, table, batch, shares, masks, count, alive)
+    _write_blend(code, False, state, table, batch, count, alive)
 
 
 @vector_kernel(_BLEND)
-def _blend_with_depth(code, state, table, batch, shares, masks, count, alive):
+def _blend_with_depth(code, state, table, batch, count, alive):
     """The same, and the sum of weight * depth."""
-    _write_blend(code, True, state, table, batch, shares, masks, count, alive)
+    _write_blend(code, True, state, table, batch, count, alive)
 
 
 @vector_kernel(_BLEND_BACKWARD)
-def _blend_backward(code, state, table, batch, shares, masks, count, alive, order, slots):
+def _blend_backward(code, state, table, batch, count, alive, order, slots):
     """Replay ``_blend`` and fill the entries' slots."""
-    _write_blend_backward(code, False, state, table, batch, shares, masks, count, alive, order, slots)
+    _write_blend_backward(code, False, state, table, batch, count, alive, order, slots)
 
 
 @vector_kernel(_BLEND_BACKWARD)
-def _blend_backward_with_depth(code, state, table, batch, shares, masks, count, alive, order, slots):
+def _blend_backward_with_depth(code, state, table, batch, count, alive, order, slots):
     """Replay ``_blend_with_depth`` and fill the entries' slots."""
-    _write_blend_backward(code, True, state, table, batch, shares, masks, count, alive, order, slots)
-
-
-@vector_kernel(void(int64, int64, int64, int64, int64))
-def _ask_for(code: Code, order: Value, count: Value, entries: Value, records: Value, slots: Value) -> None:
-    """Have entries' records and slots in the cache when they are needed: they lie all over the memory."""
-    with code.loop(count) as i:
-        number = code.load_long(order + 8 * i) & 0xFFFFFFFF
-        code.prefetch(slots + number * SLOT_BYTES, write=True)
-        gaussian = code.load_int(entries + number * ENTRY_BYTES + 8)
-        code.prefetch(records + gaussian * RECORD_BYTES)
+    _write_blend_backward(code, True, state, table, batch, count, alive, order, slots)
 
 
 @vector_kernel(int64(int64))
@@ -314,19 +237,17 @@ def _blend_tile(
 ):  # fmt: skip
     """Blend a tile's entries; returns the place in ``order`` after the last one needed."""
     batch = state + STATE_BYTES
-    shares = batch + BATCH * RECORD_BYTES
-    masks = shares + BATCH * _SHARES_BYTES
     alive, row = -1, 0
     while start < stop and alive != 0:
         count = min(BATCH, stop - start)
         if row < TILE_PX:
             ask_for_rows(planes, plane_bytes, pitch, DEPTH_PLANE + with_depth, row)
             row += BLOCK_PX
-        _fetch(order + 8 * start, count, entries, records, middle_x, middle_y, batch, shares, masks)
+        fetch(order + 8 * start, count, entries, records, middle_x, middle_y, batch)
         if with_depth:
-            _blend_with_depth(state, table, batch, shares, masks, count, alive)
+            _blend_with_depth(state, table, batch, count, alive)
         else:
-            _blend(state, table, batch, shares, masks, count, alive)
+            _blend(state, table, batch, count, alive)
         start += count
         alive = _unfinished(state)
     return start
@@ -389,8 +310,6 @@ def composite_backward(
         flags = flush_denormals()
         state = scratch + get_thread_id() * SCRATCH_BYTES
         batch = state + STATE_BYTES
-        shares = batch + BATCH * RECORD_BYTES
-        masks = shares + BATCH * _SHARES_BYTES
         x, y = tile % tiles_x * TILE_PX, tile // tiles_x * TILE_PX
         corner = y * pitch + 4 * x
         open_gradient(
@@ -401,14 +320,14 @@ def composite_backward(
         while start < stop:
             count = min(BATCH, stop - start)
             some = order + 8 * start
-            _fetch(some, count, entries, records, x + TILE_PX // 2, y + TILE_PX // 2, batch, shares, masks)
+            fetch(some, count, entries, records, x + TILE_PX // 2, y + TILE_PX // 2, batch)
             if start == tile_starts[tile]:
-                _ask_for(some, count, entries, records, slots)
-            _ask_for(some + 8 * count, min(BATCH, stop - start - count), entries, records, slots)
+                ask_for(some, count, entries, records, slots)
+            ask_for(some + 8 * count, min(BATCH, stop - start - count), entries, records, slots)
             if with_depth:
-                _blend_backward_with_depth(state, table, batch, shares, masks, count, alive, some, slots)
+                _blend_backward_with_depth(state, table, batch, count, alive, some, slots)
             else:
-                _blend_backward(state, table, batch, shares, masks, count, alive, some, slots)
+                _blend_backward(state, table, batch, count, alive, some, slots)
             start += count
             alive = _unfinished(state)
         _clear_slots(order + 8 * stop, tile_starts[tile + 1] - stop, slots)
