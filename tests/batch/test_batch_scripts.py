@@ -75,8 +75,9 @@ def test_a_script_that_is_terminated_leaves_what_it_runs():
         "import time\n"
         "from r2sego_blender.bridge.script import run_script\n"
         "def main(arguments):\n"
-        "    print('begun', flush=True)\n"
-        "    try: time.sleep(60)\n"
+        "    try:\n"
+        "        print('begun', flush=True)\n"
+        "        time.sleep(60)\n"
         "    finally: print('left')\n"
         "run_script(main)\n"
     )
