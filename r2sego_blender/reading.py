@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from .errors import R2SEgoError, SceneError
-from .scene import JOURNAL, Scene
+from .journal import JOURNAL
+from .scene import Scene
 from .scene_declaration import DECLARATION
 from .whole_files import is_replacing
 

@@ -27,14 +27,13 @@ from . import __version__
 from .backends import controller_backend
 from .digests import content_digest
 from .errors import SceneError
+from .file_locks import try_lock
+from .journal import Journal
 from .layout import COLLISION, REFINED_ASSET
 from .scene_declaration import DECLARATION, Declaration, name_in, read_declaration, write_declaration
 from .scratch import keeping, scratch_place
 from .whole_files import UNFINISHED, finish_replacing, flush, remove, rename, replacing_together, swap_in
-from .world_frame import frame_of_output, is_frame
-
-JOURNAL = "journal.jsonl"
-"""The file in the bundle."""
+from .world_frame import frame_of_output
 
 _LOCK = ".lock"
 _HOLDERS: dict[Path, int] = {}  # of bundles that this process holds: the thread
@@ -46,6 +45,7 @@ class Scene:
     def __init__(self, path: Path, declaration: Declaration) -> None:
         self.path = path
         self.declaration = declaration
+        self._journal = Journal(path)
 
     # ---- opening
 
@@ -65,7 +65,7 @@ class Scene:
             staging.mkdir(parents=True)
             try:
                 with (staging / _LOCK).open("a+") as file:
-                    _try_lock(file)  # so that others see that it is being made
+                    try_lock(file)  # so that others see that it is being made
                     fill(staging)
                     write_declaration(staging / DECLARATION, declaration)
                     flush(staging)
@@ -186,14 +186,17 @@ class Scene:
         with _disk_errors(place), self.publishing(target) as staging:
             compute(staging)
             if before is not None:
-                self._record(publishing=target)  # killed from here on, the old record is no longer true
-        self._record(
-            step=target, inputs=digest, output=content_digest(place),
-            started=round(started, 3), seconds=round(time.monotonic() - started_s, 3),
-            frame=frame_of_output(
+                # Killed from here on, the old record is no longer true.
+                self._journal.write(publishing=target)
+        record = {
+            "step": target, "inputs": digest, "output": content_digest(place),
+            "started": round(started, 3), "seconds": round(time.monotonic() - started_s, 3),
+            "frame": frame_of_output(
                 self.declaration.world_from_capture, map(str, inputs), self.journal()
             ),
-        )  # fmt: skip
+        }  # fmt: skip
+        with _disk_errors(self.path):
+            self._journal.write(**record)
         return place
 
     def is_damaged(self, target: str, read: Callable[[], object] | None = None) -> bool:
@@ -266,37 +269,16 @@ class Scene:
         return {**self.declaration.backends, **controller_backend(self.path)}
 
     def journal(self) -> list[dict[str, Any]]:
-        """The records of every step run so far, oldest first; a damaged line is passed over."""
-        return [record for record in self._journal_lines() if "step" in record]
-
-    def _journal_lines(self) -> list[dict[str, Any]]:
-        records = []
-        with contextlib.suppress(FileNotFoundError):
-            for line in (self.path / JOURNAL).read_text(encoding="utf-8", errors="replace").splitlines():
-                with contextlib.suppress(json.JSONDecodeError):
-                    records.append(json.loads(line))
-        return [record for record in records if _is_record(record)]
+        """The records of every step run so far, oldest first."""
+        return self._journal.steps()
 
     def recorded(self) -> dict[str, str]:
-        """The digest of what each step read, by its target; without those killed while they published."""
-        inputs = {}
-        for record in self._journal_lines():
-            inputs.pop(record.get("publishing"), None)
-            if "step" in record and "inputs" in record:
-                inputs[record["step"]] = record["inputs"]
-        return inputs
+        """The digest of what each step read, by its target (``Journal.inputs``)."""
+        return self._journal.inputs()
 
     def outputs(self) -> dict[str, str]:
-        """The ``content_digest`` of each step's last result, by its target, as the journal noted it.
-
-        Without those that are taking their places, or were killed as they did.
-        """
-        made = {}
-        for record in self._journal_lines():
-            made.pop(record.get("publishing"), None)
-            if "step" in record and "output" in record:
-                made[record["step"]] = record["output"]
-        return made
+        """The ``content_digest`` of each step's last result, by its target (``Journal.outputs``)."""
+        return self._journal.outputs()
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
@@ -311,7 +293,7 @@ class Scene:
         with _disk_errors(self.path, kept=""):
             lock = (self.path / _LOCK).open("a+")
         with lock as file:
-            if not _try_lock(file):
+            if not try_lock(file):
                 raise SceneError(
                     "another process is working on this scene", where=self.path,
                     cure="Wait until it has ended, or cancel it.",
@@ -347,24 +329,6 @@ class Scene:
     def _digest_of_input(self, item: str | Path) -> str:
         return content_digest(self.path / item)
 
-    def _record(self, **record: Any) -> None:
-        with _disk_errors(self.path), (self.path / JOURNAL).open("ab+") as file:
-            if file.tell() and file.seek(-1, os.SEEK_END) and file.read() != b"\n":
-                file.write(b"\n")  # a cut-off line ends there
-            file.write(f"{json.dumps(record)}\n".encode())
-            file.flush()
-            os.fsync(file.fileno())
-
-
-def _is_record(line: Any) -> bool:
-    """Whether a line of the journal is as ``_record`` writes it."""
-    return (
-        isinstance(line, dict)
-        and all(isinstance(line.get(name, ""), str) for name in ("step", "publishing", "inputs", "output"))
-        and isinstance(line.get("seconds", 0.0), int | float)
-        and (line.get("frame") is None or is_frame(line["frame"]))
-    )
-
 
 def require_place(path: Path) -> None:
     """Raises SceneError where a new bundle ``path`` cannot be: something is there, or nothing can be written.
@@ -389,7 +353,7 @@ def _remove_abandoned(folder: Path) -> None:
     for file in folder.glob(f"{UNFINISHED}*/{_LOCK}"):
         with contextlib.suppress(OSError, SceneError):  # what cannot go disturbs nobody
             with file.open("a+") as lock:
-                free = _try_lock(lock)
+                free = try_lock(lock)
             if free:
                 remove(file.parent)
 
@@ -414,27 +378,3 @@ def _disk_errors(place: Path, kept: str = ": finished steps are kept") -> Iterat
             reason, where=place,
             cure=f"Make room, allow writing, or close what has it open, then start again{kept}.",
         ) from error  # fmt: skip
-
-
-def _try_lock(file: Any) -> bool:
-    """Take an exclusive lock that the system drops when the process ends; whether it was free.
-
-    Raises SceneError where the disk knows no locks, as some network disks.
-    """
-    try:
-        if os.name == "nt":
-            import msvcrt
-
-            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        if error.errno in (errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES):
-            return False
-        raise SceneError(
-            f"this disk cannot lock a file: {error.strerror}", where=file.name,
-            cure="Work on a disk of this machine, or have the network disk mounted with locks.",
-        ) from error  # fmt: skip
-    return True

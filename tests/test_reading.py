@@ -9,6 +9,7 @@ import pytest
 
 from r2sego_blender import whole_files
 from r2sego_blender.errors import SceneError
+from r2sego_blender.journal import Journal
 from r2sego_blender.layout import REFINED_ASSET
 from r2sego_blender.plan import describe_plan
 from r2sego_blender.reading import read_beside_jobs
@@ -136,7 +137,8 @@ def test_a_result_that_is_published_meanwhile_is_not_called_damaged(scene, monke
     with monkeypatch.context() as patch:
         patch.setattr(Scene, "is_damaged", caught)
         assert Scene.open(scene.path).damaged_results() == ()
-    scene._record(publishing=REFINED_ASSET)  # as the step does before the third one takes its place
+    # As the step does before the third one takes its place.
+    Journal(scene.path).write(publishing=REFINED_ASSET)
     (scene.path / REFINED_ASSET).write_text("third")
     assert scene.damaged_results() == () and REFINED_ASSET not in scene.outputs()
     publish("fourth")

@@ -18,6 +18,7 @@ from r2sego_blender.digests import content_digest
 from r2sego_blender.errors import SceneError, SettingsError
 from r2sego_blender.evaluation.scene_evaluation import evaluate_scene
 from r2sego_blender.export import export_scene
+from r2sego_blender.journal import Journal
 from r2sego_blender.named_settings import entries
 from r2sego_blender.pipeline import refine
 from r2sego_blender.scene import Declaration, Scene, require_place
@@ -224,15 +225,15 @@ def test_a_step_killed_as_its_result_took_its_place_is_run_again(tmp_path, monke
         return scene.step("a.txt", lambda file: file.write_text(content), parameters=content).read_text()
 
     assert made("a") == "a"
-    record = Scene._record
+    write = Journal.write
 
     def killed(self, **told):
         if "step" in told:
             raise KeyboardInterrupt
-        record(self, **told)
+        write(self, **told)
 
     with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
-        patched.setattr(Scene, "_record", killed)
+        patched.setattr(Journal, "write", killed)
         made("b")
     assert (scene.path / "a.txt").read_text() == "b"
     assert made("a") == "a" == made("a")
@@ -256,50 +257,11 @@ def test_a_damaged_result_is_made_again_and_an_edited_one_kept(tmp_path):
     assert len(scene.journal()) == 4
 
 
-def test_a_cut_off_journal_line_is_passed_over(tmp_path):
-    scene = make_scene(tmp_path)
-    scene.step("a.txt", lambda file: file.write_text("a"))
-    with (scene.path / "journal.jsonl").open("a") as journal:
-        journal.write('{"step": "b.t')
-    assert [record["step"] for record in scene.journal()] == ["a.txt"]
-    scene.step("c.txt", lambda file: file.write_text("c"))
-    assert [record["step"] for record in scene.journal()] == ["a.txt", "c.txt"]
-
-
-@pytest.mark.parametrize(
-    "line",
-    [b"\x93\xfe\x00garbage", b"7", b'["step"]', b'"step"', b"null", b'{"step": ["b"]}',
-     b'{"step": "b", "inputs": "", "output": 3}', b'{"step": "b", "frame": [[1, 0], [0, 1]]}',
-     b'{"step": "b", "frame": 7}', b'{"step": "b", "seconds": "7"}'],
-)  # fmt: skip
-def test_a_damaged_journal_line_is_passed_over(tmp_path, line):
-    scene = make_scene(tmp_path)
-    scene.step("a.txt", lambda file: file.write_text("a"))
-    with (scene.path / "journal.jsonl").open("ab") as journal:
-        journal.write(line + b"\n")
-    assert [record["step"] for record in scene.journal()] == ["a.txt"]
-    assert scene.recorded().keys() == scene.outputs().keys() == {"a.txt"}
-
-
 def test_a_clock_set_back_does_not_shorten_a_step(tmp_path, monkeypatch):
     scene, clock = make_scene(tmp_path), iter([2000.0, 1000.0])
     monkeypatch.setattr("r2sego_blender.scene.time.time", lambda: next(clock))
     scene.step("a.txt", lambda file: file.write_text("a"))
     assert 0.0 <= scene.journal()[0]["seconds"] < 60.0
-
-
-@pytest.mark.skipif(os.name == "nt", reason="flock")
-@pytest.mark.parametrize("number", [errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP])
-def test_a_disk_without_locks_is_not_taken_for_another_process(tmp_path, monkeypatch, number):
-    import fcntl
-
-    def refuse(*_):
-        raise OSError(number, os.strerror(number))
-
-    scene = make_scene(tmp_path)
-    monkeypatch.setattr(fcntl, "flock", refuse)
-    with pytest.raises(SceneError, match=f"cannot lock a file: {os.strerror(number)}"), scene.locked():
-        pass
 
 
 def test_a_bundle_that_is_cancelled_in_the_making_leaves_nothing(tmp_path):

@@ -14,6 +14,7 @@ from ...r2sego_blender.bridge.bundle import Bundle
 from ...r2sego_blender.bridge.operator_properties import as_arguments
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import R2SEgoError
+from ...r2sego_blender.journal import JOURNAL
 from ...r2sego_blender.workers.jobs import JOBS_FOLDER, Job, find_jobs
 from .. import job, state
 from . import pictures
@@ -23,7 +24,6 @@ from .properties import note_python
 
 _TICK_S, _IDLE_S = 0.2, 0.5
 _SETTLED_S = 1.0  # after a command's last step its end is near, and shows it in one step to undo
-_JOURNAL_FILE = "journal.jsonl"
 _journal_seen: tuple[str, int] | None = None
 _given_up: set[Path] = set()  # folders of jobs that could not be followed
 _opened_for: set[Path] = set()  # folders of jobs whose bundle was opened while they ran
@@ -146,7 +146,7 @@ def _show_finished_steps(scene: bpy.types.Scene) -> None:
     global _journal_seen
     name = state.bundle_path(scene)
     try:
-        seen = (name, Path(name, _JOURNAL_FILE).stat().st_mtime_ns) if name else None
+        seen = (name, Path(name, JOURNAL).stat().st_mtime_ns) if name else None
     except OSError:
         return
     if seen != _journal_seen:
