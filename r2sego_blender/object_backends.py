@@ -71,9 +71,14 @@ def generated_meshes(
     for one in objects:
         if one.name not in meshes:
             raise GeometryError(
-                f"{backend} made no mesh of it", where=one.name, cure=f"Give one: --mesh {one.name}=FILE."
+                f"{backend} made no mesh of it", where=one.name, cure=cure_without_mesh(one.name)
             )
         load_shape(meshes[one.name])  # what cannot be read is refused now, not in the next run
         backends = {**one.backends, "mesh": backend}
         found.append(replace(one, mesh=meshes[one.name], placement=None, backends=backends))
     return tuple(found)
+
+
+def cure_without_mesh(name: str) -> str:
+    """What helps an object that needs a mesh and has none."""
+    return f"Give it one (--mesh {name}=FILE, in Blender Use Active Mesh)."

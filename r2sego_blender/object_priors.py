@@ -29,7 +29,7 @@ from .geometry.planes import RoomPlanes
 from .geometry.priors import library_files, read_record
 from .geometry.shapes import load_shape, mesh_files
 from .layout import COMPLETED, OBJECTS, OBSERVED, PLANES, PRIORS, capture_files
-from .object_backends import generated_meshes, segmented_objects
+from .object_backends import cure_without_mesh, generated_meshes, segmented_objects
 from .scene import Scene
 from .scratch import ScratchFolder
 from .world_frame import require_present_frame
@@ -232,7 +232,7 @@ def _mesh_of_last_run(one: DeclaredObject, scene: Scene, library: Path | None) -
     if mesh is None:
         raise GeometryError(
             f"'{one.name}' has no mesh to place", where=scene.path,
-            cure=f"Give it one with --mesh {one.name}=FILE.",
+            cure=cure_without_mesh(one.name),
         )  # fmt: skip
     return mesh
 
@@ -242,7 +242,7 @@ def _locked(one: DeclaredObject, scene: Scene, library: Path | None) -> Declared
     if record.get("backend") == "symmetry":
         raise GeometryError(
             f"'{one.name}' was completed by its symmetry and has no mesh to hold", where=scene.path,
-            cure=f"Give it one with --mesh {one.name}=FILE.",
+            cure=cure_without_mesh(one.name),
         )  # fmt: skip
     if "world_from_own" not in record:
         raise GeometryError(
