@@ -83,7 +83,11 @@ def ask_for(code: Code, order: Value, count: Value, entries: Value, records: Val
 
 
 class Fetched:
-    """An entry of a batch, as blending reads it: ``colour`` with the depth if asked for."""
+    """An entry of a batch, as blending reads it: ``colour`` with the depth if asked for.
+
+    ``e_of_lane`` and ``f_of_lane`` are e and f but for what the block adds, ``eighth`` is the
+    exponent's at the centre, in all lanes.
+    """
 
     def __init__(self, code: Code, address: Value, depth: bool) -> None:
         def field(place: int) -> Value:
@@ -93,17 +97,27 @@ class Fetched:
         self.blocks = code.load_long(address + _BLOCKS)
         self.opacity_eighth = code.load_float(address + 4 * EIGHTH)
         self.colour = [field(RED + k) for k in range(3)] + ([field(DEPTH)] if depth else [])
-        self._eighth = field(EIGHTH)
+        self.eighth = field(EIGHTH)
         x, y = code.vector(_LANE_X), code.vector(_LANE_Y)
-        self._e_of_lane = code.fma(field(FACTOR_A), x, field(FACTOR_B) * y)
-        self._f_of_lane = field(FACTOR_C) * y
+        self.e_of_lane = code.fma(field(FACTOR_A), x, field(FACTOR_B) * y)
+        self.f_of_lane = field(FACTOR_C) * y
 
     def exponent(self, block: Value) -> list[Value]:
         """e and f at a block's pixels, and the exponent's eighth."""
         code = self.code
+        across, e_down, f_down = self._shares(block)
+        e = code.added(code.added(self.e_of_lane, across), e_down)
+        f = self.f_of_lane + f_down
+        return [e, f, code.fma(-e, e, code.fma(-f, f, self.eighth))]
+
+    def of_block(self, block: Value) -> list[Value]:
+        """What is added to e and f of all lanes at a block, two scalars."""
+        across, e_down, f_down = self._shares(block)
+        return [across + e_down, f_down]
+
+    def _shares(self, block: Value) -> list[Value]:
+        """What a block's column adds to e, and its row to e and to f, scalars."""
         column = self._address + 4 * (block & (BLOCKS_A_SIDE - 1))
         row = self._address + 4 * (block >> SIDE_SHIFT)
-        e = code.added(self._e_of_lane, code.load_float(column + _E_ACROSS))
-        e = code.added(e, code.load_float(row + _E_DOWN))
-        f = self._f_of_lane + code.load_float(row + _F_DOWN)
-        return [e, f, code.fma(-e, e, code.fma(-f, f, self._eighth))]
+        places = (column + _E_ACROSS, row + _E_DOWN, row + _F_DOWN)
+        return [self.code.load_float(place) for place in places]

@@ -15,8 +15,8 @@ import numpy as np
 from ..cameras import Camera
 from ..errors import AssetError
 from .asset import SplatAsset
+from .blending import FINISHED
 from .compiled import kernel, parallel_kernel, prange
-from .compositing import FINISHED
 from .exponentials import EXP2_COEFFICIENTS_BELOW_0
 from .packing import LANES, PackedGaussians
 from .projection import (

@@ -17,8 +17,8 @@ from numba import get_thread_id
 from numba.core.types import float32, int64, void
 
 from .batches import SLOT_BYTES
+from .blending_gradient import BLENDED
 from .compiled import dealt, kernel, parallel_kernel, prange, turns
-from .compositing import BLENDED
 from .denormals import flush_denormals, restore_denormals
 from .exponentials import exp2
 from .harmonics import basis_gradients, basis_values

@@ -17,7 +17,8 @@ from .aligned_memory import aligned, aligned_copy
 from .asset import SplatAsset
 from .batches import SLOT_BYTES
 from .binning import ENTRY_BYTES, SEGMENTS, append_entries, sort_entries
-from .compositing import SCRATCH_BYTES, TABLE, composite, composite_backward
+from .blending import TABLE
+from .compositing import SCRATCH_BYTES, composite, composite_backward
 from .packing import PackedGaussians, unpack
 from .projection import DILATION_PX2, RECORD_BYTES, RED, lens_of, project
 from .projection_gradient import GATHER_BYTES, POSE_SUMS, project_backward, project_backward_adam

@@ -345,6 +345,19 @@ class Code:
         mask = ir.Constant(ir.VectorType(_INT, len(order)), list(order))
         return Value(self, self.builder.shuffle_vector(a.llvm, b.llvm, mask))
 
+    def cut(self, x: Value, lanes: int) -> list[Value]:
+        """A vector as several of ``lanes`` each, for sums that shall stay in narrow registers.
+
+        Of these, operators and ``fma`` take two or three of one width.
+        """
+        return [self.shuffled(x, x, range(k, k + lanes)) for k in range(0, LANES, lanes)]
+
+    def padded(self, part: Value) -> Value:
+        """What ``cut`` gave as a whole vector again, with zeros."""
+        lanes = part.llvm.type.count
+        zeros = Value(self, ir.Constant(part.llvm.type, [0.0] * lanes))
+        return self.shuffled(part, zeros, [min(k, lanes) for k in range(LANES)])
+
     # -- control flow
 
     @contextlib.contextmanager
@@ -418,4 +431,4 @@ def vector_kernel(signature: Any) -> Callable[[Callable[..., Value | None]], Any
 
 
 def _suffix(x: Value) -> str:
-    return f"v{LANES}f32" if isinstance(x.llvm.type, ir.VectorType) else "f32"
+    return f"v{x.llvm.type.count}f32" if isinstance(x.llvm.type, ir.VectorType) else "f32"

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numba
 import numpy as np
+from made_up_batch import ENTRIES, MIDDLE, made_up_entries, made_up_records, pixel_centres
 from numba.core.types import int64, void
 
 from r2sego_blender.splats.aligned_memory import aligned
 from r2sego_blender.splats.batches import BATCH, FETCHED_BYTES, Fetched, fetch
-from r2sego_blender.splats.binning import ENTRY_BYTES
 from r2sego_blender.splats.projection import (
     DEPTH,
     EIGHTH,
@@ -19,11 +19,9 @@ from r2sego_blender.splats.projection import (
     U,
     V,
 )
-from r2sego_blender.splats.tiles import BLOCK_PX, BLOCKS, BLOCKS_A_SIDE, TILE_PX
+from r2sego_blender.splats.tiles import BLOCKS
 from r2sego_blender.splats.vectors import LANES, VECTOR_BYTES, vector_kernel
 
-_GAUSSIANS, _ENTRIES = 50, 90
-_MIDDLE = (3 * TILE_PX + TILE_PX // 2, 7 * TILE_PX + TILE_PX // 2)
 _UNTOUCHED = -7.0
 _FOUND = 3  # vectors of each block: e, f and the exponent's eighth
 _TOLD = 6  # vectors of each entry: its opacity, red, green, blue, depth, its blocks
@@ -45,7 +43,7 @@ def _told(code, batch, count, exponents, fields):
 
 @numba.njit
 def _fetch_and_tell(order, count, entries, records, batch, exponents, fields):
-    fetch(order, count, entries, records, _MIDDLE[0], _MIDDLE[1], batch)
+    fetch(order, count, entries, records, MIDDLE[0], MIDDLE[1], batch)
     _told(batch, count, exponents, fields)
 
 
@@ -59,39 +57,11 @@ def _fetched(order: np.ndarray, entries: np.ndarray, records: np.ndarray) -> tup
     return batch, exponents, fields
 
 
-def _records(rng: np.random.Generator) -> np.ndarray:
-    """Gaussians around the tile, from a pixel to a tile wide."""
-    records = aligned((_GAUSSIANS, LANES))
-    records[:] = rng.normal(size=records.shape)
-    for field, middle in zip((U, V), _MIDDLE, strict=True):
-        records[:, field] = middle + rng.uniform(-TILE_PX, TILE_PX, _GAUSSIANS)
-    for field in (FACTOR_A, FACTOR_B, FACTOR_C):
-        records[:, field] = rng.normal(size=_GAUSSIANS) / rng.uniform(1.0, TILE_PX, _GAUSSIANS)
-    return records
-
-
-def _entries(rng: np.random.Generator) -> np.ndarray:
-    assert ENTRY_BYTES == 16
-    entries = np.zeros(_ENTRIES, [("blocks", np.int64), ("gaussian", np.int32), ("tile", np.int32)])
-    entries["blocks"] = rng.integers(-(2**63), 2**63 - 1, _ENTRIES)
-    entries["gaussian"] = rng.integers(0, _GAUSSIANS, _ENTRIES)
-    entries["tile"] = 7
-    return entries
-
-
-def _pixel_centres() -> tuple[np.ndarray, np.ndarray]:
-    """x and y (64, 16) of the blocks' pixels in the image."""
-    block, lane = np.arange(BLOCKS)[:, None], np.arange(LANES)
-    x = _MIDDLE[0] - TILE_PX / 2 + BLOCK_PX * (block % BLOCKS_A_SIDE) + lane % BLOCK_PX + 0.5
-    y = _MIDDLE[1] - TILE_PX / 2 + BLOCK_PX * (block // BLOCKS_A_SIDE) + lane // BLOCK_PX + 0.5
-    return x, y
-
-
 def test_a_batch_holds_its_entries_in_the_order_of_depth() -> None:
     rng = np.random.default_rng(0)
-    records, entries = _records(rng), _entries(rng)
-    depth_ranks = rng.permutation(_ENTRIES)
-    order = (rng.integers(0, 2**31, _ENTRIES) << 32 | depth_ranks)[:BATCH].astype(np.int64)
+    records, entries = made_up_records(rng), made_up_entries(rng)
+    depth_ranks = rng.permutation(ENTRIES)
+    order = (rng.integers(0, 2**31, ENTRIES) << 32 | depth_ranks)[:BATCH].astype(np.int64)
     _, exponents, fields = _fetched(order, entries, records)
 
     taken = entries[depth_ranks[:BATCH]]
@@ -100,7 +70,7 @@ def test_a_batch_holds_its_entries_in_the_order_of_depth() -> None:
         assert (fields[:, k] == of[:, [field]]).all()
     assert (fields[:, _TOLD - 1, :2].copy().view(np.int64)[:, 0] == taken["blocks"]).all()
 
-    x, y = _pixel_centres()
+    x, y = pixel_centres()
     places = (FACTOR_A, FACTOR_B, FACTOR_C, U, V, EIGHTH)
     a, b, c, u, v, eighth = (of[:, place, None, None] for place in places)
     e, f = a * (x - u) + b * (y - v), c * (y - v)
@@ -114,7 +84,7 @@ def test_a_batch_holds_its_entries_in_the_order_of_depth() -> None:
 
 def test_fetching_fewer_leaves_the_rest_of_a_batch() -> None:
     rng = np.random.default_rng(1)
-    records, entries = _records(rng), _entries(rng)
+    records, entries = made_up_records(rng), made_up_entries(rng)
     batch, _, _ = _fetched(np.arange(5), entries, records)
     assert (batch[5:] == _UNTOUCHED).all()
     assert (batch[:5, RED] == records[entries["gaussian"][:5], RED]).all()

@@ -33,6 +33,18 @@ def test_rint_takes_the_even_one_of_two() -> None:
     np.testing.assert_array_equal(mapped(Code.rint, x), np.rint(x))
 
 
+@pytest.mark.parametrize("lanes", [4, 8, 16])
+def test_what_is_cut_is_computed_with_and_padded_again(lanes: int) -> None:
+    def write(code: Code, a: Value, b: Value) -> list[Value]:
+        parts = zip(code.cut(a, lanes), code.cut(b, lanes), strict=True)
+        return [code.padded(code.fma(x, y, x - y)) for x, y in parts]
+
+    rows = random((2, LANES))
+    a, b = rows.reshape(2, -1, lanes).astype(np.float64)
+    expected = np.pad(a * b + (a - b), ((0, 0), (0, LANES - lanes)))
+    np.testing.assert_allclose(compiled(write, 2)(rows), expected, atol=1e-6)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_shuffled_takes_lanes_of_both(seed: int) -> None:
     rows = random((2, LANES), seed)

@@ -1,0 +1,109 @@
+"""How an entry of a batch is blended into the blocks that it touches.
+
+Written once for the image and for its gradient (``blending_gradient``): which alpha a
+Gaussian has at a block's pixels, and what a pixel takes of it. A pixel is finished when its
+transmittance falls to ``FINISHED`` or below.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from .aligned_memory import aligned
+from .batches import FETCHED_BYTES, Fetched
+from .exponentials import EXP2_OF_EIGHTHS, exp2_of_eighths
+from .projection import EIGHTH_SMALLEST, LARGEST_ALPHA
+from .stages import in_stages
+from .tiles import BLOCK_BYTES, SUMS
+from .vectors import LANES, VECTOR_BYTES, Code, Value
+
+FINISHED = 1e-4
+"""A pixel whose transmittance is not above this takes no more Gaussians."""
+
+_EIGHTH_LARGEST = math.log2(LARGEST_ALPHA) / 8.0
+
+_CONSTANTS = (*EXP2_OF_EIGHTHS, LARGEST_ALPHA, EIGHTH_SMALLEST, _EIGHTH_LARGEST, FINISHED)
+_LARGEST, _EIGHTH_SMALLEST_AT, EIGHTH_LARGEST_AT, _FINISHED_AT = range(6, 10)
+
+
+def _table() -> np.ndarray:
+    """(16,): the constants, in memory: the gradient's sums leave no registers for them."""
+    table = aligned(LANES)
+    table[: len(_CONSTANTS)] = _CONSTANTS
+    return table
+
+
+TABLE = _table()
+
+
+def constant(code: Code, table: Value, place: int) -> Value:
+    """A number of the table, in all lanes."""
+    return code.spread(code.load_float(table + 4 * place))
+
+
+class Splat(Fetched):
+    """A fetched entry and its alpha at a block; ``constant`` gives those of the table."""
+
+    def __init__(
+        self, code: Code, state: Value, fetched: Value, depth: bool, constant: Callable[[int], Value]
+    ) -> None:
+        super().__init__(code, fetched, depth)
+        self._state, self.constant = state, constant
+
+    def visit(self, blocks: Value, blend: Callable[[bool, Value, list[Value]], None]) -> None:
+        """``blend(held, place, [alpha, e, f, eighth])`` for each block, whose state is at ``place``."""
+        # Most Gaussians need not be held.
+        can_be_large = self.opacity_eighth >= self.code.float(_EIGHTH_LARGEST)
+        for held, condition in ((True, can_be_large), (False, can_be_large.equals(False))):
+
+            def blend_at(values: list[Value], held: bool = held) -> None:
+                blend(held, values[0], values[1:])
+
+            with self.code.when(condition):
+                in_stages(blocks, self._exponent, partial(self._alpha, held), blend_at)
+
+    def _exponent(self, block: Value) -> list[Value]:
+        """Where the block's state is; e, f and the exponent's eighth."""
+        return [self._state + block * BLOCK_BYTES, *self.exponent(block)]
+
+    def _alpha(self, held: bool, at: list[Value]) -> list[Value]:
+        """alpha, 0 where it is below 1/255, put before the others but the place.
+
+        Only where ``held`` alpha can pass 0.99 and is held there.
+        """
+        code = self.code
+        place, e, f, exponent = at
+        alpha = exp2_of_eighths(exponent, [self.constant(k) for k in range(6)])
+        if held:
+            alpha = code.minimum(alpha, self.constant(_LARGEST))
+        alpha = code.select(exponent >= self.constant(_EIGHTH_SMALLEST_AT), alpha, 0.0)
+        return [place, alpha, e, f, exponent]
+
+    def weight(self, alpha: Value, transmittance: Value) -> Value:
+        """What a pixel takes of the splat: nothing if it is finished."""
+        open_ = transmittance > self.constant(_FINISHED_AT)
+        return self.code.select(open_, alpha * transmittance, 0.0)
+
+
+def write_blend(
+    code: Code, depth: bool, state: Value, table: Value, batch: Value, count: Value, alive: Value
+) -> None:
+    """Put a batch's Gaussians behind what the blocks of ``alive`` already have."""
+    # Read once, into registers: from memory, each costs a quarter of a cycle for each visit.
+    constants = [constant(code, table, place) for place in range(len(_CONSTANTS))]
+    with code.loop(count) as i:
+        splat = Splat(code, state, batch + i * FETCHED_BYTES, depth, constants.__getitem__)
+
+        def blend(held: bool, place: Value, shape: list[Value], splat: Splat = splat) -> None:
+            transmittance = code.load(place)
+            weight = splat.weight(shape[0], transmittance)
+            code.store(place, transmittance - weight)
+            for k, colour in enumerate(splat.colour):
+                at = place + (SUMS + k) * VECTOR_BYTES
+                code.store(at, code.fma(weight, colour, code.load(at)))
+
+        splat.visit(splat.blocks & alive, blend)
