@@ -1,13 +1,11 @@
 """The sub-panel Engine: its set-up, the running job, and the lines of jobs that ended."""
 
-import textwrap
-
 import bpy
 
 from ..r2sego_blender.bridge.engine_python import addon_preferences
 from ..r2sego_blender.doctor import REQUIRED_MB
 from ..r2sego_blender.workers.environment import DOWNLOAD_MB
-from .sidebar import Step, fitting_characters
+from .sidebar import Step, fitting_characters, wrapped
 
 _ICONS = {"INFO": "CHECKMARK", "WARNING": "CANCEL", "ERROR": "ERROR"}
 _PICTURE_SCALE = 8.0
@@ -52,7 +50,7 @@ class R2SEGO_PT_engine(Step, bpy.types.Panel):
         column.progress(factor=job.fraction, text=f"{job.task} {job.fraction:.0%}")
         if engine.time_left and job.fraction < 1.0:
             column.label(text=f"{engine.time_left} in this step", icon="TIME")
-        for line in textwrap.wrap(job.message, fitting_characters(context, 1.0)):
+        for line in wrapped(job.message, fitting_characters(context, 1.0)):
             column.label(text=line)
         if engine.picture_icon:
             column.template_icon(icon_value=engine.picture_icon, scale=_PICTURE_SCALE)
@@ -89,7 +87,7 @@ class R2SEGO_PT_engine(Step, bpy.types.Panel):
         row.label(text=end.title, icon=_ICONS[end.level])
         row.operator("r2sego.dismiss_job", text="", icon="X", emboss=False).index = index
         column = box.column(align=True)
-        for line in textwrap.wrap(end.line, fitting_characters(context, 0.85)):
+        for line in wrapped(end.line, fitting_characters(context, 0.85)):
             column.label(text=line)
 
 

@@ -1,6 +1,7 @@
 """The side bar's tab, and what its sub-panels share. Panels draw cached facts only."""
 
 import textwrap
+from functools import lru_cache
 from itertools import zip_longest
 
 import bpy
@@ -31,6 +32,12 @@ class Step(Sidebar):
             write_facts(context, column, [(fact.label, fact.value) for fact in facts])
 
 
+@lru_cache(maxsize=1024)
+def wrapped(text, characters):
+    """The lines of a text; kept, since panels draw the same texts at each redraw."""
+    return tuple(textwrap.wrap(text, characters))
+
+
 def fitting_characters(context, share):
     """How many characters fit in this share of the side bar, roughly."""
     scale = context.preferences.system.ui_scale
@@ -41,7 +48,7 @@ def write_facts(context, column, facts):
     """Pairs of a label and a value as grey labels with the values beside them, wrapped."""
     fitting = fitting_characters(context, 1.0 - _LABEL_SHARE)
     for label, value in facts:
-        for line in textwrap.wrap(value, fitting):
+        for line in wrapped(value, fitting):
             row = column.split(factor=_LABEL_SHARE)
             name = row.row()
             name.active = False
@@ -53,7 +60,7 @@ def write_facts(context, column, facts):
 def write_wrapped(context, layout, text, icon="NONE"):
     """A text as lines that fit; ``icon`` stands before the first."""
     column = layout.column(align=True)
-    for line in textwrap.wrap(text, fitting_characters(context, 0.88 if icon == "NONE" else 0.78)):
+    for line in wrapped(text, fitting_characters(context, 0.88 if icon == "NONE" else 0.78)):
         column.label(text=line, icon=icon)
         icon = "BLANK1" if icon != "NONE" else icon
 
@@ -62,7 +69,7 @@ def draw_problem(context, layout, text):
     """A long line of text as a red box, wrapped."""
     box = layout.box()
     box.alert = True
-    lines = textwrap.wrap(text, fitting_characters(context, 0.85))
+    lines = wrapped(text, fitting_characters(context, 0.85))
     for line, icon in zip_longest(lines, ["ERROR"], fillvalue="BLANK1"):
         box.label(text=line, icon=icon)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -32,8 +33,12 @@ def label(key: str) -> str:
     return " ".join([named[0], *small]) + (f" ({unit})" if unit else "")
 
 
+@functools.cache
 def sections() -> dict[str, list[str]]:
-    """The dotted keys by section, in the order of settings.py; top-level keys under ''."""
+    """The dotted keys by section, in the order of settings.py; top-level keys under ''.
+
+    Made once: the panel asks at each redraw.
+    """
     grouped: dict[str, list[str]] = {}
     for entry in entries():
         section = entry.key.rpartition(".")[0]

@@ -32,11 +32,12 @@ def main() -> None:
     for drawn in ("as it comes", "drawn faster"):
         for way in ("played", "scrubbed"):
             frames = told[drawn][way]
-            empty, full = frames["empty"], frames["full"]
+            empty, full, share = frames["empty"], frames["full"], frames["full_to_empty"]["cpu_ms"]
             print(
                 f"{way}, {drawn}: {full['frames_per_s']:.1f} frames/s, the empty scene"
                 f" {empty['frames_per_s']:.1f};"
-                f" processor time {frames['full_to_empty']['cpu_ms']:.2f} times the empty scene's"
+                f" {full['main_thread_ms']:.0f} ms of a frame in the main thread;"
+                f" processor time {share:.2f} times the empty scene's"
             )
     print(f"memory above an empty Blender: {told['full_mb'] - told['empty_mb']:.0f} MB")
     print(f"zip: {package.stat().st_size / 1e6:.2f} MB")

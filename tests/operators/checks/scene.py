@@ -206,6 +206,7 @@ def check_drawing_faster_changes_views_and_no_mesh():
     views = [area.spaces.active for screen in bpy.data.screens for area in screen.areas
              if area.type == "VIEW_3D"]  # fmt: skip
     assert views and not any(view.overlay.show_floor for view in views)
+    assert not any(view.overlay.show_outline_selected or view.shading.show_object_outline for view in views)
     assert preferences().drawn_faces == 30_000 > faces and not proxy.modifiers  # nothing to leave out
     preferences().drawn_faces = faces // 2
     assert drawn(proxy) < faces == len(proxy.data.polygons)
