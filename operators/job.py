@@ -147,9 +147,9 @@ def tell_end(title: str, level: str, line: str) -> None:
 
 
 def sentence(line: str) -> str:
-    """It begins with a capital; but a file's name at its beginning stays as it is."""
+    """It begins with a capital; but a file's or a robot's name at its beginning stays as it is."""
     first = line.split(" ", 1)[0].rstrip(".,:;")
-    return line if any(mark in first for mark in "./\\") else line[:1].upper() + line[1:]
+    return line if any(mark in first for mark in "./\\:") else line[:1].upper() + line[1:]
 
 
 def _is_bundle(argument: str) -> bool:

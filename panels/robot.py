@@ -10,21 +10,28 @@ class R2SEGO_UL_attempts(bpy.types.UIList):
     """Attempts at the behaviour; a click on one jumps to where it failed"""
 
     def draw_item(self, context, layout, data, item, icon, active_data, active_property, index=0, flt_flag=0):
-        split = layout.split(factor=0.86)
-        name = f"{item.number}  {item.behaviour or 'none'}: {item.reason.replace('_', ' ') or 'succeeded'}"
+        split = layout.split(factor=0.82)
+        name = f"{item.number}  {(item.reason or item.behaviour).replace('_', ' ')}"
         row = split.row()
         row.alignment = "LEFT"
         jump = row.operator(
             "r2sego.jump_to_attempt", text=name, emboss=False, icon="CHECKMARK" if item.success else "CANCEL"
         )
         jump.attempt, jump.trial = item.number, data.source == "TRIAL"
-        split.label(text=f"{item.time_s:.1f} s")
+        split.label(text=f"{item.time_s:.{0 if item.time_s >= 9.95 else 1}f} s")
 
     def filter_items(self, context, data, property):
         attempts = getattr(data, property)
         wanted = {"ALL": (True, False), "SUCCEEDED": (True,), "FAILED": (False,)}[data.listed]
         shown = [self.bitflag_filter_item if item.success in wanted else 0 for item in attempts]
         return shown, []
+
+
+def _where(attempt):
+    """How far an attempt came, for a line that begins with its number."""
+    if not attempt.frames:
+        return " never began"
+    return f", {attempt.behaviour.replace('_', ' ')}, frame {attempt.frame}"
 
 
 class R2SEGO_UL_seats(bpy.types.UIList):
@@ -133,15 +140,18 @@ class R2SEGO_PT_rollouts(_Part, bpy.types.Panel):
     def _draw_chosen(self, context, robot):
         layout, trial = self.layout, robot.source == "TRIAL"
         layout.label(text=f"{robot.succeeded} of {len(robot.attempts)} succeeded")
-        if robot.attempt_index < len(robot.attempts):
-            chosen = robot.attempts[robot.attempt_index]
-            outcome = "succeeded" if chosen.success else chosen.detail or chosen.reason
-            write_wrapped(context, layout, f"Attempt {chosen.number}, frame {chosen.frame}: {outcome}")
-            row = layout.row(align=True)
-            show = row.operator("r2sego.show_rollout", text="Show", icon="ARMATURE_DATA")
-            show.attempt, show.trial, show.every = chosen.number, trial, False
-            show = row.operator("r2sego.show_rollout", text="All", icon="COMMUNITY")
-            show.attempt, show.trial, show.every = chosen.number, trial, True
+        chosen = robot.attempts[min(robot.attempt_index, len(robot.attempts) - 1)]
+        outcome = "succeeded" if chosen.success else chosen.detail or chosen.reason.replace("_", " ")
+        write_wrapped(context, layout, f"Attempt {chosen.number}{_where(chosen)}: {outcome}")
+        row = layout.row(align=True)
+        one = row.row(align=True)
+        one.enabled = chosen.frames > 0
+        for part, text, icon, every in (
+            (one, "Show", "ARMATURE_DATA", False),
+            (row, "All", "COMMUNITY", True),
+        ):
+            show = part.operator("r2sego.show_rollout", text=text, icon=icon)
+            show.attempt, show.trial, show.every = chosen.number, trial, every
 
 
 CLASSES = (

@@ -148,7 +148,7 @@ def lines(described: dict[str, Any]) -> list[str]:
     d, camera = described, described["camera"]
     moves = f"{d['legs']} legs" if d["legs"] else f"{d['wheels']} driven wheels"
     fov = f"{camera['fov_deg']:.0f} degrees {'high' if camera['fov_is_vertical'] else 'wide'}"
-    pitch = f"{camera['pitch_deg']:.1f} degrees down"
+    pitch = f"{abs(camera['pitch_deg']):.1f} degrees {'down' if camera['pitch_deg'] >= 0.0 else 'up'}"
     if abs(camera["left_deg"]) > _SEEN_DEG:
         side = "left" if camera["left_deg"] > 0.0 else "right"
         pitch += f", {abs(camera['left_deg']):.0f} degrees to the {side}"
@@ -188,6 +188,11 @@ def _turned(robot: RobotModel) -> dict[str, float]:
 def _check(scene: Scene, scope: BehaviourScope, robot: RobotModel) -> None:
     """Refuse what no rollout of ``robot`` could do."""
     check_controller(robot, scope)
+    if robot.eye_height_m <= 0.0:
+        raise RobotError(
+            f"the camera is {-robot.eye_height_m:.2f} m below the floor that the robot stands on",
+            where=f"scope {scope.name}, robot.mount", cure="Set its place higher: x forward, y left, z up.",
+        )  # fmt: skip
     target = scope.sit_on.target
     if scope.behaviours.sit_on > 0.0 and isinstance(target, str) and target != ANY_SEAT:
         known = _object_names(scene)

@@ -17,6 +17,12 @@ if hasattr(signal, "SIGHUP"):  # tests under nohup would hand on to their comman
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
+def pytest_collection_modifyitems(items):
+    """Files with slow tests first: where several run at once, no long one is left when all else is done."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
+
+
 @pytest.fixture
 def elsewhere(tmp_path, monkeypatch):
     """``elsewhere()``: from now on temporary files lie in a folder of letters that not every system has."""

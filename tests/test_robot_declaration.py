@@ -189,6 +189,7 @@ def test_the_mount_is_a_field_of_the_scope(scene):
         ("[0, 0.5, -1.0]", -57.30, 0.0, "57 degrees to the right, set"),
         ("[3.0, 0.0, 0]", 0.0, 171.89, "0.0 degrees down, rolled by 172 degrees, set"),
         ("[0, 1.5707963, 0]", 0.0, 0.0, "90.0 degrees down, set"),
+        ("[0, -0.3, 0]", 0.0, 0.0, "17.2 degrees up, set"),
     ],
 )
 def test_a_mount_that_looks_aside_or_is_rolled_is_told(scene, rpy, left_deg, rolled_deg, says):
@@ -209,6 +210,7 @@ def test_a_mount_that_looks_aside_or_is_rolled_is_told(scene, rpy, left_deg, rol
         (["--robot", "embedded:wheeled", "--target", "any"], "takes legs"),
         (["--scope", "nowhere.toml"], "cannot be read"),
         (["--set", "robot.mount=third_eye"], "no camera 'third_eye'"),
+        (["--set", 'robot.mount=["torso_link", [0, 0, -5], [0, 0, 0], 60]'], r"4\.\d\d m below the floor"),
         (["--set", "walk_to.speed_m_s=[0.1, 9]"], "from 0.05 to 1.2"),
         (
             ["--set", "controller.kind=policy", "--set", "controller.layout=falcon"],

@@ -30,5 +30,5 @@ class R2SEGO_OT_jump_to_attempt(ShowingOperator, bpy.types.Operator):
             show_rollouts(scene, bundle, round_index, [attempt.number])
         scene.frame_set(attempt.frame)
         scene.r2sego_robot.attempt_index = self.attempt
-        outcome = "succeeded" if attempt.success else f"{attempt.reason}: {attempt.detail}"
+        outcome = "succeeded" if attempt.success else attempt.detail or attempt.reason.replace("_", " ")
         return f"Attempt {attempt.number}, frame {attempt.frame}: {outcome}"

@@ -69,7 +69,8 @@ class R2SEGO_OT_set_mount(DeclaringOperator, bpy.types.Operator):
 
     def invoke(self, context, event):
         try:
-            declared = declared_properties(RobotFacts.read(state.opened_bundle(context)).scope)
+            facts = RobotFacts.read(state.opened_bundle(context))
+            declared = suggested_properties(facts.told) | declared_properties(facts.scope)
         except (R2SEgoError, OSError) as error:
             self.report({"ERROR"}, told(error))
             return {"CANCELLED"}
@@ -97,6 +98,11 @@ class R2SEGO_OT_set_mount(DeclaringOperator, bpy.types.Operator):
     def changes(self, context):
         pitch = ""
         if self.pitch == "DRAWN":
+            if self.pitch_low > self.pitch_high:
+                low, high = (math.degrees(angle) for angle in (self.pitch_low, self.pitch_high))
+                raise RobotError(
+                    f"the pitch goes from {low:g}° to {high:g}°", cure="Set the smaller angle as From."
+                )
             pitch = _numbers(map(math.degrees, (self.pitch_low, self.pitch_high)))
         return ["--set", f"robot.mount={self._mount()}", "--set", f"look.camera_pitch_deg={pitch}"]
 
@@ -109,6 +115,12 @@ class R2SEGO_OT_set_mount(DeclaringOperator, bpy.types.Operator):
         axis = "hfov_deg" if self.across == "WIDTH" else "fovy_deg"
         fov = f"{{{axis} = {math.degrees(self.field_of_view):.6g}}}"
         return f"[{json.dumps(self.body)}, {_numbers(self.place)}, {_numbers(self.turn)}, {fov}]"
+
+
+def suggested_properties(told: Mapping[str, Any]) -> dict[str, Any]:
+    """A body and a camera that the robot has, by what the engine said of it; none where it has not."""
+    body, cameras = told.get("camera", {}).get("parent", ""), told.get("cameras", ())
+    return {name: value for name, value in (("body", body), ("camera", next(iter(cameras), ""))) if value}
 
 
 def declared_properties(scope: BehaviourScope) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from ..base import ReportingOperator
 
 
 class R2SEGO_OT_draw_faster(ReportingOperator, bpy.types.Operator):
-    """Without a graphics card: switch smooth edges, all outlines and the grid off; fewer faces of a proxy"""
+    """Without a graphics card: smooth edges, outlines and grids off, and fewer faces of a proxy drawn"""
 
     bl_idname = "r2sego.draw_faster"
     bl_label = "Draw Faster"
@@ -22,4 +22,4 @@ class R2SEGO_OT_draw_faster(ReportingOperator, bpy.types.Operator):
             preferences.drawn_faces = FACES_DRAWN  # which has the shown proxies drawn so
         else:  # a script on a checkout
             draw_fewer_faces_of_all(FACES_DRAWN)
-        return f"Smooth edges, outlines and grid are off, a proxy is drawn with {FACES_DRAWN} faces at most"
+        return f"Smooth edges, outlines and grids are off, a proxy is drawn with {FACES_DRAWN} faces at most"

@@ -58,6 +58,8 @@ class Placement:
         if not len(self.points):
             return float("nan")
         linear = world_from_own[:3, :3]
+        if not np.linalg.det(linear):  # scaled to nothing, as while a person types "0.9"
+            return float("nan")
         local = (self.points - world_from_own[:3, 3]) @ np.linalg.inv(linear).T
         near = [self.tree.find_nearest(Vector(point))[3] for point in local]
         return float(

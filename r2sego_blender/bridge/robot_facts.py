@@ -65,9 +65,7 @@ class RobotFacts:
             moves = f"{told['legs']} legs" if told["legs"] else f"{told['wheels']} wheels"
             size = f"{told['height_m']:.2f} m, {told['mass_kg']:.0f} kg"
             yield "Body", f"{told['joints']} joints, {moves}, {size}"
-            camera = told["camera"]
-            fov = f"{camera['fov_deg']:.0f}° {'high' if camera['fov_is_vertical'] else 'wide'}"
-            yield "Camera", f"{camera['height_m']:.2f} m high, {camera['pitch_deg']:.0f}° down, {fov}"
+            yield "Camera", ", ".join(_camera_words(told["camera"]))
         if self.scope.look.camera_pitch_deg is not None:
             yield "Pitch", "{:g}° to {:g}° down, drawn".format(*self.scope.look.camera_pitch_deg)
         weights = vars(self.scope.behaviours)
@@ -79,3 +77,15 @@ class RobotFacts:
         if self.scope.behaviours.sit_on > 0.0:
             target = self.scope.sit_on.target
             yield "Target", target if isinstance(target, str) else "({:.2f}, {:.2f})".format(*target)
+
+
+def _camera_words(camera: Mapping[str, Any]) -> Iterator[str]:
+    """Where the head camera sits and looks; what is as usual is not said."""
+    height_m, pitch_deg = camera["height_m"], camera["pitch_deg"]
+    yield f"{abs(height_m):.2f} m {'high' if height_m >= 0.0 else 'under the floor'}"
+    yield f"{abs(pitch_deg):.0f}° {'down' if pitch_deg >= 0.0 else 'up'}"
+    for key, ahead, behind in (("left_deg", "left", "right"), ("rolled_deg", "rolled", "rolled")):
+        angle_deg = camera.get(key, 0.0)
+        if abs(angle_deg) >= 0.5:
+            yield f"{abs(angle_deg):.0f}° {ahead if angle_deg > 0.0 else behind}"
+    yield f"{camera['fov_deg']:.0f}° {'high' if camera['fov_is_vertical'] else 'wide'}"

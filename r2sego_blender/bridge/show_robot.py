@@ -44,10 +44,8 @@ def show_rollouts(
     bodies = RobotBodies.load(bundle, round_index)
     asked, numbers = numbers, [number for number in numbers if frames[number]]
     if not numbers:
-        raise SceneError(
-            "it never began: there is nothing to show", where=f"rollout {', '.join(map(str, asked))}",
-            cure="Choose another rollout.",
-        )  # fmt: skip
+        which = f"rollout {asked[0]}" if len(asked) == 1 else "these rollouts"
+        raise SceneError(f"{which} never began: there is nothing to show", cure="Choose another rollout.")
     recording = Recording.read(bundle, round_index, tuple(numbers), bodies)
     collection = fresh_collection(scene, bundle.path, PART)
     meshes = [_mesh(name, *shape) for name, shape in zip(bodies.names, bodies.shapes, strict=True)]

@@ -135,7 +135,7 @@ def test_what_cannot_be_shown_changes_nothing(scene, bundle):
     show_robot.show_rollouts(scene, bundle, 0, [0])
     before = sorted(bpy.data.objects.keys())
     for round_index, numbers, says in (
-        (0, [2], "rollout 2: it never began"),
+        (0, [2], "rollout 2 never began"),
         (0, [99], "no rollout 99"),
         (1, [0], "are missing"),
     ):

@@ -152,7 +152,8 @@ def check_a_sentence_begins_with_a_capital_and_a_files_name_stays():
     sentence = importlib.import_module(f"{MODULE}.operators.job").sentence
     assert sentence("there is no scene.") == "There is no scene."
     assert sentence("stopped: the disk is full.") == "Stopped: the disk is full."
-    for line in ("images/a.png: it is cut off.", "cameras.json: no captures.", "a\\b: gone."):
+    for line in ("images/a.png: it is cut off.", "cameras.json: no captures.", "a\\b: gone.",
+                 "embedded:wheeled: the robot has no body."):  # fmt: skip
         assert sentence(line) == line
 
 

@@ -234,6 +234,21 @@ def check_undo_takes_the_fit_and_the_outlines_back():
     assert len(live.mask_outline(str(BUNDLE), "crate", "capture_0")) not in (len(outline), len(drawn))
 
 
+def check_a_prior_scaled_to_nothing_has_no_residual():
+    """As for a moment while a person types 0.9."""
+    live = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.placement_live")
+    open_bundle()
+    bpy.ops.r2sego.show_priors()
+    assert bpy.ops.r2sego.place_prior(object_name="crate") == {"FINISHED"}
+    crate = bpy.data.objects["Prior crate"]
+    assert np.isfinite(live.rated(crate)[1])
+    crate.scale = (0.0, 0.0, 0.0)
+    bpy.context.view_layer.update()
+    fit, residual_m = live.rated(crate)
+    assert np.isnan(residual_m) and fit.iou < 0.5
+    assert bpy.ops.r2sego.place_prior(object_name="crate") == {"FINISHED"}
+
+
 def check_a_placed_prior_is_followed_in_an_opened_file_and_in_every_scene():
     live = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.placement_live")
     open_bundle()

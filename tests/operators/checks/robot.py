@@ -133,6 +133,16 @@ def check_the_mount_is_told_in_toml():
     np.testing.assert_allclose(place[2], (0.0, 0.5, 0.0), atol=1e-6)
     assert abs(place[3]["hfov_deg"] - 80.0) < 1e-3
     np.testing.assert_allclose(pitch, (10.0, 40.0), atol=1e-3)
+    reversed_pitch = {"pitch": "DRAWN", "pitch_low": math.radians(60), "pitch_high": math.radians(10)}
+    assert "the pitch goes from 60° to 10°" in refused(mount, mount="OWN", **reversed_pitch).lower()
+
+
+def check_the_mount_suggests_what_the_robot_has():
+    suggested = importlib.import_module(f"{MODULE}.operators.robot.set_mount").suggested_properties
+    told = {"camera": {"parent": "base"}, "cameras": ["mast_camera"]}
+    assert suggested(told) == {"body": "base", "camera": "mast_camera"}
+    assert suggested({"camera": {"parent": "base"}, "cameras": []}) == {"body": "base"}
+    assert suggested({}) == {}
 
 
 def check_a_mount_that_was_placed_is_shown_again_as_it_was_declared():
@@ -273,6 +283,7 @@ def check_jumping_goes_to_the_frame_of_the_failure():
     assert (scene.frame_current, scene.frame_end) == (10, 10)
     assert bpy.ops.r2sego.jump_to_attempt(attempt=2) == {"FINISHED"}  # it never began: nothing changes
     assert "Rollout 0" in bpy.data.objects and robot().attempt_index == 2
+    assert "Rollout 2 never began" in refused(bpy.ops.r2sego.show_rollout, attempt=2)
     assert "no attempt 9" in refused(bpy.ops.r2sego.jump_to_attempt, attempt=9)
     assert bpy.ops.r2sego.jump_to_attempt(attempt=1, trial=True) == {"FINISHED"}
     assert scene.frame_current == 4
