@@ -132,7 +132,7 @@ def test_the_published_asset_is_the_last_round_before_the_backdrop(small_room):
     camera = load_captures(small_room.captures_folder)[0].camera
     away = camera.at(camera.world_from_camera @ np.diag([-1.0, 1.0, -1.0, 1.0]))
     missing, left = ((render(asset, away).alpha < 0.5).mean() for asset in (refined, published))
-    assert missing > 0.02 and left < 0.01 and left < missing / 4
+    assert missing > 0.1 and left < missing / 20
 
 
 def test_refining_again_does_nothing_and_an_edit_redoes_what_depends_on_it(small_room, tmp_path):
