@@ -141,8 +141,7 @@ class R2SEGO_PT_rollouts(_Part, bpy.types.Panel):
         layout, trial = self.layout, robot.source == "TRIAL"
         layout.label(text=f"{robot.succeeded} of {len(robot.attempts)} succeeded")
         chosen = robot.attempts[min(robot.attempt_index, len(robot.attempts) - 1)]
-        outcome = "succeeded" if chosen.success else chosen.detail or chosen.reason.replace("_", " ")
-        write_wrapped(context, layout, f"Attempt {chosen.number}{_where(chosen)}: {outcome}")
+        write_wrapped(context, layout, f"Attempt {chosen.number}{_where(chosen)}: {chosen.outcome}")
         row = layout.row(align=True)
         one = row.row(align=True)
         one.enabled = chosen.frames > 0

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from .contents import Contents
 from .errors import GeometryError, RobotError
 from .geometry.priors import load_priors, object_place, read_record
@@ -29,6 +31,7 @@ ROBOT_FACTS = "robot/robot.json"
 _EMBEDDED = (EMBEDDED_HUMANOID, EMBEDDED_WHEELED)
 _SEEN_DEG = 5.0  # a turn of the camera that is worth a word
 _UPRIGHT = 0.99
+_FARTHEST_CAMERA_M = 10.0  # from its body; what lies farther was given in another unit
 
 
 def declare_robot(
@@ -188,6 +191,12 @@ def _turned(robot: RobotModel) -> dict[str, float]:
 def _check(scene: Scene, scope: BehaviourScope, robot: RobotModel) -> None:
     """Refuse what no rollout of ``robot`` could do."""
     check_controller(robot, scope)
+    away_m = float(np.linalg.norm(robot.mount.parent_from_camera[:3, 3]))
+    if away_m > _FARTHEST_CAMERA_M:
+        raise RobotError(
+            f"the camera is {away_m:.0f} m from '{robot.mount.parent}', which it is fixed to",
+            where=f"scope {scope.name}, robot.mount", cure="Give its place in metres.",
+        )  # fmt: skip
     if robot.eye_height_m <= 0.0:
         raise RobotError(
             f"the camera is {-robot.eye_height_m:.2f} m below the floor that the robot stands on",

@@ -43,7 +43,7 @@ class R2SEGO_PG_proxy_object(bpy.types.PropertyGroup):
     residual: FloatProperty(default=-1.0, unit="LENGTH")
     has_prior: BoolProperty()
     own_mesh: BoolProperty()
-    locked: BoolProperty()
+    placed: BoolProperty()
     declared: BoolProperty()
 
 
@@ -170,7 +170,7 @@ def _read_objects(group: bpy.types.PropertyGroup, bundle: Bundle) -> None:
         item = group.objects.add()
         item.name, item.state, item.why, item.shape = known.name, known.state, known.why, known.shape
         item.masks, item.declared = known.masks, True
-        item.has_prior, item.own_mesh, item.locked = known.has_prior, known.own_mesh, known.locked
+        item.has_prior, item.own_mesh, item.placed = known.has_prior, known.own_mesh, known.placed
         item.iou, item.energy, item.residual = known.iou, known.energy, known.residual_m
     for name in drawn:
         if name not in group.objects:

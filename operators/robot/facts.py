@@ -63,6 +63,6 @@ def _read_attempts(scene: bpy.types.Scene, bundle: Bundle) -> None:
     for one in attempts(bundle, index) if has_rollouts(bundle, index) else ():
         attempt = robot.attempts.add()
         attempt.number, attempt.behaviour, attempt.success = one.number, one.behaviour, one.success
-        attempt.reason, attempt.detail = one.reason, one.detail
+        attempt.reason, attempt.outcome = one.reason, one.outcome
         attempt.frame, attempt.frames, attempt.time_s = one.frame, one.frames, one.time_s
         robot.succeeded += one.success

@@ -25,10 +25,9 @@ class R2SEGO_OT_jump_to_attempt(ShowingOperator, bpy.types.Operator):
         attempt = listed[self.attempt]
         if not attempt.frames:
             scene.r2sego_robot.attempt_index = self.attempt
-            return f"Attempt {attempt.number} never began: {attempt.detail or attempt.reason}"
+            return f"Attempt {attempt.number} never began: {attempt.outcome}"
         if not are_shown(scene, bundle, round_index, [attempt.number]):
             show_rollouts(scene, bundle, round_index, [attempt.number])
         scene.frame_set(attempt.frame)
         scene.r2sego_robot.attempt_index = self.attempt
-        outcome = "succeeded" if attempt.success else attempt.detail or attempt.reason.replace("_", " ")
-        return f"Attempt {attempt.number}, frame {attempt.frame}: {outcome}"
+        return f"Attempt {attempt.number}, frame {attempt.frame}: {attempt.outcome}"

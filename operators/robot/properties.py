@@ -22,7 +22,7 @@ class R2SEGO_PG_attempt(bpy.types.PropertyGroup):
     behaviour: StringProperty()
     success: BoolProperty()
     reason: StringProperty()
-    detail: StringProperty()
+    outcome: StringProperty()
     frame: IntProperty()
     frames: IntProperty()
     time_s: FloatProperty(subtype="TIME_ABSOLUTE", unit="TIME_ABSOLUTE")

@@ -22,8 +22,8 @@ class KnownObject:
     """An object of the bundle.
 
     ``state`` in a word or two, ``why`` a prior was refused; ``iou`` and ``energy`` of the last
-    run, ``residual_m`` of its observed points, -1 where there is none. ``world_from_own`` (4, 4)
-    is where the prior stands, None without one.
+    run, ``residual_m`` of its observed points, -1 where there is none. ``placed``: its pose is
+    set or held by hand. ``world_from_own`` (4, 4) is where the prior stands, None without one.
     """
 
     name: str
@@ -36,7 +36,7 @@ class KnownObject:
     residual_m: float
     has_prior: bool
     own_mesh: bool
-    locked: bool
+    placed: bool
     world_from_own: np.ndarray | None
 
 
@@ -90,7 +90,7 @@ def _object(bundle: Bundle, place: Path, record: Mapping[str, Any]) -> KnownObje
         len(mask_files(bundle, place.name)), str(record.get("shape", "")),
         _number(record.get("silhouette_iou")), _number(record.get("energy")),
         _number(record.get("point_distance_m")), prior_file(bundle, place.name) is not None,
-        any(place.glob("mesh.*")), locked, None if pose is None else np.array(pose, np.float64),
+        any(place.glob("mesh.*")), bool(held), None if pose is None else np.array(pose, np.float64),
     )  # fmt: skip
 
 

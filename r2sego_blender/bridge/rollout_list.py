@@ -32,6 +32,11 @@ class Attempt:
     frames: int
     time_s: float
 
+    @property
+    def outcome(self) -> str:
+        """What became of it, in words."""
+        return "succeeded" if self.success else self.detail or self.reason.replace("_", " ")
+
 
 def rollouts_folder(bundle: Bundle, round_index: int) -> Path:
     """Where the rollouts of a round, or of the last trial, stand."""

@@ -1,5 +1,6 @@
 """The attempts and the robot's bodies as Blender reads them, beside what the engine wrote."""
 
+import dataclasses
 import json
 import shutil
 
@@ -32,6 +33,8 @@ def test_every_attempt_is_listed_with_its_reason(bundle):
     assert [one.success for one in listed] == [True, False, False, True]
     assert [one.frames for one in listed] == list(fake_rollouts.FRAMES)
     assert (listed[1].reason, listed[1].detail) == ("body_contact", "mast touched the chair")
+    assert [one.outcome for one in listed[:2]] == ["succeeded", "mast touched the chair"]
+    assert dataclasses.replace(listed[1], detail="").outcome == "body contact"
     assert [one.frame for one in listed] == [10, 4, 0, 7]
     assert [one.time_s for one in listed] == pytest.approx([2.0, 0.8, 0.0, 1.4])
     assert len(attempts(bundle, TRIAL)) == 2

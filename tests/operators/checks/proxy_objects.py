@@ -18,6 +18,14 @@ def check_objects_are_listed_with_what_became_of_them():
     assert (crate.name, crate.state, crate.masks, crate.shape) == ("crate", "aligned", 3, "box")
     assert abs(crate.iou - 0.95) < 1e-6 and abs(crate.residual - 0.01) < 1e-6
     assert (lamp.state, lamp.why) == ("refused", "it overlaps too little") and lamp.has_prior
+    assert not crate.placed and not lamp.placed
+
+
+def check_a_pose_held_by_hand_can_be_let_go():
+    copy = copied_bundle()
+    (copy / "objects" / "crate" / "placement.json").write_text('{"locked": false}', encoding="utf-8")
+    open_bundle(copy)
+    assert [one.placed for one in group().objects] == [True, False]
 
 
 def check_masks_are_drawn_loaded_and_declared():
