@@ -115,9 +115,8 @@ class R2SEGO_PT_proxy_priors(_Part, bpy.types.Panel):
             row.operator("r2sego.decide_prior", text=text).decision = decision
         row = layout.row(align=True)
         row.operator("r2sego.decide_prior", text="Lock", icon="LOCKED").decision = "lock"
-        unlock = row.row(align=True)
-        unlock.enabled = chosen.placed
-        unlock.operator("r2sego.decide_prior", text="Unlock", icon="UNLOCKED").decision = "unlock"
+        if chosen.placed:
+            row.operator("r2sego.decide_prior", text="Unlock", icon="UNLOCKED").decision = "unlock"
         layout.operator_menu_enum("r2sego.use_mesh_as_prior", "place", icon="MESH_DATA")
 
 
