@@ -139,5 +139,12 @@ def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
 
 
 def resize_nearest(values: np.ndarray, height: int, width: int) -> np.ndarray:
-    """Resample a map whose values must not be mixed, such as depth or ids, to (height, width)."""
-    return cv2.resize(values, (width, height), interpolation=cv2.INTER_NEAREST)
+    """Resample a map whose values must not be mixed, such as depth or ids, to (height, width).
+
+    A pixel takes the value where its centre lies; OpenCV's INTER_NEAREST takes that of its corner.
+    """
+    rows, columns = (
+        ((np.arange(count) + 0.5) * known / count).astype(np.int64)
+        for count, known in zip((height, width), values.shape[:2], strict=True)
+    )
+    return np.ascontiguousarray(values[np.ix_(rows, columns)])

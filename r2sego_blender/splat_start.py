@@ -21,7 +21,7 @@ from .captures.colmap_points import read_colmap_points
 from .captures.frozen import load_frozen_views
 from .captures.importing import Imported, import_captures
 from .captures.masks import counted_pixels, with_masks_beside
-from .captures.photographs import ANY_SIZE_PX, capture_of
+from .captures.photographs import ANY_SIZE_PX, posed_captures
 from .captures.polycam import find_keyframes
 from .captures.sparse import SparsePoints, triangulate
 from .captures.transforms_json import read_transforms_json
@@ -204,7 +204,7 @@ def _views_of(frozen: Path) -> tuple[Capture, ...]:
     if "frames" not in json_fields.read_json(frozen):
         return load_frozen_views(frozen)
     photographs, _ = read_transforms_json(frozen, frozen.parent)
-    return tuple(capture_of(photograph, ANY_SIZE_PX) for photograph in photographs)
+    return posed_captures(photographs, ANY_SIZE_PX)
 
 
 def _first_points(

@@ -210,3 +210,12 @@ def test_smaller_is_the_mean_and_the_nearest_is_never_mixed():
     assert resize(image, 8, 6) is image
     ids = np.array([[3.0, 7.0]], np.float32)
     assert resize_nearest(ids, 2, 4).tolist() == [[3.0, 3.0, 7.0, 7.0]] * 2
+
+
+@pytest.mark.parametrize("width", [13, 20, 27, 40])
+def test_the_nearest_pixel_is_where_the_centre_lies(width):
+    """A ramp of pixel centres keeps its values to half a pixel, and on the mean."""
+    ramp = np.tile(np.arange(16) + 0.5, (4, 1))
+    moved = resize_nearest(ramp, 5, width)[0] - (np.arange(width) + 0.5) * 16.0 / width
+    assert np.abs(moved).max() <= 0.5
+    assert abs(moved.mean()) <= 0.1

@@ -117,7 +117,7 @@ def read_colmap_model(model: Path, folder: Path, progress: Progress = SILENT) ->
         source = f"{model / ('images' + suffix)}, image {image['id']} ({image['name']})"
         pose = np.linalg.inv(np.vstack([image["camera_from_world"], [0.0, 0.0, 0.0, 1.0]]))
         lens = _lens(image["camera"], f"{model / ('cameras' + suffix)}, camera {image['camera']['id']}")
-        photographs.append(Photograph(image["name"], path, lens, pose, source))
+        photographs.append(Photograph(image["name"], path, lens, pose, source, stored_pixels=True))
     return with_unique_names(photographs)
 
 

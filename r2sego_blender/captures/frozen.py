@@ -7,7 +7,7 @@ from pathlib import Path
 from ..errors import CaptureError
 from .cameras_json import read_frozen
 from .capture import Capture
-from .photographs import ANY_SIZE_PX, capture_of
+from .photographs import ANY_SIZE_PX, posed_captures
 
 
 def load_frozen_views(path: Path, max_side_px: int = ANY_SIZE_PX) -> tuple[Capture, ...]:
@@ -20,4 +20,4 @@ def load_frozen_views(path: Path, max_side_px: int = ANY_SIZE_PX) -> tuple[Captu
     photographs = read_frozen(path, path.parent)
     if not photographs:
         raise CaptureError("the 'frozen' list is empty", where=path, cure="List held-out photographs.")
-    return tuple(capture_of(photograph, max_side_px) for photograph in photographs)
+    return posed_captures(photographs, max_side_px)

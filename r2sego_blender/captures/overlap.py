@@ -134,7 +134,8 @@ def _nothing_overlaps(contradicting: int, settings: CaptureSettings) -> CaptureE
             f"the photographs overlap ({contradicting} matches in the best pair), but their poses "
             "contradict every match", where="camera poses",
             cure="Check the axis convention (OpenCV world_from_camera in cameras.json, OpenGL in "
-            "transforms.json), the order of the poses and the focal length.",
+            "transforms.json), the order of the poses, the focal length, and whether photographs that EXIF "
+            "turns by 180 degrees were turned when the poses were solved.",
         )  # fmt: skip
     return CaptureError(
         f"no two photographs share {settings.min_matches} matches that fit their poses",

@@ -39,6 +39,7 @@ class Photograph:
 
     ``world_from_camera`` (4, 4) float64 has OpenCV axes; ``source`` is the file and field
     that errors point to, ``mask_path`` the mask that is named for it, if that is there.
+    ``stored_pixels``: what solved the poses does not turn photographs upright by EXIF.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Photograph:
     world_from_camera: np.ndarray
     source: str
     mask_path: Path | None = None
+    stored_pixels: bool = False
 
 
 def photograph_size(path: Path) -> tuple[int, int, int]:
@@ -98,7 +100,36 @@ def captures_of(photographs: Sequence[Photograph], max_side_px: int) -> tuple[Ca
                     f"the photograph '{spelling}' is listed {count} times", where=photographs[0].source,
                     cure="Keep one entry for each photograph.",
                 )  # fmt: skip
-    return tuple(capture_of(photograph, max_side_px) for photograph in photographs)
+    return posed_captures(photographs, max_side_px)
+
+
+def posed_captures(photographs: Sequence[Photograph], max_side_px: int) -> tuple[Capture, ...]:
+    """Captures of the photographs of one pose file, any number; other errors as for ``captures_of``."""
+    half_turned = _half_turns_are_stored(photographs)
+    return tuple(
+        capture_of(
+            photograph, max_side_px,
+            half_turned=photograph.stored_pixels if half_turned is None else half_turned,
+        )
+        for photograph in photographs
+    )  # fmt: skip
+
+
+def _half_turns_are_stored(photographs: Sequence[Photograph]) -> bool | None:
+    """Whether poses are of the stored pixels where EXIF turns a photograph by half.
+
+    Its shape does not tell that. Those by a quarter tell it for the whole file; else which way is up
+    in the photographs that stand upright as they are stored. None: nothing tells.
+    """
+    up = {0: np.zeros(3), 2: np.zeros(3)}
+    for photograph in photographs:
+        width, height, turns = photograph_size(photograph.path)
+        if turns in up:
+            up[turns] -= photograph.world_from_camera[:3, 1]
+        elif _same_shape(photograph.lens, width, height) != _same_shape(photograph.lens, height, width):
+            return _same_shape(photograph.lens, width, height)
+    agreement = up[0] @ up[2]
+    return None if agreement == 0.0 else bool(agreement < 0.0)
 
 
 def _place(photograph: Photograph) -> str:
@@ -114,15 +145,18 @@ def too_few(count: int, where: object) -> CaptureError:
     )  # fmt: skip
 
 
-def capture_of(photograph: Photograph, max_side_px: int, files_needed: bool = True) -> Capture:
+def capture_of(
+    photograph: Photograph, max_side_px: int, files_needed: bool = True, half_turned: bool = False
+) -> Capture:
     """The capture of one posed photograph; errors as for ``captures_of``.
 
     Without ``files_needed`` a photograph that is missing has the size its lens says.
+    ``half_turned``: its pose is of the stored pixels where EXIF turns them by half.
     """
     pose = _rigid(photograph.world_from_camera, photograph.source)
     lens, turns = photograph.lens, 0
     if photograph.path.is_file() or files_needed:
-        lens, pose, turns = _upright(photograph, pose)
+        lens, pose, turns = _upright(photograph, pose, half_turned)
     try:
         camera = lens.straight(pose).fitted(max_side_px)
     except CaptureError as error:
@@ -133,12 +167,13 @@ def capture_of(photograph: Photograph, max_side_px: int, files_needed: bool = Tr
     )  # fmt: skip
 
 
-def _upright(photograph: Photograph, pose: np.ndarray) -> tuple[Lens, np.ndarray, int]:
+def _upright(photograph: Photograph, pose: np.ndarray, half_turned: bool) -> tuple[Lens, np.ndarray, int]:
     """The lens and pose for the upright photograph at its true size, and the quarter turns to it."""
     lens = photograph.lens
     width, height, turns = photograph_size(photograph.path)
     upright = (height, width) if turns % 2 else (width, height)
-    if turns % 2 and _same_shape(lens, width, height) and not _same_shape(lens, *upright):
+    stored = _same_shape(lens, width, height) and not _same_shape(lens, *upright)
+    if half_turned if turns == 2 else stored:
         # The poses were solved on the stored pixels, before EXIF turned them upright.
         lens = lens.turned(turns)
         for _ in range(turns):

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from ..cameras import Camera, rotation_angle_rad
 from ..errors import GeometryError
+from ..images import resize_nearest
 from .planes import RoomPlanes
 from .pose_search import OUTSIDE, POINTS, Problem, energies, energy_parts, refined, view_misfit
 from .shapes import Shape
@@ -335,7 +336,7 @@ def _windows(
         scaled = camera.scaled(scale)
         size = (scaled.width, scaled.height)
         mask = np.sum([cv2.resize(one, size, interpolation=cv2.INTER_AREA) > 0.5 for one in _widths(mask)], 0)
-        depth = cv2.resize(depth.astype(np.float32), size, interpolation=cv2.INTER_NEAREST)
+        depth = resize_nearest(depth.astype(np.float32), *scaled.shape)
         rows, columns = _surroundings(mask, margin)
         shifted = Camera(
             columns.stop - columns.start, rows.stop - rows.start, scaled.fx, scaled.fy,

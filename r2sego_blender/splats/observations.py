@@ -10,7 +10,7 @@ import numpy as np
 
 from ..cameras import Camera
 from ..errors import AssetError
-from ..images import resize
+from ..images import resize, resize_nearest
 from .tiles import planes_of
 
 ImageSource = np.ndarray | Callable[[], np.ndarray]
@@ -135,15 +135,11 @@ def _geometry(view: Observation, camera: Camera) -> tuple[np.ndarray | None, ...
     """Depth, normals and their weight at the nearest pixels: depths are never averaged."""
     if view.depth is None:
         return None, None, None
-    height, width = view.camera.shape
-    rows = ((np.arange(camera.height) + 0.5) * height / camera.height).astype(np.int64)
-    columns = ((np.arange(camera.width) + 0.5) * width / camera.width).astype(np.int64)
-    grid = np.ix_(rows, columns)
-    depth = np.ascontiguousarray(view.depth[grid], np.float32)
+    depth = resize_nearest(view.depth, *camera.shape).astype(np.float32)
     weight = (depth > 0.0).astype(np.float32)
     if view.depth_confidence is not None:
-        weight *= view.depth_confidence[grid]
-    normals = None if view.normals is None else np.ascontiguousarray(view.normals[grid], np.float32)
+        weight *= resize_nearest(view.depth_confidence, *camera.shape)
+    normals = None if view.normals is None else resize_nearest(view.normals, *camera.shape).astype(np.float32)
     return depth, normals, weight
 
 

@@ -16,6 +16,7 @@ from r2sego_blender.captures.distortion import COEFFICIENTS
 from r2sego_blender.captures.frozen import load_frozen_views
 from r2sego_blender.captures.importing import import_captures
 from r2sego_blender.captures.lens import Lens
+from r2sego_blender.captures.photographs import Photograph, posed_captures
 from r2sego_blender.errors import CaptureError
 from r2sego_blender.settings import CaptureSettings
 
@@ -222,6 +223,42 @@ def test_poses_of_stored_pixels_are_turned_with_exif_orientation(tmp_path, rng, 
     assert (capture.camera.width, capture.camera.height) == (48, 64)
     place, depth = capture.camera.project(spot)
     row, column = np.argwhere(capture.image()[..., 0] > 0.5)[0]
+    assert np.abs(place - [column + 0.5, row + 0.5]).max() < 1e-9
+    assert depth == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("solved_on", ["stored", "upright"])
+@pytest.mark.parametrize("told_by", ["quarter turns", "up", "the program"])
+def test_poses_of_a_photograph_that_exif_turns_by_half(tmp_path, rng, told_by, solved_on):
+    """A half turn changes no shape: other photographs, or what wrote the file, tell what was solved on."""
+    stored = Camera(64, 48, 50.0, 55.0, 30.0, 25.0, _poses(rng, 1)[0])
+    spot = stored.unproject(np.full((48, 64), 2.0))[10, 50]
+    turned = stored.world_from_camera @ np.diag([-1.0, -1.0, 1.0, 1.0])
+    upright = Camera(64, 48, 50.0, 55.0, 34.0, 23.0, turned)
+    given = stored if solved_on == "stored" else upright
+
+    def photograph(name, camera, orientation):
+        pixels = np.zeros((48, 64, 3), np.uint8)
+        pixels[10, 50] = 255
+        exif = Image.Exif()
+        exif[274] = orientation
+        Image.fromarray(pixels).save(tmp_path / name, exif=exif)
+        lens = Lens(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy)
+        return Photograph(
+            name, tmp_path / name, lens, camera.world_from_camera, "test", stored_pixels=said_by_program
+        )
+
+    said_by_program = told_by == "the program" and solved_on == "stored"
+    photographs = [photograph("half.png", given, 3)]
+    if told_by == "up":
+        photographs.append(photograph("plain.png", upright, 1))
+    elif told_by == "quarter turns":
+        size = (64, 48) if solved_on == "stored" else (48, 64)
+        photographs.append(photograph("quarter.png", Camera(*size, 50.0, 50.0, 32.0, 24.0, np.eye(4)), 6))
+    capture = posed_captures(photographs, 64)[0]
+    row, column = np.argwhere(capture.image()[..., 0] > 0.5)[0]
+    assert (row, column) == (37, 13)
+    place, depth = capture.camera.project(spot)
     assert np.abs(place - [column + 0.5, row + 0.5]).max() < 1e-9
     assert depth == pytest.approx(2.0)
 
