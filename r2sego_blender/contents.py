@@ -83,9 +83,10 @@ class Contents:
 
     @cached_property
     def ego_camera(self) -> Camera:
-        """The head camera's lens, with images of the first capture's size."""
+        """The head camera's lens, with images of the first capture's sides: robots' lie, whichever way a
+        phone was held."""
         first = self.captures[0].camera
-        return ego_camera(self.robot, first.width, first.height)
+        return ego_camera(self.robot, max(first.shape), min(first.shape))
 
     # ---- as the steps published it
 

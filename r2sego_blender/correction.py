@@ -63,7 +63,7 @@ def correct_registration(
             cure="Give points of the floor, or the direction up and where the floor lies, or a scale.",
         )  # fmt: skip
     with scene.locked():
-        captures, sparse = _load(scene)
+        scene, captures, sparse = _load(scene)
         ground = None
         if floor:
             ground = ground_through(captures, sparse, floor, progress)
@@ -80,7 +80,7 @@ def correct_by_picks(scene: Scene, picks: Picks, progress: Progress = SILENT) ->
     the picks tell neither, or contradict each other, and changes nothing then.
     """
     with scene.locked():
-        captures, sparse = _load(scene)
+        scene, captures, sparse = _load(scene)
         fit = fit_picks(picks, captures, sparse, progress)
         fit.check()
         if fit.ground is None and fit.metres_per_unit is None:
@@ -105,7 +105,7 @@ def correct_to_frame(scene: Scene, world_from_frame: np.ndarray) -> Scene:
     frame = np.asarray(world_from_frame, np.float64)
     scale = _scale_of(frame)
     with scene.locked():
-        captures, sparse = _load(scene)
+        scene, captures, sparse = _load(scene)
         similarity = np.linalg.inv(frame)
         up = frame[:3, 2] / scale
         ground = Ground(up, float(up @ frame[:3, 3]), 0, True, "the plane of a frame placed by hand")
@@ -137,7 +137,7 @@ def undo_correction(scene: Scene) -> Scene:
         last = history[-1]
         before = Registration(np.array(last["world_from_capture"]), last["ground"], last["scale_source"])
         similarity = np.linalg.inv(np.array(last["new_from_old"]))
-        return _moved(scene, *_load(scene), similarity, before, taken_back=True)
+        return _moved(*_load(scene), similarity, before, taken_back=True)
 
 
 def _moved(
@@ -228,8 +228,10 @@ def _copy(file: Path, place: Path) -> None:
     shutil.copy2(file, place)
 
 
-def _load(scene: Scene) -> tuple[tuple[Capture, ...], SparsePoints]:
-    return load_captures(scene.captures_folder), SparsePoints.load(scene.captures_folder / "sparse.npz")
+def _load(scene: Scene) -> tuple[Scene, tuple[Capture, ...], SparsePoints]:
+    """What is moved, and the scene as it is declared now: it may have been corrected since it was opened."""
+    captures = load_captures(scene.captures_folder)
+    return Scene.open(scene.path), captures, SparsePoints.load(scene.captures_folder / "sparse.npz")
 
 
 def _registration(scene: Scene) -> Registration:

@@ -86,13 +86,22 @@ class Scene:
         return Scene(path, read_declaration(path))
 
     def declare(self, **changes: Any) -> Scene:
-        """This scene with parts of its declaration changed, on disk too."""
-        declaration = dataclasses.replace(self.declaration, **changes)
+        """This scene with parts of its declaration changed, on disk too.
+
+        The other parts are as they stand there now: another may have changed them since it was opened.
+        """
+        present = self._declaration_now()
+        declaration = dataclasses.replace(present, **changes)
         _ = declaration.settings  # refuse unknown settings before anything is written
-        if declaration != self.declaration:
+        if declaration != present:
             with _disk_errors(self.path):
                 write_declaration(self.path / DECLARATION, declaration)
         return Scene(self.path, declaration)
+
+    def _declaration_now(self) -> Declaration:
+        """As it stands on disk; one that ``changing_together`` made has none there yet."""
+        there = (self.path / DECLARATION).is_file()
+        return read_declaration(self.path) if there else self.declaration
 
     # ---- places
 
@@ -261,7 +270,7 @@ class Scene:
         the next who holds the lock puts the rest there.
         """
         with _disk_errors(self.path), replacing_together(self.path, (*parts, DECLARATION)) as folder:
-            yield Scene(folder, self.declaration)
+            yield Scene(folder, self._declaration_now())
 
     @property
     def backends(self) -> dict[str, str]:

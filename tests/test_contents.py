@@ -1,12 +1,14 @@
 """A bundle's contents are read as the steps and the trial need them, and the behaviour is placed once."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from made_up_room import made_up_bundle
 
 from r2sego_blender.arrays import save_arrays
+from r2sego_blender.cameras import Camera
 from r2sego_blender.contents import Contents
 from r2sego_blender.errors import GenerationError, GeometryError
 from r2sego_blender.robot_declaration import declare_robot
@@ -31,6 +33,16 @@ def scene(tmp_path_factory):
 
 def contents_of(scene: Scene) -> Contents:
     return Contents(scene, scene.declaration.settings)
+
+
+@pytest.mark.parametrize(("width", "height"), [(640, 480), (480, 640)])
+def test_the_head_camera_lies_whichever_way_the_phone_was_held(scene, width, height):
+    contents = contents_of(scene)
+    held = Camera(width, height, 500.0, 500.0, width / 2, height / 2, np.eye(4))
+    vars(contents)["captures"] = (SimpleNamespace(camera=held),)
+    seen = contents.ego_camera
+    assert (seen.width, seen.height) == (640, 480)
+    assert np.degrees(2.0 * np.arctan(320.0 / seen.fx)) == pytest.approx(69.0, abs=0.1)
 
 
 def test_the_free_floor_is_what_captures_vouch_for_and_a_drawn_region_stays(scene):

@@ -155,6 +155,9 @@ def test_up_and_height_by_hand(tmp_path):
     assert_true(made, cameras)
     again = correct_registration(made, up=(0, 0, 1))
     assert_true(again, cameras)
+    # Who has opened the scene before goes on from where it is now.
+    assert_true(correct_registration(scene, up=(0, 0, 1)), cameras)
+    assert_true(scene.declare(preset="preview"), cameras)
 
 
 def test_a_scale_is_corrected_without_moving_the_floor(tmp_path):

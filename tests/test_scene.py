@@ -9,6 +9,7 @@ import threading
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 import tomli_w
 
@@ -39,6 +40,16 @@ def test_open_reads_what_create_declared(tmp_path):
     changed = scene.declare(preset="preview", overrides={"training.steps_per_round": 7})
     assert Scene.open(scene.path).declaration == changed.declaration
     assert Scene.open(scene.path).declaration.settings.training.steps_per_round == 7
+
+
+def test_what_another_declared_meanwhile_stays(tmp_path):
+    scene = make_scene(tmp_path)
+    turned = tuple(map(tuple, np.diag([-1.0, -1.0, 1.0, 1.0]).tolist()))
+    Scene.open(scene.path).declare(world_from_capture=turned, ground="corrected")
+    changed = scene.declare(preset="preview").declaration
+    assert changed == Scene.open(scene.path).declaration
+    assert (changed.world_from_capture, changed.ground) == (turned, "corrected")
+    assert changed.preset == "preview"
 
 
 def test_another_preset_begins_without_the_overrides_of_before():
