@@ -9,6 +9,10 @@ from r2sego_blender.named_settings import PRESETS, entries
 from r2sego_blender.settings import Settings
 
 
+def _only_how() -> str:
+    return " and ".join(f"`{entry.key}`" for entry in entries() if not entry.changes_result)
+
+
 def settings_page() -> str:
     """The page's Markdown."""
     lines = [
@@ -18,7 +22,8 @@ def settings_page() -> str:
         "Give any of them as `r2sego refine SCENE --set key=value`: the scene keeps it, until another",
         "preset is asked for. Those of captures are for `r2sego new`, where photographs become captures.",
         "The defaults are the paper's (its H) or, where the paper is silent, what measured best. The last",
-        "column is the `preview` preset.",
+        "column is the `preview` preset. Where one is changed, the next run makes again what depends on it,",
+        f"but for {_only_how()}, which change no result.",
     ]
     docs = {f.name: type(getattr(Settings(), f.name)).__doc__ for f in dataclasses.fields(Settings)}
     section = None

@@ -86,6 +86,7 @@ class Entry:
     low: float | None
     high: float | None
     choices: tuple[str, ...]
+    changes_result: bool
 
 
 def entries(settings: Settings = Settings()) -> Iterator[Entry]:

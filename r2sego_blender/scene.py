@@ -369,7 +369,8 @@ def _remove_abandoned(folder: Path) -> None:
 
 def _as_json(value: Any) -> Any:
     if dataclasses.is_dataclass(value):
-        return dataclasses.asdict(value)
+        read = (field for field in dataclasses.fields(value) if field.metadata.get("changes_result", True))
+        return {field.name: getattr(value, field.name) for field in read}
     if hasattr(value, "tolist"):
         return value.tolist()
     return str(value)

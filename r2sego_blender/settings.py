@@ -14,10 +14,15 @@ from .errors import SettingsError
 
 
 def setting(
-    default: Any, doc: str, low: float | None = None, high: float | None = None, choices: Sequence[str] = ()
-) -> Any:
-    """A dataclass field with its doc line and its inclusive range or, for names, its choices."""
-    return field(default=default, metadata={"doc": doc, "low": low, "high": high, "choices": tuple(choices)})
+    default: Any, doc: str, low: float | None = None, high: float | None = None, choices: Sequence[str] = (),
+    changes_result: bool = True,
+) -> Any:  # fmt: skip
+    """A dataclass field with its doc line and its inclusive range or, for names, its choices.
+
+    Where it only changes how fast or in how much memory a result is made, nothing is made again for it.
+    """
+    said = {"doc": doc, "low": low, "high": high, "choices": tuple(choices), "changes_result": changes_result}
+    return field(default=default, metadata=said)
 
 
 @dataclass(frozen=True)
@@ -173,7 +178,9 @@ class RolloutSettings:
 
     successes: int = setting(12, "Successful rollouts a round.", 1, 1000)
     max_attempts: int = setting(60, "Rollouts tried a round before giving up.", 1, 10000)
-    processes: int = setting(0, "Processes that simulate, each an attempt; 0: one a core.", 0, 256)
+    processes: int = setting(
+        0, "Processes that simulate, each an attempt; 0: one a core.", 0, 256, changes_result=False
+    )
     step_s: float = setting(0.004, "Time step of the simulation.", 0.0005, 0.005)
     max_force_n: float = setting(
         120.0, "Bound of the helping force on the base, each axis, of a 35 kg robot.", 0.0, 5000.0
@@ -318,7 +325,9 @@ class TrainingSettings:
     three_quarter_resolution_share: float = setting(
         0.0, "Share of the steps, after those, run at three quarters of the resolution.", 0.0, 1.0
     )
-    image_cache_mb: int = setting(1024, "Memory for prepared images, the rest is loaded anew.", 16, 65536)
+    image_cache_mb: int = setting(
+        1024, "Memory for prepared images, the rest is loaded anew.", 16, 65536, changes_result=False
+    )
     captures_first_share: float = setting(
         0.25, "Share of a round's steps, at the start, on captures alone.", 0.0, 1.0
     )
@@ -376,10 +385,10 @@ class TrainingSettings:
         0.0, "Weight of the depth's slope errors against known normals.", 0.0, 10.0
     )
     exposure_rate: float = setting(
-        1e-3, "Learning rate of a generated frame's brightness, where it is refined.", 0.0, 1.0
+        0.0, "Learning rate of a generated frame's brightness; 0: it is taken as it is.", 0.0, 1.0
     )
     pose_rate: float = setting(
-        1e-4, "Learning rate of a generated frame's pose (rad, m), where it is refined.", 0.0, 1.0
+        0.0, "Learning rate of a generated frame's pose (rad, m); 0: it stays as registered.", 0.0, 1.0
     )
     rate_swing: float = setting(
         1.0, "All learning rates start as many times higher, and end as many times lower.", 1.0, 10.0

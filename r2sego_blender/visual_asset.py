@@ -18,7 +18,7 @@ from .named_settings import FULL_RESOLUTION
 from .progress import SILENT, Progress
 from .settings import TrainingSettings
 from .splats.asset import SplatAsset
-from .splats.initialization import DepthView, from_depth, from_points
+from .splats.initialization import DepthView, from_depth, from_points, surface_normals
 from .splats.observations import Observation
 from .splats.rasterizer import render
 from .splats.training import train
@@ -141,28 +141,35 @@ def update_visual_asset(
     while captures are drawn more often: they stay the anchors (Sec. III-C).
     """
     asset = grow(asset, [*captures, *(p.view for p in pseudo_observations)], settings, rng)
-    real = [_observation(v, backdrop, weight=settings.real_weight) for v in captures]
+    real = [_observation(v, backdrop, settings, weight=settings.real_weight) for v in captures]
     first = round(settings.captures_first_share * settings.steps_per_round)
     title = "Training on captures"
     asset = train(asset, real, first, settings, rng, progress, title, shown_from(real, title, progress))
     anchors = [dataclasses.replace(o, draws=settings.capture_oversampling) for o in real]
     synthetic = [
-        _observation(p.view, backdrop, weight=settings.synthetic_weight, confidence=agreement(asset, p))
+        dataclasses.replace(
+            _observation(p.view, backdrop, settings, weight=settings.synthetic_weight),
+            confidence=agreement(asset, p),
+            refines_exposure=settings.exposure_rate > 0.0, refines_pose=settings.pose_rate > 0.0,
+        )
         for p in pseudo_observations
-    ]
+    ]  # fmt: skip
     rest = settings.steps_per_round - first
     title, both = "Training on all views", [*anchors, *synthetic]
     return train(asset, both, rest, settings, rng, progress, title, shown_from(both, title, progress))
 
 
 def _observation(
-    view: DepthView, backdrop: SplatAsset, weight: float, confidence: np.ndarray | None = None
+    view: DepthView, backdrop: SplatAsset, settings: TrainingSettings, weight: float
 ) -> Observation:
     """The view as training sees it: with its depth, opaque where it has any, the backdrop behind."""
+    normals = None
+    if settings.normal_weight > 0.0:
+        normals = surface_normals(view.camera, view.depth).astype(np.float32)
     return Observation(
-        view.camera, view.image, weight, confidence,
+        view.camera, view.image, weight,
         background=render(backdrop, view.camera).colour, opaque=(view.depth > 0.0).astype(np.float32),
-        depth=view.depth,
+        depth=view.depth, normals=normals,
     )  # fmt: skip
 
 

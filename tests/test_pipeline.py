@@ -73,6 +73,9 @@ def test_a_step_reads_only_what_its_key_knows(small_room):
     for entry in entries(before.declaration.settings):
         after = KeysOnly(small_room, **{entry.key: another(entry)})
         refine(after)
+        if not entry.changes_result:
+            assert not after.redone(before), entry.key
+            continue
         reading = {target for target, settings in small_room.settings.items() if entry.key in settings}
         missed |= {(target, entry.key) for target in reading - after.redone(before)}
     # The backdrop's views have a share of detail, as all that are lifted: it makes nothing of it.

@@ -249,6 +249,28 @@ def test_an_update_uses_its_depth_only_where_that_has_a_weight():
     assert trained(views, 1.0) != trained(told, 1.0)
 
 
+@pytest.mark.parametrize("key", ["normal_weight", "exposure_rate", "pose_rate"])
+def test_what_an_update_may_use_or_correct_it_does_where_its_setting_says_so(key):
+    """The darker, moved view is a generated one: only its brightness and pose may be corrected."""
+    capture, other = wall_view(-0.3), wall_view(0.3)
+    aside = other.camera.world_from_camera.copy()
+    aside[0, 3] += 0.03
+    darker = (0.8 * other.image).astype(np.float32)
+    generated = pseudo(dataclasses.replace(other, image=darker, camera=other.camera.at(aside)))
+    start = grow(SplatAsset.empty(), [capture], SETTINGS, np.random.default_rng(0))
+
+    def trained(pseudo_observations: list[PseudoView], value: float) -> bytes:
+        settings = dataclasses.replace(SETTINGS, **{key: value})
+        asset = update_visual_asset(
+            start, SplatAsset.empty(), [capture], pseudo_observations, settings, np.random.default_rng(0)
+        )  # fmt: skip
+        return asset.means.tobytes() + asset.sh.tobytes()
+
+    assert trained([generated], 0.0) != trained([generated], 0.01)
+    if key != "normal_weight":
+        assert trained([], 0.0) == trained([], 0.01)
+
+
 @pytest.mark.parametrize(
     ("captures", "detailed_share", "stride_px"),
     [(1, 1.0, 3), (6, 1.0, 3), (13, 1.0, 4), (60, 1.0, 9), (13, 0.0, 3), (60, 0.0, 4)],

@@ -206,16 +206,16 @@ def _even_discs(
 
 
 def _surface(view: DepthView) -> tuple[np.ndarray, np.ndarray]:
-    """Normals (H, W, 3) as ``_normals`` has them, and (H, W) bool where a disc may lie."""
+    """Normals (H, W, 3) as ``surface_normals`` has them, and (H, W) bool where a disc may lie."""
     depth = np.asarray(view.depth, np.float64)
-    normals = _normals(view.camera, depth)
+    normals = surface_normals(view.camera, depth)
     usable = (depth > _NEAREST_M) & (np.linalg.norm(normals, axis=-1) > 0.5)
     if view.mask is not None:
         usable &= view.mask
     return normals, usable
 
 
-def _normals(camera: Camera, depth: np.ndarray) -> np.ndarray:
+def surface_normals(camera: Camera, depth: np.ndarray) -> np.ndarray:
     """(H, W, 3) float64 unit normals in the camera frame, towards the camera; 0 at the border.
 
     On each axis the difference to the neighbour that is nearer in depth is taken, so that

@@ -31,8 +31,8 @@ class Observation:
     ``depth`` (H, W) float32 is planar depth in metres that the asset should have, 0 unknown,
     and ``normals`` (H, W, 3) float32 the surface's unit normals in the camera frame, 0
     unknown; ``depth_confidence`` (H, W) float32 in [0, 1] weighs both. ``refines_exposure``
-    and ``refines_pose`` let training correct the image's brightness and the camera's pose:
-    for generated frames, never for captures.
+    and ``refines_pose`` let training correct the image's brightness and the camera's pose, at
+    the settings' ``exposure_rate`` and ``pose_rate``: for generated frames, never for captures.
     """
 
     camera: Camera
