@@ -84,7 +84,7 @@ def align_objects(
     settings: PriorSettings,
     progress: Progress = SILENT,
 ) -> tuple[ObjectPrior, ...]:
-    """Retrieve and align a shape for every object, two at a time.
+    """Retrieve and align a shape for every object, as many at a time as there are threads.
 
     ``reliable`` and ``completed`` are each capture's depth (H, W), at its own size; ``library``
     serves the objects that have no mesh of their own.
