@@ -22,6 +22,7 @@ from .structure import (
     Leg,
     Wheel,
     ancestors,
+    axes_in_base,
     find_legs,
     find_shoulders,
     find_wheels,
@@ -61,8 +62,8 @@ class RobotModel:
     base: int
     legs: tuple[Leg, ...]  # front to back, left before right
     wheels: tuple[Wheel, ...]  # left to right
-    waist_yaw: int | None
-    waist_pitch: int | None
+    waist_yaw: int | None  # about the base's z at rest
+    waist_pitch: int | None  # about the base's y at rest
     shoulders: tuple[int, ...]  # the joints that swing the arms, left then right
     rest_qpos: np.ndarray
     radius_m: float
@@ -117,9 +118,10 @@ class RobotModel:
         rest = standing_posture(model, base, legs, declared)
         legs = tuple(standing_leg(model, base, leg, rest) for leg in legs)
         data = posed(model, rest)
+        axes = axes_in_base(data, base)  # links' own frames are turned as it pleased who wrote the file
         return RobotModel(
             source=source, model=model, mount=camera_mount, base=base, legs=legs, wheels=wheels,
-            waist_yaw=first_about(model, waist, 2), waist_pitch=first_about(model, waist, 1),
+            waist_yaw=first_about(axes, waist, 2), waist_pitch=first_about(axes, waist, 1),
             shoulders=find_shoulders(model, in_legs | rolling | set(waist)), rest_qpos=rest,
             radius_m=reach_m(model, data, geoms, data.xpos[base, :2]),
             height_m=highest_m(model, data, geoms),

@@ -176,9 +176,14 @@ def is_hinge(model: mujoco.MjModel, joint: int) -> bool:
     return bool(model.jnt_type[joint] == _HINGE)
 
 
-def first_about(model: mujoco.MjModel, joints: Iterable[int], axis: int) -> int | None:
-    """The first of ``joints`` that turns about its body's ``axis``."""
-    return next((joint for joint in joints if abs(model.jnt_axis[joint, axis]) > _ALONG), None)
+def axes_in_base(data: mujoco.MjData, base: int) -> np.ndarray:
+    """(njnt, 3) the joints' axes in the base's frame, in ``data`` with its kinematics done."""
+    return data.xaxis @ data.xmat[base].reshape(3, 3)
+
+
+def first_about(axes: np.ndarray, joints: Iterable[int], axis: int) -> int | None:
+    """The first of ``joints`` whose axis, of ``axes`` (njnt, 3), lies along ``axis`` or against it."""
+    return next((joint for joint in joints if abs(axes[joint, axis]) > _ALONG), None)
 
 
 def _limbs(model: mujoco.MjModel, base: int) -> list[tuple[int, ...]]:
