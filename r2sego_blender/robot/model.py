@@ -30,6 +30,7 @@ from .structure import (
     fixed_to,
     is_hinge,
     joints_of,
+    on_joints,
     posed,
     standing_leg,
 )  # fmt: skip
@@ -223,12 +224,13 @@ class RobotModel:
                 place = "waist" if model.jnt_bodyid[joint] in camera_chain else "arm"
             gains = SERVOS[place]
             servos[name] = Servo(gains.stiffness * scale, gains.damping * scale)
-        for actuator in range(model.nu):
+        for actuator in np.flatnonzero(on_joints(model)):
             stiffness, damping = model.actuator_gainprm[actuator, 0], -model.actuator_biasprm[actuator, 2]
-            is_servo = model.actuator_biasprm[actuator, 1] == -stiffness and stiffness > 0.0
-            if is_servo and model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT:
+            if model.actuator_biasprm[actuator, 1] == -stiffness and stiffness > 0.0:
                 name = model.joint(model.actuator_trnid[actuator, 0]).name
-                servos[name] = Servo(float(stiffness), float(damping))
+                # The gear stretches the angle that it is told of, and then the force.
+                gear = model.actuator_gear[actuator, 0] ** 2
+                servos[name] = Servo(float(gear * stiffness), float(gear * damping))
         return servos
 
 

@@ -13,7 +13,7 @@ from .collision_shapes import bearing_points, colliding, farthest_point, is_roun
 
 _HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
-_ON_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
+_ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 # A leg has this many hinges of its own at least; from this many on its sole can be kept level.
 _LEG_HINGES, _LEVEL_HINGES = 3, 5
 # Feet reach down to the lowest foot, and wheels to the robot's lowest point, within this.
@@ -75,7 +75,7 @@ def find_wheels(model: mujoco.MjModel, base: int, rest_qpos: np.ndarray) -> tupl
     """
     data = posed(model, rest_qpos)
     ground = lowest_m(model, data, colliding(model))
-    driven = model.actuator_trnid[model.actuator_trntype == _ON_JOINT, 0]
+    driven = model.actuator_trnid[on_joints(model), 0]
     wheels = []
     for joint in range(model.njnt):
         low, high = model.jnt_range[joint]
@@ -174,6 +174,11 @@ def joints_of(model: mujoco.MjModel, body: int) -> range:
 def is_hinge(model: mujoco.MjModel, joint: int) -> bool:
     """Whether ``joint`` is a hinge."""
     return bool(model.jnt_type[joint] == _HINGE)
+
+
+def on_joints(model: mujoco.MjModel) -> np.ndarray:
+    """(nu,) bool which actuators drive a joint: their first ``trnid`` is its id, and not a tendon's."""
+    return np.isin(model.actuator_trntype, _ON_JOINT)
 
 
 def axes_in_base(data: mujoco.MjData, base: int) -> np.ndarray:
