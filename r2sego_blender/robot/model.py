@@ -44,7 +44,7 @@ _TABLES = (
     "qpos0", "key_qpos", "body_pos", "body_quat", "body_mass", "body_inertia", "jnt_pos", "jnt_axis",
     "jnt_range", "dof_armature", "dof_damping", "geom_pos", "geom_size", "mesh_vert",
 )  # fmt: skip
-_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+_FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,8 @@ class RobotModel:
         ``mount`` is the name of a camera in the file, ``[parent, xyz, rpy, fov]`` (see
         ``mount.parse_mount``), or None for the file's only camera or the one named
         ``head_camera``. Raises RobotError: a file that does not compile (with MuJoCo's words),
-        no free base, neither two legs nor two driven wheels, an unknown camera or parent.
+        no free base, a ball joint, neither two legs nor two driven wheels, an unknown camera or
+        parent.
         """
         source = str(source)
         spec = robot_spec(source)
@@ -92,6 +93,7 @@ class RobotModel:
             if not np.isfinite(getattr(model, table)).all():
                 raise RobotError(f"{table} is not finite", where=source, cure="Correct the file.")
         base = _free_base(model, source)
+        _refuse_balls(model, source)
         geoms = colliding(model)
         if not len(geoms):
             raise RobotError(
@@ -242,6 +244,16 @@ def _free_base(model: mujoco.MjModel, source: str) -> int:
             cure="Give one robot whose first body has the only free joint.",
         )  # fmt: skip
     return int(model.jnt_bodyid[free[0]])
+
+
+def _refuse_balls(model: mujoco.MjModel, source: str) -> None:
+    """A servo drives one coordinate, and a ball joint's four are no angles."""
+    balls = [model.joint(joint).name for joint in np.flatnonzero(model.jnt_type == _BALL)]
+    if balls:
+        raise RobotError(
+            f"'{balls[0]}' is a ball joint, which no servo can drive", where=source,
+            cure="Replace it by three hinges, or leave it out: what it holds is then fixed.",
+        )  # fmt: skip
 
 
 def _find_mount(model: mujoco.MjModel, mount: Any, source: str) -> CameraMount:
