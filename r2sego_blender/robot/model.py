@@ -15,7 +15,8 @@ from ..cameras import Camera
 from ..errors import RobotError
 from .collision_shapes import colliding, core_points, highest_m, lowest_m, reach_m
 from .humanoid import SERVOS, Servo
-from .mount import MUJOCO_FROM_OPENCV, CameraMount, mount_on
+from .model_camera import mount_of
+from .mount import CameraMount, mount_on
 from .rest_posture import declared_posture, standing_posture
 from .robot_file import EMBEDDED_HUMANOID, does_not_compile, robot_spec
 from .structure import (
@@ -81,7 +82,7 @@ class RobotModel:
         ``mount.parse_mount``), or None for the file's only camera or the one named
         ``head_camera``. Raises RobotError: a file that does not compile (with MuJoCo's words),
         no free base, a ball joint, neither two legs nor two driven wheels, an unknown camera or
-        parent.
+        parent, a camera without perspective.
         """
         source = str(source)
         spec = robot_spec(source)
@@ -270,13 +271,6 @@ def _find_mount(model: mujoco.MjModel, mount: Any, source: str) -> CameraMount:
         if mount not in names:
             known = f"It has: {', '.join(names)}." if names else "It has none; give [parent, xyz, rpy, fov]."
             raise RobotError(f"the robot has no camera '{mount}'", where=source, cure=known)
-        camera = model.camera(mount)
-        rotation = np.zeros(9)
-        mujoco.mju_quat2Mat(rotation, model.cam_quat[camera.id])
-        pose = np.eye(4)
-        pose[:3, :3] = rotation.reshape(3, 3) @ MUJOCO_FROM_OPENCV
-        pose[:3, 3] = model.cam_pos[camera.id]
-        parent = model.body(model.cam_bodyid[camera.id]).name
-        return CameraMount(parent, pose, float(model.cam_fovy[camera.id]), vertical=True)
+        return mount_of(model, model.camera(mount).id, source)
     bodies = [model.body(index).name for index in range(1, model.nbody)]
     return mount_on(bodies, mount, source)
