@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import RobotError
 from ..settings import RolloutSettings
+from .efforts import effort
 from .humanoid import Servo
 from .model import RobotModel
 from .robot_file import robot_spec
@@ -151,7 +152,7 @@ def compose(
     servos = robot.servos() if servos is None else servos
     for name, servo in servos.items():
         actuator = spec.add_actuator(name=name, target=_PREFIX + name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        _limit(actuator, servo, _effort_nm(own, own.joint(name).id))
+        _limit(actuator, servo, effort(own, own.joint(name).id))
         gains.append(servo)
     spec.option.timestep = settings.step_s if step_s is None else step_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -220,15 +221,6 @@ def _limit(actuator: mujoco.MjsActuator, servo: Servo, bound: float) -> None:
     if bound > 0.0:
         actuator.forcelimited = True
         actuator.forcerange = (-bound, bound)
-
-
-def _effort_nm(model: mujoco.MjModel, joint: int) -> float:
-    """The joint's largest torque by its own limit or its actuator's; 0 where there is none."""
-    efforts = [model.jnt_actfrcrange[joint, 1] if model.jnt_actfrclimited[joint] else 0.0]
-    for actuator in np.flatnonzero(model.actuator_trnid[:, 0] == joint):
-        if model.actuator_forcelimited[actuator]:
-            efforts.append(model.actuator_forcerange[actuator, 1])
-    return float(max(efforts))
 
 
 def _scene_error(collision_mjcf: Path, error: Exception) -> RobotError:

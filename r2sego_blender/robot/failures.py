@@ -113,15 +113,27 @@ class Judge:
 
     def _joint_limit(self, data: mujoco.MjData) -> Verdict:
         model = self._composition.model
-        limited = model.jnt_limited.astype(bool)
-        if not limited.any():
-            return SUCCESS
-        angles = data.qpos[model.jnt_qposadr[limited]]
-        low, high = model.jnt_range[limited].T
-        beyond = np.maximum(low - angles, angles - high)
-        worst = int(np.argmax(beyond))
-        excess_deg = math.degrees(beyond[worst])
-        if excess_deg <= self._failures.joint_limit_deg:
-            return SUCCESS
-        joint = int(np.flatnonzero(limited)[worst])
-        return Reason.JOINT_LIMIT, f"{self._composition.joint_label(joint)} by {excess_deg:.1f} degrees"
+        joint, beyond_rad = _farthest_beyond(model, data, mujoco.mjtJoint.mjJNT_HINGE)
+        if math.degrees(beyond_rad) > self._failures.joint_limit_deg:
+            name = self._composition.joint_label(joint)
+            return Reason.JOINT_LIMIT, f"{name} by {math.degrees(beyond_rad):.1f} degrees"
+        joint, beyond_m = _farthest_beyond(model, data, mujoco.mjtJoint.mjJNT_SLIDE)
+        if beyond_m > self._failures.joint_limit_m:
+            name = self._composition.joint_label(joint)
+            return Reason.JOINT_LIMIT, f"{name} by {100.0 * beyond_m:.1f} cm"
+        return SUCCESS
+
+
+def _farthest_beyond(model: mujoco.MjModel, data: mujoco.MjData, kind: mujoco.mjtJoint) -> tuple[int, float]:
+    """The limited joint of a kind that is farthest beyond its limits, and by how much (rad or m).
+
+    Negative where all are within them; (-1, -inf) where there is none.
+    """
+    joints = np.flatnonzero(model.jnt_limited.astype(bool) & (model.jnt_type == int(kind)))
+    if not len(joints):
+        return -1, -math.inf
+    places = data.qpos[model.jnt_qposadr[joints]]
+    low, high = model.jnt_range[joints].T
+    beyond = np.maximum(low - places, places - high)
+    worst = int(np.argmax(beyond))
+    return int(joints[worst]), float(beyond[worst])

@@ -15,13 +15,15 @@ from ..cameras import Camera
 from ..errors import RobotError
 from .collision_shapes import colliding, core_points, highest_m, lowest_m, reach_m
 from .humanoid import SERVOS, Servo
-from .mount import MUJOCO_FROM_OPENCV, CameraMount, mount_on
+from .model_camera import mount_of
+from .mount import CameraMount, mount_on
 from .rest_posture import declared_posture, standing_posture
 from .robot_file import EMBEDDED_HUMANOID, does_not_compile, robot_spec
 from .structure import (
     Leg,
     Wheel,
     ancestors,
+    axes_in_base,
     find_legs,
     find_shoulders,
     find_wheels,
@@ -29,6 +31,7 @@ from .structure import (
     fixed_to,
     is_hinge,
     joints_of,
+    on_joints,
     posed,
     standing_leg,
 )  # fmt: skip
@@ -42,7 +45,7 @@ _TABLES = (
     "qpos0", "key_qpos", "body_pos", "body_quat", "body_mass", "body_inertia", "jnt_pos", "jnt_axis",
     "jnt_range", "dof_armature", "dof_damping", "geom_pos", "geom_size", "mesh_vert",
 )  # fmt: skip
-_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+_FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 
 
 @dataclass(frozen=True)
@@ -61,8 +64,8 @@ class RobotModel:
     base: int
     legs: tuple[Leg, ...]  # front to back, left before right
     wheels: tuple[Wheel, ...]  # left to right
-    waist_yaw: int | None
-    waist_pitch: int | None
+    waist_yaw: int | None  # about the base's z at rest
+    waist_pitch: int | None  # about the base's y at rest
     shoulders: tuple[int, ...]  # the joints that swing the arms, left then right
     rest_qpos: np.ndarray
     radius_m: float
@@ -78,7 +81,8 @@ class RobotModel:
         ``mount`` is the name of a camera in the file, ``[parent, xyz, rpy, fov]`` (see
         ``mount.parse_mount``), or None for the file's only camera or the one named
         ``head_camera``. Raises RobotError: a file that does not compile (with MuJoCo's words),
-        no free base, neither two legs nor two driven wheels, an unknown camera or parent.
+        no free base, a ball joint, neither two legs nor two driven wheels, an unknown camera or
+        parent, a camera without perspective.
         """
         source = str(source)
         spec = robot_spec(source)
@@ -90,6 +94,7 @@ class RobotModel:
             if not np.isfinite(getattr(model, table)).all():
                 raise RobotError(f"{table} is not finite", where=source, cure="Correct the file.")
         base = _free_base(model, source)
+        _refuse_balls(model, source)
         geoms = colliding(model)
         if not len(geoms):
             raise RobotError(
@@ -117,9 +122,10 @@ class RobotModel:
         rest = standing_posture(model, base, legs, declared)
         legs = tuple(standing_leg(model, base, leg, rest) for leg in legs)
         data = posed(model, rest)
+        axes = axes_in_base(data, base)  # links' own frames are turned as it pleased who wrote the file
         return RobotModel(
             source=source, model=model, mount=camera_mount, base=base, legs=legs, wheels=wheels,
-            waist_yaw=first_about(model, waist, 2), waist_pitch=first_about(model, waist, 1),
+            waist_yaw=first_about(axes, waist, 2), waist_pitch=first_about(axes, waist, 1),
             shoulders=find_shoulders(model, in_legs | rolling | set(waist)), rest_qpos=rest,
             radius_m=reach_m(model, data, geoms, data.xpos[base, :2]),
             height_m=highest_m(model, data, geoms),
@@ -221,12 +227,13 @@ class RobotModel:
                 place = "waist" if model.jnt_bodyid[joint] in camera_chain else "arm"
             gains = SERVOS[place]
             servos[name] = Servo(gains.stiffness * scale, gains.damping * scale)
-        for actuator in range(model.nu):
+        for actuator in np.flatnonzero(on_joints(model)):
             stiffness, damping = model.actuator_gainprm[actuator, 0], -model.actuator_biasprm[actuator, 2]
-            is_servo = model.actuator_biasprm[actuator, 1] == -stiffness and stiffness > 0.0
-            if is_servo and model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT:
+            if model.actuator_biasprm[actuator, 1] == -stiffness and stiffness > 0.0:
                 name = model.joint(model.actuator_trnid[actuator, 0]).name
-                servos[name] = Servo(float(stiffness), float(damping))
+                # The gear stretches the angle that it is told of, and then the force.
+                gear = model.actuator_gear[actuator, 0] ** 2
+                servos[name] = Servo(float(gear * stiffness), float(gear * damping))
         return servos
 
 
@@ -238,6 +245,16 @@ def _free_base(model: mujoco.MjModel, source: str) -> int:
             cure="Give one robot whose first body has the only free joint.",
         )  # fmt: skip
     return int(model.jnt_bodyid[free[0]])
+
+
+def _refuse_balls(model: mujoco.MjModel, source: str) -> None:
+    """A servo drives one coordinate, and a ball joint's four are no angles."""
+    balls = [model.joint(joint).name for joint in np.flatnonzero(model.jnt_type == _BALL)]
+    if balls:
+        raise RobotError(
+            f"'{balls[0]}' is a ball joint, which no servo can drive", where=source,
+            cure="Replace it by three hinges, or leave it out: what it holds is then fixed.",
+        )  # fmt: skip
 
 
 def _find_mount(model: mujoco.MjModel, mount: Any, source: str) -> CameraMount:
@@ -254,13 +271,6 @@ def _find_mount(model: mujoco.MjModel, mount: Any, source: str) -> CameraMount:
         if mount not in names:
             known = f"It has: {', '.join(names)}." if names else "It has none; give [parent, xyz, rpy, fov]."
             raise RobotError(f"the robot has no camera '{mount}'", where=source, cure=known)
-        camera = model.camera(mount)
-        rotation = np.zeros(9)
-        mujoco.mju_quat2Mat(rotation, model.cam_quat[camera.id])
-        pose = np.eye(4)
-        pose[:3, :3] = rotation.reshape(3, 3) @ MUJOCO_FROM_OPENCV
-        pose[:3, 3] = model.cam_pos[camera.id]
-        parent = model.body(model.cam_bodyid[camera.id]).name
-        return CameraMount(parent, pose, float(model.cam_fovy[camera.id]), vertical=True)
+        return mount_of(model, model.camera(mount).id, source)
     bodies = [model.body(index).name for index in range(1, model.nbody)]
     return mount_on(bodies, mount, source)

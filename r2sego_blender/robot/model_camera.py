@@ -1,9 +1,10 @@
-"""A camera of a MuJoCo model: put on a body, and as it stands in a simulation."""
+"""A camera of a MuJoCo model: put on a body, as it is mounted there, and as it stands in a simulation."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -35,24 +36,46 @@ def add_camera(
     spec.body(parsed.parent).add_camera(name=name, pos=parsed.parent_from_camera[:3, 3], quat=turn, fovy=fovy)
 
 
+def mount_of(model: mujoco.MjModel, camera: int, where: object = None) -> CameraMount:
+    """The model's camera with that id on its body, with the lens that MuJoCo renders with.
+
+    That is ``fovy``, or where the camera has a ``sensorsize`` its focal lengths and principal
+    point, which move with the sensor's size in pixels. Raises RobotError, about ``where``, for
+    a camera without perspective.
+    """
+    if model.cam_projection[camera] != mujoco.mjtProjection.mjPROJ_PERSPECTIVE:
+        raise RobotError(
+            f"the camera '{model.camera(camera).name}' has no perspective", where=where,
+            cure='Give one without projection="orthographic".',
+        )  # fmt: skip
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.cam_quat[camera])
+    pose = np.eye(4)
+    pose[:3, :3] = turn.reshape(3, 3) @ MUJOCO_FROM_OPENCV
+    pose[:3, 3] = model.cam_pos[camera]
+    parent = model.body(model.cam_bodyid[camera]).name
+    mount = CameraMount(parent, pose, float(model.cam_fovy[camera]), vertical=True)
+    sensor = model.cam_sensorsize[camera].astype(np.float64)
+    if sensor[1] == 0.0:
+        return mount
+    focal, offset = np.split(model.cam_intrinsic[camera].astype(np.float64), 2)
+    (fx, fy), (cx, cy) = (focal / sensor).tolist(), (0.5 - offset / sensor).tolist()
+    return replace(mount, focal=(fx, fy), principal=(cx, cy))
+
+
 def model_camera(model: mujoco.MjModel, data: mujoco.MjData, name: str, width: int, height: int) -> Camera:
     """The model's camera ``name`` at its pose in ``data``, with ``width`` x ``height`` pixels.
 
-    The lens is what MuJoCo renders with: ``fovy``, or where the camera has a ``sensorsize``
-    its focal lengths and principal point, which move with the sensor's size in pixels.
-    ``data`` must know the bodies' places: ``mj_forward`` or ``mj_step`` was called. Raises
-    RobotError when it does not, when there is no such camera, or when it has no perspective.
+    The lens is that of ``mount_of``. ``data`` must know the bodies' places: ``mj_forward`` or
+    ``mj_step`` was called. Raises RobotError when it does not, when there is no such camera, or
+    when it has no perspective.
     """
     names = [model.camera(index).name for index in range(model.ncam)]
     if name not in names:
         cure = f"It has: {', '.join(names)}." if names else "It has none."
         raise RobotError(f"the model has no camera '{name}'", cure=cure)
     camera = names.index(name)
-    if model.cam_projection[camera] != mujoco.mjtProjection.mjPROJ_PERSPECTIVE:
-        raise RobotError(
-            f"the model's camera '{name}' has no perspective",
-            cure='Give one without projection="orthographic".',
-        )
+    lens = mount_of(model, camera).camera(width, height)
     turn = data.cam_xmat[camera].reshape(3, 3)
     if not (np.isfinite(data.cam_xpos[camera]).all() and abs(np.linalg.det(turn) - 1.0) < 1e-3):
         raise RobotError(
@@ -62,11 +85,4 @@ def model_camera(model: mujoco.MjModel, data: mujoco.MjData, name: str, width: i
     pose = np.eye(4)
     pose[:3, :3] = turn @ MUJOCO_FROM_OPENCV
     pose[:3, 3] = data.cam_xpos[camera]
-    sensor = model.cam_sensorsize[camera]
-    if sensor[1] == 0:
-        fixed = CameraMount("world", pose, float(model.cam_fovy[camera]), vertical=True)
-        return fixed.camera(width, height).at(pose)
-    focal, offset = np.split(model.cam_intrinsic[camera].astype(np.float64), 2)
-    size_px = np.array([width, height])
-    lens = np.concatenate([focal / sensor * size_px, (0.5 - offset / sensor) * size_px])
-    return Camera(width, height, *map(float, lens), pose)
+    return lens.at(pose)

@@ -28,13 +28,17 @@ class CameraMount:
     """A camera on body ``parent`` of a robot.
 
     ``parent_from_camera`` (4, 4) float64, OpenCV camera axes, metres. The field of view
-    is ``fov_deg`` across the image's width or, where ``vertical``, its height.
+    is ``fov_deg`` across the image's width or, where ``vertical``, its height. A lens that is
+    known better has its ``focal`` lengths and its ``principal`` point, x and y from the upper
+    left corner, as shares of the image's width and height.
     """
 
     parent: str
     parent_from_camera: np.ndarray
     fov_deg: float
     vertical: bool = False
+    focal: tuple[float, float] | None = None
+    principal: tuple[float, float] = (0.5, 0.5)
 
     @property
     def pitch_down_deg(self) -> float:
@@ -49,10 +53,13 @@ class CameraMount:
         return replace(self, parent_from_camera=tilted)
 
     def camera(self, width: int, height: int) -> Camera:
-        """The lens with square pixels and a centred principal point, at the identity pose."""
-        across = height if self.vertical else width
-        focal_px = 0.5 * across / math.tan(math.radians(self.fov_deg) / 2.0)
-        return Camera(width, height, focal_px, focal_px, width / 2.0, height / 2.0, np.eye(4))
+        """The lens at the identity pose, with square pixels where only the field of view is known."""
+        if self.focal is None:
+            across = height if self.vertical else width
+            fx = fy = 0.5 * across / math.tan(math.radians(self.fov_deg) / 2.0)
+        else:
+            fx, fy = self.focal[0] * width, self.focal[1] * height
+        return Camera(width, height, fx, fy, self.principal[0] * width, self.principal[1] * height, np.eye(4))
 
 
 def mount_on(

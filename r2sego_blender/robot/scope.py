@@ -156,7 +156,8 @@ class Failures:
     body_contact: bool = setting(True, "The scene touched by anything but a foot on the floor.")
     leaving_region: bool = setting(True, "The pelvis outside the region.")
     goal_distance_m: float = setting(0.3, "Time-out: farther from the goal at the end.", 0.02, 10.0)
-    joint_limit_deg: float = setting(3.0, "A joint beyond its limit by more than this.", 0.0, 90.0)
+    joint_limit_deg: float = setting(3.0, "A hinge beyond its limit by more than this.", 0.0, 90.0)
+    joint_limit_m: float = setting(0.01, "A sliding joint beyond its limit by more than this.", 0.0, 10.0)
     slide_m: float = setting(0.03, "A foot that carries weight slides farther; 0: not judged.", 0.0, 10.0)
     penetration_m: float = setting(0.01, "Sunk deeper into the scene; 0: not judged.", 0.0, 1.0)
 

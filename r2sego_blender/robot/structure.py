@@ -13,7 +13,7 @@ from .collision_shapes import bearing_points, colliding, farthest_point, is_roun
 
 _HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
-_ON_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
+_ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 # A leg has this many hinges of its own at least; from this many on its sole can be kept level.
 _LEG_HINGES, _LEVEL_HINGES = 3, 5
 # Feet reach down to the lowest foot, and wheels to the robot's lowest point, within this.
@@ -75,7 +75,7 @@ def find_wheels(model: mujoco.MjModel, base: int, rest_qpos: np.ndarray) -> tupl
     """
     data = posed(model, rest_qpos)
     ground = lowest_m(model, data, colliding(model))
-    driven = model.actuator_trnid[model.actuator_trntype == _ON_JOINT, 0]
+    driven = model.actuator_trnid[on_joints(model), 0]
     wheels = []
     for joint in range(model.njnt):
         low, high = model.jnt_range[joint]
@@ -176,9 +176,19 @@ def is_hinge(model: mujoco.MjModel, joint: int) -> bool:
     return bool(model.jnt_type[joint] == _HINGE)
 
 
-def first_about(model: mujoco.MjModel, joints: Iterable[int], axis: int) -> int | None:
-    """The first of ``joints`` that turns about its body's ``axis``."""
-    return next((joint for joint in joints if abs(model.jnt_axis[joint, axis]) > _ALONG), None)
+def on_joints(model: mujoco.MjModel) -> np.ndarray:
+    """(nu,) bool which actuators drive a joint: their first ``trnid`` is its id, and not a tendon's."""
+    return np.isin(model.actuator_trntype, _ON_JOINT)
+
+
+def axes_in_base(data: mujoco.MjData, base: int) -> np.ndarray:
+    """(njnt, 3) the joints' axes in the base's frame, in ``data`` with its kinematics done."""
+    return data.xaxis @ data.xmat[base].reshape(3, 3)
+
+
+def first_about(axes: np.ndarray, joints: Iterable[int], axis: int) -> int | None:
+    """The first of ``joints`` whose axis, of ``axes`` (njnt, 3), lies along ``axis`` or against it."""
+    return next((joint for joint in joints if abs(axes[joint, axis]) > _ALONG), None)
 
 
 def _limbs(model: mujoco.MjModel, base: int) -> list[tuple[int, ...]]:

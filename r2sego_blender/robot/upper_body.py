@@ -11,7 +11,7 @@ from .gait import Gait
 from .model import RobotModel
 from .navigation import RATE_HZ
 from .scope import BehaviourScope
-from .structure import posed
+from .structure import axes_in_base, posed
 
 _ARM_SWING_RAD = 0.3
 # Fastest gaze: the camera turns no quicker than an unhurried person's head.
@@ -28,14 +28,14 @@ def upper_body(
     model = robot.model
     qpos = np.tile(robot.rest_qpos, (len(root.yaw), 1))
     yaw, pitch = _gaze(len(root.yaw), scope, rng)
-    for joint, angle in ((robot.waist_yaw, yaw), (robot.waist_pitch, pitch + root.lean)):
+    axes = axes_in_base(posed(model, robot.rest_qpos), robot.base)
+    for joint, axis, angle in ((robot.waist_yaw, 2, yaw), (robot.waist_pitch, 1, pitch + root.lean)):
         if joint is not None:
-            sign = np.sign(model.jnt_axis[joint][np.argmax(np.abs(model.jnt_axis[joint]))])
+            sign = np.sign(axes[joint, axis])
             low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.inf, np.inf)
             qpos[:, model.jnt_qposadr[joint]] = np.clip(
                 sign * angle, low + _LIMIT_MARGIN_RAD, high - _LIMIT_MARGIN_RAD
             )
-    axes = posed(model, robot.rest_qpos).xaxis
     for joint, side in zip(robot.shoulders, (1.0, -1.0), strict=False):
         lifted = -np.sign(axes[joint, 1]) * root.reach  # about the left, an arm falls
         qpos[:, model.jnt_qposadr[joint]] += side * _ARM_SWING_RAD * gait.swing + lifted

@@ -1,10 +1,15 @@
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
 
 from r2sego_blender.errors import RobotError
+from r2sego_blender.robot.humanoid import humanoid_mjcf
+from r2sego_blender.robot.model import RobotModel
 from r2sego_blender.robot.model_camera import add_camera, model_camera
 from r2sego_blender.robot.mount import parse_mount
 
@@ -45,6 +50,43 @@ def test_what_cannot_be_a_pinhole_is_told(simulation):
         model_camera(*simulation, "nose", 640, 480)
     with pytest.raises(RobotError, match="'flat' has no perspective"):
         model_camera(*simulation, "flat", 640, 480)
+
+
+SENSOR = 'sensorsize="0.0064 0.0036" focal="0.004 0.004" principal="0.0005 -0.0002"'
+
+
+def robot_with_camera(tmp_path, lens: str) -> RobotModel:
+    text = re.sub(r'(<camera name="head_camera"[^>]*?) fovy="[^"]*"', rf"\1 {lens}", humanoid_mjcf())
+    assert lens in text
+    path = tmp_path / "robot.xml"
+    path.write_text(text)
+    return RobotModel.load(path)
+
+
+@pytest.mark.parametrize("lens", ['fovy="50"', SENSOR])
+@pytest.mark.parametrize("size_px", [(640, 480), (640, 360), (300, 300)])
+def test_a_robot_s_eye_is_the_camera_of_its_file(tmp_path, lens, size_px):
+    """Rollouts and simulated cameras see the same: pose, focal lengths and principal point."""
+    robot = robot_with_camera(tmp_path, lens)
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = robot.rest_qpos
+    mujoco.mj_forward(robot.model, data)
+    simulated, eye = model_camera(robot.model, data, "head_camera", *size_px), robot.camera(*size_px)
+    np.testing.assert_allclose(eye.matrix, simulated.matrix, rtol=1e-12)
+    np.testing.assert_allclose(eye.world_from_camera, simulated.world_from_camera, atol=1e-9)
+    pitched = replace(robot, mount=robot.mount.pitched(30.0)).camera(*size_px)
+    np.testing.assert_array_equal(pitched.matrix, eye.matrix)
+
+
+def test_a_sensor_s_lens_is_carried_to_the_rollouts(tmp_path):
+    eye = robot_with_camera(tmp_path, SENSOR).camera(640, 480)
+    by_hand = (400.0, 480.0 * 4.0 / 3.6, 270.0, 240.0 + 480.0 * 0.2 / 3.6)
+    assert (eye.fx, eye.fy, eye.cx, eye.cy) == pytest.approx(by_hand, rel=1e-6)
+
+
+def test_a_robot_s_eye_has_perspective(tmp_path):
+    with pytest.raises(RobotError, match=r"robot\.xml: the camera 'head_camera' has no perspective\. Give"):
+        robot_with_camera(tmp_path, 'fovy="2" projection="orthographic"')
 
 
 @pytest.mark.parametrize("height_m", [None, np.nan])

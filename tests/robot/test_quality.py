@@ -10,8 +10,10 @@ import pytest
 
 from r2sego_blender.robot.composition import Composition, compose
 from r2sego_blender.robot.contacts import scene_contacts
-from r2sego_blender.robot.failures import Judge, Reason
+from r2sego_blender.robot.failures import SUCCESS, Judge, Reason
 from r2sego_blender.robot.free_floor import free_floor
+from r2sego_blender.robot.humanoid import humanoid_mjcf
+from r2sego_blender.robot.model import RobotModel
 from r2sego_blender.robot.mount import CameraMount
 from r2sego_blender.robot.mujoco_warnings import mujoco_warnings
 from r2sego_blender.robot.quality import Meter
@@ -130,6 +132,37 @@ def test_a_seat_may_be_touched_by_who_sits_on_it(humanoid, composition, judge):
     mujoco.mj_forward(composition.model, data)
     meter.read(data, scene_contacts(composition, data))
     assert meter.seated_s == 0.0  # who gets up again begins anew
+
+
+@pytest.mark.parametrize(
+    ("joint", "limit", "beyond", "says"),
+    [
+        ("left_knee_joint", 2.8798, 0.06, "left_knee_joint by 3.4 degrees"),
+        ("left_knee_joint", 2.8798, 0.05, ""),
+        ("mast", 0.3, 0.011, "mast by 1.1 cm"),
+        ("mast", 0.3, 0.009, ""),
+        ("mast", -0.1, -0.011, "mast by 1.1 cm"),
+    ],
+)
+def test_hinges_are_judged_in_degrees_and_slides_in_metres(tmp_path, room, joint, limit, beyond, says):
+    mast = '<body><joint name="mast" type="slide" range="-0.1 0.3"/><geom size=".03" mass=".2"/></body>'
+    path = tmp_path / "robot.xml"
+    path.write_text(
+        humanoid_mjcf().replace('<body name="waist_yaw_link"', f'{mast}<body name="waist_yaw_link"')
+    )
+    robot = RobotModel.load(path)
+    composition = compose(robot, room, RolloutSettings())
+    allowed = replace(SCOPE.failures, body_contact=False, penetration_m=0.0)
+    judge = Judge(
+        composition, free_floor(robot, SCOPE, room), replace(SCOPE, failures=allowed), robot.rest_height_m
+    )
+    data = mujoco.MjData(composition.model)
+    data.qpos[:] = robot.rest_qpos
+    data.qpos[composition.model.joint(f"robot/{joint}").qposadr] = limit + beyond
+    mujoco.mj_forward(composition.model, data)
+    meter = Meter(composition, None, 0.02)
+    verdict = judge.state(data, scene_contacts(composition, data), None, meter)
+    assert verdict == ((Reason.JOINT_LIMIT, says) if says else SUCCESS)
 
 
 def test_help_is_measured(humanoid, room, judge, composition):

@@ -307,6 +307,17 @@ def test_robot_without_the_needed_parts(tmp_path, body, says):
         RobotModel.load(write(tmp_path, f"<mujoco><worldbody>{body}</worldbody></mujoco>"))
 
 
+@pytest.mark.parametrize("limits", ['limited="false"', 'limited="true" range="0 0.6"'])
+def test_a_ball_joint_is_refused(tmp_path, limits):
+    """Its four coordinates are no angles, and a servo that took one for an angle would tumble it."""
+    lamp = f'<body><joint name="neck" type="ball" {limits}/><geom size=".03" mass=".2"/></body>'
+    text = humanoid_mjcf().replace(
+        '<body name="left_hip_pitch_link"', f'{lamp}<body name="left_hip_pitch_link"'
+    )
+    with pytest.raises(RobotError, match=r"robot\.xml: 'neck' is a ball joint.* Replace it by three hinges"):
+        RobotModel.load(write(tmp_path, text))
+
+
 def test_missing_file_and_unknown_names():
     with pytest.raises(RobotError, match="no such robot file"):
         RobotModel.load("nowhere.xml")
