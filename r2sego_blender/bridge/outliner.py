@@ -78,12 +78,16 @@ def _give_away(copy: bpy.types.Object, collection: bpy.types.Collection) -> None
 
 
 def remove_objects(removed: Iterable[bpy.types.Object]) -> None:
-    """Remove objects, and their meshes and cameras when nothing else uses them."""
+    """Remove objects, and their meshes, cameras and actions when nothing else uses them."""
     for one in list(removed):
-        data = one.data
+        held = [one.data, one.animation_data.action if one.animation_data else None]
         bpy.data.objects.remove(one)
-        if data is not None and data.users == 0:
-            bpy.data.batch_remove([data])
+        remove_unused(data for data in held if data is not None)
+
+
+def remove_unused(held: Iterable[bpy.types.ID]) -> None:
+    """Remove those of the data-blocks that nothing uses."""
+    bpy.data.batch_remove([data for data in held if data.users == 0])
 
 
 def _new_collection(

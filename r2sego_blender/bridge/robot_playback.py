@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from ..errors import R2SEgoError
 from .bundle import Bundle
@@ -94,10 +95,15 @@ def place(collection: bpy.types.Collection, frame: int) -> None:
         poses = recording.poses.get(number) if number is not None else None
         if poses is not None and len(poses):
             matrices[index] = poses[min(max(frame, 0), len(poses) - 1), shown[_BODY]].T
-            moved.append(shown)
-    # Set one by one, each would have the side bar, the outliner and the properties drawn anew.
-    objects.foreach_set("matrix_basis", matrices.reshape(-1))
-    for shown in moved:
+            moved.append((shown, matrices[index]))
+    # Set one by one, each would have the side bar, the outliner and the properties drawn anew. But what a
+    # person put there would not come back as it was: a matrix tells no turns beyond a full one.
+    if len(moved) == len(objects):
+        objects.foreach_set("matrix_basis", matrices.reshape(-1))
+    else:
+        for shown, matrix in moved:
+            shown.matrix_basis = Matrix(matrix.T)
+    for shown, _ in moved:
         shown.update_tag(refresh={"OBJECT"})
 
 

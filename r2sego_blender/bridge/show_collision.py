@@ -12,7 +12,7 @@ from .bundle import Bundle
 from .file_stamps import MADE, when_written
 from .materials import ramp_materials
 from .meshes import add_attribute, assign_materials, mesh_from_arrays
-from .outliner import find_collection, fresh_collection, link
+from .outliner import find_collection, fresh_collection, link, remove_unused
 
 _PART, _TEXTURED = "Collision", "Textured proxy"
 _PIECE_COLOURS = 8
@@ -71,12 +71,23 @@ def show_textured(scene: bpy.types.Scene, bundle: Bundle, file: Path) -> list[bp
             f"the textured mesh cannot be read: {error}", where=file, cure="Texture again."
         ) from error
     added = [one for one in bpy.data.objects if one not in before]
+    materials, images = _looks(find_collection(scene, bundle.path, _TEXTURED))
     collection = fresh_collection(scene, bundle.path, _TEXTURED)
+    remove_unused(materials)
+    remove_unused(images)
     for one in added:
         for other in list(one.users_collection):
             other.objects.unlink(one)
         link(collection, one)
     return added
+
+
+def _looks(textured: bpy.types.Collection | None) -> tuple[set[bpy.types.Material], set[bpy.types.Image]]:
+    """The materials of what is shown textured, and their images."""
+    shown = textured.objects if textured is not None else ()
+    materials = {slot.material for one in shown for slot in one.material_slots if slot.material}
+    trees = [material.node_tree for material in materials if material.node_tree]
+    return materials, {node.image for tree in trees for node in tree.nodes if getattr(node, "image", None)}
 
 
 def read_obj(file: Path) -> tuple[np.ndarray, np.ndarray]:

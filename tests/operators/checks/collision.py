@@ -157,9 +157,18 @@ def check_a_textured_mesh_stands_where_the_proxy_does():
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 0, 3)], [], [(0, 1, 2)])
     tall = bpy.data.objects.new("tall", mesh)
     bpy.context.scene.collection.objects.link(tall)
+    mesh.uv_layers.new()
+    painted = bpy.data.materials.new("painted")
+    painted.use_nodes = True
+    image = painted.node_tree.nodes.new("ShaderNodeTexImage")
+    image.image = bpy.data.images.new("paint", 4, 4)
+    shader = painted.node_tree.nodes["Principled BSDF"]
+    painted.node_tree.links.new(image.outputs["Color"], shader.inputs["Base Color"])
+    mesh.materials.append(painted)
     file = OUT.parent / "textured.glb"
     bpy.ops.export_scene.gltf(filepath=str(file), export_format="GLB")
-    bpy.data.objects.remove(tall)
+    bpy.data.batch_remove([tall, mesh, painted, image.image])
+    there = len(bpy.data.materials), len(bpy.data.images)
     showing = sys.modules[f"{MODULE}.r2sego_blender.bridge.show_collision"]
     bundle = sys.modules[f"{MODULE}.r2sego_blender.bridge.bundle"].Bundle.open(BUNDLE)
     for _ in range(2):
@@ -168,3 +177,5 @@ def check_a_textured_mesh_stands_where_the_proxy_does():
     top = max((shown.matrix_world @ vertex.co).z for vertex in shown.data.vertices)
     assert abs(top - 3.0) < 1e-5
     assert len([one for one in bpy.data.objects if one.type == "MESH"]) == 1
+    # What was shown before has left nothing behind.
+    assert (len(bpy.data.materials), len(bpy.data.images)) == (there[0] + 1, there[1] + 1)

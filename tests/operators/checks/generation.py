@@ -173,6 +173,8 @@ def check_the_camera_goes_along_the_clips_path():
     (background,) = scene.camera.data.background_images
     assert background.image.source == "SEQUENCE" and background.image_user.frame_duration == 4
     assert "no clip" in refused(bpy.ops.r2sego.play_clip, view=1)
+    keyed = [action for action in bpy.data.actions if "clip" in action.name]
+    assert len(keyed) == 1  # the cameras before it have left none behind
 
 
 def check_a_clips_preview_range_goes_with_it():

@@ -296,6 +296,20 @@ def check_missing_bodies_are_asked_of_the_engine():
     assert calls() == [["robot-bodies", str(BUNDLE), "--round", "1", "--json-progress"]]
 
 
+def check_what_a_person_puts_beside_the_robot_stays_as_it_is():
+    open_bundle()
+    bpy.ops.r2sego.show_rollout(round_index=0, attempt=0)
+    body = first_body(0)
+    mine = bpy.data.objects.new("mine", None)
+    mine.rotation_euler, mine.scale = (0.3, 0.0, 10.0), (-1.0, 1.0, 0.0)
+    body.users_collection[0].objects.link(mine)
+    bpy.context.scene.frame_set(6)
+    assert max(abs(a - b) for a, b in zip(mine.rotation_euler, (0.3, 0.0, 10.0), strict=True)) < 1e-6
+    assert tuple(mine.scale) == (-1.0, 1.0, 0.0)
+    poses = np.load(BUNDLE / "rounds/0/bodies/poses.npz")["world_from_body_0000"]
+    assert np.abs(np.array(body.matrix_world) - poses[6, 0]).max() < 1e-5
+
+
 def check_shown_rollouts_move_again_in_a_loaded_file():
     open_bundle()
     bpy.ops.r2sego.show_rollout(round_index=0, attempt=0)
