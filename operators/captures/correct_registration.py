@@ -9,7 +9,7 @@ from bpy.props import EnumProperty
 from ...r2sego_blender.bridge.outliner import find_collection
 from ...r2sego_blender.bridge.picks import picks_of
 from ...r2sego_blender.bridge.registration_frame import remove_frame, world_from_frame
-from ...r2sego_blender.bridge.show_captures import CAPTURES_PART, show_captures
+from ...r2sego_blender.bridge.show_captures import CAPTURES_PART, show_captures, shows_points
 from ...r2sego_blender.captures.picks_fit import residual_lines
 from ...r2sego_blender.errors import CaptureError
 from .. import state
@@ -25,7 +25,7 @@ def show_corrected(context, residuals):
     shown = scene.r2sego_captures
     if find_collection(scene, bundle.path, CAPTURES_PART) is not None:
         show_captures(
-            scene, bundle, photographs=shown.show_photographs, points=False,
+            scene, bundle, photographs=shown.show_photographs, points=shows_points(scene, bundle.path),
             photograph_alpha=shown.photograph_opacity,
         )  # fmt: skip
     shown.older = False

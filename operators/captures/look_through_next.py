@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty
 
-from ...r2sego_blender.bridge.show_captures import capture_camera
+from ...r2sego_blender.bridge.show_captures import capture_camera, capture_cameras
 from ...r2sego_blender.errors import SceneError
 from .. import state
 from ..base import ReportingOperator, needs_bundle
@@ -38,7 +38,12 @@ class R2SEGO_OT_look_through_next(ReportingOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return needs_bundle(cls, context)
+        if not needs_bundle(cls, context):
+            return False
+        if not capture_cameras(context.scene, state.bundle_path(context.scene)):
+            cls.poll_message_set("Press Import first")
+            return False
+        return True
 
     @classmethod
     def description(cls, context, properties):

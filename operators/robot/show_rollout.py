@@ -24,10 +24,12 @@ class R2SEGO_OT_show_rollout(ShowingOperator, bpy.types.Operator):
     )
 
     def show(self, context, bundle, round_index):
-        numbers = [self.attempt]
-        if self.every:
-            numbers = [one.number for one in attempts(bundle, round_index) if one.success]
-            if not numbers:
-                raise SceneError("no attempt succeeded", where=bundle.path, cure="Look at the failures.")
+        chosen = [
+            one for one in attempts(bundle, round_index)
+            if (one.success if self.every else one.number == self.attempt)
+        ]  # fmt: skip
+        numbers = [one.number for one in chosen] or [self.attempt]
+        if self.every and not chosen:
+            raise SceneError("no attempt succeeded", where=bundle.path, cure="Look at the failures.")
         show_rollouts(context.scene, bundle, round_index, numbers, look_through=self.look_through)
-        return f"Rollout {', '.join(map(str, numbers))}: {context.scene.frame_end + 1} frames"
+        return f"Rollout {', '.join(map(str, numbers))}: {max(one.frames for one in chosen)} frames"

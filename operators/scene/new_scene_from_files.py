@@ -8,7 +8,7 @@ from bpy.props import CollectionProperty, StringProperty
 from ...r2sego_blender.bridge.bundle import SUFFIX
 from ...r2sego_blender.bridge.capture_files import PHOTOGRAPHS, capture_files
 from ...r2sego_blender.errors import R2SEgoError
-from ..base import needs_idle_engine, needs_own_scene
+from ..base import needs_idle_engine, needs_own_scene, told
 
 
 class R2SEGO_OT_new_scene_from_files(bpy.types.Operator):
@@ -46,8 +46,8 @@ class R2SEGO_OT_new_scene_from_files(bpy.types.Operator):
         try:
             folder = Path(bpy.path.abspath(self.directory)).absolute()
             found = capture_files([folder / one.name for one in self.files if one.name] or [folder], SUFFIX)
-        except R2SEgoError as error:
-            self.report({"ERROR"}, str(error))
+        except (R2SEgoError, OSError) as error:
+            self.report({"ERROR"}, told(error))
             return {"CANCELLED"}
         given = {
             "filepath": self.scene or str(found.scene),

@@ -29,7 +29,7 @@ def load_picture(file: Path, name: str) -> bpy.types.Image:
     if before is not None:
         before.user_remap(image)  # whatever shows the old one shows the new one
         bpy.data.images.remove(before)
-    image.name = name
+    image.name, image[_RENDERED] = name, True
     return image
 
 
@@ -59,13 +59,15 @@ def photograph_of(camera_object: bpy.types.Object | None) -> bpy.types.Image | N
 
 
 def photographs_behind(data: bpy.types.Camera) -> list[bpy.types.CameraBackgroundImage]:
-    """A camera's backgrounds that are no renderings of ``put_behind``."""
-    return [one for one in data.background_images if one.image is not None and not one.image.get(_RENDERED)]
+    """A camera's backgrounds that are neither renderings nor clips."""
+    return [
+        one for one in data.background_images
+        if one.image is not None and one.image.source != "SEQUENCE" and not one.image.get(_RENDERED)
+    ]  # fmt: skip
 
 
 def put_behind(camera_object: bpy.types.Object, image: bpy.types.Image) -> None:
-    """Show a rendering as the camera's background, over its photograph; one at a time."""
-    image[_RENDERED] = True
+    """Show what ``load_picture`` loaded as the camera's background, over its photograph; one at a time."""
     data = camera_object.data
     background = next(
         (b for b in data.background_images if b.image is not None and b.image.get(_RENDERED)), None

@@ -63,7 +63,7 @@ def capture_files(dropped: Sequence[Path], suffix: str) -> CaptureFiles:
     room = photographs if photographs is not None else base
     while room.name.lower() in ("images", "photos", "captures", "sparse", "0") and room.parent != room:
         room = room.parent
-    return CaptureFiles(photographs, poses, room.with_name((room.name or "room") + suffix))
+    return CaptureFiles(photographs, poses, room.parent / ((room.name or "room") + suffix))
 
 
 def _poses_in(folder: Path) -> Path | None:

@@ -7,7 +7,12 @@ import json
 import bpy
 from mathutils import Vector
 
+from .moved_bundle import BUNDLE_MARK
 from .placement_objects import prior_name
+from .show_proxy import shown_proxies
+
+_MOST_HITS = 100
+_BEHIND_M = 1e-4  # of what was met, the ray goes on
 
 
 def floor_point(origin: Vector, direction: Vector, floor_z_m: float = 0.0) -> tuple[float, float] | None:
@@ -25,11 +30,22 @@ def target_under(
     scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, origin: Vector, direction: Vector
 ) -> str:
     """The target a ray means: an object's name where it meets a shown prior, or a face of the proxy
-    that is of one; else the place ``x,y`` it meets; '' for nothing."""
-    hit, place, _, face, shown, _ = scene.ray_cast(depsgraph, origin, direction)
-    if not hit:
-        return ""
-    return _object_name(shown, depsgraph, face) or f"{place.x:.3f},{place.y:.3f}"
+    that is of one; else the place ``x,y`` it meets; '' for nothing. What stands before them, such as
+    views and the robot, is meant only where there is nothing else."""
+    other = ""
+    for _ in range(_MOST_HITS):
+        hit, place, normal, face, shown, _ = scene.ray_cast(depsgraph, origin, direction)
+        if not hit:
+            break
+        met = f"{place.x:.3f},{place.y:.3f}"
+        if normal.dot(direction) < 0.0:  # else it is not drawn: one looks through walls into the room
+            if name := _object_name(shown, depsgraph, face):
+                return name
+            if BUNDLE_MARK not in shown or shown.original in shown_proxies():
+                return met
+        other = other or met
+        origin = place + _BEHIND_M * direction
+    return other
 
 
 def _object_name(shown: bpy.types.Object, depsgraph: bpy.types.Depsgraph, face: int) -> str:

@@ -14,12 +14,13 @@ from .materials import attribute_material
 from .meshes import add_attribute, add_colours, mesh_from_arrays
 from .moved_bundle import BUNDLE_MARK
 from .outliner import find_collection, fresh_collection, link
+from .preview_range import give_back
 from .registration_marks import note_registration, was_corrected_since
 
 CAPTURES_PART = "Captures"
 """The part of the bundle's collection that holds the captures."""
 
-_NAME, _IMAGE = "r2sego_capture", "r2sego_image"
+_NAME, _IMAGE, _IS_CLOUD = "r2sego_capture", "r2sego_image", "r2sego_sparse_points"
 _COLOUR = "colour"
 _POINTS = "R2S-EGO sparse points"
 _RADIUS = "radius_m"
@@ -51,8 +52,11 @@ def show_captures(
         link(collection, created)
         cameras.append(created)
     if cloud is not None:
-        link(collection, _point_object("Sparse points", *cloud, point_radius_m))
+        points_object = _point_object("Sparse points", *cloud, point_radius_m)
+        points_object[_IS_CLOUD] = True
+        link(collection, points_object)
     if cameras:
+        give_back(scene)
         use_frame_of(next((one for one in cameras if one[_NAME] == before), cameras[0]), scene)
     return cameras
 
@@ -89,6 +93,12 @@ def show_photographs(scene: bpy.types.Scene, bundle_path: str, shown: bool, alph
             background.show_background_image = shown
             background.alpha = alpha
         data.show_background_images = any(one.show_background_image for one in data.background_images)
+
+
+def shows_points(scene: bpy.types.Scene, bundle_path: str | Path) -> bool:
+    """Whether the sparse points stand beside the captures as an object."""
+    collection = find_collection(scene, bundle_path, CAPTURES_PART)
+    return collection is not None and any(one.get(_IS_CLOUD) for one in collection.objects)
 
 
 def capture_cameras(scene: bpy.types.Scene, bundle_path: str) -> list[bpy.types.Object]:

@@ -39,6 +39,17 @@ def test_a_new_rendering_takes_the_old_ones_place_everywhere(scene, tmp_path):
     assert not show_in_editor(rendering)  # without a window there is none
 
 
+def test_a_rendering_or_a_clip_behind_a_camera_is_no_photograph(scene, tmp_path):
+    camera = create_camera("own", fake_bundle.cameras()[0])
+    put_behind(camera, picture(tmp_path / "picture.png", 0.2))
+    again = picture(tmp_path / "picture.png", 0.8)  # takes the place of the one behind the camera
+    assert [one.image for one in camera.data.background_images] == [again]
+    assert photograph_of(camera) is None
+    again.source = "SEQUENCE"
+    del again["r2sego_rendered"]
+    assert photograph_of(camera) is None
+
+
 def test_a_camera_without_a_photograph_has_none(scene):
     assert photograph_of(create_camera("own", fake_bundle.cameras()[0])) is None
     assert photograph_of(None) is None

@@ -1,5 +1,7 @@
 """Dropped files are told apart as a person means them."""
 
+from pathlib import Path
+
 import pytest
 
 from r2sego_blender.bridge.capture_files import PHOTOGRAPHS, capture_files
@@ -35,6 +37,12 @@ def test_what_is_dropped_is_found(room, dropped, photographs, poses):
     assert found.photographs == room / photographs
     assert found.poses == (None if poses is None else room / poses)
     assert found.scene == room.with_name("kitchen.r2s")
+
+
+def test_a_folder_without_a_name_above_the_photographs(room, monkeypatch):
+    """As on a camera's card, whose root has none."""
+    monkeypatch.chdir(room)
+    assert capture_files([Path("images")], ".r2s").scene == Path("room.r2s")
 
 
 def test_poses_without_photographs_leave_the_folder_to_the_person(tmp_path):

@@ -11,6 +11,7 @@ bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
 from mathutils import Vector  # noqa: E402
 
 from r2sego_blender.bridge.light_drawing import draw_fewer_faces  # noqa: E402
+from r2sego_blender.bridge.moved_bundle import BUNDLE_MARK  # noqa: E402
 from r2sego_blender.bridge.scope_outline import closed_loops, convex_hull, outline_of  # noqa: E402
 from r2sego_blender.bridge.scope_picking import floor_point, target_under  # noqa: E402
 from r2sego_blender.bridge.show_proxy import show_proxy  # noqa: E402
@@ -122,6 +123,28 @@ def test_a_target_is_the_object_of_a_proxys_face_or_a_place(scene, bundle):
     assert target_under(scene, depsgraph, Vector((0.0, 0.5, 1.5)), Vector((0, 0, -1))) == "table"
     assert target_under(scene, depsgraph, Vector((1.0, -1.5, 1.5)), Vector((0, 0, -1))) == "1.000,-1.500"
     assert target_under(scene, depsgraph, Vector((9.0, 9.0, 1.5)), Vector((0, 0, -1))) == ""
+
+
+def test_a_target_is_not_what_stands_before_it_or_is_seen_from_behind(scene, bundle):
+    show_proxy(scene, bundle, 0)
+    ceiling, view = _flat("ceiling", 1.2, up=False), _flat("view", 1.1, up=True)
+    ceiling[BUNDLE_MARK] = view[BUNDLE_MARK] = str(bundle.path)
+    bpy.context.view_layer.update()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    down = Vector((0.0, 0.0, -1.0))
+    assert target_under(scene, depsgraph, Vector((0.0, 0.5, 1.5)), down) == "table"
+    assert target_under(scene, depsgraph, Vector((1.0, -1.5, 1.5)), down) == "1.000,-1.500"
+    assert target_under(scene, depsgraph, Vector((5.0, 5.0, 1.5)), down) == "5.000,5.000"
+
+
+def _flat(name, height_m, up):
+    """A square of 12 m a side whose face looks up or down."""
+    corners = [(-6, -6, height_m), (6, -6, height_m), (6, 6, height_m), (-6, 6, height_m)]
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(corners, [], [(0, 1, 2, 3) if up else (3, 2, 1, 0)])
+    made = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(made)
+    return made
 
 
 def test_a_target_is_the_same_where_fewer_faces_are_drawn(scene, bundle):

@@ -274,6 +274,7 @@ def check_correcting_by_picks_asks_the_engine_with_a_file_of_them():
 
 def check_the_arrows_become_the_world():
     open_bundle()
+    bpy.ops.r2sego.import_captures(points=True)
     assert "no frame" in refused(bpy.ops.r2sego.correct_registration, by="FRAME")
     assert bpy.ops.r2sego.place_frame() == {"FINISHED"}
     frame = bpy.context.view_layer.objects.active
@@ -285,6 +286,7 @@ def check_the_arrows_become_the_world():
     assert call[3] == "--frame" and len(numbers) == 12
     assert abs(numbers[0] - 0.9553365) < 1e-6 and abs(numbers[7] + 0.25) < 1e-6
     assert "World Frame" not in bpy.data.objects  # the world is there now
+    assert "Sparse points" in bpy.data.objects
 
 
 def check_cameras_that_a_view_does_not_show_have_no_label():

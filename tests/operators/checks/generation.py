@@ -192,6 +192,7 @@ def check_a_clips_preview_range_goes_with_it():
     scene.use_preview_range, scene.frame_preview_start, scene.frame_preview_end = own
     for leave in (
         look_at_a_capture,
+        bpy.ops.r2sego.import_captures,
         lambda: bpy.ops.r2sego.look_through_candidate(candidate=17),
         lambda: bpy.ops.r2sego.show_rollout(round_index=0, attempt=0),
     ):
