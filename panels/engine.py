@@ -11,13 +11,11 @@ _ICONS = {"INFO": "CHECKMARK", "WARNING": "CANCEL", "ERROR": "ERROR"}
 _PICTURE_SCALE = 8.0
 
 
-def told_of_engine(preferences) -> tuple[str, str]:
-    """What is known of the engine while it is idle, and its icon; ``preferences`` are None for a script on
-    a checkout."""
-    found = preferences.engine_found if preferences is not None else ""
-    if not found:
+def told_of_engine(engine) -> tuple[str, str]:
+    """What is known of the engine while it is idle, and its icon."""
+    if not engine.found:
         return "Idle, not checked yet", "NONE"
-    return ("Packages are missing", "ERROR") if "missing: " in found else ("Ready", "CHECKMARK")
+    return ("Packages are missing", "ERROR") if "missing: " in engine.found else ("Ready", "CHECKMARK")
 
 
 class R2SEGO_PT_engine(Step, bpy.types.Panel):
@@ -76,7 +74,7 @@ class R2SEGO_PT_engine(Step, bpy.types.Panel):
         if not context.scene.r2sego.bundle:
             row.operator("r2sego.demo_scene", icon="HOME")
         else:
-            text, icon = told_of_engine(addon_preferences())
+            text, icon = told_of_engine(context.window_manager.r2sego_engine)
             row.label(text=text, icon=icon)
         row.operator("r2sego.check_engine", text="", icon="QUESTION")
 

@@ -13,7 +13,7 @@ def _draw_so_many(preferences, context):
 
 
 def _is_another(preferences, context):
-    preferences.engine_found = ""  # which was another Python's
+    context.window_manager.r2sego_engine.found = ""  # which was another Python's
 
 
 class R2SEGO_AP_preferences(bpy.types.AddonPreferences):
@@ -26,7 +26,6 @@ class R2SEGO_AP_preferences(bpy.types.AddonPreferences):
         description="The python of the environment that has the engine's packages; "
         "empty = the variable R2SEGO_PYTHON",
     )  # fmt: skip
-    engine_found: StringProperty(options={"SKIP_SAVE"})
     drawn_faces: IntProperty(
         name="Proxy Faces Drawn", default=0, min=0, soft_max=200_000, step=1000, update=_draw_so_many,
         description="The most faces of a geometry proxy that 3D views draw outside Edit Mode; 0 = all",
@@ -38,7 +37,7 @@ class R2SEGO_AP_preferences(bpy.types.AddonPreferences):
         row = layout.row()
         row.operator("r2sego.set_up_engine", icon="IMPORT")
         row.operator("r2sego.check_engine", icon="CHECKMARK")
-        layout.label(text=self.engine_found or "Not checked yet")
+        layout.label(text=context.window_manager.r2sego_engine.found or "Not checked yet")
         layout.separator()
         layout.prop(self, "drawn_faces")
         row = layout.row()

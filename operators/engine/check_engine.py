@@ -2,7 +2,7 @@
 
 import bpy
 
-from ...r2sego_blender.bridge.engine_python import addon_preferences, examine
+from ...r2sego_blender.bridge.engine_python import examine
 from ..base import ReportingOperator
 
 
@@ -14,8 +14,5 @@ class R2SEGO_OT_check_engine(ReportingOperator, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     def perform(self, context):
-        line = examine()
-        preferences = addon_preferences()
-        if preferences is not None:
-            preferences.engine_found = line
+        line = context.window_manager.r2sego_engine.found = examine()
         return line

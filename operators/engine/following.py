@@ -203,6 +203,7 @@ def _take_over_in_window(ended: Job) -> None:
     except RuntimeError as error:
         if ended.folder.exists():  # its poll refused
             _tell_only(ended)
+            _refresh(scene_for(ended) or bpy.context.scene)
         elif len(bpy.context.window_manager.r2sego_engine.ended) == told:
             job.tell_end(ended.title, "ERROR", str(error).strip().splitlines()[-1])
     with in_scene(bpy.context.scene):

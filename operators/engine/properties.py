@@ -18,6 +18,7 @@ class R2SEGO_PG_ended_job(bpy.types.PropertyGroup):
 class R2SEGO_PG_engine(bpy.types.PropertyGroup):
     """The engine, as this Blender knows it"""
 
+    found: StringProperty(description="What its Python answered when it was asked last, by this Blender")
     has_python: BoolProperty(description="Whether a Python that can be run is chosen")
     picture: StringProperty(description="The latest preview picture of the running job")
     picture_icon: IntProperty(description="That picture as an icon, 0 while there is none")

@@ -80,5 +80,5 @@ class R2SEGO_OT_set_up_engine(EngineOperator, bpy.types.Operator):
             return f"The engine's Python is {result['python']}: name it in R2SEGO_PYTHON"
         preferences.engine_python = result["python"]
         context.preferences.is_dirty = True  # so that Blender saves them
-        preferences.engine_found = examine()
-        return preferences.engine_found
+        line = context.window_manager.r2sego_engine.found = examine()
+        return line

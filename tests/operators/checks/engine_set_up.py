@@ -8,15 +8,16 @@ import bpy
 from support import ENGINE, MODULE, OUT, preferences, refused
 
 
-def check_the_engines_answer_is_kept_in_the_preferences():
+def check_the_engines_answer_is_kept_until_another_is_chosen():
     told = sys.modules[f"{MODULE}.panels.engine"].told_of_engine
-    preferences().engine_found = ""
-    assert told(preferences())[0] == "Idle, not checked yet"
+    known = bpy.context.window_manager.r2sego_engine
+    known.found = ""
+    assert told(known)[0] == "Idle, not checked yet"
     assert bpy.ops.r2sego.check_engine() == {"FINISHED"}
-    assert preferences().engine_found == "engine: Python 3.99, r2sego 0.1.0, torch 9.9"
-    assert told(preferences())[0] == "Ready"
+    assert known.found == "engine: Python 3.99, r2sego 0.1.0, torch 9.9"
+    assert told(known)[0] == "Ready"
     preferences().engine_python = "/nowhere/python"
-    assert preferences().engine_found == ""
+    assert known.found == ""
     assert "/nowhere/python" in refused(bpy.ops.r2sego.check_engine)
     preferences().engine_python = str(ENGINE)
 
