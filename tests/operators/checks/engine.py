@@ -254,6 +254,22 @@ def check_a_jobs_end_is_read_where_its_bundle_is_open():
     assert facts["asset", "asset.ply"] == "5.0 MB" and not len(other.r2sego.facts)
 
 
+def check_what_a_job_left_is_read_though_its_operator_could_not_be_pressed_now():
+    copy = copied_bundle()
+    mesh = bpy.data.meshes.new("floor")
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
+    outline = bpy.data.objects.new("floor", mesh)
+    bpy.context.scene.collection.objects.link(outline)
+    bpy.context.view_layer.objects.active = outline
+    conduct("slow")
+    left_job(bpy.ops.r2sego.region_from_object)
+    bpy.context.view_layer.objects.active = None
+    (copy / "asset.ply").write_bytes(bytes(5_000_000))
+    assert followed_to_its_end() == f"Region from Object of {copy.name}: done"
+    facts = {(fact.section, fact.label): fact.value for fact in bpy.context.scene.r2sego.facts}
+    assert facts["asset", "asset.ply"] == "5.0 MB"
+
+
 def check_a_job_and_its_end_name_their_bundle_where_the_scenes_show_several():
     open_bundle()
     following = sys.modules[f"{MODULE}.operators.engine.following"]
