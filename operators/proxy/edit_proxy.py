@@ -6,9 +6,9 @@ from bpy.props import StringProperty
 from ...r2sego_blender.bridge.proxy_edits import write_cut, write_drawn
 from ...r2sego_blender.errors import GeometryError
 from .. import state
-from ..base import EngineOperator, needs_bundle, needs_idle_engine, needs_round
+from ..base import EngineOperator, needs_bundle, needs_idle_engine
 from ..engine_files import handed_over
-from .polls import proxy_shown
+from .polls import needs_proxy, proxy_shown
 
 _NEXT = "the next Refine redoes the proxy"
 
@@ -40,7 +40,7 @@ class R2SEGO_OT_cut_proxy(_Edit, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return needs_round(cls, context) and needs_idle_engine(cls)
+        return needs_proxy(cls, context) and needs_idle_engine(cls)
 
     def change(self, context):
         file = handed_over(f"{self.name or 'cut'}.npz")

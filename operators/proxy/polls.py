@@ -5,7 +5,7 @@ import bpy
 from ...r2sego_blender.bridge.show_proxy import shown_proxy
 from ...r2sego_blender.errors import GeometryError
 from .. import state
-from ..base import needs_bundle, require_visible
+from ..base import needs_bundle, needs_round, require_visible
 from .properties import active_object
 
 
@@ -15,6 +15,16 @@ def proxy_shown(context) -> bpy.types.Object:
     if shown is None:
         raise GeometryError("no proxy is shown", cure="Press Show first.")
     return shown
+
+
+def needs_proxy(cls, context) -> bool:
+    """Poll of operators that work on the shown proxy."""
+    if not needs_round(cls, context):
+        return False
+    if shown_proxy(context.scene, state.bundle_path(context.scene)) is None:
+        cls.poll_message_set("No proxy is shown: press Show first")
+        return False
+    return True
 
 
 def in_object_mode(context, shown: bpy.types.Object) -> None:

@@ -7,8 +7,8 @@ from ...r2sego_blender.bridge.placed_box import placed_box
 from ...r2sego_blender.bridge.proxy_edits import select_faces, world_corners
 from ...r2sego_blender.bridge.words import counted
 from ...r2sego_blender.errors import GeometryError
-from ..base import ReportingOperator, needs_round
-from .polls import in_object_mode, proxy_shown, show_selection
+from ..base import ReportingOperator
+from .polls import in_object_mode, needs_proxy, proxy_shown, show_selection
 
 
 class R2SEGO_OT_select_proxy_box(ReportingOperator, bpy.types.Operator):
@@ -25,7 +25,7 @@ class R2SEGO_OT_select_proxy_box(ReportingOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return needs_round(cls, context)
+        return needs_proxy(cls, context)
 
     def perform(self, context):
         shown = proxy_shown(context)

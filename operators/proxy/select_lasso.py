@@ -5,9 +5,9 @@ from bpy.props import BoolProperty, FloatProperty
 
 from ...r2sego_blender.bridge.proxy_edits import faces_in_lasso, select_faces, world_corners
 from ...r2sego_blender.bridge.words import counted
-from ..base import ReportingOperator, needs_round
+from ..base import ReportingOperator
 from ..lasso import Lasso
-from .polls import in_object_mode, proxy_shown, show_selection
+from .polls import in_object_mode, needs_proxy, proxy_shown, show_selection
 
 
 class R2SEGO_OT_select_proxy_lasso(Lasso, ReportingOperator, bpy.types.Operator):
@@ -28,7 +28,7 @@ class R2SEGO_OT_select_proxy_lasso(Lasso, ReportingOperator, bpy.types.Operator)
 
     @classmethod
     def poll(cls, context):
-        return needs_round(cls, context)
+        return needs_proxy(cls, context)
 
     def perform(self, context):
         shown = proxy_shown(context)
