@@ -9,7 +9,7 @@ from pathlib import Path
 from . import __version__
 from .cameras import Camera
 from .errors import AssetError, SceneError
-from .geometry.collision_files import MESH_OBJ, SCENE_USD
+from .geometry.collision_files import HULLS, MESH_OBJ, SCENE_USD
 from .geometry.objects import read_backends
 from .geometry.proxy import GeometryProxy
 from .geometry.textured_obj import obj_files
@@ -26,6 +26,7 @@ from .whole_files import remove, rename
 from .world_frame import require_present_frame
 
 ABOUT, TEXTURED = "about.txt", "textured"
+_EXPORTED = "exported by R2S-EGO"  # in about.txt, by which an export is known
 _FILES = {
     "asset.ply": "what cameras see: 3D Gaussians in the order of Inria's PLY, the backdrop among them",
     "collision": "what bodies touch: scene.xml (MuJoCo), scene.urdf, scene.sdf (Gazebo, Drake) and\n"
@@ -64,11 +65,10 @@ def export_scene(
     ``room.usda``, a stage of them and the collision surface; and ``about.txt``, which says what
     these are and what made them.
     Nothing appears before all of it is written; the folders of an earlier export go, and what it wrote
-    that this one does not is told. Raises
-    SceneError where others of their names are, when the scene has no result yet, one of a world
-    frame that was corrected since, or one that was damaged or changed since, while another process
-    or thread writes to the scene, and for a folder inside the scene; AssetError for a suffix that is
-    no format of splats.
+    that this one does not is told. Raises SceneError where others of their names are, or lie in those
+    folders, when the scene has no result yet, one of a world frame that was corrected since, or one that
+    was damaged or changed since, while another process or thread writes to the scene, and for a folder
+    inside the scene; AssetError for a suffix that is no format of splats.
     """
     for suffix in splats:
         if suffix not in SUFFIXES:
@@ -97,10 +97,11 @@ def _exported(
     scene.require_as_made(REFINED_ASSET, COLLISION)
     for name, made in (("collision", MESH_OBJ), *[(TEXTURED, "room.obj")] * textured):
         if (folder / name).exists() and not (folder / name / made).is_file():
-            raise SceneError(
-                "it is there already, and no export made it", where=folder / name,
-                cure="Choose another folder, or move it away.",
-            )  # fmt: skip
+            raise _not_of_an_export(folder / name)
+    if not _is_export(folder):
+        for name in (*_FILES, ABOUT, *(f"asset{suffix}" for suffix in splats)):
+            if (folder / name).is_file():
+                raise _not_of_an_export(folder / name)
     folder.mkdir(parents=True, exist_ok=True)
     staging = folder / ".unfinished-export"
     shutil.rmtree(staging, ignore_errors=True)
@@ -115,8 +116,11 @@ def _exported(
             others = _others(folder, names)
             write_text(staging / ABOUT, _about(scene, names, rounds, others))
             names.append(ABOUT)
+            for name in names:
+                for own in _own_files(folder / name, staging / name):
+                    raise _not_of_an_export(own)
             with keeping(staging):
-                for name in names:
+                for name in reversed(names):  # about.txt first: it tells the next export that this was one
                     _replace(staging / name, folder / name)
                 remove(staging)
     finally:
@@ -126,6 +130,29 @@ def _exported(
             f"{folder}: {', '.join(others)} are there already, and not of this export", "warning"
         )
     return [folder / name for name in names]
+
+
+def _is_export(folder: Path) -> bool:
+    about = folder / ABOUT
+    return about.is_file() and _EXPORTED in about.read_text(encoding="utf-8", errors="replace")
+
+
+def _not_of_an_export(place: Path) -> SceneError:
+    return SceneError(
+        "it is there already, and no export made it", where=place,
+        cure="Choose another folder, or move it away.",
+    )  # fmt: skip
+
+
+def _own_files(before: Path, made: Path) -> list[Path]:
+    """What a person keeps in a folder that is replaced whole."""
+    if not before.is_dir():
+        return []
+    files = [file for file in sorted(before.rglob("*")) if not file.is_dir()]
+    return [
+        file for file in files
+        if not (made / file.relative_to(before)).exists() and not file.match(f"{HULLS}/piece_*.obj")
+    ]  # fmt: skip
 
 
 def _others(folder: Path, names: Sequence[str]) -> list[str]:
@@ -173,7 +200,7 @@ def _about(scene: Scene, names: Sequence[str], rounds: int, others: Sequence[str
     """What the files ``names`` are, in which frame, and what made them; ``others`` were there before."""
     declared = scene.declaration
     lines = [
-        f"{scene.name}, exported by R2S-EGO {__version__} after {rounds} rounds of refinement",
+        f"{scene.name}, {_EXPORTED} {__version__} after {rounds} rounds of refinement",
         "",
         "Metres, right-handed, Z up but for files said to be Y up. z = 0 is the floor, the first",
         "photograph's camera is above the origin, and x is its heading.",

@@ -192,10 +192,12 @@ def test_what_is_exported_of_a_scene_that_may_only_be_read_can_be_written(scene,
 def test_a_second_export_replaces_what_is_no_more(scene, tmp_path):
     out = tmp_path / "out"
     export_scene(scene, out)
-    (out / "collision" / "ghost.obj").write_text("v 0 0 0\n")
+    piece = out / "collision" / "hulls" / "piece_9999.obj"
+    piece.parent.mkdir(exist_ok=True)
+    piece.write_text("v 0 0 0\n")
     (out / "mine.txt").write_text("kept")
     export_scene(scene, out)
-    assert not (out / "collision" / "ghost.obj").exists() and (out / "mine.txt").read_text() == "kept"
+    assert not piece.exists() and (out / "mine.txt").read_text() == "kept"
     assert {path.name for path in out.iterdir()} == {*PLAIN, ABOUT, "mine.txt"}
 
 
@@ -235,6 +237,32 @@ def test_what_only_an_earlier_export_wrote_is_told(scene, tmp_path):
     text = about.read_text(encoding="utf-8")
     told = {line.split()[0] for line in text.splitlines() if "was there before" in line}
     assert told == {"room.usda", "asset.usdc"} and "room.usda, asset.usdc" in messages.warnings[0]
+
+
+@pytest.mark.parametrize("name", ["asset.ply", "cameras.json", "about.txt", "asset.spz"])
+def test_a_file_that_no_export_made_is_left_alone(scene, tmp_path, name):
+    mine = tmp_path / "mine" / name
+    mine.parent.mkdir()
+    mine.write_text("mine")
+    with pytest.raises(SceneError, match=rf"{name}: it is there already, and no export made it"):
+        export_scene(scene, mine.parent, [".spz"])
+    assert list(mine.parent.iterdir()) == [mine] and mine.read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["my_scene.xml", "robots/arm.xml", "hulls/note.txt"])
+def test_what_a_person_put_into_an_exported_folder_is_not_deleted(scene, tmp_path, name):
+    out = tmp_path / "out"
+    export_scene(scene, out)
+    mine = out / "collision" / name
+    mine.parent.mkdir(exist_ok=True)
+    mine.write_text("mine")
+    with pytest.raises(SceneError, match=rf"{mine.name}: it is there already, and no export made it"):
+        export_scene(scene, out)
+    assert mine.read_text() == "mine" and sorted(file.name for file in out.iterdir()) == sorted(
+        ("about.txt", "asset.ply", "cameras.json", "collision", "proxy.ply")
+    )
+    mine.unlink()
+    export_scene(scene, out)
 
 
 def test_a_folder_collision_that_no_export_made_is_left_alone(scene, tmp_path):

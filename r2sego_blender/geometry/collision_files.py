@@ -102,10 +102,10 @@ def _obj(vertices: np.ndarray, faces: np.ndarray) -> str:
 def _mjcf(names: list[str], floor: FloorBox | None) -> str:
     """A static MuJoCo scene: the floor's box and one mesh geom for each piece.
 
-    It sets no unit of angles, which would become that of a robot it is included beside.
+    It sets neither a unit of angles nor a folder of meshes, which would become those of a robot that it
+    is included beside.
     """
     root = ElementTree.Element("mujoco", model="room")
-    ElementTree.SubElement(root, "compiler", meshdir=HULLS)
     assets = ElementTree.SubElement(root, "asset")
     world = ElementTree.SubElement(root, "worldbody")
     if floor is not None:
@@ -115,7 +115,7 @@ def _mjcf(names: list[str], floor: FloorBox | None) -> str:
         )  # fmt: skip
     for name in names:
         # Static pieces need no inertia; "convex" never fails on a thin one.
-        ElementTree.SubElement(assets, "mesh", name=name, file=f"{name}.obj", inertia="convex")
+        ElementTree.SubElement(assets, "mesh", name=name, file=f"{HULLS}/{name}.obj", inertia="convex")
         ElementTree.SubElement(world, "geom", name=name, type="mesh", mesh=name, rgba=_PIECE_RGBA)
     return _text(root)
 

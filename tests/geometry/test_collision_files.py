@@ -216,10 +216,10 @@ def test_the_mjcf_is_attached_beside_a_robot_with_meshes_and_degrees_of_its_own(
         np.testing.assert_allclose(np.degrees(model.joint(elbow).range), (-45, 90))
 
 
-def test_a_robot_included_beside_the_mjcf_keeps_its_degrees(surface, folder, tmp_path):
-    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+def test_a_robot_beside_which_the_mjcf_is_included_keeps_its_degrees(surface, folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "out" / "collision")
     (tmp_path / "world.xml").write_text(
-        '<mujoco><include file="scene.xml"/><worldbody><body pos="0 0 1" euler="0 0 90">'
+        '<mujoco><include file="out/collision/scene.xml"/><worldbody><body pos="0 0 1" euler="0 0 90">'
         '<joint name="turn" range="-45 90"/><geom size="0.1"/></body></worldbody></mujoco>'
     )
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "world.xml"))
