@@ -325,3 +325,7 @@ def check_decisions_and_meshes_go_to_the_engine():
     assert obj[:2] == ["v 0 0 2", "v 1 0 2"] and obj[3] == "f 1 2 3"
     placed = json.loads(Path(call[6].partition("=")[2]).read_text())
     assert placed == {"world_from_own": np.eye(4).tolist(), "locked": True}
+    stand.name = "\u6905\u5b50"
+    conduct("succeed")
+    assert bpy.ops.r2sego.use_mesh_as_prior(object_name="lamp", mesh=stand.name) == {"FINISHED"}
+    assert Path(calls()[0][4].partition("=")[2]).suffix == ".obj"
