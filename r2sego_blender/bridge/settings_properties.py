@@ -62,7 +62,9 @@ def overrides(
     changed = {}
     for entry in entries(preset(preset_name)):
         if group.is_property_set(property_name(entry.key)):
-            changed[entry.key] = getattr(group, property_name(entry.key))
+            value = getattr(group, property_name(entry.key))
+            # Blender's numbers have 32 bits: 0.005 comes back as 0.004999999888, out of its own range.
+            changed[entry.key] = float(f"{value:.6g}") if isinstance(value, float) else value
         elif entry.key in declared:
             changed[entry.key] = entry.default
     return changed

@@ -1,5 +1,6 @@
 """What holds of the room Scene, checked inside Blender."""
 
+import importlib
 import json
 import re
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import bpy
 from support import (
     BUNDLE,
+    MODULE,
     OUT,
     calls,
     conduct,
@@ -160,6 +162,26 @@ def check_settings_are_kept_under_a_name():
         assert "short run" in str(error)
     else:
         raise AssertionError("removed settings were loaded")
+
+
+def check_every_number_that_a_settings_slider_reaches_is_taken():
+    """Blender holds 32 bits of a number: the lowest voxel came back below 0.005."""
+    properties = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.settings_properties")
+    named = importlib.import_module(f"{MODULE}.r2sego_blender.named_settings")
+    open_bundle()
+    numbers = [entry for entry in named.entries() if isinstance(entry.default, float)]
+    for entry in numbers:
+        for value in (entry.low, entry.high, entry.default):
+            if value is not None:
+                setattr(state().settings, properties.property_name(entry.key), value)
+                assert properties.overrides(state().settings, "paper")[entry.key] == value, entry.key
+    bpy.ops.r2sego.reset_settings()
+    state().settings.proxy__voxel_m = 0.005
+    assert bpy.ops.r2sego.keep_settings(name="fine") == {"FINISHED"}
+    bpy.ops.r2sego.remove_settings(name="fine")
+    conduct("succeed")
+    bpy.ops.r2sego.refine()
+    assert "proxy.voxel_m=0.005" in calls()[0]
 
 
 def check_what_stands_in_the_frame_before_a_correction_is_told():
