@@ -4,6 +4,7 @@ import importlib
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 from support import (
@@ -162,6 +163,31 @@ def check_settings_are_kept_under_a_name():
         assert "short run" in str(error)
     else:
         raise AssertionError("removed settings were loaded")
+
+
+def check_a_preset_tells_what_it_sets_below_the_field():
+    """A field that the person left alone shows the default, whatever the preset says."""
+    drawn = []
+
+    class Layout:
+        def __getattr__(self, name):
+            return lambda *given, **words: drawn.append(words.get("text", "")) or self
+
+        def panel(self, *given, **words):
+            return self, self
+
+    def told():
+        drawn.clear()
+        bpy.types.R2SEGO_PT_settings.draw(SimpleNamespace(layout=Layout()), bpy.context)
+        return [text for text in drawn if text.startswith(f"{state().preset.capitalize()}: ")]
+
+    open_bundle()
+    bpy.ops.r2sego.reset_settings()
+    assert {"Preview: 900", "Preview: Target", "Preview: 0.43"} <= set(told())
+    state().settings.training__steps_per_round = 77
+    assert "Preview: 900" not in told()
+    state().preset = "paper"
+    assert told() == []
 
 
 def check_every_number_that_a_settings_slider_reaches_is_taken():
