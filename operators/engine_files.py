@@ -6,7 +6,6 @@ from pathlib import Path
 import bpy
 
 from ..r2sego_blender.errors import SceneError
-from ..r2sego_blender.geometry.object_names import plain_name
 
 
 def handed_over(name: str) -> Path:
@@ -19,7 +18,7 @@ def handed_over(name: str) -> Path:
         folder = tempfile.mkdtemp(prefix="r2sego-", dir=bpy.app.tempdir or None)
     except OSError as error:
         raise _not_written(bpy.app.tempdir, error) from error
-    return Path(folder) / plain_name(name)
+    return Path(folder) / name
 
 
 def hand_over(name: str, text: str) -> Path:

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..r2sego_blender.bridge.settings_properties import property_name, sections
+from ..r2sego_blender.bridge.settings_properties import preset_values, property_name, sections
 
 
 class R2SEGO_PT_settings(bpy.types.Panel):
@@ -18,7 +18,8 @@ class R2SEGO_PT_settings(bpy.types.Panel):
     def draw(self, context):
         layout = self.layout
         layout.use_property_decorate = False
-        group = context.scene.r2sego.settings
+        group, preset = context.scene.r2sego.settings, context.scene.r2sego.preset
+        of_preset = preset_values(preset)
         row = layout.row(align=True)
         row.operator_menu_enum("r2sego.load_settings", "name", text="Load", icon="PRESET")
         row.operator("r2sego.keep_settings", text="", icon="ADD")
@@ -32,10 +33,15 @@ class R2SEGO_PT_settings(bpy.types.Panel):
             for key in keys:
                 name = property_name(key)
                 row = body.row()
-                row.active = group.is_property_set(name)  # grey: the preset's value holds
+                changed = group.is_property_set(name)
+                row.active = changed  # grey: the preset's value holds
                 # A number's name stands in its field, where a long one has room; a choice's beside it.
                 row.use_property_split = group.bl_rna.properties[name].type == "ENUM"
                 row.prop(group, name)
+                if key in of_preset and not changed:  # below the field, which has no room for it
+                    told = body.row()
+                    told.alignment = "RIGHT"
+                    told.label(text=f"{preset.capitalize()}: {of_preset[key]}")
 
 
 CLASSES = (R2SEGO_PT_settings,)

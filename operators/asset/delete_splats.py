@@ -8,6 +8,7 @@ from .. import state
 from ..base import EngineOperator, ReportingOperator, needs_bundle, needs_idle_engine
 from ..engine_files import hand_over
 from .marks import clear_marks
+from .polls import needs_no_edit_mode
 from .show_asset import show_stage
 
 
@@ -86,7 +87,7 @@ class R2SEGO_OT_clear_splat_marks(ReportingOperator, bpy.types.Operator):
         if not context.scene.r2sego_asset.marks:
             cls.poll_message_set("Nothing is marked: there are no marks to clear")
             return False
-        return True
+        return needs_no_edit_mode(cls, context)
 
     def perform(self, context):
         clear_marks(context.scene)

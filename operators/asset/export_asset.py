@@ -3,12 +3,12 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import EnumProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ...r2sego_blender.asset_stages import stage_named
-from ...r2sego_blender.errors import AssetError
+from ...r2sego_blender.errors import AssetError, R2SEgoError
 from .. import state
-from ..base import EngineOperator, needs_idle_engine
+from ..base import EngineOperator, needs_idle_engine, told
 from .polls import needs_asset
 
 _FORMATS = (
@@ -30,12 +30,16 @@ class R2SEGO_OT_export_asset(EngineOperator, bpy.types.Operator):
     bl_label = "Export Asset"
     bl_options = {"REGISTER"}
 
-    filepath: StringProperty(name="File", description="The file to write", subtype="FILE_PATH")
+    filepath: StringProperty(
+        name="File", description="The file to write", subtype="FILE_PATH", options={"SKIP_SAVE"}
+    )
+    check_existing: BoolProperty(default=True, options={"HIDDEN"})
     filter_glob: StringProperty(default=";".join(f"*{suffix}" for suffix, *_ in _FORMATS), options={"HIDDEN"})
     file_format: EnumProperty(name="Format", description="Gives the file its suffix", items=_FORMATS)
     stage: StringProperty(
-        name="Asset", description="initial, a round's number, or final; empty = the final one"
-    )
+        name="Asset", description="initial, a round's number, or final; empty = the final one",
+        options={"SKIP_SAVE"},
+    )  # fmt: skip
 
     @classmethod
     def poll(cls, context):
@@ -43,9 +47,20 @@ class R2SEGO_OT_export_asset(EngineOperator, bpy.types.Operator):
 
     def invoke(self, context, event):
         if not self.filepath:
-            self.filepath = f"{state.opened_bundle(context).name}.ply"
+            try:
+                self.filepath = f"{state.opened_bundle(context).name}{self.file_format}"
+            except (R2SEgoError, OSError) as error:
+                self.report({"ERROR"}, told(error))
+                return {"CANCELLED"}
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
+
+    def check(self, context):
+        """Show the name that is written, by which Blender tells whether there is such a file."""
+        shown = self.filepath
+        if Path(shown).name and not Path(bpy.path.abspath(shown)).is_dir():
+            self.filepath = str(self._file())
+        return self.filepath != shown
 
     def arguments(self, context):
         if not self.filepath:

@@ -27,9 +27,13 @@ def needs_shown_asset(cls, context) -> bool:
 
 def needs_splats_at_rest(cls, context) -> bool:
     """Poll of operators that write the shown splats' attributes, which Edit Mode does not let."""
-    if not needs_shown_asset(cls, context):
-        return False
-    if context.scene.r2sego_asset.shown.mode == "EDIT":
+    return needs_shown_asset(cls, context) and needs_no_edit_mode(cls, context)
+
+
+def needs_no_edit_mode(cls, context) -> bool:
+    """Poll of operators that write the attributes of the splats where some are shown."""
+    shown = context.scene.r2sego_asset.shown
+    if shown is not None and shown.mode == "EDIT":
         cls.poll_message_set("Leave Edit Mode first (Tab), or press Mark Selected")
         return False
     return True

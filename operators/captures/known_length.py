@@ -15,8 +15,8 @@ class R2SEGO_OT_add_length(ReportingOperator, bpy.types.Operator):
     bl_label = "Add Length"
     bl_options = {"REGISTER", "UNDO"}
 
-    start: StringProperty(name="From", description="The one point")
-    end: StringProperty(name="To", description="The other point")
+    start: StringProperty(name="From", description="The one point", options={"SKIP_SAVE"})
+    end: StringProperty(name="To", description="The other point", options={"SKIP_SAVE"})
     metres: FloatProperty(
         name="Length", description="How far apart they are", default=1.0, min=0.01, max=100.0,
         subtype="DISTANCE", unit="LENGTH", precision=3,

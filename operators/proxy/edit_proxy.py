@@ -43,7 +43,7 @@ class R2SEGO_OT_cut_proxy(_Edit, bpy.types.Operator):
         return needs_proxy(cls, context) and needs_idle_engine(cls)
 
     def change(self, context):
-        file = handed_over(f"{self.name or 'cut'}.npz")
+        file = handed_over("cut.npz")
         write_cut(file, proxy_shown(context))
         return ["--cut", str(file), "--name", self.name or "cut"]
 
@@ -76,7 +76,7 @@ class R2SEGO_OT_draw_proxy_surface(_Edit, bpy.types.Operator):
         )
         if drawn is None or drawn.type != "MESH":
             raise GeometryError("no mesh object is chosen", cure="Select the surface you drew.")
-        file = handed_over(f"{self.name or drawn.name}.npz")
+        file = handed_over("surface.npz")
         write_drawn(file, drawn, context.evaluated_depsgraph_get())
         return ["--draw", str(file), "--name", self.name or drawn.name]
 

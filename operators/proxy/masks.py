@@ -12,6 +12,7 @@ from ...r2sego_blender.bridge.object_masks import (
     load_masks,
     mask_image,
     mask_images,
+    mask_in,
     read_mask,
     save_masks,
     write_mask,
@@ -151,7 +152,7 @@ class R2SEGO_OT_draw_mask(Drawing, ReportingOperator, bpy.types.Operator):
         region = drawn_region(view.camera.shape, points, self.tool, self.radius)
         images = _masks_to_edit(context, name, view)
         image = images[view.name]
-        mask = read_mask(image)
+        mask = mask_in(image, view)
         write_mask(image, mask & ~region if self.subtract else mask | region)
         item = context.scene.r2sego_proxy.objects[name]
         item.masks = sum(bool(read_mask(one).any()) for one in images.values())

@@ -231,7 +231,7 @@ class R2SEGO_OT_use_mesh_as_prior(EngineOperator, bpy.types.Operator):
         mesh = bpy.data.objects.get(self.mesh) if self.mesh else context.view_layer.objects.active
         if mesh is None or mesh.type != "MESH":
             raise GeometryError("no mesh object is chosen", cure="Select the mesh to use.")
-        file = handed_over(f"{mesh.name}.obj")
+        file = handed_over("mesh.obj")
         write_mesh(file, mesh, context.evaluated_depsgraph_get())
         command = ["objects", str(state.opened_bundle(context).path), "--json", "--mesh", f"{name}={file}"]
         if self.place == "SEARCH":

@@ -3,8 +3,10 @@
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from ...r2sego_blender.errors import RobotError
+from ...r2sego_blender.errors import R2SEgoError, RobotError
 from ...r2sego_blender.robot.scope import shipped_scopes
+from .. import state
+from ..base import told
 from .declaring import DeclaringOperator
 
 _DOCS = {
@@ -35,6 +37,13 @@ class R2SEGO_OT_choose_scope(DeclaringOperator, bpy.types.Operator):
     filepath: StringProperty(name="File", description="The behaviour scope's TOML file", subtype="FILE_PATH")
 
     def invoke(self, context, event):
+        try:
+            declared = state.opened_bundle(context).scene.declaration.scope
+        except (R2SEgoError, OSError) as error:
+            self.report({"ERROR"}, told(error))
+            return {"CANCELLED"}
+        self.scope = declared if declared in shipped_scopes() else "FILE"
+        self.filepath = declared if self.scope == "FILE" else ""
         return context.window_manager.invoke_props_dialog(self, width=400)
 
     def draw(self, context):

@@ -31,7 +31,7 @@ class R2SEGO_OT_refine(EngineOperator, bpy.types.Operator):
         command = ["refine", str(bundle.path), "--json-progress", "--preset", scene.preset]
         declared = bundle.scene.declaration.overrides
         for key, value in overrides(scene.settings, scene.preset, declared).items():
-            command += ["--set", f"{key}={value:.6g}" if isinstance(value, float) else f"{key}={value}"]
+            command += ["--set", f"{key}={value}"]
         return command
 
     def finish(self, context, result):

@@ -39,12 +39,15 @@ def _display_changed(group: bpy.types.PropertyGroup, _context: bpy.types.Context
 
 
 def _active_changed(group: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
-    """The active candidate's words, its mark in the view and its row of the list."""
+    """Keep to a candidate that there is; its words, its mark in the view and its row of the list."""
     scene = group.id_data
     scores = remembered_in(scene)
     active = group.active
-    if scores is None or active >= len(scores):
+    if scores is None:
         group.why = group.figures = ""
+        return
+    if active >= len(scores):
+        group.active = len(scores) - 1  # comes here again
         return
     if active < 0:
         group.why = group.figures = ""

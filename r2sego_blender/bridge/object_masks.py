@@ -60,8 +60,21 @@ def read_mask(image: bpy.types.Image) -> np.ndarray:
     return np.ascontiguousarray(colours.max(axis=2)[::-1] >= _WHITE)
 
 
+def mask_in(image: bpy.types.Image, view: CapturedView) -> np.ndarray:
+    """The mask (H, W) bool of a capture. Raises GeometryError where the image has another size."""
+    mask = read_mask(image)
+    if mask.shape != view.camera.shape:
+        raise GeometryError(
+            "the mask is not of the capture's size", where=image.name,
+            cure=f"Resize the image to {view.camera.width} by {view.camera.height} pixels, or undo.",
+        )  # fmt: skip
+    return mask
+
+
 def write_mask(image: bpy.types.Image, mask: np.ndarray) -> None:
-    """Show a mask (H, W) bool in an image of its size, and keep it in the .blend."""
+    """Show a mask (H, W) bool in an image, which takes its size, and keep it in the .blend."""
+    if tuple(image.size) != mask.shape[::-1]:
+        image.scale(mask.shape[1], mask.shape[0])
     pixels = np.ones((*mask.shape, image.channels), np.float32)
     pixels[..., : min(3, image.channels)] = mask[::-1, :, None]
     image.pixels.foreach_set(pixels.ravel())
@@ -98,7 +111,8 @@ def load_masks(bundle: Bundle, name: str, *, anew: bool = True) -> int:
 def known_masks(bundle: Bundle, name: str) -> dict[str, np.ndarray]:
     """An object's masks (H, W) bool by the captures' names: those Blender holds, else the bundle's. Leaves
     no image in Blender: one that is made in no step of its history crashes a later undo."""
-    held = {capture: read_mask(image) for capture, image in mask_images(bundle.path, name).items()}
+    images, views = mask_images(bundle.path, name), bundle.captures()
+    held = {view.name: mask_in(images[view.name], view) for view in views if view.name in images}
     return held | {view.name: mask for view, _, mask in _declared_masks(bundle, name, held)}
 
 

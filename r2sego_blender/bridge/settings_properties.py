@@ -46,6 +46,16 @@ def sections() -> dict[str, list[str]]:
     return grouped
 
 
+@functools.cache
+def preset_values(preset_name: str) -> dict[str, str]:
+    """What a preset sets otherwise than the fields show by default, by dotted key, as they would show it.
+
+    Made once: the panel asks at each redraw.
+    """
+    pairs = zip(entries(), entries(preset(preset_name)), strict=True)
+    return {own.key: _shown(own) for default, own in pairs if own.default != default.default}
+
+
 def settings_group() -> type[bpy.types.PropertyGroup]:
     """A new PropertyGroup class with one property a setting."""
     annotations = {property_name(entry.key): _property(entry) for entry in entries()}
@@ -62,7 +72,9 @@ def overrides(
     changed = {}
     for entry in entries(preset(preset_name)):
         if group.is_property_set(property_name(entry.key)):
-            changed[entry.key] = getattr(group, property_name(entry.key))
+            value = getattr(group, property_name(entry.key))
+            # Blender's numbers have 32 bits: 0.005 comes back as 0.004999999888, out of its own range.
+            changed[entry.key] = float(f"{value:.6g}") if isinstance(value, float) else value
         elif entry.key in declared:
             changed[entry.key] = entry.default
     return changed
@@ -89,6 +101,12 @@ def _property(entry: Entry) -> Any:
     if entry.choices:
         return bpy.props.EnumProperty(**described, items=[(c, c.capitalize(), "") for c in entry.choices])
     return bpy.props.StringProperty(**described)
+
+
+def _shown(entry: Entry) -> str:
+    if isinstance(entry.default, float):
+        return f"{entry.default:g}"
+    return entry.default.capitalize() if entry.choices else str(entry.default)
 
 
 def _decimals(default: float) -> int:

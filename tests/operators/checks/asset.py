@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -177,3 +178,19 @@ def check_the_asset_is_written_by_the_engine():
         bpy.ops.r2sego.export_asset(filepath=str(out / name), file_format=".spz")
         assert calls()[-1][2] == str(out / written), calls()[-1]
     assert "No file is chosen" in refused(bpy.ops.r2sego.export_asset)
+
+
+def check_the_dialog_of_an_export_begins_anew_and_asks_before_it_overwrites():
+    open_bundle()
+    properties = bpy.ops.r2sego.export_asset.get_rna_type().properties
+    assert properties["filepath"].is_skip_save and properties["stage"].is_skip_save
+    assert properties["check_existing"].default and properties["check_existing"].is_hidden
+    given = SimpleNamespace(filepath="/a/room.ply", file_format=".spz")
+    given._file = lambda: bpy.types.R2SEGO_OT_export_asset._file(given)
+    changed = [bpy.types.R2SEGO_OT_export_asset.check(given, bpy.context) for _ in range(2)]
+    assert given.filepath == str(Path("/a/room.spz")) and changed == [True, False]
+    state().bundle = gone = str(OUT.parent / "nowhere" / "room.r2s")
+    told = []
+    given = SimpleNamespace(filepath="", file_format=".ply", report=lambda kind, text: told.append(text))
+    assert bpy.types.R2SEGO_OT_export_asset.invoke(given, bpy.context, None) == {"CANCELLED"}
+    assert gone in told[0] and given.filepath == ""

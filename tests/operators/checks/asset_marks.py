@@ -99,6 +99,9 @@ def check_splats_selected_in_edit_mode_are_marked():
     assert "Leave Edit Mode" in refused(bpy.ops.r2sego.mark_splats_box)
     assert bpy.ops.r2sego.mark_selected_splats(cell=0.005) == {"FINISHED"}
     assert (values(shown, "marked") == chosen).all()
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert "Leave Edit Mode" in refused(bpy.ops.r2sego.clear_splat_marks) and group().marks
+    bpy.ops.object.mode_set(mode="OBJECT")
     bpy.ops.r2sego.clear_splat_marks()
     shown.data.vertices.foreach_set("select", np.zeros_like(chosen))
     assert "no splat is selected" in refused(bpy.ops.r2sego.mark_selected_splats)

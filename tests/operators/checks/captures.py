@@ -172,6 +172,13 @@ def check_picked_points_are_placed_with_their_residuals():
     assert shown().points["A"].off_px > 0.05 and len(shown().points) == 3
 
 
+def check_the_dialog_of_a_length_proposes_the_points_picked_last():
+    """Not the pair of the time before, whose length it would replace."""
+    properties = bpy.ops.r2sego.add_length.get_rna_type().properties
+    assert properties["start"].is_skip_save and properties["end"].is_skip_save
+    assert not properties["metres"].is_skip_save
+
+
 def check_lengths_follow_a_point_that_is_renamed():
     open_bundle()
     pick_all()

@@ -98,6 +98,25 @@ def check_masks_and_objects_stay_with_their_bundle():
     assert "chair in capture_0" not in bpy.data.images and "chair in capture_0.001" in bpy.data.images
 
 
+def check_a_mask_of_another_size_is_refused_and_loaded_anew():
+    """As after Resize Image in the Image Editor."""
+    open_bundle()
+    bpy.ops.r2sego.show_priors()
+    assert bpy.ops.r2sego.load_masks() == {"FINISHED"}
+    before = drawn_pixels("crate in capture_0")
+    bpy.data.images["crate in capture_0"].scale(32, 24)
+    given = {"object_name": "crate", "capture": "capture_0", "points": "0,0 4,0 4,4"}
+    for said in (
+        refused(bpy.ops.r2sego.draw_mask, **given),
+        refused(bpy.ops.r2sego.place_prior, object_name="crate"),
+    ):
+        assert "crate in capture_0: the mask is not of the capture's size" in said, said
+        assert "64 by 48" in said and "Traceback" not in said, said
+    assert bpy.ops.r2sego.load_masks() == {"FINISHED"}
+    assert drawn_pixels("crate in capture_0") == before
+    assert bpy.ops.r2sego.draw_mask(**given) == {"FINISHED"}
+
+
 def check_the_first_stroke_on_a_declared_object_keeps_its_other_masks():
     open_bundle()
     corner = "0,0 4,0 4,4 0,4"
@@ -325,3 +344,7 @@ def check_decisions_and_meshes_go_to_the_engine():
     assert obj[:2] == ["v 0 0 2", "v 1 0 2"] and obj[3] == "f 1 2 3"
     placed = json.loads(Path(call[6].partition("=")[2]).read_text())
     assert placed == {"world_from_own": np.eye(4).tolist(), "locked": True}
+    stand.name = "\u6905\u5b50"
+    conduct("succeed")
+    assert bpy.ops.r2sego.use_mesh_as_prior(object_name="lamp", mesh=stand.name) == {"FINISHED"}
+    assert Path(calls()[0][4].partition("=")[2]).suffix == ".obj"

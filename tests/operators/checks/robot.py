@@ -61,7 +61,7 @@ def check_opening_lists_the_attempts_and_the_seats():
 def check_the_dialogs_of_a_bundle_that_is_gone_say_so():
     open_bundle()
     state().bundle = gone = str(OUT.parent / "nowhere" / "room.r2s")
-    for name in ("choose_robot", "set_mount", "set_behaviours", "set_clearance"):
+    for name in ("choose_robot", "choose_scope", "set_mount", "set_behaviours", "set_clearance"):
         said = refused(getattr(bpy.ops.r2sego, name), "INVOKE_DEFAULT")
         assert gone in said and "Traceback" not in said, said
 
@@ -81,6 +81,22 @@ def check_choosing_robot_and_scope_asks_the_engine():
         "--set", "behaviours.walk_to=0.25", "--set", "behaviours.look_around=0",
         "--set", "behaviours.step_around=0", "--set", "behaviours.squat=0", "--set", "behaviours.sit_on=1",
     ]  # fmt: skip
+
+
+def check_the_dialog_of_the_scope_begins_with_what_is_declared():
+    copy = copied_bundle()
+    file, declaration = copy / "robot" / "scope.toml", copy / "scene.toml"
+    text = declaration.read_text()
+    dialogs = SimpleNamespace(invoke_props_dialog=lambda operator, **how: {"RUNNING_MODAL"})
+    context = SimpleNamespace(scene=bpy.context.scene, window_manager=dialogs)
+    for scope, shown in (
+        ("walk_and_look", ("walk_and_look", "")), ("sit_down", ("sit_down", "")),
+        (str(file), ("FILE", str(file))),
+    ):  # fmt: skip
+        declaration.write_text(text.replace('"walk_and_look"', json.dumps(scope)))
+        dialog = SimpleNamespace(scope="", filepath="of before")
+        assert bpy.types.R2SEGO_OT_choose_scope.invoke(dialog, context, None) == {"RUNNING_MODAL"}
+        assert (dialog.scope, dialog.filepath) == shown
 
 
 def check_the_clearance_that_cures_name_is_a_field():

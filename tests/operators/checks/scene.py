@@ -1,12 +1,15 @@
 """What holds of the room Scene, checked inside Blender."""
 
+import importlib
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 from support import (
     BUNDLE,
+    MODULE,
     OUT,
     calls,
     conduct,
@@ -160,6 +163,51 @@ def check_settings_are_kept_under_a_name():
         assert "short run" in str(error)
     else:
         raise AssertionError("removed settings were loaded")
+
+
+def check_a_preset_tells_what_it_sets_below_the_field():
+    """A field that the person left alone shows the default, whatever the preset says."""
+    drawn = []
+
+    class Layout:
+        def __getattr__(self, name):
+            return lambda *given, **words: drawn.append(words.get("text", "")) or self
+
+        def panel(self, *given, **words):
+            return self, self
+
+    def told():
+        drawn.clear()
+        bpy.types.R2SEGO_PT_settings.draw(SimpleNamespace(layout=Layout()), bpy.context)
+        return [text for text in drawn if text.startswith(f"{state().preset.capitalize()}: ")]
+
+    open_bundle()
+    bpy.ops.r2sego.reset_settings()
+    assert {"Preview: 900", "Preview: Target", "Preview: 0.43"} <= set(told())
+    state().settings.training__steps_per_round = 77
+    assert "Preview: 900" not in told()
+    state().preset = "paper"
+    assert told() == []
+
+
+def check_every_number_that_a_settings_slider_reaches_is_taken():
+    """Blender holds 32 bits of a number: the lowest voxel came back below 0.005."""
+    properties = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.settings_properties")
+    named = importlib.import_module(f"{MODULE}.r2sego_blender.named_settings")
+    open_bundle()
+    numbers = [entry for entry in named.entries() if isinstance(entry.default, float)]
+    for entry in numbers:
+        for value in (entry.low, entry.high, entry.default):
+            if value is not None:
+                setattr(state().settings, properties.property_name(entry.key), value)
+                assert properties.overrides(state().settings, "paper")[entry.key] == value, entry.key
+    bpy.ops.r2sego.reset_settings()
+    state().settings.proxy__voxel_m = 0.005
+    assert bpy.ops.r2sego.keep_settings(name="fine") == {"FINISHED"}
+    bpy.ops.r2sego.remove_settings(name="fine")
+    conduct("succeed")
+    bpy.ops.r2sego.refine()
+    assert "proxy.voxel_m=0.005" in calls()[0]
 
 
 def check_what_stands_in_the_frame_before_a_correction_is_told():

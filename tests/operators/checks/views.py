@@ -119,6 +119,9 @@ def check_a_picked_candidate_says_why():
     assert (group().active_rollout, group().origin) == (0, "Attempt 0, walk_to")
     group().rollout = 9  # there are four
     assert (group().rollout, group().active_rollout) == (3, 0)
+    group().active = 9999
+    assert group().active == 39 and bpy.data.objects["Active candidate"]["candidate"] == 39
+    assert bpy.ops.r2sego.show_candidates() == {"FINISHED"}
     assert "no candidate 40" in refused(bpy.ops.r2sego.pick_candidate, candidate=40)
     assert "No candidate is named" in refused(bpy.ops.r2sego.pick_candidate)
 
