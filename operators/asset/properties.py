@@ -147,9 +147,11 @@ class R2SEGO_PG_asset(bpy.types.PropertyGroup):
 
 
 def forget_bundle(scene: bpy.types.Scene, _bundle: Bundle) -> None:
-    """Compare no more pictures of another bundle."""
-    for name in ("compare", "wipe_left", "wipe_right"):
-        scene.r2sego_asset.property_unset(name)
+    """Compare no more pictures of another bundle, and mark nothing of it."""
+    group = scene.r2sego_asset
+    for name in ("compare", "wipe_left", "wipe_right", "marked"):
+        group.property_unset(name)
+    group.marks.clear()
 
 
 def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
