@@ -163,6 +163,7 @@ def _read_edits(group: bpy.types.PropertyGroup, bundle: Bundle) -> None:
 def _read_objects(group: bpy.types.PropertyGroup, bundle: Bundle) -> None:
     """The bundle's objects, then those that are only drawn in Blender so far."""
     drawn = [item.name for item in group.objects if not item.declared]
+    chosen = active_object(group)
     group.objects.clear()
     declared = read_objects(bundle)
     group.declared_count = len(declared)
@@ -175,7 +176,8 @@ def _read_objects(group: bpy.types.PropertyGroup, bundle: Bundle) -> None:
     for name in drawn:
         if name not in group.objects:
             add_object(group, name)
-    group.object_index = min(group.object_index, max(0, len(group.objects) - 1))
+    index = group.objects.find(chosen)
+    group.object_index = index if index >= 0 else min(group.object_index, max(0, len(group.objects) - 1))
 
 
 def add_object(group: bpy.types.PropertyGroup, name: str) -> None:

@@ -64,6 +64,21 @@ def check_masks_are_drawn_loaded_and_declared():
     assert "crate" not in group().objects and "crate in capture_0" not in bpy.data.images
 
 
+def check_what_is_declared_stays_the_chosen_object():
+    copy = copied_bundle()
+    bpy.ops.r2sego.new_object(name="armchair")
+    bpy.ops.r2sego.draw_mask(capture="capture_0", points="10,20 30,20 30,40 10,40")
+    conduct("succeed")
+    (copy / "objects" / "armchair" / "masks").mkdir(parents=True)  # as the engine leaves the bundle
+    assert bpy.ops.r2sego.declare_masks() == {"FINISHED"}
+    assert [item.name for item in group().objects] == ["armchair", "crate", "lamp"]
+    assert group().object_index == 0
+    group().object_index = 2
+    shutil.rmtree(copy / "objects" / "lamp")
+    bpy.ops.r2sego.refresh_scene()
+    assert group().object_index == 1
+
+
 def drawn_pixels(image):
     """How many pixels of a mask are white."""
     return int((np.array(bpy.data.images[image].pixels).reshape(-1, 4)[:, 0] > 0.5).sum())
