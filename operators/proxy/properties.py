@@ -135,7 +135,9 @@ def forget_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
     placement_live.forget()
     group.objects.clear()
     group.removed.clear()
-    for name in ("object_index", "edit_index", "fit_object", "fit_iou", "fit_residual", "fit_views"):
+    group.legend.clear()
+    fit = ("fit_object", "fit_iou", "fit_residual", "fit_views")
+    for name in ("object_index", "edit_index", "legend_note", *fit):
         group.property_unset(name)
     for name in masked_objects(bundle.path):
         add_object(group, name)
@@ -147,14 +149,19 @@ def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
     group.has_coverage = read_coverage(bundle, scene.r2sego.round_index) is not None
     group.plan = ""
     note_age(scene, bundle)
+    if not group.legend and not group.legend_note and state.may_show():
+        colour_shown(scene)  # of a bundle that is open again
     _read_edits(group, bundle)
     _read_objects(group, bundle)
 
 
 def note_age(scene: bpy.types.Scene, bundle: Bundle) -> None:
-    """Note whether the shown proxy is older than its file."""
-    shown = shown_proxy(scene, bundle.path)
-    scene.r2sego_proxy.older = shown is not None and not is_current(shown, bundle)
+    """Note whether the shown proxy is older than its file; where none is shown, there is no legend."""
+    group, shown = scene.r2sego_proxy, shown_proxy(scene, bundle.path)
+    group.older = shown is not None and not is_current(shown, bundle)
+    if shown is None:
+        group.legend.clear()
+        group.legend_note = ""
 
 
 def _read_edits(group: bpy.types.PropertyGroup, bundle: Bundle) -> None:
