@@ -95,11 +95,15 @@ class R2SEGO_OT_clear_splat_marks(ReportingOperator, bpy.types.Operator):
 
 
 def _show_edited(context, result) -> str:
-    """Read the bundle again and show its final asset where an asset is shown."""
+    """Read the bundle again and show its final asset where an asset is shown and not in Edit Mode."""
     state.refresh(context.scene)
     group = context.scene.r2sego_asset
     if group.shown is not None and group.stages:
-        show_stage(context.scene, group.stages[len(group.stages) - 1].name)
+        last = len(group.stages) - 1
+        if group.shown.mode == "EDIT":
+            group.stage = last
+        else:
+            show_stage(context.scene, group.stages[last].name)
     if "gaussians" not in result:
         return "Kept: the next Refine leaves these splats out"
     return f"{result['gaussians']} of {result['before']} splats are left"

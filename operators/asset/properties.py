@@ -60,13 +60,18 @@ def _other_stage(group: bpy.types.PropertyGroup, context: bpy.types.Context) -> 
     if group.stage > highest:
         group.stage = highest  # comes here again
         return
-    if not group.stages or not shown_stage(group.shown) or is_deleted(group.shown) or not state.may_show():
-        return
-    if shown_stage(group.shown) != group.stages[group.stage].name:
+    if shows_another(group) and group.shown.mode != "EDIT" and state.may_show():
         try:
             show_stage(group.id_data, group.stages[group.stage].name)
         except R2SEgoError as error:
             group.id_data.r2sego.problem = str(error)
+
+
+def shows_another(group: bpy.types.PropertyGroup) -> bool:
+    """Whether an asset is shown, and not the one where the slider stands: in Edit Mode it stays."""
+    if not group.stages or not shown_stage(group.shown) or is_deleted(group.shown):
+        return False
+    return shown_stage(group.shown) != group.stages[min(group.stage, len(group.stages) - 1)].name
 
 
 class R2SEGO_PG_asset(bpy.types.PropertyGroup):
@@ -147,9 +152,11 @@ class R2SEGO_PG_asset(bpy.types.PropertyGroup):
 
 
 def forget_bundle(scene: bpy.types.Scene, _bundle: Bundle) -> None:
-    """Compare no more pictures of another bundle."""
-    for name in ("compare", "wipe_left", "wipe_right"):
-        scene.r2sego_asset.property_unset(name)
+    """Compare no more pictures of another bundle, and mark nothing of it."""
+    group = scene.r2sego_asset
+    for name in ("compare", "wipe_left", "wipe_right", "marked"):
+        group.property_unset(name)
+    group.marks.clear()
 
 
 def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:

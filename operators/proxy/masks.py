@@ -102,6 +102,8 @@ class R2SEGO_OT_remove_object(ReportingOperator, bpy.types.Operator):
         declared = group.objects[name].declared
         forget_masks(state.bundle_path(context.scene), name)
         group.objects.remove(group.objects.find(name))
+        if declared:
+            group.removed.add().name = name
         group.object_index = min(group.object_index, max(0, len(group.objects) - 1))
         redraw_views("WINDOW")
         return f"Forgot '{name}'; Declare takes it from the bundle too" if declared else f"Forgot '{name}'"
@@ -272,6 +274,7 @@ class R2SEGO_OT_declare_masks(EngineOperator, bpy.types.Operator):
         group = context.scene.r2sego_proxy
         for item in group.objects:
             item.declared = True  # those that the bundle did not take are gone with this
+        group.removed.clear()
         state.refresh(context.scene)
         if not group.objects:
             return "No object is declared any more: the next Refine places no priors"

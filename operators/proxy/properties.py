@@ -47,6 +47,10 @@ class R2SEGO_PG_proxy_object(bpy.types.PropertyGroup):
     declared: BoolProperty()
 
 
+class R2SEGO_PG_removed_object(bpy.types.PropertyGroup):
+    """An object that the bundle has until Declare takes it from there."""
+
+
 class R2SEGO_PG_proxy_edit(bpy.types.PropertyGroup):
     """An edit of the proxy that the bundle keeps."""
 
@@ -72,6 +76,7 @@ class R2SEGO_PG_proxy(bpy.types.PropertyGroup):
     """Whether the shown proxy was redone since."""
     has_coverage: BoolProperty()
     objects: CollectionProperty(type=R2SEGO_PG_proxy_object)
+    removed: CollectionProperty(type=R2SEGO_PG_removed_object)
     declared_count: IntProperty()
     object_index: IntProperty(name="Object", description="The object that masks and priors are edited of")
     mask_tool: EnumProperty(
@@ -129,7 +134,10 @@ def forget_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
     group = scene.r2sego_proxy
     placement_live.forget()
     group.objects.clear()
-    for name in ("object_index", "edit_index", "fit_object", "fit_iou", "fit_residual", "fit_views"):
+    group.removed.clear()
+    group.legend.clear()
+    fit = ("fit_object", "fit_iou", "fit_residual", "fit_views")
+    for name in ("object_index", "edit_index", "legend_note", *fit):
         group.property_unset(name)
     for name in masked_objects(bundle.path):
         add_object(group, name)
@@ -141,14 +149,19 @@ def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
     group.has_coverage = read_coverage(bundle, scene.r2sego.round_index) is not None
     group.plan = ""
     note_age(scene, bundle)
+    if not group.legend and not group.legend_note and state.may_show():
+        colour_shown(scene)  # of a bundle that is open again
     _read_edits(group, bundle)
     _read_objects(group, bundle)
 
 
 def note_age(scene: bpy.types.Scene, bundle: Bundle) -> None:
-    """Note whether the shown proxy is older than its file."""
-    shown = shown_proxy(scene, bundle.path)
-    scene.r2sego_proxy.older = shown is not None and not is_current(shown, bundle)
+    """Note whether the shown proxy is older than its file; where none is shown, there is no legend."""
+    group, shown = scene.r2sego_proxy, shown_proxy(scene, bundle.path)
+    group.older = shown is not None and not is_current(shown, bundle)
+    if shown is None:
+        group.legend.clear()
+        group.legend_note = ""
 
 
 def _read_edits(group: bpy.types.PropertyGroup, bundle: Bundle) -> None:
@@ -161,12 +174,15 @@ def _read_edits(group: bpy.types.PropertyGroup, bundle: Bundle) -> None:
 
 
 def _read_objects(group: bpy.types.PropertyGroup, bundle: Bundle) -> None:
-    """The bundle's objects, then those that are only drawn in Blender so far."""
+    """The bundle's objects but the removed ones, then those that are only drawn in Blender so far."""
     drawn = [item.name for item in group.objects if not item.declared]
+    chosen = active_object(group)
     group.objects.clear()
     declared = read_objects(bundle)
     group.declared_count = len(declared)
     for known in declared:
+        if known.name in group.removed:
+            continue
         item = group.objects.add()
         item.name, item.state, item.why, item.shape = known.name, known.state, known.why, known.shape
         item.masks, item.declared = known.masks, True
@@ -175,7 +191,8 @@ def _read_objects(group: bpy.types.PropertyGroup, bundle: Bundle) -> None:
     for name in drawn:
         if name not in group.objects:
             add_object(group, name)
-    group.object_index = min(group.object_index, max(0, len(group.objects) - 1))
+    index = group.objects.find(chosen)
+    group.object_index = index if index >= 0 else min(group.object_index, max(0, len(group.objects) - 1))
 
 
 def add_object(group: bpy.types.PropertyGroup, name: str) -> None:
@@ -190,4 +207,10 @@ def active_object(group: bpy.types.PropertyGroup) -> str:
     return group.objects[group.object_index].name if inside else ""
 
 
-CLASSES = (R2SEGO_PG_proxy_colour, R2SEGO_PG_proxy_object, R2SEGO_PG_proxy_edit, R2SEGO_PG_proxy)
+CLASSES = (
+    R2SEGO_PG_proxy_colour,
+    R2SEGO_PG_proxy_object,
+    R2SEGO_PG_removed_object,
+    R2SEGO_PG_proxy_edit,
+    R2SEGO_PG_proxy,
+)

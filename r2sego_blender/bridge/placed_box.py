@@ -16,6 +16,8 @@ def placed_box(placed: bpy.types.Object) -> Box:
 
     Raises SceneError for one without a volume.
     """
+    if placed.mode == "EDIT":
+        placed.update_from_editmode()  # its bounds are those of before until then
     pose = np.array(placed.matrix_world, np.float64)
     low, high = np.array(placed.bound_box).min(axis=0), np.array(placed.bound_box).max(axis=0)
     if placed.type == "EMPTY":

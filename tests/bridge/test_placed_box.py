@@ -36,6 +36,17 @@ def test_an_empty_and_a_solid_hold_the_same_points(scene):
         np.testing.assert_array_equal(placed_box(one).holds(points), inside)
 
 
+def test_a_solid_in_edit_mode_holds_what_it_is_drawn_around(scene):
+    bpy.ops.mesh.primitive_cube_add(size=2.0)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.transform.resize(value=(3.0, 1.0, 1.0))
+    box = placed_box(bpy.context.object)
+    assert bpy.context.object.mode == "EDIT"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    np.testing.assert_array_equal(box.holds(np.array([[2.5, 0.0, 0.0], [0.0, 2.5, 0.0]])), [True, False])
+
+
 def test_what_has_no_volume_is_refused(scene):
     bpy.ops.mesh.primitive_plane_add()
     with pytest.raises(SceneError, match="no volume"):

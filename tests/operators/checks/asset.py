@@ -90,6 +90,34 @@ def check_the_slider_shows_each_rounds_asset():
     assert "initial, 0, 1, final" in refused(bpy.ops.r2sego.show_asset, stage="7")
 
 
+def check_what_is_shown_in_edit_mode_stays():
+    shows_another = importlib.import_module(f"{MODULE}.operators.asset.properties").shows_another
+    copy = copied_bundle()
+    bpy.ops.r2sego.show_asset(stage="0")
+    bpy.ops.r2sego.mark_splats_box(lowest=(-0.6, -0.6, 0.4), highest=(0.6, 0.6, 2.0))
+    shown = group().shown
+    bpy.context.view_layer.objects.active = shown
+    bpy.ops.object.mode_set(mode="EDIT")
+    group().stage = 0
+    assert group().shown == shown and shown.mode == "EDIT" and shows_another(group())
+    group().stage = 1
+    assert not shows_another(group())
+    conduct("succeed")
+    assert bpy.ops.r2sego.delete_splats() == {"FINISHED"}
+    assert group().shown == shown and shown.mode == "EDIT"
+    assert group().stage == 3 and shows_another(group()) and not group().marks
+    assert bpy.ops.r2sego.show_asset() == {"FINISHED"}
+    assert group().shown["r2sego_stage"] == "final" and not shows_another(group())
+    bpy.context.view_layer.objects.active = group().shown
+    bpy.ops.object.mode_set(mode="EDIT")
+    shutil.copy(copy / "rounds" / "0" / "asset.ply", copy / "asset.ply")
+    (copy / "asset_edits").mkdir()
+    (copy / "asset_edits" / "floaters.json").write_text('{"regions": []}')
+    bpy.ops.r2sego.refresh_scene()
+    assert bpy.ops.r2sego.restore_splats() == {"FINISHED"}
+    assert group().shown.mode == "EDIT" and group().older
+
+
 def check_an_asset_that_was_published_anew_is_shown_anew():
     copy = copied_bundle()
     bpy.ops.r2sego.show_asset()

@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 from shown_asset import SPLATS, centres, group, show, values
-from support import calls, conduct, copied_bundle, refused
+from support import BUNDLE, calls, conduct, copied_bundle, open_here, refused
 
 
 def check_splats_in_a_box_are_marked():
@@ -168,6 +168,19 @@ def check_what_undo_marks_again_though_it_is_deleted_is_marked_no_longer():
     bpy.ops.r2sego.mark_splats_box(lowest=(-0.5, -0.5, 0.0), highest=(0.5, 0.5, 0.6))
     bpy.ops.r2sego.refresh_scene()
     assert len(group().marks) == 1 and group().marked > 0  # another region
+
+
+def check_what_is_marked_is_not_deleted_from_another_bundle():
+    """Whose asset a person deleted is shown no longer, and its marks stay for when it is shown again."""
+    copied_bundle()
+    bpy.ops.r2sego.show_asset()
+    bpy.ops.r2sego.mark_splats_box(lowest=(-0.6, -0.6, 0.4), highest=(0.6, 0.6, 2.0))
+    bpy.data.objects.remove(group().shown)
+    bpy.ops.r2sego.refresh_scene()
+    assert len(group().marks) == 1
+    open_here(BUNDLE)
+    assert not group().marks and group().marked == 0
+    assert "Nothing is marked" in refused(bpy.ops.r2sego.delete_splats)
 
 
 def check_what_was_deleted_is_listed_and_restored():

@@ -112,6 +112,19 @@ def check_the_proxy_is_coloured_by_what_is_chosen():
     assert abs(legend()["Robot does not see"] - area[:2].sum()) < 0.01
 
 
+def check_a_legend_is_of_the_shown_proxy():
+    shown()
+    told = legend()
+    assert told
+    open_here(bundle_of_one_name())
+    assert not group().legend and not group().legend_note
+    open_here(BUNDLE)
+    assert legend() == told
+    bpy.data.objects.remove(bpy.data.objects["Proxy, round 0"])
+    bpy.ops.r2sego.refresh_scene()
+    assert not group().legend
+
+
 def check_colours_that_need_a_coverage_say_so():
     open_bundle()
     bpy.ops.r2sego.show_proxy()  # of round 1, which has none

@@ -9,7 +9,18 @@ from pathlib import Path
 import bpy
 import numpy as np
 from proxy import group
-from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle, open_here, refused
+from support import (
+    BUNDLE,
+    MODULE,
+    OUT,
+    bundle_of_one_name,
+    calls,
+    conduct,
+    copied_bundle,
+    open_bundle,
+    open_here,
+    refused,
+)  # fmt: skip
 
 
 def check_objects_are_listed_with_what_became_of_them():
@@ -62,6 +73,21 @@ def check_masks_are_drawn_loaded_and_declared():
     assert set(np.unique(pixels)) == {0.0, 1.0} and 240 < (pixels > 0.5).sum() < 400
     assert bpy.ops.r2sego.remove_object(name="crate") == {"FINISHED"}
     assert "crate" not in group().objects and "crate in capture_0" not in bpy.data.images
+
+
+def check_what_is_declared_stays_the_chosen_object():
+    copy = copied_bundle()
+    bpy.ops.r2sego.new_object(name="armchair")
+    bpy.ops.r2sego.draw_mask(capture="capture_0", points="10,20 30,20 30,40 10,40")
+    conduct("succeed")
+    (copy / "objects" / "armchair" / "masks").mkdir(parents=True)  # as the engine leaves the bundle
+    assert bpy.ops.r2sego.declare_masks() == {"FINISHED"}
+    assert [item.name for item in group().objects] == ["armchair", "crate", "lamp"]
+    assert group().object_index == 0
+    group().object_index = 2
+    shutil.rmtree(copy / "objects" / "lamp")
+    bpy.ops.r2sego.refresh_scene()
+    assert group().object_index == 1
 
 
 def drawn_pixels(image):
@@ -164,6 +190,32 @@ def check_the_last_object_is_taken_from_the_bundle():
         shutil.rmtree(copy / "objects" / name)  # as the engine leaves the bundle
     open_bundle(copy)
     assert len(group().objects) == 0 and not bpy.ops.r2sego.declare_masks.poll()
+
+
+def check_a_removed_object_stays_removed_until_it_is_declared():
+    open_bundle()
+    bpy.ops.r2sego.remove_object(name="crate")
+    bpy.ops.r2sego.refresh_scene()
+    assert [item.name for item in group().objects] == ["lamp"]
+    conduct("fail")
+    refused(bpy.ops.r2sego.declare_masks)
+    bpy.ops.r2sego.refresh_scene()
+    assert "crate" not in group().objects  # what failed can be tried again
+    conduct("succeed")
+    assert bpy.ops.r2sego.declare_masks() == {"FINISHED"}
+    assert {file.parent.name for file in Path(calls()[0][3]).rglob("*.png")} == {"lamp"}
+    assert "crate" in group().objects  # the stand-in engine took nothing away
+    bpy.ops.r2sego.remove_object(name="crate")
+    bpy.ops.r2sego.new_object(name="crate")
+    bpy.ops.r2sego.draw_mask(object_name="crate", capture="capture_0", points="10,20 30,20 30,40 10,40")
+    bpy.ops.r2sego.refresh_scene()
+    assert not group().objects["crate"].declared and group().objects.find("crate") == 1  # another one
+    conduct("succeed")
+    bpy.ops.r2sego.declare_masks()
+    assert len(list((Path(calls()[0][3]) / "crate").glob("*.png"))) == 1
+    bpy.ops.r2sego.remove_object(name="crate")
+    open_here(bundle_of_one_name())
+    assert "crate" in group().objects
 
 
 def check_a_prior_is_placed_by_hand_with_its_fit():

@@ -73,6 +73,21 @@ def check_refine_passes_the_preset_and_changed_settings():
     assert calls()[0][5:] == ["--set", "selection.target_views=12"]  # declared 3, reset to the preset's
 
 
+def check_a_setting_that_was_reset_stays_so():
+    copy = copied_bundle()
+    assert state().settings.is_property_set("selection__target_views")
+    declared = copy / "scene.toml"
+    text = declared.read_text()
+    assert "target_views" in text
+    declared.write_text(re.sub(r"(target_views\W+)3", r"\g<1>12", text))  # as Refine leaves it after Reset
+    open_bundle(copy)
+    assert not state().settings.is_property_set("selection__target_views")
+    declared.write_text(re.sub(r"(target_views\W+)3", r"\g<1>11", text))
+    open_bundle(copy)
+    assert state().settings.is_property_set("selection__target_views")
+    assert state().settings.selection__target_views == 11
+
+
 def check_saving_and_loading_keeps_the_bundle():
     open_bundle()
     bpy.ops.r2sego.show_candidates()
