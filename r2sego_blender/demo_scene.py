@@ -20,9 +20,12 @@ ROOM = Path(__file__).resolve().parents[1] / "demo" / "room"
 
 
 def make_demo_scene(
-    path: Path, preset: str, overrides: Mapping[str, Any], progress: Progress, room: Path = ROOM
+    path: Path, preset: str | None, overrides: Mapping[str, Any], progress: Progress, room: Path = ROOM
 ) -> Scene:
     """Make the bundle ``path`` of the demo room, unless it is there, and refine it to its end.
+
+    ``preset`` None is "preview", or what the bundle that is there declares; its settings stay beside
+    ``overrides``, as in a refinement.
 
     Raises MachineError when the room's photographs are not here, and SceneError when ``path`` is a
     bundle of something else.
@@ -40,8 +43,10 @@ def make_demo_scene(
         path.parent.mkdir(parents=True, exist_ok=True)
         settings = with_overrides(dict(overrides)).captures
         scene = create_scene(path, room / "captures", cameras, settings=settings, progress=progress)
+        preset = preset or "preview"
     with scene.locked():
-        scene = scene.declare(preset=preset, overrides=dict(overrides))
+        asked = scene.declaration.with_settings(preset, overrides)
+        scene = scene.declare(preset=asked.preset, overrides=asked.overrides)
         before = scene.journal()
         refine(scene, progress)
         renew_scene_report(scene, before)

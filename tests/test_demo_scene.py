@@ -37,6 +37,14 @@ def test_it_is_made_refined_and_goes_on(tmp_path, refined):
     assert [scene.declaration.preset for scene in refined] == ["preview", "paper"]
 
 
+def test_what_a_person_has_declared_stays_when_it_goes_on(tmp_path, refined):
+    path = tmp_path / "demo.r2s"
+    make_demo_scene(path, None, QUICK, SILENT).declare(preset="paper", overrides={"rounds": 2})
+    make_demo_scene(path, None, {"seed": 7}, SILENT)
+    assert [scene.declaration.preset for scene in refined] == ["preview", "paper"]
+    assert refined[-1].declaration.overrides == {"rounds": 2, "seed": 7}
+
+
 def test_a_bundle_of_something_else_is_left_alone(tmp_path, refined):
     path = tmp_path / "mine.r2s"
     room = tmp_path / "room"

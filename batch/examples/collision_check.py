@@ -29,6 +29,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--faces", type=int, default=30000, help="of the textured mesh")
     parser.add_argument("--size", type=int, default=2048, help="texels a side")
     options = parser.parse_args(arguments)
+    chosen = {f".{suffix.strip().lstrip('.').lower()}" for suffix in options.splats.split(",") if suffix}
     with enabled_addon():
         r2sego, group = bpy.ops.r2sego, bpy.context.scene.r2sego_collision
         r2sego.open_scene(directory=str(options.scene.absolute()))
@@ -39,7 +40,6 @@ def main(arguments: list[str]) -> int:
         if options.texture:
             r2sego.texture_proxy(faces=options.faces, size=options.size)
         if options.to:
-            chosen = {suffix for suffix in options.splats.split(",") if suffix}
             folder = str(options.to.absolute())
             r2sego.export_collision(directory=folder, splats=chosen, textured=options.textured)
             print(f"exported to {options.to}")

@@ -13,12 +13,14 @@ from .options import ANY_PATH, json_progress, overrides_of, progress_of, setting
 @click.command()
 @click.argument("scene", type=ANY_PATH)
 @click.option(
-    "--preset", type=click.Choice(list(PRESETS)), default="preview", show_default=True, help="Named settings."
+    "--preset", type=click.Choice(list(PRESETS)), help="Named settings; preview, or what SCENE has declared."
 )
 @settings_option
 @json_progress
 @click.pass_context
-def demo(context: click.Context, scene: Path, preset: str, overrides: tuple[str, ...], as_json: bool) -> None:
+def demo(
+    context: click.Context, scene: Path, preset: str | None, overrides: tuple[str, ...], as_json: bool
+) -> None:
     """Make SCENE of the demo room and refine it; started again, it goes on where it stopped.
 
     It takes some minutes, with --preset paper 15 and more.

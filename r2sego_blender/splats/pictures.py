@@ -20,6 +20,7 @@ from .outputs import render_batch, render_outputs
 from .rasterizer import Rendering
 
 _LARGEST_PX = 100_000_000
+_LENS = ("width", "height", "fx", "fy", "cx", "cy")
 
 
 def load_cameras(file: Path) -> dict[str, Camera]:
@@ -38,15 +39,21 @@ def load_cameras(file: Path) -> dict[str, Camera]:
     entries = (data.get("cameras") or data.get("captures")) if isinstance(data, dict) else None
     if not isinstance(entries, list) or not entries:
         raise AssetError("there is no list 'cameras'", where=file, cure="Give one entry a camera.")
+    shared = {key: data[key] for key in _LENS if key in data}  # of all entries that say nothing else
     cameras: dict[str, Camera] = {}
     for index, entry in enumerate(entries):
         where = f"{file}: entry {index}"
         try:
-            camera = Camera.from_json(entry)
+            camera = Camera.from_json(shared | entry)
             name = str(entry.get("name", f"{index:03d}"))
-        except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
+        except KeyError as error:
             raise AssetError(
-                f"the camera is damaged: {error!r}", where=where, cure="Give all fields as numbers."
+                f"the camera has no {error}", where=where,
+                cure=f"Give {', '.join(_LENS)} and world_from_camera.",
+            ) from error  # fmt: skip
+        except (TypeError, ValueError, OverflowError, AttributeError) as error:
+            raise AssetError(
+                f"the camera is damaged: {error}", where=where, cure="Give all fields as numbers."
             ) from error
         size, lens = (camera.width, camera.height), (camera.fx, camera.fy, camera.cx, camera.cy)
         fits = min(size) > 0 and camera.width * camera.height <= _LARGEST_PX

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from r2sego_blender.benchmarks.workloads import made_up_room
+from r2sego_blender.cameras import Camera
 from r2sego_blender.errors import AssetError
 from r2sego_blender.images import load_image_uint8, to_uint8
 from r2sego_blender.splats.outputs import render_outputs
@@ -58,6 +59,20 @@ def test_cameras_are_read_by_name_or_place(room, tmp_path):
     file.write_text(json.dumps({"captures": [{**camera, "name": "a"}, camera]}))
     cameras = load_cameras(file)
     assert list(cameras) == ["a", "001"] and cameras["a"].to_json() == camera
+
+
+def test_what_holds_for_all_cameras_is_said_once(tmp_path):
+    """As in a cameras.json of captures."""
+    entry = Camera(8, 6, 5.0, 5.5, 4.0, 3.0, np.eye(4)).to_json()
+    lens = {key: entry.pop(key) for key in ("width", "height", "fx", "fy", "cx", "cy")}
+    file = tmp_path / "cameras.json"
+    file.write_text(json.dumps({"captures": [entry, entry | {"fx": 7.0}], **lens}))
+    first, second = load_cameras(file).values()
+    assert (first.width, first.fy, first.fx, second.fx) == (8, 5.5, 5.0, 7.0)
+    del lens["height"]
+    file.write_text(json.dumps({"captures": [entry], **lens}))
+    with pytest.raises(AssetError, match=r"entry 0: the camera has no 'height'\. Give width, height, fx"):
+        load_cameras(file)
 
 
 @pytest.mark.parametrize(
