@@ -2,8 +2,8 @@
 
 import bpy
 
-from ..operators.asset.properties import shows_another
 from ..r2sego_blender.bridge.asset_pictures import is_of_view
+from ..r2sego_blender.bridge.show_asset import shows_another
 from ..r2sego_blender.bridge.words import counted
 from . import splat_preview, wipe
 from .sidebar import Sidebar, Step, write_wrapped
@@ -26,7 +26,7 @@ class R2SEGO_PT_asset(Step, bpy.types.Panel):
             row = column.row(align=True)
             row.prop(group, "stage", text=stage.label, slider=False)
         column.operator("r2sego.show_asset", icon="POINTCLOUD_DATA")
-        if shows_another(group):
+        if group.stages and shows_another(group.shown, stage.name):
             write_wrapped(context, layout, "Another asset is shown: Show Asset shows this one", "INFO")
         elif group.older:
             write_wrapped(context, layout, "The file has changed since: Show Asset shows it", "INFO")

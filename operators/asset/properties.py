@@ -18,7 +18,13 @@ from ...r2sego_blender.asset_edits import load_edits
 from ...r2sego_blender.asset_stages import FINAL, INITIAL, PASSES, stages
 from ...r2sego_blender.bridge.bundle import Bundle
 from ...r2sego_blender.bridge.report_scores import not_scored
-from ...r2sego_blender.bridge.show_asset import is_current, is_deleted, shown_stage, shows_bundle
+from ...r2sego_blender.bridge.show_asset import (
+    is_current,
+    is_deleted,
+    shown_stage,
+    shows_another,
+    shows_bundle,
+)
 from ...r2sego_blender.bridge.views_3d import redraw_views
 from ...r2sego_blender.errors import R2SEgoError
 from ...r2sego_blender.splats.ply_vertices import vertex_count
@@ -60,18 +66,14 @@ def _other_stage(group: bpy.types.PropertyGroup, context: bpy.types.Context) -> 
     if group.stage > highest:
         group.stage = highest  # comes here again
         return
-    if shows_another(group) and group.shown.mode != "EDIT" and state.may_show():
+    if not group.stages or not state.may_show():
+        return
+    wanted = group.stages[group.stage].name
+    if shows_another(group.shown, wanted) and group.shown.mode != "EDIT":
         try:
-            show_stage(group.id_data, group.stages[group.stage].name)
+            show_stage(group.id_data, wanted)
         except R2SEgoError as error:
             group.id_data.r2sego.problem = str(error)
-
-
-def shows_another(group: bpy.types.PropertyGroup) -> bool:
-    """Whether an asset is shown, and not the one where the slider stands: in Edit Mode it stays."""
-    if not group.stages or not shown_stage(group.shown) or is_deleted(group.shown):
-        return False
-    return shown_stage(group.shown) != group.stages[min(group.stage, len(group.stages) - 1)].name
 
 
 class R2SEGO_PG_asset(bpy.types.PropertyGroup):

@@ -115,6 +115,12 @@ def is_deleted(candidate: bpy.types.Object) -> bool:
     return not candidate.users_collection
 
 
+def shows_another(candidate: bpy.types.Object | None, stage: str) -> bool:
+    """Whether an object shows an asset that is not of the stage ``stage``; none that was deleted does."""
+    shown = shown_stage(candidate)
+    return shown not in ("", stage) and not is_deleted(candidate)
+
+
 def shows_bundle(candidate: bpy.types.Object, bundle: Bundle) -> bool:
     """Whether an object made by ``show_asset`` shows an asset of this bundle."""
     return candidate.get(BUNDLE_MARK) == str(bundle.path)

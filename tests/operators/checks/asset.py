@@ -91,7 +91,11 @@ def check_the_slider_shows_each_rounds_asset():
 
 
 def check_what_is_shown_in_edit_mode_stays():
-    shows_another = importlib.import_module(f"{MODULE}.operators.asset.properties").shows_another
+    of_bridge = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.show_asset")
+
+    def shows_another():
+        return of_bridge.shows_another(group().shown, group().stages[group().stage].name)
+
     copy = copied_bundle()
     bpy.ops.r2sego.show_asset(stage="0")
     bpy.ops.r2sego.mark_splats_box(lowest=(-0.6, -0.6, 0.4), highest=(0.6, 0.6, 2.0))
@@ -99,15 +103,15 @@ def check_what_is_shown_in_edit_mode_stays():
     bpy.context.view_layer.objects.active = shown
     bpy.ops.object.mode_set(mode="EDIT")
     group().stage = 0
-    assert group().shown == shown and shown.mode == "EDIT" and shows_another(group())
+    assert group().shown == shown and shown.mode == "EDIT" and shows_another()
     group().stage = 1
-    assert not shows_another(group())
+    assert not shows_another()
     conduct("succeed")
     assert bpy.ops.r2sego.delete_splats() == {"FINISHED"}
     assert group().shown == shown and shown.mode == "EDIT"
-    assert group().stage == 3 and shows_another(group()) and not group().marks
+    assert group().stage == 3 and shows_another() and not group().marks
     assert bpy.ops.r2sego.show_asset() == {"FINISHED"}
-    assert group().shown["r2sego_stage"] == "final" and not shows_another(group())
+    assert group().shown["r2sego_stage"] == "final" and not shows_another()
     bpy.context.view_layer.objects.active = group().shown
     bpy.ops.object.mode_set(mode="EDIT")
     shutil.copy(copy / "rounds" / "0" / "asset.ply", copy / "asset.ply")
