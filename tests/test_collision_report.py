@@ -96,7 +96,7 @@ def with_a_plate(scene: Scene, height_m: float) -> tuple[float, float]:
     plate.apply_translation((x, y, height_m / 2))
     plate.export(scene.collision_folder / "hulls" / "plate.obj")
     file = scene.collision_folder / "scene.xml"
-    text = file.read_text().replace("</asset>", '<mesh name="plate" file="plate.obj"/></asset>')
+    text = file.read_text().replace("</asset>", '<mesh name="plate" file="hulls/plate.obj"/></asset>')
     file.write_text(text.replace("</worldbody>", '<geom name="plate" type="mesh" mesh="plate"/></worldbody>'))
     return x, y
 

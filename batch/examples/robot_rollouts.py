@@ -86,7 +86,7 @@ def play(options: argparse.Namespace) -> None:
         ops.try_rollouts(attempts=options.trial)
     trial = robot.source == "TRIAL"
     for one in robot.attempts:
-        outcome = "succeeded" if one.success else f"{one.reason}, {one.detail}"
+        outcome = one.outcome if one.success else f"{one.reason}, {one.outcome}"
         print(f"attempt {one.number}: {one.behaviour}, {outcome}, {one.frames} frames, {one.time_s:.1f} s")
     if options.attempt is not None:
         ops.jump_to_attempt(attempt=options.attempt, trial=trial)
