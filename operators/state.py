@@ -23,7 +23,7 @@ from ..r2sego_blender.bridge.bundle import Bundle
 from ..r2sego_blender.bridge.moved_bundle import found_again, turn_to, way_from, whole_path
 from ..r2sego_blender.bridge.settings_properties import settings_group, show_settings
 from ..r2sego_blender.errors import R2SEgoError, SceneError
-from ..r2sego_blender.named_settings import PRESETS, entries, preset
+from ..r2sego_blender.named_settings import PRESETS, differing, preset
 from ..r2sego_blender.status import describe
 
 _DAMAGE = (R2SEgoError, OSError, ValueError, KeyError, TypeError)
@@ -143,10 +143,9 @@ def show_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
     state.bundle = str(bundle.path)
     declared = bundle.scene.declaration
     state.preset = declared.preset
-    own = {entry.key: entry.default for entry in entries(preset(declared.preset))}
-    asked = {entry.key: entry.default for entry in entries(declared.settings)}
     # What Reset gave back to the preset is declared with the preset's value, and is no change.
-    changed = {key: value for key, value in declared.overrides.items() if asked[key] != own[key]}
+    others = differing(declared.settings, preset(declared.preset))
+    changed = {key: value for key, value in declared.overrides.items() if key in others}
     show_settings(state.settings, changed, declared.settings)
     state.round_index = max(0, bundle.rounds() - 1)  # reads the bundle, as every change of the round
 

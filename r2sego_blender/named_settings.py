@@ -100,6 +100,12 @@ def entries(settings: Settings = Settings()) -> Iterator[Entry]:
             yield Entry(f"{item.name}.{inner.name}", getattr(value, inner.name), **inner.metadata)
 
 
+def differing(settings: Settings, base: Settings) -> dict[str, Entry]:
+    """Those of ``settings`` that have another value than in ``base``, by key."""
+    pairs = zip(entries(settings), entries(base), strict=True)
+    return {own.key: own for own, other in pairs if own.default != other.default}
+
+
 def with_overrides(overrides: Mapping[str, Any], base: Settings = Settings()) -> Settings:
     """``base`` with dotted keys replaced; values may be strings from a command line.
 

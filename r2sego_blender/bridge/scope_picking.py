@@ -32,7 +32,7 @@ def target_under(
     """The target a ray means: an object's name where it meets a shown prior, or a face of the proxy
     that is of one; else the place ``x,y`` it meets; '' for nothing. What stands before them, such as
     views and the robot, is meant only where there is nothing else."""
-    other = ""
+    other, proxies = "", shown_proxies()
     for _ in range(_MOST_HITS):
         hit, place, normal, face, shown, _ = scene.ray_cast(depsgraph, origin, direction)
         if not hit:
@@ -41,7 +41,7 @@ def target_under(
         if normal.dot(direction) < 0.0:  # else it is not drawn: one looks through walls into the room
             if name := _object_name(shown, depsgraph, face):
                 return name
-            if BUNDLE_MARK not in shown or shown.original in shown_proxies():
+            if BUNDLE_MARK not in shown or shown.original in proxies:
                 return met
         other = other or met
         origin = place + _BEHIND_M * direction

@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 
-from ..named_settings import Entry, entries, preset
+from ..named_settings import Entry, differing, entries, preset
 from ..settings import Settings
 
 _UNITS = {"m": "m", "m2": "m²", "px": "px", "deg": "deg", "s": "s", "mb": "MB", "n": "N", "nm": "N m"}
@@ -52,8 +52,7 @@ def preset_values(preset_name: str) -> dict[str, str]:
 
     Made once: the panel asks at each redraw.
     """
-    pairs = zip(entries(), entries(preset(preset_name)), strict=True)
-    return {own.key: _shown(own) for default, own in pairs if own.default != default.default}
+    return {key: _shown(entry) for key, entry in differing(preset(preset_name), Settings()).items()}
 
 
 def settings_group() -> type[bpy.types.PropertyGroup]:
