@@ -58,11 +58,11 @@ def fetch(
     """Fill a batch with the next ``count`` entries; the tile's middle is in pixels."""
     middle_x, middle_y = code.to_floats(middle_x), code.to_floats(middle_y)
     with code.loop(count) as i:
-        entry = entries + (code.load_long(order + 8 * i) & 0xFFFFFFFF) * ENTRY_BYTES
-        record = records + code.load_int(entry + 8) * RECORD_BYTES
+        number = entry_number(code, order, i)
+        record = _record(code, entries, records, number)
         fetched = batch + i * FETCHED_BYTES
         code.store(fetched, code.load(record))
-        code.store_long(fetched + _BLOCKS, code.load_long(entry))
+        code.store_long(fetched + _BLOCKS, code.load_long(entries + number * ENTRY_BYTES))
         a, b, c = (code.spread(code.load_float(record + 4 * k)) for k in (FACTOR_A, FACTOR_B, FACTOR_C))
         from_middle = code.vector(_BLOCK_FROM_MIDDLE)
         x = from_middle - (code.load_float(record + 4 * U) - middle_x)
@@ -76,10 +76,40 @@ def fetch(
 def ask_for(code: Code, order: Value, count: Value, entries: Value, records: Value, slots: Value) -> None:
     """Have the records and slots of entries in the cache when they are needed."""
     with code.loop(count) as i:
-        number = code.load_long(order + 8 * i) & 0xFFFFFFFF
+        number = entry_number(code, order, i)
         code.prefetch(slots + number * SLOT_BYTES, write=True)
-        gaussian = code.load_int(entries + number * ENTRY_BYTES + 8)
-        code.prefetch(records + gaussian * RECORD_BYTES)
+        code.prefetch(_record(code, entries, records, number))
+
+
+def ask_ahead(
+    code: Code, order: Value, i: Value, left: Value, entries: Value, records: Value,
+    slots: Value | None = None,
+) -> None:  # fmt: skip
+    """While entry ``i`` of a batch is blended, have what one of the next two needs in the cache.
+
+    One entry at a time: the processor waits when it is asked for a whole batch at once. ``left``
+    are the entries from the batch's first to the tile's last.
+    """
+
+    def entry_ahead(batches: int) -> Value:
+        ahead = i + batches * BATCH
+        return entry_number(code, order, code.select(ahead < left, ahead, i))
+
+    code.prefetch(entries + entry_ahead(2) * ENTRY_BYTES)
+    number = entry_ahead(1)
+    code.prefetch(_record(code, entries, records, number))
+    if slots is not None:
+        code.prefetch(slots + number * SLOT_BYTES, write=True)
+
+
+def entry_number(code: Code, order: Value, i: Value) -> Value:
+    """Which entry comes at this place."""
+    return code.load_long(order + 8 * i) & 0xFFFFFFFF
+
+
+def _record(code: Code, entries: Value, records: Value, number: Value) -> Value:
+    """Where an entry's Gaussian stands."""
+    return records + code.load_int(entries + number * ENTRY_BYTES + 8) * RECORD_BYTES
 
 
 class Fetched:

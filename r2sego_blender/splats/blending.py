@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from .aligned_memory import aligned
-from .batches import FETCHED_BYTES, Fetched
+from .batches import FETCHED_BYTES, Fetched, ask_ahead
 from .exponentials import EXP2_OF_EIGHTHS, exp2_of_eighths
 from .projection import EIGHTH_SMALLEST, LARGEST_ALPHA
 from .stages import in_stages
@@ -54,8 +54,13 @@ class Splat(Fetched):
         super().__init__(code, fetched, depth)
         self._state, self.constant = state, constant
 
-    def visit(self, blocks: Value, blend: Callable[[bool, Value, list[Value]], None]) -> None:
-        """``blend(held, place, [alpha, e, f, eighth])`` for each block, whose state is at ``place``."""
+    def visit(
+        self, blocks: Value, blend: Callable[[bool, Value, list[Value]], None], with_small: bool = False
+    ) -> None:
+        """``blend(held, place, [alpha, e, f, eighth])`` for each block, whose state is at ``place``.
+
+        alpha is 0 where it is below 1/255. ``with_small`` leaves that to ``blend``, by ``is_taken``.
+        """
         # Most Gaussians need not be held.
         can_be_large = self.opacity_eighth >= self.code.float(_EIGHTH_LARGEST)
         for held, condition in ((True, can_be_large), (False, can_be_large.equals(False))):
@@ -64,14 +69,14 @@ class Splat(Fetched):
                 blend(held, values[0], values[1:])
 
             with self.code.when(condition):
-                in_stages(blocks, self._exponent, partial(self._alpha, held), blend_at)
+                in_stages(blocks, self._exponent, partial(self._alpha, held, with_small), blend_at)
 
     def _exponent(self, block: Value) -> list[Value]:
         """Where the block's state is; e, f and the exponent's eighth."""
         return [self._state + block * BLOCK_BYTES, *self.exponent(block)]
 
-    def _alpha(self, held: bool, at: list[Value]) -> list[Value]:
-        """alpha, 0 where it is below 1/255, put before the others but the place.
+    def _alpha(self, held: bool, with_small: bool, at: list[Value]) -> list[Value]:
+        """alpha, put before the others but the place.
 
         Only where ``held`` alpha can pass 0.99 and is held there.
         """
@@ -80,27 +85,39 @@ class Splat(Fetched):
         alpha = exp2_of_eighths(exponent, [self.constant(k) for k in range(6)])
         if held:
             alpha = code.minimum(alpha, self.constant(_LARGEST))
-        alpha = code.select(exponent >= self.constant(_EIGHTH_SMALLEST_AT), alpha, 0.0)
+        if not with_small:
+            alpha = code.select(self._is_seen(exponent), alpha, 0.0)
         return [place, alpha, e, f, exponent]
 
-    def weight(self, alpha: Value, transmittance: Value) -> Value:
-        """What a pixel takes of the splat: nothing if it is finished."""
-        open_ = transmittance > self.constant(_FINISHED_AT)
-        return self.code.select(open_, alpha * transmittance, 0.0)
+    def is_open(self, transmittance: Value) -> Value:
+        """Where a pixel is not finished."""
+        return transmittance > self.constant(_FINISHED_AT)
+
+    def is_taken(self, exponent: Value, transmittance: Value) -> Value:
+        """Where a pixel takes something of the splat: alpha is 1/255 at least, and the pixel not finished."""
+        return self._is_seen(exponent) & self.is_open(transmittance)
+
+    def _is_seen(self, exponent: Value) -> Value:
+        return exponent >= self.constant(_EIGHTH_SMALLEST_AT)
 
 
 def write_blend(
-    code: Code, depth: bool, state: Value, table: Value, batch: Value, count: Value, alive: Value
-) -> None:
-    """Put a batch's Gaussians behind what the blocks of ``alive`` already have."""
+    code: Code, depth: bool, state: Value, table: Value, batch: Value, count: Value, alive: Value,
+    order: Value, left: Value, entries: Value, records: Value,
+) -> None:  # fmt: skip
+    """Put a batch's Gaussians behind what the blocks of ``alive`` already have.
+
+    ``order`` and ``left`` are where the batch begins and what is left of its tile from there on.
+    """
     # Read once, into registers: from memory, each costs a quarter of a cycle for each visit.
     constants = [constant(code, table, place) for place in range(len(_CONSTANTS))]
     with code.loop(count) as i:
         splat = Splat(code, state, batch + i * FETCHED_BYTES, depth, constants.__getitem__)
+        ask_ahead(code, order, i, left, entries, records)
 
         def blend(held: bool, place: Value, shape: list[Value], splat: Splat = splat) -> None:
             transmittance = code.load(place)
-            weight = splat.weight(shape[0], transmittance)
+            weight = code.select(splat.is_open(transmittance), shape[0] * transmittance, 0.0)
             code.store(place, transmittance - weight)
             for k, colour in enumerate(splat.colour):
                 at = place + (SUMS + k) * VECTOR_BYTES

@@ -1,12 +1,13 @@
 """The gradient of blending: an entry's sums over its pixels.
 
-With the transmittance T in front of it, a Gaussian's alpha has the gradient
+The shade of a Gaussian is the product of its colour and the image's gradient, the rest that of
+all that is seen where nothing is in front: the Gaussian itself, what is behind it, and the
+background. Behind it the rest is another one, and
 
-    T (shade - rest / T'),
+    rest = alpha shade + (1 - alpha) rest behind,    dL/dalpha = T (shade - rest behind)
 
-where T' is the transmittance behind it, shade the product of its colour and the image's
-gradient, and rest what the Gaussians behind it and the background add to the product of
-image and gradient; so nothing need be stored for each pixel and Gaussian.
+with the transmittance T in front of it. So shade - rest behind = (shade - rest) / (1 - alpha),
+and nothing need be stored for each pixel and Gaussian.
 
 An entry has ten sums. Where there are registers for them beside all that a visit needs, each
 visit adds to them. Elsewhere they would be written to memory and read again at each visit: there
@@ -18,7 +19,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from .batches import BATCH_BYTES, FETCHED_BYTES, SLOT_BYTES
+from .batches import BATCH_BYTES, FETCHED_BYTES, SLOT_BYTES, ask_ahead, entry_number
 from .blending import EIGHTH_LARGEST_AT, Splat, constant
 from .lanes import lane_sums
 from .tiles import BLOCKS, REST, UPSTREAM
@@ -35,7 +36,7 @@ GRADIENTS_BYTES = BLOCKS * VECTOR_BYTES
 
 def write_blend_gradient(
     code: Code, depth: bool, sum_lanes: int, state: Value, table: Value, batch: Value, count: Value,
-    alive: Value, order: Value, slots: Value,
+    alive: Value, order: Value, left: Value, entries: Value, records: Value, slots: Value,
 ) -> None:  # fmt: skip
     """Replay ``write_blend`` and fill the slots of a batch's entries.
 
@@ -45,8 +46,9 @@ def write_blend_gradient(
     zero = code.vector(0.0)
     with code.loop(count) as i:
         splat = Splat(code, state, batch + i * FETCHED_BYTES, depth, partial(constant, code, table))
+        ask_ahead(code, order, i, left, entries, records, slots)
         blocks = splat.blocks & alive
-        slot = slots + (code.load_long(order + 8 * i) & 0xFFFFFFFF) * SLOT_BYTES
+        slot = slots + entry_number(code, order, i) * SLOT_BYTES
         code.store(slot, zero)
         with code.when(blocks.differs(0)):
             if sum_lanes == LANES:
@@ -64,16 +66,17 @@ def _pixel_gradients(
 ) -> tuple[Value, Value, list[Value]]:
     """A block's state is gone on with: its pixels' gradients, and weights beside the image's gradients."""
     transmittance = code.load(place)
-    weight = splat.weight(alpha, transmittance)
-    behind = transmittance - weight
-    code.store(place, behind)
+    alpha = code.select(splat.is_taken(exponent, transmittance), alpha, 0.0)
+    weight = alpha * transmittance
+    code.store(place, transmittance - weight)
     upstream = [code.load(place + (UPSTREAM + k) * VECTOR_BYTES) for k in range(channels)]
     shade = upstream[0] * splat.colour[0]
     for g, colour in zip(upstream[1:], splat.colour[1:], strict=True):
         shade = code.fma(g, colour, shade)
-    rest = code.fma(-weight, shade, code.load(place + REST * VECTOR_BYTES))
-    code.store(place + REST * VECTOR_BYTES, rest)
-    gradient = weight * code.fma(-rest, code.quotient(1.0, behind), shade)
+    rest = code.load(place + REST * VECTOR_BYTES)
+    above_rest = code.quotient(code.subtracted(shade, rest), code.subtracted(1.0, alpha))
+    code.store(place + REST * VECTOR_BYTES, code.subtracted(shade, above_rest))
+    gradient = weight * above_rest
     if held:
         gradient = code.select(exponent < splat.constant(EIGHTH_LARGEST_AT), gradient, 0.0)
     return gradient, weight, upstream
@@ -97,7 +100,7 @@ def _sums_beside(code: Code, splat: Splat, channels: int, blocks: Value) -> list
         products = [(gradient, f), (along_e, e), (along_e, f), (gradient, exponent)]
         _add_products(code, sums[2:], products + [(weight, g) for g in upstream])
 
-    splat.visit(blocks, blend)
+    splat.visit(blocks, blend, with_small=True)
     return [total.get() for total in sums]
 
 
@@ -118,7 +121,7 @@ def _sums_after(
         for k, part in enumerate(code.cut(weight, lanes)):
             _add_products(code, colours, [(part, g[k]) for g in upstream])
 
-    splat.visit(blocks, blend)
+    splat.visit(blocks, blend, with_small=True)
     moments = [code.variable(nothing) for _ in range(6)]
     place_of_next.set(buffer)
     of_lane = [code.cut(x, lanes) for x in (splat.e_of_lane, splat.f_of_lane)]

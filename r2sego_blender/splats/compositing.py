@@ -11,7 +11,7 @@ from __future__ import annotations
 from numba import get_thread_id
 from numba.core.types import int64, void
 
-from .batches import BATCH, BATCH_BYTES, SLOT_BYTES, ask_for, fetch
+from .batches import BATCH, BATCH_BYTES, SLOT_BYTES, ask_for, entry_number, fetch
 from .blending import FINISHED, write_blend
 from .blending_gradient import GRADIENTS_BYTES, write_blend_gradient
 from .compiled import dealt, kernel, parallel_kernel, prange, turns
@@ -34,32 +34,36 @@ from .vectors import LANES, Code, Value, vector_kernel
 SCRATCH_BYTES = STATE_BYTES + BATCH_BYTES + GRADIENTS_BYTES
 """What a thread needs: the tile's state, a batch of entries, and the gradients of one."""
 
-_BLEND = void(int64, int64, int64, int64, int64)
-_BLEND_BACKWARD = void(int64, int64, int64, int64, int64, int64, int64)
+_BLEND = void(*[int64] * 9)
+_BLEND_BACKWARD = void(*[int64] * 10)
 
 
 @vector_kernel(_BLEND)
-def _blend(code, state, table, batch, count, alive):
+def _blend(code, state, table, batch, count, alive, order, left, entries, records):
     """Put a batch of Gaussians behind what the blocks already have."""
-    write_blend(code, False, state, table, batch, count, alive)
+    write_blend(code, False, state, table, batch, count, alive, order, left, entries, records)
 
 
 @vector_kernel(_BLEND)
-def _blend_with_depth(code, state, table, batch, count, alive):
+def _blend_with_depth(code, state, table, batch, count, alive, order, left, entries, records):
     """The same, and the sum of weight * depth."""
-    write_blend(code, True, state, table, batch, count, alive)
+    write_blend(code, True, state, table, batch, count, alive, order, left, entries, records)
 
 
 @vector_kernel(_BLEND_BACKWARD)
-def _blend_backward(code, state, table, batch, count, alive, order, slots):
+def _blend_backward(code, state, table, batch, count, alive, order, left, entries, records, slots):
     """Replay ``_blend`` and fill the entries' slots."""
-    write_blend_gradient(code, False, REGISTER_LANES, state, table, batch, count, alive, order, slots)
+    write_blend_gradient(
+        code, False, REGISTER_LANES, state, table, batch, count, alive, order, left, entries, records, slots
+    )
 
 
 @vector_kernel(_BLEND_BACKWARD)
-def _blend_backward_with_depth(code, state, table, batch, count, alive, order, slots):
+def _blend_backward_with_depth(code, state, table, batch, count, alive, order, left, entries, records, slots):
     """Replay ``_blend_with_depth`` and fill the entries' slots."""
-    write_blend_gradient(code, True, REGISTER_LANES, state, table, batch, count, alive, order, slots)
+    write_blend_gradient(
+        code, True, REGISTER_LANES, state, table, batch, count, alive, order, left, entries, records, slots
+    )
 
 
 @vector_kernel(int64(int64))
@@ -72,8 +76,7 @@ def _unfinished(code: Code, state: Value) -> Value:
 def _clear_slots(code: Code, order: Value, count: Value, slots: Value) -> None:
     """No gradient for the entries behind a finished tile."""
     with code.loop(count) as i:
-        entry = code.load_long(order + 8 * i) & 0xFFFFFFFF
-        code.store(slots + entry * SLOT_BYTES, code.vector(0.0))
+        code.store(slots + entry_number(code, order, i) * SLOT_BYTES, code.vector(0.0))
 
 
 @kernel
@@ -89,11 +92,12 @@ def _blend_tile(
         if row < TILE_PX:
             ask_for_rows(planes, plane_bytes, pitch, DEPTH_PLANE + with_depth, row)
             row += BLOCK_PX
-        fetch(order + 8 * start, count, entries, records, middle_x, middle_y, batch)
+        some, left = order + 8 * start, stop - start
+        fetch(some, count, entries, records, middle_x, middle_y, batch)
         if with_depth:
-            _blend_with_depth(state, table, batch, count, alive)
+            _blend_with_depth(state, table, batch, count, alive, some, left, entries, records)
         else:
-            _blend(state, table, batch, count, alive)
+            _blend(state, table, batch, count, alive, some, left, entries, records)
         start += count
         alive = _unfinished(state)
     return start
@@ -165,15 +169,16 @@ def composite_backward(
         start, stop, alive = tile_starts[tile], tile_stops[tile], -1
         while start < stop:
             count = min(BATCH, stop - start)
-            some = order + 8 * start
+            some, left = order + 8 * start, stop - start
             fetch(some, count, entries, records, x + TILE_PX // 2, y + TILE_PX // 2, batch)
             if start == tile_starts[tile]:
                 ask_for(some, count, entries, records, slots)
-            ask_for(some + 8 * count, min(BATCH, stop - start - count), entries, records, slots)
             if with_depth:
-                _blend_backward_with_depth(state, table, batch, count, alive, some, slots)
+                _blend_backward_with_depth(
+                    state, table, batch, count, alive, some, left, entries, records, slots
+                )
             else:
-                _blend_backward(state, table, batch, count, alive, some, slots)
+                _blend_backward(state, table, batch, count, alive, some, left, entries, records, slots)
             start += count
             alive = _unfinished(state)
         _clear_slots(order + 8 * stop, tile_starts[tile + 1] - stop, slots)

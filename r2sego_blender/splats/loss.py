@@ -164,8 +164,9 @@ def _gradient_row(
         difference = a - b
         sign = code.select(difference > 0.0, 1.0, code.select(difference < 0.0, -1.0, 0.0))
         _add_up(code, scratch, _masked(code, here, mask, sign * difference))
-        total = sign * by_difference
-        total = total + (by_mean + 2.0 * a * by_square + b * by_product) * by_similarity
+        # In this order in all columns: an image that is moved has its gradient moved, to the bit.
+        similarity = code.fma(b, by_product, code.fma(code.added(a, a), by_square, by_mean))
+        total = code.fma(similarity, by_similarity, sign * by_difference)
         weighted = weights.differs(0)
         weight = code.load(code.select(here & weighted, weights + place, sink))
         weight = code.select(code.spread(weighted), weight, 1.0)

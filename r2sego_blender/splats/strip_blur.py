@@ -73,14 +73,12 @@ def store_line(
 def blur_across(code: Code, blur: Value, row: Value, image: Value | int) -> None:
     """Blur an image's line of ``row`` into its ring."""
     line = _line(blur, row, image)
-    blurred = [code.vector(0.0)] * VECTORS
+    neighbours = []
     for column in range(-SSIM_RADIUS_PX, VECTORS + SSIM_RADIUS_PX):
         lanes, vector = divmod(column, VECTORS)
         place = line + (vector * _PLACE_BYTES + VECTOR_BYTES + 4 * lanes)
-        neighbours = code.load(place, aligned=lanes == 0)
-        for k in range(VECTORS):
-            if abs(column - k) <= SSIM_RADIUS_PX:
-                blurred[k] = code.fma(neighbours, _WINDOW[column - k + SSIM_RADIUS_PX], blurred[k])
+        neighbours.append(code.load(place, aligned=lanes == 0))
+    blurred = [_blurred(neighbours[k : k + _TAPS]) for k in range(VECTORS)]
     ring = blur + _RINGS + image * _RING_BYTES
     place = row & (_RING_ROWS - 1)
     again = code.select(place < _TAPS - 1, place + _RING_ROWS, place)
@@ -93,12 +91,21 @@ def blurred_down(code: Code, blur: Value, images: int, row: Value, vector: Value
     """The first ``images``, blurred, at one dealt vector of the row ``DELAY`` above ``row``."""
     top = (row - DELAY - SSIM_RADIUS_PX) & (_RING_ROWS - 1)
     first = blur + _RINGS + top * ROW_BYTES + vector * VECTOR_BYTES
-    down = [code.vector(0.0)] * images
-    for tap, weight in enumerate(_WINDOW):
-        for k in range(images):
-            sample = code.load(first + (k * _RING_BYTES + tap * ROW_BYTES))
-            down[k] = code.fma(sample, weight, down[k])
-    return down
+    samples = [first + tap * ROW_BYTES for tap in range(_TAPS)]
+    return [_blurred([code.load(at + k * _RING_BYTES) for at in samples]) for k in range(images)]
+
+
+def _blurred(samples: Sequence[Value]) -> Value:
+    """The window's sum of eleven samples.
+
+    Those as far from its middle on either side have one weight and are added before: many
+    processors add in other units than they multiply.
+    """
+    code, middle = samples[0].code, SSIM_RADIUS_PX
+    total = samples[middle] * _WINDOW[middle]
+    for weight, before, after in zip(_WINDOW[:middle], samples, reversed(samples), strict=False):
+        total = code.fma(code.added(before, after), weight, total)
+    return total
 
 
 def _line(blur: Value, row: Value, image: Value | int) -> Value:

@@ -285,9 +285,9 @@ class Code:
         return Value(self, self.builder.fsub(a.llvm, b.llvm, flags=_AS_IT_STANDS))
 
     def quotient(self, a: Any, b: Any) -> Value:
-        """a / b of finite numbers, b not 0: by an estimate of 1 / b where the processor has one."""
+        """a / b as it stands: divided where others multiply, not estimated and refined by multiplications."""
         a, b = self.matched(a, b)
-        return Value(self, self.builder.fdiv(a.llvm, b.llvm, flags=(*_FAST, "ninf", "nnan")))
+        return Value(self, self.builder.fdiv(a.llvm, b.llvm, flags=_AS_IT_STANDS))
 
     def sqrt(self, x: Value) -> Value:
         return self._call(f"llvm.sqrt.{_suffix(x)}", x)

@@ -42,14 +42,16 @@ _UNTOUCHED = -7.0
 def _filling(depth: bool, sum_lanes: int) -> Callable:
     """A function that fetches a batch and fills its slots, compiled to add up in ``sum_lanes``."""
 
-    @vector_kernel(void(int64, int64, int64, int64, int64, int64, int64))
-    def body(code, state, table, batch, count, alive, order, slots):
-        write_blend_gradient(code, depth, sum_lanes, state, table, batch, count, alive, order, slots)
+    @vector_kernel(void(*[int64] * 9))
+    def body(code, state, table, batch, count, alive, order, entries, records, slots):
+        write_blend_gradient(
+            code, depth, sum_lanes, state, table, batch, count, alive, order, count, entries, records, slots
+        )
 
     @numba.njit
     def fill(state, table, batch, count, alive, order, entries, records, slots):
         fetch(order, count, entries, records, MIDDLE[0], MIDDLE[1], batch)
-        body(state, table, batch, count, alive, order, slots)
+        body(state, table, batch, count, alive, order, entries, records, slots)
 
     return fill
 
@@ -74,7 +76,8 @@ def _inputs(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _expected(records: np.ndarray, entries: np.ndarray, state: np.ndarray, channels: int) -> np.ndarray:
     """(entries, 11) float64: the slots by the formulas, and beside them the sums of absolute values."""
     x, y = pixel_centres()
-    transmittance, rest = state[:, 0].astype(np.float64), state[:, REST].astype(np.float64)
+    transmittance = state[:, 0].astype(np.float64)
+    rest = transmittance * state[:, REST]  # as seen through what is in front
     upstream = state[:, UPSTREAM : UPSTREAM + channels].astype(np.float64)
     colours = (RED, RED + 1, RED + 2, DEPTH)[:channels]
     slots = np.zeros((2, len(entries), MOMENTS + 1))
