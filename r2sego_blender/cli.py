@@ -202,9 +202,13 @@ def refine(
 @click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
 def status(scene: Path, as_json: bool) -> None:
     """Say what SCENE holds and how far it has come."""
+    from .plan import parts_outdated
     from .status import describe, lines
 
-    state = read_beside_jobs(scene, lambda opened: describe(opened, look_at_results=True))
+    def state_of(opened: Scene) -> dict[str, Any]:
+        return describe(opened, look_at_results=True, outdated=parts_outdated(opened))
+
+    state = read_beside_jobs(scene, state_of)
     click.echo(json.dumps(state, indent=1) if as_json else "\n".join(lines(state)))
 
 

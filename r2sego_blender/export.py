@@ -15,11 +15,13 @@ from .geometry.proxy import GeometryProxy
 from .geometry.textured_obj import obj_files
 from .geometry.textured_usd import write_textured_usd
 from .layout import COLLISION, OBJECTS, REFINED_ASSET, of_round
+from .plan import parts_outdated
 from .progress import SILENT, Progress
 from .room_stage import ROOM_USDA, write_room_stage
 from .scene import Scene
 from .scratch import keeping, scratch_place
 from .splats.formats import SUFFIXES, load_asset, save_asset
+from .status import robot_in_use
 from .text_files import opened_json, write_json, write_text
 from .texture import textured_room
 from .whole_files import remove, rename
@@ -37,6 +39,7 @@ _FILES = {
     "room.usdc and room.obj; it collides with nothing",
     ROOM_USDA: "what bodies touch and what cameras see as one USD stage, for Isaac Sim and Omniverse",
 }
+_EXPORTED_PARTS = ("proxy", "collision", "asset")  # as the plan calls them
 _TEXTURED_USD = "room.usdc"
 _USD = {".usd", ".usda", ".usdc", ".usdz"}
 _Y_UP = {".glb", ".gltf", ".spz"}
@@ -102,6 +105,9 @@ def _exported(
         for name in (*_FILES, ABOUT, *(f"asset{suffix}" for suffix in splats)):
             if (folder / name).is_file():
                 raise _not_of_an_export(folder / name)
+    outdated = [part for part in parts_outdated(scene) if part in _EXPORTED_PARTS]
+    if outdated:
+        progress.message(f"{scene.path}: {_outdated_in_words(outdated)}", "warning")
     folder.mkdir(parents=True, exist_ok=True)
     staging = folder / ".unfinished-export"
     shutil.rmtree(staging, ignore_errors=True)
@@ -114,7 +120,7 @@ def _exported(
                 names.append(TEXTURED)
             names += _write_room_stage(staging, names)
             others = _others(folder, names)
-            write_text(staging / ABOUT, _about(scene, names, rounds, others))
+            write_text(staging / ABOUT, _about(scene, names, rounds, others, outdated))
             names.append(ABOUT)
             for name in names:
                 for own in _own_files(folder / name, staging / name):
@@ -196,8 +202,20 @@ def _write_room_stage(folder: Path, names: Sequence[str]) -> list[str]:
     return [ROOM_USDA]
 
 
-def _about(scene: Scene, names: Sequence[str], rounds: int, others: Sequence[str]) -> str:
-    """What the files ``names`` are, in which frame, and what made them; ``others`` were there before."""
+def _outdated_in_words(parts: Sequence[str]) -> str:
+    return (
+        f"what made {', '.join(parts)} has changed since; they may not belong together "
+        "until `r2sego refine` has run again"
+    )
+
+
+def _about(
+    scene: Scene, names: Sequence[str], rounds: int, others: Sequence[str], outdated: Sequence[str]
+) -> str:
+    """What the files ``names`` are, in which frame, and what made them.
+
+    ``others`` were there before; ``outdated`` parts would be made anew.
+    """
     declared = scene.declaration
     lines = [
         f"{scene.name}, {_EXPORTED} {__version__} after {rounds} rounds of refinement",
@@ -205,6 +223,8 @@ def _about(scene: Scene, names: Sequence[str], rounds: int, others: Sequence[str
         "Metres, right-handed, Z up but for files said to be Y up. z = 0 is the floor, the first",
         "photograph's camera is above the origin, and x is its heading.",
         f"Ground: {declared.ground}. Scale: {declared.scale_source}.",
+        f"Views chosen for the robot {robot_in_use(scene)} in the scope {declared.scope}.",
+        *[f"Not of one piece: {_outdated_in_words(outdated)}."] * bool(outdated),
         "",
     ]
     for name in names:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from .digests import content_digest
+from .errors import R2SEgoError
 from .pipeline import refine
 from .scene import Scene
 from .world_frame import of_old_frame
@@ -95,6 +96,18 @@ def plan_refinement(scene: Scene) -> tuple[PlannedStep, ...]:
     planned = PlannedScene(scene)
     refine(planned)
     return tuple(planned.planned)
+
+
+def parts_outdated(scene: Scene) -> list[str]:
+    """What people call the parts that are there and that the next refinement would do again.
+
+    None where the plan cannot be made, as of a robot that is not there any more: refining says so.
+    """
+    there: list[PlannedStep] = []
+    if scene.recorded():
+        with contextlib.suppress(R2SEgoError):
+            there = [step for step in plan_refinement(scene) if (scene.path / step.target).exists()]
+    return describe_plan(there)["redone"]
 
 
 def describe_plan(steps: Sequence[PlannedStep], half_corrected: bool = False) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import json
 import os
 import shlex
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +26,11 @@ _COUNTS = {"rollouts_succeeded", "rollouts_failed", "candidates", "targets", "vi
 _CURE = "Run `r2sego refine` again."
 
 
-def describe(scene: Scene, look_at_results: bool = False) -> dict[str, Any]:
+def describe(scene: Scene, look_at_results: bool = False, outdated: Sequence[str] = ()) -> dict[str, Any]:
     """The scene's state, JSON-ready: declaration, rounds done and what each left.
 
     With ``look_at_results`` they are read through, and ``damaged`` names those that are not as they
-    were published.
+    were published. ``outdated`` are the parts that the next refinement makes again (``plan``).
     """
     declared = scene.declaration
     rounds = [_describe_round(scene, index) for index in _counted_rounds(scene)]
@@ -58,7 +58,8 @@ def describe(scene: Scene, look_at_results: bool = False) -> dict[str, Any]:
         "of_old_frame": old_in_words,
         "damaged": list(damaged),
         "half_corrected": half_corrected,
-        "refined": is_whole and len(rounds) >= rounds_declared,
+        "outdated": list(outdated),
+        "refined": is_whole and len(rounds) >= rounds_declared and not outdated,
         "metrics": metrics,
         "metrics_outdated": metrics is not None and not scores_hold(scene),
     }
@@ -87,6 +88,8 @@ def lines(state: dict[str, Any]) -> list[str]:
     text += [f"not as it was made: {name}" for name in state["damaged"]]
     if state["half_corrected"]:
         text.append("a correction was cut off before all of it was in its place; refine finishes it first")
+    if state["outdated"] and len(state["rounds"]) >= state["rounds_declared"]:
+        text.append(f"what they are made of, or a setting, has changed: {', '.join(state['outdated'])}")
     text.append("refined" if state["refined"] else f"next: r2sego refine {_quoted(state['scene'])}")
     return text
 

@@ -30,6 +30,8 @@ from .settings import Settings
 from .splats.formats.files import publishing
 from .world_frame import require_present_frame
 
+_TOO_MANY = 1.1  # times the faces asked for, which decimation keeps to where it can
+
 FILE = "textured_proxy.glb"
 """Its name in the bundle."""
 
@@ -138,7 +140,13 @@ def _baked(
     """The textured mesh, and the captures as they were baked on it."""
     captures = load_captures(scene.captures_folder)
     whole = small_holes_closed(proxy.vertices, proxy.faces, settings.texture.hole_m)
-    mesh = unwrapped(*decimated(*whole, settings.texture.faces), settings.texture, progress)
+    fewer = decimated(*whole, settings.texture.faces)
+    if len(fewer[1]) > _TOO_MANY * settings.texture.faces:
+        progress.message(
+            f"texture.faces {settings.texture.faces}: {len(fewer[1])} are left, in parts that lose no more",
+            "warning",
+        )
+    mesh = unwrapped(*fewer, settings.texture, progress)
     cameras = [capture.camera for capture in captures]
     images = [capture.image() for capture in captures]
     rasterizer = MeshRasterizer(mesh.vertices, mesh.faces)

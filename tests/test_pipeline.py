@@ -21,13 +21,14 @@ from r2sego_blender.generation.decisions import save_decision
 from r2sego_blender.geometry.proxy import GeometryProxy
 from r2sego_blender.named_settings import entries
 from r2sego_blender.pipeline import refine
-from r2sego_blender.plan import plan_refinement
+from r2sego_blender.plan import parts_outdated, plan_refinement
+from r2sego_blender.progress import Progress
 from r2sego_blender.scene import Scene
 from r2sego_blender.selection import Selection
 from r2sego_blender.settings import CaptureSettings
 from r2sego_blender.splats.ply import load_ply
 from r2sego_blender.splats.rasterizer import render
-from r2sego_blender.status import describe
+from r2sego_blender.status import describe, lines
 
 pytestmark = pytest.mark.slow
 
@@ -235,6 +236,29 @@ def test_evaluation_scores_every_arm_and_writes_the_report(small_room):
     assert metrics["arms"]["refined"]["psnr"] > metrics["arms"]["vanilla_3dgs"]["psnr"]
     page = (small_room.report_folder / "index.html").read_text()
     assert "vanilla 3DGS" in page and "embedded" in page
+
+
+def test_what_would_be_made_anew_is_not_called_of_one_piece(small_room, tmp_path):
+    """Nor refined: a setting changed, and the collision surface is of the old one."""
+    assert parts_outdated(small_room) == []
+    changed = small_room.declaration.with_settings(None, {"collision.tolerance_m": 0.07})
+    scene = Scene(small_room.path, changed)
+    outdated = parts_outdated(scene)
+    assert {"collision", "rollouts", "asset"} <= set(outdated) and "stereo" not in outdated
+    state = describe(scene, outdated=outdated)
+    assert not state["refined"] and lines(state)[-2].startswith(
+        "what they are made of, or a setting, has cha"
+    )
+    listener = Progress()
+    listener.message = lambda text, level: heard.append((level, text))
+    heard: list[tuple[str, str]] = []
+    export_scene(scene, tmp_path / "old", progress=listener)
+    about = (tmp_path / "old" / "about.txt").read_text()
+    words = "what made proxy, collision, asset has changed since; they may not belong together"
+    (told,) = heard
+    assert told[0] == "warning" and words in told[1] and f"Not of one piece: {words}" in about
+    export_scene(small_room, tmp_path / "whole")
+    assert "of one piece" not in (tmp_path / "whole" / "about.txt").read_text()
 
 
 def test_export_gives_files_other_tools_read(small_room, tmp_path):

@@ -54,8 +54,8 @@ class RobotModel:
 
     Ids are MuJoCo's, into ``model``. ``rest_qpos`` (nq,) float64 is the standing posture
     with the base's origin over the world's and the lowest point on z = 0. ``radius_m`` is the
-    reach of the robot's collision shapes around the base's vertical axis and ``height_m``
-    their top, at rest. A robot without legs has two wheels at least.
+    reach of the robot's collision shapes and its camera around the base's vertical axis and
+    ``height_m`` their top, at rest. A robot without legs has two wheels at least.
     """
 
     source: str
@@ -122,13 +122,17 @@ class RobotModel:
         rest = standing_posture(model, base, legs, declared)
         legs = tuple(standing_leg(model, base, leg, rest) for leg in legs)
         data = posed(model, rest)
+        # A camera on a mast without a shape is not to go through what is over the others.
+        at = data.body(camera_mount.parent)
+        eye = at.xpos + at.xmat.reshape(3, 3) @ camera_mount.parent_from_camera[:3, 3]
+        eye_reach_m = float(np.hypot(*(eye - data.xpos[base])[:2]))
         axes = axes_in_base(data, base)  # links' own frames are turned as it pleased who wrote the file
         return RobotModel(
             source=source, model=model, mount=camera_mount, base=base, legs=legs, wheels=wheels,
             waist_yaw=first_about(axes, waist, 2), waist_pitch=first_about(axes, waist, 1),
             shoulders=find_shoulders(model, in_legs | rolling | set(waist)), rest_qpos=rest,
-            radius_m=reach_m(model, data, geoms, data.xpos[base, :2]),
-            height_m=highest_m(model, data, geoms),
+            radius_m=max(reach_m(model, data, geoms, data.xpos[base, :2]), eye_reach_m),
+            height_m=max(highest_m(model, data, geoms), float(eye[2])),
         )  # fmt: skip
 
     @property

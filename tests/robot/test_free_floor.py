@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from scipy import ndimage
 
 from r2sego_blender.errors import RobotError
 from r2sego_blender.robot.free_floor import CELL_M, FLATNESS_M, free_floor
+from r2sego_blender.robot.model import RobotModel
 from r2sego_blender.robot.scope import BehaviourScope, Region
+from r2sego_blender.robot.wheeled_base import CAMERA_HEIGHT_M, wheeled_base_mjcf
 
 SCOPE = BehaviourScope("test")
 
@@ -59,6 +62,23 @@ def test_low_sills_and_low_lamps_are_obstacles(humanoid, box_room, tmp_path):
         path.write_text(text.replace("</worldbody>", obstacle))
         floor = free_floor(humanoid, SCOPE, path)
         assert not floor.is_free(np.array([[x, y] for x in np.linspace(-1.5, 1.5, 9)])).any()
+
+
+def test_a_camera_on_a_mast_without_a_shape_keeps_clear_too(box_room, tmp_path):
+    """Nothing of the rover that collides is higher than a chair: its camera is."""
+    rover = ElementTree.fromstring(wheeled_base_mjcf())
+    for geom in rover.iter("geom"):
+        if geom.get("name") in ("mast", "head"):
+            geom.set("contype", "0")
+    file = tmp_path / "rover.xml"
+    file.write_text(ElementTree.tostring(rover, encoding="unicode"))
+    robot = RobotModel.load(file)
+    assert robot.height_m == pytest.approx(CAMERA_HEIGHT_M) == robot.eye_height_m
+    scene = tmp_path / "scene.xml"
+    lamp = '<geom type="box" size="2.2 0.1 0.05" pos="0 1 0.9"/></worldbody>'
+    scene.write_text(box_room(()).read_text().replace("</worldbody>", lamp))
+    floor = free_floor(robot, SCOPE, scene)
+    assert not floor.is_free(np.array([[x, 1.0] for x in np.linspace(-1.5, 1.5, 9)])).any()
 
 
 def test_what_the_judge_takes_for_no_floor_keeps_the_feet_away(humanoid, box_room, tmp_path):
