@@ -187,10 +187,16 @@ def refresh(scene: bpy.types.Scene) -> None:
 
 @bpy.app.handlers.persistent
 def _note_way(file: str) -> None:
-    """A .blend about to be saved also knows its bundle from where it lies itself: both may be moved."""
+    """A .blend about to be saved also knows its bundle from where it lies itself: both may be moved.
+
+    One that is not there now, as of another computer, keeps the way that was noted where it was.
+    """
     for scene in bpy.data.scenes:
         name = bundle_path(scene)
-        scene.r2sego.way_to_bundle = way_from(file, name) if name else ""
+        if not name:
+            scene.r2sego.way_to_bundle = ""
+        elif Path(name).is_dir():
+            scene.r2sego.way_to_bundle = way_from(file, name)
 
 
 @bpy.app.handlers.persistent

@@ -101,6 +101,23 @@ def check_saving_and_loading_keeps_the_bundle():
     assert len([o for o in bpy.data.objects if o.type == "CAMERA"]) == 3
 
 
+def check_a_blend_saved_where_its_bundle_is_not_finds_it_again_at_home():
+    copy = copied_bundle()
+    away = copy.with_name("away.r2s")
+    blend = OUT.parent / "travelled.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend))
+    copy.rename(away)
+    bpy.ops.wm.open_mainfile(filepath=str(blend))  # on another computer, as it were
+    assert state().problem
+    bpy.ops.wm.save_mainfile()
+    home = OUT.parent / "home"
+    there = home / copy.relative_to(OUT.parent)
+    there.parent.mkdir(parents=True)
+    away.rename(there)  # both came back, to another folder
+    bpy.ops.wm.open_mainfile(filepath=str(blend.rename(home / blend.name)))
+    assert Path(state().bundle) == there and not state().problem
+
+
 def check_a_new_scene_asks_the_engine():
     conduct("succeed")
     photographs, poses = str(OUT.parent / "photographs"), str(OUT.parent / "poses.json")
