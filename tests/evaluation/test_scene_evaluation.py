@@ -126,8 +126,8 @@ def test_the_status_tells_rounds_and_the_largest_cause():
     state = {
         "scene": "room.r2s", "captures": 6, "captures_source": "cameras.json", "ground": "floor",
         "scale_source": "metric", "robot": "humanoid", "scope": "walk", "preset": "paper", "overrides": {},
-        "rounds": [], "rounds_declared": 3, "outdated": [], "refined": True, "of_old_frame": [], "damaged": [],
-        "half_corrected": False,
+        "rounds": [], "rounds_declared": 3, "outdated": [], "refined": True, "of_old_frame": [],
+        "damaged": [], "half_corrected": False,
         "metrics": {"arms": arms, "rounds": rounds, "causes": {"shares": [other, entry]}},
         "metrics_outdated": False,
     }  # fmt: skip
