@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -122,17 +122,19 @@ class RobotModel:
         rest = standing_posture(model, base, legs, declared)
         legs = tuple(standing_leg(model, base, leg, rest) for leg in legs)
         data = posed(model, rest)
-        # A camera on a mast without a shape is not to go through what is over the others.
-        at = data.body(camera_mount.parent)
-        eye = at.xpos + at.xmat.reshape(3, 3) @ camera_mount.parent_from_camera[:3, 3]
-        eye_reach_m = float(np.hypot(*(eye - data.xpos[base])[:2]))
         axes = axes_in_base(data, base)  # links' own frames are turned as it pleased who wrote the file
-        return RobotModel(
+        robot = RobotModel(
             source=source, model=model, mount=camera_mount, base=base, legs=legs, wheels=wheels,
             waist_yaw=first_about(axes, waist, 2), waist_pitch=first_about(axes, waist, 1),
             shoulders=find_shoulders(model, in_legs | rolling | set(waist)), rest_qpos=rest,
-            radius_m=max(reach_m(model, data, geoms, data.xpos[base, :2]), eye_reach_m),
-            height_m=max(highest_m(model, data, geoms), float(eye[2])),
+            radius_m=reach_m(model, data, geoms, data.xpos[base, :2]),
+            height_m=highest_m(model, data, geoms),
+        )  # fmt: skip
+        # A camera on a mast without a shape is not to go through what is over the others.
+        eye_reach_m = float(np.linalg.norm(robot.camera_poses(rest[None])[0, :2, 3] - data.xpos[base, :2]))
+        return replace(
+            robot,
+            radius_m=max(robot.radius_m, eye_reach_m), height_m=max(robot.height_m, robot.eye_height_m),
         )  # fmt: skip
 
     @property

@@ -72,13 +72,11 @@ def fetch(
         code.store(fetched + _F_DOWN, c * y)
 
 
-@vector_kernel(void(int64, int64, int64, int64, int64))
-def ask_for(code: Code, order: Value, count: Value, entries: Value, records: Value, slots: Value) -> None:
-    """Have the records and slots of entries in the cache when they are needed."""
+@vector_kernel(void(int64, int64, int64))
+def ask_for_slots(code: Code, order: Value, count: Value, slots: Value) -> None:
+    """Have a tile's first slots in the cache when they are written; ``ask_ahead`` does so with the others."""
     with code.loop(count) as i:
-        number = entry_number(code, order, i)
-        code.prefetch(slots + number * SLOT_BYTES, write=True)
-        code.prefetch(_record(code, entries, records, number))
+        code.prefetch(slots + entry_number(code, order, i) * SLOT_BYTES, write=True)
 
 
 def ask_ahead(

@@ -11,7 +11,7 @@ from __future__ import annotations
 from numba import get_thread_id
 from numba.core.types import int64, void
 
-from .batches import BATCH, BATCH_BYTES, SLOT_BYTES, ask_for, entry_number, fetch
+from .batches import BATCH, BATCH_BYTES, SLOT_BYTES, ask_for_slots, entry_number, fetch
 from .blending import FINISHED, write_blend
 from .blending_gradient import GRADIENTS_BYTES, write_blend_gradient
 from .compiled import dealt, kernel, parallel_kernel, prange, turns
@@ -172,7 +172,7 @@ def composite_backward(
             some, left = order + 8 * start, stop - start
             fetch(some, count, entries, records, x + TILE_PX // 2, y + TILE_PX // 2, batch)
             if start == tile_starts[tile]:
-                ask_for(some, count, entries, records, slots)
+                ask_for_slots(some, count, slots)
             if with_depth:
                 _blend_backward_with_depth(
                     state, table, batch, count, alive, some, left, entries, records, slots

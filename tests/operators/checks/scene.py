@@ -102,7 +102,7 @@ def check_saving_and_loading_keeps_the_bundle():
     assert len([o for o in bpy.data.objects if o.type == "CAMERA"]) == 3
 
 
-def check_a_blend_saved_where_its_bundle_is_not_finds_it_again_at_home():
+def check_a_blend_saved_where_its_bundle_is_not_keeps_the_way_to_it():
     copied_bundle()
     blend = OUT.parent / "travelled.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(blend))
