@@ -27,6 +27,7 @@ What many photographs see from all sides needs no more; 3DGS has no more.
 VANILLA_3DGS: Mapping[str, Any] = {
     **FULL_RESOLUTION,
     **UNREGULARISED,
+    "first_gaussians": "spheres",
     "densification": "original",
     "scale_rate": 0.005,
     "rotation_rate": 1e-3,
@@ -42,12 +43,14 @@ What is counted in steps there keeps its number, what ends at a step its share o
 
 MANY_PHOTOGRAPHS: Mapping[str, Any] = {
     **UNREGULARISED,
+    "first_gaussians": "discs",
     "densification": "growth",
-    "densify_until_share": 0.7,
-    "quarter_resolution_share": 0.12,
-    "half_resolution_share": 0.58,
-    "three_quarter_resolution_share": 0.25,
-    "rate_swing": 2.0,
+    "densify_until_share": 0.4,
+    "quarter_resolution_share": 0.05,
+    "half_resolution_share": 0.45,
+    "three_quarter_resolution_share": 0.4,
+    "rate_swing": 3.0,
+    "scale_rate": 0.04,
 }
 """TrainingSettings of ``r2sego train``: many photographs and a few points to start from.
 

@@ -341,6 +341,11 @@ class TrainingSettings:
     detailed_share: float = setting(
         0.4, "Share of a picture with most detail; elsewhere twice as many pixels a side share one.", 0.0, 1.0
     )
+    first_gaussians: str = setting(
+        "spheres",
+        "First Gaussians at points: faint spheres as in 3DGS, or discs along the surface they show.",
+        choices=("spheres", "discs"),
+    )
     position_rate: float = setting(
         1.6e-4, "Learning rate of the means at the start, times the scene's extent.", 0.0, 1.0
     )

@@ -1,7 +1,7 @@
 """How much sooner training reaches the quality of plain training: the same photographs, twice.
 
 Plain training has its final number of Gaussians from the start and every step at full
-resolution; the other is what ``r2sego train`` does. Both start on the same points. Held-out
+resolution; the other is what ``r2sego train`` does. Both start with the same Gaussians. Held-out
 views are scored as training goes on, which is not counted.
 """
 
@@ -27,7 +27,12 @@ from ..splats.rasterizer import Rasterizer
 from ..splats.training import train
 from .defaults import TRAINING_GAUSSIANS, TRAINING_HOLD_OUT, TRAINING_STEPS
 
-_PLAIN: Mapping[str, Any] = {**FULL_RESOLUTION, **UNREGULARISED, "densification": "none"}
+_PLAIN: Mapping[str, Any] = {
+    **FULL_RESOLUTION,
+    **UNREGULARISED,
+    "densification": "none",
+    "first_gaussians": MANY_PHOTOGRAPHS["first_gaussians"],
+}
 _LOOKS = 30
 """Times the held-out views are scored in a run."""
 

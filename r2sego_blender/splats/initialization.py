@@ -1,4 +1,4 @@
-"""First Gaussians: isotropic ones at points, or surface-aligned discs from depth maps."""
+"""First Gaussians: spheres or discs at points, or surface-aligned discs from depth maps."""
 
 from __future__ import annotations
 
@@ -13,11 +13,19 @@ from ..cameras import Camera
 from ..errors import AssetError
 from ..settings import TrainingSettings
 from .asset import SH_BAND_0, SplatAsset
+from .local_planes import local_planes
 from .quaternions import from_rotation
 
 _POINT_OPACITY = 0.1
 _NEIGHBOURS = 3
 _SCALE_BOUNDS_M = (0.002, 0.3)
+
+_POINT_DISC_THICKNESS = 0.25
+"""Standard deviation of a point's disc along the normal over that along the surface."""
+_PLANE_OPACITY = 0.9
+"""Opacity of a disc whose neighbours lie in a plane..."""
+_NO_PLANE = 0.5
+"""... falling to a sphere's at this flatness: nine in ten of a cloud without planes are less flat."""
 
 _DISC_OPACITY = 0.95
 _DISC_SIGMA = 0.6
@@ -62,11 +70,14 @@ class DepthView:
 def from_points(
     points: np.ndarray, colours: np.ndarray, settings: TrainingSettings, rng: np.random.Generator
 ) -> SplatAsset:
-    """Isotropic Gaussians at ``points`` (P, 3) metres, as 3DGS starts (Kerbl et al. 2023).
+    """Gaussians at ``points`` (P, 3) metres, as ``settings.first_gaussians`` says.
 
-    Their standard deviation is the mean distance of the three nearest neighbours, opacity
-    0.1, rotations random. ``colours`` (P, 3) are uint8 or float in [0, 1]. A random choice
-    of ``settings.max_gaussians`` is kept. Raises AssetError for fewer than four points.
+    ``spheres`` are those of 3DGS (Kerbl et al. 2023): their standard deviation is the mean
+    distance of the three nearest neighbours, opacity 0.1, rotations random. ``discs`` are as
+    wide, but lie in the plane of their neighbours and are a quarter as thick; the more clearly
+    there is a plane, the nearer is their opacity to 0.9. ``colours`` (P, 3) are uint8 or float
+    in [0, 1]. A random choice of ``settings.max_gaussians`` is kept. Raises AssetError for
+    fewer than four points.
     """
     points = np.asarray(points, np.float64)
     if len(points) <= _NEIGHBOURS:
@@ -78,13 +89,16 @@ def from_points(
         points, colours = points[chosen], colours[chosen]
     distances, _ = cKDTree(points).query(points, k=_NEIGHBOURS + 1)
     sigma_m = np.clip(distances[:, 1:].mean(axis=1), *_SCALE_BOUNDS_M)
-    return gaussians(
-        means=points,
-        sigmas_m=np.repeat(sigma_m[:, None], 3, axis=1),
-        quaternions=rng.normal(size=(len(points), 4)),
-        opacity=_POINT_OPACITY,
-        colours=colours,
-    ).with_degree(settings.sh_degree)
+    sigmas_m = np.repeat(sigma_m[:, None], 3, axis=1)
+    if settings.first_gaussians == "discs":
+        axes, flatness = local_planes(points)
+        sigmas_m[:, 0] *= _POINT_DISC_THICKNESS
+        quaternions = from_rotation(axes)
+        clear = np.clip(1.0 - flatness / _NO_PLANE, 0.0, 1.0)
+        opacity = _POINT_OPACITY + (_PLANE_OPACITY - _POINT_OPACITY) * clear
+    else:
+        quaternions, opacity = rng.normal(size=(len(points), 4)), _POINT_OPACITY
+    return gaussians(points, sigmas_m, quaternions, opacity, colours).with_degree(settings.sh_degree)
 
 
 def from_depth(
@@ -120,15 +134,20 @@ def merge_views(views: Sequence[DepthView]) -> SplatAsset:
 
 
 def gaussians(
-    means: np.ndarray, sigmas_m: np.ndarray, quaternions: np.ndarray, opacity: float, colours: np.ndarray
+    means: np.ndarray,
+    sigmas_m: np.ndarray,
+    quaternions: np.ndarray,
+    opacity: float | np.ndarray,
+    colours: np.ndarray,
 ) -> SplatAsset:
     """Gaussians of degree 0 from plain quantities: ``means`` (N, 3) and ``sigmas_m`` (N, 3) in
-    metres, ``quaternions`` (N, 4) wxyz, one ``opacity``, ``colours`` (N, 3) in [0, 1]."""
+    metres, ``quaternions`` (N, 4) wxyz, ``opacity`` one or (N,), ``colours`` (N, 3) in [0, 1]."""
+    opacity = np.broadcast_to(np.asarray(opacity, np.float64), len(means))
     return SplatAsset(
         means=means,
         log_scales=np.log(sigmas_m),
         quaternions=quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True),
-        logit_opacities=np.full(len(means), np.log(opacity / (1.0 - opacity))),
+        logit_opacities=np.log(opacity / (1.0 - opacity)),
         sh=((colours - 0.5) / SH_BAND_0)[:, None, :],
     )
 

@@ -151,6 +151,21 @@ def test_points_become_isotropic_gaussians_of_their_spacing() -> None:
         from_points(grid[:3], colours[:3], few, np.random.default_rng(0))
 
 
+def test_points_of_a_floor_become_opaque_discs_in_it_and_a_cloud_stays_faint() -> None:
+    rng = np.random.default_rng(0)
+    discs = TrainingSettings(sh_degree=0, first_gaussians="discs")
+    floor = np.column_stack([rng.uniform(0.0, 4.0, (2000, 2)), np.full(2000, 1.5)])
+    asset = from_points(floor, np.full(floor.shape, 0.5), discs, rng)
+    spheres = from_points(floor, np.full(floor.shape, 0.5), TrainingSettings(sh_degree=0), rng)
+    sigmas_m, spacing_m = np.exp(asset.log_scales), np.exp(spheres.log_scales[:, 0])
+    np.testing.assert_allclose(sigmas_m, spacing_m[:, None] * [0.25, 1.0, 1.0], rtol=1e-5)
+    normals = to_rotation(asset.quaternions)[:, :, 0]
+    np.testing.assert_allclose(np.abs(normals[:, 2]), 1.0, atol=1e-5)
+    np.testing.assert_allclose(asset.opacities, 0.9, atol=1e-3)
+    cloud = from_points(rng.normal(size=(2000, 3)), np.full((2000, 3), 0.5), discs, rng)
+    assert np.quantile(cloud.opacities, 0.9) < 0.15
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not ROOM.exists(), reason="the shared room_a is not on this machine")
 def test_discs_see_unseen_views_better_than_isotropic_gaussians_at_the_same_points() -> None:
