@@ -25,7 +25,7 @@ _POINT_DISC_THICKNESS = 0.25
 _PLANE_OPACITY = 0.9
 """Opacity of a disc whose neighbours lie in a plane..."""
 _NO_PLANE = 0.5
-"""... falling to a sphere's at this flatness: nine in ten of a cloud without planes are less flat."""
+"""... falling to a sphere's at this thickness, which nine in ten points of a mere cloud exceed."""
 
 _DISC_OPACITY = 0.95
 _DISC_SIGMA = 0.6
@@ -91,10 +91,10 @@ def from_points(
     sigma_m = np.clip(distances[:, 1:].mean(axis=1), *_SCALE_BOUNDS_M)
     sigmas_m = np.repeat(sigma_m[:, None], 3, axis=1)
     if settings.first_gaussians == "discs":
-        axes, flatness = local_planes(points)
+        axes, thickness = local_planes(points)
         sigmas_m[:, 0] *= _POINT_DISC_THICKNESS
         quaternions = from_rotation(axes)
-        clear = np.clip(1.0 - flatness / _NO_PLANE, 0.0, 1.0)
+        clear = np.clip(1.0 - thickness / _NO_PLANE, 0.0, 1.0)
         opacity = _POINT_OPACITY + (_PLANE_OPACITY - _POINT_OPACITY) * clear
     else:
         quaternions, opacity = rng.normal(size=(len(points), 4)), _POINT_OPACITY

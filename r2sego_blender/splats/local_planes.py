@@ -12,14 +12,15 @@ _LINE = 1e-6
 
 
 def local_planes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Axes (P, 3, 3) and flatness (P,) of each of ``points`` (P, 3) with its 16 nearest ones.
+    """Axes (P, 3, 3) and thickness (P,) of each of ``points`` (P, 3) with its 16 nearest ones.
 
     The columns of the axes are a right-handed basis, the plane's normal first; its sign says
-    nothing. Flatness is the spread along the normal over that along the plane's narrower
-    axis: 0 in a plane, about 0.8 in a cloud without any, 1 on a line. Of fewer than 17 points all are taken.
+    nothing. Thickness is the neighbours' spread along the normal over that along the plane's
+    narrower axis: 0 in a plane, about 0.8 in a cloud without any, 1 on a line. Of fewer than
+    17 points all are taken.
     """
     tree = cKDTree(points)
-    axes, flatness = np.empty((len(points), 3, 3)), np.empty(len(points))
+    axes, thickness = np.empty((len(points), 3, 3)), np.empty(len(points))
     count = min(_NEIGHBOURS + 1, len(points))
     for first in range(0, len(points), _CHUNK):
         chunk = slice(first, first + _CHUNK)
@@ -31,5 +32,5 @@ def local_planes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         axes[chunk] = directions
         narrow = np.maximum(variances[:, 1], np.finfo(np.float64).tiny)
         ratio = np.maximum(variances[:, 0], 0.0) / narrow
-        flatness[chunk] = np.sqrt(np.where(variances[:, 1] > _LINE * variances[:, 2], ratio, 1.0))
-    return axes, flatness
+        thickness[chunk] = np.sqrt(np.where(variances[:, 1] > _LINE * variances[:, 2], ratio, 1.0))
+    return axes, thickness

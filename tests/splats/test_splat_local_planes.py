@@ -16,16 +16,16 @@ def test_points_of_a_plane_show_it_wherever_it_lies(seed: int, size_m: float, co
     rotation = to_rotation(rng.normal(size=(1, 4)))[0].astype(np.float64)
     rotation = np.linalg.qr(rotation)[0]
     flat = np.column_stack([rng.uniform(-size_m, size_m, (count, 2)), np.zeros(count)])
-    axes, flatness = local_planes(flat @ rotation.T + rng.normal(size=3) * size_m)
+    axes, thickness = local_planes(flat @ rotation.T + rng.normal(size=3) * size_m)
     np.testing.assert_allclose(np.abs(axes[:, :, 0] @ rotation[:, 2]), 1.0, atol=1e-6)
-    assert flatness.max() < 1e-4
+    assert thickness.max() < 1e-4
     np.testing.assert_allclose(np.linalg.det(axes), 1.0, atol=1e-9)
     np.testing.assert_allclose(
         axes @ axes.transpose(0, 2, 1), np.broadcast_to(np.eye(3), axes.shape), atol=1e-9
     )
 
 
-def test_flatness_is_the_noise_of_a_surface_and_high_in_a_cloud() -> None:
+def test_thickness_is_the_noise_of_a_surface_and_high_in_a_cloud() -> None:
     rng = np.random.default_rng(0)
     ratios = []
     for noise_m in (0.01, 0.03, 0.1):
@@ -42,20 +42,20 @@ def test_two_walls_keep_their_own_planes_but_near_the_corner() -> None:
     rng = np.random.default_rng(0)
     wall = np.column_stack([rng.uniform(0, 4, 4000), np.zeros(4000), rng.uniform(0, 2.5, 4000)])
     floor = np.column_stack([rng.uniform(0, 4, 4000), rng.uniform(0, 4, 4000), np.zeros(4000)])
-    axes, flatness = local_planes(np.concatenate([wall, floor]))
+    axes, thickness = local_planes(np.concatenate([wall, floor]))
     far = np.concatenate([wall[:, 2] > 0.3, floor[:, 1] > 0.3])
     normal = np.concatenate([np.repeat([[0, 1, 0]], 4000, 0), np.repeat([[0, 0, 1]], 4000, 0)])
     cosine = np.abs((axes[:, :, 0] * normal).sum(1))
     assert cosine[far].min() > 0.999
-    assert flatness[far].max() < 1e-3
-    assert np.quantile(flatness[~far], 0.8) > 0.3
+    assert thickness[far].max() < 1e-3
+    assert np.quantile(thickness[~far], 0.8) > 0.3
 
 
 def test_points_on_a_line_or_in_one_place_are_in_no_plane() -> None:
     line = np.outer(np.arange(40.0), [1.0, 2.0, -1.0])
     for points in (line, np.zeros((20, 3)), line[:4]):
-        axes, flatness = local_planes(points)
-        assert (flatness == 1.0).all()
+        axes, thickness = local_planes(points)
+        assert (thickness == 1.0).all()
         assert np.isfinite(axes).all()
 
 
