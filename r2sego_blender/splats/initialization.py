@@ -14,7 +14,7 @@ from ..errors import AssetError
 from ..settings import TrainingSettings
 from .asset import SH_BAND_0, SplatAsset
 from .local_planes import local_planes
-from .quaternions import from_rotation
+from .quaternions import from_rotation, principal_axes
 
 _POINT_OPACITY = 0.1
 _NEIGHBOURS = 3
@@ -206,12 +206,11 @@ def _even_discs(
     # The square's middle is the sampled pixel's centre, or its corner where the stride is even.
     middle = ray * z[:, None] - (0.5 / stride if stride % 2 == 0 else 0.0) * (along_u + along_v)
     spread = along_u[:, :, None] * along_u[:, None, :] + along_v[:, :, None] * along_v[:, None, :]
-    variances, axes = np.linalg.eigh(spread)
+    variances, axes = principal_axes(spread)
     head_on_m = z * step_u
     lengths = np.minimum(np.sqrt(np.maximum(variances, 0.0)), _LARGEST_STRETCH * head_on_m[:, None])
     sigmas_m = lengths * _DISC_SIGMA
     sigmas_m[:, 0] = head_on_m * _DISC_THICKNESS
-    axes[:, :, 0] *= np.sign(np.linalg.det(axes))[:, None]
     world_axes = camera.world_from_camera[:3, :3] @ axes
     asset = gaussians(
         means=middle @ camera.world_from_camera[:3, :3].T + camera.centre,

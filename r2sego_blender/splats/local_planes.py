@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from .quaternions import principal_axes
+
 _NEIGHBOURS = 16
 _CHUNK = 1 << 16  # points at a time, so that memory does not grow with their number
 _LINE = 1e-6
@@ -27,9 +29,7 @@ def local_planes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         _, near = tree.query(points[chunk], k=count)
         around = points[near.reshape(-1, count)]
         around = around - around.mean(axis=1, keepdims=True)
-        variances, directions = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))
-        directions[:, :, 0] *= np.sign(np.linalg.det(directions))[:, None]
-        axes[chunk] = directions
+        variances, axes[chunk] = principal_axes(np.einsum("nki,nkj->nij", around, around))
         narrow = np.maximum(variances[:, 1], np.finfo(np.float64).tiny)
         ratio = np.maximum(variances[:, 0], 0.0) / narrow
         thickness[chunk] = np.sqrt(np.where(variances[:, 1] > _LINE * variances[:, 2], ratio, 1.0))

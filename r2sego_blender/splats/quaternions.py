@@ -18,6 +18,13 @@ def to_rotation(quaternions: np.ndarray) -> np.ndarray:
     return Rotation.from_quat(np.roll(np.asarray(quaternions, np.float64), -1, axis=-1)).as_matrix()
 
 
+def principal_axes(covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Variances (N, 3), the smallest first, and axes (N, 3, 3), right-handed columns, of (N, 3, 3)."""
+    variances, axes = np.linalg.eigh(covariances)
+    axes[:, :, 0] *= np.sign(np.linalg.det(axes))[:, None]
+    return variances, axes
+
+
 def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """The Hamilton product a*b (..., 4): the rotation b, then a."""
     aw, ax, ay, az = np.moveaxis(np.asarray(a, np.float64), -1, 0)
