@@ -11,12 +11,8 @@ from typing import Any
 from .errors import SettingsError
 from .settings import Settings
 
-FULL_RESOLUTION: Mapping[str, float] = {
-    "quarter_resolution_share": 0.0,
-    "half_resolution_share": 0.0,
-    "three_quarter_resolution_share": 0.0,
-}
-"""TrainingSettings without any step at a lower resolution."""
+EVERY_PIXEL: Mapping[str, float] = {"every_third_pixel_share": 0.0, "every_second_pixel_share": 0.0}
+"""TrainingSettings whose steps look at whole images."""
 
 UNREGULARISED: Mapping[str, Any] = {"max_scale_m": 0.0, "dropout_share": 0.0, "sh_degree": 3}
 """TrainingSettings that leave Gaussians as the images alone would have them.
@@ -25,7 +21,7 @@ What many photographs see from all sides needs no more; 3DGS has no more.
 """
 
 VANILLA_3DGS: Mapping[str, Any] = {
-    **FULL_RESOLUTION,
+    **EVERY_PIXEL,
     **UNREGULARISED,
     "first_gaussians": "spheres",
     "densification": "original",
@@ -46,9 +42,8 @@ MANY_PHOTOGRAPHS: Mapping[str, Any] = {
     "first_gaussians": "discs",
     "densification": "growth",
     "densify_until_share": 0.4,
-    "quarter_resolution_share": 0.05,
-    "half_resolution_share": 0.45,
-    "three_quarter_resolution_share": 0.4,
+    "every_third_pixel_share": 0.8,
+    "every_second_pixel_share": 0.2,
     "rate_swing": 3.0,
     "scale_rate": 0.04,
 }
@@ -71,9 +66,8 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "training.later_rounds_rate": 1.0,
         "training.disc_stride_px": 3,
         "training.detailed_share": 1.0,
-        "training.quarter_resolution_share": 0.12,
-        "training.half_resolution_share": 0.43,
-        "training.three_quarter_resolution_share": 0.3,
+        "training.every_third_pixel_share": 0.6,
+        "training.every_second_pixel_share": 0.4,
     },
 }
 """Named sets of overrides; ``paper`` is the dataclasses' own defaults."""

@@ -316,14 +316,11 @@ class TrainingSettings:
     backdrop_gaussians: int = setting(
         12000, "Gaussians of the shell behind what no photograph shows; 0: none.", 0, 200000
     )
-    quarter_resolution_share: float = setting(
-        0.0, "Share of the steps, at the start, run at a quarter of the resolution.", 0.0, 1.0
+    every_third_pixel_share: float = setting(
+        0.0, "Share of the steps, at the start, on every third pixel a side, others each time.", 0.0, 1.0
     )
-    half_resolution_share: float = setting(
-        0.0, "Share of the steps, after those, run at half of the resolution.", 0.0, 1.0
-    )
-    three_quarter_resolution_share: float = setting(
-        0.0, "Share of the steps, after those, run at three quarters of the resolution.", 0.0, 1.0
+    every_second_pixel_share: float = setting(
+        0.0, "Share of the steps, after those, on every second pixel a side, others each time.", 0.0, 1.0
     )
     image_cache_mb: int = setting(
         1024, "Memory for prepared images, the rest is loaded anew.", 16, 65536, changes_result=False

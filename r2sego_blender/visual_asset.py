@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from .cameras import Camera
-from .named_settings import FULL_RESOLUTION
+from .named_settings import EVERY_PIXEL
 from .progress import SILENT, Progress
 from .settings import TrainingSettings
 from .splats.asset import SplatAsset
@@ -120,7 +120,7 @@ def settings_of_round(settings: TrainingSettings, index: int) -> TrainingSetting
         return settings
     share = settings.later_rounds_rate ** min(index, _SLOWEST_ROUND)
     slower = {name: getattr(settings, name) * share for name in _RATES}
-    return dataclasses.replace(settings, **FULL_RESOLUTION, **slower)
+    return dataclasses.replace(settings, **EVERY_PIXEL, **slower)
 
 
 def update_visual_asset(

@@ -19,9 +19,8 @@ SETTINGS = with_overrides(
         **{f"training.{key}": value for key, value in UNREGULARISED.items()},
         "training.steps_per_round": 60,
         "training.sh_degree": 1,
-        "training.quarter_resolution_share": 0.12,
-        "training.half_resolution_share": 0.43,
-        "training.three_quarter_resolution_share": 0.3,
+        "training.every_third_pixel_share": 0.6,
+        "training.every_second_pixel_share": 0.3,
     }
 )
 ROOM = made_up_room(1500, (96, 72))

@@ -174,12 +174,8 @@ def test_what_differs_from_photograph_to_photograph_is_learnt_less_with_the_regu
     assert quality(settings) > quality(dataclasses.replace(settings, **UNREGULARISED)) + 0.5
 
 
-def test_the_first_round_is_as_set_and_later_ones_are_slower_at_full_resolution():
-    lower = {
-        "quarter_resolution_share": 0.1,
-        "half_resolution_share": 0.4,
-        "three_quarter_resolution_share": 0.3,
-    }
+def test_the_first_round_is_as_set_and_later_ones_are_slower_and_see_every_pixel():
+    lower = {"every_third_pixel_share": 0.4, "every_second_pixel_share": 0.3}
     settings = dataclasses.replace(SETTINGS, later_rounds_rate=0.25, **lower)
     assert settings_of_round(settings, 0) == settings
     later, third = settings_of_round(settings, 1), settings_of_round(settings, 2)

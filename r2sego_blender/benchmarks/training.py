@@ -1,8 +1,8 @@
 """How much sooner training reaches the quality of plain training: the same photographs, twice.
 
-Plain training has its final number of Gaussians from the start and every step at full
-resolution; the other is what ``r2sego train`` does. Both start with the same Gaussians. Held-out
-views are scored as training goes on, which is not counted.
+Plain training has its final number of Gaussians from the start and looks at every pixel in each
+step; the other is what ``r2sego train`` does. Both start with the same Gaussians and have the
+same learning rates. Held-out views are scored as training goes on, which is not counted.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import SettingsError
-from ..named_settings import FULL_RESOLUTION, MANY_PHOTOGRAPHS, UNREGULARISED, with_overrides
+from ..named_settings import EVERY_PIXEL, MANY_PHOTOGRAPHS, with_overrides
 from ..progress import SILENT, Progress
 from ..resources import forget_peak_memory, peak_memory_mb
 from ..splat_start import Start, prepare
@@ -27,12 +27,7 @@ from ..splats.rasterizer import Rasterizer
 from ..splats.training import train
 from .defaults import TRAINING_GAUSSIANS, TRAINING_HOLD_OUT, TRAINING_STEPS
 
-_PLAIN: Mapping[str, Any] = {
-    **FULL_RESOLUTION,
-    **UNREGULARISED,
-    "densification": "none",
-    "first_gaussians": MANY_PHOTOGRAPHS["first_gaussians"],
-}
+_PLAIN: Mapping[str, Any] = {**MANY_PHOTOGRAPHS, **EVERY_PIXEL, "densification": "none"}
 _LOOKS = 30
 """Times the held-out views are scored in a run."""
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..cameras import Camera
 from ..errors import AssetError
-from ..images import resize, resize_nearest
+from .lattice import Lattice
 from .tiles import planes_of
 
 ImageSource = np.ndarray | Callable[[], np.ndarray]
@@ -88,7 +88,7 @@ class Observation:
 
 @dataclass(frozen=True)
 class Target:
-    """An observation at one resolution, as the loss reads it.
+    """An observation, or some of its pixels, as the loss reads them.
 
     ``image`` and ``background`` (3, H', W') and ``weights`` (1, H', W') are planes of whole
     tiles; the others are images of the camera's size.
@@ -109,45 +109,51 @@ class Target:
         return sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
 
     @staticmethod
-    def of(view: Observation, factor: float, with_geometry: bool = True) -> Target:
-        """The observation with ``factor`` times the pixels a side, with or without its depth."""
-        camera = view.camera if factor == 1.0 else view.camera.scaled(factor)
-
-        def resized(values: np.ndarray | None) -> np.ndarray | None:
-            if values is None or factor == 1.0:
-                return values
-            return resize(np.asarray(values, np.float32), camera.width, camera.height)
-
-        depth, normals, depth_weight = _geometry(view, camera) if with_geometry else (None, None, None)
+    def of(view: Observation, with_geometry: bool = True) -> Target:
+        """The whole observation, with or without its depth."""
+        with_geometry &= view.depth is not None
         return Target(
-            camera=camera,
-            image=planes_of(resized(view.loaded())),
-            weights=None if view.confidence is None else planes_of(resized(view.loaded_confidence())),
-            background=None if view.background is None else planes_of(resized(view.background)),
-            opaque=resized(view.opaque),
-            depth=depth,
-            normals=normals,
-            depth_weight=depth_weight,
+            camera=view.camera,
+            image=planes_of(view.loaded()),
+            weights=None if view.confidence is None else planes_of(view.loaded_confidence()),
+            background=None if view.background is None else planes_of(view.background),
+            opaque=view.opaque,
+            depth=view.depth if with_geometry else None,
+            normals=view.normals if with_geometry else None,
+            depth_weight=_depth_weight(view) if with_geometry else None,
+        )
+
+    def at(self, lattice: Lattice) -> Target:
+        """What the lattice's pixels show of it."""
+
+        def planes(values: np.ndarray | None) -> np.ndarray | None:
+            return None if values is None else lattice.planes(values, self.camera.shape)
+
+        def pixels(values: np.ndarray | None) -> np.ndarray | None:
+            return None if values is None else lattice.pixels(values)
+
+        return Target(
+            camera=lattice.camera(self.camera),
+            image=planes(self.image),
+            weights=planes(self.weights),
+            background=planes(self.background),
+            opaque=pixels(self.opaque),
+            depth=pixels(self.depth),
+            normals=pixels(self.normals),
+            depth_weight=pixels(self.depth_weight),
         )
 
 
-def _geometry(view: Observation, camera: Camera) -> tuple[np.ndarray | None, ...]:
-    """Depth, normals and their weight at the nearest pixels: depths are never averaged."""
-    if view.depth is None:
-        return None, None, None
-    depth = resize_nearest(view.depth, *camera.shape).astype(np.float32)
-    weight = (depth > 0.0).astype(np.float32)
-    if view.depth_confidence is not None:
-        weight *= resize_nearest(view.depth_confidence, *camera.shape)
-    normals = None if view.normals is None else resize_nearest(view.normals, *camera.shape).astype(np.float32)
-    return depth, normals, weight
+def _depth_weight(view: Observation) -> np.ndarray:
+    known = (view.depth > 0.0).astype(np.float32)
+    return known if view.depth_confidence is None else known * view.depth_confidence
 
 
 class TargetCache:
     """Targets made when they are needed; the ones used longest ago make room for others.
 
-    So memory does not grow with the number of images, whatever their resolution. Without
-    ``with_geometry`` they have no depth and no normals, which only their losses need.
+    So memory does not grow with the number of images. Without ``with_geometry`` they have no
+    depth and no normals, which only their losses need.
     """
 
     def __init__(
@@ -156,17 +162,16 @@ class TargetCache:
         self._observations = observations
         self._with_geometry = with_geometry
         self._budget_bytes = budget_bytes
-        self._targets: OrderedDict[tuple[int, float], Target] = OrderedDict()
+        self._targets: OrderedDict[int, Target] = OrderedDict()
         self._bytes = 0
 
-    def get(self, index: int, factor: float) -> Target:
-        """Observation ``index`` with ``factor`` times the pixels a side."""
-        key = (index, factor)
-        if key in self._targets:
-            self._targets.move_to_end(key)
-            return self._targets[key]
-        target = Target.of(self._observations[index], factor, self._with_geometry)
-        self._targets[key] = target
+    def get(self, index: int) -> Target:
+        """The whole observation ``index``."""
+        if index in self._targets:
+            self._targets.move_to_end(index)
+            return self._targets[index]
+        target = Target.of(self._observations[index], self._with_geometry)
+        self._targets[index] = target
         self._bytes += target.size_bytes
         while self._bytes > self._budget_bytes and len(self._targets) > 1:
             _, oldest = self._targets.popitem(last=False)

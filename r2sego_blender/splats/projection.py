@@ -40,16 +40,6 @@ NEAREST_M = 0.2
 DILATION_PX2 = 0.3
 """Added to the screen-space variances, as in 3DGS."""
 
-
-def reduced_dilation_px2(factor: float) -> float:
-    """The dilation for an image with ``factor`` times the pixels a side that shows the same.
-
-    An image made smaller by averaging shows the full one's splats, whose dilation is smaller
-    in its pixels, under a box of one of its pixels less a box of one of the full image's.
-    """
-    return DILATION_PX2 * factor**2 + (1.0 - factor**2) / 12.0
-
-
 SMALLEST_ALPHA = 1.0 / 255.0
 LARGEST_ALPHA = 0.99
 

@@ -23,11 +23,11 @@ from .asset import SplatAsset
 from .corrections import Correction
 from .densification import Densification
 from .dropout import Dropout
+from .lattice import Lattice
 from .loss import PhotometricLoss
 from .observations import Observation, Target, TargetCache
 from .packing import HARMONICS, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION, PackedGaussians, rows_of
 from .population import Population
-from .projection import reduced_dilation_px2
 from .rasterizer import Rasterizer
 from .supervision import depth_gradients
 from .tiles import DEPTH_PLANE, TRANSMITTANCE_PLANE
@@ -59,7 +59,7 @@ def train(
 ) -> SplatAsset:
     """A new asset that reproduces ``observations`` better than ``asset`` after ``steps`` steps.
 
-    The first steps run at lower resolutions, as the settings say. The
+    The first steps look at some of an image's pixels, as the settings say. The
     harmonics' degree starts at the highest the asset already uses and rises by one at
     equal intervals. The same inputs and generator state give the
     same bits, for any number of threads. ``watch`` is called after every step with the steps
@@ -86,9 +86,10 @@ def train(
     draws = _shuffled(observations, rng)
     with progress.task(title, steps) as task:
         for step in range(steps):
-            index = next(draws)
+            index, stage = next(draws), schedule.at(step)
+            lattice = Lattice.drawn(stage.stride, observations[index].camera.shape, rng)
             with dropout.one_step(gaussians):
-                trainer.step(index, schedule.at(step))
+                trainer.step(index, lattice, stage)
             bound_scales(gaussians, settings.max_scale_m)
             densification.after(step)
             task.advance()
@@ -110,15 +111,15 @@ def bound_scales(gaussians: PackedGaussians, max_scale_m: float) -> None:
 
 @dataclass(frozen=True)
 class _Stage:
-    """What a step is done with: share of the pixels a side, harmonics' degree, rates a row."""
+    """What a step is done with: which pixels (``Lattice.stride``), harmonics' degree, rates a row."""
 
-    resolution: float
+    stride: int
     degree: int
     rates: np.ndarray
 
 
 class _Schedule:
-    """Resolution, harmonics' degree and learning rates by step."""
+    """Pixels' stride, harmonics' degree and learning rates by step."""
 
     def __init__(self, settings: TrainingSettings, steps: int, degree: int, position_scale: float) -> None:
         self._settings = settings
@@ -133,19 +134,13 @@ class _Schedule:
         raises = settings.sh_degree - self._first_degree
         degree = self._first_degree + step * (raises + 1) // self._steps
         rates = self._rates(settings.position_decay**done) * settings.rate_swing ** (1.0 - 2.0 * done)
-        return _Stage(self._resolution(done), degree, rates.astype(np.float32))
+        return _Stage(self._stride(done), degree, rates.astype(np.float32))
 
-    def _resolution(self, done: float) -> float:
-        settings, passed = self._settings, 0.0
-        for resolution, share in (
-            (0.25, settings.quarter_resolution_share),
-            (0.5, settings.half_resolution_share),
-            (0.75, settings.three_quarter_resolution_share),
-        ):
-            passed += share
-            if done < passed:
-                return resolution
-        return 1.0
+    def _stride(self, done: float) -> int:
+        settings = self._settings
+        if done < settings.every_third_pixel_share:
+            return 3
+        return 2 if done < settings.every_third_pixel_share + settings.every_second_pixel_share else 1
 
     def _rates(self, decay: float) -> np.ndarray:
         settings = self._settings
@@ -178,17 +173,17 @@ class _Trainer:
             if view.refines_exposure or view.refines_pose
         }
 
-    def step(self, index: int, stage: _Stage) -> float:
-        """Render, compare, and move the Gaussians that were seen; returns the image's loss."""
+    def step(self, index: int, lattice: Lattice, stage: _Stage) -> float:
+        """Render, compare, and move the Gaussians that were seen; returns the pixels' loss."""
         settings, rasterizer = self._settings, self._rasterizer
-        target, correction = self._targets.get(index, stage.resolution), self._corrections.get(index)
+        target, correction = self._targets.get(index).at(lattice), self._corrections.get(index)
         camera = target.camera if correction is None else correction.camera(target.camera)
         background = _BLACK if target.background is None else target.background
         geometry = target.depth is not None
         gaussians = self._population.gaussians
         rasterizer.forward(
             gaussians, camera, background, stage.degree, with_depth=geometry,
-            dilation_px2=reduced_dilation_px2(stage.resolution),
+            dilation_px2=lattice.dilation_px2,
         )  # fmt: skip
         loss = self._compare(target, self._observations[index].weight, correction)
         with_alpha = self._supervise(target, self._observations[index].weight, geometry)

@@ -185,7 +185,7 @@ def test_every_setting_has_its_property():
         ("training.sh_degree", "SH Degree"),
         ("proxy.min_component_m2", "Min Component (m²)"),
         ("rollouts.max_torque_nm", "Max Torque (N m)"),
-        ("training.three_quarter_resolution_share", "3/4 Resolution Share"),
+        ("training.every_third_pixel_share", "Every Third Pixel Share"),
     ],
 )
 def test_a_setting_is_named_with_its_unit(key, name):

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from splat_reference import random_asset, small_camera
 
 from r2sego_blender.cameras import rotation_angle_rad
-from r2sego_blender.named_settings import FULL_RESOLUTION, UNREGULARISED
+from r2sego_blender.named_settings import EVERY_PIXEL, UNREGULARISED
 from r2sego_blender.settings import TrainingSettings
 from r2sego_blender.splats.corrections import Correction
 from r2sego_blender.splats.observations import Observation
@@ -16,7 +16,7 @@ from r2sego_blender.splats.packing import PackedGaussians
 from r2sego_blender.splats.rasterizer import Rasterizer, render
 from r2sego_blender.splats.training import train
 
-PLAIN = TrainingSettings(**FULL_RESOLUTION, **UNREGULARISED)
+PLAIN = TrainingSettings(**EVERY_PIXEL, **UNREGULARISED)
 SETTINGS = dataclasses.replace(PLAIN, sh_degree=0, exposure_rate=5e-3, pose_rate=1e-3)
 
 

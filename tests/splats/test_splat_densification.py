@@ -7,7 +7,7 @@ import pytest
 from splat_reference import random_asset, small_camera
 
 from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.named_settings import FULL_RESOLUTION, UNREGULARISED, VANILLA_3DGS
+from r2sego_blender.named_settings import EVERY_PIXEL, UNREGULARISED, VANILLA_3DGS
 from r2sego_blender.settings import TrainingSettings
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.densification import Densification
@@ -20,7 +20,7 @@ from r2sego_blender.splats.rasterizer import render
 from r2sego_blender.splats.training import train
 
 BASE = dataclasses.replace(
-    TrainingSettings(**FULL_RESOLUTION, **UNREGULARISED),
+    TrainingSettings(**EVERY_PIXEL, **UNREGULARISED),
     sh_degree=0,
     max_gaussians=1000,
     densify_every_steps=20,

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from r2sego_blender.cameras import Camera
 from r2sego_blender.errors import AssetError
-from r2sego_blender.images import resize
+from r2sego_blender.splats.lattice import Lattice
 from r2sego_blender.splats.observations import Observation, Target, TargetCache
 from r2sego_blender.splats.tiles import TILE_PX
 
@@ -49,7 +49,7 @@ def arrays_of(target: Target) -> list[np.ndarray]:
 
 def test_a_target_at_full_size_has_the_observations_pixels() -> None:
     view = full_observation()
-    target = Target.of(view, 1.0)
+    target = Target.of(view)
     height, width = CAMERA.shape
     assert target.camera is CAMERA
     assert target.image.shape == (3, 2 * TILE_PX, 2 * TILE_PX)
@@ -66,32 +66,24 @@ def test_a_target_at_full_size_has_the_observations_pixels() -> None:
 
 
 @settings(max_examples=20, deadline=None, derandomize=True)
-@given(st.floats(0.1, 1.0))
-def test_a_smaller_target_is_averaged_but_depths_never_are(factor: float) -> None:
-    view = full_observation()
-    target = Target.of(view, factor)
-    camera = CAMERA.scaled(factor)
-    height, width = camera.shape
+@given(st.integers(1, 7), st.integers(0, 6), st.integers(0, 6))
+def test_a_lattices_target_is_that_of_its_pixels_alone(stride: int, row: int, column: int) -> None:
+    view, lattice = full_observation(), Lattice(stride, row % stride, column % stride)
+    camera = lattice.camera(CAMERA)
+    names = ("image", "confidence", "background", "opaque", "depth", "normals", "depth_confidence")
+    alone = Observation(camera, **{name: lattice.pixels(getattr(view, name)) for name in names})
+    target, expected = Target.of(view).at(lattice), Target.of(alone)
     assert target.camera.shape == camera.shape
-    for name in ("image", "background"):
-        expected = resize(getattr(view, name), width, height)
-        np.testing.assert_array_equal(getattr(target, name)[:, :height, :width], np.moveaxis(expected, 2, 0))
-    assert np.isin(target.depth, view.depth).all()
-    assert not target.depth_weight[target.depth == 0.0].any()
-    # A pixel's depth and normal are those of one pixel of the observation.
-    known = {
-        (d, *n) for d, n in zip(view.depth.ravel(), map(tuple, view.normals.reshape(-1, 3)), strict=True)
-    }
-    found = zip(target.depth.ravel(), map(tuple, target.normals.reshape(-1, 3)), strict=True)
-    assert {(d, *n) for d, n in found} <= known
+    for found, wanted in zip(arrays_of(target), arrays_of(expected), strict=True):
+        np.testing.assert_array_equal(found, wanted)
 
 
 def test_what_is_not_known_is_none() -> None:
-    target = Target.of(Observation(CAMERA, picture(0)), 0.5)
+    target = Target.of(Observation(CAMERA, picture(0))).at(Lattice(2))
     for name in ("weights", "background", "opaque", "depth", "normals", "depth_weight"):
         assert getattr(target, name) is None
     depth = np.where(picture(1)[..., 0] > 0.5, 2.0, 0.0).astype(np.float32)
-    target = Target.of(Observation(CAMERA, picture(0), depth=depth), 1.0)
+    target = Target.of(Observation(CAMERA, picture(0), depth=depth))
     np.testing.assert_array_equal(target.depth_weight, depth > 0.0)
     assert target.normals is None
 
@@ -99,47 +91,35 @@ def test_what_is_not_known_is_none() -> None:
 def test_an_image_is_loaded_when_it_is_needed_and_again_after_it_made_room() -> None:
     sources = [Loads(k) for k in range(3)]
     views = [Observation(CAMERA, source) for source in sources]
-    size = Target.of(Observation(CAMERA, picture(0)), 1.0).size_bytes
+    size = Target.of(Observation(CAMERA, picture(0))).size_bytes
     cache = TargetCache(views, 2 * size)
     assert [source.times for source in sources] == [0, 0, 0]
-    first = cache.get(0, 1.0)
-    assert cache.get(0, 1.0) is first
-    cache.get(1, 1.0)
+    first = cache.get(0)
+    assert cache.get(0) is first
+    cache.get(1)
     assert [source.times for source in sources] == [1, 1, 0]
-    cache.get(0, 1.0)  # now 1 is the one used longest ago
-    cache.get(2, 1.0)
-    assert cache.get(0, 1.0) is first
+    cache.get(0)  # now 1 is the one used longest ago
+    cache.get(2)
+    assert cache.get(0) is first
     assert [source.times for source in sources] == [1, 1, 1]
-    again = cache.get(1, 1.0)
+    again = cache.get(1)
     assert [source.times for source in sources] == [1, 2, 1]
-    np.testing.assert_array_equal(again.image, Target.of(views[1], 1.0).image)
-
-
-def test_each_resolution_is_a_target_of_its_own() -> None:
-    source = Loads(0)
-    cache = TargetCache([Observation(CAMERA, source)], 1 << 30)
-    assert cache.get(0, 0.5).camera.shape == (17, 25)
-    assert cache.get(0, 1.0).camera.shape == CAMERA.shape
-    assert cache.get(0, 0.5).camera.shape == (17, 25)
-    assert source.times == 2
+    np.testing.assert_array_equal(again.image, Target.of(views[1]).image)
 
 
 def test_the_size_counts_every_array() -> None:
-    target = Target.of(full_observation(), 0.7)
+    target = Target.of(full_observation()).at(Lattice(3, 1, 2))
     assert target.size_bytes == sum(array.nbytes for array in arrays_of(target))
 
 
 @settings(max_examples=30, deadline=None, derandomize=True)
-@given(
-    st.lists(st.tuples(st.integers(0, 4), st.sampled_from([0.25, 0.5, 1.0])), max_size=25), st.integers(1, 6)
-)
+@given(st.lists(st.integers(0, 4), max_size=25), st.integers(1, 6))
 def test_what_the_cache_holds_stays_within_its_budget(requests: list, images: int) -> None:
     views = [full_observation(k) for k in range(5)]
-    budget = images * Target.of(views[0], 1.0).size_bytes
+    budget = images * Target.of(views[0]).size_bytes
     cache = TargetCache(views, budget)
-    for index, factor in requests:
-        target = cache.get(index, factor)
-        assert target.camera.shape == views[index].camera.scaled(factor).shape
+    for index in requests:
+        assert cache.get(index).opaque is views[index].opaque
         held = sum(other.size_bytes for other in cache._targets.values())
         assert held == cache._bytes <= budget
 
@@ -148,7 +128,7 @@ def test_a_target_larger_than_the_budget_is_held_alone() -> None:
     sources = [Loads(k) for k in range(2)]
     cache = TargetCache([Observation(CAMERA, source) for source in sources], 1)
     for index in (0, 0, 1, 1, 0):
-        cache.get(index, 1.0)
+        cache.get(index)
     assert [source.times for source in sources] == [2, 1]
 
 
@@ -166,7 +146,7 @@ def test_images_of_another_size_are_refused(name: str) -> None:
 
 def test_a_loaded_image_of_another_size_is_refused_when_it_is_loaded() -> None:
     view = Observation(CAMERA, lambda: np.zeros((3, 3, 3), np.float32))
-    for use in (view.loaded, lambda: TargetCache([view], 1 << 20).get(0, 1.0)):
+    for use in (view.loaded, lambda: TargetCache([view], 1 << 20).get(0)):
         with pytest.raises(AssetError, match=r"observation's image has the shape \(3, 3, 3\)"):
             use()
     with pytest.raises(AssetError, match="Scale the image or the camera"):

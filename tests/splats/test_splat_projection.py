@@ -15,7 +15,6 @@ from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.packing import PackedGaussians
 from r2sego_blender.splats.projection import (
     DEPTH,
-    DILATION_PX2,
     EIGHTH,
     EXTENT_Y,
     FACTOR_A,
@@ -32,9 +31,7 @@ from r2sego_blender.splats.projection import (
     V,
     lens_of,
     project,
-    reduced_dilation_px2,
 )
-from r2sego_blender.splats.rasterizer import Rasterizer
 from r2sego_blender.splats.tiles import TILE_PX
 from r2sego_blender.splats.vectors import LANES
 
@@ -174,22 +171,3 @@ def test_a_degree_cuts_the_harmonics_off() -> None:
         full, visible = projected(asset, camera, degree)
         cut, _ = projected(asset.with_degree(degree), camera)
         np.testing.assert_array_equal(full[visible], cut[visible])
-
-
-def test_a_reduced_image_is_the_average_of_the_full_one() -> None:
-    """Small faint splats, which another one's dilation would show too wide and too strong."""
-    rng = np.random.default_rng(0)
-    asset = random_asset(rng, 40, degree=0)
-    asset.means[:] = rng.uniform([-0.8, -0.6, 2.0], [0.8, 0.6, 3.0], (40, 3))
-    asset.log_scales[:] = -9.0
-    asset.logit_opacities[:] = 0.0
-    camera = Camera(128, 96, 100.0, 100.0, 64.0, 48.0, np.eye(4))
-    packed, rasterizer = PackedGaussians.of(asset), Rasterizer()
-    rasterizer.forward(packed, camera)
-    average = rasterizer.colour.reshape(48, 2, 64, 2, 3).mean(axis=(1, 3))
-    errors = []
-    for dilation_px2 in (reduced_dilation_px2(0.5), DILATION_PX2):
-        rasterizer.forward(packed, camera.scaled(0.5), dilation_px2=dilation_px2)
-        errors.append(np.square(rasterizer.colour - average).mean())
-    assert reduced_dilation_px2(1.0) == DILATION_PX2
-    assert errors[0] < 0.3 * errors[1]

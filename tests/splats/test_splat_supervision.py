@@ -7,7 +7,7 @@ import pytest
 from splat_reference import random_asset
 
 from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.named_settings import FULL_RESOLUTION, UNREGULARISED
+from r2sego_blender.named_settings import EVERY_PIXEL, UNREGULARISED
 from r2sego_blender.settings import TrainingSettings
 from r2sego_blender.splats.initialization import from_points
 from r2sego_blender.splats.observations import Observation
@@ -15,7 +15,7 @@ from r2sego_blender.splats.rasterizer import render
 from r2sego_blender.splats.supervision import depth_gradients
 from r2sego_blender.splats.training import train
 
-PLAIN = TrainingSettings(**FULL_RESOLUTION, **UNREGULARISED)
+PLAIN = TrainingSettings(**EVERY_PIXEL, **UNREGULARISED)
 BOTH = dataclasses.replace(PLAIN, depth_weight=0.7, normal_weight=0.3, sh_degree=0)
 
 
@@ -99,15 +99,6 @@ def test_training_with_depth_puts_the_surface_where_it_is() -> None:
     untaught = error(train(start, [view], 200, blind, np.random.default_rng(0)))
     assert taught < 0.03
     assert taught < 0.3 * untaught
-
-
-def test_depth_of_a_scaled_observation_is_not_averaged() -> None:
-    from r2sego_blender.splats.observations import Target
-
-    lens = camera(40, 32)
-    depth = np.where(np.arange(40) < 20, 1.0, 3.0).astype(np.float32) * np.ones((32, 1), np.float32)
-    view = Observation(lens, np.zeros((32, 40, 3), np.float32), depth=depth)
-    assert set(np.unique(Target.of(view, 0.25).depth)) == {1.0, 3.0}
 
 
 def test_random_scenes_give_finite_gradients() -> None:

@@ -9,7 +9,7 @@ from splat_reference import random_asset, small_camera
 
 from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.errors import AssetError
-from r2sego_blender.named_settings import FULL_RESOLUTION, UNREGULARISED
+from r2sego_blender.named_settings import EVERY_PIXEL, UNREGULARISED
 from r2sego_blender.settings import TrainingSettings
 from r2sego_blender.splats.adam import AdamState
 from r2sego_blender.splats.asset import SplatAsset
@@ -130,7 +130,7 @@ def test_pixels_without_confidence_teach_nothing() -> None:
         # eleven rows more: a pixel's gradient sees two windows of SSIM
         image[:20], confidence[:31] = 1.0, 0.0
         spoilt.append(dataclasses.replace(view, image=image, confidence=confidence))
-    full = dataclasses.replace(SETTINGS, **FULL_RESOLUTION)
+    full = dataclasses.replace(SETTINGS, **EVERY_PIXEL)
     clean = [dataclasses.replace(v, confidence=s.confidence) for v, s in zip(views, spoilt, strict=True)]
     a = train(start, spoilt, 20, full, np.random.default_rng(0))
     b = train(start, clean, 20, full, np.random.default_rng(0))
@@ -174,7 +174,7 @@ def test_images_are_kept_up_to_the_memory_that_is_set(cache_mb: int, loads: int)
 
         return Observation(camera, image)
 
-    settings = dataclasses.replace(SETTINGS, image_cache_mb=cache_mb, **FULL_RESOLUTION)
+    settings = dataclasses.replace(SETTINGS, image_cache_mb=cache_mb, **EVERY_PIXEL)
     views = [view(camera) for camera in cameras(5, (640, 480))]
     train(start.subset(np.arange(5)), views, 15, settings, np.random.default_rng(0))
     assert (len(loaded) == loads) if loads == 5 else (5 < len(loaded) <= loads)
@@ -289,7 +289,7 @@ def test_depth_that_no_loss_asks_for_changes_nothing_and_is_not_prepared() -> No
         train(start, seen, 20, SETTINGS, np.random.default_rng(0)) for seen in (views, deep)
     )
     assert same_bits(without, with_depth)
-    small, large = (TargetCache(deep, 1 << 20, with_geometry=g).get(0, 0.5) for g in (False, True))
+    small, large = (TargetCache(deep, 1 << 20, with_geometry=g).get(0) for g in (False, True))
     assert small.depth is None and small.depth_weight is None and small.size_bytes < large.size_bytes
     asked = dataclasses.replace(SETTINGS, depth_weight=0.1)
     assert not same_bits(without, train(start, deep, 20, asked, np.random.default_rng(0)))
