@@ -110,11 +110,10 @@ def agreement(asset: SplatAsset, pseudo: PseudoView) -> np.ndarray:
 def settings_of_round(settings: TrainingSettings, index: int) -> TrainingSettings:
     """The training of round ``index``, counted from 0: the first is as ``settings`` say.
 
-    Later rounds start from an asset that knows the captures already. At full rates, and from
-    a quarter of the resolution, each would forget and learn them again, and lose a little;
-    so the second takes ``later_rounds_rate`` of the Gaussians' rates, at full resolution
-    throughout, and the third that share of the second's. All after it go on as the third:
-    slower still, they would not learn what is new in them.
+    Later rounds start from an asset that knows the captures already. At full rates each would
+    forget and learn them again, and lose a little; so the second takes ``later_rounds_rate`` of
+    the Gaussians' rates and looks at every pixel, and the third takes that share of the second's.
+    All after it go on as the third: slower still, they would not learn what is new in them.
     """
     if index == 0:
         return settings

@@ -14,7 +14,6 @@ import numpy as np
 
 from ..cameras import Camera
 from .projection import DILATION_PX2
-from .tiles import planes_of
 
 
 @dataclass(frozen=True)
@@ -55,13 +54,6 @@ class Lattice:
     def pixels(self, image: np.ndarray) -> np.ndarray:
         """Those of an image (H, W, ...), a view of it."""
         return image[self._places]
-
-    def planes(self, planes: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-        """Those of an image of a shape (height, width), given and returned as planes of whole tiles."""
-        if self.stride == 1:
-            return planes
-        height, width = shape
-        return planes_of(self.pixels(np.moveaxis(planes[:, :height, :width], 0, 2)))
 
     @property
     def _places(self) -> tuple[slice, slice]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -103,57 +103,51 @@ class Target:
     normals: np.ndarray | None
     depth_weight: np.ndarray | None
 
-    @property
-    def size_bytes(self) -> int:
-        arrays = (getattr(self, field.name) for field in fields(self))
-        return sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
-
     @staticmethod
-    def of(view: Observation, with_geometry: bool = True) -> Target:
-        """The whole observation, with or without its depth."""
+    def of(
+        view: Observation, lattice: Lattice, image: np.ndarray, confidence: np.ndarray | None,
+        with_geometry: bool = True,
+    ) -> Target:  # fmt: skip
+        """What the lattice's pixels show, with or without depth, of an observation.
+
+        ``image`` (H, W, 3) and ``confidence`` (H, W) are its own, loaded; those of uint8 have 255
+        where others have 1.
+        """
         with_geometry &= view.depth is not None
-        return Target(
-            camera=view.camera,
-            image=planes_of(view.loaded()),
-            weights=None if view.confidence is None else planes_of(view.loaded_confidence()),
-            background=None if view.background is None else planes_of(view.background),
-            opaque=view.opaque,
-            depth=view.depth if with_geometry else None,
-            normals=view.normals if with_geometry else None,
-            depth_weight=_depth_weight(view) if with_geometry else None,
-        )
-
-    def at(self, lattice: Lattice) -> Target:
-        """What the lattice's pixels show of it."""
-
-        def planes(values: np.ndarray | None) -> np.ndarray | None:
-            return None if values is None else lattice.planes(values, self.camera.shape)
 
         def pixels(values: np.ndarray | None) -> np.ndarray | None:
             return None if values is None else lattice.pixels(values)
 
+        def planes(values: np.ndarray | None) -> np.ndarray | None:
+            return None if values is None else planes_of(lattice.pixels(values))
+
         return Target(
-            camera=lattice.camera(self.camera),
-            image=planes(self.image),
-            weights=planes(self.weights),
-            background=planes(self.background),
-            opaque=pixels(self.opaque),
-            depth=pixels(self.depth),
-            normals=pixels(self.normals),
-            depth_weight=pixels(self.depth_weight),
+            camera=lattice.camera(view.camera),
+            image=planes(image),
+            weights=planes(confidence),
+            background=planes(view.background),
+            opaque=pixels(view.opaque),
+            depth=pixels(view.depth) if with_geometry else None,
+            normals=pixels(view.normals) if with_geometry else None,
+            depth_weight=_depth_weight(view, lattice) if with_geometry else None,
         )
 
 
-def _depth_weight(view: Observation) -> np.ndarray:
-    known = (view.depth > 0.0).astype(np.float32)
-    return known if view.depth_confidence is None else known * view.depth_confidence
+def _depth_weight(view: Observation, lattice: Lattice) -> np.ndarray:
+    known = (lattice.pixels(view.depth) > 0.0).astype(np.float32)
+    return known if view.depth_confidence is None else known * lattice.pixels(view.depth_confidence)
 
 
-class TargetCache:
-    """Targets made when they are needed; the ones used longest ago make room for others.
+_Loaded = tuple[np.ndarray, np.ndarray | None]
 
-    So memory does not grow with the number of images. Without ``with_geometry`` they have no
-    depth and no normals, which only their losses need.
+
+class Targets:
+    """The observations' targets. What must be loaded for them is kept, what was used longest ago
+    makes room for more.
+
+    So memory does not grow with the number of images. It is kept in 8 bits, which photographs
+    and masks have in their files. Without ``with_geometry`` the targets have no depth and no
+    normals, which only their losses need.
     """
 
     def __init__(
@@ -162,18 +156,40 @@ class TargetCache:
         self._observations = observations
         self._with_geometry = with_geometry
         self._budget_bytes = budget_bytes
-        self._targets: OrderedDict[int, Target] = OrderedDict()
+        self._kept: OrderedDict[int, _Loaded] = OrderedDict()
         self._bytes = 0
 
-    def get(self, index: int) -> Target:
-        """The whole observation ``index``."""
-        if index in self._targets:
-            self._targets.move_to_end(index)
-            return self._targets[index]
-        target = Target.of(self._observations[index], self._with_geometry)
-        self._targets[index] = target
-        self._bytes += target.size_bytes
-        while self._bytes > self._budget_bytes and len(self._targets) > 1:
-            _, oldest = self._targets.popitem(last=False)
-            self._bytes -= oldest.size_bytes
-        return target
+    def get(self, index: int, lattice: Lattice) -> Target:
+        """What the lattice's pixels show of observation ``index``."""
+        view = self._observations[index]
+        return Target.of(view, lattice, *self._loaded(index, view), self._with_geometry)
+
+    def _loaded(self, index: int, view: Observation) -> _Loaded:
+        """Its image and confidence."""
+        if index in self._kept:
+            self._kept.move_to_end(index)
+            return self._kept[index]
+        image = _in_8_bits(view.loaded()) if callable(view.image) else view.image
+        confidence = view.confidence
+        if callable(confidence):
+            confidence = _in_8_bits(view.loaded_confidence())
+        loaded = image, confidence
+        if callable(view.image) or callable(view.confidence):
+            self._kept[index] = loaded
+            self._bytes += _size_bytes(loaded)
+        while self._bytes > self._budget_bytes and len(self._kept) > 1:
+            _, oldest = self._kept.popitem(last=False)
+            self._bytes -= _size_bytes(oldest)
+        return loaded
+
+
+def _in_8_bits(values: np.ndarray) -> np.ndarray:
+    """The same, in memory channel after channel, as ``planes_of`` takes them soonest."""
+    in_8_bits = np.rint(np.clip(values, 0.0, 1.0) * 255.0).astype(np.uint8)
+    if values.ndim == 2:
+        return in_8_bits
+    return np.moveaxis(np.ascontiguousarray(np.moveaxis(in_8_bits, 2, 0)), 0, 2)
+
+
+def _size_bytes(loaded: _Loaded) -> int:
+    return sum(values.nbytes for values in loaded if values is not None and values.dtype == np.uint8)

@@ -47,11 +47,18 @@ _GROUPS_A_ROW = BLOCKS_A_SIDE // _GROUP
 
 
 def planes_of(image: np.ndarray) -> np.ndarray:
-    """An image (H, W, C), or (H, W), as aligned planes (C, H', W') of whole tiles, zeros outside."""
+    """An image (H, W, C), or (H, W), as aligned float32 planes (C, H', W') of whole tiles, zeros outside.
+
+    One of uint8 has 255 where another has 1.
+    """
     image = image[..., None] if image.ndim == 2 else image
     height, width, channels = image.shape
     planes = aligned((channels, -(-height // TILE_PX) * TILE_PX, -(-width // TILE_PX) * TILE_PX))
-    planes[:, :height, :width] = np.moveaxis(image, 2, 0)
+    inside, channels_first = planes[:, :height, :width], np.moveaxis(image, 2, 0)
+    if image.dtype == np.uint8:
+        np.divide(channels_first, np.float32(255.0), out=inside, dtype=np.float32)
+    else:
+        inside[...] = channels_first
     return planes
 
 

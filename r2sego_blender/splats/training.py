@@ -25,7 +25,7 @@ from .densification import Densification
 from .dropout import Dropout
 from .lattice import Lattice
 from .loss import PhotometricLoss
-from .observations import Observation, Target, TargetCache
+from .observations import Observation, Target, Targets
 from .packing import HARMONICS, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION, PackedGaussians, rows_of
 from .population import Population
 from .rasterizer import Rasterizer
@@ -164,7 +164,7 @@ class _Trainer:
         self._observations = observations
         self._settings = settings
         self._with_geometry = max(settings.depth_weight, settings.normal_weight) > 0.0
-        self._targets = TargetCache(observations, settings.image_cache_mb << 20, self._with_geometry)
+        self._targets = Targets(observations, settings.image_cache_mb << 20, self._with_geometry)
         self._rasterizer = Rasterizer()
         self._losses: dict[tuple[int, int], PhotometricLoss] = {}
         self._corrections = {
@@ -176,7 +176,7 @@ class _Trainer:
     def step(self, index: int, lattice: Lattice, stage: _Stage) -> float:
         """Render, compare, and move the Gaussians that were seen; returns the pixels' loss."""
         settings, rasterizer = self._settings, self._rasterizer
-        target, correction = self._targets.get(index).at(lattice), self._corrections.get(index)
+        target, correction = self._targets.get(index, lattice), self._corrections.get(index)
         camera = target.camera if correction is None else correction.camera(target.camera)
         background = _BLACK if target.background is None else target.background
         geometry = target.depth is not None

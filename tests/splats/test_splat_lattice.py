@@ -14,7 +14,6 @@ from r2sego_blender.splats.lattice import Lattice
 from r2sego_blender.splats.loss import photometric_loss
 from r2sego_blender.splats.packing import PackedGaussians
 from r2sego_blender.splats.rasterizer import Rasterizer
-from r2sego_blender.splats.tiles import planes_of
 
 from .splat_reference import random_asset
 
@@ -75,15 +74,6 @@ def test_the_mean_of_their_losses_has_the_whole_losss_gradient(stride: int) -> N
     np.testing.assert_allclose(mean, expected, rtol=1e-5)
 
 
-def test_planes_are_those_of_its_pixels() -> None:
-    image = np.random.default_rng(0).random((*CAMERA.shape, 3)).astype(np.float32)
-    for lattice in all_of(3):
-        found = lattice.planes(planes_of(image), CAMERA.shape)
-        np.testing.assert_array_equal(found, planes_of(lattice.pixels(image)))
-    whole = planes_of(image)
-    assert Lattice().planes(whole, CAMERA.shape) is whole and Lattice().camera(CAMERA) is CAMERA
-
-
 def test_each_is_drawn_as_often_and_none_where_there_is_but_one() -> None:
     rng = np.random.default_rng(0)
     drawn = [Lattice.drawn(3, CAMERA.shape, rng) for _ in range(1800)]
@@ -91,6 +81,7 @@ def test_each_is_drawn_as_often_and_none_where_there_is_but_one() -> None:
     assert sum(times) == 1800 and min(times) > 140 and max(times) < 260
     before = rng.bit_generator.state
     assert Lattice.drawn(1, CAMERA.shape, rng) == Lattice() and rng.bit_generator.state == before
+    assert Lattice().camera(CAMERA) is CAMERA
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (2, 2)])

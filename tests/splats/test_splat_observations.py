@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 from r2sego_blender.cameras import Camera
 from r2sego_blender.errors import AssetError
 from r2sego_blender.splats.lattice import Lattice
-from r2sego_blender.splats.observations import Observation, Target, TargetCache
+from r2sego_blender.splats.observations import Observation, Target, Targets
 from r2sego_blender.splats.tiles import TILE_PX
 
 CAMERA = Camera(50, 34, 40.0, 42.0, 24.0, 18.0, np.eye(4))
+IMAGE_BYTES = 3 * 50 * 34
 
 
 def picture(seed: int, camera: Camera = CAMERA) -> np.ndarray:
@@ -47,9 +48,13 @@ def arrays_of(target: Target) -> list[np.ndarray]:
     return [value for value in values if isinstance(value, np.ndarray)]
 
 
-def test_a_target_at_full_size_has_the_observations_pixels() -> None:
+def target_of(view: Observation, lattice: Lattice = Lattice()) -> Target:
+    return Target.of(view, lattice, view.image, view.confidence)
+
+
+def test_the_whole_target_has_the_observations_pixels() -> None:
     view = full_observation()
-    target = Target.of(view)
+    target = target_of(view)
     height, width = CAMERA.shape
     assert target.camera is CAMERA
     assert target.image.shape == (3, 2 * TILE_PX, 2 * TILE_PX)
@@ -72,63 +77,76 @@ def test_a_lattices_target_is_that_of_its_pixels_alone(stride: int, row: int, co
     camera = lattice.camera(CAMERA)
     names = ("image", "confidence", "background", "opaque", "depth", "normals", "depth_confidence")
     alone = Observation(camera, **{name: lattice.pixels(getattr(view, name)) for name in names})
-    target, expected = Target.of(view).at(lattice), Target.of(alone)
+    target, expected = target_of(view, lattice), target_of(alone)
     assert target.camera.shape == camera.shape
     for found, wanted in zip(arrays_of(target), arrays_of(expected), strict=True):
         np.testing.assert_array_equal(found, wanted)
 
 
 def test_what_is_not_known_is_none() -> None:
-    target = Target.of(Observation(CAMERA, picture(0))).at(Lattice(2))
+    target = target_of(Observation(CAMERA, picture(0)), Lattice(2))
     for name in ("weights", "background", "opaque", "depth", "normals", "depth_weight"):
         assert getattr(target, name) is None
     depth = np.where(picture(1)[..., 0] > 0.5, 2.0, 0.0).astype(np.float32)
-    target = Target.of(Observation(CAMERA, picture(0), depth=depth))
+    target = target_of(Observation(CAMERA, picture(0), depth=depth))
     np.testing.assert_array_equal(target.depth_weight, depth > 0.0)
     assert target.normals is None
 
 
 def test_an_image_is_loaded_when_it_is_needed_and_again_after_it_made_room() -> None:
     sources = [Loads(k) for k in range(3)]
-    views = [Observation(CAMERA, source) for source in sources]
-    size = Target.of(Observation(CAMERA, picture(0))).size_bytes
-    cache = TargetCache(views, 2 * size)
+    targets = Targets([Observation(CAMERA, source) for source in sources], 2 * IMAGE_BYTES)
     assert [source.times for source in sources] == [0, 0, 0]
-    first = cache.get(0)
-    assert cache.get(0) is first
-    cache.get(1)
+    first = targets.get(0, Lattice())
+    for lattice in (Lattice(), Lattice(3, 1, 2), Lattice(2)):
+        targets.get(0, lattice)
+    targets.get(1, Lattice())
     assert [source.times for source in sources] == [1, 1, 0]
-    cache.get(0)  # now 1 is the one used longest ago
-    cache.get(2)
-    assert cache.get(0) is first
+    targets.get(0, Lattice())  # now 1 is the one used longest ago
+    targets.get(2, Lattice())
+    np.testing.assert_array_equal(targets.get(0, Lattice()).image, first.image)
     assert [source.times for source in sources] == [1, 1, 1]
-    again = cache.get(1)
+    targets.get(1, Lattice())
     assert [source.times for source in sources] == [1, 2, 1]
-    np.testing.assert_array_equal(again.image, Target.of(views[1]).image)
 
 
-def test_the_size_counts_every_array() -> None:
-    target = Target.of(full_observation()).at(Lattice(3, 1, 2))
-    assert target.size_bytes == sum(array.nbytes for array in arrays_of(target))
+def test_what_is_loaded_is_kept_in_8_bits_and_what_is_there_as_it_is() -> None:
+    in_8_bits = np.random.default_rng(0).integers(0, 256, (*CAMERA.shape, 3), np.uint8)
+    photograph = in_8_bits.astype(np.float32) / 255.0
+    mask = (picture(1)[..., 0] > 0.5).astype(np.float32)
+    resized = picture(2)
+    views = [
+        Observation(CAMERA, photograph, confidence=mask),
+        Observation(CAMERA, lambda: photograph, confidence=lambda: mask),
+        Observation(CAMERA, lambda: resized),
+    ]
+    targets = Targets(views, 1 << 20)
+    for lattice in (Lattice(), Lattice(3, 2, 1)):
+        there, loaded, rounded = (targets.get(index, lattice) for index in range(3))
+        np.testing.assert_array_equal(loaded.image, there.image)
+        np.testing.assert_array_equal(loaded.weights, there.weights)
+        assert rounded.image.dtype == np.float32
+        expected = target_of(Observation(CAMERA, resized), lattice).image
+        np.testing.assert_allclose(rounded.image, expected, atol=0.5001 / 255.0)
 
 
 @settings(max_examples=30, deadline=None, derandomize=True)
 @given(st.lists(st.integers(0, 4), max_size=25), st.integers(1, 6))
-def test_what_the_cache_holds_stays_within_its_budget(requests: list, images: int) -> None:
-    views = [full_observation(k) for k in range(5)]
-    budget = images * Target.of(views[0]).size_bytes
-    cache = TargetCache(views, budget)
+def test_what_is_kept_stays_within_the_budget(requests: list[int], images: int) -> None:
+    views = [dataclasses.replace(full_observation(k), image=Loads(k)) for k in range(5)]
+    targets = Targets(views, images * IMAGE_BYTES)
     for index in requests:
-        assert cache.get(index).opaque is views[index].opaque
-        held = sum(other.size_bytes for other in cache._targets.values())
-        assert held == cache._bytes <= budget
+        expected = np.rint(picture(index)[::2, 1::2] * 255.0) / np.float32(255.0)
+        found = targets.get(index, Lattice(2, 0, 1)).image[:, :17, :25]
+        np.testing.assert_array_equal(found, np.moveaxis(expected, 2, 0))
+        assert targets._bytes == IMAGE_BYTES * len(targets._kept) <= images * IMAGE_BYTES
 
 
-def test_a_target_larger_than_the_budget_is_held_alone() -> None:
+def test_an_image_larger_than_the_budget_is_kept_alone() -> None:
     sources = [Loads(k) for k in range(2)]
-    cache = TargetCache([Observation(CAMERA, source) for source in sources], 1)
+    targets = Targets([Observation(CAMERA, source) for source in sources], 1)
     for index in (0, 0, 1, 1, 0):
-        cache.get(index)
+        targets.get(index, Lattice())
     assert [source.times for source in sources] == [2, 1]
 
 
@@ -146,7 +164,7 @@ def test_images_of_another_size_are_refused(name: str) -> None:
 
 def test_a_loaded_image_of_another_size_is_refused_when_it_is_loaded() -> None:
     view = Observation(CAMERA, lambda: np.zeros((3, 3, 3), np.float32))
-    for use in (view.loaded, lambda: TargetCache([view], 1 << 20).get(0)):
+    for use in (view.loaded, lambda: Targets([view], 1 << 20).get(0, Lattice())):
         with pytest.raises(AssetError, match=r"observation's image has the shape \(3, 3, 3\)"):
             use()
     with pytest.raises(AssetError, match="Scale the image or the camera"):

@@ -13,8 +13,9 @@ from r2sego_blender.named_settings import EVERY_PIXEL, UNREGULARISED
 from r2sego_blender.settings import TrainingSettings
 from r2sego_blender.splats.adam import AdamState
 from r2sego_blender.splats.asset import SplatAsset
+from r2sego_blender.splats.lattice import Lattice
 from r2sego_blender.splats.metrics import psnr
-from r2sego_blender.splats.observations import Observation, TargetCache
+from r2sego_blender.splats.observations import Observation, Targets
 from r2sego_blender.splats.packing import PackedGaussians
 from r2sego_blender.splats.rasterizer import Rasterizer, render
 from r2sego_blender.splats.training import bound_scales, train
@@ -163,7 +164,7 @@ def test_rates_swing_around_what_is_set_and_the_means_decay_besides() -> None:
 
 @pytest.mark.parametrize(("cache_mb", "loads"), [(64, 5), (16, 15)])
 def test_images_are_kept_up_to_the_memory_that_is_set(cache_mb: int, loads: int) -> None:
-    """Five of 3.7 MB, each drawn three times."""
+    """Five of 3.7 MB in 8 bits, each drawn three times."""
     _, start, _ = scene()
     loaded = []
 
@@ -175,7 +176,7 @@ def test_images_are_kept_up_to_the_memory_that_is_set(cache_mb: int, loads: int)
         return Observation(camera, image)
 
     settings = dataclasses.replace(SETTINGS, image_cache_mb=cache_mb, **EVERY_PIXEL)
-    views = [view(camera) for camera in cameras(5, (640, 480))]
+    views = [view(camera) for camera in cameras(5, (1280, 960))]
     train(start.subset(np.arange(5)), views, 15, settings, np.random.default_rng(0))
     assert (len(loaded) == loads) if loads == 5 else (5 < len(loaded) <= loads)
 
@@ -289,7 +290,7 @@ def test_depth_that_no_loss_asks_for_changes_nothing_and_is_not_prepared() -> No
         train(start, seen, 20, SETTINGS, np.random.default_rng(0)) for seen in (views, deep)
     )
     assert same_bits(without, with_depth)
-    small, large = (TargetCache(deep, 1 << 20, with_geometry=g).get(0) for g in (False, True))
-    assert small.depth is None and small.depth_weight is None and small.size_bytes < large.size_bytes
+    small, large = (Targets(deep, 1 << 20, with_geometry=g).get(0, Lattice(2)) for g in (False, True))
+    assert small.depth is None and small.depth_weight is None and large.depth.shape == small.camera.shape
     asked = dataclasses.replace(SETTINGS, depth_weight=0.1)
     assert not same_bits(without, train(start, deep, 20, asked, np.random.default_rng(0)))
