@@ -210,7 +210,7 @@ def check_a_preset_tells_what_it_sets_below_the_field():
 
     open_bundle()
     bpy.ops.r2sego.reset_settings()
-    assert {"Preview: 900", "Preview: Target", "Preview: 0.43"} <= set(told())
+    assert {"Preview: 900", "Preview: Target", "Preview: 0.6"} <= set(told())
     state().settings.training__steps_per_round = 77
     assert "Preview: 900" not in told()
     state().preset = "paper"
