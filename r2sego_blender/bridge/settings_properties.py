@@ -25,8 +25,7 @@ def property_name(key: str) -> str:
 
 def label(key: str) -> str:
     """What people call the setting of a dotted key: ``registration.min_spread_px`` is Min Spread (px)."""
-    written = key.rpartition(".")[2].replace("three_quarter", "3/4")  # in full it has no room in its field
-    words = written.split("_")
+    words = key.rpartition(".")[2].split("_")
     unit = _UNITS.get(words[-1], "") if len(words) > 1 else ""
     named = [_ABBREVIATIONS.get(word, word.capitalize()) for word in (words[:-1] if unit else words)]
     small = [word.lower() if word.lower() in _SMALL_WORDS else word for word in named[1:]]

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..cameras import Camera
 from ..errors import AssetError
+from ..images import to_uint8
 from .lattice import Lattice
 from .tiles import planes_of
 
@@ -185,7 +186,7 @@ class Targets:
 
 def _in_8_bits(values: np.ndarray) -> np.ndarray:
     """The same, in memory channel after channel, as ``planes_of`` takes them soonest."""
-    in_8_bits = np.rint(np.clip(values, 0.0, 1.0) * 255.0).astype(np.uint8)
+    in_8_bits = to_uint8(values)
     if values.ndim == 2:
         return in_8_bits
     return np.moveaxis(np.ascontiguousarray(np.moveaxis(in_8_bits, 2, 0)), 0, 2)
