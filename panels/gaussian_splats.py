@@ -24,6 +24,9 @@ _PICTURES = 4
 _ORDERS = 1 << 16
 """Depths that are told apart in a view."""
 
+_TILE_PX = 32
+"""Without a graphics card a picture is laid in tiles of so many pixels a side, the empty ones left out."""
+
 _VERTEX = """
 void main()
 {
@@ -168,6 +171,20 @@ def _triangles(order: np.ndarray) -> np.ndarray:
     return (4 * order.astype(np.uint32)[:, None] + corners).reshape(-1, 3)
 
 
+def seen_tiles(alphas: np.ndarray, tile_px: int) -> np.ndarray:
+    """(T, 4) the tiles of a picture in which something is seen: left, bottom, right and top, pixels.
+
+    ``alphas`` is (H, W), the lowest row first; tiles begin at its lower left corner and end with it.
+    """
+    height, width = alphas.shape
+    rows, columns = np.arange(0, height, tile_px), np.arange(0, width, tile_px)
+    highest = np.maximum.reduceat(np.maximum.reduceat(alphas, rows, axis=0), columns, axis=1)
+    row, column = np.nonzero(highest * 255.0 >= 1.0)  # as much as is laid
+    left, bottom = columns[column], rows[row]
+    right, top = np.minimum(left + tile_px, width), np.minimum(bottom + tile_px, height)
+    return np.stack([left, bottom, right, top], axis=1)
+
+
 class GaussianSplats:
     """Splats on the graphics card, and the pictures painted of them, one a view.
 
@@ -241,6 +258,7 @@ class Picture:
         self._painted = gpu.types.GPUFrameBuffer(color_slots=(self.colours, self.nearnesses))
         self._laid = gpu.types.GPUTexture(size, format="RGBA16F")
         self._developed = gpu.types.GPUFrameBuffer(color_slots=(self._laid,))
+        self._where: gpu.types.GPUBatch | None = None
         self._seen: Seen | None = None
 
     def shows(self, seen: Seen, size: tuple[int, int]) -> bool:
@@ -266,10 +284,13 @@ class Picture:
             shaders.develop.bind()
             shaders.develop.uniform_sampler("colours", self.colours)
             _whole(shaders.develop).draw(shaders.develop)
+        self._where = self._seen_part(shaders.lay)
         self._seen = seen
 
     def lay(self, origin: tuple[int, int], opacity: float, shaders: _Shaders) -> None:
         """Lay the picture over what is drawn from ``origin`` on, behind what is nearer."""
+        if self._where is None:
+            return
         shader = shaders.lay
         gpu.state.blend_set("ALPHA_PREMULT")
         gpu.state.depth_test_set("LESS_EQUAL")
@@ -279,10 +300,23 @@ class Picture:
         shader.uniform_float("opacity", opacity)
         shader.uniform_sampler("colours", self._laid)
         shader.uniform_sampler("nearnesses", self.nearnesses)
-        _whole(shader).draw(shader)
+        self._where.draw(shader)
         gpu.state.depth_mask_set(False)
         gpu.state.depth_test_set("NONE")
         gpu.state.blend_set("NONE")
+
+    def _seen_part(self, shader: gpu.types.GPUShader) -> gpu.types.GPUBatch | None:
+        """Where the picture is laid, None for nowhere; everywhere by a graphics card, which would have to
+        wait for the answer."""
+        if gpu.platform.device_type_get() != "SOFTWARE":
+            return _whole(shader)
+        width, height = self.size
+        pixels = np.asarray(self._laid.read(), np.float32).reshape(height, width, 4)
+        tiles = seen_tiles(pixels[..., 3], _TILE_PX) / (0.5 * np.array([width, height, width, height])) - 1.0
+        if not len(tiles):
+            return None
+        corners = tiles[:, [0, 1, 2, 1, 0, 3, 0, 3, 2, 1, 2, 3]].reshape(-1, 2)  # two triangles each
+        return batch_for_shader(shader, "TRIS", {"pos": corners.astype(np.float32)})
 
 
 def _whole(shader: gpu.types.GPUShader) -> gpu.types.GPUBatch:

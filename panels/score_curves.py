@@ -1,16 +1,18 @@
 """The scores of a rollout's frames as curves at the bottom of the 3D view.
 
-Where things lie is computed in ``bridge/view_chart.py``; what was made for the graphics card
-is kept until the round, the rollout or the region's size changes.
+Where things lie is computed in ``bridge/view_chart.py``; the curves and words are drawn once, into a
+picture that is kept until the round, the rollout or the region's size changes.
 """
 
-import gpu
+from typing import NamedTuple
+
 import numpy as np
-from gpu_extras.batch import batch_for_shader
 
 from ..r2sego_blender.bridge.view_chart import Chart, chart_in, covered_margins, curve, stems
 from ..r2sego_blender.bridge.view_scores import RoundScores, remembered_in
+from . import kept_pictures
 from .flat_shapes import rectangle, segments, text_width, write
+from .kept_pictures import KeptPicture
 from .overlays import Overlay
 
 _BACKGROUND = (0.05, 0.05, 0.06, 0.72)
@@ -34,15 +36,23 @@ def unregister() -> None:
     """Stop drawing, and forget what was drawn."""
     _overlay.unregister()
     _kept.clear()
+    kept_pictures.forget_shader()
+
+
+class _Drawn(NamedTuple):
+    """A chart, and the picture of it with its ground."""
+
+    chart: Chart
+    picture: KeptPicture
 
 
 def shown_chart(context) -> Chart | None:
     """Where the curves lie in the 3D view of ``context``, None when they are not shown."""
-    made = _shown(context)
-    return None if made is None else made[0]
+    drawn = _shown(context)
+    return None if drawn is None else drawn.chart
 
 
-def _shown(context) -> tuple[Chart, list, list] | None:
+def _shown(context) -> _Drawn | None:
     """What is drawn in the 3D view of ``context``; made anew only when something has changed."""
     group, scores = context.scene.r2sego_views, remembered_in(context.scene)
     if scores is None or not group.curves or not context.space_data.overlay.show_overlays:
@@ -60,30 +70,22 @@ def _shown(context) -> tuple[Chart, list, list] | None:
 
 
 def _draw(context) -> None:
-    made = _shown(context)
-    if made is None:
+    drawn = _shown(context)
+    if drawn is None:
         return
+    drawn.picture.draw()
     group, scores = context.scene.r2sego_views, remembered_in(context.scene)
     scale = context.preferences.system.ui_scale
-    chart, batches, title = made
-    edge = 5.0 * scale
-    rectangle(
-        chart.left - edge, chart.bottom - edge, chart.width + 2 * edge,
-        chart.height + (_TEXT_PX + 8.0) * scale + edge, _BACKGROUND,
-    )  # fmt: skip
-    _draw_batches(batches, scale)
-    now, active = context.scene.frame_current, group.active
+    chart, now, active = drawn.chart, context.scene.frame_current, group.active
     if chart.first <= now <= chart.last:
-        segments(stems(chart, np.array([now]), 1.0), _NOW, 1.5 * scale)
+        _mark(chart, now, _NOW, 1.5 * scale)
     if 0 <= active < len(scores) and scores.views.rollout[active] == group.rollout:
-        segments(stems(chart, np.array([group.active_frame]), 1.0), _ACTIVE, 2.0 * scale)
-    x, y = chart.left, chart.bottom + chart.height + 4.0 * scale
-    for text, colour in title:
-        width = text_width(text, _TEXT_PX * scale)
-        if x + width > chart.left + chart.width:
-            break  # a narrow view has room for the first words alone
-        write(text, x, y, colour, _TEXT_PX * scale)
-        x += width + 12.0 * scale
+        _mark(chart, group.active_frame, _ACTIVE, 2.0 * scale)
+
+
+def _mark(chart: Chart, frame: int, colour: tuple[float, float, float, float], width_px: float) -> None:
+    """An upright line through a frame."""
+    rectangle(chart.x_of(frame) - 0.5 * width_px, chart.bottom, width_px, chart.height, colour)
 
 
 def _made(
@@ -92,13 +94,27 @@ def _made(
     size: tuple[int, int],
     margins: tuple[float, float, float],
     scale: float,
-) -> tuple[Chart, list, list] | None:
-    """The chart, its batches with colour and width, and the words above it."""
-    members, views = scores.of_rollout(rollout), scores.views
-    frames = views.frame[members]
-    chart = chart_in(size, margins, scale, frames)
+) -> _Drawn | None:
+    """The chart of a rollout and its picture; None where there is no room for it."""
+    members = scores.of_rollout(rollout)
+    chart = chart_in(size, margins, scale, scores.views.frame[members])
     if chart is None:
         return None
+    edge = 5.0 * scale
+    picture = KeptPicture(
+        chart.left - edge, chart.bottom - edge, chart.width + 2 * edge,
+        chart.height + (_TEXT_PX + 8.0) * scale + edge,
+    )  # fmt: skip
+    with picture.drawing():
+        rectangle(*picture.place, _BACKGROUND)
+        _draw_lines(chart, scores, members, scale)
+        _draw_title(chart, _title(chart, scores, rollout), scale)
+    return _Drawn(chart, picture)
+
+
+def _draw_lines(chart: Chart, scores: RoundScores, members: np.ndarray, scale: float) -> None:
+    views = scores.views
+    frames = views.frame[members]
     drawn = [
         (stems(chart, frames[views.survived[members]], _STEM), _SURVIVOR, 1.5),
         (stems(chart, frames[views.chosen[members]], 1.0), _TARGET, 2.0),
@@ -106,13 +122,13 @@ def _made(
         (curve(chart, frames, views.availability[members]), _COLOURS["g"], 1.5),
         (curve(chart, frames, views.score[members] / scores.best_score), _COLOURS["s"], 2.0),
     ]
-    shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
-    batches = [
-        (batch_for_shader(shader, "LINES", {"pos": np.pad(points, ((0, 0), (0, 1)))}), colour, width)
-        for points, colour, width in drawn
-        if len(points)
-    ]
-    title = [
+    for points, colour, width in drawn:
+        segments(points, colour, width * scale)
+
+
+def _title(chart: Chart, scores: RoundScores, rollout: int) -> list[tuple[str, tuple]]:
+    """The words above the curves and their colours."""
+    return [
         (f"Rollout {rollout}, frames {chart.first} to {chart.last}", (1.0, 1.0, 1.0, 0.9)),
         ("u deficit", _COLOURS["u"]),
         ("g availability", _COLOURS["g"]),
@@ -121,19 +137,16 @@ def _made(
         ("survivors", _SURVIVOR),
         ("now", _NOW),
     ]
-    return chart, batches, title
 
 
-def _draw_batches(batches: list, scale: float) -> None:
-    shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
-    gpu.state.blend_set("ALPHA")
-    shader.bind()
-    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
-    for batch, colour, width in batches:
-        shader.uniform_float("lineWidth", width * scale)
-        shader.uniform_float("color", colour)
-        batch.draw(shader)
-    gpu.state.blend_set("NONE")
+def _draw_title(chart: Chart, title: list[tuple[str, tuple]], scale: float) -> None:
+    x, y = chart.left, chart.bottom + chart.height + 4.0 * scale
+    for text, colour in title:
+        width = text_width(text, _TEXT_PX * scale)
+        if x + width > chart.left + chart.width:
+            break  # a narrow view has room for the first words alone
+        write(text, x, y, colour, _TEXT_PX * scale)
+        x += width + 12.0 * scale
 
 
 _overlay = Overlay(_draw, "POST_PIXEL")

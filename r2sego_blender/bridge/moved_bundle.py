@@ -7,6 +7,7 @@ What a .blend holds of a bundle names it by the whole path, on objects, collecti
 from __future__ import annotations
 
 import os
+from functools import lru_cache
 from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
 
 import bpy
@@ -20,7 +21,13 @@ def whole_path(written: str) -> str:
     a slash at its end. '' stays '', and so does a path of another system, from which the .blend came."""
     if not written or _is_foreign(written):
         return written
-    return str(Path(bpy.path.abspath(written)).absolute())
+    path = bpy.path.abspath(written)
+    return _written_plainly(path) if path.startswith(os.sep) else str(Path(path).absolute())
+
+
+@lru_cache(maxsize=64)  # panels and overlays ask at each redraw
+def _written_plainly(path: str) -> str:
+    return str(Path(path))
 
 
 def way_from(blend: str, bundle: str) -> str:

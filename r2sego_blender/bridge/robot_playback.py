@@ -62,6 +62,11 @@ def mark(shown: bpy.types.Object, number: int, body: int) -> None:
     shown[_ROLLOUT], shown[_BODY] = number, body
 
 
+def body_of(shown: bpy.types.Object) -> int | None:
+    """Which body an object is marked as, or CAMERA or ROOT; None for none."""
+    return shown.get(_BODY)
+
+
 def play(
     collection: bpy.types.Collection, bundle: Bundle, round_index: int, digest: str, recording: Recording
 ) -> None:

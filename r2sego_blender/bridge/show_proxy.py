@@ -55,7 +55,7 @@ def shown_proxies() -> list[bpy.types.Object]:
     return [one for one in bpy.data.objects if one.type == "MESH" and _ROUND in one.data]
 
 
-def draw_fewer_faces_of_all(most: int) -> None:
+def draw_fewer_faces_of_proxies(most: int) -> None:
     """Have the views draw about ``most`` faces at most of every shown proxy, with 0 all of them."""
     for shown in shown_proxies():
         draw_fewer_faces(shown, most)

@@ -12,6 +12,7 @@ from ..errors import SceneError
 from . import preview_range, robot_playback
 from .bundle import Bundle
 from .cameras import create_camera, use_frame_of
+from .light_drawing import draw_fewer_faces_of_robot, drawn_faces
 from .materials import plain_material
 from .meshes import assign_materials, mesh_from_arrays
 from .moved_bundle import BUNDLE_MARK
@@ -63,6 +64,7 @@ def show_rollouts(
             part.rotation_mode = "QUATERNION"
             robot_playback.mark(part, number, index if part != camera else CAMERA)
             link(collection, part)
+        draw_fewer_faces_of_robot(parts, drawn_faces())
         if look_through and not roots:
             use_frame_of(camera, scene)
         roots.append(root)
@@ -72,6 +74,13 @@ def show_rollouts(
     robot_playback.play(collection, bundle, round_index, bodies.digest, recording)
     robot_playback.place(collection, scene.frame_current)
     return roots
+
+
+def draw_fewer_faces_of_robots(most: int) -> None:
+    """Have the views draw fewer faces of every robot along a shown rollout, with 0 all of them."""
+    for root in (one for one in bpy.data.objects if robot_playback.body_of(one) == ROOT):
+        bodies = [child for child in root.children if child.type == "MESH"]
+        draw_fewer_faces_of_robot(bodies, most)
 
 
 def are_shown(scene: bpy.types.Scene, bundle: Bundle, round_index: int, numbers: Sequence[int]) -> bool:

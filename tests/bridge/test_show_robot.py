@@ -90,6 +90,27 @@ def test_the_empty_goes_with_the_first_body(scene, bundle):
         np.testing.assert_allclose(shown[root.name][:3, :3], np.eye(3), atol=1e-6)
 
 
+def test_views_draw_fewer_faces_of_each_robot_if_asked_and_renders_all(scene, bundle):
+    show_robot.show_rollouts(scene, bundle, 0, [0, 1])
+    robots = [[part for part in root.children if part.type == "MESH"]
+              for root in scene.objects if root.name.startswith("Rollout ")]  # fmt: skip
+    whole = sum(len(part.data.polygons) for part in robots[0])
+    simplest = 32 * len(robots[0])
+    most = 2 * max(simplest, whole // 3)
+
+    def drawn(parts):
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        return sum(len(part.evaluated_get(depsgraph).data.polygons) for part in parts)
+
+    assert len(robots) == 2 and whole > most // 2
+    show_robot.draw_fewer_faces_of_robots(most)
+    for parts in robots:
+        assert drawn(parts) <= 1.05 * (most // 2 + simplest) and drawn(parts) < whole
+        assert not any(modifier.show_render for part in parts for modifier in part.modifiers)
+    show_robot.draw_fewer_faces_of_robots(0)
+    assert [drawn(parts) for parts in robots] == [whole, whole]
+
+
 def test_another_rollout_takes_its_place(scene, bundle):
     show_robot.show_rollouts(scene, bundle, 0, [0, 1])
     count = len(bpy.data.objects)

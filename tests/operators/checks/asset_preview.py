@@ -54,6 +54,20 @@ def check_gaussians_are_painted_from_far_to_near():
     assert len(behind) == 0
 
 
+def check_the_tiles_of_a_picture_hold_all_that_is_seen_and_no_empty_one():
+    tiles_of = importlib.import_module(f"{MODULE}.panels.gaussian_splats").seen_tiles
+    rng = np.random.default_rng(4)
+    for width, height in ((64, 32), (70, 45), (31, 5), (1, 1)):
+        alphas = np.zeros((height, width), np.float32)
+        alphas[rng.random(alphas.shape) < 2.0 / alphas.size] = 1.0
+        alphas[rng.random(alphas.shape) < 0.2] += 0.003  # too faint to be laid
+        tiled = np.zeros(alphas.shape, int)
+        for left, bottom, right, top in tiles_of(alphas, 8):
+            assert alphas[bottom:top, left:right].max() >= 1.0 / 255.0
+            tiled[bottom:top, left:right] += 1
+        assert tiled.max(initial=0) <= 1 and (tiled[alphas >= 1.0 / 255.0] == 1).all()
+
+
 def check_where_gaussians_are_painted_anew_while_the_view_moves():
     preview = importlib.import_module(f"{MODULE}.panels.splat_preview")
     assert preview.gaussians_while_moving(200_000, "NVIDIA")
