@@ -5,25 +5,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import gpu
-from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
-_VERTEX = """
-void main()
-{
-  gl_Position = ModelViewProjectionMatrix * vec4(pos, 0.0, 1.0);
-  texel = place;
-}
-"""
-
-_FRAGMENT = """
-void main()
-{
-  fragColour = texelFetch(picture, ivec2(texel), 0);
-}
-"""
-
-_shaders: list[gpu.types.GPUShader] = []
+from .textures import draw_texture
 
 
 class KeptPicture:
@@ -51,23 +35,9 @@ class KeptPicture:
 
     def draw(self) -> None:
         """Show it in the region, for which it was made."""
-        left, bottom, width, height = self.place
-        shader = _shader()
-        corners = ((0, 0), (width, 0), (0, height), (width, height))
-        places = [(left + x, bottom + y) for x, y in corners]
-        batch = batch_for_shader(shader, "TRI_STRIP", {"pos": places, "place": corners})
         gpu.state.blend_set("ALPHA_PREMULT")  # which colours blended over nothing are
-        shader.bind()
-        seen = gpu.matrix.get_projection_matrix() @ gpu.matrix.get_model_view_matrix()
-        shader.uniform_float("ModelViewProjectionMatrix", seen)
-        shader.uniform_sampler("picture", self._pixels)
-        batch.draw(shader)
+        draw_texture(self._pixels, self.place)
         gpu.state.blend_set("NONE")
-
-
-def forget_shader() -> None:
-    """Let go of what is on the graphics card."""
-    _shaders.clear()
 
 
 def _pixels_of(left: int, bottom: int, width: int, height: int) -> Matrix:
@@ -78,20 +48,3 @@ def _pixels_of(left: int, bottom: int, width: int, height: int) -> Matrix:
         (0.0, 0.0, -0.01, 0.0),
         (0.0, 0.0, 0.0, 1.0),
     ))  # fmt: skip
-
-
-def _shader() -> gpu.types.GPUShader:
-    if not _shaders:
-        info = gpu.types.GPUShaderCreateInfo()
-        info.push_constant("MAT4", "ModelViewProjectionMatrix")
-        info.sampler(0, "FLOAT_2D", "picture")
-        info.vertex_in(0, "VEC2", "pos")
-        info.vertex_in(1, "VEC2", "place")
-        between = gpu.types.GPUStageInterfaceInfo("r2sego_kept_picture")
-        between.smooth("VEC2", "texel")
-        info.vertex_out(between)
-        info.fragment_out(0, "VEC4", "fragColour")
-        info.vertex_source(_VERTEX)
-        info.fragment_source(_FRAGMENT)
-        _shaders.append(gpu.shader.create_from_info(info))
-    return _shaders[0]

@@ -10,10 +10,10 @@ import numpy as np
 
 from ..r2sego_blender.bridge.view_chart import Chart, chart_in, covered_margins, curve, stems
 from ..r2sego_blender.bridge.view_scores import RoundScores, remembered_in
-from . import kept_pictures
 from .flat_shapes import rectangle, segments, text_width, write
 from .kept_pictures import KeptPicture
 from .overlays import Overlay
+from .textures import forget_shader
 
 _BACKGROUND = (0.05, 0.05, 0.06, 0.72)
 _COLOURS = {"u": (0.93, 0.42, 0.30, 1.0), "g": (0.25, 0.72, 0.74, 1.0), "s": (0.98, 0.90, 0.25, 1.0)}
@@ -36,7 +36,7 @@ def unregister() -> None:
     """Stop drawing, and forget what was drawn."""
     _overlay.unregister()
     _kept.clear()
-    kept_pictures.forget_shader()
+    forget_shader()
 
 
 class _Drawn(NamedTuple):

@@ -3,13 +3,13 @@
 import bpy
 import gpu
 import numpy as np
-from gpu_extras.batch import batch_for_shader
 
 from ..r2sego_blender.bridge.asset_frame import camera_frame_px
 from ..r2sego_blender.bridge.asset_pictures import is_of_view
 from ..r2sego_blender.colours import linear_from_srgb
 from .flat_shapes import rectangle, text_width, write
 from .overlays import Overlay
+from .textures import draw_texture, forget_shader
 
 _TEXTURES = 4
 """So many pictures stay on the graphics card."""
@@ -17,23 +17,7 @@ _TEXTURES = 4
 _DIVIDER = (1.0, 1.0, 1.0, 0.9)
 _MARGIN_PX, _TEXT_PX = 8.0, 12.0
 
-_VERTEX = """
-void main()
-{
-  place = texCoord;
-  gl_Position = ModelViewProjectionMatrix * vec4(pos, 1.0);
-}
-"""
-
-_FRAGMENT = """
-void main()
-{
-  fragColour = vec4(texture(picture, place).rgb, 1.0);
-}
-"""
-
 _textures: dict[tuple, "gpu.types.GPUTexture"] = {}
-_shaders: list["gpu.types.GPUShader"] = []
 
 
 def parts(wipe: float) -> tuple[tuple[float, float], ...]:
@@ -62,46 +46,10 @@ def _texture(image: bpy.types.Image) -> "gpu.types.GPUTexture | None":
         image.pixels.foreach_get(pixels)
         if not image.is_float:  # whose values are linear already
             pixels.reshape(-1, 4)[:, :3] = linear_from_srgb(pixels.reshape(-1, 4)[:, :3])
+        pixels[3::4] = 1.0
         data = gpu.types.Buffer("FLOAT", len(pixels), pixels)
         _textures[key] = gpu.types.GPUTexture((width, height), format="RGBA16F", data=data)
     return _textures[key]
-
-
-def _shader() -> "gpu.types.GPUShader":
-    """Draws a texture as it is; Blender's own for images differ from version to version."""
-    if not _shaders:
-        info = gpu.types.GPUShaderCreateInfo()
-        info.push_constant("MAT4", "ModelViewProjectionMatrix")
-        info.sampler(0, "FLOAT_2D", "picture")
-        info.vertex_in(0, "VEC3", "pos")
-        info.vertex_in(1, "VEC2", "texCoord")
-        between = gpu.types.GPUStageInterfaceInfo("r2sego_wipe")
-        between.smooth("VEC2", "place")
-        info.vertex_out(between)
-        info.fragment_out(0, "VEC4", "fragColour")
-        info.vertex_source(_VERTEX)
-        info.fragment_source(_FRAGMENT)
-        _shaders.append(gpu.shader.create_from_info(info))
-    return _shaders[0]
-
-
-def _draw_part(texture, frame: tuple[float, float, float, float], begin: float, end: float) -> None:
-    """Draw the part of a picture between two shares of the frame's width."""
-    if end <= begin:
-        return
-    left, bottom, width, height = frame
-    x0, x1, top = left + begin * width, left + end * width, bottom + height
-    shader = _shader()
-    corners = ((x0, bottom, 0.0), (x1, bottom, 0.0), (x1, top, 0.0), (x0, top, 0.0))
-    places = ((begin, 0.0), (end, 0.0), (end, 1.0), (begin, 1.0))
-    batch = batch_for_shader(
-        shader, "TRIS", {"pos": corners, "texCoord": places}, indices=((0, 1, 2), (0, 2, 3))
-    )
-    shader.bind()
-    seen = gpu.matrix.get_projection_matrix() @ gpu.matrix.get_model_view_matrix()
-    shader.uniform_float("ModelViewProjectionMatrix", seen)
-    shader.uniform_sampler("picture", texture)
-    batch.draw(shader)
 
 
 def draw(context: bpy.types.Context) -> None:
@@ -118,8 +66,8 @@ def draw(context: bpy.types.Context) -> None:
         return
     for image, (begin, end) in zip(pictures, parts(group.wipe), strict=True):
         texture = _texture(image) if image is not None else None
-        if texture is not None:
-            _draw_part(texture, frame, begin, end)
+        if texture is not None and begin < end:
+            draw_texture(texture, frame, (begin, end))
     scale = context.preferences.system.ui_scale
     margin, size = _MARGIN_PX * scale, _TEXT_PX * scale
     rectangle(left + group.wipe * width - scale, bottom, 2.0 * scale, height, _DIVIDER)
@@ -142,4 +90,4 @@ def unregister() -> None:
     """Stop drawing and let go of the pictures."""
     _overlay.unregister()
     _textures.clear()
-    _shaders.clear()
+    forget_shader()

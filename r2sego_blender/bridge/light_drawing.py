@@ -9,7 +9,7 @@ import bpy
 
 from .engine_python import addon_preferences
 
-FACES_DRAWN = 12_000
+FACES_DRAWN = 8_000
 """Of a proxy, and of a robot half as many: more of them cost software more than the pixels they cover."""
 
 _ROBOT_SHARE = 0.5

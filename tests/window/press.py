@@ -21,15 +21,16 @@ _SHIFT_STEP_PX = 10
 _JOB_S = 20.0
 
 
-def install():
-    """Install the add-on, open every panel and the bundle."""
+def install(every_panel=True):
+    """Install the add-on, open the bundle and, unless they are to be as they come, every panel."""
     bpy.context.preferences.view.show_splash = False
     bpy.context.preferences.edit.undo_steps = 256  # all that is pressed
     bpy.ops.extensions.package_install_files(
         filepath=ZIP, repo="user_default", enable_on_install=True, overwrite=True
     )
     bpy.context.preferences.addons["bl_ext.user_default.r2sego"].preferences.engine_python = ENGINE
-    drawn_buttons.open_panels()
+    if every_panel:
+        drawn_buttons.open_panels()
     for name in ("Kept before", "Kept too"):  # so that Load has an entry after Remove was pressed
         bpy.ops.r2sego.keep_settings(name=name)
     bpy.ops.r2sego.open_scene(directory=BUNDLE)
