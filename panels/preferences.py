@@ -3,15 +3,13 @@
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-from ..r2sego_blender.bridge.show_proxy import draw_fewer_faces_of_proxies
-from ..r2sego_blender.bridge.show_robot import draw_fewer_faces_of_robots
+from ..r2sego_blender.bridge.faces_drawn import draw_fewer_faces_of_all
 
 ROOT = __package__.rpartition(".")[0]
 
 
 def _draw_so_many(preferences, context):
-    draw_fewer_faces_of_proxies(preferences.drawn_faces)
-    draw_fewer_faces_of_robots(preferences.drawn_faces)
+    draw_fewer_faces_of_all(preferences.drawn_faces)
 
 
 def _is_another(preferences, context):
@@ -31,7 +29,7 @@ class R2SEGO_AP_preferences(bpy.types.AddonPreferences):
     drawn_faces: IntProperty(
         name="Faces Drawn", default=0, min=0, soft_max=200_000, step=1000, update=_draw_so_many,
         description="The most faces of a geometry proxy that 3D views draw outside Edit Mode, and twice as "
-        "many as of a robot; 0 = all",
+        "many as of a robot and of the candidates' frusta; 0 = all",
     )  # fmt: skip
 
     def draw(self, context):

@@ -3,14 +3,13 @@
 import bpy
 
 from ...r2sego_blender.bridge.engine_python import addon_preferences
+from ...r2sego_blender.bridge.faces_drawn import draw_fewer_faces_of_all
 from ...r2sego_blender.bridge.light_drawing import FACES_DRAWN, lighten_views
-from ...r2sego_blender.bridge.show_proxy import draw_fewer_faces_of_proxies
-from ...r2sego_blender.bridge.show_robot import draw_fewer_faces_of_robots
 from ..base import ReportingOperator
 
 
 class R2SEGO_OT_draw_faster(ReportingOperator, bpy.types.Operator):
-    """Without a graphics card: no smooth edges, outlines or grids, and fewer faces of proxies and robots"""
+    """Without a graphics card: no smooth edges, outlines or grids, fewer faces and fewer candidates"""
 
     bl_idname = "r2sego.draw_faster"
     bl_label = "Draw Faster"
@@ -22,8 +21,7 @@ class R2SEGO_OT_draw_faster(ReportingOperator, bpy.types.Operator):
         if preferences is not None:
             preferences.drawn_faces = FACES_DRAWN  # which has all that is shown drawn so
         else:  # a script on a checkout
-            draw_fewer_faces_of_proxies(FACES_DRAWN)
-            draw_fewer_faces_of_robots(FACES_DRAWN)
+            draw_fewer_faces_of_all(FACES_DRAWN)
         return (
             "Smooth edges, outlines and grids are off, views end at their side bars, "
             f"a proxy is drawn with {FACES_DRAWN} faces at most"

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..cameras import Camera
 
-FACES_PER_FRUSTUM = 4
+FACES_PER_FRUSTUM, VERTICES_PER_FRUSTUM = 4, 5
 _SIDES = np.array([[0, 2, 1], [0, 3, 2], [0, 4, 3], [0, 1, 4]], np.int32)
 
 
@@ -18,13 +18,13 @@ def frustum_triangles(camera: Camera, poses: np.ndarray, depth_m: float) -> tupl
     """
     right, bottom = camera.width, camera.height
     pixels = np.array([[0, 0], [right, 0], [right, bottom], [0, bottom]], np.float64)
-    local = np.zeros((5, 3))
+    local = np.zeros((VERTICES_PER_FRUSTUM, 3))
     local[1:, 0] = (pixels[:, 0] - camera.cx) / camera.fx
     local[1:, 1] = (pixels[:, 1] - camera.cy) / camera.fy
     local[1:, 2] = 1.0
     local *= depth_m
     vertices = np.einsum("mij,vj->mvi", poses[:, :3, :3], local) + poses[:, None, :3, 3]
-    triangles = _SIDES[None] + 5 * np.arange(len(poses), dtype=np.int32)[:, None, None]
+    triangles = _SIDES[None] + VERTICES_PER_FRUSTUM * np.arange(len(poses), dtype=np.int32)[:, None, None]
     return vertices.reshape(-1, 3).astype(np.float32), triangles.reshape(-1, 3).astype(np.int32)
 
 

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import bpy
+import numpy as np
 
 from .engine_python import addon_preferences
+from .frusta import VERTICES_PER_FRUSTUM
 
 FACES_DRAWN = 8_000
-"""Of a proxy, and of a robot half as many: more of them cost software more than the pixels they cover."""
+"""Of a proxy, half as many of a robot and of candidates: more cost software more than what they cover."""
 
-_ROBOT_SHARE = 0.5
+_SMALLER_SHARE = 0.5
+"""Of a proxy's faces, so many are drawn of a robot and of the candidates' frusta."""
+
 _SIMPLE_FACES = 32  # a shape of so few, a box or a wheel's, would lose its form
 
-_MODIFIER = "Fewer Faces Drawn"
+_MODIFIER, _GROUP = "Fewer Faces Drawn", "Drawn"
 
 
 def lighten_views() -> None:
@@ -49,22 +54,44 @@ def draw_fewer_faces(shown: bpy.types.Object, most: int) -> None:
 
     Edit Mode and renders have every face; who reads the evaluated mesh does so in ``every_face``.
     """
-    modifier = shown.modifiers.get(_MODIFIER)
-    if modifier is not None:
-        shown.modifiers.remove(modifier)
     count = len(shown.data.polygons)
-    if 0 < most < count:
-        modifier = shown.modifiers.new(_MODIFIER, "DECIMATE")
+    modifier = _modifier_anew(shown, "DECIMATE" if 0 < most < count else "")
+    if modifier is not None:
         modifier.ratio = most / count
-        modifier.show_render = modifier.show_in_editmode = False
 
 
 def draw_fewer_faces_of_robot(bodies: Sequence[bpy.types.Object], most: int) -> None:
     """Have the views draw about half of ``most`` faces of a robot's bodies together, with 0 all of them."""
     counts = [len(body.data.polygons) for body in bodies]
-    share = min(1.0, _ROBOT_SHARE * most / max(1, sum(counts))) if most else 1.0
+    share = min(1.0, _SMALLER_SHARE * most / max(1, sum(counts))) if most else 1.0
     for body, count in zip(bodies, counts, strict=True):
         draw_fewer_faces(body, max(_SIMPLE_FACES, round(share * count)) if share < 1.0 else 0)
+
+
+def draw_fewer_frusta(swarm: bpy.types.Object, most: int) -> None:
+    """Have the views draw every n-th of a mesh's frusta, about half of ``most`` faces, with 0 all of them."""
+    faces, most = len(swarm.data.polygons), round(_SMALLER_SHARE * most)
+    group = swarm.vertex_groups.get(_GROUP)
+    if group is not None:
+        swarm.vertex_groups.remove(group)
+    modifier = _modifier_anew(swarm, "MASK" if 0 < most < faces else "")
+    if modifier is not None:
+        frustum = np.arange(len(swarm.data.vertices)) // VERTICES_PER_FRUSTUM
+        drawn = np.flatnonzero(frustum % math.ceil(faces / most) == 0)
+        swarm.vertex_groups.new(name=_GROUP).add(drawn.tolist(), 1.0, "REPLACE")
+        modifier.vertex_group = _GROUP
+
+
+def _modifier_anew(shown: bpy.types.Object, kind: str) -> bpy.types.Modifier | None:
+    """A modifier of this kind that views alone heed, in place of the one before; none of the kind ''."""
+    before = shown.modifiers.get(_MODIFIER)
+    if before is not None:
+        shown.modifiers.remove(before)
+    if not kind:
+        return None
+    modifier = shown.modifiers.new(_MODIFIER, kind)
+    modifier.show_render = modifier.show_in_editmode = False
+    return modifier
 
 
 @contextmanager

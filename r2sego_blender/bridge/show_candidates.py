@@ -11,6 +11,7 @@ import numpy as np
 from .bundle import Bundle, CandidateViews
 from .cameras import create_camera, object_pose, set_camera
 from .frusta import FACES_PER_FRUSTUM, face_steps, frustum_triangles
+from .light_drawing import draw_fewer_frusta, drawn_faces
 from .materials import plain_material, ramp_materials
 from .meshes import add_attribute, assign_materials, mesh_from_arrays, read_attribute
 from .outliner import clear, find_collection, fresh_collection, link
@@ -40,6 +41,7 @@ def show_candidates(
     swarm = _candidate_object(views, np.flatnonzero(kept[shown]), round_index, frustum_m)
     swarm["round"], swarm["shown"], swarm["frustum_m"] = round_index, shown, frustum_m
     _colour(swarm, colour_by)
+    draw_fewer_frusta(swarm, drawn_faces())
     link(collection, swarm)
     targets = fresh_collection(scene, bundle.path, _TARGETS)
     cameras = []
@@ -58,27 +60,33 @@ def shown_candidates(scene: bpy.types.Scene, bundle_path: str | Path) -> bpy.typ
     return found[0] if found else None
 
 
+def draw_fewer_candidates(most: int) -> None:
+    """Have the views draw fewer frusta of all that ``show_candidates`` made, with 0 all of them."""
+    for one in bpy.data.objects:
+        if one.type == "MESH" and "round" in one and "shown" in one:
+            draw_fewer_frusta(one, most)
+
+
 def recolour_candidates(swarm: bpy.types.Object, colour_by: str) -> None:
     """Colour the frusta by another of ``s``, ``u`` and ``g``."""
     if swarm["colour_by"] != colour_by:
         _colour(swarm, colour_by)
 
 
-def candidate_of_face(swarm: bpy.types.Object, face: int) -> int:
+def candidate_of_face(frusta: bpy.types.Mesh, face: int) -> int:
     """The candidate that a face of the frusta belongs to."""
-    return int(swarm.data.attributes["candidate"].data[face].value)
+    return int(frusta.attributes["candidate"].data[face].value)
 
 
 def candidate_on_ray(swarm: bpy.types.Object, origin, direction) -> int:
-    """The candidate whose frustum a ray of the world meets first, -1 when it meets none.
+    """The candidate whose frustum a ray of the world meets first, -1 when it meets none that is drawn.
 
     What else stands in the way is passed through: frusta behind a wall can be had.
     """
+    depsgraph = bpy.context.evaluated_depsgraph_get()
     inverse = swarm.matrix_world.inverted_safe()
-    hit, _, _, face = swarm.ray_cast(
-        inverse @ origin, inverse.to_3x3() @ direction, depsgraph=bpy.context.evaluated_depsgraph_get()
-    )
-    return candidate_of_face(swarm, face) if hit else -1
+    hit, _, _, face = swarm.ray_cast(inverse @ origin, inverse.to_3x3() @ direction, depsgraph=depsgraph)
+    return candidate_of_face(swarm.evaluated_get(depsgraph).data, face) if hit else -1
 
 
 def candidate_of_selection(swarm: bpy.types.Object) -> int:

@@ -17,6 +17,7 @@ from r2sego_blender.bridge.show_candidates import (  # noqa: E402
     candidate_of_face,
     candidate_of_selection,
     candidate_on_ray,
+    draw_fewer_candidates,
     mark_candidate,
     recolour_candidates,
     show_candidates,
@@ -37,7 +38,7 @@ def test_some_are_left_out(scene, bundle, shown, kept):
     swarm, targets = show_candidates(scene, bundle, 0, shown=shown)
     np.testing.assert_array_equal(read_attribute(swarm.data, "candidate")[::4], expected)
     assert len(targets) == len(fake_bundle.TARGETS)
-    assert candidate_of_face(swarm, 4) == expected[1]
+    assert candidate_of_face(swarm.data, 4) == expected[1]
 
 
 def test_colours_follow_the_chosen_score(scene, bundle):
@@ -66,6 +67,33 @@ def test_a_ray_finds_the_frustum_behind_everything_else(scene, bundle):
     outside = beside - 0.3 * pose[:3, 0]
     assert candidate_on_ray(swarm, Vector(outside), Vector(beside - outside).normalized()) == index
     assert candidate_on_ray(swarm, Vector((9.0, 9.0, 9.0)), Vector(towards)) == -1
+
+
+def test_views_draw_every_nth_if_asked_and_a_ray_finds_those(scene, bundle):
+    views = bundle.candidates(0)
+    swarm, _ = show_candidates(scene, bundle, 0, frustum_m=0.05)
+    count = len(views.score)
+
+    def drawn():
+        mesh = swarm.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+        return [candidate_of_face(mesh, face) for face in range(0, len(mesh.polygons), 4)]
+
+    def found(index):
+        pose = views.poses[index]
+        middle = pose[:3, 3] + 0.025 * pose[:3, 2]
+        outside = middle - 0.5 * pose[:3, 0]  # from the side
+        return candidate_on_ray(swarm, Vector(outside), Vector(pose[:3, 0]))
+
+    assert drawn() == list(range(count))
+    draw_fewer_candidates(2 * 4 * count // 3)  # half of these faces: a third of the frusta
+    kept = drawn()
+    assert kept == list(range(0, count, 3)) or kept == list(range(0, count, 4))
+    assert found(kept[1]) in kept and found(kept[2]) in kept
+    assert not any(modifier.show_render or modifier.show_in_editmode for modifier in swarm.modifiers)
+    show_candidates(scene, bundle, 0, shown="targets")  # anew, and few
+    draw_fewer_candidates(0)
+    swarm, _ = show_candidates(scene, bundle, 0)
+    assert drawn() == list(range(count)) and not swarm.vertex_groups
 
 
 def test_the_face_chosen_in_edit_mode_names_its_candidate(scene, bundle):
