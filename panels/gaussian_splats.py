@@ -311,8 +311,10 @@ class Picture:
         if gpu.platform.device_type_get() != "SOFTWARE":
             return _whole(shader)
         width, height = self.size
-        pixels = np.asarray(self._laid.read(), np.float32).reshape(height, width, 4)
-        tiles = seen_tiles(pixels[..., 3], _TILE_PX) / (0.5 * np.array([width, height, width, height])) - 1.0
+        pixels = self._laid.read()
+        pixels.dimensions = 4 * width * height  # in more than one, Blender 4.3 tells wrong strides
+        alphas = np.asarray(pixels).reshape(height, width, 4)[..., 3]
+        tiles = seen_tiles(alphas, _TILE_PX) / (0.5 * np.array([width, height, width, height])) - 1.0
         if not len(tiles):
             return None
         corners = tiles[:, [0, 1, 2, 1, 0, 3, 0, 3, 2, 1, 2, 3]].reshape(-1, 2)  # two triangles each

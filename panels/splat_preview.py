@@ -142,8 +142,7 @@ def _let_go_of_deleted() -> None:
 
 def draw(context: bpy.types.Context) -> None:
     """Draw the shown asset into the current 3D view."""
-    if not timeline_runs(context):
-        _let_go_of_deleted()
+    _let_go_of_deleted()
     group = context.scene.r2sego_asset
     shown = group.shown
     if not group.preview or shown is None or shown.mode == "EDIT":
