@@ -12,7 +12,7 @@ import numpy as np
 from .engine_python import addon_preferences
 from .frusta import VERTICES_PER_FRUSTUM
 
-FACES_DRAWN = 8_000
+FACES_DRAWN = 6_000
 """Of a proxy, half as many of a robot and of candidates: more cost software more than what they cover."""
 
 _SMALLER_SHARE = 0.5

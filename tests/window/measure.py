@@ -24,10 +24,13 @@ def main() -> None:
     out.mkdir(parents=True)
     package, engine = display.build_zip(out), write_stand_in_engine(out)
     bundle = write_large_bundle(out / "room.r2s")
-    log = display.run(HERE / "measured.py", out / "run", str(package), str(bundle), str(engine))
-    if not (out / "run" / "told.json").is_file():
-        raise SystemExit(log)
-    told = json.loads((out / "run" / "told.json").read_text())
+    told = {}
+    for name in ("measured", "measured_panels"):
+        folder = out / name
+        log = display.run(HERE / f"{name}.py", folder, str(package), str(bundle), str(engine))
+        if not (folder / "told.json").is_file():
+            raise SystemExit(log)
+        told |= json.loads((folder / "told.json").read_text())
     print(json.dumps(told, indent=1))
     for drawn in ("as it comes", "drawn faster"):
         for way in ("played", "scrubbed"):

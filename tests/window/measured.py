@@ -1,7 +1,7 @@
 """Measure the tab with a large bundle, inside Blender's window, before and after Draw Faster.
 
 The empty scene is Blender's first, its cube selected as it comes; the tab stands open beside it too, its
-panels as they come. Their draw is measured with every panel open.
+panels as they come.
 
 blender --enable-event-simulate --python measured.py -- OUT ZIP BUNDLE ENGINE
 """
@@ -15,8 +15,7 @@ from pathlib import Path
 import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
-import drawn_buttons  # found beside this file
-import hand
+import hand  # found beside this file
 import press  # its install()
 
 SHOW = ("import_captures", "show_proxy", "show_candidates", "show_asset", "show_rollout")
@@ -120,30 +119,6 @@ def compared(scenes):
     return told
 
 
-def drawn_ms():
-    """Draw the side bar again and again: the panels' draw, all together, in processor milliseconds."""
-    spent = []
-    for cls in drawn_buttons.panels():
-        cls.draw = timed(cls.draw, spent)
-    redraws = 20
-    for _ in range(redraws):
-        _, bar = hand.view()
-        bar.tag_redraw()
-        yield 0.3
-    return 1e3 * sum(spent) / redraws
-
-
-def timed(draw, spent):
-    """The panel's draw, its time noted."""
-
-    def noting(panel, context):
-        started_s = time.thread_time()
-        draw(panel, context)
-        spent.append(time.thread_time() - started_s)
-
-    return noting
-
-
 def script():
     """Everything is shown in a scene of its own; Blender's first scene stays as empty as it is."""
     yield 1.0
@@ -170,10 +145,6 @@ def script():
     yield 2.0
     told["drawn faster"] = yield from compared(scenes)
     yield from hand.picture("drawn_faster")
-    drawn_buttons.open_panels()
-    yield from hand.open_tab()
-    told["panels_draw_ms"] = yield from drawn_ms()
-    yield from hand.picture("every_panel")
     (hand.OUT / "told.json").write_text(json.dumps(told, indent=1))
 
 

@@ -75,6 +75,12 @@ def script():
             "kept": np.array(view.clip_planes).reshape(-1, 4).tolist(),
         }  # fmt: skip
         yield from hand.picture(kind)
+        if kind == "PERSP":
+            told[kind]["origin"] = [region.x, region.y]
+            bpy.context.scene.r2sego_asset.preview = False
+            yield 1.0
+            yield from hand.picture("without")
+            bpy.context.scene.r2sego_asset.preview = True
     bpy.data.objects.remove(bpy.data.objects["Cube"])  # which hides the points
     bpy.data.objects["Light"].select_set(True)
     view.clip_planes = left_half(view)

@@ -212,6 +212,26 @@ def test_blender_paints_the_asset_as_the_engine_renders_it(painted, kind):
     assert np.abs(picture[..., 3] - rendering.alpha).max() < 0.01
 
 
+def test_what_was_painted_is_laid_over_the_view_and_nothing_else_changes(painted, material):
+    seen = painted["PERSP"]
+    alpha = seen["colours"][..., 3]
+    height, width = alpha.shape
+    left, bottom = seen["origin"]
+
+    def screen(name):
+        with Image.open(material / "painted" / f"{name}.png") as picture:
+            pixels = np.asarray(picture.convert("RGB"), int)
+        top = len(pixels) - bottom - height
+        return pixels[top : top + height, left : left + width]
+
+    changed = np.abs(screen("PERSP") - screen("without")).max(axis=-1)
+    bare = slice(150, height - 50), slice(100, width - 400)  # of what Blender writes and of the side bars
+    assert (alpha[bare] > 0.5).sum() > 100
+    # The default cube, the points and cameras stand before some of them.
+    assert (changed[bare][alpha[bare] > 0.5] > 3).mean() > 0.5
+    assert (changed[bare][alpha[bare] == 0.0] > 3).mean() < 0.001
+
+
 @pytest.mark.parametrize("drawn", ["discs", "points"])
 def test_a_clipping_region_cuts_off_what_lies_beyond_it_and_a_local_view_all(painted, material, drawn):
     middle = painted["middle_px"]

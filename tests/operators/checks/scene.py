@@ -283,7 +283,7 @@ def check_drawing_faster_changes_views_and_no_mesh():
              if area.type == "VIEW_3D"]  # fmt: skip
     assert views and not any(view.overlay.show_floor or view.overlay.show_ortho_grid for view in views)
     assert not any(view.overlay.show_outline_selected or view.shading.show_object_outline for view in views)
-    assert preferences().drawn_faces == 8_000 > faces and not proxy.modifiers  # nothing to leave out
+    assert preferences().drawn_faces == 6_000 > faces and not proxy.modifiers  # nothing to leave out
     preferences().drawn_faces = faces // 2
     assert drawn(proxy) < faces == len(proxy.data.polygons)
     bpy.ops.r2sego.show_proxy()  # anew
