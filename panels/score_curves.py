@@ -4,9 +4,7 @@ Where things lie is computed in ``bridge/view_chart.py``; the curves and words a
 picture that is kept until the round, the rollout or the region's size changes.
 """
 
-from typing import NamedTuple
-
-import numpy as np
+from functools import cached_property
 
 from ..r2sego_blender.bridge.view_chart import Chart, chart_in, covered_margins, curve, stems
 from ..r2sego_blender.bridge.view_scores import RoundScores, remembered_in
@@ -39,20 +37,36 @@ def unregister() -> None:
     forget_shader()
 
 
-class _Drawn(NamedTuple):
-    """A chart, and the picture of it with its ground."""
+class _Curves:
+    """A rollout's chart, and the picture of it, drawn when a view draws it first."""
 
-    chart: Chart
-    picture: KeptPicture
+    def __init__(self, chart: Chart, scores: RoundScores, rollout: int, scale: float) -> None:
+        self.chart = chart
+        self._scores, self._rollout, self._scale = scores, rollout, scale
+
+    @cached_property
+    def picture(self) -> KeptPicture:
+        """The curves on their ground, with the words above."""
+        chart, scale = self.chart, self._scale
+        edge = 5.0 * scale
+        picture = KeptPicture(
+            chart.left - edge, chart.bottom - edge, chart.width + 2 * edge,
+            chart.height + (_TEXT_PX + 8.0) * scale + edge,
+        )  # fmt: skip
+        with picture.drawing():
+            rectangle(*picture.place, _BACKGROUND)
+            _draw_lines(chart, self._scores, self._rollout, scale)
+            _draw_title(chart, _title(chart, self._scores, self._rollout), scale)
+        return picture
 
 
 def shown_chart(context) -> Chart | None:
     """Where the curves lie in the 3D view of ``context``, None when they are not shown."""
-    drawn = _shown(context)
-    return None if drawn is None else drawn.chart
+    curves = _shown(context)
+    return None if curves is None else curves.chart
 
 
-def _shown(context) -> _Drawn | None:
+def _shown(context) -> _Curves | None:
     """What is drawn in the 3D view of ``context``; made anew only when something has changed."""
     group, scores = context.scene.r2sego_views, remembered_in(context.scene)
     if scores is None or not group.curves or not context.space_data.overlay.show_overlays:
@@ -65,18 +79,20 @@ def _shown(context) -> _Drawn | None:
     if place not in _kept or _kept[place][0] != key:
         if len(_kept) >= _MOST_KEPT:
             _kept.clear()
-        _kept[place] = key, _made(scores, group.rollout, size, margins, scale)
+        chart = chart_in(size, margins, scale, scores.views.frame[scores.of_rollout(group.rollout)])
+        curves = None if chart is None else _Curves(chart, scores, group.rollout, scale)
+        _kept[place] = key, curves
     return _kept[place][1]
 
 
 def _draw(context) -> None:
-    drawn = _shown(context)
-    if drawn is None:
+    curves = _shown(context)
+    if curves is None:
         return
-    drawn.picture.draw()
+    curves.picture.draw()
     group, scores = context.scene.r2sego_views, remembered_in(context.scene)
     scale = context.preferences.system.ui_scale
-    chart, now, active = drawn.chart, context.scene.frame_current, group.active
+    chart, now, active = curves.chart, context.scene.frame_current, group.active
     if chart.first <= now <= chart.last:
         _mark(chart, now, _NOW, 1.5 * scale)
     if 0 <= active < len(scores) and scores.views.rollout[active] == group.rollout:
@@ -88,32 +104,8 @@ def _mark(chart: Chart, frame: int, colour: tuple[float, float, float, float], w
     rectangle(chart.x_of(frame) - 0.5 * width_px, chart.bottom, width_px, chart.height, colour)
 
 
-def _made(
-    scores: RoundScores,
-    rollout: int,
-    size: tuple[int, int],
-    margins: tuple[float, float, float],
-    scale: float,
-) -> _Drawn | None:
-    """The chart of a rollout and its picture; None where there is no room for it."""
-    members = scores.of_rollout(rollout)
-    chart = chart_in(size, margins, scale, scores.views.frame[members])
-    if chart is None:
-        return None
-    edge = 5.0 * scale
-    picture = KeptPicture(
-        chart.left - edge, chart.bottom - edge, chart.width + 2 * edge,
-        chart.height + (_TEXT_PX + 8.0) * scale + edge,
-    )  # fmt: skip
-    with picture.drawing():
-        rectangle(*picture.place, _BACKGROUND)
-        _draw_lines(chart, scores, members, scale)
-        _draw_title(chart, _title(chart, scores, rollout), scale)
-    return _Drawn(chart, picture)
-
-
-def _draw_lines(chart: Chart, scores: RoundScores, members: np.ndarray, scale: float) -> None:
-    views = scores.views
+def _draw_lines(chart: Chart, scores: RoundScores, rollout: int, scale: float) -> None:
+    members, views = scores.of_rollout(rollout), scores.views
     frames = views.frame[members]
     drawn = [
         (stems(chart, frames[views.survived[members]], _STEM), _SURVIVOR, 1.5),
