@@ -70,7 +70,7 @@ def draw_fewer_faces_of_robot(bodies: Sequence[bpy.types.Object], most: int) -> 
 
 def draw_fewer_frusta(swarm: bpy.types.Object, most: int) -> None:
     """Have the views draw every n-th of a mesh's frusta, about half of ``most`` faces, with 0 all of them."""
-    faces, most = len(swarm.data.polygons), round(_SMALLER_SHARE * most)
+    faces, most = len(swarm.data.polygons), math.ceil(_SMALLER_SHARE * most)  # 1 is not all
     group = swarm.vertex_groups.get(_GROUP)
     if group is not None:
         swarm.vertex_groups.remove(group)

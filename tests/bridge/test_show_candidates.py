@@ -90,6 +90,8 @@ def test_views_draw_every_nth_if_asked_and_a_ray_finds_those(scene, bundle):
     assert kept == list(range(0, count, 3)) or kept == list(range(0, count, 4))
     assert found(kept[1]) in kept and found(kept[2]) in kept
     assert not any(modifier.show_render or modifier.show_in_editmode for modifier in swarm.modifiers)
+    draw_fewer_candidates(1)
+    assert drawn() == [0]
     show_candidates(scene, bundle, 0, shown="targets")  # anew, and few
     draw_fewer_candidates(0)
     swarm, _ = show_candidates(scene, bundle, 0)

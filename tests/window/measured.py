@@ -16,9 +16,8 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).parent))
 import hand  # found beside this file
-import press  # its install()
+import press  # its install() and SHOW
 
-SHOW = ("import_captures", "show_proxy", "show_candidates", "show_asset", "show_rollout")
 ROUNDS = 3
 MEASURED_S = 6.0
 _FAST = 240  # frames a second that nothing reaches
@@ -129,7 +128,7 @@ def script():
     yield 0.5
     press.install(every_panel=False)
     yield from hand.open_tab()
-    for name in SHOW:
+    for name in press.SHOW:
         try:
             getattr(bpy.ops.r2sego, name)()
             told["shown"].append(name)

@@ -13,7 +13,7 @@ import bpy
 sys.path.insert(0, str(Path(__file__).parent))
 import drawn_buttons  # found beside this file
 import hand
-import press  # its install()
+import press  # its install() and SHOW
 
 
 def drawn_ms():
@@ -45,7 +45,7 @@ def script():
     yield 1.0
     press.install()
     yield from hand.open_tab()
-    for name in ("import_captures", "show_proxy", "show_candidates", "show_asset", "show_rollout"):
+    for name in press.SHOW:
         getattr(bpy.ops.r2sego, name)()
     yield 2.0
     told = {"panels_draw_ms": (yield from drawn_ms())}

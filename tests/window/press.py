@@ -15,6 +15,9 @@ import hand
 import search
 
 _, ZIP, BUNDLE, ENGINE = sys.argv[sys.argv.index("--") + 1 :]
+SHOW = ("import_captures", "show_proxy", "show_candidates", "show_asset", "show_rollout")
+"""What shows all that a bundle holds."""
+
 LEFT_OUT = {"r2sego.open_report": "opens the web browser"}
 _PASSES = 6  # what is pressed makes others ready: show, then mark, then delete
 _SHIFT_STEP_PX = 10
