@@ -11,7 +11,7 @@ from hypothesis import settings
 settings.register_profile("busy machines", deadline=None)
 settings.load_profile("busy machines")
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent / "fakes")]
 
 if hasattr(signal, "SIGHUP"):  # tests under nohup would hand on to their commands that it means nothing
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
