@@ -14,7 +14,7 @@ import r2sego_blender
 ROOT = Path(__file__).parents[1]
 PLACES = ("r2sego_blender", "operators", "panels", "batch", "tools", "demo", "docs", "tests")
 SOURCES = [file for place in PLACES for file in sorted((ROOT / place).rglob("*.py"))]
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 NAMES = frozenset(file.relative_to(ROOT).as_posix() for file in SOURCES)
 OTHERS = frozenset({"colmap2nerf.py", "inference.py", "notebook/inference.py", "render.py", "struct.py"})
 """Files of other programs."""

@@ -32,7 +32,6 @@ from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.evaluation.error_causes import CAUSES, causes, split
 from r2sego_blender.evaluation.ground_truth import GroundTruth, load_ground_truth
 from r2sego_blender.evaluation.scene_evaluation import frozen_views
-from r2sego_blender.evaluation.steadiness import flow_differences
 from r2sego_blender.generation.conditions.conditions import Condition, ZBufferRenderer
 from r2sego_blender.generation.generators.blending import BlendingGenerator
 from r2sego_blender.generation.generators.slot import Frame
@@ -44,6 +43,7 @@ from r2sego_blender.refine.creation import create_scene
 from r2sego_blender.refine.steps import Steps
 from r2sego_blender.splats.metrics import psnr, ssim
 from r2sego_blender.views.references import select_reference
+from tools.benchmarks.steadiness import flow_differences
 
 from .machine import processor
 from .true_objects import declare_true_objects

@@ -33,13 +33,13 @@ from r2sego_blender.captures.store import load_captures
 from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.core.resources import cpu_s, forget_peak_memory, peak_memory_mb
-from r2sego_blender.evaluation.geometry_scores import depth_score, surface_score
 from r2sego_blender.evaluation.ground_truth import GroundTruth, load_ground_truth
 from r2sego_blender.geometry.objects.priors import read_record
 from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 from r2sego_blender.geometry.stereo.stereo import DepthMap
 from r2sego_blender.refine.creation import create_scene
 from r2sego_blender.refine.steps import Steps
+from tools.benchmarks.geometry_scores import depth_score, surface_score
 
 from .disturbance import disturbed_captures
 from .machine import processor
