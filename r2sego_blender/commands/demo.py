@@ -69,9 +69,9 @@ def make_demo_scene(
 
 
 def _require_demo(scene: Scene, room: Path) -> None:
-    from ..captures.store import load_captures
+    from ..captures.store import CAPTURES
 
-    stored = load_captures(scene.captures_folder)
+    stored = scene.read(CAPTURES)
     if {capture.name for capture in stored} != {file.name for file in image_files(room / "captures")}:
         raise SceneError(
             "this is a scene of other photographs", where=scene.path,

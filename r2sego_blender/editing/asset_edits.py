@@ -6,23 +6,24 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..bundle.asset_stages import stage_named
-from ..bundle.layout import REFINED_ASSET, of_round
+from ..bundle.layout import REFINED_ASSET
+from ..bundle.runner import Runner
 from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
 from ..core.errors import AssetError
 from ..core.progress import SILENT, Progress
+from ..splats.artifacts import ASSET, load_stage
 from ..splats.asset_edits import (
+    ASSET_EDITS,
     AssetEdit,
     deleted_by,
     edit_file,
-    load_edits,
     next_name,
     not_yet_deleted,
     save_edit,
 )
 from ..splats.formats.ply_vertices import vertex_count
 from ..splats.regions import Region
-from ..splats.stages import load_stage
 
 
 def edit_asset(
@@ -40,7 +41,7 @@ def edit_asset(
     """
     with scene.locked():
         require_present_frame(scene, [REFINED_ASSET], "edited")
-        staying = [one for one in load_edits(scene.path) if one.name not in (*remove, name)]
+        staying = [one for one in scene.read(ASSET_EDITS) if one.name not in (*remove, name)]
         try:
             regions = not_yet_deleted(staying, regions)
         except AssetError:
@@ -59,7 +60,7 @@ def edit_asset(
 
 def describe_edits(scene: Scene) -> dict[str, Any]:
     """The edits, and what they delete of the final asset, JSON-ready."""
-    edits = load_edits(scene.path)
+    edits = scene.read(ASSET_EDITS)
     listed = [{"name": e.name, "regions": [r.to_json()["kind"] for r in e.regions]} for e in edits]
     last = scene.rounds_of_result() - 1
     if last < 0:
@@ -90,5 +91,5 @@ def _publish_again(scene: Scene, progress: Progress) -> None:
     from ..refine.steps import Steps  # takes seconds, and listing needs none
 
     if (last := scene.rounds_of_result() - 1) >= 0:
-        steps = Steps(scene, scene.declaration.settings, progress)
-        steps.publish_asset(of_round(last, "asset.ply"))
+        steps = Steps(Runner(scene), scene.declaration.settings, progress)
+        steps.publish_asset(ASSET.of_round(last))

@@ -9,10 +9,10 @@ from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
 from ..core.cameras import Camera
 from ..refine.splat_start import cameras_of_poses, holds_poses
+from ..splats.artifacts import load_stage
 from ..splats.asset import SplatAsset
 from ..splats.formats.registry import load_asset
 from ..splats.rendering.pictures import load_cameras
-from ..splats.stages import load_stage
 
 
 def asset_and_cameras(
