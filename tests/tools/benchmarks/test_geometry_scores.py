@@ -11,17 +11,16 @@ from scipy.spatial.transform import Rotation
 
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import EvaluationError
-from r2sego_blender.evaluation import geometry_scores
-from r2sego_blender.evaluation.geometry_scores import (
+from r2sego_blender.evaluation.ground_truth import GroundTruth, TrueView
+from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
+from tools.benchmarks import geometry_scores
+from tools.benchmarks.geometry_scores import (
     Surface,
     alignment_score,
     chamfer_distance_m,
     depth_score,
     surface_score,
-    turns,
 )
-from r2sego_blender.evaluation.ground_truth import GroundTruth, TrueView
-from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -35,6 +34,12 @@ def fewer_samples():
 
 def rng() -> np.random.Generator:
     return np.random.default_rng(4)
+
+
+def turns(count: int, axis: np.ndarray, centre: np.ndarray) -> list[np.ndarray]:
+    """The symmetries of a shape that repeats ``count`` times round an axis, identity left out."""
+    angles = 2.0 * np.pi * np.arange(1, count) / count
+    return [trimesh.transformations.rotation_matrix(angle, axis, centre) for angle in angles]
 
 
 def plate(width: float, depth: float, z: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
