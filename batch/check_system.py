@@ -62,10 +62,10 @@ def packages_of(missing: list[str], column: int) -> list[str]:
     return [(LIBRARIES | PROGRAMS)[part][column] for part in missing]
 
 
-def cure(missing: list[str], which: Callable[[str], object] = shutil.which) -> list[str]:
+def cure(missing: list[str], which: Callable[[str], object] | None = None) -> list[str]:
     """The commands that install what is missing with this machine's package manager; [] with none."""
     for column, (program, commands) in enumerate(INSTALLERS):
-        if which(program):
+        if (which or shutil.which)(program):
             return [*commands[:-1], " ".join([commands[-1], *packages_of(missing, column)])]
     return []
 
@@ -88,20 +88,18 @@ def main(arguments: list[str]) -> int:
     if "--packages" in arguments:
         print(" ".join(packages_of(missing, 0)))
         return 1
+    wanted = f"The tests need {', '.join(missing)}"
     root = hasattr(os, "geteuid") and os.geteuid() == 0
     commands = [command if root else f"sudo {command}" for command in cure(missing)]
     if not commands:
         named = ", ".join(packages_of(missing, 0))
-        print(
-            f"The tests need {', '.join(missing)}: install with your package manager what Debian calls {named}",
-            file=sys.stderr,
-        )
+        print(f"{wanted}: install with your package manager what Debian calls {named}", file=sys.stderr)
         return 1
     line = " && ".join(commands)
     if not (root or "--yes" in arguments):
-        print(f"The tests need {', '.join(missing)}; this installs them (or make test YES=1): {line}", file=sys.stderr)
+        print(f"{wanted}; this installs them (or make test YES=1): {line}", file=sys.stderr)
         return 1
-    print(f"The tests need {', '.join(missing)}; installing them: {line}", file=sys.stderr, flush=True)
+    print(f"{wanted}; installing them: {line}", file=sys.stderr, flush=True)
     if install(commands):
         print("That failed: see above.", file=sys.stderr)
         return 1
