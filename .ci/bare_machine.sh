@@ -44,7 +44,7 @@ cannot() {
 
 say() { echo "== bare machine, $(date +%T): $*"; }
 
-# --- in the namespaces: mount, then run the commands -----------------------------------------------------
+# --- in the namespaces: make the root, mount, run the commands --------------------------------------------
 
 # lend FOLDER [PLACE]: read-only at the same or the given place in the root.
 lend() {
@@ -96,8 +96,7 @@ lent_variables() {
   done
 }
 
-inside() {
-  local variables command started_s status
+mount_all() {
   mount -t proc proc "$root/proc"
   mount --rbind /sys "$root/sys"
   mount -o remount,bind,ro "$root/sys"
@@ -105,6 +104,61 @@ inside() {
   mount -t tmpfs tmpfs "$root/dev/shm"
   lend_pips
   if [ -d "$here/../shared" ]; then lend "$here/../shared" "$(dirname $PLACE)/shared"; fi
+}
+
+choose_mirror() {
+  local proxy=""
+  if [ -z "$mirror" ] && command -v apt-get >/dev/null; then
+    # shellcheck disable=SC2016  # the words are apt's
+    mirror=$(apt-get indextargets --format '$(REPO_URI) $(RELEASE) $(COMPONENT)' |
+      awk -v suite="$suite" '$2 == suite && $3 == "main" && !found {print $1; found = 1}') || mirror=""
+  fi
+  mirror=${mirror:-http://deb.debian.org/debian}
+  if command -v apt-config >/dev/null; then
+    eval "$(apt-config shell proxy Acquire::http::Proxy)"
+    if [ -n "$proxy" ]; then export http_proxy=${http_proxy:-$proxy}; fi
+  fi
+}
+
+# Each step by && : errexit does not hold in what is asked for its status.
+make_root() {
+  debootstrap --variant=minbase --include=ca-certificates "$suite" "$root" "$mirror" &&
+    cp -L /etc/resolv.conf /etc/hosts "$root/etc/" &&
+    lend_apts &&
+    chroot "$root" apt-get update -qq &&
+    # Not by debootstrap, which knows no package that another provides, as python3.11-venv needs.
+    DEBIAN_FRONTEND=noninteractive LC_ALL=C chroot "$root" \
+      apt-get install -y -qq --no-install-recommends python3.11 python3.11-venv make git &&
+    if [ -f $BUNDLE ]; then cp -L $BUNDLE "$root$BUNDLE"; fi
+}
+
+lend_apts() {
+  command -v apt-config >/dev/null || return 0
+  apt-config dump | grep -E '^Acquire::https?::(Proxy|CaInfo|Verify)' >"$root/etc/apt/apt.conf.d/00lent" || true
+}
+
+# Whoever runs it may not own the checkout, which git refuses unless told.
+git_here() { git -c safe.directory='*' -C "$here" "$@"; }
+
+clone() {
+  mkdir -p "$root$PLACE" &&
+    GIT_CONFIG_COUNT=1 GIT_CONFIG_KEY_0=safe.directory GIT_CONFIG_VALUE_0='*' \
+      git clone --quiet --no-hardlinks "$here" "$root$PLACE"
+}
+
+inside() {
+  local variables command started_s status log=$root.log
+  choose_mirror
+  say "a bare $suite from $mirror in $root"
+  if ! make_root >"$log" 2>&1; then
+    tail -n 20 "$log" >&2
+    cannot "the root could not be made: see above"
+  fi
+  clone
+  say "made in $SECONDS s: $(chroot "$root" dpkg-query -f '.' -W | wc -c) packages, $(du -sm "$root" | cut -f1) MB"
+  say "the checkout is at $(git_here rev-parse --short HEAD)"
+  [ -z "$(git_here status --porcelain)" ] || say "what is not committed is not tried"
+  mount_all
   mapfile -d '' variables < <(lent_variables)
   for command in "$@"; do
     say "\$ $command"
@@ -114,6 +168,7 @@ inside() {
     say "\$ $command: status $status after $((SECONDS - started_s)) s"
     [ $status = 0 ] || exit $status
   done
+  say "done in $SECONDS s"
 }
 
 if [ -n "$inside" ]; then
@@ -128,8 +183,8 @@ fi
 for program in debootstrap unshare chroot mount git; do
   command -v $program >/dev/null || cannot "$program is missing (Debian: apt-get install debootstrap util-linux git)"
 done
-NAMESPACES=(unshare --mount --propagation private --pid --fork --kill-child)
-"${NAMESPACES[@]}" sh -c 'mount -t proc proc /proc && chroot / true' || cannot "no mounts or no chroot allowed"
+NAMESPACES=(unshare --mount-proc --propagation private --pid --fork --kill-child)
+"${NAMESPACES[@]}" chroot / true || cannot "no mounts or no chroot allowed"
 [ -z "$check" ] || exit 0
 
 if [ -z "$root" ]; then
@@ -167,51 +222,4 @@ waited() {
   return $status
 }
 
-if [ -z "$mirror" ] && command -v apt-get >/dev/null; then
-  # shellcheck disable=SC2016  # the words are apt's
-  mirror=$(apt-get indextargets --format '$(REPO_URI) $(RELEASE) $(COMPONENT)' |
-    awk -v suite="$suite" '$2 == suite && $3 == "main" && !found {print $1; found = 1}') || mirror=""
-fi
-mirror=${mirror:-http://deb.debian.org/debian}
-if command -v apt-config >/dev/null; then
-  eval "$(apt-config shell apt_proxy Acquire::http::Proxy)"
-  if [ -n "${apt_proxy:-}" ]; then export http_proxy=${http_proxy:-$apt_proxy}; fi
-fi
-
-# Each step by && : errexit does not hold in what is asked for its status.
-make_root() {
-  debootstrap --variant=minbase --include=ca-certificates "$suite" "$root" "$mirror" &&
-    cp -L /etc/resolv.conf /etc/hosts "$root/etc/" &&
-    lend_apts &&
-    chroot "$root" apt-get update -qq &&
-    # Not by debootstrap, which knows no package that another provides, as python3.11-venv needs.
-    DEBIAN_FRONTEND=noninteractive LC_ALL=C chroot "$root" \
-      apt-get install -y -qq --no-install-recommends python3.11 python3.11-venv make git &&
-    if [ -f $BUNDLE ]; then cp -L $BUNDLE "$root$BUNDLE"; fi
-}
-
-lend_apts() {
-  command -v apt-config >/dev/null || return 0
-  apt-config dump | grep -E '^Acquire::https?::(Proxy|CaInfo|Verify)' >"$root/etc/apt/apt.conf.d/00lent" || true
-}
-
-# Whoever runs it may not own the checkout, which git refuses unless told.
-git_here() { git -c safe.directory='*' -C "$here" "$@"; }
-
-clone() {
-  mkdir -p "$root$PLACE" &&
-    GIT_CONFIG_COUNT=1 GIT_CONFIG_KEY_0=safe.directory GIT_CONFIG_VALUE_0='*' \
-      git clone --quiet --no-hardlinks "$here" "$root$PLACE"
-}
-
-say "a bare $suite from $mirror in $root"
-if ! waited make_root >"$root.log" 2>&1; then
-  tail -n 20 "$root.log" >&2
-  cannot "the root could not be made: see above"
-fi
-clone
-say "made in $SECONDS s: $(chroot "$root" dpkg-query -f '.' -W | wc -c) packages, $(du -sm "$root" | cut -f1) MB"
-say "the checkout is at $(git_here rev-parse --short HEAD)"
-[ -z "$(git_here status --porcelain)" ] || say "what is not committed is not tried"
-waited "${NAMESPACES[@]}" bash "$0" --inside --root "$root" "$@"
-say "done in $SECONDS s"
+waited "${NAMESPACES[@]}" bash "$0" --inside --root "$root" --suite "$suite" --mirror "$mirror" "$@"
