@@ -13,15 +13,14 @@ PIP := $(BIN)/pip install --quiet --disable-pip-version-check
 DEMO_SCENE := build/demo_room.r2s
 TORCH := $(shell sed -n 's/^ *"\(torch==[^"]*\)",$$/\1/p' pyproject.toml)
 
-.PHONY: demo test window measure install install-tests system extension lint clean help
+.PHONY: demo test window measure install install-tests python system extension lint clean help
 .DEFAULT_GOAL := help
 
 help:
 	@sed -n 's/^#   //p' Makefile
 
 # torch comes first and by exact pin: a CPU build on disk is taken where there is one.
-$(VENV)/.installed: pyproject.toml
-	@command -v $(PYTHON) >/dev/null || { echo "make: $(PYTHON) is missing: install Python 3.11, or say make PYTHON=..."; exit 1; }
+$(VENV)/.installed: pyproject.toml | python
 	$(PYTHON) -m venv $(VENV)
 	$(PIP) $(TORCH)
 	$(PIP) --editable .
@@ -36,8 +35,11 @@ install: $(VENV)/.installed
 
 install-tests: $(VENV)/.tests-installed
 
+python:
+	@command -v $(PYTHON) >/dev/null || { echo "make: $(PYTHON) is missing: install Python 3.11, or say make PYTHON=..."; exit 1; }
+
 # Asked on every run, as a library can go; and before anything is downloaded.
-system:
+system: python
 	@$(PYTHON) batch/check_system.py $(if $(filter-out 0 no,$(YES)),--yes)
 
 demo: install
@@ -58,7 +60,7 @@ lint: install-tests
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-extension: install-tests
+extension: system install-tests
 	$(BIN)/python batch/build_extension.py --out dist
 
 clean:

@@ -19,6 +19,7 @@ NEEDED_MB=8000
 PLACE=/home/r2sego/checkout # in the root
 BUNDLE=/etc/ssl/certs/ca-certificates.crt
 
+HOME=${HOME:-/root}
 here=$(cd "$(dirname "$0")/.." && pwd)
 suite=bookworm mirror="" root="" keep="" check="" inside=""
 while [ $# -gt 0 ]; do
