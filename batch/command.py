@@ -2,8 +2,8 @@
 
 import sys
 
-from ..r2sego_blender.bridge.engine_python import interpreter
-from ..r2sego_blender.errors import R2SEgoError
+from ..r2sego_blender.bridge.shared.engine_python import interpreter
+from ..r2sego_blender.core.errors import R2SEgoError
 from ..r2sego_blender.workers.engine import run_in_terminal
 
 

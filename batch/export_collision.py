@@ -9,8 +9,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from r2sego_blender.bridge.engine_python import interpreter
-from r2sego_blender.bridge.script import run_script
+from r2sego_blender.bridge.shared.engine_python import interpreter
+from r2sego_blender.commands.scripts import run_script
 from r2sego_blender.workers.engine import run_in_terminal
 
 

@@ -12,11 +12,11 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from r2sego_blender.bridge.bundle import Bundle
-from r2sego_blender.bridge.script import run_script
-from r2sego_blender.bridge.show_candidates import show_candidates
-from r2sego_blender.bridge.show_captures import show_captures
-from r2sego_blender.bridge.show_proxy import show_proxy
+from r2sego_blender.bridge.captures.show_captures import show_captures
+from r2sego_blender.bridge.proxy.show_proxy import show_proxy
+from r2sego_blender.bridge.views.show_candidates import show_candidates
+from r2sego_blender.commands.scripts import run_script
+from r2sego_blender.results.panels.bundle import Bundle
 
 
 def main(arguments: list[str]) -> int:

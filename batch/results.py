@@ -16,9 +16,9 @@ import os
 import re
 from pathlib import Path
 
-from r2sego_blender.benchmarks.machine import processor
-from r2sego_blender.errors import R2SEgoError
-from r2sego_blender.scene import Scene
+from r2sego_blender.bundle.scene import Scene
+from r2sego_blender.core.errors import R2SEgoError
+from tools.benchmarks.machine import processor
 
 README = Path(__file__).resolve().parents[1] / "README.md"
 BEGIN, END = "<!-- results: made by batch/results.py -->", "<!-- end of results -->"

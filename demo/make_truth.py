@@ -18,11 +18,11 @@ import numpy as np
 from living_room import cameras
 from make_room import build_room
 
-from r2sego_blender.bridge.meshes import arrays_from_mesh
-from r2sego_blender.captures.cameras_json import read_cameras_json
-from r2sego_blender.captures.photographs import captures_of
+from r2sego_blender.bridge.shared.meshes import arrays_from_mesh
+from r2sego_blender.captures.poses.cameras_json import read_cameras_json
+from r2sego_blender.captures.poses.photographs import captures_of
 from r2sego_blender.evaluation.ground_truth import GroundTruth, TrueView, save_ground_truth
-from r2sego_blender.geometry.rasterizer import MeshRasterizer
+from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 
 PICTURES = Path(__file__).resolve().parent / "room"
 

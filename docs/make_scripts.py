@@ -111,7 +111,7 @@ def _constant(one: ast.ClassDef, name: str) -> str:
 
 def _command(one: ast.ClassDef, classes: dict[str, ast.ClassDef]) -> str:
     """The command in the first list that the class's ``arguments``, or a base's, has; '' without one."""
-    from r2sego_blender.cli import main
+    from r2sego_blender.commands.cli import main
 
     for line in one.body:
         if isinstance(line, ast.FunctionDef) and line.name == "arguments":

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-from r2sego_blender.named_settings import PRESETS, entries
-from r2sego_blender.settings import Settings
+from r2sego_blender.config.presets import PRESETS, entries
+from r2sego_blender.config.settings import Settings
 
 
 def _only_how() -> str:
@@ -18,7 +18,7 @@ def settings_page() -> str:
     lines = [
         "# Settings",
         "",
-        "Made by `python docs/make_settings.py` from `r2sego_blender/settings.py`; do not edit.",
+        "Made by `python docs/make_settings.py` from `r2sego_blender/config/settings.py`; do not edit.",
         "Give any of them as `r2sego refine SCENE --set key=value`: the scene keeps it, until another",
         "preset is asked for. Those of captures are for `r2sego new`, where photographs become captures.",
         "The defaults are the paper's (its H) or, where the paper is silent, what measured best. The last",

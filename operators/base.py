@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 from bpy.props import StringProperty
 
-from ..r2sego_blender.errors import R2SEgoError, SceneError, of_file
+from ..r2sego_blender.core.errors import R2SEgoError, SceneError, of_file
 from ..r2sego_blender.workers.jobs import Job
 from . import job, state
 

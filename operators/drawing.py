@@ -5,7 +5,7 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
-from ..r2sego_blender.bridge.views_3d import redraw_views
+from ..r2sego_blender.bridge.shared.views_3d import redraw_views
 from .view_tool import ViewTool
 
 _STEP_PX = 3.0

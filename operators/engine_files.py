@@ -5,7 +5,7 @@ from pathlib import Path
 
 import bpy
 
-from ..r2sego_blender.errors import SceneError
+from ..r2sego_blender.core.errors import SceneError
 
 
 def handed_over(name: str) -> Path:

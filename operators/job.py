@@ -10,10 +10,10 @@ from pathlib import Path
 
 import bpy
 
-from ..r2sego_blender.bridge.engine_python import interpreter
-from ..r2sego_blender.bridge.operator_properties import given_properties
-from ..r2sego_blender.bridge.user_folder import user_folder
-from ..r2sego_blender.errors import SceneError
+from ..r2sego_blender.bridge.engine.user_folder import user_folder
+from ..r2sego_blender.bridge.shared.engine_python import interpreter
+from ..r2sego_blender.bridge.shared.operator_properties import given_properties
+from ..r2sego_blender.core.errors import SceneError
 from ..r2sego_blender.workers.jobs import JOBS_FOLDER, Event, Job, start_job
 from . import state
 

@@ -4,9 +4,9 @@ import bpy
 import numpy as np
 from bpy.props import CollectionProperty, FloatVectorProperty, IntVectorProperty
 
-from ..r2sego_blender.bridge.asset_cameras import view_camera
-from ..r2sego_blender.cameras import Camera
-from ..r2sego_blender.errors import SceneError
+from ..r2sego_blender.bridge.asset.asset_cameras import view_camera
+from ..r2sego_blender.core.cameras import Camera
+from ..r2sego_blender.core.errors import SceneError
 from .drawing import Drawing
 
 _HIDDEN = {"HIDDEN", "SKIP_SAVE"}

@@ -19,12 +19,12 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..r2sego_blender.bridge.bundle import Bundle
-from ..r2sego_blender.bridge.moved_bundle import found_again, turn_to, way_from, whole_path
-from ..r2sego_blender.bridge.settings_properties import settings_group, show_settings
-from ..r2sego_blender.errors import R2SEgoError, SceneError
-from ..r2sego_blender.named_settings import PRESETS, differing, preset
-from ..r2sego_blender.status import describe
+from ..r2sego_blender.bridge.scene.settings_properties import settings_group, show_settings
+from ..r2sego_blender.bridge.shared.moved_bundle import found_again, turn_to, way_from, whole_path
+from ..r2sego_blender.config.presets import PRESETS, differing, preset
+from ..r2sego_blender.core.errors import R2SEgoError, SceneError
+from ..r2sego_blender.results.panels.bundle import Bundle
+from ..r2sego_blender.results.status import describe
 
 _DAMAGE = (R2SEgoError, OSError, ValueError, KeyError, TypeError)
 _PRESET_DOCS = {

@@ -1,7 +1,7 @@
 """Tools that the mouse works in a 3D view: begun, followed while the view is there, and left cleanly."""
 
-from ..r2sego_blender.bridge.held_view import HeldView
-from ..r2sego_blender.errors import R2SEgoError
+from ..r2sego_blender.bridge.shared.held_view import HeldView
+from ..r2sego_blender.core.errors import R2SEgoError
 from .base import told
 
 _GOING_ON = {"RUNNING_MODAL", "PASS_THROUGH"}

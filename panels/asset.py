@@ -2,10 +2,10 @@
 
 import bpy
 
-from ..r2sego_blender.bridge.asset_pictures import is_of_view
-from ..r2sego_blender.bridge.show_asset import shows_another
-from ..r2sego_blender.bridge.words import counted
-from . import splat_preview, wipe
+from ..r2sego_blender.bridge.asset.asset_pictures import is_of_view
+from ..r2sego_blender.bridge.asset.show_asset import shows_another
+from ..r2sego_blender.core.formatting import counted
+from .overlays import splat_preview, wipe
 from .sidebar import Sidebar, Step, write_wrapped
 
 

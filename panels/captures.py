@@ -2,9 +2,9 @@
 
 import bpy
 
-from ..r2sego_blender.bridge.words import counted
-from ..r2sego_blender.captures.picks_fit import in_centimetres
-from . import picture_labels, registration_overlay, sparse_cloud
+from ..r2sego_blender.captures.frame.picks_fit import in_centimetres
+from ..r2sego_blender.core.formatting import counted
+from .overlays import picture_labels, registration_overlay, sparse_cloud
 from .sidebar import Step, draw_problem, write_wrapped
 
 _OFF_PX = 2.0

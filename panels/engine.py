@@ -2,8 +2,8 @@
 
 import bpy
 
-from ..r2sego_blender.bridge.engine_python import addon_preferences
-from ..r2sego_blender.doctor import REQUIRED_MB
+from ..r2sego_blender.bridge.shared.engine_python import addon_preferences
+from ..r2sego_blender.results.doctor import REQUIRED_MB
 from ..r2sego_blender.workers.environment import DOWNLOAD_MB
 from .sidebar import Step, fitting_characters, wrapped
 

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-from ..r2sego_blender.bridge.faces_drawn import draw_fewer_faces_of_all
+from ..r2sego_blender.bridge.scene.faces_drawn import draw_fewer_faces_of_all
 
 ROOT = __package__.rpartition(".")[0]
 

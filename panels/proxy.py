@@ -2,8 +2,8 @@
 
 import bpy
 
-from ..r2sego_blender.bridge.words import counted
-from . import placement_overlay, proxy_legend
+from ..r2sego_blender.core.formatting import counted
+from .overlays import placement_overlay, proxy_legend
 from .sidebar import Sidebar, Step, write_wrapped
 
 _STATE_ICONS = {

@@ -2,7 +2,7 @@
 
 import bpy
 
-from .region_overlay import REGION
+from .overlays.region_overlay import REGION
 from .sidebar import Sidebar, Step, draw_problem, write_wrapped
 
 

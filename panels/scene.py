@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..r2sego_blender.bridge.scene_choices import what_refine_does
+from ..r2sego_blender.results.panels.scene_choices import what_refine_does
 from .sidebar import Step
 
 

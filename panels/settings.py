@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..r2sego_blender.bridge.settings_properties import preset_values, property_name, sections
+from ..r2sego_blender.bridge.scene.settings_properties import preset_values, property_name, sections
 
 
 class R2SEGO_PT_settings(bpy.types.Panel):

@@ -2,7 +2,7 @@
 
 import bpy
 
-from . import score_curves, score_curves_click
+from .overlays import score_curves, score_curves_click
 from .sidebar import Sidebar, Step, write_wrapped
 
 

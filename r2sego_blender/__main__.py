@@ -1,5 +1,5 @@
 """``python -m r2sego_blender …`` is the command ``r2sego …``."""
 
-from .cli import main
+from .commands.cli import main
 
 main(prog_name="r2sego")

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import contextlib
 
-from .capture_steps import Reached
-from .progress import SILENT, Progress
-from .scene import Scene
-from .steps import Steps
+from .bundle.scene import Scene
+from .core.progress import SILENT, Progress
+from .refine.capture_steps import Reached
+from .refine.steps import Steps
 
 
 def refine(scene: Scene, progress: Progress = SILENT, until: str = "") -> None:

@@ -11,7 +11,7 @@ from hypothesis import settings
 settings.register_profile("busy machines", deadline=None)
 settings.load_profile("busy machines")
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent / "fakes")]
 
 import dead_workers  # noqa: E402  # found beside this file
 import own_process  # noqa: E402

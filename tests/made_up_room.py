@@ -4,17 +4,17 @@ from pathlib import Path
 
 import numpy as np
 
-from r2sego_blender.benchmarks.workloads import (
+from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.captures.capture import Capture
+from r2sego_blender.captures.store import save_captures
+from r2sego_blender.core.images import save_image
+from r2sego_blender.geometry.collision.collision_files import write_collision
+from tools.benchmarks.workloads import (
     made_up_collision,
     made_up_path,
     made_up_proxy,
     made_up_room,
 )
-from r2sego_blender.captures.capture import Capture
-from r2sego_blender.captures.store import save_captures
-from r2sego_blender.geometry.collision_files import write_collision
-from r2sego_blender.images import save_image
-from r2sego_blender.scene import Declaration, Scene
 
 IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
 

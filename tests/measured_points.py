@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from r2sego_blender.cameras import Camera
 from r2sego_blender.captures.sparse import SparsePoints
+from r2sego_blender.core.cameras import Camera
 
 
 def measured(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from r2sego_blender.progress import Progress, Task
+from r2sego_blender.core.progress import Progress, Task
 
 
 class ProgressRecorder(Progress):

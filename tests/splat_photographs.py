@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from r2sego_blender.benchmarks.workloads import made_up_room
-from r2sego_blender.cameras import look_at
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.sparse import SparsePoints
-from r2sego_blender.images import save_image
-from r2sego_blender.named_settings import UNREGULARISED, with_overrides
-from r2sego_blender.splats.rasterizer import render
+from r2sego_blender.config.presets import UNREGULARISED, with_overrides
+from r2sego_blender.core.cameras import look_at
+from r2sego_blender.core.images import save_image
+from r2sego_blender.splats.rendering.rasterizer import render
+from tools.benchmarks.workloads import made_up_room
 
 SETTINGS = with_overrides(
     {

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from r2sego_blender.contents import Contents
-from r2sego_blender.named_settings import Entry
-from r2sego_blender.scene import Scene
-from r2sego_blender.settings import Settings
-from r2sego_blender.steps import Steps
+from r2sego_blender.bundle.scene import Scene
+from r2sego_blender.config.presets import Entry
+from r2sego_blender.config.settings import Settings
+from r2sego_blender.refine.contents import Contents
+from r2sego_blender.refine.steps import Steps
 
 SECTIONS = {
     type(field.default): field.name

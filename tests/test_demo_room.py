@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from r2sego_blender.cameras import Camera
+from r2sego_blender.core.cameras import Camera
 
 DEMO = Path(__file__).resolve().parents[1] / "demo"
 ROOM = DEMO / "room"

@@ -10,25 +10,25 @@ import pytest
 from click.testing import CliRunner
 from step_reads import KeysOnly, WatchedScene, another, unshared_contents
 
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.store import load_captures
-from r2sego_blender.cli import main
-from r2sego_blender.creation import create_scene
-from r2sego_blender.digests import content_digest
+from r2sego_blender.commands.cli import main
+from r2sego_blender.config.presets import entries
+from r2sego_blender.config.settings import CaptureSettings
+from r2sego_blender.core.digests import content_digest
+from r2sego_blender.core.progress import Progress
 from r2sego_blender.evaluation.scene_evaluation import evaluate_scene
 from r2sego_blender.evaluation.scene_report import write_scene_report
-from r2sego_blender.export import export_scene
 from r2sego_blender.generation.decisions import save_decision
-from r2sego_blender.geometry.proxy import GeometryProxy
-from r2sego_blender.named_settings import entries
+from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 from r2sego_blender.pipeline import refine
-from r2sego_blender.plan import parts_outdated, plan_refinement
-from r2sego_blender.progress import Progress
-from r2sego_blender.scene import Scene
-from r2sego_blender.selection import Selection
-from r2sego_blender.settings import CaptureSettings
-from r2sego_blender.splats.ply import load_ply
-from r2sego_blender.splats.rasterizer import render
-from r2sego_blender.status import describe, lines
+from r2sego_blender.refine.creation import create_scene
+from r2sego_blender.results.export import export_scene
+from r2sego_blender.results.plan import parts_outdated, plan_refinement
+from r2sego_blender.results.status import describe, lines
+from r2sego_blender.splats.formats.ply import load_ply
+from r2sego_blender.splats.rendering.rasterizer import render
+from r2sego_blender.views.selection import Selection
 
 pytestmark = pytest.mark.slow
 

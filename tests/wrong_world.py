@@ -8,13 +8,13 @@ import numpy as np
 from measured_points import measured
 from scipy.spatial.transform import Rotation
 
-from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.bundle.scene import Declaration, Scene
 from r2sego_blender.captures.capture import Capture
-from r2sego_blender.captures.floor_points import FloorPoint
-from r2sego_blender.captures.picks import Pick, PickedLength, PickedPoint, Picks
+from r2sego_blender.captures.frame.floor_points import FloorPoint
+from r2sego_blender.captures.frame.picks import Pick, PickedLength, PickedPoint, Picks
 from r2sego_blender.captures.store import load_captures, save_captures
-from r2sego_blender.images import save_image
-from r2sego_blender.scene import Declaration, Scene
+from r2sego_blender.core.cameras import Camera, look_at
+from r2sego_blender.core.images import save_image
 
 LENS = Camera(160, 120, 110.0, 112.0, 78.0, 61.0, np.eye(4))
 FLOOR = np.array([[-0.8, 1.0, 0.0], [0.9, 1.1, 0.0], [0.3, 2.4, 0.0], [-0.5, 2.0, 0.0]])

@@ -20,8 +20,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from enabled_addon import enabled_addon
 
-from r2sego_blender.bridge.script import run_script
-from r2sego_blender.captures.picks_fit import in_centimetres
+from r2sego_blender.captures.frame.picks_fit import in_centimetres
+from r2sego_blender.commands.scripts import run_script
 
 
 def main(arguments: list[str]) -> int:

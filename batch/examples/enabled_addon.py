@@ -8,7 +8,7 @@ from pathlib import Path
 
 import bpy
 
-from r2sego_blender.errors import SceneError
+from r2sego_blender.core.errors import SceneError
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -21,8 +21,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from enabled_addon import enabled_addon
 
-from r2sego_blender.bridge.script import run_script
-from r2sego_blender.errors import SceneError
+from r2sego_blender.commands.scripts import run_script
+from r2sego_blender.core.errors import SceneError
 
 _INNER = {"rna_type", "job_folder", "filter_glob", "filter_folder"}
 """Properties that are for Blender, its file browser and jobs."""

@@ -16,10 +16,10 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from r2sego_blender.bridge.bundle import Bundle
-from r2sego_blender.bridge.conditions import ConditionScene, render_path
-from r2sego_blender.bridge.script import run_script
-from r2sego_blender.errors import SceneError
+from r2sego_blender.bridge.generation.conditions import ConditionScene, render_path
+from r2sego_blender.commands.scripts import run_script
+from r2sego_blender.core.errors import SceneError
+from r2sego_blender.results.panels.bundle import Bundle
 
 
 def main(arguments: list[str]) -> int:

@@ -15,9 +15,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from enabled_addon import enabled_addon
 
-from r2sego_blender.bridge.light_drawing import FACES_DRAWN, draw_fewer_faces
-from r2sego_blender.bridge.script import run_script
-from r2sego_blender.bridge.show_proxy import shown_proxies
+from r2sego_blender.bridge.proxy.show_proxy import shown_proxies
+from r2sego_blender.bridge.shared.simplified_viewport import FACES_DRAWN, draw_fewer_faces
+from r2sego_blender.commands.scripts import run_script
 
 
 def main(arguments: list[str]) -> int:

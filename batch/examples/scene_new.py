@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from enabled_addon import enabled_addon
 
-from r2sego_blender.bridge.script import run_script
+from r2sego_blender.commands.scripts import run_script
 
 
 def main(arguments: list[str]) -> int:

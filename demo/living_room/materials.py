@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 import bpy
 import numpy as np
 
-from . import artworks, textures
+from demo.living_room import artworks, textures
 
 
 def colour(code: str) -> tuple[float, float, float, float]:

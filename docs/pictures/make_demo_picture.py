@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
+from r2sego_blender.bundle.scene import Scene
+from r2sego_blender.core.images import resize
 from r2sego_blender.evaluation.arms import ARMS
 from r2sego_blender.evaluation.figures import save_figure, strip, top_view
 from r2sego_blender.evaluation.scene_evaluation import frozen_views
-from r2sego_blender.geometry.proxy import GeometryProxy
-from r2sego_blender.images import resize
-from r2sego_blender.scene import Scene
-from r2sego_blender.splats.ply import load_ply
-from r2sego_blender.splats.rasterizer import render
+from r2sego_blender.geometry.proxy.proxy import GeometryProxy
+from r2sego_blender.splats.formats.ply import load_ply
+from r2sego_blender.splats.rendering.rasterizer import render
 
 HERE = Path(__file__).resolve().parent
 FROZEN = HERE.parents[1] / "demo" / "room" / "cameras.json"

@@ -12,12 +12,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from r2sego_blender.cameras import look_at
+from r2sego_blender.core.cameras import look_at
 from r2sego_blender.evaluation.figures import save_figure, strip
-from r2sego_blender.robot.humanoid import humanoid_mjcf
-from r2sego_blender.robot.mount import MUJOCO_FROM_OPENCV
-from r2sego_blender.simulated_camera import SimulatedCamera
-from r2sego_blender.splats.formats import load_asset
+from r2sego_blender.results.simulated_camera import SimulatedCamera
+from r2sego_blender.robot.model.humanoid import humanoid_mjcf
+from r2sego_blender.robot.model.mount import MUJOCO_FROM_OPENCV
+from r2sego_blender.splats.formats.registry import load_asset
 
 HERE = Path(__file__).resolve().parent
 PLACE_M, YAW_DEG = (0.25, -1.0), 80.0

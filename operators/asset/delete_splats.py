@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import StringProperty
 
-from ...r2sego_blender.errors import AssetError
+from ...r2sego_blender.core.errors import AssetError
 from .. import state
 from ..base import EngineOperator, ReportingOperator, needs_bundle, needs_idle_engine
 from ..engine_files import hand_over

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import StringProperty
 
-from ...r2sego_blender.errors import CaptureError
+from ...r2sego_blender.core.errors import CaptureError
 from .. import state
 from ..base import EngineOperator, needs_bundle, needs_idle_engine
 

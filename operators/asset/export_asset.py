@@ -5,8 +5,8 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
-from ...r2sego_blender.asset_stages import stage_named
-from ...r2sego_blender.errors import AssetError, R2SEgoError
+from ...r2sego_blender.bundle.asset_stages import stage_named
+from ...r2sego_blender.core.errors import AssetError, R2SEgoError
 from .. import state
 from ..base import EngineOperator, needs_idle_engine, told
 from .polls import needs_asset

@@ -3,8 +3,8 @@
 import bpy
 from bpy.props import FloatProperty, IntProperty
 
-from ...r2sego_blender.bridge.show_asset import drawn_splats
-from ...r2sego_blender.errors import AssetError
+from ...r2sego_blender.bridge.asset.show_asset import drawn_splats
+from ...r2sego_blender.core.errors import AssetError
 from ...r2sego_blender.splats.floaters import neighbours
 from ...r2sego_blender.splats.regions import Cells
 from ..base import ReportingOperator

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 from bpy.props import FloatProperty
 
-from ...r2sego_blender.errors import AssetError
+from ...r2sego_blender.core.errors import AssetError
 from ...r2sego_blender.splats.regions import Cells
 from ..base import ReportingOperator
 from .marks import add_mark, world_centres

@@ -4,9 +4,9 @@ import bpy
 import numpy as np
 from bpy.props import FloatVectorProperty
 
-from ...r2sego_blender.bridge.placed_box import placed_box
-from ...r2sego_blender.bridge.views_3d import redraw_views
-from ...r2sego_blender.errors import AssetError
+from ...r2sego_blender.bridge.asset.placed_box import placed_box
+from ...r2sego_blender.bridge.shared.views_3d import redraw_views
+from ...r2sego_blender.core.errors import AssetError
 from ...r2sego_blender.splats.regions import Box
 from ..base import ReportingOperator, select_only
 from .marks import add_mark

@@ -5,10 +5,10 @@ import json
 import bpy
 import numpy as np
 
-from ...r2sego_blender.bridge.show_asset import centres_of, set_marked
-from ...r2sego_blender.bridge.views_3d import redraw_views
-from ...r2sego_blender.bridge.words import counted
-from ...r2sego_blender.errors import AssetError
+from ...r2sego_blender.bridge.asset.show_asset import centres_of, set_marked
+from ...r2sego_blender.bridge.shared.views_3d import redraw_views
+from ...r2sego_blender.core.errors import AssetError
+from ...r2sego_blender.core.formatting import counted
 from ...r2sego_blender.splats.regions import Region, region_of
 
 _latest = 0

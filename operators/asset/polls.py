@@ -1,6 +1,6 @@
 """Polls of the room Asset."""
 
-from ...r2sego_blender.bridge.show_asset import is_deleted
+from ...r2sego_blender.bridge.asset.show_asset import is_deleted
 from ..base import needs_bundle
 
 

@@ -14,20 +14,20 @@ from bpy.props import (
     StringProperty,
 )
 
-from ...r2sego_blender.asset_edits import load_edits
-from ...r2sego_blender.asset_stages import FINAL, INITIAL, PASSES, stages
-from ...r2sego_blender.bridge.bundle import Bundle
-from ...r2sego_blender.bridge.report_scores import not_scored
-from ...r2sego_blender.bridge.show_asset import (
+from ...r2sego_blender.bridge.asset.show_asset import (
     is_current,
     is_deleted,
     shown_stage,
     shows_another,
     shows_bundle,
 )
-from ...r2sego_blender.bridge.views_3d import redraw_views
-from ...r2sego_blender.errors import R2SEgoError
-from ...r2sego_blender.splats.ply_vertices import vertex_count
+from ...r2sego_blender.bridge.shared.views_3d import redraw_views
+from ...r2sego_blender.bundle.asset_stages import FINAL, INITIAL, PASSES, stages
+from ...r2sego_blender.core.errors import R2SEgoError
+from ...r2sego_blender.results.panels.bundle import Bundle
+from ...r2sego_blender.results.panels.report_scores import not_scored
+from ...r2sego_blender.splats.asset_edits import load_edits
+from ...r2sego_blender.splats.formats.ply_vertices import vertex_count
 from .. import state
 from .marks import drop_marks
 from .show_asset import show_stage

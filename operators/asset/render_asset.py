@@ -6,13 +6,13 @@ from pathlib import Path
 import bpy
 from bpy.props import EnumProperty, FloatVectorProperty, StringProperty
 
-from ...r2sego_blender.asset_stages import PASSES, stage_label, stage_named
-from ...r2sego_blender.bridge.asset_cameras import exact_camera
-from ...r2sego_blender.bridge.asset_pictures import load_picture, note_pose, pose_values, put_behind
-from ...r2sego_blender.bridge.asset_renderings import camera_folder, prune, remove_rendering
-from ...r2sego_blender.bridge.image_editors import show_in_editor
-from ...r2sego_blender.bridge.views_3d import redraw_views
-from ...r2sego_blender.errors import SceneError
+from ...r2sego_blender.bridge.asset.asset_cameras import exact_camera
+from ...r2sego_blender.bridge.asset.asset_pictures import load_picture, note_pose, pose_values, put_behind
+from ...r2sego_blender.bridge.shared.image_editors import show_in_editor
+from ...r2sego_blender.bridge.shared.views_3d import redraw_views
+from ...r2sego_blender.bundle.asset_stages import PASSES, stage_label, stage_named
+from ...r2sego_blender.core.errors import SceneError
+from ...r2sego_blender.results.panels.asset_renderings import camera_folder, prune, remove_rendering
 from .. import state
 from ..base import EngineOperator, needs_idle_engine
 from ..engine_files import hand_over

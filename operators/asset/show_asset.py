@@ -3,10 +3,10 @@
 import bpy
 from bpy.props import StringProperty
 
-from ...r2sego_blender.asset_stages import stage_named
-from ...r2sego_blender.bridge.show_asset import show_asset
-from ...r2sego_blender.bridge.views_3d import redraw_views
-from ...r2sego_blender.errors import AssetError
+from ...r2sego_blender.bridge.asset.show_asset import show_asset
+from ...r2sego_blender.bridge.shared.views_3d import redraw_views
+from ...r2sego_blender.bundle.asset_stages import stage_named
+from ...r2sego_blender.core.errors import AssetError
 from .. import state
 from ..base import ReportingOperator, hint_if_hidden
 from .marks import mark_again

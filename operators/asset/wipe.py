@@ -3,10 +3,10 @@
 import bpy
 from bpy.props import EnumProperty, FloatProperty
 
-from ...r2sego_blender.bridge.asset_frame import camera_frame_px
-from ...r2sego_blender.bridge.asset_pictures import note_pose, photograph_of, pose_values
-from ...r2sego_blender.bridge.views_3d import redraw_views
-from ...r2sego_blender.errors import SceneError
+from ...r2sego_blender.bridge.asset.asset_frame import camera_frame_px
+from ...r2sego_blender.bridge.asset.asset_pictures import note_pose, photograph_of, pose_values
+from ...r2sego_blender.bridge.shared.views_3d import redraw_views
+from ...r2sego_blender.core.errors import SceneError
 from ..base import ReportingOperator
 from ..view_tool import ViewTool
 

@@ -1,6 +1,6 @@
 """The photographs and their cameras, and the world's frame by hand."""
 
-from ...r2sego_blender.bridge.sparse_cloud import forget_clouds
+from ...r2sego_blender.results.panels.sparse_cloud import forget_clouds
 from .. import state
 from . import properties
 from .correct_registration import R2SEGO_OT_correct_registration

@@ -6,12 +6,12 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty
 
-from ...r2sego_blender.bridge.outliner import find_collection
-from ...r2sego_blender.bridge.picks import picks_of
-from ...r2sego_blender.bridge.registration_frame import remove_frame, world_from_frame
-from ...r2sego_blender.bridge.show_captures import CAPTURES_PART, show_captures, shows_points
-from ...r2sego_blender.captures.picks_fit import residual_lines
-from ...r2sego_blender.errors import CaptureError
+from ...r2sego_blender.bridge.captures.registration_frame import remove_frame, world_from_frame
+from ...r2sego_blender.bridge.captures.show_captures import CAPTURES_PART, show_captures, shows_points
+from ...r2sego_blender.bridge.shared.outliner import find_collection
+from ...r2sego_blender.captures.frame.picks_fit import residual_lines
+from ...r2sego_blender.core.errors import CaptureError
+from ...r2sego_blender.results.panels.picks import picks_of
 from .. import state
 from ..base import EngineOperator, needs_bundle, needs_idle_engine
 from ..engine_files import hand_over

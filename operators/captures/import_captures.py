@@ -3,8 +3,8 @@
 import bpy
 from bpy.props import BoolProperty, FloatProperty
 
-from ...r2sego_blender.bridge.show_captures import show_captures
-from ...r2sego_blender.bridge.words import counted
+from ...r2sego_blender.bridge.captures.show_captures import show_captures
+from ...r2sego_blender.core.formatting import counted
 from .. import state
 from ..base import ReportingOperator, hint_if_hidden, needs_bundle
 

@@ -1,10 +1,10 @@
 """The room's cached facts, read whenever the bundle was opened or has changed."""
 
-from ...r2sego_blender.bridge.capture_list import listed_captures
-from ...r2sego_blender.bridge.show_captures import shows_older_captures
-from ...r2sego_blender.bridge.sparse_cloud import read_cloud
-from ...r2sego_blender.captures.correction_history import corrections_of
-from ...r2sego_blender.errors import R2SEgoError
+from ...r2sego_blender.bridge.captures.show_captures import shows_older_captures
+from ...r2sego_blender.captures.frame.correction_history import corrections_of
+from ...r2sego_blender.core.errors import R2SEgoError
+from ...r2sego_blender.results.panels.capture_list import listed_captures
+from ...r2sego_blender.results.panels.sparse_cloud import read_cloud
 from .properties import fit_again
 
 

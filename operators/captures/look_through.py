@@ -2,10 +2,10 @@
 
 import bpy
 
-from ...r2sego_blender.bridge.cameras import has_lens, use_frame_of
-from ...r2sego_blender.bridge.preview_range import give_back
-from ...r2sego_blender.bridge.show_captures import capture_camera
-from ...r2sego_blender.bridge.views_3d import views_3d
+from ...r2sego_blender.bridge.captures.show_captures import capture_camera
+from ...r2sego_blender.bridge.shared.cameras import has_lens, use_frame_of
+from ...r2sego_blender.bridge.shared.preview_range import give_back
+from ...r2sego_blender.bridge.shared.views_3d import views_3d
 from .. import state
 from ..base import ReportingOperator
 

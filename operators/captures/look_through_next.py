@@ -3,8 +3,8 @@
 import bpy
 from bpy.props import BoolProperty
 
-from ...r2sego_blender.bridge.show_captures import capture_camera, capture_cameras
-from ...r2sego_blender.errors import SceneError
+from ...r2sego_blender.bridge.captures.show_captures import capture_camera, capture_cameras
+from ...r2sego_blender.core.errors import SceneError
 from .. import state
 from ..base import ReportingOperator, needs_bundle
 from .look_through import look_through

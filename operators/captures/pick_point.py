@@ -3,12 +3,12 @@
 import bpy
 from bpy.props import BoolProperty, FloatProperty, StringProperty
 
-from ...r2sego_blender.bridge.cameras import camera_of, has_lens
-from ...r2sego_blender.bridge.registration_pixels import next_name, pixel_of_ray
-from ...r2sego_blender.bridge.scope_rays import is_over, mouse_ray
-from ...r2sego_blender.bridge.show_captures import looked_through
-from ...r2sego_blender.bridge.words import counted
-from ...r2sego_blender.errors import CaptureError, R2SEgoError
+from ...r2sego_blender.bridge.captures.show_captures import looked_through
+from ...r2sego_blender.bridge.shared.cameras import camera_of, has_lens
+from ...r2sego_blender.bridge.shared.scope_rays import is_over, mouse_ray
+from ...r2sego_blender.core.errors import CaptureError, R2SEgoError
+from ...r2sego_blender.results.panels.registration_pixels import next_name, pixel_of_ray
+from ...r2sego_blender.core.formatting import counted
 from .. import state
 from ..base import ReportingOperator, needs_bundle
 from ..view_tool import ViewTool

@@ -2,8 +2,8 @@
 
 import bpy
 
-from ...r2sego_blender.bridge.registration_frame import place_frame
-from ...r2sego_blender.errors import SceneError
+from ...r2sego_blender.bridge.captures.registration_frame import place_frame
+from ...r2sego_blender.core.errors import SceneError
 from .. import state
 from ..base import ReportingOperator, needs_bundle, select_only, told
 

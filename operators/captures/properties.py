@@ -13,11 +13,11 @@ from bpy.props import (
     StringProperty,
 )
 
-from ...r2sego_blender.bridge.picks import show_fit
-from ...r2sego_blender.bridge.registration_pixels import next_name
-from ...r2sego_blender.bridge.show_captures import capture_camera, show_photographs
-from ...r2sego_blender.bridge.views_3d import redraw_views
-from ...r2sego_blender.errors import R2SEgoError, SceneError
+from ...r2sego_blender.bridge.captures.show_captures import capture_camera, show_photographs
+from ...r2sego_blender.bridge.shared.views_3d import redraw_views
+from ...r2sego_blender.core.errors import R2SEgoError, SceneError
+from ...r2sego_blender.results.panels.picks import show_fit
+from ...r2sego_blender.results.panels.registration_pixels import next_name
 from .. import state
 from ..base import select_only
 

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from ...r2sego_blender.errors import CaptureError
+from ...r2sego_blender.core.errors import CaptureError
 from ..base import ReportingOperator
 from .properties import fit_again
 

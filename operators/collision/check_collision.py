@@ -2,8 +2,8 @@
 
 import bpy
 
-from ...r2sego_blender.bridge.show_collision_check import show_off_surface
-from ...r2sego_blender.bridge.words import counted
+from ...r2sego_blender.bridge.collision.show_collision_check import show_off_surface
+from ...r2sego_blender.core.formatting import counted
 from .. import state
 from ..base import EngineOperator, needs_idle_engine
 from .polls import needs_collision

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
-from ...r2sego_blender.errors import SceneError
+from ...r2sego_blender.core.errors import SceneError
 from .. import state
 from ..base import EngineOperator, needs_idle_engine
 from .polls import needs_collision

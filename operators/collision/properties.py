@@ -5,10 +5,10 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, StringProperty
 
-from ...r2sego_blender.bridge.bundle import Bundle
-from ...r2sego_blender.bridge.file_stamps import when_written
-from ...r2sego_blender.bridge.show_collision import shows_older_collision
-from ...r2sego_blender.bridge.show_collision_check import forget_off_surface
+from ...r2sego_blender.bridge.collision.show_collision import shows_older_collision
+from ...r2sego_blender.bridge.collision.show_collision_check import forget_off_surface
+from ...r2sego_blender.results.panels.bundle import Bundle
+from ...r2sego_blender.results.panels.file_stamps import when_written
 from .. import state
 
 

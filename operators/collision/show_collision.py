@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty
 
-from ...r2sego_blender.bridge.show_collision import show_collision
+from ...r2sego_blender.bridge.collision.show_collision import show_collision
 from .. import state
 from ..base import ReportingOperator, hint_if_hidden
 from .polls import needs_collision

@@ -5,9 +5,9 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, IntProperty, StringProperty
 
-from ...r2sego_blender.bridge.show_collision import show_textured
-from ...r2sego_blender.errors import SceneError
-from ...r2sego_blender.settings import TextureSettings
+from ...r2sego_blender.bridge.collision.show_collision import show_textured
+from ...r2sego_blender.config.settings import TextureSettings
+from ...r2sego_blender.core.errors import SceneError
 from .. import state
 from ..base import EngineOperator, needs_idle_engine, needs_round
 from .properties import proxy_stamp, tell

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ...r2sego_blender.bridge.engine_python import examine
+from ...r2sego_blender.bridge.shared.engine_python import examine
 from ..base import ReportingOperator
 
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from ...r2sego_blender.bridge.bundle import SUFFIX, Bundle
-from ...r2sego_blender.bridge.show_captures import capture_cameras
-from ...r2sego_blender.errors import R2SEgoError
+from ...r2sego_blender.bridge.captures.show_captures import capture_cameras
+from ...r2sego_blender.core.errors import R2SEgoError
+from ...r2sego_blender.results.panels.bundle import SUFFIX, Bundle
 from ...r2sego_blender.workers.jobs import Job
 from .. import state
 from ..base import EngineOperator, needs_idle_engine, needs_own_scene

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import IntProperty
 
-from ...r2sego_blender.errors import SceneError
+from ...r2sego_blender.core.errors import SceneError
 from ..base import ReportingOperator
 
 

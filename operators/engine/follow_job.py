@@ -2,7 +2,7 @@
 
 import bpy
 
-from ...r2sego_blender.errors import SceneError
+from ...r2sego_blender.core.errors import SceneError
 from ..base import ReportingOperator, needs_idle_engine, waits_for_engine
 from .following import look_again, take_over, unfollowed_jobs
 

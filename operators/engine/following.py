@@ -10,11 +10,11 @@ from pathlib import Path
 
 import bpy
 
-from ...r2sego_blender.bridge.bundle import Bundle
-from ...r2sego_blender.bridge.operator_properties import as_arguments
-from ...r2sego_blender.bridge.views_3d import redraw_views
-from ...r2sego_blender.errors import R2SEgoError
-from ...r2sego_blender.journal import JOURNAL
+from ...r2sego_blender.bridge.shared.operator_properties import as_arguments
+from ...r2sego_blender.bridge.shared.views_3d import redraw_views
+from ...r2sego_blender.bundle.journal import JOURNAL
+from ...r2sego_blender.core.errors import R2SEgoError
+from ...r2sego_blender.results.panels.bundle import Bundle
 from ...r2sego_blender.workers.jobs import JOBS_FOLDER, Job, find_jobs
 from .. import job, state
 from . import pictures

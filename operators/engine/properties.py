@@ -3,8 +3,8 @@
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntProperty, StringProperty
 
-from ...r2sego_blender.bridge.engine_python import interpreter
-from ...r2sego_blender.errors import R2SEgoError
+from ...r2sego_blender.bridge.shared.engine_python import interpreter
+from ...r2sego_blender.core.errors import R2SEgoError
 
 
 class R2SEGO_PG_ended_job(bpy.types.PropertyGroup):

@@ -5,10 +5,10 @@ import sys
 import bpy
 from bpy.props import StringProperty
 
-from ...r2sego_blender.bridge.engine_python import addon_preferences, examine
-from ...r2sego_blender.bridge.user_folder import engine_folder
-from ...r2sego_blender.doctor import PACKAGES, REQUIRED_MB
-from ...r2sego_blender.errors import MachineError
+from ...r2sego_blender.bridge.engine.user_folder import engine_folder
+from ...r2sego_blender.bridge.shared.engine_python import addon_preferences, examine
+from ...r2sego_blender.core.errors import MachineError
+from ...r2sego_blender.results.doctor import PACKAGES, REQUIRED_MB
 from ...r2sego_blender.workers.environment import DOWNLOAD_MB, not_packaged
 from .. import job
 from ..base import EngineOperator, needs_idle_engine

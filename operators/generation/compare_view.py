@@ -6,10 +6,10 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
-from ...r2sego_blender.bridge.asset_renderings import renderings_of_view
-from ...r2sego_blender.bridge.image_editors import show_image
-from ...r2sego_blender.bridge.view_parts import nearest_truth, view_parts
-from ...r2sego_blender.bridge.view_pictures import compare_picture
+from ...r2sego_blender.bridge.generation.view_pictures import compare_picture
+from ...r2sego_blender.bridge.shared.image_editors import show_image
+from ...r2sego_blender.results.panels.asset_renderings import renderings_of_view
+from ...r2sego_blender.results.panels.view_parts import nearest_truth, view_parts
 from ..base import ReportingOperator
 from .properties import DEFAULT_PARTS, PARTS
 from .views import OfOneView

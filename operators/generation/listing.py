@@ -2,9 +2,9 @@
 
 import bpy
 
-from ...r2sego_blender.bridge.bundle import Bundle
-from ...r2sego_blender.bridge.view_parts import clip_files, views_of_round
 from ...r2sego_blender.generation.view_records import ViewRecord
+from ...r2sego_blender.results.panels.bundle import Bundle
+from ...r2sego_blender.results.panels.view_parts import clip_files, views_of_round
 
 
 def read(scene: bpy.types.Scene, bundle: Bundle) -> None:

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntProperty, StringProperty
 
-from ...r2sego_blender.bridge.view_parts import KINDS
+from ...r2sego_blender.results.panels.view_parts import KINDS
 
 PARTS = [
     (kind.upper(), kind.capitalize(), shown[:1].upper() + shown[1:], 1 << place)

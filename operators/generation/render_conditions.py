@@ -6,7 +6,7 @@ import sys
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-from ...r2sego_blender.errors import SceneError
+from ...r2sego_blender.core.errors import SceneError
 from .. import job, state
 from ..base import EngineOperator, needs_idle_engine, needs_round
 from ..engine_files import hand_over

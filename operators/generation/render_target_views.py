@@ -5,8 +5,8 @@ import json
 import bpy
 from bpy.props import EnumProperty
 
-from ...r2sego_blender.bridge.asset_renderings import prune, stage_beside, views_folder
-from ...r2sego_blender.bridge.view_parts import views_of_round
+from ...r2sego_blender.results.panels.asset_renderings import prune, stage_beside, views_folder
+from ...r2sego_blender.results.panels.view_parts import views_of_round
 from .. import state
 from ..base import EngineOperator, needs_idle_engine
 from ..engine_files import hand_over

@@ -2,8 +2,8 @@
 
 import bpy
 
-from ...r2sego_blender.bridge.cameras import use_frame_of
-from ...r2sego_blender.bridge.show_path import show_path
+from ...r2sego_blender.bridge.generation.show_path import show_path
+from ...r2sego_blender.bridge.shared.cameras import use_frame_of
 from ..base import ReportingOperator
 from .views import OfOneView
 

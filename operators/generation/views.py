@@ -3,10 +3,10 @@
 import bpy
 from bpy.props import IntProperty
 
-from ...r2sego_blender.bridge.bundle import Bundle
-from ...r2sego_blender.bridge.view_parts import require_view, views_of_round
-from ...r2sego_blender.errors import GenerationError
+from ...r2sego_blender.core.errors import GenerationError
 from ...r2sego_blender.generation.view_records import ViewRecord
+from ...r2sego_blender.results.panels.bundle import Bundle
+from ...r2sego_blender.results.panels.view_parts import require_view, views_of_round
 from .. import state
 from ..base import needs_round
 

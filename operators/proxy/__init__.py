@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import PointerProperty
 
-from ...r2sego_blender.bridge import placement_live
+from ...r2sego_blender.bridge.proxy import placement_live
 from .. import state
 from . import masks, place_prior, properties
 from .edit_proxy import (

@@ -3,8 +3,8 @@
 import bpy
 from bpy.props import StringProperty
 
-from ...r2sego_blender.bridge.proxy_edits import write_cut, write_drawn
-from ...r2sego_blender.errors import GeometryError
+from ...r2sego_blender.bridge.proxy.proxy_edits import write_cut, write_drawn
+from ...r2sego_blender.core.errors import GeometryError
 from .. import state
 from ..base import EngineOperator, needs_bundle, needs_idle_engine
 from ..engine_files import handed_over

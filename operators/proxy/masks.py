@@ -4,9 +4,9 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
-from ...r2sego_blender.bridge.asset_frame import camera_frame_px
-from ...r2sego_blender.bridge.image_editors import image_editors
-from ...r2sego_blender.bridge.object_masks import (
+from ...r2sego_blender.bridge.asset.asset_frame import camera_frame_px
+from ...r2sego_blender.bridge.captures.show_captures import looked_through
+from ...r2sego_blender.bridge.proxy.object_masks import (
     drawn_region,
     forget_masks,
     load_masks,
@@ -17,12 +17,12 @@ from ...r2sego_blender.bridge.object_masks import (
     save_masks,
     write_mask,
 )
-from ...r2sego_blender.bridge.proxy_objects import read_objects
-from ...r2sego_blender.bridge.show_captures import looked_through
-from ...r2sego_blender.bridge.views_3d import redraw_views
-from ...r2sego_blender.bridge.words import counted
-from ...r2sego_blender.errors import GeometryError
-from ...r2sego_blender.geometry.object_names import plain_name
+from ...r2sego_blender.bridge.shared.image_editors import image_editors
+from ...r2sego_blender.bridge.shared.views_3d import redraw_views
+from ...r2sego_blender.core.errors import GeometryError
+from ...r2sego_blender.core.file_names import plain_name
+from ...r2sego_blender.results.panels.proxy_objects import read_objects
+from ...r2sego_blender.core.formatting import counted
 from .. import state
 from ..base import EngineOperator, ReportingOperator, needs_bundle, needs_idle_engine
 from ..drawing import Drawing

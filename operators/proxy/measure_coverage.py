@@ -2,7 +2,7 @@
 
 import bpy
 
-from ...r2sego_blender.bridge.show_proxy import show_proxy, shown_proxy, shown_round
+from ...r2sego_blender.bridge.proxy.show_proxy import show_proxy, shown_proxy, shown_round
 from .. import state
 from ..base import EngineOperator, needs_idle_engine, needs_round
 from .properties import colour_shown, note_age

@@ -6,18 +6,18 @@ import math
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from ...r2sego_blender.bridge import placement_live
-from ...r2sego_blender.bridge.object_masks import load_masks, take_pixels_back
-from ...r2sego_blender.bridge.placement_objects import (
+from ...r2sego_blender.bridge.proxy import placement_live
+from ...r2sego_blender.bridge.proxy.object_masks import load_masks, take_pixels_back
+from ...r2sego_blender.bridge.proxy.placement_objects import (
     prior_name,
     prior_object,
     show_priors,
     write_mesh,
     write_placement,
 )
-from ...r2sego_blender.bridge.views_3d import redraw_views
-from ...r2sego_blender.bridge.words import counted
-from ...r2sego_blender.errors import GeometryError, R2SEgoError
+from ...r2sego_blender.bridge.shared.views_3d import redraw_views
+from ...r2sego_blender.core.errors import GeometryError, R2SEgoError
+from ...r2sego_blender.core.formatting import counted
 from .. import state
 from ..base import (
     EngineOperator,

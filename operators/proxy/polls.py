@@ -2,8 +2,8 @@
 
 import bpy
 
-from ...r2sego_blender.bridge.show_proxy import shown_proxy
-from ...r2sego_blender.errors import GeometryError
+from ...r2sego_blender.bridge.proxy.show_proxy import shown_proxy
+from ...r2sego_blender.core.errors import GeometryError
 from .. import state
 from ..base import needs_bundle, needs_round, require_visible
 from .properties import active_object

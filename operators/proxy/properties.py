@@ -11,14 +11,14 @@ from bpy.props import (
     StringProperty,
 )
 
-from ...r2sego_blender.bridge import placement_live
-from ...r2sego_blender.bridge.bundle import Bundle
-from ...r2sego_blender.bridge.object_masks import masked_objects
-from ...r2sego_blender.bridge.proxy_colours import COLOURINGS
-from ...r2sego_blender.bridge.proxy_coverage import read_coverage
-from ...r2sego_blender.bridge.proxy_objects import read_objects
-from ...r2sego_blender.bridge.show_proxy import colour_proxy, is_current, shown_proxy
-from ...r2sego_blender.geometry.edits import PROXY_EDITS, load_proxy_edits
+from ...r2sego_blender.bridge.proxy import placement_live
+from ...r2sego_blender.bridge.proxy.object_masks import masked_objects
+from ...r2sego_blender.bridge.proxy.show_proxy import colour_proxy, is_current, shown_proxy
+from ...r2sego_blender.geometry.proxy.edits import PROXY_EDITS, load_proxy_edits
+from ...r2sego_blender.results.panels.bundle import Bundle
+from ...r2sego_blender.results.panels.proxy_colours import COLOURINGS
+from ...r2sego_blender.results.panels.proxy_coverage import read_coverage
+from ...r2sego_blender.results.panels.proxy_objects import read_objects
 from .. import state
 
 _KINDS = {"cut": "cut away", "draw": "drawn"}

@@ -3,10 +3,10 @@
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from ...r2sego_blender.bridge.placed_box import placed_box
-from ...r2sego_blender.bridge.proxy_edits import select_faces, world_corners
-from ...r2sego_blender.bridge.words import counted
-from ...r2sego_blender.errors import GeometryError
+from ...r2sego_blender.bridge.asset.placed_box import placed_box
+from ...r2sego_blender.bridge.proxy.proxy_edits import select_faces, world_corners
+from ...r2sego_blender.core.errors import GeometryError
+from ...r2sego_blender.core.formatting import counted
 from ..base import ReportingOperator
 from .polls import in_object_mode, needs_proxy, proxy_shown, show_selection
 

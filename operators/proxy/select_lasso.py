@@ -3,8 +3,8 @@
 import bpy
 from bpy.props import BoolProperty, FloatProperty
 
-from ...r2sego_blender.bridge.proxy_edits import faces_in_lasso, select_faces, world_corners
-from ...r2sego_blender.bridge.words import counted
+from ...r2sego_blender.bridge.proxy.proxy_edits import faces_in_lasso, select_faces, world_corners
+from ...r2sego_blender.core.formatting import counted
 from ..base import ReportingOperator
 from ..lasso import Lasso
 from .polls import in_object_mode, needs_proxy, proxy_shown, show_selection

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty
 
-from ...r2sego_blender.bridge.show_proxy import show_proxy
+from ...r2sego_blender.bridge.proxy.show_proxy import show_proxy
 from .. import state
 from ..base import ReportingOperator, hint_if_hidden, needs_round
 from .properties import colour_shown, note_age

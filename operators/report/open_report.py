@@ -5,7 +5,7 @@ from pathlib import Path
 
 import bpy
 
-from ...r2sego_blender.errors import SceneError
+from ...r2sego_blender.core.errors import SceneError
 from .. import state
 from ..base import ReportingOperator, needs_bundle
 

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, FloatProperty, PointerProperty, StringProperty
 
-from ...r2sego_blender.bridge.report_scores import ReportScores, report_scores
+from ...r2sego_blender.results.panels.report_scores import ReportScores, report_scores
 
 
 class R2SEGO_PG_score(bpy.types.PropertyGroup):

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ...r2sego_blender.bridge import robot_playback
+from ...r2sego_blender.bridge.robot import robot_playback
 from .. import state
 from . import facts
 from .choose_robot import R2SEGO_OT_choose_robot

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from ...r2sego_blender.errors import R2SEgoError, RobotError
+from ...r2sego_blender.core.errors import R2SEgoError, RobotError
 from .. import state
 from ..base import told
 from .declaring import DeclaringOperator

@@ -3,8 +3,8 @@
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from ...r2sego_blender.errors import R2SEgoError, RobotError
-from ...r2sego_blender.robot.scope import shipped_scopes
+from ...r2sego_blender.core.errors import R2SEgoError, RobotError
+from ...r2sego_blender.robot.scope.scope import shipped_scopes
 from .. import state
 from ..base import told
 from .declaring import DeclaringOperator

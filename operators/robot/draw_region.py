@@ -3,10 +3,10 @@
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from ...r2sego_blender.bridge.scope_picking import floor_point
-from ...r2sego_blender.bridge.scope_rays import distance_px, is_over, mouse_ray
-from ...r2sego_blender.bridge.views_3d import redraw_views
-from ...r2sego_blender.robot.region import format_polygon, parse_polygon
+from ...r2sego_blender.bridge.robot.scope_picking import floor_point
+from ...r2sego_blender.bridge.shared.scope_rays import distance_px, is_over, mouse_ray
+from ...r2sego_blender.bridge.shared.views_3d import redraw_views
+from ...r2sego_blender.robot.scope.region import format_polygon, parse_polygon
 from ..view_tool import ViewTool
 from .declaring import DeclaringOperator
 

@@ -2,12 +2,12 @@
 
 import bpy
 
-from ...r2sego_blender.bridge.bundle import Bundle
-from ...r2sego_blender.bridge.robot_facts import RobotFacts
-from ...r2sego_blender.bridge.rollout_list import TRIAL, attempts, has_rollouts
-from ...r2sego_blender.bridge.views_3d import redraw_views
-from ...r2sego_blender.errors import R2SEgoError
-from ...r2sego_blender.robot.region import format_polygon
+from ...r2sego_blender.bridge.shared.views_3d import redraw_views
+from ...r2sego_blender.core.errors import R2SEgoError
+from ...r2sego_blender.results.panels.bundle import Bundle
+from ...r2sego_blender.results.panels.robot_facts import RobotFacts
+from ...r2sego_blender.results.panels.rollout_list import TRIAL, attempts, has_rollouts
+from ...r2sego_blender.robot.scope.region import format_polygon
 from .. import state
 
 

@@ -3,9 +3,9 @@
 import bpy
 from bpy.props import StringProperty
 
-from ...r2sego_blender.bridge.scope_picking import target_under
-from ...r2sego_blender.bridge.scope_rays import is_over, mouse_ray
-from ...r2sego_blender.errors import RobotError
+from ...r2sego_blender.bridge.robot.scope_picking import target_under
+from ...r2sego_blender.bridge.shared.scope_rays import is_over, mouse_ray
+from ...r2sego_blender.core.errors import RobotError
 from ..view_tool import ViewTool
 from .declaring import DeclaringOperator
 

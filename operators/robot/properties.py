@@ -11,7 +11,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from ...r2sego_blender.bridge.views_3d import redraw_views
+from ...r2sego_blender.bridge.shared.views_3d import redraw_views
 from . import facts
 
 

@@ -2,8 +2,8 @@
 
 import bpy
 
-from ...r2sego_blender.bridge.scope_outline import outline_of
-from ...r2sego_blender.robot.region import format_polygon
+from ...r2sego_blender.bridge.robot.scope_outline import outline_of
+from ...r2sego_blender.robot.scope.region import format_polygon
 from .declaring import DeclaringOperator
 
 

@@ -3,8 +3,8 @@
 import bpy
 from bpy.props import FloatProperty
 
-from ...r2sego_blender.bridge.robot_facts import RobotFacts
-from ...r2sego_blender.errors import R2SEgoError
+from ...r2sego_blender.core.errors import R2SEgoError
+from ...r2sego_blender.results.panels.robot_facts import RobotFacts
 from .. import state
 from ..base import told
 from .declaring import DeclaringOperator

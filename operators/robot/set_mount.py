@@ -8,9 +8,9 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, FloatProperty, FloatVectorProperty, StringProperty
 
-from ...r2sego_blender.bridge.robot_facts import RobotFacts
-from ...r2sego_blender.errors import R2SEgoError, RobotError
-from ...r2sego_blender.robot.scope import BehaviourScope
+from ...r2sego_blender.core.errors import R2SEgoError, RobotError
+from ...r2sego_blender.results.panels.robot_facts import RobotFacts
+from ...r2sego_blender.robot.scope.scope import BehaviourScope
 from .. import state
 from ..base import told
 from .declaring import DeclaringOperator

@@ -3,9 +3,9 @@
 import bpy
 from bpy.props import BoolProperty
 
-from ...r2sego_blender.bridge.rollout_list import attempts
-from ...r2sego_blender.bridge.show_robot import show_rollouts
-from ...r2sego_blender.errors import SceneError
+from ...r2sego_blender.bridge.robot.show_robot import show_rollouts
+from ...r2sego_blender.core.errors import SceneError
+from ...r2sego_blender.results.panels.rollout_list import attempts
 from .showing import ShowingOperator
 
 

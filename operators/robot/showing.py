@@ -2,9 +2,9 @@
 
 from bpy.props import BoolProperty, IntProperty
 
-from ...r2sego_blender.bridge.rollout_bodies import are_written
-from ...r2sego_blender.bridge.rollout_list import TRIAL
-from ...r2sego_blender.errors import R2SEgoError, SceneError
+from ...r2sego_blender.core.errors import R2SEgoError, SceneError
+from ...r2sego_blender.results.panels.rollout_bodies import are_written
+from ...r2sego_blender.results.panels.rollout_list import TRIAL
 from .. import state
 from ..base import EngineOperator, needs_bundle, told
 from .facts import round_of

@@ -2,9 +2,9 @@
 
 import bpy
 
-from ...r2sego_blender.bridge.engine_python import addon_preferences
-from ...r2sego_blender.bridge.faces_drawn import draw_fewer_faces_of_all
-from ...r2sego_blender.bridge.light_drawing import FACES_DRAWN, lighten_views
+from ...r2sego_blender.bridge.scene.faces_drawn import draw_fewer_faces_of_all
+from ...r2sego_blender.bridge.shared.engine_python import addon_preferences
+from ...r2sego_blender.bridge.shared.simplified_viewport import FACES_DRAWN, lighten_views
 from ..base import ReportingOperator
 
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
 
-from ...r2sego_blender.bridge.bundle import SUFFIX, Bundle
-from ...r2sego_blender.bridge.scene_choices import robot_choices, scope_choices
-from ...r2sego_blender.errors import CaptureError, SceneError
+from ...r2sego_blender.core.errors import CaptureError, SceneError
+from ...r2sego_blender.results.panels.bundle import SUFFIX, Bundle
+from ...r2sego_blender.results.panels.scene_choices import robot_choices, scope_choices
 from .. import state
 from ..base import EngineOperator, needs_idle_engine, needs_own_scene
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import bpy
 from bpy.props import CollectionProperty, StringProperty
 
-from ...r2sego_blender.bridge.bundle import SUFFIX
-from ...r2sego_blender.bridge.capture_files import PHOTOGRAPHS, capture_files
-from ...r2sego_blender.errors import R2SEgoError
+from ...r2sego_blender.captures.poses.dropped_files import PHOTOGRAPHS, capture_files
+from ...r2sego_blender.core.errors import R2SEgoError
+from ...r2sego_blender.results.panels.bundle import SUFFIX
 from ..base import needs_idle_engine, needs_own_scene, told
 
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import bpy
 from bpy.props import StringProperty
 
-from ...r2sego_blender.bridge.bundle import Bundle
-from ...r2sego_blender.errors import SceneError
-from ...r2sego_blender.scene_declaration import DECLARATION
+from ...r2sego_blender.bundle.declaration import DECLARATION
+from ...r2sego_blender.core.errors import SceneError
+from ...r2sego_blender.results.panels.bundle import Bundle
 from .. import state
 from ..base import ReportingOperator, needs_own_scene
 

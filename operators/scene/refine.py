@@ -2,8 +2,8 @@
 
 import bpy
 
-from ...r2sego_blender.bridge.scene_choices import what_refine_does
-from ...r2sego_blender.bridge.settings_properties import overrides
+from ...r2sego_blender.bridge.scene.settings_properties import overrides
+from ...r2sego_blender.results.panels.scene_choices import what_refine_does
 from .. import state
 from ..base import EngineOperator, needs_bundle, needs_idle_engine
 

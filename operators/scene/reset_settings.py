@@ -2,8 +2,8 @@
 
 import bpy
 
-from ...r2sego_blender.bridge.settings_properties import show_settings
-from ...r2sego_blender.settings import Settings
+from ...r2sego_blender.bridge.scene.settings_properties import show_settings
+from ...r2sego_blender.config.settings import Settings
 from ..base import ReportingOperator
 
 

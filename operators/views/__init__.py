@@ -2,7 +2,7 @@
 
 import bpy
 
-from ...r2sego_blender.bridge import view_scores
+from ...r2sego_blender.results.panels import view_scores
 from .. import state
 from . import display
 from .look_through_candidate import R2SEGO_OT_look_through_candidate

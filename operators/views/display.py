@@ -2,15 +2,15 @@
 
 import bpy
 
-from ...r2sego_blender.bridge.bundle import Bundle
-from ...r2sego_blender.bridge.show_candidates import (
+from ...r2sego_blender.bridge.views.show_candidates import (
     mark_candidate,
     recolour_candidates,
     show_candidates,
     shown_candidates,
 )
-from ...r2sego_blender.bridge.view_scores import RoundScores, remember, remembered_in
-from ...r2sego_blender.errors import R2SEgoError
+from ...r2sego_blender.core.errors import R2SEgoError
+from ...r2sego_blender.results.panels.bundle import Bundle
+from ...r2sego_blender.results.panels.view_scores import RoundScores, remember, remembered_in
 from .. import state
 
 

@@ -3,11 +3,11 @@
 import bpy
 from bpy.props import IntProperty
 
-from ...r2sego_blender.bridge.cameras import use_frame_of
-from ...r2sego_blender.bridge.preview_range import give_back
-from ...r2sego_blender.bridge.show_candidates import candidate_camera
-from ...r2sego_blender.bridge.view_scores import remembered_in
-from ...r2sego_blender.errors import SceneError
+from ...r2sego_blender.bridge.shared.cameras import use_frame_of
+from ...r2sego_blender.bridge.shared.preview_range import give_back
+from ...r2sego_blender.bridge.views.show_candidates import candidate_camera
+from ...r2sego_blender.core.errors import SceneError
+from ...r2sego_blender.results.panels.view_scores import remembered_in
 from ..base import ReportingOperator
 from .polls import needs_candidates
 

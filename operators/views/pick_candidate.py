@@ -4,15 +4,15 @@ import bpy
 from bpy.props import IntProperty
 from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
 
-from ...r2sego_blender.bridge.scope_rays import is_over
-from ...r2sego_blender.bridge.show_candidates import (
+from ...r2sego_blender.bridge.shared.scope_rays import is_over
+from ...r2sego_blender.bridge.views.show_candidates import (
     candidate_of_selection,
     candidate_on_ray,
     shown_candidates,
 )
-from ...r2sego_blender.bridge.view_chart import chart_in, covered_margins
-from ...r2sego_blender.bridge.view_scores import remembered_in
-from ...r2sego_blender.errors import SceneError
+from ...r2sego_blender.core.errors import SceneError
+from ...r2sego_blender.results.panels.view_chart import chart_in, covered_margins
+from ...r2sego_blender.results.panels.view_scores import remembered_in
 from ..base import ReportingOperator
 from ..view_tool import ViewTool
 from .polls import needs_candidates

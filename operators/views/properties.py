@@ -10,10 +10,10 @@ from bpy.props import (
     StringProperty,
 )
 
-from ...r2sego_blender.bridge.show_candidates import mark_candidate, shown_candidates
-from ...r2sego_blender.bridge.view_scores import remembered_in
-from ...r2sego_blender.bridge.views_3d import redraw_views
-from ...r2sego_blender.errors import R2SEgoError
+from ...r2sego_blender.bridge.shared.views_3d import redraw_views
+from ...r2sego_blender.bridge.views.show_candidates import mark_candidate, shown_candidates
+from ...r2sego_blender.core.errors import R2SEgoError
+from ...r2sego_blender.results.panels.view_scores import remembered_in
 from .. import state
 from . import display
 

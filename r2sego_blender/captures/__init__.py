@@ -1,1 +1,4 @@
-"""Captures: photographs with calibrated poses in the world frame."""
+"""Captures: photographs with calibrated poses in the world frame.
+
+Uses ``bundle``, ``config``, ``core`` and ``workers``. Begin with ``capture``, then ``importing``.
+"""

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..cameras import Camera
-from ..images import load_image, resize
-from .lens import Lens
+from ..core.cameras import Camera
+from ..core.images import load_image, resize
+from .lenses.lens import Lens
 
 
 @dataclass(frozen=True)

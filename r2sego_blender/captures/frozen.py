@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..errors import CaptureError
-from .cameras_json import read_frozen
+from ..core.errors import CaptureError
 from .capture import Capture
-from .photographs import ANY_SIZE_PX, posed_captures
+from .poses.cameras_json import read_frozen
+from .poses.photographs import ANY_SIZE_PX, posed_captures
 
 
 def load_frozen_views(path: Path, max_side_px: int = ANY_SIZE_PX) -> tuple[Capture, ...]:

@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import CaptureError
-from ..progress import SILENT, Progress
-from ..settings import CaptureSettings
-from . import json_fields as fields
-from .cameras_json import read_cameras_json
+from ..config.settings import CaptureSettings
+from ..core.errors import CaptureError
+from ..core.progress import SILENT, Progress
 from .capture import Capture
-from .colmap_model import COLMAP_FILES, find_model, read_colmap_model
-from .photographs import Photograph, captures_of
-from .polycam import UP, find_keyframes, lidar_depth, read_polycam
-from .sensor_depth import SensorDepth
-from .solving import solve_poses
-from .transforms_json import read_transforms_json
+from .poses import json_fields as fields
+from .poses.cameras_json import read_cameras_json
+from .poses.colmap_model import COLMAP_FILES, find_model, read_colmap_model
+from .poses.photographs import Photograph, captures_of
+from .poses.polycam import UP, find_keyframes, lidar_depth, read_polycam
+from .poses.transforms_json import read_transforms_json
+from .sensors.sensor_depth import SensorDepth
+from .solving.solving import solve_poses
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import CaptureError
-from ..images import load_image_uint8, resize_nearest
+from ..core.errors import CaptureError
+from ..core.images import load_image_uint8, resize_nearest
 from .capture import Capture
 
 FOLDER = "masks"

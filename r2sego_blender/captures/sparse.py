@@ -14,17 +14,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..arrays import opened_arrays, require_finite, require_shapes, save_arrays
-from ..cameras import Camera
-from ..errors import CaptureError
-from ..progress import SILENT, Progress
-from ..scratch import ScratchFolder
-from ..settings import CaptureSettings
+from ..config.settings import CaptureSettings
+from ..core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
+from ..core.cameras import Camera
+from ..core.errors import CaptureError
+from ..core.progress import SILENT, Progress
+from ..core.scratch import ScratchFolder
 from ..workers.child import call_in_child
 from .capture import Capture
 from .colmap import load_pycolmap
-from .features import Features, sift
-from .overlap import Pairs, load_matches, match_known_poses, save_matches, write_database
+from .matching.features import Features, sift
+from .matching.overlap import Pairs, load_matches, match_known_poses, save_matches, write_database
 
 USUAL_DEPTH_M = 2.5
 """Distance from a camera to what it sees indoors, for tolerances before the scale is known."""

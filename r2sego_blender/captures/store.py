@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ..cameras import Camera
-from ..errors import CaptureError
-from ..images import save_image
-from ..text_files import write_json
+from ..core.cameras import Camera
+from ..core.errors import CaptureError
+from ..core.images import save_image
+from ..core.text_files import write_json
 from .capture import Capture
-from .colmap_model import save_colmap_model
-from .json_fields import entries, read_json
-from .lens import Lens
+from .lenses.lens import Lens
+from .poses.colmap_model import save_colmap_model
+from .poses.json_fields import entries, read_json
 from .sparse import SparsePoints
 
 

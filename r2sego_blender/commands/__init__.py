@@ -1,1 +1,4 @@
-"""The commands of ``r2sego``, by what they are about; ``cli`` puts them in one tree."""
+"""The command tree ``r2sego``, a file for what the commands are about.
+
+Uses everything but ``bridge``; holds none of the method. Begin with ``cli``.
+"""

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..asset_stages import FINAL, PASSES, Stage, stage_named
-from ..errors import AssetError
-from ..layout import REFINED_ASSET
-from ..progress import JsonProgress, Progress
-from ..scene import Scene
-from ..world_frame import require_present_frame
+from ..bundle.asset_stages import FINAL, PASSES, Stage, stage_named
+from ..bundle.layout import REFINED_ASSET
+from ..bundle.scene import Scene
+from ..bundle.stale import require_present_frame
+from ..core.errors import AssetError
+from ..core.progress import JsonProgress, Progress
 from .options import ANY_PATH, FOLDER, json_progress, progress_of, show, tell
 
 if TYPE_CHECKING:
@@ -52,9 +52,9 @@ def render(
     Writes a PNG for each camera and pass; alpha, depth (metres, 0 where nothing is) and normals (in the
     world) also as exact numbers in a camera's .npz.
     """
-    from ..splat_start import cameras_of_poses, holds_poses
-    from ..splats.formats import load_asset
-    from ..splats.pictures import load_cameras, save_pictures
+    from ..refine.splat_start import cameras_of_poses, holds_poses
+    from ..splats.formats.registry import load_asset
+    from ..splats.rendering.pictures import load_cameras, save_pictures
 
     progress = progress_of(context, as_json)
     # A scene's world is another than that of the poses it was made of.
@@ -110,7 +110,7 @@ def edit_asset(
     FILE is JSON: of --box it holds world_from_box (4x4) and half_extents (3); of --lasso camera,
     polygon_px, near_m and far_m; of --cells grid_from_world (4x4) and cells (K x 3).
     """
-    from ..asset_edits import (
+    from ..splats.asset_edits import (
         AssetEdit,
         edit_file,
         load_edits,
@@ -157,7 +157,7 @@ def _present_asset(scene: Scene, name: str) -> SplatAsset:
 
 def _asset(stage: Stage) -> SplatAsset:
     """A bundle's asset at a stage, with the backdrop behind it."""
-    from ..splats.ply import load_made
+    from ..splats.formats.ply import load_made
 
     asset = load_made(stage.file)
     if stage.backdrop is None:
@@ -167,8 +167,8 @@ def _asset(stage: Stage) -> SplatAsset:
 
 def _publish_again(scene: Scene, progress: Progress) -> None:
     """The final asset anew; of a refinement that was cut off, made of its newest round."""
-    from ..layout import of_round
-    from ..steps import Steps
+    from ..bundle.layout import of_round
+    from ..refine.steps import Steps
 
     last = _last_round(scene)
     if last >= 0:
@@ -183,8 +183,8 @@ def _last_round(scene: Scene) -> int:
 
 def _described(scene: Scene) -> dict[str, Any]:
     """The edits, and what they delete of the final asset."""
-    from ..asset_edits import deleted_by, load_edits
-    from ..splats.ply_vertices import vertex_count
+    from ..splats.asset_edits import deleted_by, load_edits
+    from ..splats.formats.ply_vertices import vertex_count
 
     edits = load_edits(scene.path)
     listed = [{"name": e.name, "regions": [r.to_json()["kind"] for r in e.regions]} for e in edits]

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import importlib
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import click
 
-from ..benchmarks import defaults
-from ..named_settings import PRESETS
+from ..config.presets import PRESETS
+from ..core.errors import MachineError
+from . import bench_defaults as defaults
 from .options import ANY_PATH, FOLDER, Commands, overrides_of, progress_of, settings_option
 
 
@@ -20,15 +23,26 @@ def bench() -> None:
 
 
 def _measure(name: str, context: click.Context, file: Path | None, **given: Any) -> None:
-    """Run ``benchmarks.<name>`` with the options given, tell its figures, and write them to ``file``."""
-    from ..benchmarks.figures import write_figures
-
-    benchmark = importlib.import_module(f"..benchmarks.{name}", __package__)
+    """Run ``tools.benchmarks.<name>`` with the options given, tell its figures, write them to ``file``."""
+    benchmark = _of_checkout(name)
     chosen = {option: value for option, value in given.items() if value is not None}
     figures = getattr(benchmark, f"bench_{name}")(**chosen, progress=progress_of(context, as_json=False))
     click.echo("\n".join(benchmark.lines(figures)))
     if file is not None:
-        write_figures(file, figures)
+        _of_checkout("figures").write_figures(file, figures)
+
+
+def _of_checkout(name: str) -> ModuleType:
+    """``tools.benchmarks.<name>``: measuring is no part of the library, a checkout holds it beside it."""
+    root = Path(__file__).resolve().parents[2]
+    if not (root / "tools" / "benchmarks").is_dir():
+        raise MachineError(
+            "the benchmarks are not installed with the library", where=root,
+            cure="Run `r2sego bench` from a checkout, after `make install`.",
+        )  # fmt: skip
+    if str(root) not in sys.path:
+        sys.path.insert(0, str(root))
+    return importlib.import_module(f"tools.benchmarks.{name}")
 
 
 _figures_file = click.option("--json", "file", type=ANY_PATH, help="Write the figures to this file.")

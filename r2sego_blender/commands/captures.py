@@ -8,9 +8,9 @@ from typing import Any
 import click
 import numpy as np
 
-from ..errors import SettingsError
-from ..progress import JsonProgress
-from ..scene import Scene
+from ..bundle.scene import Scene
+from ..core.errors import SettingsError
+from ..core.progress import JsonProgress
 from .options import ANY_PATH, direction_of, json_progress, progress_of, scale_of, scale_options, tell
 
 
@@ -52,9 +52,9 @@ def register(
     SCENE/report/ground shows where the floor was found. Pixels are those of SCENE/captures/images, from
     the upper left corner.
     """
-    from ..captures.floor_points import FloorPoint
-    from ..captures.picks import Picks
-    from ..correction import correct_by_picks, correct_registration, correct_to_frame, undo_correction
+    from ..captures.frame.floor_points import FloorPoint
+    from ..captures.frame.picks import Picks
+    from ..editing.correction import correct_by_picks, correct_registration, correct_to_frame, undo_correction
 
     progress = progress_of(context, as_json)
     single = (

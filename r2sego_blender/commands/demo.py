@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from ..named_settings import PRESETS
+from ..config.presets import PRESETS
 from .options import ANY_PATH, json_progress, overrides_of, progress_of, settings_option, tell
 
 
@@ -25,7 +25,7 @@ def demo(
 
     It takes some minutes, with --preset paper 15 and more.
     """
-    from ..demo_scene import make_demo_scene
+    from .demo_scene import make_demo_scene
 
     progress = progress_of(context, as_json)
     made = make_demo_scene(scene, preset, overrides_of(overrides), progress)

@@ -9,8 +9,8 @@ from typing import Any
 
 import click
 
-from ..errors import SettingsError
-from ..progress import JsonProgress, Progress, TerminalProgress
+from ..core.errors import SettingsError
+from ..core.progress import JsonProgress, Progress, TerminalProgress
 
 FOLDER = click.Path(file_okay=False, path_type=Path)
 ANY_PATH = click.Path(path_type=Path)
@@ -110,7 +110,7 @@ def scale_of(
     command: str,
 ) -> Any:
     """The scale the options give; None without any."""
-    from ..captures.scale import Scale
+    from ..captures.frame.scale import Scale
 
     given = [option for option in (known_length, marker_side, camera_height, depth) if option is not None]
     if len(given) > 1:
@@ -122,8 +122,8 @@ def scale_of(
     if depth is not None:
         return Scale.depth(depth)
     if camera_height == "robot":
-        from ..robot.model import RobotModel
-        from ..robot.scope import BehaviourScope
+        from ..robot.model.model import RobotModel
+        from ..robot.scope.scope import BehaviourScope
 
         eye = RobotModel.load(*BehaviourScope.load(scope).robot_for(robot))
         return Scale.camera_height(eye.eye_height_m, "robot's eye")

@@ -8,10 +8,10 @@ from typing import Any
 
 import click
 
-from ..named_settings import PRESETS
-from ..reading import read_beside_jobs
-from ..scene import Scene
-from ..whole_files import is_replacing
+from ..bundle.reading import read_beside_jobs
+from ..bundle.scene import Scene
+from ..config.presets import PRESETS
+from ..core.atomic_files import is_replacing
 from .options import (
     ANY_PATH,
     FOLDER,
@@ -59,7 +59,7 @@ def objects(scene: Path, as_json: bool, **given: Any) -> None:
     An object's mesh, aligned to what was observed of it, completes what no photograph shows. Without
     options it only says. Masks are PNG files called as the photographs.
     """
-    from ..object_priors import declare_objects, describe_objects, lines
+    from ..editing.object_priors import declare_objects, describe_objects, lines
 
     opened = Scene.open(scene)
     if any(given.values()):
@@ -92,8 +92,8 @@ def edit_proxy(
     context: click.Context, scene: Path, only_list: bool, as_object: bool, as_json: bool, **given: Any
 ) -> None:
     """Cut faces of SCENE's proxy away or draw surfaces; the next refine redoes what depends on it."""
-    from ..proxy_edits import describe_edits, lines
-    from ..proxy_edits import edit_proxy as change
+    from ..editing.proxy_edits import describe_edits, lines
+    from ..editing.proxy_edits import edit_proxy as change
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)
@@ -115,7 +115,7 @@ def coverage(
 
     The counts stand in rounds/L/coverage.
     """
-    from ..coverage_report import lines, measure_coverage
+    from ..results.coverage_report import lines, measure_coverage
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)
@@ -140,7 +140,7 @@ def plan(
     as_json: bool,
 ) -> None:
     """Say which steps the next refine of SCENE would run again; runs and writes nothing."""
-    from ..plan import describe_plan, lines, plan_refinement
+    from ..results.plan import describe_plan, lines, plan_refinement
 
     progress = progress_of(context, as_json)
     changes = overrides_of(overrides)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import click
 
-from ..layout import REPORT_PAGE
-from ..named_settings import with_overrides
-from ..scene import Scene
+from ..bundle.layout import REPORT_PAGE
+from ..bundle.scene import Scene
+from ..config.presets import with_overrides
 from .options import ANY_PATH, FOLDER, json_progress, overrides_of, progress_of, settings_option, tell
 
 
@@ -61,7 +61,7 @@ def export(
     asset.ply, collision/ (MJCF, URDF, SDF, USD, OBJ, STL, GLB), proxy.ply, cameras.json, and about.txt,
     which says what each file is.
     """
-    from ..export import export_scene
+    from ..results.export import export_scene
 
     progress = progress_of(context, as_json)
     suffixes = [f".{name.strip().lower().lstrip('.')}" for name in splats.split(",") if name.strip()]
@@ -100,7 +100,7 @@ def texture(
     as_json: bool,
 ) -> None:
     """Write SCENE's proxy as one mesh with a texture baked from the captures."""
-    from ..texture import texture_scene
+    from ..results.texture import texture_scene
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)
@@ -124,7 +124,7 @@ def check_collision(context: click.Context, scene: Path, as_object: bool, as_jso
 
     Ends with status 1 where that fails; with --json-progress the result says it.
     """
-    from ..collision_report import check_scene, lines
+    from ..results.collision_report import check_scene, lines
 
     progress = progress_of(context, as_json)
     report = check_scene(Scene.open(scene), progress)

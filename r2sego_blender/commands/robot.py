@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ..scene import Scene
+from ..bundle.scene import Scene
 from .options import ANY_PATH, json_progress, overrides_of, progress_of, round_option, show, tell
 
 
@@ -50,10 +50,10 @@ def robot(
 
     Without options it only says. Fields that are changed go to a scope file of the bundle's own.
     """
-    from ..robot.region import parse_polygon
-    from ..robot.scope import FREE_FLOOR
-    from ..robot.scope_file import value_of
-    from ..robot_declaration import declare_robot, describe_robot, lines, sitting_on
+    from ..editing.robot_declaration import declare_robot, describe_robot, lines, sitting_on
+    from ..robot.scope.region import parse_polygon
+    from ..robot.scope.scope import FREE_FLOOR
+    from ..robot.scope.scope_file import value_of
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)
@@ -77,7 +77,7 @@ def robot_bodies(context: click.Context, scene: Path, round_index: int | None, a
 
     They stand in rounds/L/bodies.
     """
-    from ..robot_bodies import export_bodies
+    from ..results.robot_bodies import export_bodies
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)
@@ -97,8 +97,8 @@ def try_rollouts(context: click.Context, scene: Path, attempts: int, as_json: bo
 
     The attempts are kept in robot/trial, until the next trial.
     """
-    from ..trial_rollouts import TRIAL
-    from ..trial_rollouts import try_rollouts as run
+    from ..editing.trial_rollouts import TRIAL
+    from ..editing.trial_rollouts import try_rollouts as run
 
     progress = progress_of(context, as_json)
     opened = Scene.open(scene)

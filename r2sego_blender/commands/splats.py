@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ..named_settings import MANY_PHOTOGRAPHS, VANILLA_3DGS
+from ..config.presets import MANY_PHOTOGRAPHS, VANILLA_3DGS
 from .options import ANY_PATH, json_progress, overrides_of, progress_of, settings_option, tell
 
 
@@ -50,7 +50,7 @@ def train(
     640 pixels a side, with 150000 Gaussians at most in 5000 steps: for more give --gaussians,
     --steps and --set captures.max_side_px=1600.
     """
-    from ..splat_training import settings_of, train_on_photographs
+    from ..evaluation.splat_training import settings_of, train_on_photographs
 
     progress = progress_of(context, as_json)
     short = {"training.steps_per_round": "steps", "training.max_gaussians": "gaussians", "seed": "seed"}
@@ -75,7 +75,7 @@ def convert(source: Path, target: Path) -> None:
 
     .ply (SuperSplat's compressed one is read too), .splat, .spz, .glb, .gltf, .usd, .usda, .usdc, .usdz.
     """
-    from ..splats.formats import load_asset, save_asset
+    from ..splats.formats.registry import load_asset, save_asset
 
     asset = load_asset(source)
     save_asset(target, asset)

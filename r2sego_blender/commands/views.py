@@ -7,9 +7,9 @@ from typing import Any
 
 import click
 
-from ..errors import GenerationError, SettingsError
+from ..bundle.scene import Scene
+from ..core.errors import GenerationError, SettingsError
 from ..generation.view_records import decide, read_views
-from ..scene import Scene
 from .options import ANY_PATH, json_progress, progress_of, round_option, show
 
 

@@ -1,1 +1,4 @@
-"""Scoring on frozen views: baselines, metrics, figures and the report."""
+"""Scoring on frozen views: baselines, metrics, figures and the report.
+
+Uses ``results`` and what that stands on. Begin with ``scene_evaluation``.
+"""

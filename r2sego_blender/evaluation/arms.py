@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ..layout import INITIAL_ASSET, REFINED_ASSET
+from ..bundle.layout import INITIAL_ASSET, REFINED_ASSET
 
 REFINED = "refined"
 VANILLA_ASSET = "report/vanilla_3dgs.ply"

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..cameras import Camera
-from ..generation.visibility import depth_edges
+from ..core.cameras import Camera
+from ..generation.generators.visibility import depth_edges
 
 CAUSES = ("wrong_depth", "never_seen", "edges", "appearance")
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from ..cameras import Camera
-from ..geometry.proxy import PROVENANCE_COLOURS, GeometryProxy, Provenance
-from ..geometry.rasterizer import MeshRasterizer
-from ..images import resize, to_uint8
+from ..core.cameras import Camera
+from ..core.images import resize, to_uint8
+from ..geometry.proxy.proxy import PROVENANCE_COLOURS, GeometryProxy, Provenance
+from ..geometry.visibility.rasterizer import MeshRasterizer
 
 BACKGROUND = (0.965, 0.957, 0.941)
 CAPTURE_INK = (40, 62, 92)

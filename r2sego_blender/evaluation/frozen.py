@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..cameras import Camera
 from ..captures.capture import Capture
-from ..errors import CaptureError
-from ..images import to_uint8
-from ..progress import SILENT, Progress
+from ..core.cameras import Camera
+from ..core.errors import CaptureError
+from ..core.images import to_uint8
+from ..core.progress import SILENT, Progress
 from ..splats.metrics import psnr, ssim
 from .lpips import find_lpips
 

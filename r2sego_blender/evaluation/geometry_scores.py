@@ -9,9 +9,9 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-from ..cameras import rotation_angle_rad
-from ..errors import EvaluationError
-from ..images import resize_nearest
+from ..core.cameras import rotation_angle_rad
+from ..core.errors import EvaluationError
+from ..core.images import resize_nearest
 from .ground_truth import GroundTruth
 
 DEPTH_TOLERANCE = 0.03

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arrays import opened_arrays, save_arrays
-from ..cameras import Camera
-from ..captures.cameras_json import read_cameras_json
-from ..captures.photographs import ANY_SIZE_PX, Photograph, captures_of
-from ..errors import EvaluationError
-from ..layout import mask_stems
+from ..bundle.layout import mask_stems
+from ..captures.poses.cameras_json import read_cameras_json
+from ..captures.poses.photographs import ANY_SIZE_PX, Photograph, captures_of
+from ..core.arrays import opened_arrays, save_arrays
+from ..core.cameras import Camera
+from ..core.errors import EvaluationError
 
 TRUE_MESH = "room.npz"
 """The file of the true surface, beside the ``cameras.json`` in whose frame it is."""

@@ -25,7 +25,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..whole_files import write_whole
+from ..core.atomic_files import write_whole
 from .frozen import ArmScore, rounded
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
-from ..layout import REPORT_PAGE
-from ..whole_files import UNFINISHED, rename, write_whole
+from ..bundle.layout import REPORT_PAGE
+from ..core.atomic_files import UNFINISHED, rename, write_whole
 from .charts import candidate_chart, round_chart
 from .figures import PROVENANCE_COLOURS, save_figure
 from .report_data import Picture, ReportData

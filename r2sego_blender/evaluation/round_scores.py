@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ..bundle.layout import BACKDROP, of_round
+from ..bundle.scene import Scene
 from ..captures.capture import Capture
-from ..errors import R2SEgoError
-from ..layout import BACKDROP, of_round
-from ..progress import SILENT, Progress
-from ..scene import Scene
+from ..core.errors import R2SEgoError
+from ..core.progress import SILENT, Progress
 from ..splats.asset import SplatAsset
-from ..splats.ply import load_ply
-from ..splats.rasterizer import render
+from ..splats.formats.ply import load_ply
+from ..splats.rendering.rasterizer import render
 from .frozen import rounded, score
 
 

@@ -15,15 +15,15 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ..cameras import Camera
+from ..bundle.layout import of_round
+from ..bundle.scene import Scene
 from ..captures.capture import Capture
 from ..captures.store import load_captures
-from ..errors import EvaluationError
-from ..geometry.proxy import GeometryProxy
-from ..geometry.rasterizer import MeshRasterizer
-from ..layout import of_round
-from ..progress import SILENT, Progress
-from ..scene import Scene
+from ..core.cameras import Camera
+from ..core.errors import EvaluationError
+from ..core.progress import SILENT, Progress
+from ..geometry.proxy.proxy import GeometryProxy
+from ..geometry.visibility.rasterizer import MeshRasterizer
 from .error_causes import EDGE_PX, CauseShares, near_edges, seen_by_captures, split
 from .frozen import rounded
 from .ground_truth import TRUE_MESH, load_true_mesh

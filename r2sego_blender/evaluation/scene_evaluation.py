@@ -12,25 +12,25 @@ from typing import Any
 
 import numpy as np
 
-from ..cameras import Camera, rotation_angle_rad
+from ..bundle.layout import CAPTURES, DEPTH, OBSERVED, REFINED_ASSET, SPARSE, capture_files, of_round
+from ..bundle.scene import Scene
+from ..bundle.stale import require_present_frame
 from ..captures.capture import Capture, DecodedCapture
 from ..captures.frozen import load_frozen_views
-from ..captures.locating import locate_views
+from ..captures.solving.locating import locate_views
 from ..captures.sparse import SparsePoints
 from ..captures.store import load_captures
-from ..errors import R2SEgoError, SceneError
-from ..geometry.observed import ObservedGeometry
-from ..geometry.stereo import DepthMap
-from ..layout import CAPTURES, DEPTH, OBSERVED, REFINED_ASSET, SPARSE, capture_files, of_round
-from ..named_settings import VANILLA_3DGS
-from ..progress import SILENT, Progress
-from ..scene import Scene
+from ..config.presets import VANILLA_3DGS
+from ..core.cameras import Camera, rotation_angle_rad
+from ..core.errors import R2SEgoError, SceneError
+from ..core.progress import SILENT, Progress
+from ..geometry.stereo.observed import ObservedGeometry
+from ..geometry.stereo.stereo import DepthMap
+from ..refine.visual_asset import vanilla_asset
 from ..splats.asset import SplatAsset
-from ..splats.observations import Observation
-from ..splats.ply import load_made, save_ply
-from ..splats.rasterizer import render
-from ..visual_asset import vanilla_asset
-from ..world_frame import require_present_frame
+from ..splats.formats.ply import load_made, save_ply
+from ..splats.rendering.rasterizer import render
+from ..splats.training.observations import Observation
 from . import round_scores, scene_causes
 from .arms import ARMS, REFINED, VANILLA_ASSET
 from .cause_figures import report_causes

@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from ..bundle.layout import REPORT_PAGE, of_round
+from ..bundle.scene import Scene
 from ..captures.capture import Capture
 from ..captures.store import load_captures
-from ..generation.condition_files import load_conditions
+from ..config.presets import entries
+from ..generation.conditions.condition_files import load_conditions
 from ..generation.view_records import ViewRecord, read_views
-from ..geometry.proxy import GeometryProxy, Provenance
-from ..layout import REPORT_PAGE, of_round
-from ..named_settings import entries
-from ..robot.rollouts import load_rollouts
-from ..scene import Scene
-from ..selection import Selection, load_candidates
-from ..status import robot_in_use, scores_hold
+from ..geometry.proxy.proxy import GeometryProxy, Provenance
+from ..results.status import robot_in_use, scores_hold
+from ..robot.rollouts.rollouts import load_rollouts
+from ..views.selection import Selection, load_candidates
 from .arms import ARMS
 from .figures import camera_map, depth_picture, top_view
 from .frozen import ArmScore

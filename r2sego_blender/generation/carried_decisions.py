@@ -11,7 +11,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ..errors import GenerationError
+from ..core.errors import GenerationError
 from .decisions import DECISION, decision_of, save_decision
 
 _WORDS = {True: "accepted", False: "rejected"}

@@ -10,8 +10,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from ..errors import GenerationError
-from ..whole_files import write_whole
+from ..core.atomic_files import write_whole
+from ..core.errors import GenerationError
 
 DECISION = "decision.json"
 _CURE = 'Delete the file, or write {"accepted": true, "by": "hand"} or false into it.'

@@ -13,22 +13,22 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from ..cameras import Camera
 from ..captures.capture import Capture
-from ..errors import CaptureError, GenerationError
-from ..images import load_image, save_image, to_uint8
-from ..progress import SILENT, Progress
-from ..selection import Selection
-from ..settings import Settings
-from ..text_files import write_json
-from .condition_files import save_conditions
-from .conditions import Condition, Renderer
+from ..config.settings import Settings
+from ..core.cameras import Camera
+from ..core.errors import CaptureError, GenerationError
+from ..core.images import load_image, save_image, to_uint8
+from ..core.progress import SILENT, Progress
+from ..core.text_files import write_json
+from ..views.selection import Selection
+from .conditions.condition_files import save_conditions
+from .conditions.conditions import Condition, Renderer
+from .conditions.point_condition import PointConditions
 from .decisions import is_accepted
-from .detours import ClearSpace
-from .generator import Frame, Generator
-from .paths import camera_path, reference_from_frame
-from .point_condition import PointConditions
-from .registration import Landmarks, RegisteredFrame, hopeless, register_frame
+from .generators.slot import Frame, Generator
+from .paths.detours import ClearSpace
+from .paths.paths import camera_path, reference_from_frame
+from .registration.frame_registration import Landmarks, RegisteredFrame, hopeless, register_frame
 
 _CLIP_FRAME_MS = 80
 _CLIP_LAST_MS = 1200  # the kept frame rests before the clip starts again

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import GenerationError
+from ..core.errors import GenerationError
 from .decisions import decision_of, save_decision
 
 _WORDS = {True: "accepted by hand", False: "rejected by hand"}

@@ -1,1 +1,4 @@
-"""The visual asset: 3D Gaussian splats, their kernels, training, files and metrics."""
+"""The visual asset A: 3D Gaussian splats, their kernels, training and files.
+
+Uses ``config`` and ``core``, and the bundle's paths for what people delete. Begin with ``asset``.
+"""

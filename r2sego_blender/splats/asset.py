@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import AssetError
+from ..core.errors import AssetError
 from .harmonics import SH_BAND_0, degree_of, rotated_coefficients
 from .quaternions import from_rotation, product
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import AssetError
+from ..core.errors import AssetError
 
 SH_BAND_0 = 0.28209479177387814
 """The constant harmonic: colour = SH_BAND_0 * sh[:, 0] + 0.5."""

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..cameras import Camera
-from ..errors import AssetError
+from ..core.cameras import Camera
+from ..core.errors import AssetError
 
 _LARGEST_CELL = 1 << 20
 """Cells are numbered from minus this to this along each axis, so that three fit into 64 bits."""

@@ -1,1 +1,4 @@
-"""What runs in a process of its own: native code that can abort, and learned models."""
+"""What runs in a process of its own: native code that can abort, learned models, jobs of Blender.
+
+Uses ``core``. Begin with ``child`` and ``jobs``.
+"""

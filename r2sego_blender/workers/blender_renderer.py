@@ -1,7 +1,7 @@
 """A Blender without a window that stays, and renders structural conditions on request.
 
 It is the Blender a person names or, where none is named, pip's bpy in this interpreter.
-The other side is ``bridge.render_service``.
+The other side is ``bridge.generation.render_service``.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from .. import errors
-from ..cameras import Camera
-from ..errors import MachineError, NativeError
-from .by_place import IMPORT_LIBRARY, LIBRARY
+from ..core import errors
+from ..core.cameras import Camera
+from ..core.errors import MachineError, NativeError
 from .child import RUNNING, forget
+from .library_path import IMPORT_LIBRARY, LIBRARY
 
 FRAME_LIMIT_S = 600.0
 """Silence after which a Blender counts as hung, seconds: EEVEE first compiles its shaders."""
@@ -183,7 +183,7 @@ def shared_worker(blender: str = "") -> BlenderWorker:
 
 def _command(blender: str) -> list[str]:
     """Raises MachineError when the named Blender, or bpy, is not there."""
-    serve = f"{IMPORT_LIBRARY}\nfrom {LIBRARY.name}.bridge.render_service import serve\nserve()\n"
+    serve = f"{IMPORT_LIBRARY}\nfrom {LIBRARY.name}.bridge.generation.render_service import serve\nserve()\n"
     if not blender:
         if importlib.util.find_spec("bpy") is None:
             raise MachineError(

@@ -8,7 +8,7 @@ import signal
 import socket
 import threading
 
-from ..scratch import remove_scratch
+from ..core.scratch import remove_scratch
 from .child import kill_children
 
 

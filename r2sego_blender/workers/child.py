@@ -18,10 +18,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..errors import NativeError, R2SEgoError
-from ..scratch import ScratchFolder
-from ..text_files import write_text
-from .by_place import IMPORT_LIBRARY, LIBRARY, environment_elsewhere
+from ..core.errors import NativeError, R2SEgoError
+from ..core.scratch import ScratchFolder
+from ..core.text_files import write_text
+from .library_path import IMPORT_LIBRARY, LIBRARY, environment_elsewhere
 from .processes import die_with_parent
 
 _PACKAGE = __package__.rpartition(".")[0]
@@ -118,7 +118,7 @@ def _environment(python: str, folder: str) -> dict[str, str]:
 
 
 def _error_class(name: str) -> type[R2SEgoError]:
-    from .. import errors
+    from ..core import errors
 
     return getattr(errors, name, NativeError)
 

@@ -13,9 +13,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..cameras import Camera
-from ..errors import R2SEgoError, of_file
-from ..progress import JsonProgress, Progress
+from ..core.cameras import Camera
+from ..core.errors import R2SEgoError, of_file
+from ..core.progress import JsonProgress, Progress
 from .blender_renderer import BlenderWorker
 
 

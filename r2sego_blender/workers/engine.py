@@ -16,7 +16,7 @@ import threading
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from ..errors import MachineError
+from ..core.errors import MachineError
 from .processes import NO_WINDOW
 
 LIBRARY = Path(__file__).resolve().parents[1]

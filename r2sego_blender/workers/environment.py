@@ -21,8 +21,8 @@ import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from ..errors import MachineError, R2SEgoError, of_file
-from ..progress import JsonProgress, Progress
+from ..core.errors import MachineError, R2SEgoError, of_file
+from ..core.progress import JsonProgress, Progress
 from .processes import DYING_WITH_PARENT
 
 PROJECT_FILE = Path(__file__).resolve().parents[2] / "pyproject.toml"

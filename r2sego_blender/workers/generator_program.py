@@ -19,10 +19,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Any
 
-from ..errors import GenerationError, MachineError, NativeError
-from .by_place import environment_elsewhere
+from ..core.errors import GenerationError, MachineError, NativeError
 from .child import RUNNING, forget
-from .elsewhere import PROTOCOL
+from .external_environment import PROTOCOL
+from .library_path import environment_elsewhere
 from .processes import DYING_WITH_PARENT, end_tree, group_of_its_own
 
 COMMAND_VARIABLE = "R2SEGO_GENERATOR"

@@ -33,8 +33,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import MachineError, R2SEgoError, SceneError
-from ..progress import JOB_FOLDER_VARIABLE
+from ..core.errors import MachineError, R2SEgoError, SceneError
+from ..core.progress import JOB_FOLDER_VARIABLE
 from .engine import COMMAND_NAME, GOING_ON, LIBRARY, engine_environment
 from .processes import birth, group_of_its_own
 from .supervisor import (

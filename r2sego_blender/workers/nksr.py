@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..errors import MachineError
+from ..core.errors import MachineError
 from .child import call_in_child
-from .elsewhere import named_python, require_gpu
+from .external_environment import named_python, require_gpu
 
 PYTHON_VARIABLE = "R2SEGO_NKSR_PYTHON"
 _CURE = (

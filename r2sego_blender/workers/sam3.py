@@ -18,10 +18,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import MachineError, NativeError
-from ..scratch import ScratchFolder
+from ..core.errors import MachineError, NativeError
+from ..core.scratch import ScratchFolder
 from .child import call_in_child
-from .elsewhere import (
+from .external_environment import (
     PROTOCOL,
     accepted_version,
     checked_request,
@@ -61,7 +61,7 @@ def segment_elsewhere(
     Raises MachineError when there is no such environment or SAM 3 is not in it, NativeError
     when it ends without a whole result.
     """
-    from ..images import load_image_uint8, save_image
+    from ..core.images import load_image_uint8, save_image
 
     python = named_python(PYTHON_VARIABLE, _NAME, "--segment", _CURE)
     with ScratchFolder() as folder:

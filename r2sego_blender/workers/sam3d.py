@@ -20,9 +20,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import MachineError, NativeError
+from ..core.errors import MachineError, NativeError
 from .child import call_in_child
-from .elsewhere import (
+from .external_environment import (
     PROTOCOL,
     accepted_version,
     checked_request,
@@ -56,7 +56,7 @@ def generate_shapes_elsewhere(
     MachineError when there is no such environment or the model is not in it, NativeError when
     it ends without a whole result.
     """
-    from ..images import save_image
+    from ..core.images import save_image
 
     python = named_python(PYTHON_VARIABLE, _NAME, "--generate", _CURE)
     repository = Path(os.environ.get(REPOSITORY_VARIABLE, ""))

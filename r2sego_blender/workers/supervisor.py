@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from ..whole_files import write_whole
+from ..core.atomic_files import write_whole
 from .processes import (
     DYING_WITH_PARENT,
     birth,

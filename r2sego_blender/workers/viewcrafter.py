@@ -12,8 +12,8 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from ..errors import MachineError
-from .elsewhere import named_python
+from ..core.errors import MachineError
+from .external_environment import named_python
 from .viewcrafter_program import FRAMES
 
 PYTHON_VARIABLE = "R2SEGO_VIEWCRAFTER_PYTHON"

@@ -10,7 +10,7 @@ from pathlib import Path
 import fake_bundle
 import pytest
 
-from r2sego_blender.bridge.script import run_script
+from r2sego_blender.commands.scripts import run_script
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
@@ -73,7 +73,7 @@ def test_a_script_that_is_terminated_leaves_what_it_runs():
     """A job that it waits for is stopped on the way out (``Job.wait``)."""
     waiting = (
         "import time\n"
-        "from r2sego_blender.bridge.script import run_script\n"
+        "from r2sego_blender.commands.scripts import run_script\n"
         "def main(arguments):\n"
         "    try:\n"
         "        print('begun', flush=True)\n"

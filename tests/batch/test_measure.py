@@ -10,8 +10,8 @@ import pytest
 
 from r2sego_blender.captures.frozen import load_frozen_views
 from r2sego_blender.captures.importing import import_captures
-from r2sego_blender.images import image_files
-from r2sego_blender.settings import CaptureSettings
+from r2sego_blender.config.settings import CaptureSettings
+from r2sego_blender.core.images import image_files
 
 ROOT = Path(__file__).parents[2]
 _spec = importlib.util.spec_from_file_location("measure", ROOT / "batch" / "measure.py")

@@ -1,15 +1,12 @@
 """bpy's own files go to a folder of their own; a small bundle for every test here."""
 
 import os
-import sys
 import tempfile
-from pathlib import Path
 
 import pytest
 
 _own_files = tempfile.TemporaryDirectory(prefix="r2sego-blender-user-")  # goes when the tests end
 os.environ.setdefault("BLENDER_USER_RESOURCES", _own_files.name)
-sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture(scope="session")
@@ -23,7 +20,7 @@ def bundle_path(tmp_path_factory):
 @pytest.fixture
 def bundle(bundle_path):
     """The fake bundle, opened."""
-    from r2sego_blender.bridge.bundle import Bundle
+    from r2sego_blender.results.panels.bundle import Bundle
 
     return Bundle.open(bundle_path)
 

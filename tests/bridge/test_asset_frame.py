@@ -5,8 +5,8 @@ import pytest
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-from r2sego_blender.bridge.asset_cameras import view_camera
-from r2sego_blender.bridge.asset_frame import frame_px
+from r2sego_blender.bridge.asset.asset_cameras import view_camera
+from r2sego_blender.bridge.asset.asset_frame import frame_px
 
 
 def test_a_frame_is_where_its_corners_are_seen():

@@ -10,14 +10,14 @@ pytest.importorskip("bpy", reason="pip bpy is not installed")
 
 import bpy
 
-from r2sego_blender.bridge.asset_pictures import load_picture, photograph_of, put_behind
-from r2sego_blender.bridge.bundle import Bundle
-from r2sego_blender.bridge.cameras import create_camera
-from r2sego_blender.bridge.image_editors import show_in_editor
-from r2sego_blender.bridge.moved_bundle import turn_to
-from r2sego_blender.bridge.show_captures import show_captures, show_photographs
-from r2sego_blender.errors import SceneError
-from r2sego_blender.images import save_image
+from r2sego_blender.bridge.asset.asset_pictures import load_picture, photograph_of, put_behind
+from r2sego_blender.bridge.captures.show_captures import show_captures, show_photographs
+from r2sego_blender.bridge.shared.cameras import create_camera
+from r2sego_blender.bridge.shared.image_editors import show_in_editor
+from r2sego_blender.bridge.shared.moved_bundle import turn_to
+from r2sego_blender.core.errors import SceneError
+from r2sego_blender.core.images import save_image
+from r2sego_blender.results.panels.bundle import Bundle
 
 
 def picture(file, grey: float):

@@ -10,17 +10,17 @@ bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
 
 from bpy_extras.object_utils import world_to_camera_view  # noqa: E402
 
-from r2sego_blender.bridge.cameras import camera_of, create_camera, use_frame_of  # noqa: E402
-from r2sego_blender.bridge.frusta import frustum_triangles  # noqa: E402
-from r2sego_blender.bridge.meshes import arrays_from_mesh, read_attribute  # noqa: E402
-from r2sego_blender.bridge.outliner import find_collection  # noqa: E402
-from r2sego_blender.bridge.settings_properties import label, property_name, sections  # noqa: E402
-from r2sego_blender.bridge.show_candidates import show_candidates  # noqa: E402
-from r2sego_blender.bridge.show_captures import show_captures  # noqa: E402
-from r2sego_blender.bridge.show_collision import show_collision  # noqa: E402
-from r2sego_blender.bridge.show_proxy import show_proxy  # noqa: E402
-from r2sego_blender.errors import SceneError  # noqa: E402
-from r2sego_blender.named_settings import entries  # noqa: E402
+from r2sego_blender.bridge.captures.show_captures import show_captures  # noqa: E402
+from r2sego_blender.bridge.collision.show_collision import show_collision  # noqa: E402
+from r2sego_blender.bridge.proxy.show_proxy import show_proxy  # noqa: E402
+from r2sego_blender.bridge.scene.settings_properties import label, property_name, sections  # noqa: E402
+from r2sego_blender.bridge.shared.cameras import camera_of, create_camera, use_frame_of  # noqa: E402
+from r2sego_blender.bridge.shared.meshes import arrays_from_mesh, read_attribute  # noqa: E402
+from r2sego_blender.bridge.shared.outliner import find_collection  # noqa: E402
+from r2sego_blender.bridge.views.show_candidates import show_candidates  # noqa: E402
+from r2sego_blender.config.presets import entries  # noqa: E402
+from r2sego_blender.core.errors import SceneError  # noqa: E402
+from r2sego_blender.results.panels.frusta import frustum_triangles  # noqa: E402
 
 
 def blender_pixels(scene, camera_object, points):
@@ -170,7 +170,7 @@ def test_the_collision_surface_is_in_the_world_frame(scene, bundle, pieces, face
 
 
 def test_every_setting_has_its_property():
-    from r2sego_blender.bridge.settings_properties import settings_group
+    from r2sego_blender.bridge.scene.settings_properties import settings_group
 
     names = set(settings_group().__annotations__)
     assert names == {property_name(entry.key) for entry in entries()}
@@ -199,7 +199,7 @@ def test_the_name_of_a_setting_has_room_in_its_field():
 
 def test_the_default_of_a_setting_can_be_read():
     """Rounded to the decimals that Blender shows, each number keeps two digits."""
-    from r2sego_blender.bridge.settings_properties import settings_group
+    from r2sego_blender.bridge.scene.settings_properties import settings_group
 
     annotations = settings_group().__annotations__
     for entry in entries():

@@ -6,7 +6,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-from r2sego_blender.bridge.operator_properties import as_arguments, given_properties  # noqa: E402
+from r2sego_blender.bridge.shared.operator_properties import as_arguments, given_properties  # noqa: E402
 
 SEEN = []
 

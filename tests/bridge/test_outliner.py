@@ -7,8 +7,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-from r2sego_blender.bridge.moved_bundle import found_again, turn_to, way_from, whole_path  # noqa: E402
-from r2sego_blender.bridge.outliner import find_collection, fresh_collection, link  # noqa: E402
+from r2sego_blender.bridge.shared.moved_bundle import found_again, turn_to, way_from, whole_path  # noqa: E402
+from r2sego_blender.bridge.shared.outliner import find_collection, fresh_collection, link  # noqa: E402
 
 
 def made(collection, name="made"):

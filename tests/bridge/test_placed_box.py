@@ -8,8 +8,8 @@ pytest.importorskip("bpy", reason="pip bpy is not installed")
 import bpy
 from mathutils import Matrix
 
-from r2sego_blender.bridge.placed_box import placed_box
-from r2sego_blender.errors import SceneError
+from r2sego_blender.bridge.asset.placed_box import placed_box
+from r2sego_blender.core.errors import SceneError
 
 POSE = Matrix.Translation((0.3, 0.2, 0.1)) @ Matrix.Rotation(np.pi / 2, 4, "Z")
 

@@ -7,11 +7,11 @@ pytest.importorskip("bpy", reason="pip bpy is not installed")
 
 import bpy
 
-from r2sego_blender.bridge.light_drawing import draw_fewer_faces
-from r2sego_blender.bridge.object_masks import drawn_region
-from r2sego_blender.bridge.proxy_edits import faces_in_lasso, world_triangles
-from r2sego_blender.bridge.show_proxy import show_proxy
-from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.bridge.proxy.object_masks import drawn_region
+from r2sego_blender.bridge.proxy.proxy_edits import faces_in_lasso, world_triangles
+from r2sego_blender.bridge.proxy.show_proxy import show_proxy
+from r2sego_blender.bridge.shared.simplified_viewport import draw_fewer_faces
+from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.splats.regions import in_polygon
 
 

@@ -10,13 +10,13 @@ bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
 
 from mathutils import Vector  # noqa: E402
 
-from r2sego_blender.bridge.light_drawing import draw_fewer_faces  # noqa: E402
-from r2sego_blender.bridge.moved_bundle import BUNDLE_MARK  # noqa: E402
-from r2sego_blender.bridge.scope_outline import closed_loops, convex_hull, outline_of  # noqa: E402
-from r2sego_blender.bridge.scope_picking import floor_point, target_under  # noqa: E402
-from r2sego_blender.bridge.show_proxy import show_proxy  # noqa: E402
-from r2sego_blender.errors import SceneError  # noqa: E402
-from r2sego_blender.robot.region import area_m2  # noqa: E402
+from r2sego_blender.bridge.proxy.show_proxy import show_proxy  # noqa: E402
+from r2sego_blender.bridge.robot.scope_outline import closed_loops, convex_hull, outline_of  # noqa: E402
+from r2sego_blender.bridge.robot.scope_picking import floor_point, target_under  # noqa: E402
+from r2sego_blender.bridge.shared.moved_bundle import BUNDLE_MARK  # noqa: E402
+from r2sego_blender.bridge.shared.simplified_viewport import draw_fewer_faces  # noqa: E402
+from r2sego_blender.core.errors import SceneError  # noqa: E402
+from r2sego_blender.robot.scope.region import area_m2  # noqa: E402
 
 L_SHAPE = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
 

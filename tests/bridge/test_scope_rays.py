@@ -7,8 +7,8 @@ import pytest
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 from mathutils import Matrix, Vector
 
-from r2sego_blender.bridge.held_view import HeldView
-from r2sego_blender.bridge.scope_rays import distance_px, mouse_ray, view_region
+from r2sego_blender.bridge.shared.held_view import HeldView
+from r2sego_blender.bridge.shared.scope_rays import distance_px, mouse_ray, view_region
 
 SIZE = (200, 100)
 

@@ -9,10 +9,10 @@ bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
 import bmesh  # noqa: E402
 from mathutils import Vector  # noqa: E402
 
-from r2sego_blender.bridge.cameras import camera_of  # noqa: E402
-from r2sego_blender.bridge.meshes import read_attribute  # noqa: E402
-from r2sego_blender.bridge.outliner import find_collection  # noqa: E402
-from r2sego_blender.bridge.show_candidates import (  # noqa: E402
+from r2sego_blender.bridge.shared.cameras import camera_of  # noqa: E402
+from r2sego_blender.bridge.shared.meshes import read_attribute  # noqa: E402
+from r2sego_blender.bridge.shared.outliner import find_collection  # noqa: E402
+from r2sego_blender.bridge.views.show_candidates import (  # noqa: E402
     candidate_camera,
     candidate_of_face,
     candidate_of_selection,

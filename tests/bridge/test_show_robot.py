@@ -9,13 +9,13 @@ import pytest
 
 bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-from r2sego_blender.bridge import robot_playback, show_robot  # noqa: E402
-from r2sego_blender.bridge.bundle import Bundle  # noqa: E402
-from r2sego_blender.bridge.cameras import camera_of  # noqa: E402
-from r2sego_blender.bridge.outliner import find_collection  # noqa: E402
-from r2sego_blender.bridge.rollout_bodies import RobotBodies  # noqa: E402
-from r2sego_blender.bridge.rollout_list import TRIAL, camera_poses  # noqa: E402
-from r2sego_blender.errors import SceneError  # noqa: E402
+from r2sego_blender.bridge.robot import robot_playback, show_robot  # noqa: E402
+from r2sego_blender.bridge.shared.cameras import camera_of  # noqa: E402
+from r2sego_blender.bridge.shared.outliner import find_collection  # noqa: E402
+from r2sego_blender.core.errors import SceneError  # noqa: E402
+from r2sego_blender.results.panels.bundle import Bundle  # noqa: E402
+from r2sego_blender.results.panels.rollout_bodies import RobotBodies  # noqa: E402
+from r2sego_blender.results.panels.rollout_list import TRIAL, camera_poses  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

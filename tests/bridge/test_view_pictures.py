@@ -7,20 +7,20 @@ import pytest
 
 bpy = pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-from r2sego_blender.bridge.cameras import camera_of  # noqa: E402
-from r2sego_blender.bridge.clip_images import clip_image, put_behind  # noqa: E402
-from r2sego_blender.bridge.image_editors import show_image  # noqa: E402
-from r2sego_blender.bridge.outliner import find_collection  # noqa: E402
-from r2sego_blender.bridge.show_path import show_path  # noqa: E402
-from r2sego_blender.bridge.view_parts import KINDS, clip_files, view_parts, views_of_round  # noqa: E402
-from r2sego_blender.bridge.view_pictures import (  # noqa: E402
+from r2sego_blender.bridge.generation.clip_images import clip_image, put_behind  # noqa: E402
+from r2sego_blender.bridge.generation.show_path import show_path  # noqa: E402
+from r2sego_blender.bridge.generation.view_pictures import (  # noqa: E402
     compare_picture,
     image_of,
     read_levels,
     shown_part,
 )
-from r2sego_blender.errors import SceneError  # noqa: E402
-from r2sego_blender.images import load_image_uint8  # noqa: E402
+from r2sego_blender.bridge.shared.cameras import camera_of  # noqa: E402
+from r2sego_blender.bridge.shared.image_editors import show_image  # noqa: E402
+from r2sego_blender.bridge.shared.outliner import find_collection  # noqa: E402
+from r2sego_blender.core.errors import SceneError  # noqa: E402
+from r2sego_blender.core.images import load_image_uint8  # noqa: E402
+from r2sego_blender.results.panels.view_parts import KINDS, clip_files, view_parts, views_of_round  # noqa: E402
 
 
 @pytest.fixture

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from progress_recorder import ProgressRecorder
 
-from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.capture import Capture
-from r2sego_blender.images import save_image
+from r2sego_blender.core.cameras import Camera, look_at
+from r2sego_blender.core.images import save_image
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"
 TEXELS_PER_M = 160

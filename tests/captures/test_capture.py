@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from r2sego_blender.captures.capture import Capture, DecodedCapture
-from r2sego_blender.captures.lens import Lens
+from r2sego_blender.captures.lenses.lens import Lens
 
 
 def test_a_decoded_capture_reads_its_photograph_once(blank_photograph, tmp_path):

@@ -9,16 +9,16 @@ import pytest
 from cameras_file import save_cameras_json
 from PIL import Image
 
-from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.capture import Capture
-from r2sego_blender.captures.colmap_model import find_model
-from r2sego_blender.captures.distortion import COEFFICIENTS
 from r2sego_blender.captures.frozen import load_frozen_views
 from r2sego_blender.captures.importing import import_captures
-from r2sego_blender.captures.lens import Lens
-from r2sego_blender.captures.photographs import Photograph, posed_captures
-from r2sego_blender.errors import CaptureError
-from r2sego_blender.settings import CaptureSettings
+from r2sego_blender.captures.lenses.distortion import COEFFICIENTS
+from r2sego_blender.captures.lenses.lens import Lens
+from r2sego_blender.captures.poses.colmap_model import find_model
+from r2sego_blender.captures.poses.photographs import Photograph, posed_captures
+from r2sego_blender.config.settings import CaptureSettings
+from r2sego_blender.core.cameras import Camera, look_at
+from r2sego_blender.core.errors import CaptureError
 
 SETTINGS = CaptureSettings()
 GL = np.diag([1.0, -1.0, -1.0, 1.0])

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from r2sego_blender.cameras import Camera
 from r2sego_blender.captures.capture import Capture
-from r2sego_blender.captures.lens import Lens
+from r2sego_blender.captures.lenses.lens import Lens
 from r2sego_blender.captures.masks import counted_pixels, with_masks_beside
-from r2sego_blender.errors import CaptureError
-from r2sego_blender.images import save_image
+from r2sego_blender.core.cameras import Camera
+from r2sego_blender.core.errors import CaptureError
+from r2sego_blender.core.images import save_image
 
 CAMERA = Camera(32, 24, 30.0, 30.0, 16.0, 12.0, np.eye(4))
 

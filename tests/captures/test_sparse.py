@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from r2sego_blender.cameras import rotation_angle_rad
+from r2sego_blender.captures.frame.scale import Scale
+from r2sego_blender.captures.frame.world_frame import register
 from r2sego_blender.captures.importing import Imported, import_captures
-from r2sego_blender.captures.locating import landmarks, locate, locate_views
-from r2sego_blender.captures.registration import register
-from r2sego_blender.captures.scale import Scale
+from r2sego_blender.captures.solving.locating import landmarks, locate, locate_views
 from r2sego_blender.captures.sparse import SparsePoints, depth_ranges, triangulate
 from r2sego_blender.captures.store import load_captures, save_captures
-from r2sego_blender.errors import CaptureError
-from r2sego_blender.images import save_image
-from r2sego_blender.settings import CaptureSettings
+from r2sego_blender.config.settings import CaptureSettings
+from r2sego_blender.core.cameras import rotation_angle_rad
+from r2sego_blender.core.errors import CaptureError
+from r2sego_blender.core.images import save_image
 
 SETTINGS = CaptureSettings(max_features=1500)
 

@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from r2sego_blender import cli
-from r2sego_blender.asset_edits import AssetEdit, deleted_by, load_edits, move_edits, save_edit
-from r2sego_blender.benchmarks.workloads import made_up_room
-from r2sego_blender.errors import AssetError
-from r2sego_blender.images import load_image_uint8, to_uint8
-from r2sego_blender.layout import of_round
-from r2sego_blender.progress import SILENT
-from r2sego_blender.scene import Declaration, Scene
+from r2sego_blender.bundle.layout import of_round
+from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.commands import cli
+from r2sego_blender.core.errors import AssetError
+from r2sego_blender.core.images import load_image_uint8, to_uint8
+from r2sego_blender.core.progress import SILENT
+from r2sego_blender.refine.steps import Steps
 from r2sego_blender.splats.asset import SplatAsset
-from r2sego_blender.splats.ply import load_ply, save_ply
-from r2sego_blender.splats.rasterizer import render
+from r2sego_blender.splats.asset_edits import AssetEdit, deleted_by, load_edits, move_edits, save_edit
+from r2sego_blender.splats.formats.ply import load_ply, save_ply
 from r2sego_blender.splats.regions import Box, Cells, Lasso
-from r2sego_blender.steps import Steps
+from r2sego_blender.splats.rendering.rasterizer import render
+from tools.benchmarks.workloads import made_up_room
 
 IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 ROOM = made_up_room(900, (64, 48))

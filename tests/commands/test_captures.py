@@ -12,10 +12,10 @@ import pytest
 from click.testing import CliRunner
 from wrong_world import assert_true, picked_points, shown_points, wrong_scene, wrong_similarity
 
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.store import load_captures
-from r2sego_blender.cli import main
-from r2sego_blender.robot.model import EMBEDDED_HUMANOID, RobotModel
-from r2sego_blender.scene import Scene
+from r2sego_blender.commands.cli import main
+from r2sego_blender.robot.model.model import EMBEDDED_HUMANOID, RobotModel
 
 ROOT = Path(__file__).parents[2]
 

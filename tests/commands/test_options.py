@@ -4,7 +4,7 @@ import io
 import json
 
 from r2sego_blender.commands.options import tell
-from r2sego_blender.progress import SILENT, JsonProgress
+from r2sego_blender.core.progress import SILENT, JsonProgress
 
 
 def test_counts_are_words_for_a_person_and_an_object_for_a_program(capsys):

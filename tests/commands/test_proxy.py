@@ -7,23 +7,23 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from r2sego_blender.arrays import save_arrays
-from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.bundle.scene import Declaration, Scene
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import save_captures
-from r2sego_blender.cli import main
-from r2sego_blender.coverage_report import measure_coverage
-from r2sego_blender.digests import content_digest
-from r2sego_blender.errors import GeometryError, SceneError
-from r2sego_blender.geometry.coverage import Coverage
-from r2sego_blender.geometry.edits import load_proxy_edits
-from r2sego_blender.geometry.proxy import GeometryProxy
-from r2sego_blender.images import save_image
+from r2sego_blender.commands.cli import main
+from r2sego_blender.core.arrays import save_arrays
+from r2sego_blender.core.cameras import Camera, look_at
+from r2sego_blender.core.digests import content_digest
+from r2sego_blender.core.errors import GeometryError, SceneError
+from r2sego_blender.core.images import save_image
+from r2sego_blender.editing.proxy_edits import describe_edits, edit_proxy, move_proxy_edits
+from r2sego_blender.geometry.proxy.edits import load_proxy_edits
+from r2sego_blender.geometry.proxy.proxy import GeometryProxy
+from r2sego_blender.geometry.visibility.coverage import Coverage
 from r2sego_blender.pipeline import refine
-from r2sego_blender.plan import PlannedScene, describe_plan, plan_refinement
-from r2sego_blender.proxy_edits import describe_edits, edit_proxy, move_proxy_edits
-from r2sego_blender.scene import Declaration, Scene
-from r2sego_blender.selection import save_candidates
+from r2sego_blender.results.coverage_report import measure_coverage
+from r2sego_blender.results.plan import PlannedScene, describe_plan, plan_refinement
+from r2sego_blender.views.selection import save_candidates
 
 IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
 LENS = Camera(64, 48, 80.0, 80.0, 32.0, 24.0, np.eye(4))

@@ -13,13 +13,13 @@ from cameras_file import save_cameras_json
 from click.testing import CliRunner, Result
 from splat_photographs import captures_in, write_points, write_transforms
 
-from r2sego_blender import cli
-from r2sego_blender.benchmarks.workloads import made_up_room
 from r2sego_blender.captures.capture import Capture
-from r2sego_blender.images import load_image, save_image
-from r2sego_blender.settings import Settings
-from r2sego_blender.splats.formats import SUFFIXES, load_asset, save_asset
+from r2sego_blender.commands import cli
+from r2sego_blender.config.settings import Settings
+from r2sego_blender.core.images import load_image, save_image
+from r2sego_blender.splats.formats.registry import SUFFIXES, load_asset, save_asset
 from r2sego_blender.splats.metrics import psnr
+from tools.benchmarks.workloads import made_up_room
 
 ROOT = Path(__file__).parents[2]
 DEMO = ROOT / "demo" / "room"

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from r2sego_blender.cli import main
-from r2sego_blender.scene import Declaration, Scene
+from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.commands.cli import main
 
 
 @pytest.fixture

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.bundle.scene import Declaration, Scene
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import save_captures
-from r2sego_blender.geometry.proxy import GeometryProxy
-from r2sego_blender.geometry.rasterizer import MeshRasterizer
-from r2sego_blender.images import save_image
-from r2sego_blender.scene import Declaration, Scene
+from r2sego_blender.core.cameras import Camera, look_at
+from r2sego_blender.core.images import save_image
+from r2sego_blender.geometry.proxy.proxy import GeometryProxy
+from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 from r2sego_blender.splats.asset import SplatAsset
-from r2sego_blender.splats.initialization import from_depth
-from r2sego_blender.splats.ply import save_ply
+from r2sego_blender.splats.formats.ply import save_ply
+from r2sego_blender.splats.training.initialization import from_depth
 
 WIDTH, HEIGHT = 64, 48
 PHOTOGRAPH = 0.5

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.evaluation.error_causes import CAUSES, causes, split
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.core.cameras import Camera, look_at
+from r2sego_blender.core.images import load_image
 from r2sego_blender.evaluation.figures import (
     BACKGROUND,
     PROVENANCE_COLOURS,
@@ -15,8 +16,7 @@ from r2sego_blender.evaluation.figures import (
     strip,
     top_view,
 )
-from r2sego_blender.geometry.proxy import GeometryProxy, Provenance
-from r2sego_blender.images import load_image
+from r2sego_blender.geometry.proxy.proxy import GeometryProxy, Provenance
 
 
 def quad(x0: float, y0: float, x1: float, y1: float, z: float) -> np.ndarray:

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.errors import EvaluationError
+from r2sego_blender.core.cameras import Camera, look_at
+from r2sego_blender.core.errors import EvaluationError
 from r2sego_blender.evaluation import geometry_scores
 from r2sego_blender.evaluation.geometry_scores import (
     Surface,
@@ -21,7 +21,7 @@ from r2sego_blender.evaluation.geometry_scores import (
     turns,
 )
 from r2sego_blender.evaluation.ground_truth import GroundTruth, TrueView
-from r2sego_blender.geometry.rasterizer import MeshRasterizer
+from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -8,12 +8,12 @@ import pytest
 import trimesh
 from cameras_file import save_cameras_json
 
-from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.capture import Capture
-from r2sego_blender.errors import CaptureError, EvaluationError
+from r2sego_blender.core.cameras import Camera, look_at
+from r2sego_blender.core.errors import CaptureError, EvaluationError
+from r2sego_blender.core.images import save_image
 from r2sego_blender.evaluation.ground_truth import load_ground_truth, save_ground_truth
-from r2sego_blender.geometry.rasterizer import MeshRasterizer
-from r2sego_blender.images import save_image
+from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 
 ROOM_A = Path(__file__).resolve().parents[2] / "../shared/scenes/room_a"
 NAMES = ("wall", "box")

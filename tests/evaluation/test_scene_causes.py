@@ -20,6 +20,7 @@ from small_bundle import (
     splats,
 )
 
+from r2sego_blender.config.presets import entries
 from r2sego_blender.evaluation.cause_figures import CAUSE_COLOURS, cause_picture, report_causes
 from r2sego_blender.evaluation.frozen import score
 from r2sego_blender.evaluation.report_data import FrozenView, Rendering
@@ -32,8 +33,7 @@ from r2sego_blender.evaluation.scene_causes import (
     lines,
     split_by_cause,
 )
-from r2sego_blender.geometry.rasterizer import MeshRasterizer
-from r2sego_blender.named_settings import entries
+from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 from r2sego_blender.splats.asset import SplatAsset
 
 WRONG, OFF, UNSEEN, EDGES, APPEARANCE = range(5)

@@ -13,14 +13,14 @@ from progress_recorder import ProgressRecorder
 from small_bundle import bundle, photographs, splats
 
 from r2sego_blender.captures.store import load_captures
-from r2sego_blender.digests import content_digest
-from r2sego_blender.errors import SceneError
+from r2sego_blender.core.digests import content_digest
+from r2sego_blender.core.errors import SceneError
 from r2sego_blender.evaluation import scene_evaluation, scene_report
 from r2sego_blender.evaluation.report_data import Round
 from r2sego_blender.evaluation.scene_causes import CAUSES
+from r2sego_blender.results.status import lines
 from r2sego_blender.splats.asset import SplatAsset
-from r2sego_blender.splats.ply import save_ply
-from r2sego_blender.status import lines
+from r2sego_blender.splats.formats.ply import save_ply
 
 
 @pytest.fixture

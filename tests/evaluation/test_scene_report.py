@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from small_bundle import bundle, camera
 
+from r2sego_blender.bundle.declaration import Declaration
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.store import load_captures
+from r2sego_blender.config.settings import SelectionSettings
 from r2sego_blender.evaluation.scene_report import renew_scene_report, write_scene_report
-from r2sego_blender.generation.condition_files import save_conditions
-from r2sego_blender.generation.conditions import Condition
-from r2sego_blender.references import with_references
-from r2sego_blender.robot.rollouts import Rollout, save_rollouts
-from r2sego_blender.scene import Scene
-from r2sego_blender.scene_declaration import Declaration
-from r2sego_blender.selection import save_candidates, select_targets
-from r2sego_blender.settings import SelectionSettings
+from r2sego_blender.generation.conditions.condition_files import save_conditions
+from r2sego_blender.generation.conditions.conditions import Condition
+from r2sego_blender.robot.rollouts.rollouts import Rollout, save_rollouts
+from r2sego_blender.views.references import with_references
+from r2sego_blender.views.selection import save_candidates, select_targets
 
 
 @pytest.fixture

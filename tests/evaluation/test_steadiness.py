@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.evaluation.steadiness import flow_differences
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.capture import Capture
-from r2sego_blender.geometry.proxy import GeometryProxy, Provenance
-from r2sego_blender.images import save_image
+from r2sego_blender.core.cameras import Camera, look_at
+from r2sego_blender.core.images import save_image
+from r2sego_blender.geometry.proxy.proxy import GeometryProxy, Provenance
 
 ROOM = (np.array([-2.0, -2.0, 0.0]), np.array([2.0, 2.0, 2.5]))
 TABLE = (np.array([-0.4, 0.2, 0.0]), np.array([0.4, 0.8, 0.7]))

@@ -18,7 +18,7 @@ def box_room(tmp_path_factory):
     """Four photographs of the box room with exact depths, and its condition renderer."""
     import box_room
 
-    from r2sego_blender.generation.conditions import ZBufferRenderer
+    from r2sego_blender.generation.conditions.conditions import ZBufferRenderer
 
     folder = tmp_path_factory.mktemp("box_room")
     captures, depths = box_room.write_captures(folder, box_room.arc(4))
@@ -28,10 +28,10 @@ def box_room(tmp_path_factory):
 @pytest.fixture(scope="session")
 def room_a():
     """The furnished room: captures and frozen views with their true depths, and its mesh."""
-    from r2sego_blender.cameras import Camera
     from r2sego_blender.captures.capture import Capture
-    from r2sego_blender.generation.conditions import ZBufferRenderer
-    from r2sego_blender.geometry.proxy import GeometryProxy
+    from r2sego_blender.core.cameras import Camera
+    from r2sego_blender.generation.conditions.conditions import ZBufferRenderer
+    from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 
     if not (ROOM_A / "cameras.json").is_file():
         pytest.skip(f"no ground truth at {ROOM_A}")

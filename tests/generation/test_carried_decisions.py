@@ -9,15 +9,15 @@ import pytest
 from box_room import arc
 from progress_recorder import ProgressRecorder
 
-from r2sego_blender import capture_steps
-from r2sego_blender import steps as steps_module
-from r2sego_blender.cameras import Camera
+from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.config.settings import Settings
+from r2sego_blender.core.cameras import Camera
 from r2sego_blender.generation.carried_decisions import carry_decisions
-from r2sego_blender.generation.condition_files import save_conditions
+from r2sego_blender.generation.conditions.condition_files import save_conditions
 from r2sego_blender.generation.decisions import DECISION, decision_of, save_decision
-from r2sego_blender.scene import Declaration, Scene
-from r2sego_blender.settings import Settings
-from r2sego_blender.steps import Steps
+from r2sego_blender.refine import capture_steps
+from r2sego_blender.refine import steps as steps_module
+from r2sego_blender.refine.steps import Steps
 
 IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
 

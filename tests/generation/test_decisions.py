@@ -2,7 +2,7 @@
 
 import pytest
 
-from r2sego_blender.errors import GenerationError
+from r2sego_blender.core.errors import GenerationError
 from r2sego_blender.generation.decisions import DECISION, is_accepted, save_decision
 
 

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from r2sego_blender.cameras import rotation_angle_rad
-from r2sego_blender.errors import GenerationError
-from r2sego_blender.generation.blending import BlendingGenerator
-from r2sego_blender.generation.condition_files import load_conditions
+from r2sego_blender.config.settings import Settings
+from r2sego_blender.core.cameras import rotation_angle_rad
+from r2sego_blender.core.errors import GenerationError
+from r2sego_blender.generation.conditions.condition_files import load_conditions
 from r2sego_blender.generation.decisions import save_decision
 from r2sego_blender.generation.ego_views import ego_video_reg, load_pseudo_observations
-from r2sego_blender.generation.generator import Frame
-from r2sego_blender.generation.registration import Landmarks
-from r2sego_blender.references import with_references
-from r2sego_blender.selection import select_targets
-from r2sego_blender.settings import Settings
+from r2sego_blender.generation.generators.blending import BlendingGenerator
+from r2sego_blender.generation.generators.slot import Frame
+from r2sego_blender.generation.registration.frame_registration import Landmarks
+from r2sego_blender.views.references import with_references
+from r2sego_blender.views.selection import select_targets
 
 SETTINGS = Settings()
 SETTINGS = replace(

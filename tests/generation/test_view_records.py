@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from r2sego_blender.errors import GenerationError
+from r2sego_blender.core.errors import GenerationError
 from r2sego_blender.generation.view_records import decide, read_views
 
 

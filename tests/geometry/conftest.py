@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from r2sego_blender.cameras import Camera, look_at
 from r2sego_blender.captures.capture import Capture
-from r2sego_blender.geometry.rasterizer import MeshRasterizer
-from r2sego_blender.geometry.stereo import DepthMap
-from r2sego_blender.images import save_image
+from r2sego_blender.core.cameras import Camera, look_at
+from r2sego_blender.core.images import save_image
+from r2sego_blender.geometry.stereo.stereo import DepthMap
+from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 
 sys.path.insert(0, str(Path(__file__).parent))
 

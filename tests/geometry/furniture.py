@@ -10,9 +10,9 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.geometry.planes import RoomPlanes
-from r2sego_blender.geometry.rasterizer import MeshRasterizer
+from r2sego_blender.core.cameras import Camera, look_at
+from r2sego_blender.geometry.room.planes import RoomPlanes
+from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 
 ROOM_LOW, ROOM_HIGH = np.array([-2.5, -2.0, 0.0]), np.array([2.5, 2.0, 2.5])
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from r2sego_blender.scene import Scene
-from r2sego_blender.status import describe
+from r2sego_blender.bundle.scene import Scene
+from r2sego_blender.results.status import describe
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 pytestmark = pytest.mark.slow

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from r2sego_blender.robot.model import RobotModel
-from r2sego_blender.robot.robot_file import EMBEDDED_WHEELED
+from r2sego_blender.robot.model.model import RobotModel
+from r2sego_blender.robot.model.robot_file import EMBEDDED_WHEELED
 
 sys.path.insert(0, str(Path(__file__).parent))
 

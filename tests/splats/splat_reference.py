@@ -10,7 +10,7 @@ import torch
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.splats.asset import SplatAsset
 
 torch.set_num_threads(1)  # the tensors are small: threads would only wait for each other

@@ -7,15 +7,15 @@ import numpy as np
 from fake_bundle import ego_camera, write_bundle
 from fake_rollouts import rollouts
 
-from r2sego_blender.cameras import look_at
-from r2sego_blender.geometry.proxy import GeometryProxy
-from r2sego_blender.robot.bodies import save_bodies
-from r2sego_blender.robot.candidates import ego_camera as head_camera
-from r2sego_blender.robot.model import RobotModel
-from r2sego_blender.robot.rollouts import save_rollouts
-from r2sego_blender.selection import Selection, save_candidates
+from r2sego_blender.core.cameras import look_at
+from r2sego_blender.geometry.proxy.proxy import GeometryProxy
+from r2sego_blender.robot.model.model import RobotModel
+from r2sego_blender.robot.rollouts.bodies import save_bodies
+from r2sego_blender.robot.rollouts.candidates import ego_camera as head_camera
+from r2sego_blender.robot.rollouts.rollouts import save_rollouts
 from r2sego_blender.splats.asset import SplatAsset
-from r2sego_blender.splats.ply import save_ply
+from r2sego_blender.splats.formats.ply import save_ply
+from r2sego_blender.views.selection import Selection, save_candidates
 
 CANDIDATES, ROLLOUTS = 3600, 12
 TARGETS = 12

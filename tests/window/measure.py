@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parent / "bridge")]
+sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parent / "fakes")]
 import display  # noqa: E402  # found beside this file
 from large_bundle import write_large_bundle  # noqa: E402
 from stand_in_engine import write_stand_in_engine  # noqa: E402

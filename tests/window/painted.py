@@ -52,7 +52,7 @@ def script():
     yield 1.0
     press.install()
     bpy.ops.r2sego.show_asset()
-    preview = sys.modules["bl_ext.user_default.r2sego.panels.splat_preview"]
+    preview = sys.modules["bl_ext.user_default.r2sego.panels.overlays.splat_preview"]
     area, _ = hand.view()
     region = next(region for region in area.regions if region.type == "WINDOW")
     view = area.spaces.active.region_3d

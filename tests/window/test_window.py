@@ -17,9 +17,9 @@ from fake_bundle import write_bundle
 from PIL import Image
 from stand_in_engine import write_stand_in_engine
 
-from r2sego_blender.cameras import Camera
-from r2sego_blender.splats.outputs import render_batch
+from r2sego_blender.core.cameras import Camera
 from r2sego_blender.splats.quaternions import to_rotation
+from r2sego_blender.splats.rendering.outputs import render_batch
 
 HERE = Path(__file__).parent
 PICTURES = display.ROOT / "build" / "window"

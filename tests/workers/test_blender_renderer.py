@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.errors import GeometryError, MachineError, NativeError
-from r2sego_blender.geometry.proxy import GeometryProxy
-from r2sego_blender.settings import GenerationSettings
+from r2sego_blender.config.settings import GenerationSettings
+from r2sego_blender.core.cameras import Camera, look_at
+from r2sego_blender.core.errors import GeometryError, MachineError, NativeError
+from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 from r2sego_blender.workers.blender_renderer import BlenderWorker
 from r2sego_blender.workers.child import RUNNING, kill_children
 
@@ -90,8 +90,8 @@ def gone_within(pid: int, seconds: float) -> bool:
 
 def test_one_process_renders_one_proxy_after_the_other(blender, tmp_path):
     pytest.importorskip("OpenEXR", reason="OpenEXR is not installed")
-    from r2sego_blender.generation.conditions import ZBufferRenderer
-    from r2sego_blender.generation.renderers import BlenderRenderer
+    from r2sego_blender.generation.conditions.conditions import ZBufferRenderer
+    from r2sego_blender.generation.conditions.renderers import BlenderRenderer
 
     path = [CAMERA, CAMERA.scaled(0.5)]
     pids = set()
@@ -199,7 +199,7 @@ def test_a_blender_that_is_not_there_is_told(blender):
 
 
 def test_settings_choose_the_renderer(monkeypatch):
-    from r2sego_blender.generation.renderers import make_renderer
+    from r2sego_blender.generation.conditions.renderers import make_renderer
 
     assert make_renderer(ground(), GenerationSettings()).name == "z-buffer"
     monkeypatch.setenv("R2SEGO_BLENDER", "/no/such/blender")

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from r2sego_blender.scene import Declaration, Scene
+from r2sego_blender.bundle.scene import Declaration, Scene
 
 ROOT = Path(__file__).parents[2]
 ROOM = ROOT / "demo" / "room"
@@ -51,7 +51,7 @@ def test_a_cancelled_refine_says_that_steps_are_kept_even_to_a_closed_terminal(s
     refining = (
         "import sys, time, r2sego_blender.pipeline as pipeline\n"
         "pipeline.refine = lambda *_: (print('begun', file=sys.stderr, flush=True), time.sleep(60))\n"
-        "from r2sego_blender.cli import main; main()\n"
+        "from r2sego_blender.commands.cli import main; main()\n"
     )
     process = subprocess.Popen(
         [sys.executable, "-c", refining, "refine", scene.path], stderr=subprocess.PIPE, cwd=ROOT
@@ -70,9 +70,9 @@ def test_a_command_ends_on_every_way_of_interrupting_it(name):
     if not hasattr(signal, name):
         pytest.skip("Windows has it")
     interrupted = (
-        "import signal, time, r2sego_blender.doctor as doctor\n"
+        "import signal, time, r2sego_blender.results.doctor as doctor\n"
         f"doctor.examine = lambda: (signal.raise_signal(signal.{name}), time.sleep(60))\n"
-        "from r2sego_blender.cli import main; main(['doctor'])\n"
+        "from r2sego_blender.commands.cli import main; main(['doctor'])\n"
     )
     command = [sys.executable, "-c", interrupted]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=50)
@@ -84,12 +84,12 @@ def test_a_run_that_is_cancelled_behind_its_bar_leaves_the_terminal_as_it_was():
     import pty
 
     working = (
-        "import sys, time, r2sego_blender.doctor as doctor\n"
-        "from r2sego_blender.progress import TerminalProgress\n"
+        "import sys, time, r2sego_blender.results.doctor as doctor\n"
+        "from r2sego_blender.core.progress import TerminalProgress\n"
         "def examine():\n"
         "    with TerminalProgress().task('Dense stereo', 3): time.sleep(60)\n"
         "doctor.examine = examine\n"
-        "from r2sego_blender.cli import main; main(['doctor'])\n"
+        "from r2sego_blender.commands.cli import main; main(['doctor'])\n"
     )
     ours, theirs = pty.openpty()
     command = [sys.executable, "-c", working]
@@ -110,10 +110,10 @@ def test_a_run_that_is_cancelled_behind_its_bar_leaves_the_terminal_as_it_was():
 @pytest.mark.skipif(shutil.which("nohup") is None or os.name == "nt", reason="needs nohup")
 def test_a_run_under_nohup_outlives_its_terminal(scene):
     waiting = (
-        "import os, signal, r2sego_blender.status as status\n"
+        "import os, signal, r2sego_blender.results.status as status\n"
         "status.describe = lambda *_, **__: os.kill(os.getpid(), signal.SIGHUP)\n"
         "status.lines = lambda _: ['lives']\n"
-        "from r2sego_blender.cli import main; main()\n"
+        "from r2sego_blender.commands.cli import main; main()\n"
     )
     command = ["nohup", sys.executable, "-c", waiting, "status", scene.path]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
@@ -125,7 +125,7 @@ def test_the_last_words_of_a_cancelled_command_are_its_own():
     """And not those of multiprocessing's tracker, which cleans up after the processes of rollouts."""
     code = (
         "import os, signal, time\n"
-        "from r2sego_blender.robot.spawning import SpawnContext\n"
+        "from r2sego_blender.robot.rollouts.spawning import SpawnContext\n"
         "from r2sego_blender.workers.cancelling import cancel_at_once\n"
         "cancel_at_once()\n"
         "kept = SpawnContext().Semaphore()\n"

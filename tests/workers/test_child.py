@@ -14,8 +14,10 @@ from pathlib import Path
 import pytest
 
 import r2sego_blender
-from r2sego_blender.errors import CaptureError, NativeError
-from r2sego_blender.workers import by_place, child, elsewhere
+from r2sego_blender.core.errors import CaptureError, NativeError
+from r2sego_blender.workers import child
+from r2sego_blender.workers import external_environment as elsewhere
+from r2sego_blender.workers import library_path as by_place
 from r2sego_blender.workers.engine import engine_environment
 from r2sego_blender.workers.processes import birth
 
@@ -156,7 +158,7 @@ def under_pip(tmp_path, monkeypatch) -> tuple[Path, Path]:
 
 ASK = """
 import json, sys
-from r2sego_blender.errors import MachineError
+from r2sego_blender.core.errors import MachineError
 from r2sego_blender.workers.asking import ask
 from r2sego_blender.workers.child import call_in_child
 try:
@@ -213,7 +215,7 @@ def test_a_cancelled_command_leaves_no_temporary_folder(tmp_path, number):
 import pathlib, signal, sys, threading, time
 sys.path.insert(0, {str(Path(__file__).parent)!r})
 from r2sego_blender.workers.cancelling import cancel_at_once
-from r2sego_blender.scratch import ScratchFolder
+from r2sego_blender.core.scratch import ScratchFolder
 from r2sego_blender.workers.child import call_in_child
 from test_child import hang
 cancel_at_once()

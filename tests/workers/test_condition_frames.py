@@ -7,8 +7,8 @@ import sys
 import numpy as np
 import pytest
 
-from r2sego_blender.cameras import Camera, look_at
-from r2sego_blender.geometry.proxy import GeometryProxy
+from r2sego_blender.core.cameras import Camera, look_at
+from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 CAMERA = Camera(32, 24, 30.0, 30.0, 16.0, 12.0, look_at((0.0, -2.0, 1.0), (0.0, 0.0, 0.0)))

@@ -9,7 +9,7 @@ import sys
 import pytest
 from stand_in_program import write_program
 
-from r2sego_blender.errors import MachineError
+from r2sego_blender.core.errors import MachineError
 from r2sego_blender.workers.engine import LIBRARY, ask, find_interpreter
 from r2sego_blender.workers.processes import birth
 

@@ -11,7 +11,7 @@ import pytest
 from progress_recorder import ProgressRecorder
 from stand_in_program import write_program
 
-from r2sego_blender.errors import MachineError
+from r2sego_blender.core.errors import MachineError
 from r2sego_blender.workers.environment import make_environment, not_packaged, python_of, required_packages
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from stand_in_program import write_program
 
-from r2sego_blender.errors import MachineError, SceneError
+from r2sego_blender.core.errors import MachineError, SceneError
 from r2sego_blender.workers.engine import LIBRARY
 from r2sego_blender.workers.jobs import EngineError, Job, find_jobs, start_job
 from r2sego_blender.workers.processes import birth

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from r2sego_blender.errors import MachineError, NativeError
+from r2sego_blender.core.errors import MachineError, NativeError
 from r2sego_blender.workers import sam3, sam3d
-from r2sego_blender.workers.elsewhere import PROTOCOL, checked_request, checked_result
+from r2sego_blender.workers.external_environment import PROTOCOL, checked_request, checked_result
 
 TORCH = """
 import contextlib

@@ -20,11 +20,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from r2sego_blender.errors import GenerationError, MachineError, NativeError
+from r2sego_blender.core.errors import GenerationError, MachineError, NativeError
 from r2sego_blender.workers import viewcrafter, viewcrafter_program
 from r2sego_blender.workers.child import RUNNING, kill_children
-from r2sego_blender.workers.elsewhere import PROTOCOL
 from r2sego_blender.workers.engine import engine_environment
+from r2sego_blender.workers.external_environment import PROTOCOL
 from r2sego_blender.workers.generator_program import (
     COMMAND_VARIABLE,
     SIZE_VARIABLE,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import AssetError
+from ...core.errors import AssetError
 from ..asset import SH_BAND_0, SplatAsset
 from .values import logits_of_bytes
 

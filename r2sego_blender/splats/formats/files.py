@@ -8,9 +8,9 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from ...errors import AssetError
-from ...scratch import scratch_place
-from ...whole_files import rename
+from ...core.atomic_files import rename
+from ...core.errors import AssetError
+from ...core.scratch import scratch_place
 
 
 def content(path: Path, most: int = -1) -> bytes:

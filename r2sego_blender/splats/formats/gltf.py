@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from ... import __version__
-from ...colours import linear_from_srgb
-from ...errors import AssetError
+from ...core.colours import linear_from_srgb
+from ...core.errors import AssetError
 from ..asset import SplatAsset
 from ..quaternions import to_rotation
 from .files import content, publishing

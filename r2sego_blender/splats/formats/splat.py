@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import AssetError
+from ...core.errors import AssetError
 from ..asset import SH_BAND_0, SplatAsset
 from .files import content, publishing
 from .values import (

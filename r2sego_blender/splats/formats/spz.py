@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import zstandard
 
-from ...errors import AssetError
+from ...core.errors import AssetError
 from ..asset import SplatAsset
 from .files import content, publishing
 from .values import (

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdVol, Vt
 
-from ...arrays import opened_arrays
-from ...errors import AssetError
-from ...scratch import ScratchFolder
+from ...core.arrays import opened_arrays
+from ...core.errors import AssetError
+from ...core.scratch import ScratchFolder
 from ..asset import SplatAsset
 from ..quaternions import to_rotation
 from . import usd_stage

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import AssetError
+from ...core.errors import AssetError
 from ..asset import SplatAsset
 
 Y_UP_FROM_WORLD = np.array(

@@ -68,7 +68,9 @@ def check_the_asset_is_shown_as_points_with_their_attributes():
 
 
 def check_the_shown_splats_keep_their_shape():
-    splats = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.show_asset").drawn_splats(show().data)
+    splats = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.asset.show_asset").drawn_splats(
+        show().data
+    )
     chosen = np.array([5, 0, 40])
     for index, told in zip(chosen, splats.covariances(chosen), strict=True):
         turned = np.array(Quaternion(splats.quaternions[index]).normalized().to_matrix())
@@ -91,7 +93,7 @@ def check_the_slider_shows_each_rounds_asset():
 
 
 def check_what_is_shown_in_edit_mode_stays():
-    of_bridge = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.show_asset")
+    of_bridge = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.asset.show_asset")
 
     def shows_another():
         return of_bridge.shows_another(group().shown, group().stages[group().stage].name)

@@ -100,7 +100,7 @@ def check_two_pictures_are_compared():
 
 
 def check_a_compared_picture_is_drawn_in_its_own_view_alone():
-    compared = importlib.import_module(f"{MODULE}.panels.wipe").compared
+    compared = importlib.import_module(f"{MODULE}.panels.overlays.wipe").compared
     open_bundle()
     bpy.ops.r2sego.import_captures()
     scene, any_picture = bpy.context.scene, bpy.data.images.new("opened from disk", 4, 4)

@@ -11,10 +11,12 @@ from support import MODULE
 
 
 def check_what_the_preview_draws():
-    preview = importlib.import_module(f"{MODULE}.panels.splat_preview")
+    preview = importlib.import_module(f"{MODULE}.panels.overlays.splat_preview")
     shown = show()
     bpy.ops.r2sego.mark_splats_box(lowest=(-0.6, -0.6, 0.4), highest=(0.6, 0.6, 2.0))
-    splats = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.show_asset").drawn_splats(shown.data)
+    splats = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.asset.show_asset").drawn_splats(
+        shown.data
+    )
     order = preview.drawn_order(splats, backdrop=False)
     assert sorted(order) == sorted(np.flatnonzero(~splats.backdrop & (splats.opacities >= 0.05)))
     marks = splats.marked[order]
@@ -33,7 +35,7 @@ def check_what_the_preview_draws():
 
 
 def check_gaussians_are_painted_from_far_to_near():
-    order_of = importlib.import_module(f"{MODULE}.panels.gaussian_splats").farthest_first
+    order_of = importlib.import_module(f"{MODULE}.panels.overlays.gaussian_splats").farthest_first
     rng = np.random.default_rng(3)
     centres = rng.uniform(-3.0, 3.0, (5000, 3)).astype(np.float32)
     centres[:2000] = centres[2000:4000]  # equal ones keep their order
@@ -55,7 +57,7 @@ def check_gaussians_are_painted_from_far_to_near():
 
 
 def check_the_tiles_of_a_picture_hold_all_that_is_seen_and_no_empty_one():
-    tiles_of = importlib.import_module(f"{MODULE}.panels.gaussian_splats").seen_tiles
+    tiles_of = importlib.import_module(f"{MODULE}.panels.overlays.gaussian_splats").seen_tiles
     rng = np.random.default_rng(4)
     for width, height in ((64, 32), (70, 45), (31, 5), (1, 1)):
         alphas = np.zeros((height, width), np.float32)
@@ -69,14 +71,14 @@ def check_the_tiles_of_a_picture_hold_all_that_is_seen_and_no_empty_one():
 
 
 def check_where_gaussians_are_painted_anew_while_the_view_moves():
-    preview = importlib.import_module(f"{MODULE}.panels.splat_preview")
+    preview = importlib.import_module(f"{MODULE}.panels.overlays.splat_preview")
     assert preview.gaussians_while_moving(200_000, "NVIDIA")
     assert not preview.gaussians_while_moving(200_000, "SOFTWARE")
     assert not preview.gaussians_while_moving(3_000_000, "NVIDIA")
 
 
 def check_what_the_preview_keeps_on_the_graphics_card_goes_with_its_object():
-    preview = importlib.import_module(f"{MODULE}.panels.splat_preview")
+    preview = importlib.import_module(f"{MODULE}.panels.overlays.splat_preview")
     shown, view = show(), SimpleNamespace(scene=bpy.context.scene, space_data=None)
     group().preview = False
     preview._buffers[shown.data.session_uid, SPLATS, 0, False] = "the splats"

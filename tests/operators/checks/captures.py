@@ -301,7 +301,7 @@ def check_cameras_that_a_view_does_not_show_have_no_label():
     bpy.ops.r2sego.import_captures()
     cameras = sorted((one for one in bpy.data.objects if one.type == "CAMERA"), key=lambda one: one.name)
     (captures,) = cameras[0].users_collection
-    labels = importlib.import_module(f"{MODULE}.panels.picture_labels")
+    labels = importlib.import_module(f"{MODULE}.panels.overlays.picture_labels")
     space = next(a for a in bpy.context.screen.areas if a.type == "VIEW_3D").spaces.active
     context = SimpleNamespace(scene=bpy.context.scene, space_data=space)
 

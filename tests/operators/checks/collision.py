@@ -122,9 +122,9 @@ def check_the_lines_of_a_texture_stay_while_the_proxy_is_the_same():
 
 def check_an_importer_that_is_switched_off_is_told():
     open_bundle()
-    showing = sys.modules[f"{MODULE}.r2sego_blender.bridge.show_collision"]
-    errors = sys.modules[f"{MODULE}.r2sego_blender.errors"]
-    bundle = sys.modules[f"{MODULE}.r2sego_blender.bridge.bundle"].Bundle.open(BUNDLE)
+    showing = sys.modules[f"{MODULE}.r2sego_blender.bridge.collision.show_collision"]
+    errors = sys.modules[f"{MODULE}.r2sego_blender.core.errors"]
+    bundle = sys.modules[f"{MODULE}.r2sego_blender.results.panels.bundle"].Bundle.open(BUNDLE)
     addon_utils.disable("io_scene_gltf2")
     try:
         showing.show_textured(bpy.context.scene, bundle, OUT.parent / "textured.glb")
@@ -169,8 +169,8 @@ def check_a_textured_mesh_stands_where_the_proxy_does():
     bpy.ops.export_scene.gltf(filepath=str(file), export_format="GLB")
     bpy.data.batch_remove([tall, mesh, painted, image.image])
     there = len(bpy.data.materials), len(bpy.data.images)
-    showing = sys.modules[f"{MODULE}.r2sego_blender.bridge.show_collision"]
-    bundle = sys.modules[f"{MODULE}.r2sego_blender.bridge.bundle"].Bundle.open(BUNDLE)
+    showing = sys.modules[f"{MODULE}.r2sego_blender.bridge.collision.show_collision"]
+    bundle = sys.modules[f"{MODULE}.r2sego_blender.results.panels.bundle"].Bundle.open(BUNDLE)
     for _ in range(2):
         (shown,) = showing.show_textured(bpy.context.scene, bundle, file)
     bpy.context.view_layer.update()

@@ -43,7 +43,7 @@ def check_an_engine_is_set_up_from_a_folder_of_wheels():
 
 
 def check_on_windows_the_engines_files_are_no_deeper_than_260_characters():
-    places = sys.modules[f"{MODULE}.r2sego_blender.bridge.user_folder"]
+    places = sys.modules[f"{MODULE}.r2sego_blender.bridge.engine.user_folder"]
     before, places._LOCAL_DATA = places._LOCAL_DATA, str(OUT.parent / "Local")
     try:
         below = places.engine_folder().relative_to(OUT.parent / "Local")

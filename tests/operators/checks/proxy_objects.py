@@ -286,7 +286,7 @@ def check_a_mask_drawn_anew_is_rated_at_once():
 
 
 def check_undo_takes_the_fit_and_the_outlines_back():
-    live = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.placement_live")
+    live = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.proxy.placement_live")
     open_bundle()
     bpy.ops.r2sego.import_captures()
     bpy.ops.r2sego.show_priors()
@@ -315,7 +315,7 @@ def check_undo_takes_the_fit_and_the_outlines_back():
 
 def check_a_prior_scaled_to_nothing_has_no_residual():
     """As for a moment while a person types 0.9."""
-    live = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.placement_live")
+    live = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.proxy.placement_live")
     open_bundle()
     bpy.ops.r2sego.show_priors()
     assert bpy.ops.r2sego.place_prior(object_name="crate") == {"FINISHED"}
@@ -329,7 +329,7 @@ def check_a_prior_scaled_to_nothing_has_no_residual():
 
 
 def check_a_placed_prior_is_followed_in_an_opened_file_and_in_every_scene():
-    live = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.placement_live")
+    live = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.proxy.placement_live")
     open_bundle()
     bpy.ops.r2sego.show_priors()
     bpy.ops.r2sego.place_prior(object_name="crate")

@@ -167,8 +167,8 @@ def check_a_mount_that_was_placed_is_shown_again_as_it_was_declared():
 
     open_bundle()
     module = importlib.import_module(f"{MODULE}.operators.robot.set_mount")
-    facts = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.robot_facts")
-    bundle = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.bundle").Bundle.open(BUNDLE)
+    facts = importlib.import_module(f"{MODULE}.r2sego_blender.results.panels.robot_facts")
+    bundle = importlib.import_module(f"{MODULE}.r2sego_blender.results.panels.bundle").Bundle.open(BUNDLE)
     scope = facts.RobotFacts.read(bundle).scope
 
     def shown(mount, pitch=None):
@@ -220,7 +220,7 @@ def check_the_bundles_own_region_is_shown():
     assert bpy.ops.r2sego.refresh_scene() == {"FINISHED"}
     assert state().problem == robot().problem == ""
     assert robot().region == "0.0000,0.0000 2.0000,0.0000 2.0000,1.5000"
-    overlay = sys.modules[f"{MODULE}.panels.region_overlay"]
+    overlay = sys.modules[f"{MODULE}.panels.overlays.region_overlay"]
     corners, sides, triangles = overlay.shape_of(robot().region)
     assert (corners.shape, sides.shape, len(triangles)) == ((3, 3), (6, 3), 1)
     for shown in (True, False):  # the 3D view's own switch of overlays

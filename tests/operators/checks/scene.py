@@ -219,8 +219,8 @@ def check_a_preset_tells_what_it_sets_below_the_field():
 
 def check_every_number_that_a_settings_slider_reaches_is_taken():
     """Blender holds 32 bits of a number: the lowest voxel came back below 0.005."""
-    properties = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.settings_properties")
-    named = importlib.import_module(f"{MODULE}.r2sego_blender.named_settings")
+    properties = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.scene.settings_properties")
+    named = importlib.import_module(f"{MODULE}.r2sego_blender.config.presets")
     open_bundle()
     numbers = [entry for entry in named.entries() if isinstance(entry.default, float)]
     for entry in numbers:

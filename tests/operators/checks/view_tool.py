@@ -86,7 +86,7 @@ def check_a_tool_outlives_undo():
 
 
 def check_an_error_ends_a_tool_cleanly():
-    errors = importlib.import_module(f"{MODULE}.r2sego_blender.errors")
+    errors = importlib.import_module(f"{MODULE}.r2sego_blender.core.errors")
     open_bundle()
 
     def refuse(context, event):

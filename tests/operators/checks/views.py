@@ -39,7 +39,7 @@ def check_the_facts_are_there_as_soon_as_the_bundle_is_open():
 
 
 def check_another_file_forgets_the_scores_of_the_scenes_that_went():
-    scores = sys.modules[f"{MODULE}.r2sego_blender.bridge.view_scores"]
+    scores = sys.modules[f"{MODULE}.r2sego_blender.results.panels.view_scores"]
     for _ in range(3):
         open_bundle()
     assert list(scores._remembered) == [bpy.context.scene.session_uid]
@@ -75,7 +75,7 @@ def check_frusta_follow_the_properties_and_the_round():
 
 def check_undo_of_another_round_brings_its_candidates_back():
     open_bundle()
-    scores = sys.modules[f"{MODULE}.r2sego_blender.bridge.view_scores"]
+    scores = sys.modules[f"{MODULE}.r2sego_blender.results.panels.view_scores"]
     bpy.ops.ed.undo_push(message="round 1")
     state().round_index = 0
     bpy.ops.ed.undo_push(message="round 0")
@@ -133,7 +133,7 @@ def check_what_a_click_in_the_curves_picked_is_one_step_to_undo():
     for message in ("shown", "something", "something else"):
         bpy.context.scene.frame_current += 1
         bpy.ops.ed.undo_push(message=message)
-    curves = sys.modules[f"{MODULE}.panels.score_curves_click"].R2SEGO_GT_score_curves
+    curves = sys.modules[f"{MODULE}.panels.overlays.score_curves_click"].R2SEGO_GT_score_curves
     gizmo = SimpleNamespace(before=group().active)  # as the button went down
     for candidate in (4, 17):
         bpy.ops.r2sego.pick_candidate(candidate=candidate)

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from r2sego_blender.cameras import Camera, look_at
+from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.metrics import psnr
-from r2sego_blender.splats.rasterizer import render
+from r2sego_blender.splats.rendering.rasterizer import render
 
 COUNT = 400
 

@@ -1,0 +1,4 @@
+"""The visual asset as points, pictures and marks.
+
+Uses ``shared``.
+"""

@@ -1,0 +1,4 @@
+"""Captures and the world frame as Blender objects.
+
+Uses ``shared``.
+"""

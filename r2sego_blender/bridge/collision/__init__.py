@@ -1,0 +1,4 @@
+"""The collision surface and what was dropped on it.
+
+Uses ``shared``.
+"""

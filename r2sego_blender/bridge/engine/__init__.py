@@ -1,0 +1,4 @@
+"""Where the add-on keeps files of its own.
+
+Uses ``shared``.
+"""

@@ -1,0 +1,4 @@
+"""Generated clips, their cameras and conditions.
+
+Uses ``shared``.
+"""

@@ -1,0 +1,46 @@
+"""A generated clip's frames as one image sequence, behind the camera that goes along its path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+
+from ..shared.image_editors import image_editors
+
+
+def clip_image(name: str, files: Sequence[Path]) -> bpy.types.Image:
+    """The frames, numbered without a gap, as the image sequence of this name."""
+    before = bpy.data.images.get(name)
+    if before is not None:
+        bpy.data.images.remove(before)
+    image = bpy.data.images.load(str(files[0]), check_existing=False)
+    image.name = name
+    image.source = "SEQUENCE"
+    return image
+
+
+def put_behind(camera: bpy.types.Object, image: bpy.types.Image, frames: int, first_frame: int) -> None:
+    """Let the camera look through frame i of the sequence in frame ``first_frame + i``."""
+    background = camera.data.background_images.new()
+    background.image = image
+    _play(background.image_user, frames, first_frame)
+    background.alpha = 1.0
+    background.frame_method = "STRETCH"
+    background.display_depth = "FRONT"
+    camera.data.show_background_images = True
+
+
+def play_in_editor(image: bpy.types.Image, frames: int, first_frame: int) -> None:
+    """Let every Image Editor that shows the sequence follow the timeline."""
+    for _, area in image_editors():
+        if area.spaces.active.image == image:
+            _play(area.spaces.active.image_user, frames, first_frame)
+
+
+def _play(user: bpy.types.ImageUser, frames: int, first_frame: int) -> None:
+    user.frame_duration = frames
+    user.frame_start = first_frame
+    user.frame_offset = -1  # the files are numbered from 000
+    user.use_auto_refresh = True

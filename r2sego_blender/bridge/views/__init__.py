@@ -1,0 +1,4 @@
+"""The candidate stream and the target views in the 3D view.
+
+Uses ``shared``.
+"""

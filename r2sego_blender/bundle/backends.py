@@ -1,0 +1,67 @@
+"""What fills the slots of the paper: each result is shown with the name of what made it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+from ..config.settings import Settings
+
+SURFACE_BACKENDS: Mapping[str, str] = {
+    "tsdf": "embedded: TSDF of completed depth",
+    "poisson": "embedded: screened Poisson of completed depth",
+    "nksr": "NKSR",
+}
+"""What makes the surface, by the setting ``proxy.surface``."""
+
+CONDITION_BACKENDS: Mapping[str, str] = {
+    "z-buffer": "embedded: numba z-buffer",
+    "cycles": "embedded: Cycles",
+    "eevee": "embedded: EEVEE",
+}
+"""What renders the structural conditions, by the setting ``generation.renderer``."""
+
+GENERATOR_BACKENDS: Mapping[str, str] = {
+    "blending": "embedded: geometry-guided blending",
+    "viewcrafter": "ViewCrafter",
+    "viewcrafter_512": "ViewCrafter (512 x 320)",
+    "command": "the program in R2SEGO_GENERATOR",
+}
+"""What makes the clips, by the setting ``generation.generator``."""
+
+BACKENDS: Mapping[str, str] = {
+    "initial_asset": "embedded: dense stereo to splats",
+    "shape_prior": "embedded: room planes",
+    "surface": SURFACE_BACKENDS["tsdf"],
+    "controller": "embedded: reference motion tracked in MuJoCo",
+    "conditions": CONDITION_BACKENDS["z-buffer"],
+    "generator": GENERATOR_BACKENDS["blending"],
+    "registration": "embedded: patches of the captures and PnP",
+}
+"""The backend of each slot of the paper; none of the defaults is a learned model."""
+
+
+def chosen_backends(settings: Settings) -> dict[str, str]:
+    """The backends that settings choose."""
+    return {
+        "surface": SURFACE_BACKENDS[settings.proxy.surface],
+        "conditions": CONDITION_BACKENDS[settings.generation.renderer],
+        "generator": GENERATOR_BACKENDS[settings.generation.generator],
+    }
+
+
+def controller_backend(bundle: Path) -> dict[str, str]:
+    """The controller that drove the last rollouts of ``bundle``; empty for the embedded one.
+
+    A learned policy is named as such; what is embedded says so.
+    """
+    told = sorted(bundle.glob("rounds/*/rollouts/rollouts.json"), key=lambda file: int(file.parts[-3]))
+    with contextlib.suppress(OSError, ValueError, LookupError, TypeError, AttributeError):
+        controller = json.loads(told[-1].read_text(encoding="utf-8"))["rollouts"][-1]["controller"]
+        if controller.startswith("policy"):
+            return {"controller": controller}
+        if controller.startswith("replay"):
+            return {"controller": f"embedded: {controller}, tracked in MuJoCo"}
+    return {}

@@ -1,0 +1,179 @@
+"""What a person declared of a scene, and how ``scene.toml`` says it. Blender's Python reads it too."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..config.presets import preset, with_overrides
+from ..config.settings import Settings
+from ..core.atomic_files import write_whole
+from ..core.errors import SceneError, SettingsError
+from .backends import BACKENDS, chosen_backends
+from .layout import SCOPE_FILE
+
+FORMAT = 1
+"""The version of the bundle's layout."""
+
+DECLARATION = "scene.toml"
+"""The file in the bundle."""
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """What the person declared, the content of ``scene.toml``.
+
+    ``world_from_capture`` is the (4, 4) similarity, row by row, that took the frame of the
+    given poses to the world; ``scale_source`` and ``ground`` say how it was found. Where a
+    setting chooses the backend of a slot, ``backends`` follows it. ``scope`` is a shipped scope's
+    name or the whole path of a file; one inside the bundle is written relative to it.
+    """
+
+    captures_source: str
+    world_from_capture: tuple[tuple[float, ...], ...]
+    ground: str
+    scale_source: str
+    robot: str = "embedded:humanoid"
+    scope: str = "walk_and_look"
+    mesh_library: str = ""
+    preset: str = "paper"
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+    backends: Mapping[str, str] = field(default_factory=lambda: dict(BACKENDS))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "backends", {**self.backends, **chosen_backends(self.settings)})
+
+    @property
+    def settings(self) -> Settings:
+        """The preset with the person's overrides."""
+        return with_overrides(self.overrides, preset(self.preset))
+
+    def with_settings(self, preset: str | None, changes: Mapping[str, Any]) -> Declaration:
+        """With ``changes`` among its overrides; another ``preset`` than before begins without any."""
+        if preset in (None, self.preset):
+            return dataclasses.replace(self, overrides={**self.overrides, **changes})
+        return dataclasses.replace(self, preset=preset, overrides=dict(changes))
+
+
+def read_declaration(path: Path) -> Declaration:
+    """The declaration of the bundle ``path``, its scope by a whole path where that is a file.
+
+    Raises SceneError when it is missing, damaged or of another version.
+    """
+    file = path / DECLARATION
+    try:
+        data = tomllib.loads(file.read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise SceneError(
+            "this is not a scene bundle", where=file, cure="Make one with `r2sego new`."
+        ) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SceneError(f"it cannot be read: {error}", where=file, cure="Mend the line.") from error
+    if data.get("format") != FORMAT:
+        raise SceneError(
+            f"the bundle has format {data.get('format')!r}, this version reads {FORMAT}",
+            where=f"{file}: format",
+            cure="Open it with the version that made it, or make it anew with `r2sego new`.",
+        )
+    declaration = _declaration(data, file)
+    return dataclasses.replace(declaration, scope=_scope_here(declaration.scope, path))
+
+
+def _declaration(data: Mapping[str, Any], file: Path) -> Declaration:
+    try:
+        declaration = Declaration(
+            captures_source=_text(data, "captures", "source"),
+            world_from_capture=_matrix(data["registration"]["world_from_capture"]),
+            ground=_text(data, "registration", "ground"),
+            scale_source=_text(data, "registration", "scale_source"),
+            robot=_text(data, "robot", "model"),
+            scope=_text(data, "robot", "scope"),
+            mesh_library=_text(data, "priors", "mesh_library", default=""),
+            preset=data["settings"]["preset"],
+            overrides=_by_dotted_keys(data["settings"].get("overrides", {})),
+            backends=data["backends"],
+        )
+    except SettingsError as error:
+        raise SettingsError(error.what, where=f"{file}: {error.where}", cure=error.cure) from error
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise SceneError(
+            f"the field {error} is missing or wrong",
+            where=file,
+            cure="Mend it there, or make the scene anew with `r2sego new`.",
+        ) from error
+    return declaration
+
+
+def _text(data: Mapping[str, Any], section: str, name: str, default: str | None = None) -> str:
+    text = data[section][name] if default is None else data.get(section, {}).get(name, default)
+    if not isinstance(text, str):
+        raise ValueError(f"{section}.{name}")
+    return text
+
+
+def _by_dotted_keys(overrides: Any, prefix: str = "") -> dict[str, Any]:
+    """The settings by their keys, of which TOML makes tables where a person writes them without quotes."""
+    if not isinstance(overrides, Mapping):
+        raise ValueError("settings.overrides")
+    found: dict[str, Any] = {}
+    for key, value in overrides.items():
+        is_table = isinstance(value, Mapping)
+        found |= _by_dotted_keys(value, f"{prefix}{key}.") if is_table else {f"{prefix}{key}": value}
+    return found
+
+
+def _matrix(rows: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
+    """The (4, 4) finite numbers, row by row. Raises ValueError or TypeError for anything else."""
+    matrix = tuple(tuple(map(float, row)) for row in rows)
+    if [len(row) for row in matrix] != [4] * 4 or not all(map(math.isfinite, sum(matrix, ()))):
+        raise ValueError("registration.world_from_capture")
+    return matrix
+
+
+def _scope_here(scope: str, bundle: Path) -> str:
+    """The declared ``scope`` of a bundle that may have been moved or copied: its own lies in it.
+
+    Bundles once declared their own scope by its whole path, which is that of where they were.
+    """
+    if not Path(scope).is_absolute():
+        return str((bundle / scope).absolute()) if Path(scope).suffix else scope
+    own = bundle / SCOPE_FILE
+    if Path(scope).parts[-2:] != own.parts[-2:] or not own.is_file():
+        return scope
+    was_a_bundles = not Path(scope).is_file() or (Path(scope).parents[1] / DECLARATION).is_file()
+    return str(own.absolute()) if was_a_bundles else scope
+
+
+def name_in(bundle: Path, file: str) -> str:
+    """How ``bundle`` names ``file``: relative to itself where it lies inside, else as it is."""
+    if not Path(file).is_absolute():  # the name of what comes with the library
+        return file
+    for place, folder in ((Path(file), bundle.absolute()), (Path(file).resolve(), bundle.resolve())):
+        if place.is_relative_to(folder):
+            return place.relative_to(folder).as_posix()
+    return file
+
+
+def write_declaration(file: Path, declaration: Declaration) -> None:
+    """Write the declaration as ``file`` of its bundle, whole or not at all."""
+    import tomli_w  # the engine writes bundles; Blender's Python only reads them
+
+    data = {
+        "format": FORMAT,
+        "captures": {"source": declaration.captures_source},
+        "registration": {
+            "ground": declaration.ground,
+            "scale_source": declaration.scale_source,
+            "world_from_capture": [list(row) for row in declaration.world_from_capture],
+        },
+        "robot": {"model": declaration.robot, "scope": name_in(file.parent, declaration.scope)},
+        "priors": {"mesh_library": declaration.mesh_library},
+        "backends": dict(declaration.backends),
+        "settings": {"preset": declaration.preset, "overrides": dict(declaration.overrides)},
+    }
+    write_whole(file, tomli_w.dumps(data))

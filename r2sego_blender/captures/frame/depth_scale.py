@@ -1,0 +1,130 @@
+"""The scale of a room from sensor depth: metres for each unit of the triangulated points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.ndimage import map_coordinates
+
+from ...bundle.layout import mask_stems
+from ...core.errors import CaptureError
+from ..capture import Capture
+from ..sensors.sensor_depth import SensorDepth
+from ..sparse import SparsePoints
+
+# Depth next to an edge belongs to one side or the other.
+_SMOOTH = 1.05
+# What a sensor is off by, and how well a feature is placed.
+_SENSOR_SIGMA = 0.01
+_FEATURE_SIGMA_PX = 0.7
+_FEWEST_POINTS = 30
+_FEWEST_A_CAPTURE = 5
+_LARGEST_SPREAD = 0.2
+_TO_SIGMA = 1.4826  # of a median absolute deviation
+
+
+@dataclass(frozen=True)
+class DepthScale:
+    """Metres per unit, and how sure that is.
+
+    ``spread`` is the robust relative standard deviation of a single point's ratio,
+    ``uncertainty`` that of the scale, counting a capture as one measurement: its points share
+    the errors of its pose and of the sensor. ``points`` ratios in ``captures`` captures.
+    """
+
+    metres_per_unit: float
+    spread: float
+    uncertainty: float
+    points: int
+    captures: int
+
+    def __str__(self) -> str:
+        return (
+            f"sensor depth at {self.points} points in {self.captures} captures, spread "
+            f"{self.spread:.1%}, sure to {self.uncertainty:.1%}"
+        )
+
+
+def depth_scale(captures: Sequence[Capture], sparse: SparsePoints, depth: SensorDepth) -> DepthScale:
+    """The median ratio of sensor depth to triangulated depth, over all measurements.
+
+    Each counts by how well it is measured: a point seen under a narrow angle has an unsure
+    depth. Raises CaptureError when too few captures have depth, or their ratios disagree.
+    """
+    ratios, weights, owners = [], [], []
+    maps = 0
+    sine = _widest_sine(captures, sparse)
+    stems = mask_stems([capture.name for capture in captures])
+    for index, capture in enumerate(captures):
+        map_m = depth.of(capture, stems[capture.name])
+        if map_m is None:
+            continue
+        maps += 1
+        rows = np.flatnonzero(sparse.visibility[:, index] & (sine > 0))
+        measured = _sampled(map_m, capture.photograph_shares(sparse.pixels[rows, index]))
+        triangulated = capture.camera.project(sparse.points[rows])[1]
+        good = (measured > 0) & (triangulated > 0)
+        if good.sum() < _FEWEST_A_CAPTURE:
+            continue
+        ratios.append(np.log(measured[good] / triangulated[good]))
+        relative = _FEATURE_SIGMA_PX / (capture.camera.fx * sine[rows[good]])
+        weights.append(1.0 / (_SENSOR_SIGMA**2 + relative**2))
+        owners.append(index)
+    count = sum(map(len, ratios))
+    if count < _FEWEST_POINTS:
+        raise CaptureError(
+            f"only {count} points were measured in {maps} depth map{'s' if maps != 1 else ''} of "
+            f"{len(captures)} captures", where=depth.folder,
+            cure=f"Call depth maps as the photographs, such as {next(iter(stems.values()))}.png, and give "
+            "those of at least two.",
+        )  # fmt: skip
+    together, weight = np.concatenate(ratios), np.concatenate(weights)
+    centre = _median(together, weight)
+    spread = _TO_SIGMA * _median(np.abs(together - centre), weight)
+    if spread > _LARGEST_SPREAD:
+        raise CaptureError(
+            f"sensor depth and triangulated depth disagree: their ratio varies by {spread:.0%}",
+            where=depth.folder,
+            cure="Check that the depth maps belong to the photographs, are planar depth and in "
+            "millimetres (16-bit) or metres (float).",
+        )  # fmt: skip
+    medians = np.array([_median(*pair) for pair in zip(ratios, weights, strict=True)])
+    among = _TO_SIGMA * float(np.median(np.abs(medians - centre)))
+    uncertainty = max(among, spread) / np.sqrt(len(medians))
+    return DepthScale(float(np.exp(centre)), float(spread), float(uncertainty), count, len(owners))
+
+
+def _widest_sine(captures: Sequence[Capture], sparse: SparsePoints) -> np.ndarray:
+    """(P,) sine of the widest angle between two rays that measured a point."""
+    rays = sparse.points[:, None] - np.array([capture.camera.centre for capture in captures])
+    rays /= np.maximum(np.linalg.norm(rays, axis=2, keepdims=True), 1e-12)
+    widest = np.ones(len(sparse.points))
+    for index in range(len(captures)):
+        cosine = np.einsum("pnc,pc->pn", rays, rays[:, index])
+        both = sparse.visibility & sparse.visibility[:, index : index + 1]
+        widest = np.minimum(widest, np.where(both, cosine, 1.0).min(axis=1))
+    return np.sqrt(np.clip(1.0 - np.clip(widest, 0.0, 1.0) ** 2, 0.0, 1.0))
+
+
+def _sampled(depth: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """Depth (n,) at shares (n, 2) of width and height; 0 where unknown or beside an edge."""
+    height, width = depth.shape
+    kernel = np.ones((3, 3), np.uint8)
+    low, high = cv2.erode(depth, kernel), cv2.dilate(depth, kernel)
+    smooth = (low > 0) & (high <= _SMOOTH * low)
+    place = shares * [width, height] - 0.5  # SciPy counts pixel centres from zero
+    values = map_coordinates(depth, place.T[::-1], order=1, mode="nearest")
+    column, row = np.rint(place).astype(int).T
+    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    inside[inside] = smooth[row[inside], column[inside]]
+    return np.where(inside, values, 0.0).astype(np.float64)
+
+
+def _median(values: np.ndarray, weights: np.ndarray) -> float:
+    """The weighted median."""
+    order = np.argsort(values, kind="stable")
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, 0.5 * total[-1])])

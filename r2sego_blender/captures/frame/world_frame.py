@@ -1,0 +1,198 @@
+"""Registration of the captures to the world frame W: gravity, floor, origin, heading, scale.
+
+The paper's fixed registration that maps captures and initial asset into the simulator's
+world (Sec. "Problem Setting and Output"). It is solved once and applied to everything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...config.settings import CaptureSettings
+from ...core.errors import CaptureError
+from ...core.progress import SILENT, Progress
+from ..capture import Capture
+from ..importing import Imported
+from ..sensors.sensor_depth import SensorDepth
+from ..sparse import USUAL_DEPTH_M, SparsePoints, usual_depth
+from .depth_scale import depth_scale
+from .ground import Ground, find_ground
+from .scale import Scale, length_scale, marker_scale
+
+ASSUMED_CAMERA_HEIGHT_M = 1.5
+"""How high a photographer is taken to hold the camera when nothing tells the scale."""
+
+# Share by which the unit of a device's poses and that of its depth sensor may differ.
+_UNIT_AGREES = 0.03
+
+# How a scale that hangs on the floor is called.
+_HEIGHT_OF, _ASSUMED = " height of ", "assumed"
+
+# Sine of the angle from the vertical below which a camera's forward axis tells no heading.
+_MIN_HEADING = 0.05
+
+
+@dataclass(frozen=True)
+class Registration:
+    """The similarity from the capture frame to the world, and where it comes from.
+
+    ``world_from_capture`` (4, 4) float64 has one uniform scale; the world is Z up, metres,
+    z = 0 on the floor. ``ground`` and ``scale_source`` say in words how they were found.
+    """
+
+    world_from_capture: np.ndarray
+    ground: str
+    scale_source: str
+
+    def captures(self, captures: Sequence[Capture]) -> tuple[Capture, ...]:
+        """Captures of the capture frame in the world frame."""
+        return tuple(capture.transformed(self.world_from_capture) for capture in captures)
+
+    def sparse(self, sparse: SparsePoints) -> SparsePoints:
+        """Sparse points of the capture frame in the world frame."""
+        return sparse.transformed(self.world_from_capture)
+
+
+def register(
+    imported: Imported, sparse: SparsePoints, scale: Scale, settings: CaptureSettings,
+    progress: Progress = SILENT,
+) -> Registration:  # fmt: skip
+    """Register the captures to the world frame.
+
+    z = 0 is the floor; the origin is the first capture's centre put down on it; the x-axis
+    is the first capture's heading on it. An assumed scale and a floor that was not seen
+    are reported as warnings. Raises CaptureError when what should tell the scale does not.
+    """
+    captures = imported.captures
+    known, source = _scale_before_ground(imported, sparse, scale, progress)
+    unit_m = known if known is not None else USUAL_DEPTH_M / usual_depth(captures, sparse)
+    cameras = [capture.camera for capture in captures]
+    ground = find_ground(sparse.points, cameras, settings.floor_tolerance_m / unit_m, imported.up)
+    if not ground.found:
+        progress.message(
+            f"{ground.description}: see in report/ground/ whether the room stands level on z = 0, and "
+            "correct it with `r2sego register`, or add a photograph that shows the floor", level="warning",
+        )  # fmt: skip
+    if known is None:
+        known, source = _scale_from_height(captures, ground, scale)
+        if scale.kind != "camera_height":
+            progress.message(
+                f"the scale is {source}: distances may be off by a fifth; give a known length, a "
+                "marker or the camera's height", level="warning",
+            )  # fmt: skip
+    return Registration(_world_from_capture(captures[0], ground, known), ground.description, source)
+
+
+def corrected(
+    registration: Registration, captures: Sequence[Capture], sparse: SparsePoints,
+    ground: Ground | None, scale: Scale | None, progress: Progress = SILENT,
+) -> tuple[Registration, np.ndarray]:  # fmt: skip
+    """A registration with another ground or scale, and the (4, 4) similarity new from old world.
+
+    ``captures`` and ``sparse`` are in the old world. Without ``ground`` the floor stays where
+    it is, without ``scale`` the metre; a scale that came from a height above the old floor is
+    pointed out in a warning. Raises CaptureError when what should tell the scale does not.
+    """
+    if ground is None:
+        ground = Ground(np.array([0.0, 0.0, 1.0]), 0.0, 0, True, registration.ground)
+    if scale is None:
+        known, source = 1.0, registration.scale_source
+        if _HEIGHT_OF in source or source.startswith(_ASSUMED):
+            progress.message(
+                f"the scale is kept, but it is from the floor as it was ({source}): give the camera's "
+                "height again, or another scale", level="warning",
+            )  # fmt: skip
+    else:
+        known, source = _scale_before_ground(Imported(tuple(captures), "", False), sparse, scale, progress)
+        if known is None:
+            known, source = _scale_from_height(captures, ground, scale)
+    turn_deg = np.degrees(np.arccos(np.clip(ground.normal[2], -1.0, 1.0)))
+    moved_m = known * float(ground.height(captures[0].camera.centre)) - captures[0].camera.centre[2]
+    progress.message(
+        f"up turns by {turn_deg:.1f} degrees, a metre becomes {known:.3f} m, the first camera is "
+        f"{abs(moved_m):.3f} m {'lower' if moved_m < 0.0 else 'higher'} above the floor"
+    )
+    similarity = _world_from_capture(captures[0], ground, known)
+    together = similarity @ registration.world_from_capture
+    return Registration(together, ground.description, source), similarity
+
+
+def _scale_before_ground(
+    imported: Imported, sparse: SparsePoints, scale: Scale, progress: Progress
+) -> tuple[float | None, str]:  # fmt: skip
+    """Metres per unit where that does not depend on the floor."""
+    if scale.kind == "known_length":
+        return length_scale(imported.captures, sparse, scale)
+    if scale.kind == "marker":
+        return marker_scale(imported.captures, scale)
+    if scale.kind == "measured":
+        return scale.metres, scale.whose
+    if scale.kind == "metric":
+        return 1.0, "poses declared to be metric"
+    if scale.kind == "depth":
+        own = imported.depth is not None and imported.depth.folder.resolve() == scale.folder.resolve()
+        depth = imported.depth if own else SensorDepth.beside(scale.folder)
+        measured = depth_scale(imported.captures, sparse, depth)
+        return measured.metres_per_unit, str(measured)
+    if scale.kind == "automatic" and imported.metric:
+        return 1.0, f"metric poses ({imported.source}{_checked(imported, sparse, progress)})"
+    return None, ""
+
+
+def _checked(imported: Imported, sparse: SparsePoints, progress: Progress) -> str:
+    """What the device's own depth says of its poses' unit, in words; never a change of it."""
+    if imported.depth is None:
+        return ""
+    try:
+        measured = depth_scale(imported.captures, sparse, imported.depth)
+    except CaptureError as error:
+        progress.message(f"the poses' unit is not checked by depth: {error.what}", level="warning")
+        return ""
+    difference = measured.metres_per_unit - 1.0
+    if abs(difference) > max(_UNIT_AGREES, 3.0 * measured.uncertainty):
+        progress.message(
+            f"{imported.source}: the depth sensor sees the room {difference:+.1%} larger than the poses say, "
+            f"which were taken; to take the sensor's metre give --depth {imported.depth.folder}",
+            level="warning",
+        )  # fmt: skip
+    return f"; its depth says {difference:+.1%}: {measured}"
+
+
+def _scale_from_height(
+    captures: Sequence[Capture], ground: Ground, scale: Scale
+) -> tuple[float, str]:  # fmt: skip
+    heights = ground.height(np.array([capture.camera.centre for capture in captures]))
+    given = scale.kind == "camera_height"
+    height = float(heights[0] if given else np.median(heights))
+    if not height > 0:
+        raise CaptureError(
+            "the cameras are not above the floor", where="scale, camera height",
+            cure="Give a known length or a marker instead.",
+        )  # fmt: skip
+    if given:
+        return scale.metres / height, f"{scale.whose}{_HEIGHT_OF}{scale.metres:.4g} m"
+    return (
+        ASSUMED_CAMERA_HEIGHT_M / height,
+        f"{_ASSUMED}: the cameras were held {ASSUMED_CAMERA_HEIGHT_M:g} m above the floor",
+    )
+
+
+def _world_from_capture(first: Capture, ground: Ground, scale: float) -> np.ndarray:
+    """The similarity of the conventions: up, origin and heading from the floor and a camera."""
+    up = ground.normal
+    heading = first.camera.forward - up * (first.camera.forward @ up)
+    if np.linalg.norm(heading) < _MIN_HEADING:
+        # Looking straight down: the top of its image points ahead.
+        top = -first.camera.world_from_camera[:3, 1]
+        heading = top - up * (top @ up)
+    heading /= np.linalg.norm(heading)
+    rotation = np.stack([heading, np.cross(up, heading), up])
+    centre = first.camera.centre
+    origin = centre - up * float(ground.height(centre))
+    similarity = np.eye(4)
+    similarity[:3, :3] = scale * rotation
+    similarity[:3, 3] = -scale * rotation @ origin
+    return similarity

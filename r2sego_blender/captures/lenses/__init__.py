@@ -1,0 +1,4 @@
+"""Lenses with distortion, and photographs freed of it.
+
+Begin with ``lens``.
+"""

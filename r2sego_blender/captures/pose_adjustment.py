@@ -1,0 +1,107 @@
+"""Given poses that are a little wrong, adjusted to what the captures see in common.
+
+A third of a degree is two pixels: enough to take dense stereo off its epipolar lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..config.settings import CaptureSettings
+from ..core.cameras import Camera, rotation_angle_rad
+from ..core.progress import SILENT, Progress
+from .importing import Imported
+from .matching.overlap import Pairs, confirming, match_all, match_guided, near_pairs
+from .solving.bundle_adjustment import adjusted, reprojection_errors
+from .sparse import USUAL_DEPTH_M, Detected, SparsePoints, detect, triangulate_matches, usual_depth
+
+# Matches are looked for this many standard deviations off the given epipolar lines.
+_BAND_SIGMAS = 2.0
+# Share of the median reprojection error that the refined poses may leave of the given ones':
+# where the given poses were right their own freedom takes a tenth of it.
+_CLEARLY_LOWER = 0.75
+
+
+def triangulate_refined(
+    imported: Imported, settings: CaptureSettings, progress: Progress = SILENT
+) -> tuple[Imported, SparsePoints]:
+    """What the captures see in common, triangulated, and the captures at their refined poses.
+
+    With ``refine_poses`` as "auto" the given poses are kept unless the median reprojection
+    error falls below three quarters of theirs; poses that were solved here are always
+    kept, and so are those of captures with too few tracks, with a warning. The frame and the
+    scale of the given poses are kept (``bundle_adjustment.adjusted``). ``source`` says what
+    was done. Raises CaptureError as ``sparse.triangulate`` does.
+    """
+    captures = imported.captures
+    names = [capture.name for capture in captures]
+    detected = detect(captures, settings, progress)
+    cameras: Sequence[Camera] = [capture.camera for capture in captures]
+    plain = match_all(detected.features, settings, progress, among=near_pairs(cameras))
+    if settings.refine_poses != "never" and not imported.solved:
+        cameras, told = _refined(imported, detected, plain, settings, progress)
+        if told:
+            progress.message(told)
+            captures = tuple(replace(c, camera=at) for c, at in zip(captures, cameras, strict=True))
+            imported = replace(imported, captures=captures, source=f"{imported.source}; {told}")
+    confirmed = confirming(plain, detected.features, cameras, settings.max_error_px, settings)
+    pairs = match_guided(confirmed, detected.features, cameras, names, settings, progress)
+    sparse = triangulate_matches(cameras, detected, pairs, settings.max_error_px, settings, progress)
+    return imported, sparse
+
+
+def _refined(
+    imported: Imported, detected: Detected, plain: Pairs, settings: CaptureSettings, progress: Progress
+) -> tuple[Sequence[Camera], str]:
+    """The cameras and what was done to them in words, which are none when nothing was."""
+    given = [capture.camera for capture in imported.captures]
+    band_px = settings.max_error_px + _BAND_SIGMAS * _deviation_px(given, settings)
+    pairs = confirming(plain, detected.features, given, band_px, settings)
+    sparse = triangulate_matches(given, detected, pairs, band_px, settings, progress)
+    tracks = len(sparse.points)
+    if tracks < settings.min_matches * (len(given) - 1):
+        progress.message(
+            f"the given poses are kept as they are: {tracks} tracks are too few to refine those of "
+            f"{len(given)} captures", level="warning",
+        )  # fmt: skip
+        return given, ""
+    unit_m = 1.0 if imported.metric else USUAL_DEPTH_M / usual_depth(imported.captures, sparse)
+    cameras, points = adjusted(
+        given, sparse.points, sparse.pixels, settings.pose_sigma_m / unit_m,
+        np.radians(settings.pose_sigma_deg),
+    )  # fmt: skip
+    before_px = float(np.median(reprojection_errors(given, sparse.points, sparse.pixels)))
+    after_px = float(np.median(reprojection_errors(cameras, points, sparse.pixels)))
+    if settings.refine_poses == "auto" and after_px > _CLEARLY_LOWER * before_px:
+        progress.message(
+            f"the given poses are kept: {tracks} tracks agree with them to {before_px:.2f} px, and to "
+            f"{after_px:.2f} px with refined ones"
+        )  # fmt: skip
+        return given, ""
+    return cameras, _told(tracks, given, cameras, unit_m, before_px, after_px)
+
+
+def _deviation_px(cameras: Sequence[Camera], settings: CaptureSettings) -> float:
+    """How far off its epipolar line the given poses put a match: a standard deviation."""
+    rad = np.hypot(np.radians(settings.pose_sigma_deg), settings.pose_sigma_m / USUAL_DEPTH_M)
+    return float(np.sqrt(2.0) * rad * max(max(camera.fx, camera.fy) for camera in cameras))
+
+
+def _told(
+    tracks: int, given: Sequence[Camera], cameras: Sequence[Camera], unit_m: float,
+    before_px: float, after_px: float,
+) -> str:  # fmt: skip
+    centres_m = [unit_m * np.array([camera.centre for camera in some]) for some in (given, cameras)]
+    moved_cm = 100.0 * np.linalg.norm(centres_m[1] - centres_m[0], axis=1)
+    turned_deg = [
+        np.degrees(rotation_angle_rad(a.world_from_camera, b.world_from_camera))
+        for a, b in zip(given, cameras, strict=True)
+    ]
+    return (
+        f"poses refined from {tracks} tracks: moved by {moved_cm.mean():.1f} cm and "
+        f"{np.mean(turned_deg):.2f} deg, at most {moved_cm.max():.1f} and {max(turned_deg):.2f}; "
+        f"reprojection {before_px:.2f} -> {after_px:.2f} px"
+    )

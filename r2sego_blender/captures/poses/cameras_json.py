@@ -1,0 +1,104 @@
+"""``cameras.json``: this project's own file of captures and frozen views (docs/formats.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ...core.errors import CaptureError
+from ..lenses.distortion import COEFFICIENTS
+from ..lenses.lens import Lens
+from . import json_fields as fields
+from .finding import find_photograph
+from .photographs import Photograph, upright_size, with_unique_names
+
+_INTRINSICS = ("width", "height", "fx", "fy", "cx", "cy")
+
+
+def read_cameras_json(path: Path, folder: Path, files_needed: bool = True) -> tuple[list[Photograph], bool]:
+    """The photographs of the ``captures`` list, and whether the poses are metric.
+
+    The frozen views in the same file are not looked at. Without ``files_needed`` the
+    photographs may be missing, if the file says their size: for those who want cameras only.
+    """
+    data = fields.read_json(path)
+    metric = data.get("metric", True)
+    if not isinstance(metric, bool):
+        raise CaptureError("'metric' is neither true nor false", where=path, cure="See docs/formats.md.")
+    return _photographs(data, "captures", (data,), path, folder, files_needed), metric
+
+
+def read_frozen(path: Path, folder: Path, files_needed: bool = True) -> list[Photograph]:
+    """The photographs of the ``frozen`` list, with ``frozen_intrinsics`` where that is given.
+
+    ``files_needed`` as in ``read_cameras_json``.
+    """
+    data = fields.read_json(path)
+    if "frozen" not in data:
+        raise CaptureError(
+            "there is no 'frozen' list", where=path, cure="Give the cameras.json that lists held-out views."
+        )
+    lenses = data.get("frozen_intrinsics", {})
+    if not isinstance(lenses, dict):
+        raise CaptureError("'frozen_intrinsics' is no object", where=path, cure="See docs/formats.md.")
+    return _photographs(data, "frozen", (lenses, data), path, folder, files_needed)
+
+
+def _photographs(
+    data: Mapping[str, Any], key: str, shared: tuple[Mapping[str, Any], ...], path: Path, folder: Path,
+    files_needed: bool,
+) -> list[Photograph]:  # fmt: skip
+    photographs = []
+    for index, entry in enumerate(fields.entries(data, key, path)):
+        field = f"{key}[{index}]"
+        name = fields.text("file", path, field, entry)
+        source = f"{path}, {field}"
+        places = (entry, *shared)
+        if files_needed or not _says_size(places):
+            image_path = find_photograph(name, (path.parent, folder), source)
+        else:
+            image_path = folder / name
+        sizes = _size(places, image_path, path, field)
+        fx = fields.number("fx", path, field, *places, positive=True)
+        lens = Lens(
+            *sizes, fx, fields.number("fy", path, field, *places, default=fx, positive=True),
+            fields.number("cx", path, field, *places, default=sizes[0] / 2),
+            fields.number("cy", path, field, *places, default=sizes[1] / 2),
+            *_distortion(places, path, field),
+            fields.number("border_px", path, field, *places, default=0.0),
+        )  # fmt: skip
+        pose = fields.matrix("world_from_camera", path, field, entry)
+        photographs.append(Photograph(name, image_path, lens, pose, source))
+    return with_unique_names(photographs)
+
+
+def _size(places, image_path: Path, path: Path, field: str) -> tuple[int, int]:
+    if not _says_size(places):
+        return upright_size(image_path)
+    width, height = (fields.number(key, path, field, *places, positive=True) for key in _INTRINSICS[:2])
+    return int(width), int(height)
+
+
+def _says_size(places) -> bool:
+    return any("width" in place or "height" in place for place in places)
+
+
+def _distortion(places, path: Path, field: str) -> tuple[tuple[float, ...], str]:
+    """The coefficients and the model of the distortion."""
+    fisheye = next((place["fisheye"] for place in places if "fisheye" in place), False)
+    default = "opencv_fisheye" if fisheye else "opencv"
+    model = next((place["distortion_model"] for place in places if "distortion_model" in place), default)
+    if model not in COEFFICIENTS:
+        raise CaptureError(
+            f"'distortion_model' is {model!r}, not one of {', '.join(COEFFICIENTS)}",
+            where=f"{path}, {field}", cure="See docs/formats.md.",
+        )  # fmt: skip
+    found = next((place["distortion"] for place in places if "distortion" in place), ())
+    if not isinstance(found, list | tuple) or len(found) > COEFFICIENTS[model]:
+        raise CaptureError(
+            f"'distortion' is not a list of at most {COEFFICIENTS[model]} numbers", where=f"{path}, {field}",
+            cure="Give k1, k2, p1, p2 as OpenCV has them.",
+        )  # fmt: skip
+    keyed = {f"distortion[{i}]": value for i, value in enumerate(found)}
+    return tuple(fields.number(key, path, field, keyed) for key in keyed), model

@@ -1,0 +1,89 @@
+"""Dropped files told apart: photographs, and poses somebody solved. Standard library alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...core.errors import CaptureError
+
+PHOTOGRAPHS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".avif", ".heic", ".heif")
+"""Suffixes of photographs, in small letters."""
+
+_POSES = ("transforms.json", "cameras.json")
+_COLMAP = ("cameras", "images", "points3D", "frames", "rigs")
+# Where the photographs of a pose file or a COLMAP model lie, seen from its folder.
+_NEAR = ("images", "photos", ".", "../images", "../photos", "../../images", "../../photos", "..")
+
+
+@dataclass(frozen=True)
+class CaptureFiles:
+    """What a new scene can begin with.
+
+    ``photographs`` is their folder, None where it was not found; ``poses`` the pose file or
+    the folder of a COLMAP model, None to solve them; ``scene`` where the bundle could be made.
+    """
+
+    photographs: Path | None
+    poses: Path | None
+    scene: Path
+
+
+def capture_files(dropped: Sequence[Path], suffix: str) -> CaptureFiles:
+    """What was dropped: photographs, a folder, transforms.json, cameras.json or a COLMAP model.
+
+    A pose file and photographs may be dropped together. ``suffix`` is that of bundles. Raises
+    CaptureError when there is nothing to begin with, or photographs of two folders.
+    """
+    poses, folders = None, []
+    for path in (Path(one) for one in dropped):
+        if path.is_dir():
+            found = _poses_in(path)
+            poses = poses or found
+            folder = path if _has_photographs(path) else _photographs_near(path)
+            folders += [folder] if folder is not None else []
+        elif path.suffix.lower() in PHOTOGRAPHS:
+            folders.append(path.parent)
+        elif path.name in _POSES:
+            poses = path
+        elif path.stem in _COLMAP and path.suffix in (".bin", ".txt"):
+            poses = path.parent
+    if poses is None and not folders:
+        raise CaptureError(
+            "these are no photographs and no poses", where=dropped[0] if dropped else "the dropped files",
+            cure="Drop photographs, transforms.json, cameras.json or the files of a COLMAP model.",
+        )  # fmt: skip
+    if len(set(folders)) > 1:
+        raise CaptureError(
+            "the photographs lie in more than one folder", where=folders[1], cure="Put them into one folder."
+        )
+    base = poses if poses is not None and poses.is_dir() else (poses.parent if poses is not None else None)
+    photographs = folders[0] if folders else _photographs_near(base)
+    room = photographs if photographs is not None else base
+    while room.name.lower() in ("images", "photos", "captures", "sparse", "0") and room.parent != room:
+        room = room.parent
+    return CaptureFiles(photographs, poses, room.parent / ((room.name or "room") + suffix))
+
+
+def _poses_in(folder: Path) -> Path | None:
+    """The poses that lie in a folder, or in its COLMAP model."""
+    for name in _POSES:
+        if (folder / name).is_file():
+            return folder / name
+    for model in (folder, folder / "0", folder / "sparse" / "0", folder / "sparse"):
+        if any((model / f"cameras{kind}").is_file() for kind in (".bin", ".txt")):
+            return model
+    return None
+
+
+def _photographs_near(folder: Path) -> Path | None:
+    for near in _NEAR:
+        place = (folder / near).resolve()
+        if _has_photographs(place):
+            return place
+    return None
+
+
+def _has_photographs(folder: Path) -> bool:
+    return folder.is_dir() and any(file.suffix.lower() in PHOTOGRAPHS for file in folder.iterdir())

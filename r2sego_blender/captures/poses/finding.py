@@ -1,0 +1,124 @@
+"""Finding the photographs that a pose file names."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+
+from ...core.errors import CaptureError
+from ...core.images import HEIC, SUFFIXES, image_files
+from ...core.progress import Progress
+from .photographs import MIN_CAPTURES
+from .plain_folder import UNREAD_PICTURES
+
+_LISTED = 8
+
+
+def find_photograph(name: str, folders: tuple[Path, ...], where: str, guess_suffix: bool = False) -> Path:
+    """The photograph a pose file names, inside one of ``folders``.
+
+    A path that leads elsewhere (absolute, or through ``..``) is looked up by its file name. Where
+    no file has the name, one that has it but for case and kind of picture is taken. With
+    ``guess_suffix`` the name may lack its suffix. Raises CaptureError when no folder has it.
+    """
+    found = _found(name, folders, guess_suffix, by_file_name=True)
+    if found is not None:
+        return found
+    searched = " and ".join(sorted({str(folder) for folder in folders}))
+    raise CaptureError(
+        f"the photograph '{name}' is listed but missing from {searched}", where=where,
+        cure="Add the file, or take its entry out.",
+    )  # fmt: skip
+
+
+def find_photographs(
+    names: Sequence[str], folders: tuple[Path, ...], where: object, progress: Progress,
+    guess_suffix: bool = False,
+) -> list[Path | None]:  # fmt: skip
+    """The photographs a pose file names, as ``find_photograph``; None for those that are missing.
+
+    Missing ones are listed in a warning, for a model may be of more photographs than are at
+    hand. Raises CaptureError when fewer than three are left.
+    """
+    # Rigs repeat file names in a folder a camera: there only the folder tells which is meant.
+    counts = Counter(_plain(name).name for name in names)
+    images_in = cache(image_files)  # a model may name thousands that are not there
+    found = [_found(name, folders, guess_suffix, counts[_plain(name).name] == 1, images_in) for name in names]
+    missing = [name for name, path in zip(names, found, strict=True) if path is None]
+    if not missing:
+        return found
+    more = f" and {len(missing) - _LISTED} more" if len(missing) > _LISTED else ""
+    searched = " and ".join(sorted({str(folder) for folder in folders}))
+    what = (
+        f"{len(missing)} of the {len(names)} photographs listed are missing from {searched}: "
+        f"{', '.join(missing[:_LISTED])}{more}"
+    )
+    if len(names) - len(missing) < MIN_CAPTURES:
+        raise CaptureError(what, where=where, cure="Give the folder that holds them.")
+    progress.message(f"{what}; they are left out", level="warning")
+    return found
+
+
+def find_beside(name: str, folders: tuple[Path, ...]) -> Path | None:
+    """What a pose file names beside a photograph, inside one of ``folders``; None where it is missing."""
+    return _found(name, folders, guess_suffix=False, by_file_name=False)
+
+
+def _found(
+    name: str, folders: tuple[Path, ...], guess_suffix: bool, by_file_name: bool,
+    images_in: Callable[[Path], list[Path]] = image_files,
+) -> Path | None:  # fmt: skip
+    relative = _plain(name)
+    if "\0" in name:
+        return None
+    candidates = [folder / relative for folder in folders]
+    if by_file_name:
+        candidates += [folder / relative.name for folder in folders]
+    candidates = [
+        candidate for candidate in candidates
+        if any(_real(candidate).is_relative_to(_real(folder)) for folder in folders)
+    ]  # fmt: skip
+    for candidate in candidates:
+        if _is_file(candidate):
+            return candidate
+        if guess_suffix and candidate.suffix.lower() not in SUFFIXES:
+            # Blender's scenes and instant-ngp mean .png, and COLMAP reads no HEIC.
+            for suffix in sorted(SUFFIXES, key=lambda suffix: (suffix != ".png", suffix in HEIC, suffix)):
+                whole = candidate.with_name(candidate.name + suffix)
+                if _is_file(whole):
+                    return whole
+    return next(filter(None, (_alike(candidate, images_in) for candidate in candidates)), None)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # its name is too long for any
+        return False
+
+
+def _real(path: Path) -> Path:
+    """``path`` without links; until Python 3.13 ``resolve`` fails where a link leads to itself."""
+    return Path(os.path.realpath(path))
+
+
+def _alike(candidate: Path, images_in: Callable[[Path], list[Path]]) -> Path | None:
+    """The one photograph that has the name of ``candidate`` but for case and kind.
+
+    HEIC is converted before or after its poses are solved, and some systems take .JPG for .jpg.
+    """
+    if not candidate.parent.is_dir():
+        return None
+    kinds = SUFFIXES | UNREAD_PICTURES
+    stem = (candidate.stem if candidate.suffix.lower() in kinds else candidate.name).casefold()
+    alike = [path for path in images_in(candidate.parent) if path.stem.casefold() == stem]
+    same = [path for path in alike if path.name.casefold() == candidate.name.casefold()]
+    found = same or alike
+    return found[0] if len(found) == 1 else None
+
+
+def _plain(name: str) -> Path:
+    return Path(name.replace("\\", "/"))

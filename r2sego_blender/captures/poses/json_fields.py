@@ -1,0 +1,88 @@
+"""Reading fields of a JSON pose file with errors that name the file and the field."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.errors import CaptureError, may_not_be_read
+
+_LARGEST_FILE_BYTES = 256 * 1024 * 1024
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The JSON object in a file. Raises CaptureError when there is none."""
+    try:
+        if path.stat().st_size > _LARGEST_FILE_BYTES:
+            raise CaptureError("the file is too large for camera poses", where=path, cure="Check the path.")
+        data = json.loads(path.read_text(encoding="utf-8-sig"))  # some programs on Windows begin with a mark
+    except FileNotFoundError as error:
+        raise CaptureError("the pose file is missing", where=path, cure="Check the path.") from error
+    except PermissionError as error:
+        raise may_not_be_read(path, CaptureError) from error
+    except OSError as error:
+        raise CaptureError(
+            f"the pose file cannot be read: {error.strerror}", where=path, cure="Check the path."
+        ) from error
+    except (ValueError, RecursionError) as error:
+        raise CaptureError(
+            f"this is not JSON ({error})", where=path, cure="Export the poses again."
+        ) from error
+    if not isinstance(data, dict):
+        raise CaptureError("the file holds no JSON object", where=path, cure="Export the poses again.")
+    return data
+
+
+def entries(data: Mapping[str, Any], key: str, path: Path) -> list[dict[str, Any]]:
+    """The list of objects under ``key``."""
+    found = data.get(key)
+    if not isinstance(found, list) or not all(isinstance(item, dict) for item in found):
+        raise CaptureError(f"'{key}' is not a list of objects", where=path, cure="See docs/formats.md.")
+    return found
+
+
+def number(
+    key: str, path: Path, field: str, *places: Mapping[str, Any], default: float | None = None,
+    positive: bool = False,
+) -> float:  # fmt: skip
+    """The finite number under ``key`` in the first of ``places`` that has it."""
+    value = next((place[key] for place in places if key in place), default)
+    good = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if not good or (positive and value <= 0):
+        missing = value is None
+        what = (
+            f"'{key}' is missing"
+            if missing
+            else f"'{key}' is {value!r}, not a " + ("positive number" if positive else "number")
+        )
+        raise CaptureError(what, where=f"{path}, {field}", cure="See docs/formats.md.")
+    return float(value)
+
+
+def text(key: str, path: Path, field: str, place: Mapping[str, Any]) -> str:
+    """The text under ``key``."""
+    value = place.get(key)
+    if not isinstance(value, str) or not value.strip("./\\ "):
+        raise CaptureError(f"'{key}' names no file", where=f"{path}, {field}", cure="See docs/formats.md.")
+    return value
+
+
+def matrix(key: str, path: Path, field: str, place: Mapping[str, Any]) -> np.ndarray:
+    """The (4, 4) float64 matrix under ``key``; a 3x4 one gets its last row."""
+    try:
+        found = np.array(place[key], np.float64)
+    except (KeyError, TypeError, ValueError):
+        found = np.zeros(0)
+    if found.shape == (3, 4):
+        found = np.vstack([found, [0.0, 0.0, 0.0, 1.0]])
+    if found.shape != (4, 4) or not np.isfinite(found).all():
+        raise CaptureError(
+            f"'{key}' is not a 4x4 matrix of numbers", where=f"{path}, {field}",
+            cure="See docs/formats.md.",
+        )  # fmt: skip
+    return found

@@ -1,0 +1,218 @@
+"""Photographs with poses, as the pose files name them, turned into captures."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path, PureWindowsPath
+
+import numpy as np
+from PIL import Image
+
+from ...core.cameras import RIGID_CURE, is_rigid
+from ...core.errors import CaptureError
+from ...core.images import DAMAGED, unread
+from ..capture import Capture
+from ..lenses.lens import Lens
+
+MIN_CAPTURES = 3
+ANY_SIZE_PX = 1 << 20
+"""As the longest side of captures: they keep their photographs' size."""
+
+_EXIF_ORIENTATION = 274
+# EXIF orientation -> clockwise quarter turns that set the stored pixels upright, of 4, 5 and 7
+# before they are mirrored.
+_QUARTER_TURNS = {3: 2, 4: 2, 5: 1, 6: 1, 7: 3, 8: 3}
+_UPRIGHT_SIZE = ("HEIF", "TIFF")  # formats of which Pillow tells the upright size
+_ASPECT_TOLERANCE = 0.01
+# One clockwise quarter turn of the image, seen as a turn of the camera about its axis.
+_TURNED_FROM_CAMERA = np.array(
+    [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
+
+
+@dataclass(frozen=True)
+class Photograph:
+    """A photograph, its lens and pose as a pose file states them.
+
+    ``world_from_camera`` (4, 4) float64 has OpenCV axes; ``source`` is the file and field
+    that errors point to, ``mask_path`` the mask that is named for it, if that is there.
+    ``stored_pixels``: what solved the poses does not turn photographs upright by EXIF.
+    """
+
+    name: str
+    path: Path
+    lens: Lens
+    world_from_camera: np.ndarray
+    source: str
+    mask_path: Path | None = None
+    stored_pixels: bool = False
+
+
+def photograph_size(path: Path) -> tuple[int, int, int]:
+    """(width, height) of an image file's stored pixels and the clockwise quarter turns to upright.
+
+    Raises CaptureError when the file is missing or not an image.
+    """
+    try:
+        with Image.open(path) as image:
+            orientation = image.getexif().get(_EXIF_ORIENTATION)
+            if image.format == "HEIF":  # read upright, with an EXIF that says so
+                orientation = image.info["original_orientation"]
+            turns = _QUARTER_TURNS.get(int(orientation or 1), 0)
+            turned_already = turns % 2 and image.format in _UPRIGHT_SIZE
+            width, height = image.size[::-1] if turned_already else image.size
+            return width, height, turns
+    except Image.DecompressionBombError as error:
+        raise CaptureError(
+            "the photograph has more pixels than is sensible", where=path, cure="Scale it down."
+        ) from error
+    except FileNotFoundError as error:
+        raise CaptureError("the photograph is missing", where=path, cure="Check the path.") from error
+    except DAMAGED as error:
+        raise unread(
+            path, "the photograph cannot be read",
+            "Replace the file, or take it out of the folder and the pose file.",
+        ) from error  # fmt: skip
+
+
+def upright_size(path: Path) -> tuple[int, int]:
+    """(width, height) of the photograph as ``load_image`` returns it."""
+    width, height, turns = photograph_size(path)
+    return (height, width) if turns % 2 else (width, height)
+
+
+def captures_of(photographs: Sequence[Photograph], max_side_px: int) -> tuple[Capture, ...]:
+    """Captures of posed photographs, at most ``max_side_px`` long, intrinsics scaled exactly.
+
+    Raises CaptureError for fewer than three photographs, for names used twice, files that
+    are missing, unreadable or of another shape than their lens, and poses that are no
+    rotation and translation.
+    """
+    if len(photographs) < MIN_CAPTURES:
+        raise too_few(len(photographs), photographs[0].source if photographs else "captures")
+    for spell in (lambda photograph: photograph.name, _place):
+        for spelling, count in Counter(map(spell, photographs)).items():
+            if count > 1:
+                raise CaptureError(
+                    f"the photograph '{spelling}' is listed {count} times", where=photographs[0].source,
+                    cure="Keep one entry for each photograph.",
+                )  # fmt: skip
+    return posed_captures(photographs, max_side_px)
+
+
+def posed_captures(photographs: Sequence[Photograph], max_side_px: int) -> tuple[Capture, ...]:
+    """Captures of the photographs of one pose file, any number; other errors as for ``captures_of``."""
+    half_turned = _half_turns_are_stored(photographs)
+    return tuple(
+        capture_of(
+            photograph, max_side_px,
+            half_turned=photograph.stored_pixels if half_turned is None else half_turned,
+        )
+        for photograph in photographs
+    )  # fmt: skip
+
+
+def _half_turns_are_stored(photographs: Sequence[Photograph]) -> bool | None:
+    """Whether poses are of the stored pixels where EXIF turns a photograph by half.
+
+    Its shape does not tell that. Those by a quarter tell it for the whole file; else which way is up
+    in the photographs that stand upright as they are stored. None: nothing tells.
+    """
+    up = {0: np.zeros(3), 2: np.zeros(3)}
+    for photograph in photographs:
+        width, height, turns = photograph_size(photograph.path)
+        if turns in up:
+            up[turns] -= photograph.world_from_camera[:3, 1]
+        elif _same_shape(photograph.lens, width, height) != _same_shape(photograph.lens, height, width):
+            return _same_shape(photograph.lens, width, height)
+    agreement = up[0] @ up[2]
+    return None if agreement == 0.0 else bool(agreement < 0.0)
+
+
+def _place(photograph: Photograph) -> str:
+    """Where the photograph lies, however its path is spelt."""
+    return os.path.normcase(photograph.path.resolve())
+
+
+def too_few(count: int, where: object) -> CaptureError:
+    """The error for fewer photographs than geometry can be measured from."""
+    return CaptureError(
+        f"{count} photograph{'s' if count != 1 else ''} found, at least {MIN_CAPTURES} are needed",
+        where=where, cure="Add photographs of the same room from places a step apart.",
+    )  # fmt: skip
+
+
+def capture_of(
+    photograph: Photograph, max_side_px: int, files_needed: bool = True, half_turned: bool = False
+) -> Capture:
+    """The capture of one posed photograph; errors as for ``captures_of``.
+
+    Without ``files_needed`` a photograph that is missing has the size its lens says.
+    ``half_turned``: its pose is of the stored pixels where EXIF turns them by half.
+    """
+    pose = _rigid(photograph.world_from_camera, photograph.source)
+    lens, turns = photograph.lens, 0
+    if photograph.path.is_file() or files_needed:
+        lens, pose, turns = _upright(photograph, pose, half_turned)
+    try:
+        camera = lens.straight(pose).fitted(max_side_px)
+    except CaptureError as error:
+        raise CaptureError(error.what, where=photograph.source, cure=error.cure) from error
+    return Capture(
+        photograph.name, photograph.path, camera, None if lens.plain else lens,
+        mask_path=photograph.mask_path, quarter_turns=turns,
+    )  # fmt: skip
+
+
+def _upright(photograph: Photograph, pose: np.ndarray, half_turned: bool) -> tuple[Lens, np.ndarray, int]:
+    """The lens and pose for the upright photograph at its true size, and the quarter turns to it."""
+    lens = photograph.lens
+    width, height, turns = photograph_size(photograph.path)
+    upright = (height, width) if turns % 2 else (width, height)
+    stored = _same_shape(lens, width, height) and not _same_shape(lens, *upright)
+    if half_turned if turns == 2 else stored:
+        # The poses were solved on the stored pixels, before EXIF turned them upright.
+        lens = lens.turned(turns)
+        for _ in range(turns):
+            pose = pose @ _TURNED_FROM_CAMERA.T
+    if not _same_shape(lens, *upright):
+        raise CaptureError(
+            f"the photograph {photograph.path.name} is {upright[0]}x{upright[1]}, its camera "
+            f"{lens.width}x{lens.height}", where=photograph.source,
+            cure="Give the photographs the poses were made for, or correct the camera's width and height.",
+        )  # fmt: skip
+    return (lens if (lens.width, lens.height) == upright else lens.scaled_to(*upright)), pose, turns
+
+
+def _same_shape(lens: Lens, width: int, height: int) -> bool:
+    return abs(lens.width / lens.height / (width / height) - 1.0) <= _ASPECT_TOLERANCE
+
+
+def _rigid(pose: np.ndarray, source: str) -> np.ndarray:
+    """The pose with its rotation made exact. Raises CaptureError if it is far from one."""
+    if not is_rigid(pose):
+        raise CaptureError(
+            "the pose is not a rotation and a translation", where=source,
+            cure=RIGID_CURE,
+        )  # fmt: skip
+    rotation = pose[:3, :3]
+    if np.abs(rotation.T @ rotation - np.eye(3)).max() <= 1e-12:
+        return pose
+    left, _, right = np.linalg.svd(rotation)
+    exact = pose.copy()
+    exact[:3, :3] = left @ right
+    return exact
+
+
+def with_unique_names(photographs: Sequence[Photograph]) -> list[Photograph]:
+    """Photographs of several folders under names that differ: the file name, else the path."""
+    # A program on Windows writes its paths with backslashes.
+    names = [PureWindowsPath(photograph.name).name for photograph in photographs]
+    short = Counter(names)
+    return [
+        replace(photograph, name=name) if short[name] == 1 else photograph
+        for photograph, name in zip(photographs, names, strict=True)
+    ]

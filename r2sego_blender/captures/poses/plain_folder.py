@@ -1,0 +1,105 @@
+"""What lies in a folder of plain photographs: taken, or passed over and said."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from operator import attrgetter
+from pathlib import Path
+
+from ...core.errors import CaptureError
+from ...core.images import image_files
+from ...core.progress import Progress
+from .photographs import MIN_CAPTURES, photograph_size, too_few
+
+_RAW = frozenset({".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".rw2", ".orf", ".pef", ".srw"})
+UNREAD_PICTURES = _RAW | {".jxl", ".gif", ".jp2", ".psd", ".exr", ".hdr"}
+"""Suffixes of pictures that are no photographs here, in small letters."""
+
+_VIDEOS = frozenset({".mov", ".mp4", ".m4v", ".avi", ".mkv", ".webm", ".3gp"})
+_POSE_FILES = ("transforms.json", "cameras.json")
+_LISTED = 4
+_NAME = attrgetter("name")  # paths themselves are sorted otherwise on Windows
+
+
+def plain_photographs(folder: Path, progress: Progress) -> list[Path]:
+    """The photographs straight inside ``folder``, each once, sorted by name.
+
+    Pictures of a kind that is not read, copies of a photograph, and poses that lie beside it
+    are told. Raises CaptureError for a file that is no image, and when fewer than three
+    photographs are left: it says where others may be.
+    """
+    found, copies = _distinct(image_files(folder))
+    for path in found:
+        photograph_size(path)  # an empty file is told now, not after those before it were worked on
+    passed = _passed_over(folder, found)
+    if len(found) < MIN_CAPTURES:
+        raise _too_few(folder, len(found), copies, passed)
+    if copies:
+        progress.message(f"{_listed(copies)}: the same photograph again, left out", level="warning")
+    if passed:
+        progress.message(f"{_listed(passed)}: passed over. {_cure(passed)}", level="warning")
+    for name in _POSE_FILES:
+        if (folder / name).is_file():
+            progress.message(f"{folder / name} is not read: give it as the poses to take those")
+    return found
+
+
+def _distinct(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
+    """The files without those of the same bytes as one before, and these."""
+    known: set[bytes] = set()
+    found, copies = [], []
+    for path in sorted(paths, key=lambda path: (len(path.name), path.name)):  # "IMG_1 (1).jpg" is the copy
+        digest = hashlib.sha256(path.read_bytes()).digest()
+        (copies if digest in known else found).append(path)
+        known.add(digest)
+    return [path for path in paths if path in found], sorted(copies, key=_NAME)
+
+
+def _passed_over(folder: Path, found: Sequence[Path]) -> list[Path]:
+    """Pictures and videos that are not read and of which no readable one has the name.
+
+    A phone may write IMG_1.DNG, IMG_1.HEIC and IMG_1.MOV of one moment.
+    """
+    files = [path for path in folder.iterdir() if not path.name.startswith(".") and path.is_file()]
+    pictures = [path for path in files if path.suffix.lower() in UNREAD_PICTURES]
+    videos = [path for path in files if path.suffix.lower() in _VIDEOS]
+    known = {path.stem.lower() for path in found}
+    pictures = [path for path in pictures if path.stem.lower() not in known]
+    known |= {path.stem.lower() for path in pictures}
+    videos = [path for path in videos if path.stem.lower() not in known]
+    return sorted(pictures, key=_NAME) + sorted(videos, key=_NAME)
+
+
+def _too_few(folder: Path, count: int, copies: list[Path], passed: list[Path]) -> CaptureError:
+    error = too_few(count, folder)
+    if passed:
+        return CaptureError(
+            f"{error.what}; {_listed(passed)} cannot be read", where=folder, cure=_cure(passed)
+        )
+    rooms = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
+    rooms = [path for path in rooms if len(image_files(path)) >= MIN_CAPTURES]
+    if rooms:
+        return CaptureError(
+            f"{error.what}; there are some in {_listed(rooms)}", where=folder, cure="Give that folder."
+        )
+    if copies:
+        return CaptureError(
+            f"{error.what}; {_listed(copies)} are the same again", where=folder, cure=error.cure
+        )
+    return error
+
+
+def _cure(passed: Sequence[Path]) -> str:
+    suffixes = {path.suffix.lower() for path in passed}
+    cures = []
+    if suffixes - _VIDEOS:
+        cures.append("Save them as JPEG, PNG or TIFF.")
+    if suffixes & _VIDEOS:
+        cures.append("Of a video save sharp frames as JPEG.")
+    return " ".join(cures)
+
+
+def _listed(paths: Sequence[Path]) -> str:
+    more = f" and {len(paths) - _LISTED} more" if len(paths) > _LISTED else ""
+    return ", ".join(path.name for path in paths[:_LISTED]) + more

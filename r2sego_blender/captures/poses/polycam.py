@@ -1,0 +1,112 @@
+"""Raw exports of Polycam (github.com/PolyCam/polyform, README): keyframes with ARKit's axes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ...core.errors import CaptureError
+from ...core.images import load_image_uint8, resize
+from ...core.progress import SILENT, Progress
+from ..lenses.lens import Lens
+from ..sensors.sensor_depth import SensorDepth
+from . import json_fields as fields
+from .finding import find_photographs
+from .photographs import Photograph, upright_size, with_unique_names
+from .transforms_json import GL_FROM_CV
+
+# Undistorting leaves a black border of this many pixels in ``corrected_images``.
+_CORRECTED_BORDER_PX = 15.0
+# "The max range of the lidar sensor is 5M, so [...] anything larger than that is a total guess."
+_LIDAR_RANGE_M = 5.0
+_SHARPNESS_WIDTH_PX = 512
+UP = np.array([0.0, 1.0, 0.0])
+"""ARKit's world has gravity along -Y."""
+
+
+def find_keyframes(folder: Path) -> Path | None:
+    """The ``keyframes`` folder of a raw export in or at ``folder``, if there is one."""
+    for place in (folder / "keyframes", folder):
+        if any(_has(place, kind) for kind in ("corrected_", "")):
+            return place
+    return None
+
+
+def read_polycam(
+    keyframes: Path, most: int, progress: Progress = SILENT
+) -> tuple[list[Photograph], str]:  # fmt: skip
+    """The photographs of a ``keyframes`` folder, in metres with +Y up, and their source in words.
+
+    The undistorted photographs with poses that Polycam optimised are taken where there are
+    both, else the original ones with ARKit's poses. Of more than ``most``, the sharpest of
+    each ``most``-th part of the scan is taken, and said. Photographs that are missing are left
+    out with a warning.
+    """
+    optimised = _has(keyframes, "corrected_")
+    kind = "corrected_" if optimised else ""
+    cameras, images = keyframes / f"{kind}cameras", keyframes / f"{kind}images"
+    # A zip packed on a Mac has a hidden file beside each.
+    files = [path for path in cameras.glob("*.json") if not path.name.startswith(".")]
+    files.sort(key=lambda path: (len(path.stem), path.stem))
+    if not files:
+        raise CaptureError("there are no camera files", where=cameras, cure="Export the raw data again.")
+    stems = [path.stem for path in files]
+    paths = find_photographs(stems, (images,), images, progress, guess_suffix=True)
+    found = [(file, path) for file, path in zip(files, paths, strict=True) if path is not None]
+    if len(found) > most:
+        progress.message(
+            f"{most} of the {len(found)} keyframes are taken, the sharpest of their neighbours "
+            "(captures.max_keyframes)"
+        )
+        found = _sharpest(found, most, progress)
+    border_px = _CORRECTED_BORDER_PX if optimised else 0.0
+    photographs = [_photograph(file, path, border_px) for file, path in found]
+    source = "Polycam, optimised poses" if optimised else "Polycam, ARKit's poses as recorded"
+    return with_unique_names(photographs), source
+
+
+def lidar_depth(keyframes: Path) -> SensorDepth | None:
+    """The LiDAR's depth maps of a raw export, if it has them."""
+    depth, confidence = keyframes / "depth", keyframes / "confidence"
+    if not depth.is_dir():
+        return None
+    return SensorDepth(depth, confidence if confidence.is_dir() else None, _LIDAR_RANGE_M)
+
+
+def _sharpest(
+    found: list[tuple[Path, Path]], count: int, progress: Progress
+) -> list[tuple[Path, Path]]:  # fmt: skip
+    """One keyframe of each of ``count`` consecutive parts of the scan.
+
+    Neighbours show the same, so that the variance of the Laplacian tells blur. The app's own
+    ``blur_score`` is not used: its two descriptions contradict each other.
+    """
+    sharpness = []
+    for _, path in progress.track(found, "Finding sharp keyframes"):
+        grey = cv2.cvtColor(load_image_uint8(path), cv2.COLOR_RGB2GRAY)
+        grey = resize(grey, _SHARPNESS_WIDTH_PX, max(1, grey.shape[0] * _SHARPNESS_WIDTH_PX // grey.shape[1]))
+        sharpness.append(float(cv2.Laplacian(grey, cv2.CV_32F).var()))
+    parts = np.array_split(np.arange(len(found)), count)
+    return [found[part[np.argmax(np.array(sharpness)[part])]] for part in parts]
+
+
+def _has(keyframes: Path, kind: str) -> bool:
+    return all((keyframes / f"{kind}{name}").is_dir() for name in ("cameras", "images"))
+
+
+def _photograph(file: Path, path: Path, border_px: float) -> Photograph:
+    data = fields.read_json(file)
+    rows = [[fields.number(f"t_{i}{j}", file, "pose", data) for j in range(4)] for i in range(3)]
+    pose = np.array([*rows, [0.0, 0.0, 0.0, 1.0]]) @ GL_FROM_CV
+    numbers = {
+        key: fields.number(key, file, "intrinsics", data, positive=True) for key in ("fx", "fy", "cx", "cy")
+    }
+    width, height = upright_size(path)
+    if "width" in data:
+        width, height = (
+            int(fields.number(key, file, "intrinsics", data, positive=True)) for key in ("width", "height")
+        )
+    lens = Lens(width, height, **numbers, border_px=border_px)
+    return Photograph(path.name, path, lens, pose, str(file))

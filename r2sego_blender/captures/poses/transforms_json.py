@@ -1,0 +1,140 @@
+"""``transforms.json`` of nerfstudio and instant-ngp: OpenGL camera-to-world poses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.errors import CaptureError
+from ...core.progress import SILENT, Progress
+from ..lenses.distortion import COEFFICIENTS
+from ..lenses.lens import Lens
+from . import json_fields as fields
+from .finding import find_beside, find_photographs
+from .photographs import Photograph, photograph_size, with_unique_names
+
+# OpenGL cameras look along -z with y up, OpenCV's along +z with y down.
+GL_FROM_CV = np.diag([1.0, -1.0, -1.0, 1.0])
+_PINHOLES = frozenset({"", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE"})
+_RADIAL = frozenset({"OPENCV", "SIMPLE_RADIAL", "RADIAL", "FULL_OPENCV"})
+_FISHEYES = frozenset({"OPENCV_FISHEYE", "FISHEYE"})
+_ARIA = "FISHEYE624"
+
+
+def read_transforms_json(
+    path: Path, folder: Path, progress: Progress = SILENT
+) -> tuple[list[Photograph], bool]:  # fmt: skip
+    """The photographs of a ``transforms.json``, and whether it declares its poses metric.
+
+    Intrinsics stand in the file or in each frame: ``fl_x``, ``camera_angle_x`` (radians) or
+    ``x_fov`` (degrees), and optionally ``fl_y, cx, cy, w, h, k1, k2, k3, k4, p1, p2``.
+    Photographs that are missing are left out with a warning. ``mask_path`` is noted; ``applied_transform``,
+    depth and what else programs write are passed over: the frame of the poses may be any.
+    """
+    data = fields.read_json(path)
+    frames = fields.entries(data, "frames", path)
+    names = [fields.text("file_path", path, f"frames[{i}]", frame) for i, frame in enumerate(frames)]
+    paths = find_photographs(names, (path.parent, folder), path, progress, guess_suffix=True)
+    photographs = []
+    for index, (frame, name, image_path) in enumerate(zip(frames, names, paths, strict=True)):
+        if image_path is None:
+            continue
+        field = f"frames[{index}]"
+        source = f"{path}, {field}"
+        pose = fields.matrix("transform_matrix", path, field, frame) @ GL_FROM_CV
+        lens = _lens((frame, data), image_path, path, field)
+        mask = frame.get("mask_path")
+        mask_path = find_beside(mask, (path.parent, folder)) if isinstance(mask, str) else None
+        photographs.append(Photograph(name, image_path, lens, pose, source, mask_path))
+    return with_unique_names(photographs), data.get("metric") is True
+
+
+def _lens(places: tuple[Mapping[str, Any], ...], image_path: Path, path: Path, field: str) -> Lens:
+    width, height = _size(places, image_path, path, field)
+    fx = _focal("x", width, places, path, field)
+    fy = _focal("y", height, places, path, field)
+    if fx is None and fy is None:
+        raise CaptureError(
+            "neither 'fl_x' nor 'camera_angle_x' is given", where=f"{path}, {field}",
+            cure="Add the focal length in pixels.",
+        )  # fmt: skip
+    cx = fields.number("cx", path, field, *places, default=width / 2)
+    cy = fields.number("cy", path, field, *places, default=height / 2)
+    distortion, model = _distortion(places, path, field)
+    return Lens(width, height, fx or fy, fy or fx, cx, cy, distortion, model)
+
+
+def _size(places: tuple[Mapping[str, Any], ...], image_path: Path, path: Path, field: str) -> tuple[int, int]:
+    """(width, height) the intrinsics are for: as said, else of the photograph upright or as stored."""
+    if any("w" in place for place in places):
+        width, height = (fields.number(key, path, field, *places, positive=True) for key in ("w", "h"))
+        return int(width), int(height)
+    width, height, turns = photograph_size(image_path)
+    upright = (height, width) if turns % 2 else (width, height)
+    if not all(any(key in place for place in places) for key in ("cx", "cy")):
+        return upright
+    centre = np.array([fields.number(key, path, field, *places) for key in ("cx", "cy")])
+    # A principal point lies near the middle of the pixels it was solved on.
+    sizes = (upright, (width, height)) if turns % 2 else (upright,)
+    size = min(sizes, key=lambda size: np.abs(centre / size - 0.5).sum())
+    if (centre <= 0).any() or (centre >= size).any():
+        raise CaptureError(
+            f"'cx', 'cy' are {centre[0]:g}, {centre[1]:g}, outside a photograph of {size[0]}x{size[1]}",
+            where=f"{path}, {field}", cure="Add 'w' and 'h': the size that the focal lengths are for.",
+        )  # fmt: skip
+    return size
+
+
+def _distortion(
+    places: tuple[Mapping[str, Any], ...], path: Path, field: str
+) -> tuple[tuple[float, ...], str]:  # fmt: skip
+    """The coefficients and the model of the distortion, as the programs that read the file mean them."""
+    model = str(next((place["camera_model"] for place in places if "camera_model" in place), "")).upper()
+    if model not in _PINHOLES | _RADIAL | _FISHEYES | {_ARIA}:
+        raise CaptureError(
+            f"the camera model {model} is not supported", where=f"{path}, {field}",
+            cure="Undistort the photographs first (for example with COLMAP's image_undistorter).",
+        )  # fmt: skip
+    if model == _ARIA:
+        found = next((place["distortion_params"] for place in places if "distortion_params" in place), ())
+        keyed = {f"distortion_params[{i}]": value for i, value in enumerate(found or ())}
+        if len(keyed) != COEFFICIENTS["rad_tan_thin_prism_fisheye"]:
+            raise CaptureError(
+                f"'distortion_params' has {len(keyed)} numbers, not twelve", where=f"{path}, {field}",
+                cure="Export the camera again.",
+            )  # fmt: skip
+        return tuple(fields.number(key, path, field, keyed) for key in keyed), "rad_tan_thin_prism_fisheye"
+    k1, k2, p1, p2, k3, k4, k5, k6 = (
+        fields.number(key, path, field, *places, default=0.0)
+        for key in ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+    )
+    if model in _FISHEYES or any(place.get("is_fisheye") is True for place in places):
+        return (k1, k2, k3, k4), "opencv_fisheye"
+    # Some exporters repeat coefficients with a model that has none: the coefficients count.
+    if k4 and model != "FULL_OPENCV":
+        # To nerfstudio and Metashape k4 is one more radial term, to OpenCV the first of a divisor.
+        return (k1, k2, p1, p2, k3, k4), "brown"
+    return (k1, k2, p1, p2, k3, k4, k5, k6), "opencv"
+
+
+def _focal(
+    axis: str, side_px: int, places: tuple[Mapping[str, Any], ...], path: Path, field: str
+) -> float | None:  # fmt: skip
+    """The focal length in pixels along an axis, or None where nothing tells it."""
+    key = f"fl_{axis}"
+    if any(key in place for place in places):
+        return fields.number(key, path, field, *places, positive=True)
+    for key, unit_rad in ((f"camera_angle_{axis}", 1.0), (f"{axis}_fov", math.pi / 180.0)):
+        if any(key in place for place in places):
+            angle_rad = unit_rad * fields.number(key, path, field, *places, positive=True)
+            if angle_rad < math.pi:
+                return side_px / 2 / math.tan(angle_rad / 2)
+            raise CaptureError(
+                f"'{key}' is {angle_rad / unit_rad:g}, not an angle below half a turn",
+                where=f"{path}, {field}", cure="camera_angle is in radians, fov in degrees.",
+            )  # fmt: skip
+    return None

@@ -1,0 +1,164 @@
+"""Depth maps of a sensor beside the photographs: LiDAR of a phone, an RGB-D camera, a render."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.errors import CaptureError, NativeError
+from ...core.images import stored_values
+from ...core.scratch import ScratchFolder
+from ...workers.child import call_in_child
+from ..capture import Capture
+
+_SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy", ".npz")
+_CONFIDENCE_SUFFIXES = (".png", ".tif", ".tiff")
+_FARTHEST_M = 100.0
+_LARGEST_FILE_BYTES = 256 * 1024 * 1024
+_ASPECT_TOLERANCE = 0.02
+_EXR_TIMEOUT_S = 60.0
+
+
+@dataclass(frozen=True)
+class SensorDepth:
+    """A folder of depth maps that are called as the photographs are, but for the suffix; those of
+    photographs that share a name as ``layout.mask_stems`` calls them.
+
+    Whole numbers are millimetres (16-bit PNG or TIFF), floats metres (EXR, NPY, or NPZ with
+    an array ``depth`` or a single one); depth is planar, 0 unknown, of any size with the
+    photograph's shape. Where ``confidence`` has a map of the same name its zeros are not
+    believed, nor is depth beyond ``range_m``.
+    """
+
+    folder: Path
+    confidence: Path | None = None
+    range_m: float = _FARTHEST_M
+
+    @staticmethod
+    def beside(folder: Path) -> SensorDepth:
+        """The maps in ``folder``, with those of a folder ``confidence`` next to it, if any."""
+        if not folder.is_dir():
+            raise CaptureError("there is no such folder", where=folder, cure="Give the folder of depth maps.")
+        confidence = folder.parent / "confidence"
+        return SensorDepth(folder, confidence if confidence.is_dir() else None)
+
+    def of(self, capture: Capture, stem: str) -> np.ndarray | None:
+        """The map (h, w) float32 of a capture's upright photograph in metres, 0 = unknown.
+
+        ``stem`` is what its files are called. None when there is none. Raises CaptureError
+        when it is damaged or of another shape.
+        """
+        path = _named(self.folder, stem, _SUFFIXES)
+        if path is None:
+            return None
+        depth = _metres(path)
+        if self.confidence is not None:
+            sure = _named(self.confidence, stem, _CONFIDENCE_SUFFIXES)
+            if sure is not None:
+                believed = _read_image(sure) > 0
+                if believed.shape != depth.shape:
+                    raise CaptureError(
+                        f"the confidence is {believed.shape[1]}x{believed.shape[0]}, the depth "
+                        f"{depth.shape[1]}x{depth.shape[0]}", where=sure, cure="Export both again.",
+                    )  # fmt: skip
+                depth[~believed] = 0.0
+        depth[depth > self.range_m] = 0.0
+        return _upright(depth, capture, path)
+
+
+def _named(folder: Path, stem: str, suffixes: tuple[str, ...]) -> Path | None:
+    return next((p for suffix in suffixes if (p := folder / f"{stem}{suffix}").is_file()), None)
+
+
+def _metres(path: Path) -> np.ndarray:
+    if path.stat().st_size > _LARGEST_FILE_BYTES:
+        raise _unreadable(path, "it is too large")
+    if path.suffix in (".npy", ".npz"):
+        values = _read_arrays(path)
+    elif path.suffix == ".exr":
+        values = _read_exr(path)
+    else:
+        values = _read_image(path)
+    if values.ndim == 3:
+        values = values[..., 0]
+    if values.ndim != 2 or 0 in values.shape or values.dtype.kind not in "uif":
+        raise _unreadable(path, f"it holds {values.dtype} of shape {values.shape}")
+    if values.dtype == np.uint8:
+        raise _unreadable(path, "it has 8 bits, which are no millimetres")
+    metres = values.astype(np.float32) * np.float32(1.0 if values.dtype.kind == "f" else 0.001)
+    return np.where(np.isfinite(metres) & (metres > 0) & (metres < _FARTHEST_M), metres, np.float32(0.0))
+
+
+def _read_image(path: Path) -> np.ndarray:
+    image = stored_values(path)
+    if image is None:
+        raise _unreadable(path, "it is no image")
+    return image[..., 0] if image.ndim == 3 else image
+
+
+def _read_arrays(path: Path) -> np.ndarray:
+    try:
+        with path.open("rb") as file:
+            loaded = np.load(file, allow_pickle=False)
+            if isinstance(loaded, np.ndarray):
+                return loaded
+            name = "depth" if "depth" in loaded.files else loaded.files[0]
+            return loaded[name]
+    except (OSError, EOFError, ValueError, IndexError, KeyError, MemoryError) as error:
+        raise _unreadable(path, "it holds no array") from error
+    except Exception as error:  # zipfile and zlib raise their own
+        raise _unreadable(path, "it is cut short") from error
+
+
+def _read_exr(path: Path) -> np.ndarray:
+    """In a child process: OpenEXR has ended its process over crafted files."""
+    with ScratchFolder() as folder:
+        copy = Path(folder, "depth.npy")
+        try:
+            call_in_child(
+                read_exr_in_child, {"path": str(path), "copy": str(copy)}, timeout_s=_EXR_TIMEOUT_S
+            )  # fmt: skip
+        except NativeError as error:
+            raise _unreadable(path, "it is no EXR image") from error
+        return np.load(copy, allow_pickle=False)
+
+
+def read_exr_in_child(request: dict[str, Any]) -> dict[str, Any]:
+    """Copy an EXR's channel of depth, or of brightness, to a ``.npy``; runs in a child process."""
+    import OpenEXR
+
+    try:
+        with OpenEXR.File(request["path"], separate_channels=True) as image:
+            channels = {name: channel.pixels for name, channel in image.channels().items()}
+    except Exception as error:  # it has no class of its own
+        raise _unreadable(Path(request["path"]), "it is no EXR image") from error
+    name = next((name for name in ("Z", "Y", "R") if name in channels), min(channels))
+    np.save(request["copy"], channels[name])
+    return {}
+
+
+def _upright(depth: np.ndarray, capture: Capture, path: Path) -> np.ndarray:
+    """The map turned as the photograph is; sensors store both unturned.
+
+    Only where its shape says so it is upright already.
+    """
+    width, height = capture.photograph_size
+    for quarter_turns in (capture.quarter_turns, 0):
+        turned = np.rot90(depth, -quarter_turns)
+        aspect = turned.shape[1] / turned.shape[0]
+        if abs(aspect / (width / height) - 1.0) <= _ASPECT_TOLERANCE:
+            return np.ascontiguousarray(turned)
+    raise CaptureError(
+        f"the depth map is {depth.shape[1]}x{depth.shape[0]}, its photograph {width}x{height}", where=path,
+        cure="Give depth maps that are aligned to the photographs: the same view at any size.",
+    )  # fmt: skip
+
+
+def _unreadable(path: Path, why: str) -> CaptureError:
+    return CaptureError(
+        f"this is no depth map: {why}", where=path,
+        cure="Give 16-bit PNG in millimetres, or EXR, NPY or NPZ in metres.",
+    )  # fmt: skip

@@ -1,0 +1,115 @@
+"""Numba for the hot loops, with a cache that never serves a stale kernel.
+
+Numba's own cache looks at the time of the one file a kernel stands in, not at the
+kernels it calls, nor at the constants that are compiled in. Here the cache folder is named
+by a digest of every source file of the packages that hold kernels, of Numba's version and
+of this CPU, so a changed source compiles anew. A kernel gives the same bits in the process
+that compiles it and in those that load it.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import numba
+from llvmlite import binding as llvm
+from numba.core import codegen, event
+
+from .scratch import ScratchFolder
+
+_LIBRARY = Path(__file__).resolve().parents[1]
+_MARK = b".compiled " + b"import"  # in two parts: this file holds no kernel
+_temporary: list[ScratchFolder] = []  # a cache that goes with the process
+
+
+def _cache_folder() -> Path:
+    digest = hashlib.sha256(f"{numba.__version__} {llvm.get_host_cpu_name()}".encode())
+    sources = {source: source.read_bytes() for source in sorted(_LIBRARY.rglob("*.py"))}
+    packages = {_package(source) for source, text in sources.items() if _MARK in text}
+    for source, text in sources.items():
+        if _package(source) in packages:
+            digest.update(source.relative_to(_LIBRARY).as_posix().encode() + text)
+    try:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        folder = base / "r2sego" / f"kernels-{digest.hexdigest()[:16]}"
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):  # where it may not write, Numba keeps kernels elsewhere
+            pass
+    except (OSError, RuntimeError):  # another user's, a read-only home, or none: compiled once a run
+        _temporary.append(ScratchFolder())
+        folder = Path(_temporary[0].name)
+        os.environ["NUMBA_CACHE_DIR"] = str(folder)  # for the processes that this one starts, too
+    return folder
+
+
+def _package(source: Path) -> str:
+    return source.relative_to(_LIBRARY).parts[0]
+
+
+class _Announcement(event.Listener):
+    """Says, once a process, that kernels are being compiled: first use takes its time."""
+
+    _said = False
+
+    def on_start(self, event: event.Event) -> None:
+        if not self._said:
+            self._said = True
+            print("r2sego: compiling kernels for this processor, once", file=sys.stderr, flush=True)
+
+    def on_end(self, event: event.Event) -> None:
+        pass
+
+
+event.register("numba:compile", _Announcement())
+
+
+class _SelfContainedLibrary(codegen.JITCodeLibrary):
+    """A kernel's machine code, which calls no code of another kernel's.
+
+    Numba links the parts of a kernel, such as the body of its parallel loop, by name, and
+    each part is in memory too as it was before it was linked and optimised once more. In
+    the process that compiles, a call by name finds the earlier part; in one that loads the
+    kernel from the cache, the later one, which rounds otherwise: the first run on a machine
+    would differ from all others. Parts that are linked get no name outside their kernel here.
+    """
+
+    def finalize(self) -> None:
+        self._own = {function.name for function in self.get_defined_functions()}
+        super().finalize()
+
+    def _optimize_final_module(self) -> None:  # Numba's step after all parts are linked
+        for function in self.get_defined_functions():
+            if function.name not in self._own:
+                function.linkage = "internal"
+        super()._optimize_final_module()
+
+
+codegen.JITCPUCodegen._library_class = _SelfContainedLibrary
+
+# Waiting threads give their core back: Blender, torch or another scene may want it.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
+if not os.environ.get("NUMBA_CACHE_DIR"):
+    numba.config.CACHE_DIR = str(_cache_folder())
+
+# No 'nnan' and 'ninf': the kernels test for NaN, which full fastmath folds away.
+FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}
+
+kernel = functools.partial(numba.njit, cache=True, fastmath=FAST, nogil=True)
+"""``numba.njit`` with this project's cache and floating-point rules, one thread.
+
+Kernels release the interpreter, so that a cancelled run ends while one is at work.
+"""
+
+parallel_kernel = functools.partial(numba.njit, cache=True, fastmath=FAST, parallel=True, nogil=True)
+"""The same over ``prange``. A kernel must give the same bits for any number of threads."""
+
+inlined = functools.partial(numba.njit, cache=True, fastmath=FAST, inline="always")
+"""A helper that is always inlined into the kernels that call it."""
+
+prange = numba.prange

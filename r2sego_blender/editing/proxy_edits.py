@@ -1,0 +1,111 @@
+"""Editing a scene's proxy by hand: faces cut away and surfaces drawn, kept in the bundle."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..bundle.layout import of_round
+from ..bundle.scene import Scene
+from ..bundle.stale import require_present_frame
+from ..core.arrays import opened_arrays
+from ..core.errors import GeometryError
+from ..geometry.objects.shapes import load_shape
+from ..geometry.proxy.edited_proxy import cut_of, drawn_surface
+from ..geometry.proxy.edits import PROXY_EDITS, Drawn, Edit, load_proxy_edits, new_name
+from ..geometry.proxy.proxy import GeometryProxy
+
+
+def edit_proxy(
+    scene: Scene,
+    *,
+    cut: Path | None = None,
+    draw: Path | None = None,
+    name: str = "",
+    remove: Sequence[str] = (),
+) -> tuple[Edit, ...]:
+    """Change the edits of the scene's proxy; returns all there are then.
+
+    ``cut`` is an ``.npz`` with ``round`` and ``corners`` (K, 3, 3) float32 of that round's proxy
+    faces; ``draw`` one with ``vertices`` and ``faces`` in the world frame, or a mesh file;
+    ``name`` is the new edit's, by default its file's; ``remove`` takes edits back. The next run
+    redoes the proxy and what depends on it. Raises GeometryError, and SceneError for a cut of a proxy
+    whose world frame was corrected since; changes nothing then.
+    """
+    with scene.locked():
+        edits = list(load_proxy_edits(scene.path / PROXY_EDITS))
+        for gone in remove:
+            if gone not in {edit.name for edit in edits}:
+                known = ", ".join(edit.name for edit in edits) or "none"
+                raise GeometryError(
+                    f"there is no edit '{gone}'", where=scene.path / PROXY_EDITS, cure=f"There are: {known}."
+                )
+            edits = [edit for edit in edits if edit.name != gone]
+        for file, change_of in ((cut, _cut), (draw, _drawn)):
+            if file is not None:
+                change = change_of(scene, file, edits)
+                order = max((edit.order for edit in edits), default=0) + 1
+                edits.append(Edit(new_name(name or file.stem, [e.name for e in edits]), order, change))
+        _publish(scene, edits)
+    return tuple(edits)
+
+
+def move_proxy_edits(scene: Scene, similarity: np.ndarray) -> None:
+    """Carry the edits into another world frame, (4, 4) similarity."""
+    if edits := load_proxy_edits(scene.path / PROXY_EDITS):
+        _publish(scene, [edit.transformed(similarity) for edit in edits])
+
+
+def describe_edits(scene: Scene) -> dict[str, Any]:
+    """Every edit with its name, kind, faces and area, in their order."""
+    return {
+        "edits": [
+            {
+                "name": edit.name, "kind": edit.change.kind, "faces": edit.count,
+                "area_m2": round(edit.change.area_m2, 4),
+            }
+            for edit in load_proxy_edits(scene.path / PROXY_EDITS)
+        ]
+    }  # fmt: skip
+
+
+def lines(described: dict[str, Any]) -> list[str]:
+    """What ``describe_edits`` says, for a person."""
+    told = {"cut": "cut away", "draw": "drawn"}
+    return [
+        f"{edit['name']:<20}{told[edit['kind']]:<10}{edit['faces']:>8} faces{edit['area_m2']:>10.3f} m2"
+        for edit in described["edits"]
+    ] or ["the proxy has no edits"]
+
+
+def _cut(scene: Scene, file: Path, edits: Sequence[Edit]) -> Any:
+    with opened_arrays(file, GeometryError, "this is no cut of the proxy", "Make it anew.") as data:
+        corners, round_index = data["corners"].astype(np.float32), int(data["round"])
+    proxy = scene.round_folder(round_index) / "proxy" / "proxy.npz"
+    if not proxy.is_file():
+        raise GeometryError(
+            f"round {round_index} has no proxy", where=file, cure="Run `r2sego refine` first."
+        )
+    require_present_frame(scene, [of_round(round_index, "proxy")], "cut")
+    return cut_of(GeometryProxy.load(proxy), corners, edits)
+
+
+def _drawn(scene: Scene, file: Path, edits: Sequence[Edit]) -> Drawn:
+    if file.suffix.lower() != ".npz":
+        shape = load_shape(file)
+        return drawn_surface(shape.vertices, shape.faces)
+    with opened_arrays(file, GeometryError, "this is no drawn surface", "Make it anew.") as data:
+        return drawn_surface(data["vertices"], data["faces"])
+
+
+def _publish(scene: Scene, edits: Sequence[Edit]) -> None:
+    if not edits:
+        shutil.rmtree(scene.path / PROXY_EDITS, ignore_errors=True)
+        return
+    with scene.publishing(PROXY_EDITS) as folder:
+        for edit in edits:
+            edit.save(folder)

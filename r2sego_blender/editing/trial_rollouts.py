@@ -1,0 +1,68 @@
+"""Trying the behaviour on the newest collision surface, without a round: a few attempts, kept apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+from ..bundle.layout import of_round
+from ..bundle.scene import Scene
+from ..bundle.stale import require_present_frame
+from ..core.errors import SceneError
+from ..core.progress import SILENT, Progress
+from ..refine.contents import Contents
+from ..robot.behaviours.free_floor import free_floor
+from ..robot.rollouts.attempts import Attempts, Rollout, in_order
+from ..robot.rollouts.bodies import save_bodies
+from ..robot.rollouts.rollouts import save_rollouts, tell_warnings
+
+TRIAL = "robot/trial"
+"""Rollouts and the robot's bodies of the last trial, as a round has them in two folders."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What rollouts run on: the round that made it, its proxy by the bundle's name, its collision scene."""
+
+    round_index: int
+    proxy: str
+    collision_mjcf: Path
+
+
+def newest_surface(scene: Scene) -> Surface:
+    """The collision surface made last. Raises SceneError when there is none yet, and when the world
+    frame was corrected since."""
+    index = scene.newest_round("collision/scene.xml")
+    if index < 0:
+        raise SceneError("there is no collision surface yet", where=scene.path, cure="Run Refine first.")
+    proxy, collision = of_round(index, "proxy"), of_round(index, "collision")
+    require_present_frame(scene, [proxy, collision], "used")
+    return Surface(index, proxy, scene.path / collision / "scene.xml")
+
+
+def try_rollouts(scene: Scene, attempts: int, progress: Progress = SILENT) -> tuple[Rollout, ...]:
+    """The first ``attempts`` that a round would make on the newest collision surface.
+
+    They are kept in ``TRIAL`` with the robot's bodies, in place of those of the last trial;
+    no round changes. Raises SceneError where there is no surface yet, RobotError where the
+    behaviour cannot be tried at all: no free floor, no seat, a robot that does not fit.
+    """
+    with scene.locked():
+        surface, settings = newest_surface(scene), scene.declaration.settings
+        contents = Contents(scene, settings)
+        robot, placed = contents.robot, contents.placed_scope(contents.scope, surface.proxy)
+        floor = free_floor(robot, placed, surface.collision_mjcf)
+        seed = settings.seed * 1000 + surface.round_index
+        tried = in_order(
+            Attempts(
+                robot.source, robot.mount, placed, floor, surface.collision_mjcf, settings.rollouts, seed
+            )
+        )
+        rollouts = tuple(progress.track(islice(tried, attempts), "Rollouts", attempts))
+        tried.close()
+        tell_warnings(rollouts, progress)
+        with scene.publishing(TRIAL) as folder:
+            save_rollouts(folder, rollouts)
+            save_bodies(folder, robot, rollouts, contents.ego_camera, folder)
+        return rollouts

@@ -1,0 +1,4 @@
+"""Camera paths tau_v, around what stands between.
+
+Begin with ``paths``.
+"""

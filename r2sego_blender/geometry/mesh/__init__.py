@@ -1,0 +1,4 @@
+"""What many ask of triangle meshes, whatever they show.
+
+Uses ``core`` alone. Begin with ``meshes``.
+"""

@@ -1,0 +1,95 @@
+"""The geometry proxy M_scaf: one triangle mesh that knows where each face comes from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from enum import IntEnum
+from pathlib import Path
+
+import numpy as np
+
+from ...core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
+from ...core.errors import GeometryError
+
+
+class Provenance(IntEnum):
+    """Where a face of the proxy comes from."""
+
+    OBSERVED = 0
+    PRIOR = 1
+    COMPLETED = 2
+
+
+PROVENANCE_COLOURS = {
+    Provenance.OBSERVED: (0.62, 0.63, 0.65),
+    Provenance.PRIOR: (0.13, 0.62, 0.59),
+    Provenance.COMPLETED: (0.90, 0.64, 0.20),
+}
+"""Capture grey and prior teal as in the paper's figures, completed amber; sRGB in [0, 1]."""
+
+
+_INSTANCES = ("instance", "instance_names")
+
+
+@dataclass(frozen=True)
+class GeometryProxy:
+    """A triangle mesh in the world frame, metres, with the evidence for each face.
+
+    ``vertices`` (V, 3) float32; ``faces`` (F, 3) int32, counter-clockwise from the free
+    side; ``provenance`` (F,) uint8 of ``Provenance``; ``support`` (F,) uint16, the number
+    of captures that saw the face; ``confidence`` (F,) float32 in [0, 1]; ``instance`` (F,)
+    int32, 0 for the room and k for the object ``instance_names[k - 1]`` whose prior the
+    face is of (by default all are the room's).
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    provenance: np.ndarray
+    support: np.ndarray
+    confidence: np.ndarray
+    instance: np.ndarray | None = None
+    instance_names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.instance is None:
+            object.__setattr__(self, "instance", np.zeros(len(self.faces), np.int32))
+
+    def save(self, path: Path) -> None:
+        """Write the arrays as an uncompressed ``.npz``."""
+        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
+        save_arrays(path, **arrays | {"instance_names": np.array(self.instance_names, np.str_)})
+
+    def save_ply(self, path: Path) -> None:
+        """Write the mesh as a binary PLY: faces coloured by provenance, and their ``instance``."""
+        import trimesh  # the engine's; Blender's Python reads proxies without it
+
+        palette = np.rint(np.array([PROVENANCE_COLOURS[p] for p in Provenance]) * 255).astype(np.uint8)
+        mesh = trimesh.Trimesh(
+            self.vertices, self.faces, face_colors=palette[self.provenance], process=False
+        )  # fmt: skip
+        mesh.face_attributes["instance"] = self.instance
+        path.write_bytes(mesh.export(file_type="ply"))
+
+    @staticmethod
+    def load(path: Path) -> GeometryProxy:
+        """Read what ``save`` wrote, or an older file, without instances.
+
+        Raises GeometryError when the file is no proxy.
+        """
+        with opened_arrays(path, GeometryError, "this is not a geometry proxy") as data:
+            names = [field.name for field in fields(GeometryProxy)]
+            arrays = {name: data[name] for name in names if name in data or name not in _INSTANCES}
+            if "instance_names" in arrays:
+                arrays["instance_names"] = tuple(arrays["instance_names"].tolist())
+            proxy = GeometryProxy(**arrays)
+            require_shapes(
+                vars(proxy), vertices="V 3", faces="F 3", provenance="F", support="F", confidence="F",
+                instance="F",
+            )  # fmt: skip
+            require_finite(vertices=proxy.vertices)
+            if proxy.provenance.dtype.kind not in "iu" or proxy.provenance.max(initial=0) > max(Provenance):
+                raise ValueError("a face has no known provenance")
+            corners = proxy.faces
+            if corners.size and not 0 <= corners.min() <= corners.max() < len(proxy.vertices):
+                raise ValueError("a face has a vertex that is not there")
+            return proxy

@@ -1,0 +1,326 @@
+"""Completion of the captures' depth maps with the planes of the room.
+
+Where stereo is unreliable (bare walls, a single view), each pixel chooses between the room's
+planes by three kinds of evidence: how alike the captures look when warped by the plane's
+homography, how well the plane agrees with reliable depth nearby (this capture's own and what
+the others saw), and whether it stays clear of space the others saw to be free. The costs are
+aggregated along the image's edges by a guided filter. Where no plane is sure, depth that two
+captures agree on is taken although it matched badly; then a plane that convinces, the
+envelope of the room and, where there is none, the nearest completed depth. What the colours
+of the other captures contradict then moves nearer, patch by patch (``patch_depth``).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from scipy import ndimage
+
+from ...captures.capture import Capture
+from ...config.settings import Settings, StereoSettings
+from ...core.arrays import opened_arrays, require_shapes, save_arrays
+from ...core.cameras import Camera
+from ...core.errors import GeometryError
+from ...core.images import resize
+from ...core.progress import SILENT, Progress
+from ..stereo.edges import aligned_to_edges
+from ..stereo.evidence import FREE_MARGIN, KnownDepth, collect_votes
+from ..stereo.stereo import DepthMap
+from ..stereo.weak_depth import probable_depth
+from .patch_depth import ColourView, nearer_depth
+from .planes import RoomPlanes
+
+
+class DepthSource(IntEnum):
+    """Where a pixel of a completed depth map comes from."""
+
+    OBSERVED = 0
+    PLANE = 1
+    ENVELOPE = 2
+    FILLED = 3
+
+
+@dataclass(frozen=True)
+class CompletedDepth:
+    """A capture's depth without holes.
+
+    ``depth`` (H, W) float32 planar metres, 0 only where nothing at all is known; ``source``
+    (H, W) uint8 of ``DepthSource``; ``camera`` the camera of both.
+    """
+
+    depth: np.ndarray
+    source: np.ndarray
+    camera: Camera
+
+    def save(self, path: Path) -> None:
+        """Write the maps and the camera as an uncompressed ``.npz``."""
+        save_arrays(path, depth=self.depth, source=self.source, camera=json.dumps(self.camera.to_json()))
+
+    @staticmethod
+    def load(path: Path) -> CompletedDepth:
+        """Read what ``save`` wrote. Raises GeometryError when the file is no completed depth."""
+        with opened_arrays(path, GeometryError, "this is not a completed depth map") as data:
+            camera = Camera.from_json(json.loads(str(data["camera"])))
+            maps = {name: data[name] for name in ("depth", "source")}
+            require_shapes(maps, **dict.fromkeys(maps, f"{camera.height} {camera.width}"))
+            return CompletedDepth(**maps, camera=camera)
+
+
+_OUTVOTED = 1.05  # how far neighbours of like colour must outvote a depth to replace it
+_SURE_VOTES = 0.16  # share of a full window's votes that settles a depth at once
+_PROBABLE_VOTES = 0.03  # share at which it is likelier than the bare envelope
+_NCC_RADIUS_PX = 3
+_GUIDE_RADIUS_PX = 9
+_GUIDE_EPSILON = 1e-3
+_PHOTO_WEIGHT = 0.5  # of the photometric cost, in [0, 1]
+_AGREEMENT_WEIGHT = 0.8  # of the disagreement with reliable depth, in [0, 1]
+_NO_EVIDENCE = 0.6  # the disagreement assumed where there is no reliable depth
+_AGREEMENT_SCALE = 0.03  # relative depth difference of full disagreement
+_CONTRADICTION = 0.5  # cost of each capture that saw through the plane
+_OUT_OF_VIEW = 2.0  # cost of a plane that cannot be seen at a pixel
+_CONVINCING = 1.0  # aggregated cost below which a plane is taken
+_SURE = 0.7  # aggregated cost above which probable depth is likelier than a plane
+_BEHIND_ENVELOPE_M = 0.05
+_NEAREST_M = 0.3
+_FARTHEST = 2.0
+"""No plane is continued beyond this many times the farthest trusted depth of all captures: where
+no wall ends a floor, it would go on to the horizon."""
+
+
+def complete_depth(
+    captures: Sequence[Capture],
+    depth_maps: Sequence[DepthMap],
+    planes: RoomPlanes,
+    settings: Settings,
+    progress: Progress = SILENT,
+) -> tuple[CompletedDepth, ...]:
+    """Every capture's depth map, completed at the size of its stereo depth."""
+    trusted = trusted_depth(depth_maps, settings.stereo)
+    probable = probable_depth(depth_maps, trusted, settings.stereo)
+    views = [_View.of(*view) for view in zip(captures, depth_maps, trusted, probable, strict=True)]
+    farthest_m = _FARTHEST * max((float(view.known.max()) for view in views), default=0.0) or np.inf
+    with progress.task("Completing depth", len(views)) as task:
+        completed = []
+        for index in range(len(views)):
+            completed.append(_completed(index, views, planes, farthest_m, settings))
+            task.advance()
+    return tuple(completed)
+
+
+def trusted_depth(depth_maps: Sequence[DepthMap], settings: StereoSettings) -> tuple[KnownDepth, ...]:
+    """The reliable depth of each map, less what other maps' reliable depth sees through.
+
+    One witness against a pixel outweighs two that agree with it: textureless walls agree
+    on wrong depth by chance, but hardly ever look through a surface that is there.
+    """
+    reliable = [
+        KnownDepth(d.camera, np.where(d.reliable(settings), d.depth, 0).astype(np.float32))
+        for d in depth_maps
+    ]
+    trusted = []
+    for i, view in enumerate(reliable):
+        seen = view.depth > 0
+        points = view.camera.unproject(view.depth)[seen]
+        votes = collect_votes(points, [v for j, v in enumerate(reliable) if j != i], FREE_MARGIN)
+        depth = view.depth.copy()
+        depth[seen] = np.where(2 * votes.through < np.maximum(votes.agree, 1), depth[seen], 0)
+        trusted.append(KnownDepth(view.camera, depth))
+    return tuple(trusted)
+
+
+@dataclass(frozen=True)
+class _View(ColourView):
+    """A capture at the size of its depth map: ``known`` is its trusted depth aligned to the
+    image's edges, 0 elsewhere; ``probable`` its probable depth elsewhere; ``likely`` what its
+    surfaces nearby suggest, with ``votes``."""
+
+    grey: np.ndarray
+    probable: np.ndarray
+    likely: np.ndarray
+    votes: np.ndarray
+
+    @staticmethod
+    def of(capture: Capture, depth_map: DepthMap, trusted: KnownDepth, probable: np.ndarray) -> _View:
+        camera = trusted.camera
+        image = resize(capture.image(), camera.width, camera.height)
+        mode, votes, own = aligned_to_edges(image, trusted.depth, depth_map.normal, camera)
+        fattened = (trusted.depth > 0) & (votes > _OUTVOTED * own)
+        known = np.where(fattened, mode, trusted.depth)
+        return _View(camera, image, known, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), probable, mode, votes)
+
+
+def _completed(
+    index: int, views: Sequence[_View], planes: RoomPlanes, farthest_m: float, settings: Settings
+) -> CompletedDepth:
+    view = views[index]
+    others = [
+        (other, *_depth_in(view.camera, other.camera))
+        for other in overlapping(index, views, settings.stereo.sources)
+    ]
+    moments = _moments(view.grey)
+    bound = _nearest(planes.envelope.depths(view.camera))
+    bound[bound > farthest_m] = 0.0
+    last = np.where(bound > 0, bound + _BEHIND_ENVELOPE_M, farthest_m)
+    anchor = _anchor(index, views)
+    best_cost = np.full(view.camera.shape, np.inf, np.float32)
+    best_depth = np.zeros(view.camera.shape, np.float32)
+    for depth, row in zip(planes.depths(view.camera), planes.inverse_depth_rows(view.camera), strict=True):
+        hidden = (depth < _NEAREST_M) | (depth > last)
+        if hidden.all():
+            continue
+        cost = _plane_cost(view, moments, others, depth, row, anchor)
+        cost[hidden] = _OUT_OF_VIEW
+        cost = _guided(view.grey, cost) + 0.15 * cost
+        better = (cost < best_cost) & ~hidden
+        best_cost[better], best_depth[better] = cost[better], depth[better]
+    observed = view.known > 0
+    nearby = ~observed & (view.votes > _SURE_VOTES)
+    agreed = ~observed & ~nearby & (view.probable > 0) & (best_cost > _SURE)
+    on_plane = ~observed & ~nearby & ~agreed & (best_cost < _CONVINCING) & (best_depth > 0)
+    nearby |= ~observed & ~agreed & ~on_plane & (view.votes > _PROBABLE_VOTES)
+    on_envelope = ~observed & ~agreed & ~on_plane & ~nearby & (bound > 0)
+    source = np.full(view.camera.shape, DepthSource.FILLED, np.uint8)
+    depth = np.zeros(view.camera.shape, np.float32)
+    for mask, values, kind in (
+        (observed, view.known, DepthSource.OBSERVED),
+        (agreed, view.probable, DepthSource.PLANE),
+        (on_plane, best_depth, DepthSource.PLANE),
+        (nearby, view.likely, DepthSource.PLANE),
+        (on_envelope, bound, DepthSource.ENVELOPE),
+    ):
+        depth[mask], source[mask] = values[mask], kind
+    depth = _filled(depth, observed)
+    nearer = nearer_depth(view, [other for other, _, _ in others], depth)
+    moved = nearer > 0
+    depth[moved], source[moved] = nearer[moved], DepthSource.PLANE
+    return CompletedDepth(depth, source, view.camera)
+
+
+def overlapping(index: int, views: Sequence[Any], count: int) -> list[Any]:
+    """The ``count`` other views that see this one's trusted points best, nearest centre first on
+    ties. Views have a ``camera`` and ``known`` (H, W) depth."""
+    view = views[index]
+    points = view.camera.unproject(view.known)[view.known > 0][::50]
+    scores = []
+    for j, other in enumerate(views):
+        if j != index:
+            seen = other.camera.sees(*other.camera.project(points)).mean() if len(points) else 0.0
+            scores.append(
+                (-round(float(seen), 3), np.linalg.norm(other.camera.centre - view.camera.centre), j)
+            )
+    return [views[j] for _, _, j in sorted(scores)[:count]]
+
+
+def _nearest(depths: np.ndarray) -> np.ndarray:
+    """The smallest positive depth over the first axis, 0 where there is none."""
+    if not len(depths):
+        return np.zeros(depths.shape[1:], np.float32)
+    nearest = np.where(depths > 0, depths, np.inf).min(0)
+    return np.where(np.isfinite(nearest), nearest, 0).astype(np.float32)
+
+
+def _anchor(index: int, views: Sequence[_View]) -> np.ndarray:
+    """(H, W) reliable depth: the capture's own, else what the others saw, where visible here."""
+    view = views[index]
+    height, width = view.camera.shape
+    seen = np.full(height * width, np.inf, np.float32)
+    for j, other in enumerate(views):
+        if j == index:
+            continue
+        pixels, depth = view.camera.project(other.camera.unproject(other.known)[other.known > 0])
+        inside = view.camera.sees(pixels, depth)
+        u, v = pixels[inside].astype(np.int64).T
+        np.minimum.at(seen, v * width + u, depth[inside].astype(np.float32))
+    seen = seen.reshape(height, width)
+    nearest = np.minimum(seen, np.where(view.known > 0, view.known, np.inf))
+    front = ndimage.minimum_filter(nearest, size=7)
+    visible = np.isfinite(seen) & (seen < front * 1.05)  # farther points show through gaps
+    return np.where(view.known > 0, view.known, np.where(visible, seen, 0)).astype(np.float32)
+
+
+def _plane_cost(view, moments, others, depth, row, anchor):
+    """(H, W) float32 evidence against one plane, 0 (certain) and up; ``others`` are views
+    with what ``_depth_in`` says of them."""
+    width, height = view.camera.width, view.camera.height
+    first = np.full((height, width), np.inf, np.float32)
+    second = first.copy()
+    contradictions = np.zeros((height, width), np.float32)
+    mean, variance = moments
+    warp = {"dsize": (width, height), "borderMode": cv2.BORDER_CONSTANT}
+    linear = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    exact = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+    for other, slope, shift in others:
+        homography = _homography(view.camera, other.camera, row)
+        grey = cv2.warpPerspective(other.grey, homography, flags=linear, borderValue=-1, **warp)
+        known = cv2.warpPerspective(other.known, homography, flags=exact, borderValue=0, **warp)
+        reached = depth * slope + shift
+        there = (grey >= 0) & (reached > 0)
+        occluded = (known > 0) & (known < reached * (1 - FREE_MARGIN))
+        contradictions += there & (known > reached * (1 + FREE_MARGIN))
+        cost = 1 - _correlation(view.grey, mean, variance, np.maximum(grey, 0))
+        cost = np.where(there & ~occluded, np.clip(cost, 0, 1), np.float32(np.inf))
+        second = np.minimum(second, np.maximum(first, cost))
+        first = np.minimum(first, cost)
+    # One view alone counts a quarter more than it says, none as much as the worst match.
+    photo = np.where(np.isfinite(second), (first + second) / 2, np.minimum(first + 0.25, 1))
+    apart = np.abs(anchor - depth) / np.maximum(anchor, 1e-6) / _AGREEMENT_SCALE
+    agreement = np.where(anchor > 0, np.minimum(apart, 1), _NO_EVIDENCE)
+    cost = _PHOTO_WEIGHT * photo + _AGREEMENT_WEIGHT * agreement + _CONTRADICTION * contradictions
+    return cost.astype(np.float32)
+
+
+def _homography(camera: Camera, other: Camera, row: np.ndarray) -> np.ndarray:
+    """(3, 3) from pixel indices of ``camera`` to those of ``other`` through the plane whose
+    inverse depth is ``row`` . ray; OpenCV's pixel centres lie at integers."""
+    relative = other.camera_from_world @ camera.world_from_camera
+    through = relative[:3, :3] + np.outer(relative[:3, 3], row)
+    shift = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])
+    return np.linalg.inv(shift) @ other.matrix @ through @ np.linalg.inv(camera.matrix) @ shift
+
+
+def _depth_in(camera: Camera, other: Camera) -> tuple[np.ndarray, np.float32]:
+    """(H, W) float32 a and b: what lies at depth z in ``camera`` has depth a z + b in ``other``."""
+    relative = other.camera_from_world @ camera.world_from_camera
+    return (camera.rays() @ relative[2, :3]).astype(np.float32), np.float32(relative[2, 3])
+
+
+def _box(image: np.ndarray, radius: int) -> np.ndarray:
+    side = 2 * radius + 1
+    return cv2.boxFilter(image, -1, (side, side), borderType=cv2.BORDER_REFLECT)
+
+
+def _moments(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    mean = _box(image, _NCC_RADIUS_PX)
+    return mean, np.maximum(_box(image * image, _NCC_RADIUS_PX) - mean * mean, 0)
+
+
+def _correlation(image, mean, variance, other):
+    other_mean, other_variance = _moments(other)
+    covariance = _box(image * other, _NCC_RADIUS_PX) - mean * other_mean
+    noise = 4e-6  # grey-level variance of quantisation: bare patches correlate with nothing
+    return covariance / np.sqrt((variance + noise) * (other_variance + noise))
+
+
+def _guided(guide: np.ndarray, image: np.ndarray) -> np.ndarray:
+    """The guided filter (He et al., 2010) of ``image`` along the edges of ``guide``."""
+    mean_guide, mean = _box(guide, _GUIDE_RADIUS_PX), _box(image, _GUIDE_RADIUS_PX)
+    covariance = _box(guide * image, _GUIDE_RADIUS_PX) - mean_guide * mean
+    variance = _box(guide * guide, _GUIDE_RADIUS_PX) - mean_guide * mean_guide
+    slope = covariance / (variance + _GUIDE_EPSILON)
+    return _box(slope, _GUIDE_RADIUS_PX) * guide + _box(mean - slope * mean_guide, _GUIDE_RADIUS_PX)
+
+
+def _filled(depth: np.ndarray, observed: np.ndarray) -> np.ndarray:
+    """Holes closed with the nearest depth, and the completed part freed of single pixels."""
+    if not (depth > 0).any():
+        return depth
+    nearest = ndimage.distance_transform_edt(depth <= 0, return_distances=False, return_indices=True)
+    full = depth[tuple(nearest)]
+    return np.where(observed, depth, cv2.medianBlur(full, 5))

@@ -1,0 +1,194 @@
+"""The observed geometry M_obs = (P_obs, A_obs): fused points and their support record.
+
+The paper (Sec. "Capture-Anchored Geometry Proxy") triangulates tracks of the registered
+captures; here the points are those of the dense stereo that two captures agree on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ...captures.capture import Capture
+from ...captures.sparse import SparsePoints
+from ...config.settings import StereoSettings
+from ...core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
+from ...core.errors import GeometryError
+from ...core.images import resize
+from .consistency import agreement
+from .stereo import DepthMap
+
+# Captures that must agree on a fused point, and that must have measured a sparse one:
+# a track of two wide views is a chance match too often.
+_MIN_DENSE_VIEWS = 2
+_MIN_SPARSE_VIEWS = 3
+_MAX_SPARSE_ERROR_PX = 1.0
+# A sparse point is less sure than a dense one: nothing says how its surface lies.
+_SPARSE_CONFIDENCE = 0.3
+# Points of one voxel fuse with its surest point when their normals lie within 60 degrees.
+_MIN_FUSED_COSINE = 0.5
+# An outlier lies this many times further from its neighbours than points usually do.
+_OUTLIER_NEIGHBOURS = 8
+_OUTLIER_FACTOR = 3.0
+
+
+@dataclass(frozen=True)
+class ObservedGeometry:
+    """Points of the room's surface that captures support, in the world frame.
+
+    ``points`` (P, 3) float32 metres; ``normals`` (P, 3) float32 unit, towards the free
+    side; ``colours`` (P, 3) float32 in [0, 1]; ``visibility`` (P, N) bool, A_obs: the
+    captures that see the point; ``confidence`` (P,) float32 in [0, 1].
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+    colours: np.ndarray
+    visibility: np.ndarray
+    confidence: np.ndarray
+
+    def save(self, path: Path) -> None:
+        """Write the arrays as an uncompressed ``.npz``."""
+        save_arrays(path, **{field.name: getattr(self, field.name) for field in fields(self)})
+
+    @staticmethod
+    def load(path: Path) -> ObservedGeometry:
+        """Read what ``save`` wrote. Raises GeometryError when the file is none of it."""
+        with opened_arrays(path, GeometryError, "this is not observed geometry") as data:
+            arrays = {field.name: data[field.name] for field in fields(ObservedGeometry)}
+            require_shapes(
+                arrays, points="P 3", normals="P 3", colours="P 3", visibility="P N", confidence="P"
+            )  # fmt: skip
+            require_finite(points=arrays["points"], normals=arrays["normals"])
+            return ObservedGeometry(**arrays)
+
+
+def observe(
+    captures: Sequence[Capture],
+    depth_maps: Sequence[DepthMap],
+    sparse: SparsePoints | None,
+    settings: StereoSettings,
+) -> ObservedGeometry:
+    """The reliable depth of all captures as one set of points, a voxel apart.
+
+    ``A_obs`` marks the captures whose reliable depth agrees with a point; those that
+    fewer than two mark are dropped. Where stereo has nothing, points of ``sparse`` that
+    three captures measured are added with their own record. Deterministic. Raises
+    GeometryError when no point is left.
+    """
+    reliable = [np.where(m.reliable(settings), m.depth, np.float32(0.0)) for m in depth_maps]
+    samples = [_samples(c, m, d) for c, m, d in zip(captures, depth_maps, reliable, strict=True)]
+    points, normals, colours, confidence = (np.concatenate(parts) for parts in zip(*samples, strict=True))
+    if len(points) == 0:
+        raise _nothing()
+    points, normals, colours, confidence = _fused(
+        points, normals, colours, confidence, settings.point_spacing_m
+    )
+    visibility = _visibility(points, depth_maps, reliable, settings)
+    kept = visibility.sum(axis=1) >= _MIN_DENSE_VIEWS
+    kept[kept] = _dense_enough(points[kept])
+    if not kept.any():
+        raise _nothing()
+    dense = ObservedGeometry(
+        points[kept].astype(np.float32), normals[kept].astype(np.float32),
+        colours[kept].astype(np.float32), visibility[kept], confidence[kept].astype(np.float32),
+    )  # fmt: skip
+    return dense if sparse is None else _with_sparse(dense, sparse, depth_maps, settings)
+
+
+def _nothing() -> GeometryError:
+    return GeometryError(
+        "no depth is supported by two photographs", where="observed geometry",
+        cure="Check the poses, or add photographs that overlap more.",
+    )  # fmt: skip
+
+
+def _samples(
+    capture: Capture, depth_map: DepthMap, reliable: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Points (n, 3), normals, colours and confidence (n,) of a capture's reliable pixels."""
+    camera = depth_map.camera
+    mask = reliable > 0.0
+    image = resize(capture.image(), camera.width, camera.height)
+    # Each further capture that agrees halves the doubt its matching cost leaves.
+    support = depth_map.support[mask].astype(np.float64)
+    confidence = (1.0 - depth_map.cost[mask].clip(0.0, 1.0)) * (1.0 - 0.5**support)
+    return camera.unproject(reliable)[mask], depth_map.normal[mask], image[mask], confidence
+
+
+def _fused(
+    points: np.ndarray,
+    normals: np.ndarray,
+    colours: np.ndarray,
+    confidence: np.ndarray,
+    spacing_m: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """One point a voxel: the mean of its points by confidence, of the surest one's side."""
+    cells = np.floor(points / spacing_m).astype(np.int64)
+    order = np.lexsort((-confidence, cells[:, 2], cells[:, 1], cells[:, 0]))
+    cells = cells[order]
+    starts = np.flatnonzero(np.r_[True, (np.diff(cells, axis=0) != 0).any(axis=1)])
+    voxel = np.repeat(np.arange(len(starts)), np.diff(np.r_[starts, len(order)]))
+    points, normals, colours = points[order], normals[order].astype(np.float64), colours[order]
+    surest = normals[starts][voxel]
+    weight = confidence[order] + 1e-6
+    weight = np.where((normals * surest).sum(axis=1) >= _MIN_FUSED_COSINE, weight, 0.0)[:, None]
+    total = np.add.reduceat(weight, starts)
+    means = [np.add.reduceat(weight * a, starts) / total for a in (points, normals, colours)]
+    means[1] /= np.linalg.norm(means[1], axis=1, keepdims=True)
+    return means[0], means[1], means[2], confidence[order][starts]
+
+
+def _visibility(
+    points: np.ndarray,
+    depth_maps: Sequence[DepthMap],
+    reliable: Sequence[np.ndarray],
+    settings: StereoSettings,
+) -> np.ndarray:
+    """(P, N) bool: the captures whose reliable depth agrees with each point."""
+    return np.stack(
+        [
+            agreement(points, m.camera, depth, m.normal, settings.consistency)
+            for m, depth in zip(depth_maps, reliable, strict=True)
+        ],
+        axis=1,
+    )
+
+
+def _dense_enough(points: np.ndarray) -> np.ndarray:
+    """(P,) bool: the points about as near to their neighbours as points usually are."""
+    if len(points) <= _OUTLIER_NEIGHBOURS:
+        return np.ones(len(points), bool)
+    distances, _ = cKDTree(points).query(points, k=_OUTLIER_NEIGHBOURS + 1)
+    mean = distances[:, 1:].mean(axis=1)
+    return mean <= _OUTLIER_FACTOR * np.median(mean)
+
+
+def _with_sparse(
+    dense: ObservedGeometry,
+    sparse: SparsePoints,
+    depth_maps: Sequence[DepthMap],
+    settings: StereoSettings,
+) -> ObservedGeometry:
+    """``dense`` and the well-measured sparse points further than a few voxels from it,
+    facing the captures that measured them."""
+    reach_m = _OUTLIER_FACTOR * settings.point_spacing_m
+    distance, _ = cKDTree(dense.points).query(sparse.points)
+    added = (sparse.visibility.sum(axis=1) >= _MIN_SPARSE_VIEWS) & (distance > reach_m)
+    added &= sparse.error_px <= _MAX_SPARSE_ERROR_PX
+    points, seen = sparse.points[added], sparse.visibility[added]
+    centres = np.array([m.camera.centre for m in depth_maps])
+    towards = (seen[..., None] * centres).sum(axis=1) / seen.sum(axis=1, keepdims=True) - points
+    normals = towards / np.linalg.norm(towards, axis=1, keepdims=True)
+    confidence = np.full(len(points), _SPARSE_CONFIDENCE)
+    extra = (points, normals, sparse.colours[added] / 255.0, seen, confidence)
+    return ObservedGeometry(
+        *(
+            np.concatenate([getattr(dense, f.name), part.astype(getattr(dense, f.name).dtype)])
+            for f, part in zip(fields(dense), extra, strict=True)
+        )
+    )

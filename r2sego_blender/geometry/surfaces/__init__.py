@@ -1,0 +1,4 @@
+"""Weighted depth maps in, a surface out: the slot's backends.
+
+Begin with ``backends``.
+"""

@@ -1,0 +1,92 @@
+"""Making a scene bundle from photographs: import, refine and triangulate, register, declare."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..bundle.scene import Declaration, Scene, require_place
+from ..captures.frame.ground_picture import GROUND_PICTURES, save_ground_pictures
+from ..captures.frame.lifting import in_photograph
+from ..captures.frame.scale import KNOWN_LENGTH, Scale, require_marker
+from ..captures.frame.world_frame import register
+from ..captures.importing import import_captures
+from ..captures.masks import FOLDER as MASKS
+from ..captures.pose_adjustment import triangulate_refined
+from ..captures.poses.polycam import find_keyframes
+from ..captures.sensors.sensor_depth import SensorDepth
+from ..captures.store import save_captures
+from ..config.settings import CaptureSettings
+from ..core.errors import CaptureError
+from ..core.images import image_files
+from ..core.progress import SILENT, Progress
+from ..robot.controllers.controller import check_controller
+from ..robot.model.model import EMBEDDED_HUMANOID, RobotModel
+from ..robot.scope.scope import BehaviourScope, shipped_scopes
+
+
+def create_scene(
+    path: Path,
+    captures: Path,
+    poses: Path | None = None,
+    robot: str = EMBEDDED_HUMANOID,
+    scope: str = "walk_and_look",
+    scale: Scale = Scale.automatic(),
+    settings: CaptureSettings = CaptureSettings(),
+    progress: Progress = SILENT,
+) -> Scene:
+    """Make the bundle ``path`` from the photographs in the folder ``captures``.
+
+    ``poses`` is a transforms.json, a cameras.json, a COLMAP folder or a raw export of Polycam;
+    without it the poses are solved from the photographs. Everything that can be wrong is looked
+    at before the bundle appears: raises CaptureError, RobotError or SceneError and leaves nothing behind.
+    """
+    path, captures, poses = Path(path), Path(captures), poses and Path(poses)  # scripts give texts, too
+    require_place(path)
+    if not captures.is_dir():
+        raise CaptureError("there is no such folder", where=captures, cure="Give the folder of photographs.")
+    robot = robot if robot.startswith("embedded:") else str(Path(robot).resolve())
+    scope = scope if scope in shipped_scopes() else str(Path(scope).resolve())
+    behaviour = BehaviourScope.load(scope)
+    check_controller(RobotModel.load(*behaviour.robot_for(robot)), behaviour)
+
+    _look_over(scale, captures, solved=poses is None and find_keyframes(captures) is None)
+    for masks in (captures / MASKS, captures.absolute().parent / MASKS):
+        if masks.is_dir():
+            progress.message(
+                f"{masks} is not read: masks of objects go in with `r2sego objects {path} --masks {masks}`"
+            )
+    imported = import_captures(captures, poses, settings, progress)
+    progress.message(f"{len(imported.captures)} captures: {imported.source}")
+    imported, sparse = triangulate_refined(imported, settings, progress)
+    registration = register(imported, sparse, scale, settings, progress)
+    world_from_capture = registration.world_from_capture
+    declaration = Declaration(
+        captures_source=imported.source,
+        world_from_capture=tuple(map(tuple, world_from_capture.tolist())),
+        ground=registration.ground,
+        scale_source=registration.scale_source,
+        robot=robot,
+        scope=scope,
+    )
+
+    def fill(folder: Path) -> None:
+        (folder / "captures").mkdir()
+        stored = save_captures(
+            folder / "captures",
+            registration.captures(imported.captures),
+            registration.sparse(sparse),
+        )
+        save_ground_pictures(folder / GROUND_PICTURES, stored)
+
+    return Scene.create(path, declaration, fill)
+
+
+def _look_over(scale: Scale, folder: Path, solved: bool) -> None:
+    """Raise CaptureError where ``scale`` names what is not there: solving poses takes minutes."""
+    if scale.kind == "depth":
+        SensorDepth.beside(scale.folder)
+    if scale.kind == "marker" and solved:
+        require_marker(image_files(folder), scale)
+    if scale.kind == "known_length" and solved:
+        files = [(path.name, path) for path in image_files(folder)]
+        in_photograph(files, scale.photo, [scale.pixel_a, scale.pixel_b], KNOWN_LENGTH)

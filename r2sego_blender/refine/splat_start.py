@@ -1,0 +1,289 @@
+"""What a training on photographs alone starts from: images with poses, first points, and the unit.
+
+Photographs are imported, and points read or triangulated (``splat_training``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..captures.capture import Capture
+from ..captures.frozen import load_frozen_views
+from ..captures.importing import Imported, import_captures
+from ..captures.masks import counted_pixels, with_masks_beside
+from ..captures.poses import json_fields
+from ..captures.poses.colmap_model import COLMAP_FILES, find_model
+from ..captures.poses.colmap_points import read_colmap_points
+from ..captures.poses.photographs import ANY_SIZE_PX, posed_captures
+from ..captures.poses.polycam import find_keyframes
+from ..captures.poses.transforms_json import read_transforms_json
+from ..captures.sparse import SparsePoints, triangulate
+from ..config.settings import CaptureSettings, Settings
+from ..core.cameras import Camera
+from ..core.errors import CaptureError, SettingsError
+from ..core.progress import SILENT, Progress
+from ..splats.asset import SplatAsset
+from ..splats.training.initialization import from_points
+from ..splats.training.observations import Observation
+
+_POSE_FILES = ("cameras.json", "transforms.json", "transforms_train.json")
+_FEWEST_IMAGES = 2
+
+_MEDIAN_DEPTH_M = 3.0
+"""Where the poses' unit is unknown, the median point is taken to be this far away, as in a room:
+sizes of Gaussians and the nearest distance drawn are metres."""
+
+_GREY = 128
+
+
+@dataclass(frozen=True)
+class Start:
+    """What a training starts from, in metres: ``metres_from_poses`` (4, 4) scales the poses' unit.
+
+    ``points`` (P, 3) float64 and ``colours`` (P, 3) uint8 are the first Gaussians';
+    ``held_out`` are the views to score on.
+    """
+
+    observations: tuple[Observation, ...]
+    held_out: tuple[Capture, ...]
+    points: np.ndarray
+    colours: np.ndarray
+    metres_from_poses: np.ndarray
+    source: str
+
+    def asset(self, settings: Settings, rng: np.random.Generator) -> SplatAsset:
+        """The first Gaussians."""
+        return from_points(self.points, self.colours, settings.training, rng)
+
+    def in_poses(self, asset: SplatAsset) -> SplatAsset:
+        """The asset in the poses' unit."""
+        return asset.transformed(np.linalg.inv(self.metres_from_poses))
+
+
+def prepare(
+    captures: Path,
+    poses: Path | None,
+    points: Path | None,
+    frozen: Path | None,
+    hold_out: int | None,
+    settings: Settings,
+    progress: Progress = SILENT,
+) -> Start:
+    """Import photographs and find points; arguments and errors as in ``train_on_photographs``."""
+    if frozen is not None and hold_out is not None:
+        raise SettingsError(
+            "the views to score are given twice", where="r2sego train", cure="Give --frozen or --hold-out."
+        )
+    folder, poses = _folder_and_poses(captures, poses)
+    imported = import_captures(folder, poses, settings.captures, progress)
+    images, held = _split(with_masks_beside(imported.captures, folder), hold_out)
+    if frozen is not None:
+        held = _views_of(frozen)
+    if len(images) < _FEWEST_IMAGES:
+        raise CaptureError(
+            f"{len(images)} image{'s are' if len(images) != 1 else ' is'} left to train on",
+            where=folder,
+            cure="Hold out fewer, or add photographs.",
+        )
+    side_px, limit_px = max(max(c.camera.shape) for c in images), settings.captures.max_side_px
+    limit = ", as captures.max_side_px says" if side_px == limit_px else ""
+    progress.message(
+        f"{len(images)} images to train on, up to {side_px} pixels a side{limit}: {imported.source}"
+    )
+    _tell_masks(images, held, poses, progress)
+    xyz, colours = _first_points(images, poses, points, settings, progress)
+    unit_m = _unit_m(imported, images, xyz, progress)
+    to_metres = np.diag([unit_m, unit_m, unit_m, 1.0])
+    return Start(
+        observations=tuple(_observation(capture.transformed(to_metres)) for capture in images),
+        held_out=tuple(view.transformed(to_metres) for view in held),
+        points=xyz * unit_m,
+        colours=colours,
+        metres_from_poses=to_metres,
+        source=imported.source,
+    )
+
+
+def holds_poses(path: Path) -> bool:
+    """Whether it is a folder or a transforms.json, as training takes them."""
+    try:
+        return path.is_dir() or bool(_transforms(path))
+    except CaptureError:  # what is wrong with it is for its reader to say
+        return False
+
+
+def cameras_of_poses(captures: Path) -> dict[str, Camera]:
+    """The cameras by the photographs' names, undistorted, at full size and in the unit of the poses.
+
+    ``captures`` is as in ``train_on_photographs``, but poses are never solved: that raises
+    CaptureError.
+    """
+    folder, poses = _folder_and_poses(captures, None)
+    if poses is None and find_keyframes(folder) is None:
+        raise CaptureError("there are no poses", where=captures, cure="Give a pose file, or its folder.")
+    imported = import_captures(folder, poses, replace(CaptureSettings(), max_side_px=ANY_SIZE_PX))
+    return {capture.name.replace("/", "_"): capture.camera for capture in imported.captures}
+
+
+def _folder_and_poses(captures: Path, poses: Path | None) -> tuple[Path, Path | None]:
+    """The folder of the photographs, and the poses given or found there: a file, or a model's folder."""
+    if poses is None and captures.is_file():
+        captures, poses = captures.parent, captures
+    elif poses is None and captures.is_dir():
+        file = next((captures / name for name in _POSE_FILES if (captures / name).is_file()), None)
+        poses = find_model(captures) if file is None else file
+    if poses is None:
+        return captures, None
+    if poses.name in COLMAP_FILES:
+        return captures, poses.parent
+    listed = poses / "transforms.json"
+    if listed.is_file() and not (find_model(poses) or find_keyframes(poses)):
+        return captures, listed
+    return captures, poses
+
+
+def _split(
+    captures: Sequence[Capture], hold_out: int | None
+) -> tuple[tuple[Capture, ...], tuple[Capture, ...]]:
+    """Training images and held-out ones: every ``hold_out``-th by name, beginning with the first."""
+    if hold_out is None:
+        return tuple(captures), ()
+    if hold_out < 2:
+        raise SettingsError(
+            f"{hold_out} leaves no image to train on", where="--hold-out", cure="Give 2 at least; 8 is usual."
+        )
+    ordered = sorted(captures, key=lambda capture: capture.name)
+    held = tuple(ordered[::hold_out])
+    return tuple(capture for k, capture in enumerate(ordered) if k % hold_out), held
+
+
+def _observation(capture: Capture) -> Observation:
+    """Of the capture's image, loaded when it is needed, and so its mask."""
+    counted = None if capture.mask_path is None else partial(counted_pixels, capture)
+    return Observation(capture.camera, capture.image, confidence=counted)
+
+
+def _tell_masks(
+    images: Sequence[Capture], held: Sequence[Capture], poses: Path | None, progress: Progress
+) -> None:
+    """Say which masks are used, and look at them all before the long work."""
+    masked = [capture for capture in images if capture.mask_path is not None]
+    for capture in masked:
+        counted_pixels(capture)
+    if masked:
+        progress.message(f"masks of {len(masked)} images: what is black in them is not trained on")
+    if any(capture.mask_path is not None for capture in held):
+        progress.message("held-out views are scored whole: what their masks hide counts there", "warning")
+    named = sum("mask_path" in frame for frame in _transforms(poses).get("frames", ()))
+    found = sum(capture.mask_path is not None for capture in (*images, *held))
+    if found < named:
+        progress.message(f"{named - found} of the {named} masks named in {poses} are missing", "warning")
+
+
+def _outside_masks(sparse: SparsePoints, images: Sequence[Capture]) -> np.ndarray:
+    """(P,) bool: the points that no image measured where its mask hides what is there."""
+    kept = np.ones(len(sparse.points), bool)
+    for index, capture in enumerate(images):
+        if capture.mask_path is not None:
+            counted = counted_pixels(capture)
+            rows = sparse.visibility[:, index]
+            column, line = np.floor(sparse.pixels[rows, index]).astype(int).T
+            height, width = counted.shape
+            kept[rows] &= counted[line.clip(0, height - 1), column.clip(0, width - 1)] > 0
+    return kept
+
+
+def _views_of(frozen: Path) -> tuple[Capture, ...]:
+    """The held-out views of a cameras.json, or all those of a transforms.json."""
+    if "frames" not in json_fields.read_json(frozen):
+        return load_frozen_views(frozen)
+    photographs, _ = read_transforms_json(frozen, frozen.parent)
+    return posed_captures(photographs, ANY_SIZE_PX)
+
+
+def _first_points(
+    images: Sequence[Capture], poses: Path | None, points: Path | None, settings: Settings, progress: Progress
+) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (P, 3) float64 in the frame of the poses, and colours (P, 3) uint8."""
+    if points is not None:
+        return read_ply_points(points)
+    model = find_model(poses) if poses is not None and poses.is_dir() else None
+    if model is not None:
+        found, whose = read_colmap_points(model), "COLMAP model"
+    else:
+        found, whose = _points_beside(poses, progress), "transforms.json"
+    if found is not None:
+        progress.message(f"{len(found[0])} points of the {whose}")
+        return found
+    sparse = triangulate(images, settings.captures, progress)
+    kept = _outside_masks(sparse, images)
+    return sparse.points[kept], sparse.colours[kept]
+
+
+def _transforms(poses: Path | None) -> dict[str, Any]:
+    """What a transforms.json says; empty for other poses."""
+    data = json_fields.read_json(poses) if poses is not None and poses.is_file() else {}
+    return data if "frames" in data else {}
+
+
+def _points_beside(poses: Path | None, progress: Progress) -> tuple[np.ndarray, np.ndarray] | None:
+    """The points that nerfstudio puts beside a transforms.json, in the frame of its poses."""
+    name = _transforms(poses).get("ply_file_path")
+    if not isinstance(name, str):
+        return None
+    if (poses.parent / name).is_file():
+        return read_ply_points(poses.parent / name)
+    progress.message(f"the points '{name}' of {poses} are missing", level="warning")
+    return None
+
+
+def read_ply_points(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """The vertices (P, 3) float64 of a PLY and their colours (P, 3) uint8, grey where it has none.
+
+    Raises CaptureError when the file is missing or holds no point.
+    """
+    import trimesh
+
+    try:
+        cloud = trimesh.load(path, file_type="ply", process=False)
+        xyz = np.asarray(cloud.vertices, np.float64).reshape(-1, 3)
+    except Exception as error:  # trimesh raises whatever its parser ran into
+        raise CaptureError(
+            "the points cannot be read", where=path, cure="Give a PLY file with vertices."
+        ) from error
+    colours = getattr(cloud, "colors", None) if isinstance(cloud, trimesh.PointCloud) else None
+    if colours is None and cloud.visual.kind == "vertex":
+        colours = cloud.visual.vertex_colors
+    if colours is None or len(colours) != len(xyz):
+        colours = np.full((len(xyz), 3), _GREY)
+    return _finite(xyz, np.asarray(colours, np.uint8)[:, :3], path)
+
+
+def _finite(xyz: np.ndarray, colours: np.ndarray, path: Path) -> tuple[np.ndarray, np.ndarray]:
+    kept = np.isfinite(xyz).all(axis=1)
+    if not kept.any():
+        raise CaptureError("there is no point in the file", where=path, cure="Give one with points.")
+    return xyz[kept], colours[kept]
+
+
+def _unit_m(imported: Imported, images: Sequence[Capture], xyz: np.ndarray, progress: Progress) -> float:
+    """Metres of the poses' unit; assumed where they are not metric. Some point must be in view."""
+    depths = []
+    for capture in images:
+        pixels, depth = capture.camera.project(xyz)
+        depths.append(depth[capture.camera.sees(pixels, depth)])
+    seen = np.concatenate(depths)
+    if not len(seen):
+        raise CaptureError(
+            "no image sees a point", where="points", cure="Give points in the frame of the poses."
+        )
+    if imported.metric:
+        return 1.0
+    progress.message("the poses' unit is unknown: lengths are taken for those of a room while training")
+    return float(_MEDIAN_DEPTH_M / np.median(seen))

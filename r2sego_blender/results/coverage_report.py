@@ -1,0 +1,61 @@
+"""What the robot sees of a round's proxy against what the captures support."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from ..bundle.layout import of_round
+from ..bundle.scene import Scene
+from ..core.errors import SceneError
+from ..core.progress import SILENT, Progress
+from ..core.text_files import write_json
+from ..geometry.proxy.proxy import GeometryProxy
+from ..geometry.visibility.coverage import Coverage, count_seen, face_areas
+from ..views.selection import load_candidates
+
+_ARRAYS, _FIGURES = "coverage.npz", "coverage.json"
+
+
+def measure_coverage(
+    scene: Scene, round_index: int | None = None, progress: Progress = SILENT
+) -> dict[str, Any]:
+    """Publish the coverage of a round, the last by default, and return its figures.
+
+    ``rounds/<l>/coverage/`` holds ``coverage.npz`` and ``coverage.json`` (areas in square
+    metres); it is passed over while proxy and candidates have not changed. Raises SceneError
+    when the round has no candidate views.
+    """
+    index = max(scene.newest_round("selection/selection.npz"), 0) if round_index is None else round_index
+    proxy, selection = of_round(index, "proxy"), of_round(index, "selection")
+    if not (scene.path / selection / "candidates.npz").is_file():
+        raise SceneError(
+            f"round {index} has no candidate views", where=scene.path,
+            cure="Run `r2sego refine`, or choose another round.",
+        )  # fmt: skip
+
+    def compute(folder: Path) -> None:
+        mesh = GeometryProxy.load(scene.path / proxy / "proxy.npz")
+        cameras = load_candidates(scene.path / selection)
+        seen = count_seen(mesh.vertices, mesh.faces, cameras, progress)
+        coverage = Coverage(seen, mesh.support, face_areas(mesh.vertices, mesh.faces), len(cameras))
+        coverage.save(folder / _ARRAYS)
+        areas = {name: round(area, 4) for name, area in coverage.areas_m2().items()}
+        figures = {"round": index, "views": coverage.views, "faces": len(mesh.faces), "areas_m2": areas}
+        write_json(folder / _FIGURES, figures)
+
+    folder = scene.step(of_round(index, "coverage"), compute, inputs=[proxy, selection])
+    return json.loads((folder / _FIGURES).read_text(encoding="utf-8"))
+
+
+def lines(figures: dict[str, Any]) -> list[str]:
+    """What ``measure_coverage`` returns, for a person."""
+    areas = figures["areas_m2"]
+    seen = f"the robot sees {areas['seen']:.1f} m2 of {areas['proxy']:.1f} m2"
+    gap = f"{areas['gap']:.1f} m2 that the robot sees and no capture supports"
+    return [
+        f"round {figures['round']}: {figures['views']} candidate views of {figures['faces']} faces",
+        f"{seen}; captures support {areas['supported']:.1f} m2",
+        f"support gap: {gap}, {areas['weak']:.1f} m2 that one does, {areas['covered']:.1f} m2 that more do",
+    ]

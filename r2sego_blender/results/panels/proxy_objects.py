@@ -1,0 +1,121 @@
+"""What a bundle knows of its objects: masks, meshes, decisions, and how their priors fit. No bpy."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.arrays import opened_arrays
+from ...core.errors import GeometryError
+from .bundle import Bundle
+
+_CURE = "Run `r2sego refine` again."
+
+
+@dataclass(frozen=True)
+class KnownObject:
+    """An object of the bundle.
+
+    ``state`` in a word or two, ``why`` a prior was refused; ``iou`` and ``energy`` of the last
+    run, ``residual_m`` of its observed points, -1 where there is none. ``placed``: its pose is
+    set or held by hand. ``world_from_own`` (4, 4) is where the prior stands, None without one.
+    """
+
+    name: str
+    state: str
+    why: str
+    masks: int
+    shape: str
+    iou: float
+    energy: float
+    residual_m: float
+    has_prior: bool
+    own_mesh: bool
+    placed: bool
+    world_from_own: np.ndarray | None
+
+
+def read_objects(bundle: Bundle) -> list[KnownObject]:
+    """The declared objects in the order of their names. Raises GeometryError naming a damaged file."""
+    folder = bundle.path / "objects"
+    if not folder.is_dir():
+        return []
+    record = bundle.scene.geometry_folder / "priors" / "priors.json"
+    known = {one["name"]: one for one in (_json(record) if record.is_file() else [])}
+    return [
+        _object(bundle, place, known.get(place.name, {}))
+        for place in sorted(folder.iterdir())
+        if place.is_dir()
+    ]
+
+
+def prior_file(bundle: Bundle, name: str) -> Path | None:
+    """The mesh in the world that the last run placed for an object, refused ones too; None without."""
+    folder = bundle.scene.geometry_folder / "priors"
+    files = (folder / f"{name}.npz", folder / "refused" / f"{name}.npz")
+    return next((file for file in files if file.is_file()), None)
+
+
+def prior_mesh(bundle: Bundle, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3) in the world and faces (F, 3) of an object's prior. Raises GeometryError: none."""
+    file = prior_file(bundle, name)
+    if file is None:
+        raise GeometryError(
+            f"'{name}' has no prior to show", where=bundle.path,
+            cure="Refine first, or give the object a mesh.",
+        )  # fmt: skip
+    with opened_arrays(file, GeometryError, "this is no aligned prior", _CURE) as data:
+        return data["vertices"].astype(np.float64), data["faces"].astype(np.int32)
+
+
+def mask_files(bundle: Bundle, name: str) -> dict[str, Path]:
+    """The declared masks of an object by their stems, see ``layout.mask_stems``."""
+    return {file.stem: file for file in sorted((bundle.path / "objects" / name / "masks").glob("*.png"))}
+
+
+def _object(bundle: Bundle, place: Path, record: Mapping[str, Any]) -> KnownObject:
+    placement = place / "placement.json"
+    held = _json(placement) if placement.is_file() else {}
+    decision = place / "decision.json"
+    decided = _json(decision).get("decision", "") if decision.is_file() else ""
+    locked = bool(held.get("locked", False))
+    pose = record.get("world_from_own")
+    return KnownObject(
+        place.name, _state(record, decided, locked, bool(held)), str(record.get("refusal", "")),
+        len(mask_files(bundle, place.name)), str(record.get("shape", "")),
+        _number(record.get("silhouette_iou")), _number(record.get("energy")),
+        _number(record.get("point_distance_m")), prior_file(bundle, place.name) is not None,
+        any(place.glob("mesh.*")), bool(held), None if pose is None else np.array(pose, np.float64),
+    )  # fmt: skip
+
+
+def _state(record: Mapping[str, Any], decided: str, locked: bool, placed: bool) -> str:
+    if decided == "reject":
+        return "rejected"
+    if locked:
+        return "locked"
+    if decided == "accept":
+        return "accepted"
+    if record.get("refusal"):
+        return "refused"
+    if record.get("backend") == "symmetry":
+        return "by symmetry"
+    if "shape" in record:
+        return "aligned"
+    return "placed" if placed else "not run yet"
+
+
+def _number(value: Any) -> float:
+    return -1.0 if value is None else float(value)
+
+
+def _json(file: Path) -> Any:
+    try:
+        return json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise GeometryError("it cannot be read", where=file, cure=_CURE) from error

@@ -1,0 +1,96 @@
+"""The robot's shapes and their poses along rollouts, as the engine wrote them. No bpy."""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.arrays import opened_arrays
+from ...core.cameras import Camera
+from ...core.digests import content_digest
+from ...core.errors import SceneError
+from .bundle import Bundle
+from .rollout_list import bodies_folder, rollouts_folder
+
+_CURE = "Show the rollout again: the engine writes them anew."
+
+
+@dataclass(frozen=True)
+class RobotBodies:
+    """The bodies along the rollouts of a round or a trial.
+
+    ``names`` are the bodies', ``shapes`` their vertices (V, 3) float32 metres in the body's
+    frame, faces (F, 3) int32 and colours of faces (F, 3) float32 sRGB; ``camera`` is the head
+    camera's lens at the identity, ``rate_hz`` the frames a second, ``digest`` the rollouts'.
+    """
+
+    folder: Path
+    names: tuple[str, ...]
+    shapes: tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...]
+    camera: Camera
+    rate_hz: float
+    digest: str
+
+    @staticmethod
+    def load(bundle: Bundle, round_index: int) -> RobotBodies:
+        """Read them. Raises SceneError when they are not there, damaged, or of other rollouts."""
+        folder = bodies_folder(bundle, round_index)
+        if not are_written(bundle, round_index):
+            raise SceneError("the robot's bodies along these rollouts are missing", where=folder, cure=_CURE)
+        try:
+            told = _description(folder)
+            with opened_arrays(folder / "shapes.npz", SceneError, "it cannot be read", _CURE) as arrays:
+                shapes = tuple(
+                    tuple(arrays[f"{name}_{index:04d}"] for name in ("vertices", "faces", "colours"))
+                    for index in range(len(told["bodies"]))
+                )
+            camera = Camera.from_json({**told["camera"], "world_from_camera": np.eye(4)})
+            return RobotBodies(
+                folder, tuple(told["bodies"]), shapes, camera, float(told["camera_rate_hz"]), told["rollouts"]
+            )
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise SceneError(
+                f"it is damaged: {error!r}", where=folder / "bodies.json", cure=_CURE
+            ) from error  # fmt: skip
+
+    def poses(self, number: int) -> np.ndarray:
+        """``world_from_body`` (T, B, 4, 4) float64 along an attempt. Raises SceneError: damaged."""
+        with opened_arrays(self.folder / "poses.npz", SceneError, "it cannot be read", _CURE) as arrays:
+            poses = arrays[f"world_from_body_{number:04d}"]
+        if poses.ndim != 4 or poses.shape[1:] != (len(self.names), 4, 4):
+            raise SceneError("the poses are not these bodies'", where=self.folder / "poses.npz", cure=_CURE)
+        return poses
+
+
+def are_written(bundle: Bundle, round_index: int) -> bool:
+    """Whether the bodies are there and belong to the rollouts that are there now."""
+    try:
+        told = _description(bodies_folder(bundle, round_index))
+    except (OSError, ValueError):
+        return False
+    return told.get("rollouts", "") == digest_of(bundle, round_index) != ""
+
+
+def digest_of(bundle: Bundle, round_index: int) -> str:
+    """The digest of the rollouts that are there now; '' for none."""
+    file = rollouts_folder(bundle, round_index) / "rollouts.npz"
+    if not file.is_file():
+        return ""
+    state = file.stat()
+    return _digest(file, state.st_mtime_ns, state.st_size)
+
+
+def _description(folder: Path) -> Mapping[str, Any]:
+    return json.loads((folder / "bodies.json").read_text(encoding="utf-8"))
+
+
+@functools.lru_cache(maxsize=16)
+def _digest(file: Path, _changed_ns: int, _size: int) -> str:
+    """The content's digest, computed once for a file that has not changed."""
+    return content_digest(file)

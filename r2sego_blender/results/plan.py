@@ -1,0 +1,152 @@
+"""What the next refinement would do again: a dry run of Algorithm 1 over the journal's digests."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..bundle.scene import Scene
+from ..bundle.stale import of_old_frame
+from ..core.digests import content_digest
+from ..core.errors import R2SEgoError
+from ..pipeline import refine
+
+PARTS = {
+    "geometry/depth": "stereo",
+    "geometry/initial_asset.ply": "initial asset",
+    "geometry/observed.npz": "observed points",
+    "geometry/planes.npz": "room planes",
+    "geometry/completed": "completed depth",
+    "geometry/backdrop.ply": "backdrop",
+    "geometry/priors": "priors",
+    "proxy": "proxy",
+    "collision": "collision",
+    "rollouts": "rollouts",
+    "selection": "view selection",
+    "views": "generation",
+    "asset.ply": "asset",
+}
+"""What people call the steps, in the order of the work; those of rounds by their last name."""
+
+
+_HALF = "A correction was cut off; Refine finishes it first, and redoes what it moved"
+
+
+@dataclass(frozen=True)
+class PlannedStep:
+    """A step of the bundle: ``target``, and why it is redone; '' where it is kept."""
+
+    target: str
+    why: str
+
+
+class PlannedScene(Scene):
+    """A bundle whose steps are only looked at: nothing is run and nothing is written."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene.path, scene.declaration)
+        self.planned: list[PlannedStep] = []
+        self._digests: dict[str, str] = {}
+        self._of_old_frame = set(of_old_frame(self))
+        self._last = self.recorded()
+
+    def step(
+        self,
+        target: str,
+        compute: Callable[[Path], None],
+        *,
+        inputs: Sequence[str | Path] = (),
+        parameters: Any = None,
+        read: Callable[[], object] | None = None,
+    ) -> Path:
+        """Note whether ``Scene.step`` would run ``compute``, if what it reads is as it seems."""
+        redone = {step.target for step in self.planned if step.why}
+        first = next((str(item) for item in inputs if str(item) in redone), None)
+        if not (self.path / target).exists():
+            why = "it is not there yet"
+        elif first is not None:
+            why = f"{first} is redone"
+        elif self._last.get(target) != self._digest_of_inputs(inputs, parameters):
+            corrected = target in self._of_old_frame
+            why = "the world frame was corrected" if corrected else "what it reads or a setting has changed"
+        else:
+            why = "it is damaged" if self.is_damaged(target, read) else ""
+        self.planned.append(PlannedStep(target, why))
+        return self.path / target
+
+    def locked(self) -> contextlib.AbstractContextManager[None]:
+        """Nothing is held: nothing is written."""
+        return contextlib.nullcontext()
+
+    def _digest_of_input(self, item: str | Path) -> str:
+        key = str(item)
+        if key not in self._digests:
+            self._digests[key] = content_digest(self.path / item)
+        return self._digests[key]
+
+
+def plan_refinement(scene: Scene) -> tuple[PlannedStep, ...]:
+    """Every step of Algorithm 1 on ``scene`` in order, and why it would be run again.
+
+    A step whose input is redone counts as redone; should the input come out the same, it is kept.
+    """
+    planned = PlannedScene(scene)
+    refine(planned)
+    return tuple(planned.planned)
+
+
+def parts_outdated(scene: Scene) -> list[str]:
+    """What people call the parts that are there and that the next refinement would do again.
+
+    None where the plan cannot be made, as of a robot that is not there any more: refining says so.
+    """
+    there: list[PlannedStep] = []
+    if scene.recorded():
+        with contextlib.suppress(R2SEgoError):
+            there = [step for step in plan_refinement(scene) if (scene.path / step.target).exists()]
+    return describe_plan(there)["redone"]
+
+
+def describe_plan(steps: Sequence[PlannedStep], half_corrected: bool = False) -> dict[str, Any]:
+    """The plan, JSON-ready: ``line``, the ``parts`` redone and kept, and every step.
+
+    Of a scene that is ``half_corrected`` it says so: once that is finished, other steps may be redone.
+    """
+    redone, kept = ([step for step in steps if bool(step.why) is again] for again in (True, False))
+    parts = {_part(step.target) for step in redone}
+    words = {
+        "redone": [name for key, name in PARTS.items() if key in parts],
+        "kept": [name for key, name in PARTS.items() if key not in parts and key in map(_part_of, kept)],
+    }
+    return {
+        "line": _HALF if half_corrected else _line(words, redone), **words,
+        "steps": [{"step": step.target, "redone": bool(step.why), "why": step.why} for step in steps],
+    }  # fmt: skip
+
+
+def lines(described: Mapping[str, Any]) -> list[str]:
+    """What ``describe_plan`` says, for a person."""
+    table = [f"{step['step']:<28}{step['why'] or 'kept'}" for step in described["steps"]]
+    return [*table, described["line"]]
+
+
+def _line(words: Mapping[str, Sequence[str]], redone: Sequence[PlannedStep]) -> str:
+    if not words["redone"]:
+        return "Refine has nothing to redo"
+    rounds = sorted({int(step.target.split("/")[1]) for step in redone if step.target.startswith("rounds/")})
+    where = ""
+    if rounds:
+        where = f" (round {rounds[0]})" if len(rounds) == 1 else f" (rounds {rounds[0]} to {rounds[-1]})"
+    kept = f"; keeps {', '.join(words['kept'])}" if words["kept"] else ""
+    return f"Refine redoes {', '.join(words['redone'])}{where}{kept}"
+
+
+def _part(target: str) -> str:
+    return target if target in PARTS else target.rpartition("/")[2]
+
+
+def _part_of(step: PlannedStep) -> str:
+    return _part(step.target)

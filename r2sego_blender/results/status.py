@@ -1,0 +1,199 @@
+"""What a scene holds and how far its refinement has come."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import os
+import shlex
+import subprocess
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..bundle.layout import REFINED_ASSET
+from ..bundle.scene import Scene
+from ..bundle.stale import in_words, of_old_frame, rounds_among
+from ..core.atomic_files import is_replacing
+from ..core.errors import RobotError, SceneError
+from ..core.text_files import opened_json
+from ..robot.scope.scope import BehaviourScope
+
+_COUNTS = {"rollouts_succeeded", "rollouts_failed", "candidates", "targets", "views_kept"}
+"""What is told of each round."""
+
+_CURE = "Run `r2sego refine` again."
+
+
+def describe(scene: Scene, look_at_results: bool = False, outdated: Sequence[str] = ()) -> dict[str, Any]:
+    """The scene's state, JSON-ready: declaration, rounds done and what each left.
+
+    With ``look_at_results`` they are read through, and ``damaged`` names those that are not as they
+    were published. ``outdated`` are the parts that the next refinement makes again (``plan``).
+    """
+    declared = scene.declaration
+    rounds = [_describe_round(scene, index) for index in _counted_rounds(scene)]
+    rounds_declared = declared.settings.rounds
+    old = of_old_frame(scene)
+    old_in_words = in_words(old, rounds_declared)
+    damaged = scene.damaged_results() if look_at_results else ()
+    metrics = _scores(scene.metrics_file) if scene.metrics_file.is_file() else None
+    half_corrected = is_replacing(scene.path)
+    is_whole = scene.asset_file.is_file() and not (old_in_words or damaged or half_corrected)
+    return {
+        "scene": str(scene.path),
+        "captures": _count_captures(scene),
+        "captures_source": declared.captures_source,
+        "ground": declared.ground,
+        "scale_source": declared.scale_source,
+        "robot": robot_in_use(scene),
+        "scope": declared.scope,
+        "preset": declared.preset,
+        "overrides": dict(declared.overrides),
+        "backends": scene.backends,
+        "rounds_declared": rounds_declared,
+        "rounds": rounds,
+        "rounds_of_old_frame": list(rounds_among(old, rounds_declared)),
+        "of_old_frame": old_in_words,
+        "damaged": list(damaged),
+        "half_corrected": half_corrected,
+        "outdated": list(outdated),
+        "refined": is_whole and len(rounds) >= rounds_declared and not outdated,
+        "metrics": metrics,
+        "metrics_outdated": metrics is not None and not scores_hold(scene),
+    }
+
+
+def lines(state: dict[str, Any]) -> list[str]:
+    """The state as lines for a person."""
+    text = [
+        f"{state['scene']}: {state['captures']} captures from {state['captures_source']}",
+        f"ground: {state['ground']}; scale: {state['scale_source']}",
+        f"robot: {state['robot']}, scope: {state['scope']}, preset: {state['preset']}",
+    ]
+    text += [f"  {key} = {value}" for key, value in state["overrides"].items()]
+    text.append(f"rounds: {len(state['rounds'])} of {state['rounds_declared']} done")
+    text += [
+        f"  round {index}: {r['rollouts_succeeded']} rollouts succeeded, {r['rollouts_failed']} failed; "
+        f"{r['candidates']} candidates, {r['targets']} targets, {r['views_kept']} views kept"
+        for index, r in enumerate(state["rounds"])
+    ]
+    if state["metrics_outdated"]:
+        text.append("  scored before the asset changed: r2sego evaluate scores it anew")
+    elif state["metrics"]:
+        text += _told(state["metrics"])
+    if state["of_old_frame"]:
+        text.append(f"of the world frame before its correction: {state['of_old_frame']}")
+    text += [f"not as it was made: {name}" for name in state["damaged"]]
+    if state["half_corrected"]:
+        text.append("a correction was cut off before all of it was in its place; refine finishes it first")
+    if state["outdated"] and len(state["rounds"]) >= state["rounds_declared"]:
+        text.append(f"what they are made of, or a setting, has changed: {', '.join(state['outdated'])}")
+    text.append("refined" if state["refined"] else f"next: r2sego refine {_quoted(state['scene'])}")
+    return text
+
+
+def scores_hold(scene: Scene) -> bool:
+    """Whether the scene was evaluated and all assets that were scored are still those, by the journal."""
+    try:
+        assets = _read(scene.metrics_file).get("assets")
+    except SceneError:
+        return False
+    scored, now = {REFINED_ASSET: None, **(assets if isinstance(assets, dict) else {})}, scene.outputs()
+    return all(now.get(name) == digest for name, digest in scored.items())
+
+
+def _quoted(word: str, system: str = os.name) -> str:
+    """A word of a command as the system's shell takes it: Windows' knows no single quotes."""
+    return subprocess.list2cmdline([word]) if system == "nt" else shlex.quote(word)
+
+
+def robot_in_use(scene: Scene) -> str:
+    """The scope's own robot, else the declared one; that too where the scope cannot be read, which is
+    for refining to say."""
+    declared = scene.declaration
+    with contextlib.suppress(RobotError):
+        own, _ = BehaviourScope.load(declared.scope).robot_for(declared.robot)
+        return scene.name_of(own)
+    return declared.robot
+
+
+def _count_captures(scene: Scene) -> int:
+    file = scene.captures_folder / "cameras.json"
+    cure = "Make the scene anew with `r2sego new`."
+    with opened_json(file, SceneError, "the list of captures is damaged", cure) as cameras:
+        return len(cameras["captures"])
+
+
+def _counted_rounds(scene: Scene) -> Iterator[int]:
+    """The rounds whose last step is there: one may have been cut off between its asset and its counts."""
+    return itertools.takewhile(
+        lambda index: (scene.round_folder(index) / "metrics.json").is_file(), range(scene.rounds_of_result())
+    )
+
+
+def _describe_round(scene: Scene, index: int) -> dict[str, int]:
+    counts = _read(scene.round_folder(index) / "metrics.json")
+    missing = _COUNTS - counts.keys()
+    if missing:
+        raise _damaged(scene.round_folder(index) / "metrics.json", f"'{min(missing)}' is missing")
+    return counts
+
+
+def _scores(file: Path) -> dict[str, Any]:
+    """The scores that an evaluation left, looked over; refining makes none."""
+    cure = "Run `r2sego evaluate` again, or remove the file."
+    metrics = _read(file, cure)
+    try:
+        _told(metrics)
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        raise _damaged(file, "a field of the scores is missing or wrong", cure) from error
+    return metrics
+
+
+def _read(file: Path, cure: str = _CURE) -> dict[str, Any]:
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (ValueError, OSError) as error:
+        raise _damaged(file, str(error), cure) from error
+    if not isinstance(content, dict):
+        raise _damaged(file, "it holds no table", cure)
+    return content
+
+
+def _damaged(file: Path, why: str, cure: str = _CURE) -> SceneError:
+    return SceneError(f"this file of the scene is damaged: {why}", where=file, cure=cure)
+
+
+def _told(metrics: dict[str, Any]) -> list[str]:
+    """The scores as lines."""
+    return [
+        *(_scored(name, arm) for name, arm in sorted(metrics["arms"].items())),
+        *(_scored_round(entry) for entry in metrics.get("rounds", ())),
+        *_largest_cause(metrics.get("causes", {})),
+    ]
+
+
+def _scored_round(entry: dict[str, Any]) -> str:
+    name = f"round {entry['round']}"
+    if "missing" in entry:
+        return f"  {name:<14} not scored: {entry['missing']}"
+    return _scored(name, entry) + (f", {entry['mark']}" if "mark" in entry else "")
+
+
+def _scored(name: str, scores: dict[str, Any]) -> str:
+    """A line of scores; the PSNR of equal images is no number in the file."""
+    psnr = float("inf") if scores["psnr"] is None else scores["psnr"]
+    return f"  {name:<14} PSNR {psnr:.2f} dB, SSIM {scores['ssim']:.3f}"
+
+
+def _largest_cause(causes: dict[str, Any]) -> list[str]:
+    """A line that names the largest cause of the refined asset's error, where causes were told."""
+    told = [one for one in causes.get("shares", ()) if one["error"]]
+    if not told:
+        return []
+    largest = max(told, key=lambda one: one["error"])
+    return [
+        f"  largest cause of error: {largest['label']}, {largest['error']:.0%} of it; {largest['mended_by']}"
+    ]

@@ -1,0 +1,93 @@
+"""The embedded controller: a reference motion tracked in MuJoCo, not a learned policy.
+
+Position servos drive every joint towards the reference, with the torques of its inverse
+dynamics fed forward. Balance is not theirs: a spring-damper wrench on the pelvis, bounded on
+each axis (a residual force, as motion-tracking controllers use), holds the base to the
+reference. Gravity, contact, joint limits and effort limits act as they do; what pushes the
+robot harder than the bounds makes it fall or stray, and the rollout fails.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...config.settings import RolloutSettings
+from ...core.errors import RobotError
+from ..behaviours.free_floor import FreeFloor
+from ..behaviours.navigation import RATE_HZ
+from ..behaviours.seats import find_seats
+from ..model.composition import Composition, compose
+from ..model.model import RobotModel
+from ..motion.motion import ReferenceMotion, plan_motion
+from ..scope.scope import BehaviourScope
+
+
+class TrackingController:
+    """Draws reference motions of the scope's behaviours and tracks them."""
+
+    name = "reference motions"
+
+    def __init__(
+        self, robot: RobotModel, floor: FreeFloor, scope: BehaviourScope, collision_mjcf: Path,
+        settings: RolloutSettings,
+    ) -> None:  # fmt: skip
+        self._robot, self._floor, self._scope = robot, floor, scope
+        for name in ("squat", "sit_on"):
+            if robot.is_wheeled and getattr(scope.behaviours, name) > 0.0:
+                raise RobotError(
+                    f"behaviours.{name} takes legs, and {robot.source} has none", where=scope.name,
+                    cure="Set it to 0, or give a robot with legs.",
+                )  # fmt: skip
+        sits = scope.behaviours.sit_on > 0.0
+        self._seats = find_seats(robot.half_width_m, floor, scope.sit_on, collision_mjcf) if sits else ()
+        self.composition = compose(robot, collision_mjcf, settings)
+
+    def draw(self, rng: np.random.Generator) -> TrackingDrive | None:
+        """A drawn motion; None where the floor offers no goal."""
+        motion = plan_motion(self._robot, self._floor, self._scope, rng, self._seats, self.composition)
+        return None if motion is None else TrackingDrive(self.composition, motion)
+
+
+class TrackingDrive:
+    """Tracks one reference motion."""
+
+    def __init__(self, composition: Composition, motion: ReferenceMotion) -> None:
+        self.behaviour, self.goal = motion.behaviour, motion.goal
+        self.seat, self.mount = motion.seat, motion.mount
+        self.qpos = motion.qpos[0]
+        self.duration_s = (len(motion.qpos) - 1) / RATE_HZ
+        self._base, self._control = _references(composition, motion, self.duration_s)
+
+    def apply(self, data: mujoco.MjData, step: int) -> None:
+        """Write the servos' targets and the base's reference."""
+        data.ctrl[:] = self._control[step]
+        data.mocap_pos[0], data.mocap_quat[0] = self._base[step, :3], self._base[step, 3:]
+
+
+def _references(
+    composition: Composition, motion: ReferenceMotion, duration_s: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The base's pose (steps, 7) and the actuators' controls (steps, nu)."""
+    step_s = composition.model.opt.timestep
+    at = np.arange(round(duration_s / step_s)) * step_s * RATE_HZ
+    frame = np.minimum(at.astype(int), len(motion.qpos) - 2)
+    part = (at - frame)[:, None]
+    qpos = (1.0 - part) * motion.qpos[frame] + part * motion.qpos[frame + 1]
+    qvel = (1.0 - part) * motion.qvel[frame] + part * motion.qvel[frame + 1]
+    torque = (1.0 - part) * motion.torque[frame] + part * motion.torque[frame + 1]
+    base = qpos[:, :7]
+    base[:, 3:] /= np.linalg.norm(base[:, 3:], axis=1, keepdims=True)
+    # The tracking wrench acts along the reference's axes; a free joint's velocity and force
+    # are the world's where they are linear, and its body's where they are angular.
+    into_base = Rotation.from_quat(base[:, [4, 5, 6, 3]]).inv()
+    for vector in (qvel, torque):
+        vector[:, :3] = into_base.apply(vector[:, :3])
+    # A servo damps absolute velocity; aiming ahead makes it damp the error's instead.
+    address = composition.dof_address
+    control = (composition.damping * qvel[:, address] + torque[:, address]) / composition.stiffness
+    control[:, 6:] += qpos[:, composition.qpos_address]
+    return base, control

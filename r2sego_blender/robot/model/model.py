@@ -1,0 +1,282 @@
+"""The robot embodiment: any MJCF or URDF with a free base, legs or wheels, and a camera mount."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ...core.cameras import Camera
+from ...core.errors import RobotError
+from .collision_shapes import colliding, core_points, highest_m, lowest_m, reach_m
+from .humanoid import SERVOS, Servo
+from .model_camera import mount_of
+from .mount import CameraMount, mount_on
+from .rest_posture import declared_posture, standing_posture
+from .robot_file import EMBEDDED_HUMANOID, does_not_compile, robot_spec
+from .structure import (
+    Leg,
+    Wheel,
+    ancestors,
+    axes_in_base,
+    find_legs,
+    find_shoulders,
+    find_wheels,
+    first_about,
+    fixed_to,
+    is_hinge,
+    joints_of,
+    on_joints,
+    posed,
+    standing_leg,
+)  # fmt: skip
+
+# Gains and bounds belong to a robot of this mass; other robots' scale with theirs.
+_SERVO_ROBOT_MASS_KG = 35.0
+# Casters and skids of a wheeled robot come this close to the floor at rest.
+_RESTS_M = 0.01
+# What must be finite in a compiled robot; the XML's own numbers are, but not all that follows.
+_TABLES = (
+    "qpos0", "key_qpos", "body_pos", "body_quat", "body_mass", "body_inertia", "jnt_pos", "jnt_axis",
+    "jnt_range", "dof_armature", "dof_damping", "geom_pos", "geom_size", "mesh_vert",
+)  # fmt: skip
+_FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
+
+
+@dataclass(frozen=True)
+class RobotModel:
+    """A compiled robot and what its structure says about it.
+
+    Ids are MuJoCo's, into ``model``. ``rest_qpos`` (nq,) float64 is the standing posture
+    with the base's origin over the world's and the lowest point on z = 0. ``radius_m`` is the
+    reach of the robot's collision shapes and its camera around the base's vertical axis and
+    ``height_m`` their top, at rest. A robot without legs has two wheels at least.
+    """
+
+    source: str
+    model: mujoco.MjModel
+    mount: CameraMount
+    base: int
+    legs: tuple[Leg, ...]  # front to back, left before right
+    wheels: tuple[Wheel, ...]  # left to right
+    waist_yaw: int | None  # about the base's z at rest
+    waist_pitch: int | None  # about the base's y at rest
+    shoulders: tuple[int, ...]  # the joints that swing the arms, left then right
+    rest_qpos: np.ndarray
+    radius_m: float
+    height_m: float
+
+    @staticmethod
+    def load(
+        source: str | Path = EMBEDDED_HUMANOID,
+        mount: str | Sequence[Any] | Mapping[str, Any] | CameraMount | None = None,
+    ) -> RobotModel:
+        """Load the embedded humanoid or an MJCF/URDF file.
+
+        ``mount`` is the name of a camera in the file, ``[parent, xyz, rpy, fov]`` (see
+        ``mount.parse_mount``), or None for the file's only camera or the one named
+        ``head_camera``. Raises RobotError: a file that does not compile (with MuJoCo's words),
+        no free base, a ball joint, neither two legs nor two driven wheels, an unknown camera or
+        parent, a camera without perspective.
+        """
+        source = str(source)
+        spec = robot_spec(source)
+        try:
+            model = spec.compile()
+        except (ValueError, mujoco.FatalError) as error:
+            raise does_not_compile(source, error) from error
+        for table in _TABLES:
+            if not np.isfinite(getattr(model, table)).all():
+                raise RobotError(f"{table} is not finite", where=source, cure="Correct the file.")
+        base = _free_base(model, source)
+        _refuse_balls(model, source)
+        geoms = colliding(model)
+        if not len(geoms):
+            raise RobotError(
+                "the robot has no shape that can touch anything", where=source,
+                cure="Give it collision shapes.",
+            )  # fmt: skip
+        camera_mount = _find_mount(model, mount, source)
+        declared = declared_posture(model)
+        wheels = find_wheels(model, base, declared)
+        # Arms of a wheeled robot hang lowest of all its limbs, and are no legs.
+        legs = () if len(wheels) >= 2 else find_legs(model, base, declared)
+        if len(wheels) < 2 and len(legs) < 2:
+            raise RobotError(
+                f"the robot has {len(legs)} legs and {len(wheels)} driven wheels", where=source,
+                cure="Give one with two legs of three hinges or more, or with two wheels.",
+            )  # fmt: skip
+        in_legs = {joint for leg in legs for joint in leg.joints}
+        waist = [
+            joint
+            for body in ancestors(model, model.body(camera_mount.parent).id)
+            for joint in joints_of(model, body)
+            if is_hinge(model, joint) and joint not in in_legs
+        ]
+        rolling = {wheel.joint for wheel in wheels}
+        rest = standing_posture(model, base, legs, declared)
+        legs = tuple(standing_leg(model, base, leg, rest) for leg in legs)
+        data = posed(model, rest)
+        axes = axes_in_base(data, base)  # links' own frames are turned as it pleased who wrote the file
+        robot = RobotModel(
+            source=source, model=model, mount=camera_mount, base=base, legs=legs, wheels=wheels,
+            waist_yaw=first_about(axes, waist, 2), waist_pitch=first_about(axes, waist, 1),
+            shoulders=find_shoulders(model, in_legs | rolling | set(waist)), rest_qpos=rest,
+            radius_m=reach_m(model, data, geoms, data.xpos[base, :2]),
+            height_m=highest_m(model, data, geoms),
+        )  # fmt: skip
+        # A camera on a mast without a shape is not to go through what is over the others.
+        eye_reach_m = float(np.linalg.norm(robot.camera_poses(rest[None])[0, :2, 3] - data.xpos[base, :2]))
+        return replace(
+            robot,
+            radius_m=max(robot.radius_m, eye_reach_m), height_m=max(robot.height_m, robot.eye_height_m),
+        )  # fmt: skip
+
+    @property
+    def is_wheeled(self) -> bool:
+        """Whether it rolls rather than walks."""
+        return not self.legs
+
+    @property
+    def ground_bodies(self) -> tuple[int, ...]:
+        """The bodies that stand or roll on the floor: feet, wheels, and casters."""
+        model = self.model
+        found = {body for leg in self.legs for body in leg.foot_bodies}
+        for wheel in self.wheels:
+            found |= {*fixed_to(model, int(model.jnt_bodyid[wheel.joint]))}
+        if self.is_wheeled:
+            data = posed(model, self.rest_qpos)
+            for geom in colliding(model):
+                if lowest_m(model, data, np.array([geom])) < _RESTS_M:
+                    found.add(int(model.geom_bodyid[geom]))
+        return tuple(sorted(found))
+
+    @property
+    def foot_offsets_m(self) -> np.ndarray:
+        """(L, 2) x and y of the feet's tips in the base's frame at rest."""
+        data = posed(self.model, self.rest_qpos)
+        places = np.array([leg.tip_place(data) for leg in self.legs]).reshape(-1, 3)
+        return places[:, :2] - data.xpos[self.base, :2]
+
+    @property
+    def leg_m(self) -> float:
+        """From the root of a leg to its foot at rest; the shortest of all."""
+        data = posed(self.model, self.rest_qpos)
+        return min(math.dist(data.xanchor[leg.joints[0]], leg.tip_place(data)) for leg in self.legs)
+
+    @property
+    def rest_height_m(self) -> float:
+        """Height of the base above the floor in the standing posture."""
+        return float(self.rest_qpos[2])
+
+    @property
+    def mass_scale(self) -> float:
+        """Its mass over that of the robot whose gains and bounds the library states."""
+        return float(self.model.body_mass.sum()) / _SERVO_ROBOT_MASS_KG
+
+    @property
+    def half_width_m(self) -> float:
+        """How far the standing robot reaches to either side."""
+        data = posed(self.model, self.rest_qpos)
+        shapes = [core_points(self.model, data, geom) for geom in colliding(self.model)]
+        aside = [np.abs(points[:, 1] - data.xpos[self.base, 1]).max() + round_m for points, round_m in shapes]
+        return float(max(aside))
+
+    @property
+    def eye_height_m(self) -> float:
+        """Height of the head camera above the floor in the standing posture."""
+        return float(self.camera_poses(self.rest_qpos[None])[0, 2, 3])
+
+    def camera_poses(self, qpos: np.ndarray, mount: CameraMount | None = None) -> np.ndarray:
+        """``world_from_camera`` (T, 4, 4) float64 of configurations ``qpos`` (T, nq).
+
+        Forward kinematics and the mount, the paper's Eq. 2; ``mount`` replaces the robot's.
+        """
+        mount = mount or self.mount
+        parent = self.model.body(mount.parent).id
+        data = mujoco.MjData(self.model)
+        poses = np.tile(np.eye(4), (len(qpos), 1, 1))
+        for pose, configuration in zip(poses, np.asarray(qpos, np.float64), strict=True):
+            data.qpos[:] = configuration
+            mujoco.mj_kinematics(self.model, data)
+            pose[:3, :3] = data.xmat[parent].reshape(3, 3)
+            pose[:3, 3] = data.xpos[parent]
+        return poses @ mount.parent_from_camera
+
+    def camera(self, width: int, height: int) -> Camera:
+        """The mount's lens at the resting robot's pose."""
+        return self.mount.camera(width, height).at(self.camera_poses(self.rest_qpos[None])[0])
+
+    def servos(self) -> dict[str, Servo]:
+        """Gains of each hinge or slide joint: the file's own position servos, else by place.
+
+        Gains by place (hip, knee, ankle, waist, arm) are the embedded humanoid's, scaled by
+        this robot's mass.
+        """
+        model = self.model
+        scale = self.mass_scale
+        on_leg = {j for leg in self.legs for j in leg.joints}
+        camera_chain = set(ancestors(model, model.body(self.mount.parent).id))
+        servos = {}
+        for joint in range(model.njnt):
+            if model.jnt_type[joint] == _FREE:
+                continue
+            name = model.joint(joint).name
+            if joint in on_leg:
+                place = next((place for place in ("knee", "ankle") if place in name), "hip")
+            else:
+                place = "waist" if model.jnt_bodyid[joint] in camera_chain else "arm"
+            gains = SERVOS[place]
+            servos[name] = Servo(gains.stiffness * scale, gains.damping * scale)
+        for actuator in np.flatnonzero(on_joints(model)):
+            stiffness, damping = model.actuator_gainprm[actuator, 0], -model.actuator_biasprm[actuator, 2]
+            if model.actuator_biasprm[actuator, 1] == -stiffness and stiffness > 0.0:
+                name = model.joint(model.actuator_trnid[actuator, 0]).name
+                # The gear stretches the angle that it is told of, and then the force.
+                gear = model.actuator_gear[actuator, 0] ** 2
+                servos[name] = Servo(float(gear * stiffness), float(gear * damping))
+        return servos
+
+
+def _free_base(model: mujoco.MjModel, source: str) -> int:
+    free = np.flatnonzero(model.jnt_type == _FREE)
+    if len(free) != 1 or model.jnt_qposadr[free[0]] != 0:
+        raise RobotError(
+            f"the robot has {len(free)} free bodies", where=source,
+            cure="Give one robot whose first body has the only free joint.",
+        )  # fmt: skip
+    return int(model.jnt_bodyid[free[0]])
+
+
+def _refuse_balls(model: mujoco.MjModel, source: str) -> None:
+    """A servo drives one coordinate, and a ball joint's four are no angles."""
+    balls = [model.joint(joint).name for joint in np.flatnonzero(model.jnt_type == _BALL)]
+    if balls:
+        raise RobotError(
+            f"'{balls[0]}' is a ball joint, which no servo can drive", where=source,
+            cure="Replace it by three hinges, or leave it out: what it holds is then fixed.",
+        )  # fmt: skip
+
+
+def _find_mount(model: mujoco.MjModel, mount: Any, source: str) -> CameraMount:
+    names = [model.camera(index).name for index in range(model.ncam)]
+    if mount is None:
+        mount = names[0] if len(names) == 1 else "head_camera"
+        if mount not in names:
+            raise RobotError(
+                "the robot's file does not say which camera is its eye", where=source,
+                cure="Give robot.mount of the scope: a camera's name, or "
+                "[parent, [x, y, z], [roll, pitch, yaw], {hfov_deg = 69}].",
+            )  # fmt: skip
+    if isinstance(mount, str):
+        if mount not in names:
+            known = f"It has: {', '.join(names)}." if names else "It has none; give [parent, xyz, rpy, fov]."
+            raise RobotError(f"the robot has no camera '{mount}'", where=source, cure=known)
+        return mount_of(model, model.camera(mount).id, source)
+    bodies = [model.body(index).name for index in range(1, model.nbody)]
+    return mount_on(bodies, mount, source)

@@ -1,0 +1,338 @@
+"""Recorded motions: a robot's joints from CSV or NPZ, a human's bodies from NPZ or ``.motion``.
+
+Nothing in these files is run: pickled objects are refused.
+"""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from scipy import ndimage
+from scipy.spatial.transform import Rotation, Slerp
+
+from ...core.errors import RobotError
+from ..behaviours.navigation import RATE_HZ
+from ..model.model import RobotModel
+from .foot_locking import foot_places, plant_feet
+
+DEFAULT_RATE_HZ = 30.0
+"""Rate of recordings that declare none: the usual one of motion capture."""
+
+_MAX_BYTES = 256 * 1024 * 1024
+_MAX_FRAMES = 200_000
+_FARTHEST_M = 1000.0
+_DECLARED = re.compile(r"(\w+)\s*=\s*\"?([\w.]+)\"?")
+# A motion that leaves a joint's range by more is another robot's.
+_BEYOND_RAD = 0.5
+_LIMIT_MARGIN_RAD = 0.005
+_LEVELLING_S = 0.03
+# The mean up axis tells the readings of a quaternion apart where they differ by more.
+_UPRIGHT_BY = 0.05
+_CURE = "Give a CSV or NPZ of the robot's joints, or the bodies of a human; see docs/controllers.md."
+
+HUMAN_BODIES = (
+    "pelvis", "left_hip", "left_knee", "left_ankle", "left_toe", "right_hip", "right_knee", "right_ankle",
+    "right_toe", "torso", "spine", "chest", "neck", "head", "left_thorax", "left_shoulder", "left_elbow",
+    "left_wrist", "left_hand", "right_thorax", "right_shoulder", "right_elbow", "right_wrist", "right_hand",
+)  # fmt: skip
+"""Bodies of the SMPL humanoid, in the order of its files."""
+
+
+@dataclass(frozen=True)
+class RobotRecording:
+    """A robot's motion as its file has it.
+
+    ``joints`` (T, n) radians, named by ``names`` or, without, in the robot's own order;
+    ``root_m`` (T, 3) and ``quaternion`` (T, 4) of the base, None where it was not recorded;
+    ``scalar_first`` whether a quaternion is wxyz, None: to be found out.
+    """
+
+    where: str
+    rate_hz: float
+    joints: np.ndarray
+    names: tuple[str, ...]
+    root_m: np.ndarray | None
+    quaternion: np.ndarray | None
+    scalar_first: bool | None
+
+
+@dataclass(frozen=True)
+class HumanRecording:
+    """A human's motion: ``HUMAN_BODIES`` in a world with z up, metres.
+
+    ``position_m`` (T, 24, 3); ``rotation`` (T, 24, 3, 3) from the pose that stands upright,
+    faces x and has its arms stretched out to the sides.
+    """
+
+    where: str
+    rate_hz: float
+    position_m: np.ndarray
+    rotation: np.ndarray
+
+
+def read_recording(path: str | Path) -> RobotRecording | HumanRecording:
+    """Read a recorded motion. Raises RobotError naming the file and the field."""
+    path = Path(path)
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise _error(path, "the motion is larger than 256 MB", "Cut it.")
+    except OSError as error:
+        raise _error(path, "this motion cannot be read", "Check controller.motions of the scope.") from error
+    match path.suffix.lower():
+        case ".csv":
+            return _read_csv(path)
+        case ".npz":
+            arrays = _read_npz(path)
+        case ".motion" | ".pt":
+            arrays = _read_tensors(path)
+        case suffix:
+            raise _error(path, f"'{suffix}' is no motion", _CURE)
+    return _human(path, arrays) if "rigid_body_pos" in arrays else _robot(path, arrays)
+
+
+def robot_motion(recording: RobotRecording, robot: RobotModel) -> np.ndarray:
+    """(T, nq) float64 at ``RATE_HZ``: the recording on ``robot``, its soles on z = 0.
+
+    The legs are corrected so that feet stand still and clear the floor in between. Joints
+    that were not recorded rest; joints beyond their limits stop there. Raises RobotError
+    where the joints are not this robot's.
+    """
+    model, count = robot.model, len(recording.joints)
+    own = [joint for joint in range(model.njnt) if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE]
+    names = recording.names or tuple(model.joint(joint).name for joint in own)
+    if recording.joints.shape[1] != len(names):
+        raise _error(
+            recording.where, f"it moves {recording.joints.shape[1]} joints; the robot has {len(names)}",
+            "Give a motion of this robot, or name the joints in its first line.",
+        )  # fmt: skip
+    known = {model.joint(joint).name: joint for joint in own}
+    if unknown := [name for name in names if name not in known]:
+        raise _error(recording.where, f"the robot has no joint {unknown[0]}", f"It has: {', '.join(known)}.")
+    qpos = np.tile(robot.rest_qpos, (count, 1))
+    for name, angles in zip(names, recording.joints.T, strict=True):
+        joint = known[name]
+        if model.jnt_limited[joint]:
+            low, high = model.jnt_range[joint]
+            beyond = max(float((low - angles).max()), float((angles - high).max()))
+            if beyond > _BEYOND_RAD:
+                raise _error(
+                    recording.where, f"{name} is {beyond:.2f} rad beyond the robot's limit",
+                    "Give a motion of this robot.",
+                )  # fmt: skip
+            angles = np.clip(angles, low + _LIMIT_MARGIN_RAD, high - _LIMIT_MARGIN_RAD)
+        qpos[:, model.jnt_qposadr[joint]] = angles
+    if recording.root_m is not None:
+        qpos[:, :3] = recording.root_m
+    if recording.quaternion is not None:
+        scalar_first = recording.scalar_first
+        if scalar_first is None:
+            scalar_first = _is_scalar_first(robot, qpos, recording.quaternion)
+        order = [0, 1, 2, 3] if scalar_first else [3, 0, 1, 2]
+        qpos[:, 3:7] = recording.quaternion[:, order]
+    qpos = resampled(qpos, recording.rate_hz)
+    # Some foot always stands: the base is as high as the lower one has it.
+    lowest = foot_places(robot, qpos)[1].min(axis=0)
+    qpos[:, 2] -= ndimage.gaussian_filter1d(lowest, _LEVELLING_S * RATE_HZ, mode="nearest")
+    return plant_feet(robot, qpos)
+
+
+def resampled(qpos: np.ndarray, rate_hz: float) -> np.ndarray:
+    """``qpos`` (T, nq), a free base first, from ``rate_hz`` to ``RATE_HZ``; float64."""
+    times = np.arange(len(qpos)) / rate_hz
+    at = np.arange(int(times[-1] * RATE_HZ + 1e-9) + 1) / RATE_HZ
+    frame = np.minimum((at * rate_hz).astype(int), len(qpos) - 2)
+    part = (at * rate_hz - frame)[:, None]
+    between = (1.0 - part) * qpos[frame] + part * qpos[frame + 1]
+    turns = Rotation.from_quat(qpos[:, 3:7], scalar_first=True)
+    between[:, 3:7] = Slerp(times, turns)(np.minimum(at, times[-1])).as_quat(scalar_first=True)
+    return between
+
+
+def _is_scalar_first(robot: RobotModel, qpos: np.ndarray, quaternion: np.ndarray) -> bool:
+    """Whether read as wxyz the base is more upright than as xyzw; turned by 180 degrees both
+    readings stand, and the one that keeps the lower foot on one level is right."""
+    readings = [quaternion, quaternion[:, [3, 0, 1, 2]]]
+    upright = [float(np.mean(1.0 - 2.0 * (q[:, 1] ** 2 + q[:, 2] ** 2))) for q in readings]
+    if abs(upright[0] - upright[1]) > _UPRIGHT_BY:
+        return upright[0] > upright[1]
+    wanders = []
+    for reading in readings:
+        posed = qpos.copy()
+        posed[:, 3:7] = reading
+        wanders.append(float(np.std(foot_places(robot, posed)[1].min(axis=0))))
+    return wanders[0] <= wanders[1]
+
+
+def _read_csv(path: Path) -> RobotRecording:
+    try:
+        lines = [line.strip() for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+    except UnicodeDecodeError as error:
+        raise _error(path, "this is no text", _CURE) from error
+    declared: dict[str, str] = {}
+    while lines and lines[0].startswith("#"):
+        declared.update(_DECLARED.findall(lines.pop(0)))
+    if unknown := sorted(set(declared) - {"rate_hz", "quaternion"}):
+        raise _error(path, f"'{unknown[0]}' is declared", "Known: # rate_hz = 30, quaternion = wxyz.")
+    names: tuple[str, ...] = ()
+    if lines and not _is_number(lines[0].split(",")[0]):
+        names = tuple(name.strip() for name in lines.pop(0).split(","))
+    if len(lines) > _MAX_FRAMES:
+        raise _error(path, f"the motion has {len(lines)} frames", f"Cut it to {_MAX_FRAMES}.")
+    try:
+        rows = np.array([[float(value) for value in line.split(",")] for line in lines])
+    except ValueError as error:
+        raise _error(path, f"its rows are not numbers of one count: {error}", _CURE) from error
+    if rows.ndim != 2 or rows.shape[1] < 8 or (names and len(names) != rows.shape[1]):
+        raise _error(path, "its rows are not a base's seven numbers and joints", _CURE)
+    order = declared.get("quaternion")
+    if order not in (None, "wxyz", "xyzw"):
+        raise _error(path, f"quaternion is declared as {order}", "Declare wxyz or xyzw.")
+    return _checked(
+        RobotRecording(
+            str(path),
+            _rate(path, declared.get("rate_hz", DEFAULT_RATE_HZ)),
+            rows[:, 7:],
+            names[7:],
+            rows[:, :3],
+            rows[:, 3:7],
+            None if order is None else order == "wxyz",
+        )
+    )
+
+
+def _read_npz(path: Path) -> dict[str, np.ndarray]:
+    try:
+        _check_unpacked(path)
+        with np.load(path, allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError) as error:
+        raise _error(path, f"this NPZ cannot be read: {str(error).splitlines()[0]}", _CURE) from error
+
+
+def _check_unpacked(path: Path) -> None:
+    with zipfile.ZipFile(path) as archive:
+        if sum(entry.file_size for entry in archive.infolist()) > _MAX_BYTES:
+            raise _error(path, "the motion is larger than 256 MB unpacked", "Cut it.")
+
+
+def _read_tensors(path: Path) -> dict[str, np.ndarray]:
+    """The tensors of a file of torch's; what would have to be run is refused by torch."""
+    import torch
+
+    try:
+        if zipfile.is_zipfile(path):
+            _check_unpacked(path)
+        content = torch.load(path, map_location="cpu", weights_only=True)
+    except RobotError:
+        raise
+    except Exception as error:  # its unpickler and its archives raise many kinds
+        raise _error(path, "this holds more than tensors, or is damaged", "Save tensors alone.") from error
+    if not isinstance(content, Mapping):
+        raise _error(path, f"it holds a {type(content).__name__}, not named tensors", _CURE)
+    return {
+        str(name): value.numpy() if isinstance(value, torch.Tensor) else np.asarray(value)
+        for name, value in content.items()
+        if isinstance(value, (torch.Tensor, int, float))
+    }
+
+
+def _human(path: Path, arrays: Mapping[str, np.ndarray]) -> HumanRecording:
+    position, rotation = (_array(path, arrays, name, 3) for name in ("rigid_body_pos", "rigid_body_rot"))
+    bodies = len(HUMAN_BODIES)
+    if position.shape[1:] != (bodies, 3) or rotation.shape != (*position.shape[:2], 4):
+        raise _error(
+            path, f"rigid_body_pos {position.shape} and rigid_body_rot {rotation.shape} are no human",
+            f"Give (T, {bodies}, 3) and (T, {bodies}, 4), xyzw: the bodies of the SMPL humanoid.",
+        )  # fmt: skip
+    _check_frames(path, len(position))
+    if np.abs(position).max() > _FARTHEST_M:
+        raise _error(path, "rigid_body_pos lies farther than a kilometre", "Metres are expected.")
+    turns = Rotation.from_quat(_unit(path, rotation.reshape(-1, 4), "rigid_body_rot"))
+    rate_hz = _rate(path, arrays.get("fps", DEFAULT_RATE_HZ))
+    return HumanRecording(str(path), rate_hz, position, turns.as_matrix().reshape(*position.shape[:2], 3, 3))
+
+
+def _robot(path: Path, arrays: Mapping[str, Any]) -> RobotRecording:
+    rate_hz = _rate(path, arrays.get("rate_hz", arrays.get("fps", DEFAULT_RATE_HZ)))
+    names = tuple(str(name) for name in np.asarray(arrays.get("joint_names", ())).ravel())
+    root = quaternion = None
+    if "qpos" in arrays:
+        qpos = _array(path, arrays, "qpos", 2)
+        if qpos.shape[1] < 8:
+            raise _error(path, f"qpos is {qpos.shape}", "Give a base's seven numbers (wxyz), and joints.")
+        root, quaternion, joints = qpos[:, :3], qpos[:, 3:7], qpos[:, 7:]
+    else:
+        field = next((name for name in ("joint_pos", "dof_pos") if name in arrays), None)
+        if field is None:
+            raise _error(path, "it has neither qpos, joint_pos nor rigid_body_pos", _CURE)
+        joints = _array(path, arrays, field, 2)
+        if "root_pos" in arrays:
+            root = _array(path, arrays, "root_pos", 2)
+        if "root_quat" in arrays:
+            quaternion = _array(path, arrays, "root_quat", 2)
+    scalar_first = True if "qpos" in arrays else None
+    return _checked(RobotRecording(str(path), rate_hz, joints, names, root, quaternion, scalar_first))
+
+
+def _checked(recording: RobotRecording) -> RobotRecording:
+    path, count = recording.where, len(recording.joints)
+    _check_frames(path, count)
+    numbers = [recording.joints, recording.root_m, recording.quaternion]
+    widths = (recording.joints.shape[1], 3, 4)
+    for field, values, width in zip(
+        ("the joints", "the root", "the quaternion"), numbers, widths, strict=True
+    ):
+        if values is not None and (values.shape != (count, width) or not np.isfinite(values).all()):
+            raise _error(path, f"{field} are not {count} rows of {width} finite numbers", _CURE)
+    if recording.root_m is not None and np.abs(recording.root_m).max() > _FARTHEST_M:
+        raise _error(path, "the root lies farther than a kilometre", "Metres are expected.")
+    if recording.quaternion is not None:
+        _unit(path, recording.quaternion, "the quaternion")
+    return recording
+
+
+def _array(path: Path, arrays: Mapping[str, Any], field: str, dimensions: int) -> np.ndarray:
+    values = np.asarray(arrays.get(field))
+    if values.ndim != dimensions or values.dtype.kind not in "fiu" or not np.isfinite(values).all():
+        raise _error(path, f"{field} is no array of {dimensions} dimensions and finite numbers", _CURE)
+    return values.astype(np.float64)
+
+
+def _unit(path: object, quaternion: np.ndarray, field: str) -> np.ndarray:
+    if np.abs(np.linalg.norm(quaternion, axis=-1) - 1.0).max() > 0.05:
+        raise _error(path, f"{field} has not length 1", "Give rotations as unit quaternions.")
+    return quaternion
+
+
+def _check_frames(path: object, count: int) -> None:
+    if not 2 <= count <= _MAX_FRAMES:
+        raise _error(path, f"the motion has {count} frames", f"Give 2 to {_MAX_FRAMES}.")
+
+
+def _rate(path: Path, value: Any) -> float:
+    try:
+        rate_hz = float(value)
+    except (TypeError, ValueError):
+        rate_hz = np.nan
+    if not 1.0 <= rate_hz <= 1000.0:
+        raise _error(path, f"its rate is {value}", "Declare 1 to 1000 Hz.")
+    return rate_hz
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _error(path: object, what: str, cure: str) -> RobotError:
+    return RobotError(what, where=path, cure=cure)

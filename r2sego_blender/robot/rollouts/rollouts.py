@@ -1,0 +1,147 @@
+"""Rollouts of the declared behaviour: simulated, judged, resampled until enough succeed."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import Sequence
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from ...config.settings import RolloutSettings
+from ...core.arrays import opened_arrays, require_shapes, save_arrays
+from ...core.errors import RobotError
+from ...core.progress import SILENT, Progress
+from ...core.text_files import opened_json, write_json
+from ..behaviours.free_floor import free_floor
+from ..model.model import RobotModel
+from ..model.mujoco_warnings import described
+from ..scope.scope import BehaviourScope
+from .attempts import Attempts, Rollout, in_order
+from .failures import Reason
+from .quality import Quality
+
+_ARRAYS, _REASONS = "rollouts.npz", "rollouts.json"
+_FRAMES = ("qpos", "times_s", "camera_poses")
+_TOLD = {"success": bool, "reason": str, "frame": int, "behaviour": str, "detail": str, "controller": str}
+
+_CURES = {
+    Reason.NO_GOAL: "Give the behaviour scope shorter walk_to.distance_m, or a larger region.",
+    Reason.BODY_CONTACT: "Check the collision surface, or give a larger region.clearance_m (`r2sego robot "
+    "--set`, in Blender Clearance under Behaviour Region).",
+    Reason.LEFT_REGION: "Give the behaviour scope a larger region.",
+    Reason.TIME_OUT: "Give a longer episode.duration_s or shorter walks.",
+    Reason.MISSED_TARGET: "Check the seat on the collision surface, or give other sit_on ranges.",
+    Reason.FALL: "Check the floor of the collision surface and the tracking bounds.",
+    Reason.JOINT_LIMIT: "Give narrower look ranges, or a higher start.pelvis_height.",
+    Reason.FOOT_SLIDE: "Give slower walks, or a larger failures.slide_m.",
+    Reason.PENETRATION: "Check the collision surface, or give a larger failures.penetration_m.",
+    Reason.NON_FINITE: "Check the collision surface, or give a smaller rollouts.step_s.",
+}
+
+
+def successful_rollouts(
+    model: RobotModel,
+    scope: BehaviourScope,
+    collision_mjcf: Path,
+    settings: RolloutSettings,
+    seed: int,
+    progress: Progress = SILENT,
+) -> tuple[Rollout, ...]:
+    """Roll the behaviour out until ``settings.successes`` have succeeded (Sec. III-B.2).
+
+    Returns every attempt in order, failures included; the last one is a success. The same
+    arguments give the same bits, in however many processes. Raises RobotError when
+    ``settings.max_attempts`` have not sufficed, naming the most frequent reason; or where
+    the scene has no free floor.
+    """
+    attempts: list[Rollout] = []
+    floor = free_floor(model, scope, collision_mjcf)
+    tried = in_order(Attempts(model.source, model.mount, scope, floor, collision_mjcf, settings, seed))
+    with progress.task("Rollouts", settings.successes) as task:
+        for rollout in tried:
+            attempts.append(rollout)
+            task.advance(int(rollout.success))
+            if task.done == settings.successes or len(attempts) == settings.max_attempts:
+                break
+    tried.close()
+    tell_warnings(attempts, progress)
+    if task.done < settings.successes:
+        raise _too_few(attempts, task.done, settings, collision_mjcf)
+    return tuple(attempts)
+
+
+def tell_warnings(attempts: Sequence[Rollout], progress: Progress) -> None:
+    """Tell the person what MuJoCo warned of in these attempts, if it did, as one warning."""
+    warned = [attempt for attempt in attempts if attempt.warnings]
+    if warned:
+        words = described(chain.from_iterable(attempt.warnings for attempt in warned))
+        progress.message(f"MuJoCo warned in {len(warned)} of {len(attempts)} attempts: {words}", "warning")
+
+
+def save_rollouts(folder: Path, rollouts: Sequence[Rollout]) -> None:
+    """Write ``rollouts.npz`` (the arrays) and ``rollouts.json`` (reasons, for people)."""
+    arrays, records = {}, []
+    for index, rollout in enumerate(rollouts):
+        for name in _FRAMES:
+            arrays[f"{name}_{index:04d}"] = getattr(rollout, name)
+        records.append(
+            {
+                "success": rollout.success,
+                "reason": rollout.reason,
+                "detail": rollout.detail,
+                "frame": rollout.frame,
+                "frames": len(rollout.qpos),
+                "behaviour": rollout.behaviour,
+                "controller": rollout.controller,
+                "seed": list(rollout.seed),
+                "quality": dataclasses.asdict(rollout.quality),
+                "warnings": list(rollout.warnings),
+            }
+        )
+    save_arrays(folder / _ARRAYS, **arrays)
+    failures = Counter(rollout.reason for rollout in rollouts if not rollout.success)
+    summary = {"attempts": len(rollouts), "failures": dict(failures), "rollouts": records}
+    write_json(folder / _REASONS, summary)
+
+
+def load_rollouts(folder: Path) -> tuple[Rollout, ...]:
+    """Read what ``save_rollouts`` wrote. Raises RobotError where that is not there whole."""
+    what = "these rollouts cannot be read"
+    with opened_json(folder / _REASONS, RobotError, what) as words:
+        records = [
+            {
+                **{name: _of(kind, record[name]) for name, kind in _TOLD.items()},
+                "seed": tuple(record["seed"]),
+                "quality": Quality.from_json(record["quality"]),
+                "warnings": tuple(record.get("warnings", ())),  # bundles of before 2026-11-22 have none
+            }
+            for record in words["rollouts"]
+        ]
+    rollouts = []
+    with opened_arrays(folder / _ARRAYS, RobotError, what) as data:
+        for index, record in enumerate(records):
+            arrays = {name: data[f"{name}_{index:04d}"] for name in _FRAMES}
+            require_shapes(arrays, qpos="T Q", times_s="T", camera_poses="T 4 4")
+            rollouts.append(Rollout(**record, **arrays))
+    return tuple(rollouts)
+
+
+def _of(kind: type, value: object) -> Any:
+    if not isinstance(value, kind):
+        raise TypeError(f"{value!r} is no {kind.__name__}")
+    return value
+
+
+def _too_few(
+    attempts: Sequence[Rollout], successes: int, settings: RolloutSettings, collision_mjcf: Path
+) -> RobotError:
+    failed = [attempt for attempt in attempts if not attempt.success]
+    ((reason, count),) = Counter(attempt.reason for attempt in failed).most_common(1)
+    example = next(attempt.detail for attempt in failed if attempt.reason == reason)
+    return RobotError(
+        f"only {successes} of {settings.successes} rollouts succeeded in {len(attempts)} attempts; "
+        f"{count} failed by {reason} ({example})",
+        where=collision_mjcf, cure=_CURES[Reason(reason)],
+    )  # fmt: skip

@@ -1,1 +1,0 @@
-"""The scores of candidate views: what the asset cannot show there, and what the proxy can."""

@@ -1,0 +1,150 @@
+"""The backdrop: coarse Gaussians behind everything, for what no photograph shows.
+
+A splat asset trained on a few captures is empty beyond them, and a view of the emptiness
+is black. The backdrop is a closed shell around the captures instead: in each direction it
+stands where the farthest thing was seen, and where nothing was seen it continues the
+directions around it, in distance and in colour, those at its own height first: a wall goes
+on as the walls beside it, not as the floor below. It is a guess, never geometry: the
+asset deficit, the proxy and the collision surface are made without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..asset import SplatAsset
+from .initialization import DepthView, gaussians
+
+_STRIDE_PX = 4  # of the pixels that are looked at
+_FAR_QUANTILE = 0.9  # of the distances seen in a direction: a few stray depths do not count
+_FAR_SHARE = 0.9  # pixels at least this near the far distance give the colour
+_NEIGHBOURS = 32  # seen directions that an unseen one is interpolated from
+_UPRIGHT = np.array([1.0, 1.0, 5.0])  # directions up and down count as this much farther than across
+_SIGMA = 0.7  # standard deviation over the spacing of directions: no gaps between neighbours
+_OPACITY = 0.95
+_CLEARANCE = 1.03  # the shell stands this much behind what was seen: surfaces stay in front
+_GROWTH = 1.05  # step by which a direction that a capture saw through is moved outwards
+_LARGEST_GROWTH = 10.0
+_REACH = 2.0  # standard deviations within which a Gaussian must not cover what was seen behind it
+_LARGEST_REACH_PX = 60.0
+_SEEN_THROUGH = 0.97  # a capture whose depth is this much larger saw through
+
+
+def backdrop(views: Sequence[DepthView], directions: int) -> SplatAsset:
+    """A closed shell of ``directions`` or a few fewer Gaussians around the views; degree 0.
+
+    ``views`` are captures with depth for as many pixels as possible; their masks and
+    strides do not matter. Empty when no view has any depth or ``directions`` is 0. No
+    Gaussian stands before a surface that a view shows: it is moved outwards until it does
+    not, or left out.
+    """
+    centre = np.median([view.camera.centre for view in views], axis=0) if views else np.zeros(3)
+    points, colours = _seen(views)
+    if not len(points) or not directions:
+        return SplatAsset.empty()
+    around = _fibonacci_sphere(directions)
+    distance_m, colour, known = _farthest(points - centre, colours, around)
+    if not known.all():
+        filled = _interpolated(around, known, np.column_stack([np.log(distance_m), colour]))
+        distance_m, colour = np.exp(filled[:, 0]), filled[:, 1:]
+    spacing = np.sqrt(4.0 * np.pi / directions)
+    distance_m = _behind_what_is_seen(centre, around, _CLEARANCE * distance_m, _SIGMA * spacing, views)
+    kept = np.isfinite(distance_m)
+    distance_m, count = distance_m[kept], int(kept.sum())
+    return gaussians(
+        means=centre + around[kept] * distance_m[:, None],
+        sigmas_m=np.repeat((_SIGMA * spacing * distance_m)[:, None], 3, axis=1),
+        quaternions=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+        opacity=_OPACITY,
+        colours=colour[kept],
+    )
+
+
+def _seen(views: Sequence[DepthView]) -> tuple[np.ndarray, np.ndarray]:
+    """World points (P, 3) of every few pixels with depth, and their colours (P, 3)."""
+    grid = (slice(_STRIDE_PX // 2, None, _STRIDE_PX),) * 2
+    points, colours = [np.empty((0, 3))], [np.empty((0, 3))]
+    for view in views:
+        known = view.depth[grid] > 0.0
+        points.append(view.camera.unproject(view.depth)[grid][known])
+        colours.append(view.image[grid][known])
+    return np.concatenate(points), np.concatenate(colours)
+
+
+def _fibonacci_sphere(count: int) -> np.ndarray:
+    """(count, 3) unit vectors, evenly spread."""
+    index = np.arange(count)
+    height = 1.0 - (2.0 * index + 1.0) / count
+    turn = index * np.pi * (3.0 - np.sqrt(5.0))
+    radius = np.sqrt(1.0 - height**2)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
+
+
+def _farthest(
+    offsets: np.ndarray, colours: np.ndarray, around: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """For each direction (D, 3) how far (D,) and of what colour (D, 3) the far points are.
+
+    The third is which directions (D,) bool were seen at all; the others are 1 m and black.
+    """
+    distance_m = np.maximum(np.linalg.norm(offsets, axis=1), 1e-6)
+    _, cell = cKDTree(around).query(offsets / distance_m[:, None])
+    order = np.lexsort((distance_m, cell))
+    seen, first, count = np.unique(cell[order], return_index=True, return_counts=True)
+    chosen = order[first + (_FAR_QUANTILE * (count - 1)).astype(np.int64)]
+    far_m = np.ones(len(around))
+    far_m[seen] = distance_m[chosen]
+    is_far = distance_m >= _FAR_SHARE * far_m[cell]
+    total = np.bincount(cell[is_far], minlength=len(around))
+    colour = np.stack(
+        [np.bincount(cell[is_far], colours[is_far, k], minlength=len(around)) for k in range(3)], axis=1
+    ) / np.maximum(total, 1)[:, None]  # fmt: skip
+    return far_m, colour, total > 0
+
+
+def _interpolated(around: np.ndarray, known: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """``values`` (D, C) where ``known``; elsewhere the mean of the nearest known directions,
+    weighted by the inverse square of their distance. Rooms are alike across, not upwards."""
+    neighbours = min(_NEIGHBOURS, int(known.sum()))
+    stretched = around * _UPRIGHT
+    distance, index = cKDTree(stretched[known]).query(stretched[~known], k=neighbours)
+    weight = 1.0 / np.square(distance.reshape(-1, neighbours, 1))
+    near = values[known][index.reshape(-1, neighbours)]
+    filled = values.copy()
+    filled[~known] = (weight * near).sum(axis=1) / weight.sum(axis=1)
+    return filled
+
+
+def _behind_what_is_seen(
+    centre: np.ndarray, around: np.ndarray, distance_m: np.ndarray, sigma: float, views: Sequence[DepthView]
+) -> np.ndarray:
+    """The distances (D,), grown until no view sees a surface behind them; infinite if never."""
+    grown = distance_m.copy()
+    open_ = np.arange(len(grown))
+    while len(open_):
+        means = centre + around[open_] * grown[open_, None]
+        sigma_m = sigma * grown[open_]
+        covers = np.zeros(len(open_), bool)
+        for view in views:
+            covers |= _covers(means, sigma_m, view)
+        open_ = open_[covers]
+        grown[open_] *= _GROWTH
+        grown[open_[grown[open_] > _LARGEST_GROWTH * distance_m[open_]]] = np.inf
+        open_ = open_[np.isfinite(grown[open_])]
+    return grown
+
+
+def _covers(means: np.ndarray, sigma_m: np.ndarray, view: DepthView) -> np.ndarray:
+    """(n,) bool: which Gaussians hide a surface that the view shows."""
+    pixels, depth = view.camera.project(means)
+    reach_px = np.minimum(_REACH * sigma_m * view.camera.fx / np.maximum(depth, 1e-6), _LARGEST_REACH_PX)
+    covered = np.zeros(len(means), bool)
+    for offset in ((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
+        at = pixels + reach_px[:, None] * offset
+        inside = view.camera.sees(at, depth)
+        column, row = np.where(inside[:, None], at, 0.0).astype(np.int64).T
+        covered |= inside & (depth < _SEEN_THROUGH * view.depth[row, column])
+    return covered

@@ -1,0 +1,255 @@
+"""Training of a splat asset on registered images (Algorithm 1, the asset's update).
+
+The budget of Gaussians is hard. The refinement spends it at the start, on geometry; with
+``settings.densification`` Gaussians are added where the images ask for them. Two things keep a
+handful of photographs from being learnt by heart: each step does without some Gaussians
+(``dropout``), and none gets larger than ``settings.max_scale_m``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...config.settings import TrainingSettings
+from ...core.cameras import Camera
+from ...core.errors import AssetError
+from ...core.progress import SILENT, Progress
+from ..asset import SplatAsset
+from ..kernels.aligned_memory import aligned_copy
+from ..kernels.loss import PhotometricLoss
+from ..kernels.packing import HARMONICS, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION, PackedGaussians, rows_of
+from ..kernels.tiles import DEPTH_PLANE, TRANSMITTANCE_PLANE
+from ..rendering.rasterizer import Rasterizer
+from .corrections import Correction
+from .densification import Densification
+from .dropout import Dropout
+from .lattice import Lattice
+from .observations import Observation, Target, Targets
+from .population import Population
+from .supervision import depth_gradients
+
+_BLACK = (0.0, 0.0, 0.0)
+
+Watch = Callable[[int, PackedGaussians], bool]
+
+_SCENE_MARGIN = 1.1
+"""3DGS: a scene's extent is this times the largest distance of a camera from their middle."""
+
+
+def scene_extent_m(cameras: Sequence[Camera]) -> float:
+    """The radius of the cameras' centres around their mean, as 3DGS scales step lengths by."""
+    centres = np.stack([camera.centre for camera in cameras])
+    radius = np.linalg.norm(centres - centres.mean(axis=0), axis=1).max()
+    return float(_SCENE_MARGIN * radius)
+
+
+def train(
+    asset: SplatAsset,
+    observations: Sequence[Observation],
+    steps: int,
+    settings: TrainingSettings,
+    rng: np.random.Generator,
+    progress: Progress = SILENT,
+    title: str = "Training the asset",
+    watch: Watch | None = None,
+) -> SplatAsset:
+    """A new asset that reproduces ``observations`` better than ``asset`` after ``steps`` steps.
+
+    The first steps look at some of an image's pixels, as the settings say. The
+    harmonics' degree starts at the highest the asset already uses and rises by one at
+    equal intervals. The same inputs and generator state give the
+    same bits, for any number of threads. ``watch`` is called after every step with the steps
+    done and the Gaussians as they are, which it must not change; training ends when it
+    returns True. Raises AssetError without observations, or with more Gaussians than
+    ``settings.max_gaussians``.
+    """
+    if not observations:
+        raise AssetError("there is no observation to train on", cure="Give at least one registered image.")
+    if len(asset) > settings.max_gaussians:
+        raise AssetError(
+            f"the asset has {len(asset)} Gaussians, more than {settings.max_gaussians}",
+            cure="Raise training.max_gaussians or initialise with fewer.",
+        )
+    degree = _used_degree(asset)
+    grows = settings.densification != "none"
+    gaussians = PackedGaussians.of(asset.with_degree(settings.sh_degree), settings.max_gaussians * grows)
+    population = Population.of(gaussians)
+    extent_m = _extent_m(asset, observations)
+    schedule = _Schedule(settings, steps, degree, extent_m)
+    densification = Densification(population, steps, extent_m, settings, rng)
+    dropout = Dropout(settings.dropout_share, rng)
+    trainer = _Trainer(population, observations, settings)
+    draws = _shuffled(observations, rng)
+    with progress.task(title, steps) as task:
+        for step in range(steps):
+            index, stage = next(draws), schedule.at(step)
+            lattice = Lattice.drawn(stage.stride, observations[index].camera.shape, rng)
+            with dropout.one_step(gaussians):
+                trainer.step(index, lattice, stage)
+            bound_scales(gaussians, settings.max_scale_m)
+            densification.after(step)
+            task.advance()
+            if watch is not None and watch(step + 1, gaussians):
+                break
+    return gaussians.asset()
+
+
+def bound_scales(gaussians: PackedGaussians, max_scale_m: float) -> None:
+    """Make no scale larger than ``max_scale_m``, or leave all as they are when it is 0.
+
+    One photograph does not say how large a Gaussian at its rim is: without a bound some grow
+    to hundreds of metres, and hang as fog before other views.
+    """
+    if max_scale_m > 0.0:
+        log_scales = gaussians.values[:, LOG_SCALE:QUATERNION]
+        np.minimum(log_scales, np.float32(math.log(max_scale_m)), out=log_scales)
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """What a step is done with: which pixels (``Lattice.stride``), harmonics' degree, rates a row."""
+
+    stride: int
+    degree: int
+    rates: np.ndarray
+
+
+class _Schedule:
+    """Pixels' stride, harmonics' degree and learning rates by step."""
+
+    def __init__(self, settings: TrainingSettings, steps: int, degree: int, position_scale: float) -> None:
+        self._settings = settings
+        self._steps = steps
+        self._first_degree = degree
+        self._position_scale = position_scale
+
+    def at(self, step: int) -> _Stage:
+        """The degree rises by one at equal intervals, from the first to the highest; the
+        rates decay exponentially, the means' more than the others (Kerbl et al. 2023)."""
+        settings, done = self._settings, step / self._steps
+        raises = settings.sh_degree - self._first_degree
+        degree = self._first_degree + step * (raises + 1) // self._steps
+        rates = self._rates(settings.position_decay**done) * settings.rate_swing ** (1.0 - 2.0 * done)
+        return _Stage(self._stride(done), degree, rates.astype(np.float32))
+
+    def _stride(self, done: float) -> int:
+        settings = self._settings
+        if done < settings.every_third_pixel_share:
+            return 3
+        return 2 if done < settings.every_third_pixel_share + settings.every_second_pixel_share else 1
+
+    def _rates(self, decay: float) -> np.ndarray:
+        settings = self._settings
+        rates = np.empty(rows_of((settings.sh_degree + 1) ** 2), np.float32)
+        rates[MEAN:LOG_SCALE] = settings.position_rate * self._position_scale * decay
+        rates[LOG_SCALE:QUATERNION] = settings.scale_rate
+        rates[QUATERNION:LOGIT_OPACITY] = settings.rotation_rate
+        rates[LOGIT_OPACITY] = settings.opacity_rate
+        rates[HARMONICS : HARMONICS + 3] = settings.colour_rate
+        rates[HARMONICS + 3 :] = settings.colour_rate * settings.harmonics_rate_ratio
+        return rates
+
+
+class _Trainer:
+    """One optimisation step after the other, on buffers that are kept."""
+
+    def __init__(
+        self, population: Population, observations: Sequence[Observation], settings: TrainingSettings
+    ) -> None:
+        self._population = population
+        self._observations = observations
+        self._settings = settings
+        self._with_geometry = max(settings.depth_weight, settings.normal_weight) > 0.0
+        self._targets = Targets(observations, settings.image_cache_mb << 20, self._with_geometry)
+        self._rasterizer = Rasterizer()
+        self._losses: dict[tuple[int, int], PhotometricLoss] = {}
+        self._corrections = {
+            index: Correction(settings, view.refines_exposure, view.refines_pose)
+            for index, view in enumerate(observations)
+            if view.refines_exposure or view.refines_pose
+        }
+
+    def step(self, index: int, lattice: Lattice, stage: _Stage) -> float:
+        """Render, compare, and move the Gaussians that were seen; returns the pixels' loss."""
+        settings, rasterizer = self._settings, self._rasterizer
+        target, correction = self._targets.get(index, lattice), self._corrections.get(index)
+        camera = target.camera if correction is None else correction.camera(target.camera)
+        background = _BLACK if target.background is None else target.background
+        geometry = target.depth is not None
+        gaussians = self._population.gaussians
+        rasterizer.forward(
+            gaussians, camera, background, stage.degree, with_depth=geometry,
+            dilation_px2=lattice.dilation_px2,
+        )  # fmt: skip
+        loss = self._compare(target, self._observations[index].weight, correction)
+        with_alpha = self._supervise(target, self._observations[index].weight, geometry)
+        count = max(len(gaussians), 1)
+        rasterizer.step(
+            self._population.state, stage.rates, settings.opacity_pull / count, settings.scale_pull / count,
+            with_alpha, geometry,
+        )  # fmt: skip
+        if correction is not None and correction.refines_pose:
+            correction.learn_pose(rasterizer.pose_gradient())
+        return loss
+
+    def _compare(self, target: Target, weight: float, correction: Correction | None) -> float:
+        """The photometric loss; its gradient is left in the rasteriser's planes."""
+        rasterizer, (height, width) = self._rasterizer, target.camera.shape
+        if target.camera.shape not in self._losses:
+            self._losses[target.camera.shape] = PhotometricLoss(height, width)
+        exposes = correction is not None and correction.refines_exposure
+        image = rasterizer.planes[:3]
+        shown = aligned_copy(correction.expose(image)) if exposes else image
+        loss = self._losses[target.camera.shape](
+            shown,
+            target.image,
+            self._settings.ssim_weight,
+            rasterizer.gradient_planes,
+            target.weights,
+            weight,
+        )
+        if exposes:
+            inside = (slice(None), slice(height), slice(width))
+            correction.learn_exposure(image[inside], rasterizer.gradient_planes[:3][inside])
+        return loss
+
+    def _supervise(self, target: Target, weight: float, geometry: bool) -> bool:
+        """Add the gradients of alpha and depth to the planes; whether there are any of alpha."""
+        rasterizer, (height, width) = self._rasterizer, target.camera.shape
+        planes = rasterizer.gradient_planes[:, :height, :width]
+        if geometry:
+            _, planes[DEPTH_PLANE], planes[TRANSMITTANCE_PLANE] = depth_gradients(
+                rasterizer.depth_sum, 1.0 - rasterizer.transmittance, target.camera, target.depth,
+                weight * target.depth_weight, target.normals, self._settings,
+            )  # fmt: skip
+        if target.opaque is not None:
+            if not geometry:
+                planes[TRANSMITTANCE_PLANE] = 0.0
+            share = np.float32(-self._settings.opaque_weight * weight / target.opaque.size) * target.opaque
+            planes[TRANSMITTANCE_PLANE] += share
+        return geometry or target.opaque is not None
+
+
+def _used_degree(asset: SplatAsset) -> int:
+    """The highest degree with a coefficient that is not zero."""
+    used = np.flatnonzero(asset.sh.any(axis=(0, 2)))
+    return int(np.sqrt(used[-1])) if len(used) else 0
+
+
+def _extent_m(asset: SplatAsset, observations: Sequence[Observation]) -> float:
+    """The scene's extent; of the Gaussians when the cameras stand in one place."""
+    extent_m = scene_extent_m([view.camera for view in observations])
+    if extent_m > 0.0 or len(asset) == 0:
+        return extent_m
+    return float(np.median(np.linalg.norm(asset.means - np.median(asset.means, axis=0), axis=1)))
+
+
+def _shuffled(observations: Sequence[Observation], rng: np.random.Generator) -> Iterator[int]:
+    """Indices without end: each pass names every observation ``draws`` times."""
+    indices = np.repeat(np.arange(len(observations)), [max(1, view.draws) for view in observations])
+    while True:
+        yield from rng.permutation(indices).tolist()

@@ -1,0 +1,70 @@
+"""Dropped files are told apart as a person means them."""
+
+from pathlib import Path
+
+import pytest
+
+from r2sego_blender.captures.poses.dropped_files import PHOTOGRAPHS, capture_files
+from r2sego_blender.core.errors import CaptureError
+from r2sego_blender.core.images import SUFFIXES
+
+
+@pytest.fixture
+def room(tmp_path):
+    """A room's folder with photographs, a COLMAP model and a transforms.json."""
+    room = tmp_path / "kitchen"
+    for name in ("images/a.JPG", "images/b.png", "sparse/0/cameras.bin", "transforms.json", "notes.md"):
+        (room / name).parent.mkdir(parents=True, exist_ok=True)
+        (room / name).write_bytes(b"")
+    return room
+
+
+@pytest.mark.parametrize(
+    ("dropped", "photographs", "poses"),
+    [
+        (["images/a.JPG", "images/b.png"], "images", None),
+        (["images"], "images", None),
+        (["sparse/0/cameras.bin"], "images", "sparse/0"),
+        (["sparse/0"], "images", "sparse/0"),
+        (["sparse"], "images", "sparse/0"),
+        (["transforms.json"], "images", "transforms.json"),
+        (["transforms.json", "images/a.JPG"], "images", "transforms.json"),
+        (["."], "images", "transforms.json"),
+    ],
+)
+def test_what_is_dropped_is_found(room, dropped, photographs, poses):
+    found = capture_files([(room / one).resolve() for one in dropped], ".r2s")
+    assert found.photographs == room / photographs
+    assert found.poses == (None if poses is None else room / poses)
+    assert found.scene == room.with_name("kitchen.r2s")
+
+
+def test_a_folder_without_a_name_above_the_photographs(room, monkeypatch):
+    """As on a camera's card, whose root has none."""
+    monkeypatch.chdir(room)
+    assert capture_files([Path("images")], ".r2s").scene == Path("room.r2s")
+
+
+def test_poses_without_photographs_leave_the_folder_to_the_person(tmp_path):
+    (tmp_path / "alone" / "deep" / "deeper").mkdir(parents=True)
+    file = tmp_path / "alone" / "deep" / "deeper" / "transforms.json"
+    file.write_bytes(b"")
+    found = capture_files([file], ".r2s")
+    assert found.photographs is None and found.poses == file
+
+
+@pytest.mark.parametrize("dropped", [["notes.md"], [], ["sparse/0/points.ply"]])
+def test_what_is_neither_is_refused(room, dropped):
+    with pytest.raises(CaptureError, match="no photographs and no poses"):
+        capture_files([room / one for one in dropped], ".r2s")
+
+
+def test_photographs_of_two_folders_are_refused(room):
+    (room / "more").mkdir()
+    (room / "more" / "c.jpg").write_bytes(b"")
+    with pytest.raises(CaptureError, match="more than one folder"):
+        capture_files([room / "images" / "a.JPG", room / "more" / "c.jpg"], ".r2s")
+
+
+def test_all_photographs_that_the_engine_reads_can_be_dropped():
+    assert set(PHOTOGRAPHS) == SUFFIXES

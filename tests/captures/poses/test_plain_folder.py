@@ -1,0 +1,96 @@
+"""What is taken of a phone's folder, and what is said of the rest."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+from PIL import Image
+
+from r2sego_blender.captures.poses.plain_folder import plain_photographs
+from r2sego_blender.core.errors import CaptureError
+from r2sego_blender.core.progress import SILENT
+
+
+@pytest.fixture
+def folder(tmp_path, blank_photograph):
+    for index in range(3):
+        blank_photograph(tmp_path / f"IMG_{index}.png")
+    return tmp_path
+
+
+def _names(paths):
+    return [path.name for path in paths]
+
+
+def test_a_plain_folder_is_taken_whole_and_nothing_is_said(folder, messages):
+    for name in (".DS_Store", "Thumbs.db", "._IMG_0.png", ".hidden.heic", "notes.txt"):
+        (folder / name).write_bytes(b"\x00")
+    assert _names(plain_photographs(folder, messages)) == ["IMG_0.png", "IMG_1.png", "IMG_2.png"]
+    assert messages.messages == []
+
+
+def test_copies_of_a_photograph_are_taken_once(folder, messages):
+    shutil.copyfile(folder / "IMG_1.png", folder / "IMG_1 (1).png")
+    (folder / "linked.png").hardlink_to(folder / "IMG_2.png")
+    assert _names(plain_photographs(folder, messages)) == ["IMG_0.png", "IMG_1.png", "IMG_2.png"]
+    assert messages.warnings == ["IMG_1 (1).png, linked.png: the same photograph again, left out"]
+
+
+def test_copies_do_not_make_up_for_photographs(tmp_path, blank_photograph):
+    blank_photograph(tmp_path / "a.png")
+    for name in "bcd":
+        shutil.copyfile(tmp_path / "a.png", tmp_path / f"{name}.png")
+    with pytest.raises(CaptureError, match=r"1 photograph found, .*; b\.png, c\.png, d\.png are the same"):
+        plain_photographs(tmp_path, SILENT)
+
+
+def test_pictures_that_are_not_read_are_named(folder, messages):
+    """But not the raw file and the video that a camera writes beside a photograph."""
+    for name in ("IMG_0.DNG", "IMG_0.MOV", "DSC_7.NEF", "DSC_7.MOV", "walk.mp4", "b.jxl"):
+        (folder / name).write_bytes(b"\x00")
+    assert len(plain_photographs(folder, messages)) == 3
+    [warning] = messages.warnings
+    assert warning.startswith("DSC_7.NEF, b.jxl, walk.mp4: passed over. Save them as JPEG")
+    assert "frames" in warning
+
+
+def test_a_folder_of_raw_files_alone_is_told_with_its_cure(tmp_path):
+    for index in range(6):
+        (tmp_path / f"IMG_{index}.DNG").write_bytes(b"\x00")
+    with pytest.raises(CaptureError, match=r"0 photographs found.*IMG_3\.DNG and 2 more cannot be") as caught:
+        plain_photographs(tmp_path, SILENT)
+    assert caught.value.cure.startswith("Save them as JPEG")
+
+
+def test_iphones_photographs_are_taken_each_once(tmp_path, blank_photograph, messages):
+    """Of one that was converted the JPEG; and no video that was taken with one is told."""
+    for index in range(4):
+        picture = Image.open(blank_photograph(tmp_path / "blank.png"))
+        picture.save(tmp_path / f"IMG_{index}.HEIC")
+        (tmp_path / f"IMG_{index}.MOV").write_bytes(b"\x00")
+    picture.save(tmp_path / "IMG_3.JPG")
+    (tmp_path / "blank.png").unlink()
+    found = _names(plain_photographs(tmp_path, messages))
+    assert found == ["IMG_0.HEIC", "IMG_1.HEIC", "IMG_2.HEIC", "IMG_3.JPG"]
+    assert messages.messages == []
+
+
+def test_photographs_in_folders_below_are_pointed_to(tmp_path, blank_photograph):
+    for index in range(3):
+        blank_photograph(tmp_path / "holiday" / f"IMG_{index}.png")
+    with pytest.raises(CaptureError, match=r"0 photographs found.*; there are some in holiday") as caught:
+        plain_photographs(tmp_path, SILENT)
+    assert caught.value.cure == "Give that folder."
+
+
+def test_poses_beside_the_photographs_are_told(folder, messages):
+    (folder / "transforms.json").write_text("{}")
+    plain_photographs(folder, messages)
+    assert [level for level, text in messages.messages if "transforms.json" in text] == ["info"]
+
+
+def test_a_file_that_is_no_image_is_told_before_any_work(folder):
+    (folder / "IMG_9.JPG").write_bytes(b"")
+    with pytest.raises(CaptureError, match=r"IMG_9\.JPG: the photograph cannot be read"):
+        plain_photographs(folder, SILENT)

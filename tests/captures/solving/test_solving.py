@@ -1,0 +1,183 @@
+"""Poses of plain photographs, and what is said when they cannot be found."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from r2sego_blender.captures.frame.scale import Scale
+from r2sego_blender.captures.frame.world_frame import register
+from r2sego_blender.captures.importing import import_captures
+from r2sego_blender.captures.solving.solving import focal_of_exif, solve_poses
+from r2sego_blender.captures.sparse import triangulate
+from r2sego_blender.config.settings import CaptureSettings
+from r2sego_blender.core.cameras import rotation_angle_rad
+from r2sego_blender.core.errors import CaptureError
+from r2sego_blender.core.images import resize, save_image, to_uint8
+
+SETTINGS = CaptureSettings(max_features=2500)
+
+
+def _relative_errors_deg(captures, truth):
+    errors = []
+    for i in range(len(captures)):
+        for j in range(i):
+            turn = captures[i].camera.camera_from_world @ captures[j].camera.world_from_camera
+            true = truth[i].camera_from_world @ truth[j].world_from_camera
+            errors.append(np.degrees(rotation_angle_rad(turn, true)))
+    return np.array(errors)
+
+
+def test_photographs_without_poses_are_solved_the_same_way_each_time_and_in_any_folder(
+    room_captures, room_cameras, tmp_path, messages, elsewhere
+):  # fmt: skip
+    for capture in room_captures:
+        save_image(tmp_path / capture.name, capture.image())
+    save_image(tmp_path / "stranger.png", np.full((300, 400, 3), 0.5, np.float32))
+    first = import_captures(tmp_path, None, SETTINGS, messages)
+    assert not first.metric and "5 of 6" in first.source
+    assert len(messages.warnings) == 1 and "stranger.png" in messages.warnings[0]
+    assert _relative_errors_deg(first.captures, room_cameras).max() < 0.5
+    assert first.captures[0].camera.fx == pytest.approx(300.0, rel=0.03)
+    elsewhere()
+    second = import_captures(tmp_path, None, SETTINGS)
+    for a, b in zip(first.captures, second.captures, strict=True):
+        assert a.camera.to_json() == b.camera.to_json()
+
+
+@pytest.mark.parametrize("side_px", [280, 1600])
+def test_poses_are_solved_at_the_size_that_is_set(room_captures, tmp_path, messages, side_px):
+    for capture in room_captures:
+        save_image(tmp_path / capture.name, capture.image())
+    settings = CaptureSettings(max_features=2500, solve_max_side_px=side_px)
+    photographs, _ = solve_poses(tmp_path, settings, messages)
+    assert {one.lens.width for one in photographs} == {min(side_px, 400)}
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_too_few_photographs(tmp_path, blank_photograph, count):
+    for index in range(count):
+        blank_photograph(tmp_path / f"{index}.png")
+    with pytest.raises(CaptureError, match=f"{count} photographs? found, at least 3"):
+        import_captures(tmp_path, None, SETTINGS)
+
+
+def test_a_videos_frames_are_warned_of_before_they_are_matched(tmp_path, blank_photograph, messages):
+    for index in range(4):
+        blank_photograph(tmp_path / f"{index}.png")
+    for most, warnings in ((3, 1), (4, 1)):  # the second adds none
+        with pytest.raises(CaptureError):
+            import_captures(tmp_path, None, CaptureSettings(max_keyframes=most), messages)
+        assert len(messages.warnings) == warnings
+    assert "4 photographs make 6 pairs" in messages.warnings[0]
+
+
+def test_photographs_that_share_nothing(tmp_path, blank_photograph):
+    for index in range(3):
+        blank_photograph(tmp_path / f"{index}.png", 200, 150)
+    with pytest.raises(CaptureError, match="no two of the 3 photographs share") as caught:
+        import_captures(tmp_path, None, SETTINGS)
+    assert "walk sideways" in caught.value.cure
+
+
+def test_too_few_of_them_register(tmp_path, room_captures, blank_photograph):
+    for capture in room_captures[:3]:
+        save_image(tmp_path / capture.name, capture.image())
+    for index in range(4):
+        blank_photograph(tmp_path / f"stranger{index}.png", 200, 150)
+    with pytest.raises(CaptureError, match=r"only \d of 7 photographs.*left out: .*stranger0\.png"):
+        import_captures(tmp_path, None, SETTINGS)
+
+
+def test_photographs_from_one_spot(room, room_cameras, tmp_path):
+    """Some focal length makes places of turns, so that all would register, in a room of no truth."""
+    for index, angle in enumerate((-0.2, -0.1, 0.0, 0.1)):
+        turn = np.eye(4)
+        turn[:3, :3] = [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
+        camera = room_cameras[2].at(room_cameras[2].world_from_camera @ turn)
+        save_image(tmp_path / f"{index}.png", room.image(camera))
+    with pytest.raises(CaptureError, match="no depth, as when all are taken from one spot") as caught:
+        import_captures(tmp_path, None, SETTINGS)
+    assert "walk sideways" in caught.value.cure
+    for index in range(3):  # with as many that share nothing, the overlap is what lacks
+        save_image(tmp_path / f"stranger{index}.png", np.random.default_rng(index).random((150, 200, 3)))
+    for index in (1, 3):
+        (tmp_path / f"{index}.png").unlink()
+    with pytest.raises(CaptureError, match="only 0 of 5 photographs"):
+        import_captures(tmp_path, None, SETTINGS)
+
+
+def test_zoomed_photographs_without_exif_have_a_lens_of_their_own(room_captures, room_cameras, tmp_path):
+    """Under one lens for all, most of them fall and the focal length is that of none."""
+    for index, capture in enumerate(room_captures):
+        image = capture.image()
+        if index in (1, 3):
+            image = resize(image[45:255, 60:340], 400, 300)
+        save_image(tmp_path / capture.name, image)
+    captures = import_captures(tmp_path, None, SETTINGS).captures
+    assert _relative_errors_deg(captures, room_cameras).max() < 0.5
+    focal = [300.0 / 0.7 if index in (1, 3) else 300.0 for index in range(5)]
+    assert [capture.camera.fx for capture in captures] == pytest.approx(focal, rel=0.05)
+
+
+def test_photographs_of_formats_that_colmap_does_not_read(room_captures, room_cameras, tmp_path):
+    """Their EXIF counts too: 28 mm of a film's 43.27 mm diagonal are 323.6 of 500 pixels."""
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0xA405] = 28
+    for capture, suffix in zip(room_captures, ("webp", "avif", "heic", "heic", "webp"), strict=True):
+        path = (tmp_path / capture.name).with_suffix(f".{suffix}")
+        Image.fromarray(to_uint8(capture.image())).save(path, quality=95, exif=exif.tobytes())
+    for path in tmp_path.iterdir():
+        assert focal_of_exif(str(path)) == pytest.approx(500.0 * 28.0 / 43.27 / 400.0, rel=1e-3)
+    captures = import_captures(tmp_path, None, SETTINGS).captures
+    assert _relative_errors_deg(captures, room_cameras).max() < 0.5
+
+
+def test_damaged_exif_tells_no_focal_length(tmp_path, blank_photograph):
+    path = blank_photograph(tmp_path / "a.png")
+    Image.open(path).save(tmp_path / "a.webp", exif=b"Exif\x00\x00MM\x00*\x00\x00\xff")
+    assert focal_of_exif(str(path)) is None and focal_of_exif(str(tmp_path / "a.webp")) is None
+
+
+def test_an_unreadable_photograph_is_named(tmp_path, room_captures):
+    for capture in room_captures[:3]:
+        save_image(tmp_path / capture.name, capture.image())
+    (tmp_path / "zzz.jpg").write_bytes(b"\xff\xd8\xff")
+    with pytest.raises(CaptureError, match=r"zzz\.jpg.*cannot be read"):
+        import_captures(tmp_path, None, SETTINGS)
+
+
+@pytest.mark.slow
+def test_the_desk_registers_completely(shared, messages):
+    folder = shared("captures/tum_desk")
+    settings = CaptureSettings(max_features=3000)
+    imported = import_captures(folder, None, settings, messages)
+    assert len(imported.captures) == 17
+    assert imported.captures[0].camera.fx == pytest.approx(531, rel=0.03)
+    sparse = triangulate(imported.captures, settings)
+    assert len(sparse.points) > 2000
+    registration = register(imported, sparse, Scale(), settings, messages)
+    world = registration.captures(imported.captures)
+    up = -np.mean([capture.camera.world_from_camera[:3, 1] for capture in world], axis=0)
+    assert up[2] > 0.7
+    assert registration.scale_source.startswith("assumed")
+
+
+@pytest.mark.slow
+def test_a_photograph_at_a_wrong_place_is_left_out(shared, messages):
+    """The sixth capture shares too little with the others to be placed by itself."""
+    import json
+
+    folder = shared("scenes/room_a")
+    truth = {
+        entry["file"].rpartition("/")[2]: np.array(entry["world_from_camera"])
+        for entry in json.loads((folder / "cameras.json").read_text())["captures"]
+    }
+    imported = import_captures(folder / "captures", None, CaptureSettings(), messages)
+    assert len(imported.captures) >= 5
+    first = imported.captures[0]
+    for capture in imported.captures:
+        turn = first.camera.camera_from_world @ capture.camera.world_from_camera
+        true = np.linalg.inv(truth[first.name]) @ truth[capture.name]
+        assert np.degrees(rotation_angle_rad(turn, true)) < 1.0

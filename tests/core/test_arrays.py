@@ -1,0 +1,106 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from r2sego_blender.core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
+from r2sego_blender.core.errors import GeometryError
+
+
+def read(path):
+    with opened_arrays(path, GeometryError, "this is not a table") as data:
+        return data["points"]
+
+
+def test_a_file_keeps_its_name_and_its_numbers(tmp_path):
+    points = np.random.default_rng(0).normal(size=(40, 3))
+    save_arrays(tmp_path / "table.npz.tmp", points=points)
+    assert [path.name for path in tmp_path.iterdir()] == ["table.npz.tmp"]
+    np.testing.assert_array_equal(read(tmp_path / "table.npz.tmp"), points)
+
+
+def test_a_file_has_the_bytes_of_numpys_own(tmp_path):
+    arrays = {
+        "points": np.random.default_rng(0).normal(size=(40, 3)).astype(np.float32),
+        "across": np.arange(12).reshape(3, 4).T, "none": np.empty((0, 3)), "one": np.array(3),
+        "word": "küche",
+    }  # fmt: skip
+    save_arrays(tmp_path / "own.npz", **arrays)
+    np.savez(tmp_path / "numpy.npz", **arrays)
+    assert (tmp_path / "own.npz").read_bytes() == (tmp_path / "numpy.npz").read_bytes()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no full disk")
+def test_a_full_disk_is_one_error_and_no_more():
+    code = (
+        "import errno, numpy, pathlib\n"
+        "from r2sego_blender.core.arrays import save_arrays\n"
+        "try:\n"
+        "    save_arrays(pathlib.Path('/dev/full'), points=numpy.zeros(10**6), colours=numpy.zeros(3))\n"
+        "except OSError as error:\n"
+        "    print(errno.errorcode[error.errno])\n"
+    )
+    root = Path(__file__).parents[2]
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("ENOSPC\n", "")
+
+
+def test_an_array_that_is_not_there_is_damage(tmp_path):
+    save_arrays(tmp_path / "table.npz", colours=np.zeros(3))
+    with pytest.raises(GeometryError, match=r"table\.npz: this is not a table\. Run `r2sego refine` again\."):
+        read(tmp_path / "table.npz")
+
+
+def test_a_file_that_may_not_be_read_is_not_called_damaged(tmp_path, monkeypatch):
+    def refused(path, **_):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(np, "load", refused)
+    with pytest.raises(GeometryError, match=r"table\.npz: it may not be read\. Allow"):
+        read(tmp_path / "table.npz")
+
+
+def test_pickled_objects_are_refused(tmp_path):
+    np.savez(tmp_path / "table.npz", points=np.array([{"a": 1}], object))
+    with pytest.raises(GeometryError, match=r"table\.npz"):
+        read(tmp_path / "table.npz")
+
+
+@given(st.data())
+def test_a_cut_off_file_never_raises_anything_else(tmp_path_factory, data):
+    path = tmp_path_factory.mktemp("cut") / "table.npz"
+    save_arrays(path, points=np.arange(60.0).reshape(20, 3))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: data.draw(st.integers(0, len(whole) - 1))])
+    with pytest.raises(GeometryError, match=r"table\.npz"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"points": (4, 3)}, {"colours": (5, 4)}, {"seen": (5, 2, 1)}, {"pixels": (5, 3, 2)}, {"seen": ()}],
+)
+def test_arrays_that_do_not_belong_together_are_damage(wrong):
+    shapes = {"points": (5, 3), "colours": (5, 3), "seen": (5, 2), "pixels": (5, 2, 2)}
+    axes = {"points": "P 3", "colours": "P 3", "seen": "P N", "pixels": "P N 2"}
+    require_shapes({name: np.zeros(shape) for name, shape in shapes.items()}, **axes)
+    with pytest.raises(ValueError, match="has the shape"):
+        require_shapes({name: np.zeros(shape) for name, shape in (shapes | wrong).items()}, **axes)
+
+
+def test_text_where_numbers_belong_is_damage():
+    with pytest.raises(ValueError, match="points holds no numbers"):
+        require_shapes({"points": np.full((5, 3), "x")}, points="P 3")
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
+def test_a_number_that_is_none_is_damage(number):
+    points = np.zeros((5, 3), np.float32)
+    require_finite(points=points, none=points[:0])
+    points[4, 1] = number
+    with pytest.raises(ValueError, match="points are not all finite"):
+        require_finite(points=points)

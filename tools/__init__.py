@@ -1,0 +1,1 @@
+"""What developers run beside the library: measuring, making the docs' pages and pictures."""
