@@ -190,6 +190,7 @@ NAMESPACES=(unshare --mount-proc --propagation private --pid --fork --kill-child
 
 if [ -z "$root" ]; then
   root=$(mktemp -d "${TMPDIR:-/tmp}/r2sego-bare.XXXXXX")
+  chmod 755 "$root" # it is the root of other users too
 else
   mkdir -p "$root"
   [ -z "$(ls -A "$root")" ] || { echo "bare machine: $root is not empty" >&2; exit 2; }
