@@ -36,7 +36,8 @@ from ..generation.ego_views import (
     ego_video_reg,
     load_pseudo_observations,
 )
-from ..generation.generators.registry import open_generator
+from ..generation.generators.registry import installation_of, open_generator
+from ..generation.generators.slot import ClipInputs
 from ..generation.paths.detours import ClearSpace
 from ..generation.registration.frame_registration import Landmarks
 from ..geometry.collision.collision import collision_surface
@@ -176,8 +177,9 @@ class Steps(CaptureSteps):
             completed = self._read.completed_depths()
             renderer = make_renderer(current, self.h.generation)
             colours = PointConditions(self._read.captures, depths, self.h.generation)
+            inputs = ClipInputs(self._read.captures, depths, observed, renderer, colours, self.h, folder)
             with open_generator(
-                self._read.captures, depths, observed, renderer, colours, self.h, folder
+                installation_of(self.h), inputs
             ) as generator:  # before the landmarks: a program that is not there is told at once
                 landmarks = Landmarks.build(self._read.captures, observed, completed, self.progress)
                 ego_video_reg(

@@ -1,4 +1,4 @@
-"""The renderer of structural conditions that the settings ask for."""
+"""Structural conditions rendered in a Blender process, with Cycles or EEVEE."""
 
 from __future__ import annotations
 
@@ -8,27 +8,25 @@ from pathlib import Path
 
 import numpy as np
 
-from ...config.settings import GenerationSettings
 from ...core.cameras import Camera
 from ...core.errors import GenerationError
 from ...core.scratch import ScratchFolder
 from ...geometry.proxy.proxy import GeometryProxy
 from ...workers.blender_renderer import BLENDER_VARIABLE, BlenderWorker, shared_worker
-from .conditions import NOTHING, Condition, Renderer, ZBufferRenderer
+from .conditions import NOTHING, Condition, Renderer
+
+BACKENDS = {"cycles": "embedded: Cycles", "eevee": "embedded: EEVEE"}
+ORDER = 1
 
 _ENGINES = {"cycles": "Cycles", "eevee": "EEVEE"}
 
 
-def make_renderer(proxy: GeometryProxy, settings: GenerationSettings) -> Renderer:
-    """The renderer of ``proxy`` that ``generation.renderer`` names.
+def make(name: str, proxy: GeometryProxy) -> Renderer:
+    """The renderer of ``proxy`` in the Blender that ``R2SEGO_BLENDER`` names, else in pip's bpy.
 
-    The Blender is the one that the environment variable ``R2SEGO_BLENDER`` names, else pip's
-    bpy. Raises MachineError when it is not there.
+    Raises MachineError when it is not there.
     """
-    if settings.renderer == "z-buffer":
-        return ZBufferRenderer(proxy)
-    blender = os.environ.get(BLENDER_VARIABLE, "")
-    return BlenderRenderer(proxy, settings.renderer, shared_worker(blender))
+    return BlenderRenderer(proxy, name, shared_worker(os.environ.get(BLENDER_VARIABLE, "")))
 
 
 class BlenderRenderer:
