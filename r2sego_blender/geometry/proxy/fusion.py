@@ -28,7 +28,7 @@ from ..room.envelope import envelope_polygons, tessellated
 from ..room.planes import RoomPlanes
 from ..stereo.evidence import KnownDepth, collect_votes
 from ..stereo.observed import ObservedGeometry
-from ..surfaces.backends import SURFACES
+from ..surfaces.backends import surface_backend
 from ..surfaces.oriented_points import WeightedDepth
 from ..surfaces.tsdf import DistanceField
 from ..visibility.rasterizer import MeshRasterizer
@@ -69,7 +69,7 @@ def compose_proxy(
         field = _empty_field(completed, observed, envelope, settings)
         task.advance()
         views = _without_priors(_weighted(completed, asset_depths, settings), priors)
-        vertices, faces = SURFACES[settings.surface](views, field)
+        vertices, faces = surface_backend(settings.surface).surface(views, field)
         vertices, faces = _carved(vertices, faces, trusted, settings)
         task.advance()
         faces = _outside_priors(vertices, faces, priors, envelope, trusted, settings)

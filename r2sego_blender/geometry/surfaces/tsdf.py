@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,10 @@ from skimage.measure import marching_cubes
 
 from ...core.cameras import Camera
 from ...core.compiled import parallel_kernel, prange
+from .oriented_points import WeightedDepth
+
+BACKENDS = {"tsdf": "embedded: TSDF of completed depth"}
+ORDER = 0
 
 
 @dataclass(frozen=True)
@@ -59,6 +64,13 @@ class DistanceField:
             inside &= known[tuple((cell + corner).T)]
         used, kept = np.unique(faces[inside], return_inverse=True)
         return vertices[used] * self.voxel_m + self.origin, kept.reshape(-1, 3).astype(np.int32)
+
+
+def surface(views: Sequence[WeightedDepth], field: DistanceField) -> tuple[np.ndarray, np.ndarray]:
+    """The zero level of the truncated distances of all views, fused in ``field``."""
+    for view in views:
+        field.integrate(view.camera, view.depth, view.weight)
+    return field.surface()
 
 
 @parallel_kernel
