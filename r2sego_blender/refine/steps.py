@@ -217,7 +217,7 @@ class Steps(CaptureSteps):
             views, generate, captures.photographs, captures.depth, priors.completed, proxy, targets,
             settings=[
                 self.h.generation, self.h.registration, self.h.selection, self.h.seed,
-                *([] if installed.identity is None else [installed.identity]),
+                *([installed.identity] if installed.identity else []),
             ],
         )  # fmt: skip
         return (views,)
