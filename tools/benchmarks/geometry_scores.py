@@ -166,8 +166,8 @@ def alignment_score(
     """Score an estimated similarity (4, 4) of a prior against the true one.
 
     ``vertices`` (V, 3) and ``faces`` (F, 3) are the prior's own, in its frame.
-    ``symmetries`` are rigid (4, 4) maps of that frame which leave the shape as it is, the
-    identity apart: with each of them the true place is as true, and the one
+    ``symmetries`` are rigid (4, 4) maps of that frame which leave the shape as it is,
+    the identity apart: with each of them the true place is as true, and the one
     nearest in rotation counts. Raises EvaluationError for what is no similarity.
     """
     estimated_scale, estimated_rotation = _scale_and_rotation(world_from_prior)
