@@ -26,6 +26,7 @@ from r2sego_blender.bundle.layout import (
     OBSERVED,
     PLANES,
     PRIORS,
+    capture_files,
     of_round,
 )
 from r2sego_blender.bundle.scene import Declaration, Scene
@@ -291,8 +292,8 @@ def _stereo_scores(bundle: Scene, truth: GroundTruth) -> dict[str, float]:
     """Coverage and accuracy of the reliable depth, over all captures and of each."""
     settings = bundle.declaration.settings.stereo
     true = [view.depth for view in truth.transformed(_world_from_capture(bundle)).views]
-    names = [capture.name for capture in load_captures(bundle.captures_folder)]
-    maps = [DepthMap.load(bundle.path / DEPTH / f"{name}.npz") for name in names]
+    files = capture_files([capture.name for capture in load_captures(bundle.captures_folder)])
+    maps = [DepthMap.load(bundle.path / DEPTH / file) for file in files]
     found = [np.where(one.reliable(settings), one.depth, np.float32(0.0)) for one in maps]
     scores = {"stereo": depth_score(found, true)}
     for view, depth, true_depth in zip(truth.views, found, true, strict=True):
