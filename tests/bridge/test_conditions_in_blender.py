@@ -21,6 +21,8 @@ from r2sego_blender.generation.conditions.conditions import ZBufferRenderer  # n
 from r2sego_blender.geometry.proxy.proxy import GeometryProxy  # noqa: E402
 from r2sego_blender.geometry.visibility import rasterizer  # noqa: E402
 
+pytestmark = pytest.mark.own_process  # without EGL, or with a driver that fails, Blender aborts
+
 
 def bumpy_room() -> GeometryProxy:
     """A wavy floor and two round objects under no roof, with faces nobody saw and faces turned away."""

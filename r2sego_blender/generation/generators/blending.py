@@ -25,6 +25,8 @@ from ...captures.capture import Capture
 from ...config.settings import GenerationSettings
 from ...core.compiled import inlined, parallel_kernel, prange
 from ...core.errors import GenerationError
+from ...geometry.visibility.point_visibility import PROXY_ROUGHNESS_M
+from ...geometry.visibility.projection import NEAR_M, depth_of, pixel_of
 from ..conditions.conditions import Condition
 from .exposure import exposure_gains
 from .hole_filling import fill_holes
@@ -36,8 +38,6 @@ from .visibility import capture_trust
 BACKENDS = {"blending": "embedded: geometry-guided blending"}
 ORDER = 0
 
-# Depth differences below a centimetre are the proxy's own roughness, at any distance.
-_TOLERANCE_FLOOR_M = np.float32(0.01)
 # A capture exactly at the target's angle has penalty 0 and weight 1/penalty; this, about
 # a tenth of a degree, keeps the weight finite.
 _SMALLEST_PENALTY = np.float32(2e-3)
@@ -202,19 +202,16 @@ def _blend(
             length = np.sqrt(dx * dx + dy * dy + dz * dz)
             found = 0
             for j in range(captures):
-                cz = poses[j, 2, 0] * x + poses[j, 2, 1] * y + poses[j, 2, 2] * w + poses[j, 2, 3]
-                if cz <= 0.02:
+                cz = depth_of(poses[j], x, y, w)
+                if cz <= NEAR_M:
                     continue
-                cx = poses[j, 0, 0] * x + poses[j, 0, 1] * y + poses[j, 0, 2] * w + poses[j, 0, 3]
-                cy = poses[j, 1, 0] * x + poses[j, 1, 1] * y + poses[j, 1, 2] * w + poses[j, 1, 3]
-                u = cx / cz * lenses[j, 0] + lenses[j, 2]
-                v = cy / cz * lenses[j, 1] + lenses[j, 3]
+                u, v = pixel_of(poses[j], lenses[j], x, y, w, cz)
                 wide, high = sizes[j, 0], sizes[j, 1]
                 if not (u > 0.0 and v > 0.0 and u < wide and v < high):
                     continue
                 pixel = starts[j] + np.int64(v) * wide + np.int64(u)
                 trust = trusts[pixel]
-                apart = abs(depths[pixel] - cz) / (tolerance * cz + _TOLERANCE_FLOOR_M)
+                apart = abs(depths[pixel] - cz) / (tolerance * cz + PROXY_ROUGHNESS_M)
                 if trust <= 0.0 or apart > 1.0:
                     continue
                 if border_px > 0.0:

@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from ...core.errors import GeometryError
 from ...core.scratch import ScratchFolder
 from ...workers.child import call_in_child
+from ..mesh.meshes import compacted
 from .backends import cloud_of
 from .oriented_points import OrientedPoints, WeightedDepth
 from .tsdf import DistanceField
@@ -53,9 +54,7 @@ def poisson_surface(cloud: OrientedPoints, cell_m: float) -> tuple[np.ndarray, n
         vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)
     reach = max(_TRIMMED_CELLS * cell_m, 1.5 * _PADDING * extent / 2**depth)
     near = np.isfinite(cKDTree(points).query(vertices, distance_upper_bound=reach)[0])
-    faces = faces[near[faces].all(1)]
-    used, faces = np.unique(faces, return_inverse=True)
-    return vertices[used], faces.reshape(-1, 3).astype(np.int32)
+    return compacted(vertices, faces[near[faces].all(1)])
 
 
 def checked(cloud: OrientedPoints) -> tuple[np.ndarray, np.ndarray]:
