@@ -23,7 +23,7 @@ from support import (
 
 OPERATORS = {
     "new_scene", "new_scene_from_files", "open_scene", "refine", "refresh_scene", "reset_settings",
-    "keep_settings", "load_settings", "remove_settings", "draw_faster",
+    "keep_settings", "load_settings", "remove_settings", "simplify_viewport",
 }  # fmt: skip
 
 
@@ -269,13 +269,13 @@ def check_a_scope_in_the_bundle_is_named_by_its_place_there():
     assert facts["Scope"] == "robot/scope.toml", facts
 
 
-def check_drawing_faster_changes_views_and_no_mesh():
+def check_simplifying_the_viewport_changes_views_and_no_mesh():
     open_bundle()
     state().round_index = 0
     bpy.ops.r2sego.show_proxy()
     proxy = bpy.data.objects["Proxy, round 0"]
     faces = len(proxy.data.polygons)
-    assert bpy.ops.r2sego.draw_faster() == {"FINISHED"}
+    assert bpy.ops.r2sego.simplify_viewport() == {"FINISHED"}
     system = bpy.context.preferences.system
     assert system.viewport_aa == "OFF" and not system.use_overlay_smooth_wire
     assert not system.use_region_overlap
