@@ -83,10 +83,8 @@ class Contents:
 
     @cached_property
     def ego_camera(self) -> Camera:
-        """The head camera's lens, with images of the first capture's sides: robots' lie, whichever way a
-        phone was held."""
-        first = self.captures[0].camera
-        return ego_camera(self.robot, max(first.shape), min(first.shape))
+        """The head camera's lens, with images of the first capture's sides."""
+        return ego_camera(self.robot, self.captures[0].camera)
 
     # ---- as the steps published it
 

@@ -30,17 +30,17 @@ def export_bodies(scene: Scene, round_index: int) -> Path:
     declared = scene.declaration
     scope = BehaviourScope.load(declared.scope)
     source, mount = scope.robot_for(declared.robot)
+    first = load_captures(scene.captures_folder)[0].camera
+    # What earlier versions wrote of upright photographs had an upright lens: it is made anew.
+    upright = ["landscape"] if first.height > first.width else []
 
     def compute(folder: Path) -> None:
         robot = RobotModel.load(source, mount)
-        first = load_captures(scene.captures_folder)[0].camera
-        save_bodies(
-            folder, robot, load_rollouts(scene.path / name), ego_camera(robot, first.width, first.height),
-            scene.path / name,
-        )  # fmt: skip
+        lens = ego_camera(robot, first)
+        save_bodies(folder, robot, load_rollouts(scene.path / name), lens, scene.path / name)
 
     with scene.locked():
         return scene.step(
             of_round(round_index, "bodies"), compute, inputs=[CAPTURES, name],
-            parameters=[source, mount, robot_digest(source)],
+            parameters=[source, mount, robot_digest(source), *upright],
         )  # fmt: skip
