@@ -22,7 +22,14 @@ from r2sego_blender.results.robot_bodies import export_bodies
 from r2sego_blender.robot.model.collision_shapes import colliding
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.rollouts.attempts import Rollout
-from r2sego_blender.robot.rollouts.bodies import DESCRIPTION, POSES, SHAPES, body_poses, body_shapes, save_bodies
+from r2sego_blender.robot.rollouts.bodies import (
+    DESCRIPTION,
+    POSES,
+    SHAPES,
+    body_poses,
+    body_shapes,
+    save_bodies,
+)
 from r2sego_blender.robot.rollouts.rollouts import save_rollouts
 
 PRIMITIVES = """<mujoco><worldbody><body name="b" pos="0 0 1"><freejoint/>
