@@ -4,7 +4,7 @@ import bpy
 from bpy.props import PointerProperty
 
 from .. import state
-from . import properties
+from . import facts, marks, properties
 from .delete_splats import R2SEGO_OT_clear_splat_marks, R2SEGO_OT_delete_splats, R2SEGO_OT_restore_splats
 from .evaluate import R2SEGO_OT_evaluate
 from .export_asset import R2SEGO_OT_export_asset
@@ -38,12 +38,18 @@ CLASSES = (
 def register() -> None:
     """Attach the room's properties and read each bundle that is opened."""
     bpy.types.Scene.r2sego_asset = PointerProperty(type=properties.R2SEGO_PG_asset)
-    state.listeners.append(properties.read_bundle)
+    state.readers[facts.AssetFacts] = state.Reader(facts.read)
+    state.followers.append(properties.follow)
     state.forgetters.append(properties.forget_bundle)
+    for handlers in (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post):
+        handlers.append(marks.undone)
 
 
 def unregister() -> None:
     """Take them away again."""
+    for handlers in (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post):
+        handlers.remove(marks.undone)
     state.forgetters.remove(properties.forget_bundle)
-    state.listeners.remove(properties.read_bundle)
+    state.followers.remove(properties.follow)
+    del state.readers[facts.AssetFacts]
     del bpy.types.Scene.r2sego_asset

@@ -2,11 +2,10 @@
 
 from ...r2sego_blender.results.panels.sparse_cloud import forget_clouds
 from .. import state
-from . import properties
+from . import facts, properties
 from .correct_registration import R2SEGO_OT_correct_registration
 from .import_captures import R2SEGO_OT_import_captures
 from .known_length import R2SEGO_OT_add_length, R2SEGO_OT_remove_length
-from .listing import forget_picks, read_captures
 from .look_through import R2SEGO_OT_look_through
 from .look_through_next import R2SEGO_OT_look_through_next
 from .pick_point import R2SEGO_OT_pick_point
@@ -32,13 +31,16 @@ CLASSES = (
 def register():
     """Attach the properties, and read the captures of every opened bundle."""
     properties.attach()
-    state.listeners.append(read_captures)
-    state.forgetters.append(forget_picks)
+    state.readers[facts.CaptureFacts] = state.Reader(facts.read)
+    state.readers[facts.PickFacts] = state.Reader(facts.read_picks, facts.chosen_picks)
+    state.followers.append(facts.follow)
+    state.forgetters.append(facts.forget_bundle)
 
 
 def unregister():
     """Take them away."""
-    state.forgetters.remove(forget_picks)
-    state.listeners.remove(read_captures)
+    state.forgetters.remove(facts.forget_bundle)
+    state.followers.remove(facts.follow)
+    del state.readers[facts.PickFacts], state.readers[facts.CaptureFacts]
     forget_clouds()
     properties.detach()

@@ -22,10 +22,12 @@ CLASSES = (
 def register() -> None:
     """Attach the room's properties; a check is forgotten when the surface is another."""
     bpy.types.Scene.r2sego_collision = PointerProperty(type=properties.R2SEGO_PG_collision)
-    state.listeners.append(properties.read_bundle)
+    state.readers[properties.CollisionFacts] = state.Reader(properties.read)
+    state.followers.append(properties.follow)
 
 
 def unregister() -> None:
     """Take them away again."""
-    state.listeners.remove(properties.read_bundle)
+    state.followers.remove(properties.follow)
+    del state.readers[properties.CollisionFacts]
     del bpy.types.Scene.r2sego_collision

@@ -5,7 +5,7 @@ from bpy.props import PointerProperty
 
 from ...r2sego_blender.bridge.proxy import placement_live
 from .. import state
-from . import masks, place_prior, properties
+from . import facts, masks, place_prior, properties
 from .edit_proxy import (
     R2SEGO_OT_cut_proxy,
     R2SEGO_OT_draw_proxy_surface,
@@ -43,7 +43,8 @@ _HANDLERS = (
 def register() -> None:
     """Attach the room's properties, read each bundle that is opened, follow a prior that is moved."""
     bpy.types.Scene.r2sego_proxy = PointerProperty(type=properties.R2SEGO_PG_proxy)
-    state.listeners.append(properties.read_bundle)
+    state.readers[facts.ProxyFacts] = state.Reader(facts.read, facts.chosen_round)
+    state.followers.append(properties.follow)
     state.forgetters.append(properties.forget_bundle)
     for handlers, handler in _HANDLERS:
         handlers.append(handler)
@@ -55,5 +56,6 @@ def unregister() -> None:
         handlers.remove(handler)
     placement_live.forget()
     state.forgetters.remove(properties.forget_bundle)
-    state.listeners.remove(properties.read_bundle)
+    state.followers.remove(properties.follow)
+    del state.readers[facts.ProxyFacts]
     del bpy.types.Scene.r2sego_proxy

@@ -11,7 +11,7 @@ from .draw_region import R2SEGO_OT_draw_region
 from .inspect_robot import R2SEGO_OT_inspect_robot
 from .jump_to_attempt import R2SEGO_OT_jump_to_attempt
 from .pick_target import R2SEGO_OT_pick_target
-from .properties import R2SEGO_PG_attempt, R2SEGO_PG_robot, R2SEGO_PG_seat
+from .properties import R2SEGO_PG_robot
 from .region_from_object import R2SEGO_OT_clear_region, R2SEGO_OT_region_from_object
 from .run_rollouts import R2SEGO_OT_run_rollouts
 from .set_behaviours import R2SEGO_OT_set_behaviours
@@ -21,8 +21,6 @@ from .show_rollout import R2SEGO_OT_show_rollout
 from .try_rollouts import R2SEGO_OT_try_rollouts
 
 CLASSES = (
-    R2SEGO_PG_attempt,
-    R2SEGO_PG_seat,
     R2SEGO_PG_robot,
     R2SEGO_OT_choose_robot,
     R2SEGO_OT_choose_scope,
@@ -44,12 +42,13 @@ CLASSES = (
 def register() -> None:
     """Attach the room's properties; shown rollouts follow the timeline from now on."""
     bpy.types.Scene.r2sego_robot = bpy.props.PointerProperty(type=R2SEGO_PG_robot)
-    state.listeners.append(facts.read)
+    state.readers[facts.ScopeFacts] = state.Reader(facts.read_scope)
+    state.readers[facts.AttemptFacts] = state.Reader(facts.read_attempts, facts.chosen_attempts)
     robot_playback.register()
 
 
 def unregister() -> None:
     """Take them away again."""
     robot_playback.unregister()
-    state.listeners.remove(facts.read)
+    del state.readers[facts.AttemptFacts], state.readers[facts.ScopeFacts]
     del bpy.types.Scene.r2sego_robot
