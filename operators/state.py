@@ -130,12 +130,13 @@ class R2SEGO_PG_scene(bpy.types.PropertyGroup):
     @property
     def facts(self) -> list[Line]:
         """Every line of the open bundle."""
-        return [line for facts in panel_facts.all_facts(self.id_data) for line in getattr(facts, "lines", ())]
+        kept = panel_facts.kept_of(self.id_data).values()
+        return [line for one in kept for line in getattr(one.facts, "lines", ())]
 
     @property
     def problem(self) -> str:
         """What is wrong with the open bundle, '' when nothing is."""
-        return panel_facts.problem_of(self.id_data)
+        return next((one.problem for one in panel_facts.kept_of(self.id_data).values() if one.problem), "")
 
 
 @dataclass(frozen=True)
@@ -209,19 +210,18 @@ def refresh(scene: bpy.types.Scene) -> None:
 
 def catch_up(scene: bpy.types.Scene) -> None:
     """Read what was read for other choices than those of now: a person, or undo, has changed them."""
-    stale = [kind for kind in readers if panel_facts.chosen_for(scene, kind) != readers[kind].chosen(scene)]
-    bundle = _opened(scene) if stale else None
+    known = {kind: one.chosen for kind, one in panel_facts.kept_of(scene).items()}
+    stale = [kind for kind, reader in readers.items() if known.get(kind) != reader.chosen(scene)]
+    read_again(scene, *stale)
+
+
+def read_again(scene: bpy.types.Scene, *kinds: type) -> None:
+    """Read the facts of these classes again: what they tell of has changed."""
+    bundle = _opened(scene) if kinds else None
     if bundle is not None:
-        for kind in stale:
+        for kind in kinds:
             _read(scene, bundle, kind)
         redraw_views()
-
-
-def read_again(scene: bpy.types.Scene, kind: type) -> None:
-    """Read the facts of one class again: what they tell of was changed on purpose."""
-    bundle = _opened(scene)
-    if bundle is not None:
-        _read(scene, bundle, kind)
 
 
 def tell_problem(scene: bpy.types.Scene, error: Exception) -> None:
@@ -289,11 +289,6 @@ def _undone(*_: object) -> None:
 def _another_file(*_: object) -> None:
     """The scenes whose facts are kept go."""
     panel_facts.forget_all()
-
-
-def _catch_up_with_all() -> None:
-    """The add-on was enabled, or updated, while bundles are open."""
-    _undone()
 
 
 def _told(error: Exception) -> str:
@@ -382,14 +377,14 @@ def register() -> None:
     readers[SceneFacts] = Reader(_read_facts)
     for handlers, handler in _HANDLERS:
         handlers.append(handler)
-    if not bpy.app.background:  # where timers do not run
-        bpy.app.timers.register(_catch_up_with_all, first_interval=0.0)
+    if not bpy.app.background:  # where timers do not run; bundles may be open already
+        bpy.app.timers.register(_undone, first_interval=0.0)
 
 
 def unregister() -> None:
     """Take them away again."""
-    if bpy.app.timers.is_registered(_catch_up_with_all):
-        bpy.app.timers.unregister(_catch_up_with_all)
+    if bpy.app.timers.is_registered(_undone):
+        bpy.app.timers.unregister(_undone)
     for handlers, handler in reversed(_HANDLERS):
         handlers.remove(handler)
     del readers[SceneFacts]

@@ -166,6 +166,3 @@ def follow(scene: bpy.types.Scene, bundle: Bundle) -> None:
             show_stage(scene, shown_stage(group.shown))
     drop_marks(scene)
     group.edit_index = min(group.edit_index, max(0, len(group.edits) - 1))
-
-
-CLASSES = (R2SEGO_PG_asset_mark, R2SEGO_PG_asset)

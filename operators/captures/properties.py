@@ -8,7 +8,6 @@ from bpy.props import (
     CollectionProperty,
     FloatProperty,
     IntProperty,
-    PointerProperty,
     StringProperty,
 )
 
@@ -171,22 +170,3 @@ class R2SEGO_PG_captures(bpy.types.PropertyGroup):
         scene = self.id_data
         registration = facts_of(scene, CaptureFacts).registration
         return shows_older_captures(scene, state.bundle_path(scene), registration) if registration else False
-
-
-CLASSES = (
-    R2SEGO_PG_pick,
-    R2SEGO_PG_picked_point,
-    R2SEGO_PG_picked_length,
-    R2SEGO_PG_residual,
-    R2SEGO_PG_captures,
-)
-
-
-def attach():
-    """Give every Blender scene the room's properties."""
-    bpy.types.Scene.r2sego_captures = PointerProperty(type=R2SEGO_PG_captures)
-
-
-def detach():
-    """Take them away."""
-    del bpy.types.Scene.r2sego_captures

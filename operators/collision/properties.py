@@ -91,6 +91,3 @@ def tell(lines: bpy.types.bpy_prop_collection, facts: Iterable[tuple[str, str]])
     for label, value in facts:
         line = lines.add()
         line.name, line.value = label, value
-
-
-CLASSES = (R2SEGO_PG_collision_line, R2SEGO_PG_collision)

@@ -1,26 +1,14 @@
-"""Conditions, clips and kept frames."""
+"""The room Generation: conditions, clips and kept frames of a round.
+
+Begin with ``facts.py`` (the list of views) and ``views.py`` (which view an operator means); each other file
+is an operator. May use ``bridge/generation`` and the library, no other room.
+"""
 
 import bpy
 
 from .. import state
 from . import facts
-from .compare_view import R2SEGO_OT_compare_view
-from .decide_view import R2SEGO_OT_decide_view
-from .play_clip import R2SEGO_OT_play_clip
 from .properties import R2SEGO_PG_generation
-from .render_conditions import R2SEGO_OT_render_conditions
-from .render_target_views import R2SEGO_OT_render_target_views
-from .show_camera_path import R2SEGO_OT_show_camera_path
-
-CLASSES = (
-    R2SEGO_PG_generation,
-    R2SEGO_OT_render_conditions,
-    R2SEGO_OT_decide_view,
-    R2SEGO_OT_compare_view,
-    R2SEGO_OT_render_target_views,
-    R2SEGO_OT_show_camera_path,
-    R2SEGO_OT_play_clip,
-)
 
 
 def register() -> None:

@@ -10,27 +10,9 @@ from ...r2sego_blender.geometry.proxy.edits import PROXY_EDITS, load_proxy_edits
 from ...r2sego_blender.results.panels.bundle import Bundle
 from ...r2sego_blender.results.panels.file_stamps import when_written
 from ...r2sego_blender.results.panels.proxy_coverage import read_coverage
-from ...r2sego_blender.results.panels.proxy_objects import KnownObject, read_objects
+from ...r2sego_blender.results.panels.proxy_objects import read_objects
 
 _KINDS = {"cut": "cut away", "draw": "drawn"}
-
-
-@dataclass(frozen=True)
-class ListedObject:
-    """An object: its masks, and what became of its shape prior; -1 where a figure is not known."""
-
-    name: str
-    state: str
-    masks: int
-    why: str = ""
-    shape: str = ""
-    iou: float = -1.0
-    energy: float = -1.0
-    residual_m: float = -1.0
-    has_prior: bool = False
-    own_mesh: bool = False
-    placed: bool = False
-    declared: bool = False
 
 
 @dataclass(frozen=True)
@@ -62,7 +44,7 @@ def read(scene: bpy.types.Scene, bundle: Bundle) -> ProxyFacts:
         for edit in load_proxy_edits(bundle.path / PROXY_EDITS)
     )
     return ProxyFacts(
-        Facts(map(_listed, read_objects(bundle))), Facts(edits),
+        Facts(read_objects(bundle)), Facts(edits),
         tuple(when_written(bundle.proxy_file(index)) for index in range(bundle.rounds())),
         read_coverage(bundle, scene.r2sego.round_index) is not None,
     )  # fmt: skip
@@ -71,15 +53,3 @@ def read(scene: bpy.types.Scene, bundle: Bundle) -> ProxyFacts:
 def chosen_round(scene: bpy.types.Scene) -> Hashable:
     """The round that is shown."""
     return scene.r2sego.round_index
-
-
-def drawn_object(name: str, masks: int) -> ListedObject:
-    """An object that only Blender knows so far."""
-    return ListedObject(name, "drawn", masks)
-
-
-def _listed(known: KnownObject) -> ListedObject:
-    return ListedObject(
-        known.name, known.state, known.masks, known.why, known.shape, known.iou, known.energy,
-        known.residual_m, known.has_prior, known.own_mesh, known.placed, declared=True,
-    )  # fmt: skip

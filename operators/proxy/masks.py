@@ -284,13 +284,3 @@ class R2SEGO_OT_declare_masks(EngineOperator, bpy.types.Operator):
         if not group.objects:
             return "No object is declared any more: the next Refine places no priors"
         return f"{counted(len(group.objects), 'object')} declared: the next Refine looks for their priors"
-
-
-CLASSES = (
-    R2SEGO_OT_new_object,
-    R2SEGO_OT_remove_object,
-    R2SEGO_OT_draw_mask,
-    R2SEGO_OT_paint_mask,
-    R2SEGO_OT_load_masks,
-    R2SEGO_OT_declare_masks,
-)

@@ -24,8 +24,9 @@ from ...r2sego_blender.bridge.proxy.show_proxy import (
 from ...r2sego_blender.bridge.shared.panel_facts import Fact, Facts, facts_of, make_rows
 from ...r2sego_blender.results.panels.bundle import Bundle
 from ...r2sego_blender.results.panels.proxy_colours import COLOURINGS
+from ...r2sego_blender.results.panels.proxy_objects import KnownObject
 from .. import state
-from .facts import ProxyFacts, drawn_object
+from .facts import ProxyFacts
 
 
 class R2SEGO_PG_drawn_object(bpy.types.PropertyGroup):
@@ -101,14 +102,14 @@ class R2SEGO_PG_proxy(bpy.types.PropertyGroup):
     @property
     def objects(self) -> Facts:
         """The bundle's objects but the removed ones, then those that are only drawn in Blender so far."""
-        masks = {one.name: one.masks for one in self.drawn}
-        known = [one for one in self.declared if one.name not in self.removed]
-        listed = [
-            replace(one, masks=masks[one.name]) if masks.get(one.name, -1) >= 0 else one for one in known
-        ]
-        names = {one.name for one in known}
-        drawn = (drawn_object(name, max(0, count)) for name, count in masks.items() if name not in names)
-        return Facts([*listed, *drawn])
+        drawn = {one.name: one.masks for one in self.drawn}
+        listed = []
+        for known in self.declared:
+            if known.name not in self.removed:
+                masks = drawn.pop(known.name, -1)
+                listed.append(replace(known, masks=masks) if masks >= 0 else known)
+        others = (KnownObject(name, "drawn", max(0, masks), False) for name, masks in drawn.items())
+        return Facts([*listed, *others])
 
     @property
     def older(self) -> bool:
@@ -181,6 +182,3 @@ def active_object(group: bpy.types.PropertyGroup) -> str:
     """The name of the chosen object, '' when there is none."""
     objects, index = group.objects, group.object_index
     return objects[index].name if 0 <= index < len(objects) else ""
-
-
-CLASSES = (R2SEGO_PG_drawn_object, R2SEGO_PG_removed_object, R2SEGO_PG_proxy)

@@ -1,4 +1,7 @@
-"""The report."""
+"""The room Report: the figures of the last evaluation, and its page.
+
+Its facts are the library's ``ReportScores`` as they are. May use the library, no other room.
+"""
 
 from bpy.props import PointerProperty
 from bpy.types import PropertyGroup, Scene
@@ -6,7 +9,6 @@ from bpy.types import PropertyGroup, Scene
 from ...r2sego_blender.bridge.shared.panel_facts import Fact
 from ...r2sego_blender.results.panels.report_scores import ReportScores, report_scores
 from .. import state
-from .open_report import R2SEGO_OT_open_report
 
 
 class R2SEGO_PG_report(PropertyGroup):
@@ -15,9 +17,6 @@ class R2SEGO_PG_report(PropertyGroup):
     arms, rounds, causes = Fact(ReportScores), Fact(ReportScores), Fact(ReportScores)
     causes_note, mending, has_lpips = Fact(ReportScores), Fact(ReportScores), Fact(ReportScores)
     outdated, summary = Fact(ReportScores), Fact(ReportScores)
-
-
-CLASSES = (R2SEGO_PG_report, R2SEGO_OT_open_report)
 
 
 def register() -> None:

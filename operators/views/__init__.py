@@ -1,20 +1,14 @@
-"""Candidate and target views."""
+"""The room Views: the round's candidate and target views.
+
+Begin with ``facts.py`` (the scores), ``properties.py`` (the active candidate) and ``display.py`` (the frusta
+in the view). May use ``bridge/views`` and the library, no other room.
+"""
 
 import bpy
 
 from .. import state
 from . import display, facts
-from .look_through_candidate import R2SEGO_OT_look_through_candidate
-from .pick_candidate import R2SEGO_OT_pick_candidate
 from .properties import R2SEGO_PG_views
-from .show_candidates import R2SEGO_OT_show_candidates
-
-CLASSES = (
-    R2SEGO_PG_views,
-    R2SEGO_OT_show_candidates,
-    R2SEGO_OT_pick_candidate,
-    R2SEGO_OT_look_through_candidate,
-)
 
 
 def register() -> None:

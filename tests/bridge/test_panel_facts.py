@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
-from r2sego_blender.bridge.shared.panel_facts import Facts  # noqa: E402
+from r2sego_blender.bridge.shared.panel_facts import Facts
 
 
 def test_facts_are_found_by_place_and_name():

@@ -8,7 +8,7 @@ lies in properties; neither undo nor a saved .blend can bring facts of before ba
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, SupportsIndex
 
 import bpy
@@ -54,61 +54,52 @@ class Fact:
         return self if group is None else getattr(facts_of(group.id_data, self._kind), self._name)
 
 
-@dataclass
-class _Kept:
-    """The facts of one Blender scene's bundle, by their class: what they were read for, what was wrong."""
+@dataclass(frozen=True)
+class Kept:
+    """Facts of one class, what of a person's choices they were read for, and what was wrong."""
 
-    bundle: str
-    facts: dict[type, Any] = field(default_factory=dict)
-    chosen: dict[type, Hashable] = field(default_factory=dict)
-    problems: dict[type, str] = field(default_factory=dict)
+    facts: Any
+    chosen: Hashable = None
+    problem: str = ""
 
 
-_kept: dict[int, _Kept] = {}
-"""By the Blender scenes' session_uid."""
+_scenes: dict[int, tuple[str, dict[type, Kept]]] = {}
+"""The path of the bundle and the facts by their classes, by the Blender scenes' session_uid."""
 
 
 def begin(scene: bpy.types.Scene) -> None:
     """Know nothing of the scene's bundle."""
-    _kept[scene.session_uid] = _Kept(whole_path(scene.r2sego.bundle))
+    _scenes[scene.session_uid] = whole_path(scene.r2sego.bundle), {}
 
 
 def forget_all() -> None:
     """Know nothing of any scene's."""
-    _kept.clear()
+    _scenes.clear()
 
 
 def keep(scene: bpy.types.Scene, facts: Any, chosen: Hashable = None, problem: str = "") -> None:
-    """Keep ``facts`` in place of those of their class.
-
-    ``chosen`` is what of a person's choices they were read for, None as before; ``problem`` says what was
-    wrong with the bundle.
-    """
-    kept, kind = _of(scene), type(facts)
-    kept.facts[kind], kept.problems[kind] = facts, problem
-    if chosen is not None:
-        kept.chosen[kind] = chosen
+    """Keep ``facts`` in place of those of their class; with ``chosen`` None, for the same choices."""
+    kept, kind = kept_of(scene), type(facts)
+    if chosen is None and kind in kept:
+        chosen = kept[kind].chosen
+    kept[kind] = Kept(facts, chosen, problem)
     make_rows(max((len(one) for one in vars(facts).values() if isinstance(one, Facts)), default=0))
 
 
 def facts_of(scene: bpy.types.Scene, kind: type) -> Any:
     """The scene's facts of a class; empty ones while nothing was read."""
-    return _of(scene).facts.get(kind) or kind()
+    kept = kept_of(scene).get(kind)
+    return kind() if kept is None else kept.facts
 
 
-def all_facts(scene: bpy.types.Scene) -> list[Any]:
-    """The scene's facts of every class, in the order in which they were read first."""
-    return list(_of(scene).facts.values())
-
-
-def chosen_for(scene: bpy.types.Scene, kind: type) -> Hashable:
-    """What facts of a class were read for, None when they were not read of this bundle."""
-    return _of(scene).chosen.get(kind)
-
-
-def problem_of(scene: bpy.types.Scene) -> str:
-    """The first thing that is wrong, '' when nothing is."""
-    return next(filter(None, _of(scene).problems.values()), "")
+def kept_of(scene: bpy.types.Scene) -> dict[type, Kept]:
+    """All that is known of the scene's bundle, in the order in which it was read first; a copied scene
+    begins with what is known of the one it is copied of."""
+    path, key = whole_path(scene.r2sego.bundle), scene.session_uid
+    if key not in _scenes or _scenes[key][0] != path:
+        same = next((kept for bundle, kept in _scenes.values() if bundle == path), {})
+        _scenes[key] = path, dict(same)
+    return _scenes[key][1]
 
 
 def make_rows(count: int) -> None:
@@ -117,13 +108,3 @@ def make_rows(count: int) -> None:
         rows = getattr(manager, ROWS)
         for _ in range(count - len(rows)):
             rows.add()
-
-
-def _of(scene: bpy.types.Scene) -> _Kept:
-    """What is kept of the scene's bundle; a copied scene has what is kept of the one it is copied of."""
-    path, key = whole_path(scene.r2sego.bundle), scene.session_uid
-    kept = _kept.get(key)
-    if kept is None or kept.bundle != path:
-        same = next((one for one in _kept.values() if one.bundle == path), _Kept(path))
-        kept = _kept[key] = _Kept(path, dict(same.facts), dict(same.chosen), dict(same.problems))
-    return kept

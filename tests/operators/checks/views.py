@@ -42,7 +42,7 @@ def check_another_file_forgets_the_scores_of_the_scenes_that_went():
     facts = sys.modules[f"{MODULE}.r2sego_blender.bridge.shared.panel_facts"]
     for _ in range(3):
         open_bundle()
-    assert list(facts._kept) == [bpy.context.scene.session_uid]
+    assert list(facts._scenes) == [bpy.context.scene.session_uid]
 
 
 def check_a_copied_scene_has_the_scores_at_once():
