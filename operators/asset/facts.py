@@ -11,7 +11,7 @@ from ...r2sego_blender.bundle.asset_stages import FINAL, INITIAL, stages
 from ...r2sego_blender.results.panels.bundle import Bundle
 from ...r2sego_blender.results.panels.file_stamps import when_written
 from ...r2sego_blender.results.panels.report_scores import not_scored
-from ...r2sego_blender.splats.asset_edits import load_edits
+from ...r2sego_blender.splats.asset_edits import ASSET_EDITS
 from ...r2sego_blender.splats.formats.ply_vertices import vertex_count
 from ..state import Line
 
@@ -54,7 +54,7 @@ def read(_scene: bpy.types.Scene, bundle: Bundle) -> AssetFacts:
         ListedStage(one.name, one.label, one.target, vertex_count(one.file), when_written(one.file))
         for one in stages(bundle.scene)
     )
-    edits = Facts(_edit(edit.name, edit.regions) for edit in load_edits(bundle.path))
+    edits = Facts(_edit(edit.name, edit.regions) for edit in bundle.read(ASSET_EDITS))
     lines = (Line("asset", label, value) for label, value in _lines(bundle, listed))
     return AssetFacts(listed, edits, tuple(lines))
 

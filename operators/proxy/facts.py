@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import bpy
 
 from ...r2sego_blender.bridge.shared.panel_facts import Facts
-from ...r2sego_blender.geometry.proxy.edits import PROXY_EDITS, load_proxy_edits
+from ...r2sego_blender.geometry.proxy.edits import PROXY_EDITS
 from ...r2sego_blender.results.panels.bundle import Bundle
 from ...r2sego_blender.results.panels.file_stamps import when_written
 from ...r2sego_blender.results.panels.proxy_coverage import read_coverage
@@ -41,7 +41,7 @@ def read(scene: bpy.types.Scene, bundle: Bundle) -> ProxyFacts:
     """What the bundle has. Raises R2SEgoError naming a damaged file."""
     edits = (
         ListedEdit(edit.name, _KINDS[edit.change.kind], edit.count, edit.change.area_m2)
-        for edit in load_proxy_edits(bundle.path / PROXY_EDITS)
+        for edit in bundle.read(PROXY_EDITS)
     )
     return ProxyFacts(
         Facts(read_objects(bundle)), Facts(edits),

@@ -56,7 +56,6 @@ def _is_steady(rollout: Rollout, max_turn_deg_s: float) -> np.ndarray:
     return ~(np.append(fast, False) | np.append(False, fast))
 
 
-def ego_camera(model: RobotModel, capture: Camera) -> Camera:
-    """The lens of the robot's head camera at its resting pose, with images of a capture's sides: robots'
-    lie, whichever way a phone was held."""
-    return model.camera(max(capture.shape), min(capture.shape))
+def ego_camera(model: RobotModel, width: int, height: int) -> Camera:
+    """The lens of the robot's head camera at ``width`` by ``height``, at its resting pose."""
+    return model.camera(width, height)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -13,11 +12,10 @@ import trimesh
 from legged_robots import quadruped_mjcf
 from made_up_room import made_up_bundle
 
+from r2sego_blender.captures.store import CAPTURES, save_captures
 from r2sego_blender.core.arrays import opened_arrays
-from r2sego_blender.core.cameras import Camera
 from r2sego_blender.core.errors import RobotError
-from r2sego_blender.refine.contents import Contents
-from r2sego_blender.results import robot_bodies
+from r2sego_blender.refine.behaviour import DeclaredBehaviour
 from r2sego_blender.results.robot_bodies import export_bodies
 from r2sego_blender.robot.model.collision_shapes import colliding
 from r2sego_blender.robot.model.model import RobotModel
@@ -169,17 +167,16 @@ def test_bodies_are_made_anew_when_a_file_that_the_robots_names_has_changed(tmp_
     assert (export_bodies(scene, 0) / SHAPES).read_bytes() != before
 
 
-def test_the_camera_that_is_shown_is_the_one_that_rounds_score_of_upright_photographs_too(
-    tmp_path, monkeypatch, humanoid
-):
+def test_the_camera_that_is_shown_is_the_one_that_rounds_score_of_upright_photographs_too(tmp_path, humanoid):
     scene = made_up_bundle(tmp_path / "room.r2s")
+    upright = [
+        replace(capture, camera=replace(capture.camera, width=480, height=640))
+        for capture in scene.read(CAPTURES)
+    ]
     (scene.path / "rounds/0/rollouts").mkdir()
     save_rollouts(scene.path / "rounds/0/rollouts", [rollout_of(humanoid)])
-    upright = SimpleNamespace(camera=Camera(480, 640, 500.0, 500.0, 240.0, 320.0, np.eye(4)))
-    monkeypatch.setattr(robot_bodies, "load_captures", lambda folder: (upright,))
-    contents = Contents(scene, scene.declaration.settings)
-    vars(contents)["captures"] = (upright,)
+    save_captures(scene.captures_folder, upright)
     shown = json.loads((export_bodies(scene, 0) / DESCRIPTION).read_text())["camera"]
-    scored = contents.ego_camera
+    scored = DeclaredBehaviour.of(scene).ego_camera(scene.read(CAPTURES))
     assert (shown["width"], shown["height"], shown["fx"]) == (scored.width, scored.height, scored.fx)
     assert (scored.width, scored.height) == (640, 480)
