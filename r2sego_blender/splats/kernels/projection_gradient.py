@@ -17,12 +17,13 @@ from numba import get_thread_id
 from numba.core.types import float32, int64, void
 
 from ..harmonics import basis_gradients, basis_values
+from ..vector_language.denormals import flush_denormals, restore_denormals
+from ..vector_language.exponentials import exp2
+from ..vector_language.lanes import lane_sums, transposed
+from ..vector_language.vectors import VECTOR_BYTES, Code, Value, vector_kernel
 from .batches import SLOT_BYTES
 from .blending_gradient import BLENDED
 from .compiled import dealt, kernel, parallel_kernel, prange, turns
-from .denormals import flush_denormals, restore_denormals
-from .exponentials import exp2
-from .lanes import lane_sums, transposed
 from .packing import HARMONICS, LANES, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION
 from .projection import (
     BLOCK,
@@ -41,7 +42,6 @@ from .projection import (
     view_direction,
     visible_colour,
 )
-from .vectors import VECTOR_BYTES, Code, Value, vector_kernel
 
 GATHER_BYTES = LANES * SLOT_BYTES
 POSE_SUMS = 6

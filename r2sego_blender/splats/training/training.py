@@ -19,11 +19,11 @@ from ...core.cameras import Camera
 from ...core.errors import AssetError
 from ...core.progress import SILENT, Progress
 from ..asset import SplatAsset
-from ..kernels.aligned_memory import aligned_copy
 from ..kernels.loss import PhotometricLoss
 from ..kernels.packing import HARMONICS, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION, PackedGaussians, rows_of
 from ..kernels.tiles import DEPTH_PLANE, TRANSMITTANCE_PLANE
 from ..rendering.rasterizer import Rasterizer
+from ..vector_language.aligned_memory import aligned_copy
 from .corrections import Correction
 from .densification import Densification
 from .dropout import Dropout
