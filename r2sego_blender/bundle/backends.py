@@ -31,6 +31,12 @@ GENERATOR_BACKENDS: Mapping[str, str] = {
 }
 """What makes the clips, by the setting ``generation.generator``."""
 
+TRAINER_BACKENDS: Mapping[str, str] = {
+    "cpu": "embedded: 3DGS on the CPU",
+    "gsplat": "gsplat on CUDA",
+}
+"""What trains the splats, by the setting ``training.backend``."""
+
 BACKENDS: Mapping[str, str] = {
     "initial_asset": "embedded: dense stereo to splats",
     "shape_prior": "embedded: room planes",
@@ -39,6 +45,7 @@ BACKENDS: Mapping[str, str] = {
     "conditions": CONDITION_BACKENDS["z-buffer"],
     "generator": GENERATOR_BACKENDS["blending"],
     "registration": "embedded: patches of the captures and PnP",
+    "splat_trainer": TRAINER_BACKENDS["cpu"],
 }
 """The backend of each slot of the paper; none of the defaults is a learned model."""
 
@@ -49,6 +56,7 @@ def chosen_backends(settings: Settings) -> dict[str, str]:
         "surface": SURFACE_BACKENDS[settings.proxy.surface],
         "conditions": CONDITION_BACKENDS[settings.generation.renderer],
         "generator": GENERATOR_BACKENDS[settings.generation.generator],
+        "splat_trainer": TRAINER_BACKENDS[settings.training.backend],
     }
 
 

@@ -47,7 +47,7 @@ GATHER_BYTES = LANES * SLOT_BYTES
 POSE_SUMS = 6
 
 BETA_1, BETA_2 = 0.9, 0.999
-_TINIEST_SQUARE = 1e-30  # added to the second moment, where torch adds 1e-15 to its root
+TINIEST_SQUARE = 1e-30  # added to the second moment, where torch adds 1e-15 to its root
 _LOG2_BETA_1, _LOG2_BETA_2 = math.log2(BETA_1), math.log2(BETA_2)
 _SHORT = 0.05  # below this, 1 - 2^-x is taken from its series: the difference would lose digits
 
@@ -252,7 +252,7 @@ def _adam_chunk(
         old_m, old_v, value = (code.load(x + offset) for x in (first, second, chunk))
         m = old_m * BETA_1 + gradient * (1.0 - BETA_1)
         v = old_v * BETA_2 + gradient * gradient * (1.0 - BETA_2)
-        step = correction * m * (1.0 / code.sqrt(v + _TINIEST_SQUARE))
+        step = correction * m * (1.0 / code.sqrt(v + TINIEST_SQUARE))
         moved = value - code.load_float(rates + 4 * row) * step
         for place, new, old in ((first, m, old_m), (second, v, old_v), (chunk, moved, value)):
             code.store(place + offset, code.select(blended, new, old))
