@@ -17,7 +17,7 @@ from .capture import Capture
 from .lenses.lens import Lens
 from .poses.colmap_model import save_colmap_model
 from .poses.json_fields import entries, read_json
-from .sparse import SparsePoints
+from .sparse_points import SparsePoints
 
 
 def save_captures(

@@ -15,7 +15,7 @@ from ..bundle.scene import Scene
 from ..captures.store import CAPTURES
 from ..core.errors import GeometryError, RobotError
 from ..core.text_files import write_json
-from ..geometry.objects.priors import PRIOR_RECORDS, PRIORS, object_place
+from ..geometry.objects.prior_files import PRIOR_RECORDS, PRIORS, object_place
 from ..geometry.proxy.proxy import PROXY
 from ..refine.behaviour import DeclaredBehaviour
 from ..robot.behaviours.free_floor import free_floor

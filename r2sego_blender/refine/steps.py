@@ -31,14 +31,14 @@ from ..generation.paths.detours import ClearSpace
 from ..generation.registration.frame_registration import Landmarks
 from ..geometry.collision.collision import CollisionSurface, collision_surface
 from ..geometry.collision.collision_files import COLLISION, REFINED_COLLISION
-from ..geometry.objects.priors import AlignedPrior
+from ..geometry.objects.prior_files import AlignedPrior
 from ..geometry.proxy.edited_proxy import edited
 from ..geometry.proxy.edits import PROXY_EDITS, Edit
 from ..geometry.proxy.fusion import compose_proxy
 from ..geometry.proxy.proxy import PROXY, GeometryProxy
-from ..geometry.room.completion import CompletedDepth
+from ..geometry.room.completed_depth import CompletedDepth
 from ..geometry.room.planes import RoomPlanes
-from ..geometry.stereo.observed import ObservedGeometry
+from ..geometry.stereo.observed_geometry import ObservedGeometry
 from ..geometry.stereo.stereo import DepthMap
 from ..robot.rollouts.attempts import Rollout
 from ..robot.rollouts.camera_flight import FreeSpace, camera_flights
