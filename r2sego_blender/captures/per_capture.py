@@ -33,6 +33,11 @@ class PerCapture(Generic[Each]):
         """What was published for each capture. Raises the loader's error where a file is damaged."""
         return [self.load(self.folder / file) for file in _files(captures)]
 
+    def found(self, captures: Sequence[Named], index: int) -> Each | None:
+        """What was published for one of the captures; None where nothing was."""
+        file = self.folder / _files(captures)[index]
+        return self.load(file) if file.is_file() else None
+
 
 def each_capture(name: str, load: Callable[[Path], Each]) -> Artifact[PerCapture[Each]]:
     """The artifact ``name`` that holds a file for each capture, as ``load`` reads one.

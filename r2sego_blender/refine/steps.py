@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 
 from ..bundle.artifacts import Artifact, file_at
+from ..bundle.figures import COUNTS
 from ..captures.per_capture import PerCapture
-from ..core.errors import SceneError
-from ..core.text_files import opened_json, write_json
 from ..generation.carried_decisions import carry_decisions
 from ..generation.conditions.conditions import ZBufferRenderer
 from ..generation.conditions.point_condition import PointConditions
@@ -54,19 +53,6 @@ from .behaviour import DeclaredBehaviour
 from .capture_steps import AlignedPriors, Captures, CaptureSteps, RegisteredCaptures
 from .depths import completed_depths, proxy_depths, reliable_depths
 from .visual_asset import PseudoView, settings_of_round, update_visual_asset
-
-
-def _read_counts(file: Path) -> dict[str, Any]:
-    with opened_json(file, SceneError, "the counts of a round cannot be read") as counts:
-        return dict(counts)
-
-
-def _write_counts(counts: dict[str, Any], file: Path) -> None:
-    write_json(file, counts)
-
-
-COUNTS = Artifact("metrics.json", _read_counts, _write_counts, editable=False)
-"""How much a round made of everything, for people."""
 
 Views = Artifact[tuple[PseudoObservation, ...]]
 
