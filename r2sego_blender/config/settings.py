@@ -11,17 +11,23 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..core.errors import SettingsError
+from .slots import GENERATORS, RENDERERS, SURFACES
 
 
 def setting(
     default: Any, doc: str, low: float | None = None, high: float | None = None, choices: Sequence[str] = (),
-    changes_result: bool = True,
+    changes_result: bool = True, added: bool = False,
 ) -> Any:  # fmt: skip
     """A dataclass field with its doc line and its inclusive range or, for names, its choices.
 
     Where it only changes how fast or in how much memory a result is made, nothing is made again for it.
+    One ``added`` after bundles were made, whose default does what was done without it, changes no step's
+    key until it is set: those bundles go on.
     """
-    said = {"doc": doc, "low": low, "high": high, "choices": tuple(choices), "changes_result": changes_result}
+    said = {
+        "doc": doc, "low": low, "high": high, "choices": tuple(choices), "changes_result": changes_result,
+        "added": added,
+    }  # fmt: skip
     return field(default=default, metadata=said)
 
 
@@ -106,7 +112,7 @@ class ProxySettings:
     surface: str = setting(
         "tsdf",
         "What makes the surface of depth: fused distances, screened Poisson or, if installed, NKSR.",
-        choices=("tsdf", "poisson", "nksr"),
+        choices=tuple(SURFACES.labels),
     )
     planes: int = setting(14, "Planes looked for in the observed points.", 0, 64)
     plane_tolerance_m: float = setting(0.02, "Points this near support a plane.", 0.002, 0.2)
@@ -237,12 +243,12 @@ class GenerationSettings:
     generator: str = setting(
         "blending",
         "Who makes the clips: the embedded blending, ViewCrafter, or the program in R2SEGO_GENERATOR.",
-        choices=("blending", "viewcrafter", "viewcrafter_512", "command"),
+        choices=tuple(GENERATORS.labels),
     )
     renderer: str = setting(
         "z-buffer",
         "Who renders the structural conditions: the library itself, or an engine of Blender.",
-        choices=("z-buffer", "cycles", "eevee"),
+        choices=tuple(RENDERERS.labels),
     )
     kept_conditions: str = setting(
         "clip", "Structural conditions that stay in the bundle.", choices=("clip", "target")
@@ -305,6 +311,11 @@ class RegistrationSettings:
 class TrainingSettings:
     """3D Gaussian splatting of the visual asset."""
 
+    backend: str = setting(
+        "cpu",
+        "What renders and moves the Gaussians: the embedded CPU kernels, or gsplat on an NVIDIA GPU.",
+        choices=("cpu", "gsplat"), added=True,
+    )  # fmt: skip
     steps_per_round: int = setting(5000, "Optimisation steps a round.", 1, 200000)
     max_gaussians: int = setting(150000, "Hard budget of Gaussians, the backdrop not counted.", 1000, 5000000)
     real_weight: float = setting(1.0, "Weight of a registered capture.", 0.0, 10.0)

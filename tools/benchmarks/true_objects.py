@@ -19,11 +19,12 @@ from scipy.spatial.transform import Rotation
 
 from r2sego_blender.bundle.layout import OBJECTS
 from r2sego_blender.bundle.scene import Scene
-from r2sego_blender.evaluation.geometry_scores import AlignmentScore, alignment_score
 from r2sego_blender.evaluation.ground_truth import GroundTruth
 from r2sego_blender.geometry.mesh.meshes import compacted
 from r2sego_blender.geometry.objects.objects import DeclaredObject, save_objects
 from r2sego_blender.geometry.objects.shapes import Shape
+
+from .geometry_scores import AlignmentScore, alignment_score
 
 _LARGEST_M, _LEAST_THICK_M = 3.0, 0.1
 _ON_FLOOR_M = 0.05

@@ -9,13 +9,14 @@ that shows another colour than the rest loses weight: it sees something else, su
 leg that the proxy lacks.
 
 Points that no capture saw have the colour of their surface, continued in 3D
-(``surface_colours``) and joined to the colours seen around them. What is doubtful is softened
-(``doubt``).
+(``surface_colours``) and joined to the colours seen around them. What is uncertain is softened
+(``uncertainty``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,10 +30,13 @@ from ...geometry.visibility.projection import NEAR_M
 from ..conditions.conditions import Condition
 from .exposure import exposure_gains
 from .hole_filling import fill_holes
-from .slot import Frame
+from .slot import ClipInputs, Frame, Generator, Installation
 from .surface_colours import SurfaceColours
-from .uncertainty import soften_doubt
+from .uncertainty import soften_uncertain
 from .visibility import capture_trust
+
+BACKENDS = {"blending": "embedded: geometry-guided blending"}
+ORDER = 0
 
 # A capture exactly at the target's angle has penalty 0 and weight 1/penalty; this, about
 # a tenth of a degree, keeps the weight finite.
@@ -141,7 +145,18 @@ class BlendingGenerator:
             known, np.maximum(confidence, settings.hole_confidence), settings.hole_confidence
         )
         confidence = confidence.astype(np.float32)
-        return Frame(np.clip(soften_doubt(image, confidence), 0.0, 1.0), confidence)
+        return Frame(np.clip(soften_uncertain(image, confidence), 0.0, 1.0), confidence)
+
+
+def installation(name: str, settings: GenerationSettings) -> Installation:
+    """The embedded generator is always there, and depends on its inputs and settings alone."""
+    return Installation({})
+
+
+@contextlib.contextmanager
+def make(installed: Installation, inputs: ClipInputs) -> Iterator[Generator]:
+    """The embedded generator of these captures."""
+    yield BlendingGenerator(inputs.captures, inputs.depths, inputs.settings.generation, inputs.observed)
 
 
 @inlined

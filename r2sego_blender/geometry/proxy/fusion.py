@@ -22,13 +22,13 @@ from ...core.cameras import Camera
 from ...core.errors import GeometryError
 from ...core.progress import SILENT, Progress
 from ..mesh.meshes import compacted, component_areas, merged, normals_and_areas, places
-from ..objects.priors import AlignedPrior
-from ..room.completion import CompletedDepth, DepthSource
+from ..objects.prior_files import AlignedPrior
+from ..room.completed_depth import CompletedDepth, DepthSource
 from ..room.envelope import envelope_polygons, tessellated
 from ..room.planes import RoomPlanes
 from ..stereo.evidence import FREE_MARGIN, KnownDepth, collect_votes
-from ..stereo.observed import ObservedGeometry
-from ..surfaces.backends import SURFACES
+from ..stereo.observed_geometry import ObservedGeometry
+from ..surfaces.backends import surface_backend
 from ..surfaces.oriented_points import WeightedDepth
 from ..surfaces.tsdf import DistanceField
 from ..visibility.rasterizer import MeshRasterizer
@@ -68,7 +68,7 @@ def compose_proxy(
         field = _empty_field(completed, observed, envelope, settings)
         task.advance()
         views = _without_priors(_weighted(completed, asset_depths, settings), priors)
-        vertices, faces = SURFACES[settings.surface](views, field)
+        vertices, faces = surface_backend(settings.surface).surface(views, field)
         vertices, faces = _carved(vertices, faces, trusted, settings)
         task.advance()
         faces = _outside_priors(vertices, faces, priors, envelope, trusted, settings)

@@ -14,11 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ...bundle import layout
+from ...bundle.artifacts import Artifact
 from ...config.settings import ProxySettings
 from ...core.arrays import opened_arrays, require_shapes, save_arrays
 from ...core.cameras import Camera
 from ...core.errors import GeometryError
-from ..stereo.observed import ObservedGeometry
+from ..stereo.observed_geometry import ObservedGeometry
 
 _HYPOTHESES = 256  # points whose own tangent plane is tried for each plane
 _SCORED_POINTS = 8_000  # points a hypothesis is scored on; all take part in the refinement
@@ -177,3 +179,7 @@ def _bounding(planes, points, centres, settings):
         bounding[twins] = False
         bounding[keep] = True
     return bounding
+
+
+PLANES = Artifact(layout.PLANES, RoomPlanes.load, RoomPlanes.save)
+"""The room's planes: the embedded shape prior."""

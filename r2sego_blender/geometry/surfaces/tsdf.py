@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,10 @@ from ...core.cameras import Camera
 from ...core.compiled import parallel_kernel, prange
 from ..mesh.meshes import compacted
 from ..visibility.projection import depth_of, pixel_of
+from .oriented_points import WeightedDepth
+
+BACKENDS = {"tsdf": "embedded: TSDF of completed depth"}
+ORDER = 0
 
 
 @dataclass(frozen=True)
@@ -60,6 +65,13 @@ class DistanceField:
             inside &= known[tuple((cell + corner).T)]
         vertices, faces = compacted(vertices, faces[inside])
         return vertices * self.voxel_m + self.origin, faces
+
+
+def surface(views: Sequence[WeightedDepth], field: DistanceField) -> tuple[np.ndarray, np.ndarray]:
+    """The zero level of the truncated distances of all views, fused in ``field``."""
+    for view in views:
+        field.integrate(view.camera, view.depth, view.weight)
+    return field.surface()
 
 
 @parallel_kernel
