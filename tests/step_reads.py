@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from r2sego_blender.bundle.scene import Scene
-from r2sego_blender.config.presets import Entry
+from r2sego_blender.config.fields import Field
 from r2sego_blender.config.settings import Settings
 from r2sego_blender.refine.contents import Contents
 from r2sego_blender.refine.steps import Steps
@@ -64,7 +64,7 @@ class KeysOnly(Scene):
         return found
 
 
-def another(entry: Entry) -> object:
+def another(entry: Field) -> object:
     """A value that the setting may have, and does not."""
     return next(
         value for value in (*entry.choices, entry.low, entry.high) if value not in (None, entry.default)

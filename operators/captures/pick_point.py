@@ -7,8 +7,8 @@ from ...r2sego_blender.bridge.captures.show_captures import looked_through
 from ...r2sego_blender.bridge.shared.cameras import camera_of, has_lens
 from ...r2sego_blender.bridge.shared.scope_rays import is_over, mouse_ray
 from ...r2sego_blender.core.errors import CaptureError, R2SEgoError
-from ...r2sego_blender.results.panels.registration_pixels import next_name, pixel_of_ray
 from ...r2sego_blender.core.formatting import counted
+from ...r2sego_blender.results.panels.registration_pixels import next_name, pixel_of_ray
 from .. import state
 from ..base import ReportingOperator, needs_bundle
 from ..view_tool import ViewTool

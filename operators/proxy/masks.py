@@ -21,8 +21,8 @@ from ...r2sego_blender.bridge.shared.image_editors import image_editors
 from ...r2sego_blender.bridge.shared.views_3d import redraw_views
 from ...r2sego_blender.core.errors import GeometryError
 from ...r2sego_blender.core.file_names import plain_name
-from ...r2sego_blender.results.panels.proxy_objects import read_objects
 from ...r2sego_blender.core.formatting import counted
+from ...r2sego_blender.results.panels.proxy_objects import read_objects
 from .. import state
 from ..base import EngineOperator, ReportingOperator, needs_bundle, needs_idle_engine
 from ..drawing import Drawing

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
+from ..config.fields import in_keys
 from ..core.atomic_files import (
     UNFINISHED,
     finish_replacing,
@@ -377,8 +378,7 @@ def _remove_abandoned(folder: Path) -> None:
 
 def _as_json(value: Any) -> Any:
     if dataclasses.is_dataclass(value):
-        read = (field for field in dataclasses.fields(value) if field.metadata.get("changes_result", True))
-        return {field.name: getattr(value, field.name) for field in read}
+        return in_keys(value)
     if hasattr(value, "tolist"):
         return value.tolist()
     return str(value)

@@ -6,23 +6,10 @@ the presets derive from these frozen dataclasses. ``docs/settings.md`` is made f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 from ..core.errors import SettingsError
-
-
-def setting(
-    default: Any, doc: str, low: float | None = None, high: float | None = None, choices: Sequence[str] = (),
-    changes_result: bool = True,
-) -> Any:  # fmt: skip
-    """A dataclass field with its doc line and its inclusive range or, for names, its choices.
-
-    Where it only changes how fast or in how much memory a result is made, nothing is made again for it.
-    """
-    said = {"doc": doc, "low": low, "high": high, "choices": tuple(choices), "changes_result": changes_result}
-    return field(default=default, metadata=said)
+from .fields import setting
 
 
 @dataclass(frozen=True)
@@ -343,8 +330,12 @@ class TrainingSettings:
         "First Gaussians at points: faint spheres as in 3DGS, or discs along the surface they show.",
         choices=("spheres", "discs"),
     )
-    position_rate: float = setting(
-        1.6e-4, "Learning rate of the means at the start, times the scene's extent.", 0.0, 1.0
+    position_learning_rate: float = setting(
+        1.6e-4,
+        "Learning rate of the means at the start, times the scene's extent.",
+        0.0,
+        1.0,
+        formerly="position_rate",
     )
     position_decay: float = setting(
         0.01, "Learning rate of the means at the end over that at the start.", 1e-6, 1.0
@@ -367,11 +358,19 @@ class TrainingSettings:
     opacity_reset_steps: int = setting(
         3000, "Steps between the resets of opacity that 3DGS does while it adds.", 10, 1000000
     )
-    opacity_pull: float = setting(
-        0.0, "Weight of the mean opacity in the loss: what is not needed fades.", 0.0, 1.0
+    opacity_regularization: float = setting(
+        0.0,
+        "Weight of the mean opacity in the loss: what is not needed fades.",
+        0.0,
+        1.0,
+        formerly="opacity_pull",
     )
-    scale_pull: float = setting(
-        0.0, "Weight of the mean scale (m) in the loss: nothing grows that need not.", 0.0, 1.0
+    scale_regularization: float = setting(
+        0.0,
+        "Weight of the mean scale (m) in the loss: nothing grows that need not.",
+        0.0,
+        1.0,
+        formerly="scale_pull",
     )
     max_scale_m: float = setting(
         0.15, "Largest standard deviation of a Gaussian, in any direction; 0: no limit.", 0.0, 1000.0
@@ -379,28 +378,56 @@ class TrainingSettings:
     dropout_share: float = setting(
         0.2, "Share of the Gaussians that each step leaves out, drawn anew; 0: none.", 0.0, 0.9
     )
-    later_rounds_rate: float = setting(
-        0.3, "Learning rates in the second round over the first's, in the third over the second's.", 0.0, 1.0
+    later_rounds_learning_rate_ratio: float = setting(
+        0.3,
+        "Learning rates in the second round over the first's, in the third over the second's.",
+        0.0,
+        1.0,
+        formerly="later_rounds_rate",
     )
     depth_weight: float = setting(0.0, "Weight of relative depth errors against known depth.", 0.0, 10.0)
     normal_weight: float = setting(
         0.0, "Weight of the depth's slope errors against known normals.", 0.0, 10.0
     )
-    exposure_rate: float = setting(
-        0.0, "Learning rate of a generated frame's brightness; 0: it is taken as it is.", 0.0, 1.0
+    exposure_learning_rate: float = setting(
+        0.0,
+        "Learning rate of a generated frame's brightness; 0: it is taken as it is.",
+        0.0,
+        1.0,
+        formerly="exposure_rate",
     )
-    pose_rate: float = setting(
-        0.0, "Learning rate of a generated frame's pose (rad, m); 0: it stays as registered.", 0.0, 1.0
+    pose_learning_rate: float = setting(
+        0.0,
+        "Learning rate of a generated frame's pose (rad, m); 0: it stays as registered.",
+        0.0,
+        1.0,
+        formerly="pose_rate",
     )
-    rate_swing: float = setting(
-        1.0, "All learning rates start as many times higher, and end as many times lower.", 1.0, 10.0
+    learning_rate_annealing: float = setting(
+        1.0,
+        "All learning rates start as many times higher, and end as many times lower.",
+        1.0,
+        10.0,
+        formerly="rate_swing",
     )
-    scale_rate: float = setting(0.01, "Learning rate of the logarithms of the scales.", 0.0, 1.0)
-    rotation_rate: float = setting(2e-3, "Learning rate of the quaternions.", 0.0, 1.0)
-    opacity_rate: float = setting(0.05, "Learning rate of the opacities' logits.", 0.0, 1.0)
-    colour_rate: float = setting(5e-3, "Learning rate of the colours.", 0.0, 1.0)
-    harmonics_rate_ratio: float = setting(
-        0.05, "Learning rate of the higher harmonics over that of the colours.", 0.0, 1.0
+    scale_learning_rate: float = setting(
+        0.01, "Learning rate of the logarithms of the scales.", 0.0, 1.0, formerly="scale_rate"
+    )
+    rotation_learning_rate: float = setting(
+        2e-3, "Learning rate of the quaternions.", 0.0, 1.0, formerly="rotation_rate"
+    )
+    opacity_learning_rate: float = setting(
+        0.05, "Learning rate of the opacities' logits.", 0.0, 1.0, formerly="opacity_rate"
+    )
+    colour_learning_rate: float = setting(
+        5e-3, "Learning rate of the colours.", 0.0, 1.0, formerly="colour_rate"
+    )
+    harmonics_learning_rate_ratio: float = setting(
+        0.05,
+        "Learning rate of the higher harmonics over that of the colours.",
+        0.0,
+        1.0,
+        formerly="harmonics_rate_ratio",
     )
 
 

@@ -12,7 +12,7 @@ from ..bundle.stale import require_present_frame
 from ..core.errors import SceneError
 from ..core.progress import SILENT, Progress
 from ..refine.contents import Contents
-from ..robot.behaviours.free_floor import free_floor
+from ..robot.planning.free_floor import free_floor
 from ..robot.rollouts.attempts import Attempts, Rollout, in_order
 from ..robot.rollouts.bodies import save_bodies
 from ..robot.rollouts.rollouts import save_rollouts, tell_warnings

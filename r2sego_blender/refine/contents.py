@@ -24,10 +24,11 @@ from ..geometry.room.completion import CompletedDepth
 from ..geometry.room.planes import RoomPlanes
 from ..geometry.stereo.observed import ObservedGeometry
 from ..geometry.stereo.stereo import DepthMap
+from ..robot.behaviours.sit_on import ANY_SEAT
 from ..robot.model.model import RobotModel
 from ..robot.model.robot_file import robot_digest
 from ..robot.rollouts.candidates import ego_camera
-from ..robot.scope.scope import ANY_SEAT, FREE_FLOOR, BehaviourScope
+from ..robot.scope.scope import FREE_FLOOR, BehaviourScope
 from ..splats.asset import SplatAsset
 from ..splats.formats.ply import load_made
 from ..views.selection import Selection, load_candidates
