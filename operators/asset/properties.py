@@ -26,7 +26,7 @@ from ...r2sego_blender.bundle.asset_stages import FINAL, INITIAL, PASSES, stages
 from ...r2sego_blender.core.errors import R2SEgoError
 from ...r2sego_blender.results.panels.bundle import Bundle
 from ...r2sego_blender.results.panels.report_scores import not_scored
-from ...r2sego_blender.splats.asset_edits import load_edits
+from ...r2sego_blender.splats.asset_edits import ASSET_EDITS
 from ...r2sego_blender.splats.formats.ply_vertices import vertex_count
 from .. import state
 from .marks import drop_marks
@@ -192,7 +192,7 @@ def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
     _show_anew(scene, bundle)
     group.edits.clear()
     deleted = []
-    for edit in load_edits(bundle.path):
+    for edit in bundle.read(ASSET_EDITS):
         item, regions = group.edits.add(), [region.to_json() for region in edit.regions]
         item.name, item.regions = edit.name, ", ".join(region["kind"] for region in regions)
         deleted += regions

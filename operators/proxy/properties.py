@@ -14,7 +14,7 @@ from bpy.props import (
 from ...r2sego_blender.bridge.proxy import placement_live
 from ...r2sego_blender.bridge.proxy.object_masks import masked_objects
 from ...r2sego_blender.bridge.proxy.show_proxy import colour_proxy, is_current, shown_proxy
-from ...r2sego_blender.geometry.proxy.edits import PROXY_EDITS, load_proxy_edits
+from ...r2sego_blender.geometry.proxy.edits import PROXY_EDITS
 from ...r2sego_blender.results.panels.bundle import Bundle
 from ...r2sego_blender.results.panels.proxy_colours import COLOURINGS
 from ...r2sego_blender.results.panels.proxy_coverage import read_coverage
@@ -166,7 +166,7 @@ def note_age(scene: bpy.types.Scene, bundle: Bundle) -> None:
 
 def _read_edits(group: bpy.types.PropertyGroup, bundle: Bundle) -> None:
     group.edits.clear()
-    for edit in load_proxy_edits(bundle.path / PROXY_EDITS):
+    for edit in bundle.read(PROXY_EDITS):
         item = group.edits.add()
         item.name, item.kind = edit.name, _KINDS[edit.change.kind]
         item.faces, item.area = edit.count, edit.change.area_m2

@@ -14,6 +14,7 @@ from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
 from ..core.errors import AssetError
 from ..core.progress import JsonProgress, Progress
+from ..splats.asset_edits import ASSET_EDITS
 from .options import ANY_PATH, FOLDER, json_progress, progress_of, show, tell
 
 if TYPE_CHECKING:
@@ -113,7 +114,6 @@ def edit_asset(
     from ..splats.asset_edits import (
         AssetEdit,
         edit_file,
-        load_edits,
         load_region,
         next_name,
         not_yet_deleted,
@@ -130,7 +130,7 @@ def edit_asset(
         with opened.locked():
             require_present_frame(opened, [REFINED_ASSET], "edited")
             # Damaged edits and assets and unknown names are refused before anything changes.
-            staying = [one for one in load_edits(opened.path) if one.name not in (*remove, name)]
+            staying = [one for one in opened.read(ASSET_EDITS) if one.name not in (*remove, name)]
             try:
                 regions = not_yet_deleted(staying, regions)
             except AssetError:
@@ -167,13 +167,14 @@ def _asset(stage: Stage) -> SplatAsset:
 
 def _publish_again(scene: Scene, progress: Progress) -> None:
     """The final asset anew; of a refinement that was cut off, made of its newest round."""
-    from ..bundle.layout import of_round
+    from ..bundle.runner import Runner
     from ..refine.steps import Steps
+    from ..splats.artifacts import ASSET
 
     last = _last_round(scene)
     if last >= 0:
-        steps = Steps(scene, scene.declaration.settings, progress)
-        steps.publish_asset(of_round(last, "asset.ply"))
+        steps = Steps(Runner(scene), scene.declaration.settings, progress)
+        steps.publish_asset(ASSET.of_round(last))
 
 
 def _last_round(scene: Scene) -> int:
@@ -183,10 +184,10 @@ def _last_round(scene: Scene) -> int:
 
 def _described(scene: Scene) -> dict[str, Any]:
     """The edits, and what they delete of the final asset."""
-    from ..splats.asset_edits import deleted_by, load_edits
+    from ..splats.asset_edits import deleted_by
     from ..splats.formats.ply_vertices import vertex_count
 
-    edits = load_edits(scene.path)
+    edits = scene.read(ASSET_EDITS)
     listed = [{"name": e.name, "regions": [r.to_json()["kind"] for r in e.regions]} for e in edits]
     last = _last_round(scene)
     if last < 0:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..bundle.scene import Scene
-from ..captures.store import load_captures
+from ..captures.store import CAPTURES
 from ..config.presets import with_overrides
 from ..core.errors import MachineError, SceneError
 from ..core.images import image_files
@@ -54,7 +54,7 @@ def make_demo_scene(
 
 
 def _require_demo(scene: Scene, room: Path) -> None:
-    stored = load_captures(scene.captures_folder)
+    stored = scene.read(CAPTURES)
     if {capture.name for capture in stored} != {file.name for file in image_files(room / "captures")}:
         raise SceneError(
             "this is a scene of other photographs", where=scene.path,

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..bundle.scene import Declaration, Scene, require_place
+from ..bundle.creating import create_bundle, require_place
+from ..bundle.declaration import Declaration
+from ..bundle.scene import Scene
 from ..captures.frame.ground_picture import GROUND_PICTURES, save_ground_pictures
 from ..captures.frame.lifting import in_photograph
 from ..captures.frame.scale import KNOWN_LENGTH, Scale, require_marker
@@ -78,7 +80,7 @@ def create_scene(
         )
         save_ground_pictures(folder / GROUND_PICTURES, stored)
 
-    return Scene.create(path, declaration, fill)
+    return create_bundle(path, declaration, fill)
 
 
 def _look_over(scale: Scale, folder: Path, solved: bool) -> None:

@@ -11,7 +11,7 @@ import pytest
 import tomli_w
 
 from r2sego_blender.bundle.declaration import Declaration, read_declaration, write_declaration
-from r2sego_blender.bundle.scene import _as_json
+from r2sego_blender.bundle.keys import _as_json
 from r2sego_blender.config.presets import (
     MANY_PHOTOGRAPHS,
     VANILLA_3DGS,

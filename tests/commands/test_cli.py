@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.frame.world_frame import ASSUMED_CAMERA_HEIGHT_M
 from r2sego_blender.commands.bench import bench
 from r2sego_blender.commands.cli import main
@@ -56,7 +58,7 @@ def noise(path: Path, seed: int) -> None:
 
 def bundle(folder: Path) -> Scene:
     declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
-    return Scene.create(folder / "room.r2s", declaration, lambda f: (f / "captures").mkdir())
+    return create_bundle(folder / "room.r2s", declaration, lambda f: (f / "captures").mkdir())
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])

@@ -14,6 +14,7 @@ import pytest
 from progress_recorder import ProgressRecorder
 from wrong_world import FLOOR, assert_true, picked_points, shown_points, wrong_scene, wrong_similarity
 
+from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.frame.correction_history import BEFORE, CORRECTIONS
 from r2sego_blender.captures.frame.floor_points import FloorPoint
@@ -127,7 +128,7 @@ def test_what_depends_on_the_captures_is_redone(tmp_path):
     runs = []
 
     def step(made):
-        made.step("geometry/heights.txt", lambda place: (runs.append(1), place.write_text("x")),
+        Runner(made).step("geometry/heights.txt", lambda place: (runs.append(1), place.write_text("x")),
                   inputs=["captures"])  # fmt: skip
 
     step(scene)

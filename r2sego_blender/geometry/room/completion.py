@@ -23,7 +23,9 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
+from ...bundle import layout
 from ...captures.capture import Capture
+from ...captures.per_capture import each_capture
 from ...config.settings import Settings, StereoSettings
 from ...core.arrays import opened_arrays, require_shapes, save_arrays
 from ...core.cameras import Camera
@@ -324,3 +326,7 @@ def _filled(depth: np.ndarray, observed: np.ndarray) -> np.ndarray:
     nearest = ndimage.distance_transform_edt(depth <= 0, return_distances=False, return_indices=True)
     full = depth[tuple(nearest)]
     return np.where(observed, depth, cv2.medianBlur(full, 5))
+
+
+COMPLETED = each_capture(layout.COMPLETED, CompletedDepth.load)
+"""The completed depth of each capture."""

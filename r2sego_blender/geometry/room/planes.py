@@ -14,6 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ...bundle import layout
+from ...bundle.artifacts import Artifact
 from ...config.settings import ProxySettings
 from ...core.arrays import opened_arrays, require_shapes, save_arrays
 from ...core.cameras import Camera
@@ -177,3 +179,7 @@ def _bounding(planes, points, centres, settings):
         bounding[twins] = False
         bounding[keep] = True
     return bounding
+
+
+PLANES = Artifact(layout.PLANES, RoomPlanes.load, RoomPlanes.save)
+"""The room's planes: the embedded shape prior."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import dataclasses
 import re
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 import tomli_w
 
+from ...config.declared_files import parse_toml
 from ...core.errors import RobotError
 from ...core.text_files import write_text
 from .scope import BehaviourScope
@@ -82,8 +82,8 @@ def value_of(text: str) -> Any:
     if not text:
         return None
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        return parse_toml(f"value = {text}")["value"]
+    except (ValueError, RecursionError) as error:
         if text.lstrip()[:1] in ("[", "{"):
             raise RobotError(
                 f"'{text}' is no TOML value: {error}", where="--set",

@@ -33,7 +33,7 @@ BEHAVIOUR = Behaviour(Wave, "Stand and wave.", plan=lambda course: None, needs_l
 SAYS = """
 import json, sys, tomllib
 from pathlib import Path
-from r2sego_blender.bundle.scene import _as_json
+from r2sego_blender.bundle.keys import _as_json
 from r2sego_blender.robot.scope.scope import BehaviourScope
 tables = tomllib.loads("behaviours.wave = 2\\nwave.height_m = [0, 1]")
 scope = BehaviourScope.from_tables(tables, Path("a.toml"))

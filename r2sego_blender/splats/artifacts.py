@@ -1,0 +1,27 @@
+"""The visual assets of a bundle: the initial one, each round's, the backdrop, and the refined one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..bundle import layout
+from ..bundle.artifacts import Artifact
+from .asset import SplatAsset
+from .formats.ply import load_made, save_ply
+
+
+def _save(asset: SplatAsset, file: Path) -> None:
+    save_ply(file, asset)
+
+
+INITIAL_ASSET = Artifact(layout.INITIAL_ASSET, load_made, _save)
+"""A_0."""
+
+BACKDROP = Artifact(layout.BACKDROP, load_made, _save)
+"""What stands behind every round's asset."""
+
+ASSET = Artifact("asset.ply", load_made, _save)
+"""A round's: ``ASSET.of_round(l)``."""
+
+REFINED_ASSET = Artifact(layout.REFINED_ASSET, load_made, _save, editable=False)
+"""A* before its backdrop."""
