@@ -192,7 +192,7 @@ def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
     _show_anew(scene, bundle)
     group.edits.clear()
     deleted = []
-    for edit in bundle.read(ASSET_EDITS):
+    for edit in bundle.scene.read(ASSET_EDITS):
         item, regions = group.edits.add(), [region.to_json() for region in edit.regions]
         item.name, item.regions = edit.name, ", ".join(region["kind"] for region in regions)
         deleted += regions

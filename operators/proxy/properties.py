@@ -166,7 +166,7 @@ def note_age(scene: bpy.types.Scene, bundle: Bundle) -> None:
 
 def _read_edits(group: bpy.types.PropertyGroup, bundle: Bundle) -> None:
     group.edits.clear()
-    for edit in bundle.read(PROXY_EDITS):
+    for edit in bundle.scene.read(PROXY_EDITS):
         item = group.edits.add()
         item.name, item.kind = edit.name, _KINDS[edit.change.kind]
         item.faces, item.area = edit.count, edit.change.area_m2
