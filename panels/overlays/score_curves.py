@@ -1,6 +1,6 @@
 """The scores of a rollout's frames as curves at the bottom of the 3D view.
 
-Where things lie is computed in ``bridge/view_chart.py``; the curves and words are drawn once, into a
+Where things lie is computed in ``results/panels/view_chart.py``; the curves and words are drawn once, into a
 picture that is kept until the round, the rollout or the region's size changes.
 """
 

@@ -14,7 +14,7 @@ from ..captures.frame.world_frame import register
 from ..captures.importing import import_captures
 from ..captures.masks import FOLDER as MASKS
 from ..captures.pose_adjustment import triangulate_refined
-from ..captures.poses.polycam import find_keyframes
+from ..captures.poses.registry import find_export
 from ..captures.sensors.sensor_depth import SensorDepth
 from ..captures.store import save_captures
 from ..config.settings import CaptureSettings
@@ -51,7 +51,7 @@ def create_scene(
     behaviour = BehaviourScope.load(scope)
     check_controller(RobotModel.load(*behaviour.robot_for(robot)), behaviour)
 
-    _look_over(scale, captures, solved=poses is None and find_keyframes(captures) is None)
+    _look_over(scale, captures, solved=poses is None and find_export(captures) is None)
     for masks in (captures / MASKS, captures.absolute().parent / MASKS):
         if masks.is_dir():
             progress.message(

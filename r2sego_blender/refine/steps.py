@@ -25,7 +25,8 @@ from ..generation.conditions.conditions import ZBufferRenderer
 from ..generation.conditions.point_condition import PointConditions
 from ..generation.conditions.renderers import make_renderer
 from ..generation.ego_views import VIEWS, PseudoObservation, ego_video_reg
-from ..generation.generators.registry import open_generator
+from ..generation.generators.registry import installation_of, open_generator
+from ..generation.generators.slot import ClipInputs
 from ..generation.paths.detours import ClearSpace
 from ..generation.registration.frame_registration import Landmarks
 from ..geometry.collision.collision import CollisionSurface, collision_surface
@@ -187,6 +188,8 @@ class Steps(CaptureSteps):
         What a person decided of a view holds for the one that shows the same now.
         """
 
+        installed = installation_of(self.h)
+
         def generate(
             folder: Path, captures: Captures, depth: PerCapture[DepthMap],
             completed: PerCapture[CompletedDepth], proxy: GeometryProxy, targets: SelectedViews,
@@ -195,8 +198,9 @@ class Steps(CaptureSteps):
             observed = reliable_depths(captures, depth, self.h.stereo)
             renderer = make_renderer(proxy, self.h.generation)
             colours = PointConditions(captures, depths, self.h.generation)
+            inputs = ClipInputs(captures, depths, observed, renderer, colours, self.h, folder)
             with open_generator(
-                captures, depths, observed, renderer, colours, self.h, folder
+                installed, inputs
             ) as generator:  # before the landmarks: a program that is not there is told at once
                 landmarks = Landmarks.build(
                     captures, observed, completed_depths(captures, completed), self.progress
@@ -211,7 +215,10 @@ class Steps(CaptureSteps):
         views = VIEWS.of_round(l)
         self._make(
             views, generate, captures.photographs, captures.depth, priors.completed, proxy, targets,
-            settings=[self.h.generation, self.h.registration, self.h.selection, self.h.seed],
+            settings=[
+                self.h.generation, self.h.registration, self.h.selection, self.h.seed,
+                *([installed.identity] if installed.identity else []),
+            ],
         )  # fmt: skip
         return (views,)
 

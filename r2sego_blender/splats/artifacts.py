@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ..bundle import layout
 from ..bundle.artifacts import Artifact
+from ..bundle.asset_stages import Stage
 from .asset import SplatAsset
 from .formats.ply import load_made, save_ply
 
@@ -25,3 +26,11 @@ ASSET = Artifact("asset.ply", load_made, _save)
 
 REFINED_ASSET = Artifact(layout.REFINED_ASSET, load_made, _save, editable=False)
 """A* before its backdrop."""
+
+
+def load_stage(stage: Stage) -> SplatAsset:
+    """The asset at a stage as it is shown: with the backdrop behind it."""
+    asset = load_made(stage.file)
+    if stage.backdrop is None:
+        return asset
+    return asset.concatenated(load_made(stage.backdrop).with_degree(asset.degree))

@@ -28,12 +28,14 @@ CURE = (
     f"Set up github.com/Drexubery/ViewCrafter with its weights, set {PYTHON_VARIABLE} to its environment's "
     f"python and {REPOSITORY_VARIABLE} to its folder, or use --set generation.generator=blending."
 )
+FILES = ("utils/diffusion_utils.py", "configs/inference_pvd_1024.yaml", "configs/inference_pvd_512.yaml")
+"""What is used of the repository."""
+
 _NAME = "ViewCrafter"
-_FILES = ("utils/diffusion_utils.py", "configs/inference_pvd_1024.yaml", "configs/inference_pvd_512.yaml")
 
 
 def viewcrafter_command(clip_frames: int) -> list[str]:
-    """The command of ViewCrafter's generator program.
+    """The command of ViewCrafter's generator program; its last words are the repository and the weights.
 
     Raises MachineError when its environment, repository or weights are not there, or it cannot
     make clips of so many frames.
@@ -45,7 +47,7 @@ def viewcrafter_command(clip_frames: int) -> list[str]:
         )  # fmt: skip
     python = named_python(PYTHON_VARIABLE, _NAME, "generation.generator", CURE)
     repository = Path(os.environ.get(REPOSITORY_VARIABLE, "")).resolve()
-    for file in _FILES:
+    for file in FILES:
         if not (repository / file).is_file():
             raise MachineError(
                 f"{REPOSITORY_VARIABLE} names no folder with {file}", where=repository, cure=CURE

@@ -109,7 +109,7 @@ def test_an_edit_killed_before_its_asset_is_told_and_made_whole_when_it_is_given
 
     box, whole = box_file(tmp_path), published(scene)
     with monkeypatch.context() as patch:
-        patch.setattr("r2sego_blender.commands.asset._publish_again", killed)
+        patch.setattr("r2sego_blender.editing.asset_edits._publish_again", killed)
         assert r2sego("edit-asset", scene.path, "--box", box).exit_code != 0
     (edit,) = load_edits(scene.path)
     listed = r2sego("edit-asset", scene.path, "--list").stdout

@@ -22,7 +22,7 @@ from r2sego_blender.captures.frame.picks import PickedLength, Picks
 from r2sego_blender.captures.frame.scale import Scale
 from r2sego_blender.captures.sparse import SparsePoints
 from r2sego_blender.captures.store import load_captures
-from r2sego_blender.core import atomic_files as whole_files
+from r2sego_blender.core import atomic_files
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import CaptureError, GeometryError, SceneError
 from r2sego_blender.editing.correction import (
@@ -81,7 +81,7 @@ def test_a_correction_that_is_killed_is_finished_by_the_next_command(tmp_path, m
     scene, shown = _with_all_that_moves(tmp_path)
     other = Scene.open(shutil.copytree(scene.path, tmp_path / "other.r2s"))
     correct_registration(other, floor=shown)
-    left, swap_in = [None] * swaps, whole_files.swap_in
+    left, swap_in = [None] * swaps, atomic_files.swap_in
 
     def killed(made, place):
         if not left:
@@ -90,7 +90,7 @@ def test_a_correction_that_is_killed_is_finished_by_the_next_command(tmp_path, m
         swap_in(made, place)
 
     with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
-        patched.setattr(whole_files, "swap_in", killed)
+        patched.setattr(atomic_files, "swap_in", killed)
         correct_registration(scene, floor=shown)
     assert content_digest(scene.path) != content_digest(other.path)
     with (

@@ -20,7 +20,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from r2sego_blender.config.presets import with_overrides
 from r2sego_blender.core.errors import GenerationError, MachineError, NativeError
+from r2sego_blender.generation.generators.registry import installation_of
 from r2sego_blender.workers import viewcrafter, viewcrafter_program
 from r2sego_blender.workers.child import RUNNING, kill_children
 from r2sego_blender.workers.engine import engine_environment
@@ -434,3 +436,21 @@ def test_what_runs_in_viewcrafters_python_is_python_39_and_stands_alone():
     imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
     assert not any(node.level for node in imports)
     assert viewcrafter_program.PROTOCOL == PROTOCOL
+
+
+def test_viewcrafter_is_known_by_its_weights_and_the_code_that_is_run(repository, monkeypatch):
+    def identity(name="viewcrafter"):
+        return installation_of(with_overrides({"generation.generator": name})).identity
+
+    first = identity()
+    assert first == identity("viewcrafter_512")  # the setting says the size
+    other = repository.parent / "other.ckpt"
+    (repository / "checkpoints" / "model.ckpt").rename(other)
+    assert identity() is None
+    monkeypatch.setenv(viewcrafter.CHECKPOINT_VARIABLE, str(other))
+    assert identity() == first
+    other.write_text("other weights")
+    assert identity() != first
+    other.write_text("weights")
+    (repository / "utils" / "diffusion_utils.py").write_text("# of another commit")
+    assert identity() not in (first, None)

@@ -31,7 +31,6 @@ from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.evaluation.error_causes import CAUSES, causes, split
 from r2sego_blender.evaluation.ground_truth import GroundTruth, load_ground_truth
 from r2sego_blender.evaluation.scene_evaluation import frozen_views
-from r2sego_blender.evaluation.steadiness import flow_differences
 from r2sego_blender.generation.conditions.conditions import Condition, ZBufferRenderer
 from r2sego_blender.generation.generators.blending import BlendingGenerator
 from r2sego_blender.generation.generators.slot import Frame
@@ -46,6 +45,7 @@ from r2sego_blender.splats.metrics import psnr, ssim
 from r2sego_blender.views.references import select_reference
 
 from .machine import processor
+from .steadiness import flow_differences
 from .true_objects import declare_true_objects
 
 _ESTIMATED, _WITH_PRIORS, _TRUE = "estimated", "with_priors", "true_geometry"

@@ -26,7 +26,6 @@ from r2sego_blender.captures.store import CAPTURES
 from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.core.resources import cpu_s, forget_peak_memory, peak_memory_mb
-from r2sego_blender.evaluation.geometry_scores import depth_score, surface_score
 from r2sego_blender.evaluation.ground_truth import GroundTruth, load_ground_truth
 from r2sego_blender.geometry.objects.priors import PRIOR_RECORDS
 from r2sego_blender.geometry.proxy.proxy import PROXY
@@ -39,6 +38,7 @@ from r2sego_blender.refine.steps import Steps
 from r2sego_blender.splats.artifacts import INITIAL_ASSET
 
 from .disturbance import disturbed_captures
+from .geometry_scores import depth_score, surface_score
 from .machine import processor
 from .true_objects import TrueObject, declare_true_objects
 

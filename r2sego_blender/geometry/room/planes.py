@@ -98,7 +98,7 @@ def find_planes(
 
     Each hypothesis is one point and its normal; the best is refined by total least squares
     on its inliers and, when nearly level or upright, made exactly so (gravity is known from
-    the registration). ``cameras`` are the captures': a bounding plane has them all on its
+    the world frame). ``cameras`` are the captures': a bounding plane has them all on its
     free side.
     """
     points = np.asarray(observed.points, np.float64)
@@ -166,7 +166,7 @@ def _bounding(planes, points, centres, settings):
     share = (heights > -slack).mean(0) if len(points) else np.ones(len(planes.offsets))
     inside = (centres @ planes.normals.T - planes.offsets > 0).all(0)
     bounding = inside & (share >= settings.envelope_share)
-    bounding[0] = True  # the floor is known from the registration
+    bounding[0] = True  # the floor is known from the world frame
     reach = planes.normals @ np.median(np.concatenate([points, centres]), axis=0) - planes.offsets
     for i in np.flatnonzero(bounding):
         if not bounding[i]:  # a twin of one before

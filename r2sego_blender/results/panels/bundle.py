@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ...bundle.artifacts import Artifact, Held
 from ...bundle.layout import REPORT_PAGE
 from ...bundle.scene import Scene
 from ...core.arrays import opened_arrays, require_finite, require_shapes
@@ -78,6 +79,10 @@ class Bundle:
     def name(self) -> str:
         """The folder's name without its suffix."""
         return self.path.name.removesuffix(SUFFIX)
+
+    def read(self, artifact: Artifact[Held]) -> Held:
+        """What the bundle holds under an artifact's name (``Scene.read``)."""
+        return self.scene.read(artifact)
 
     # ---- captures
 

@@ -9,10 +9,10 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-from ..core.cameras import rotation_angle_rad
-from ..core.errors import EvaluationError
-from ..core.images import resize_nearest
-from .ground_truth import GroundTruth
+from r2sego_blender.core.cameras import rotation_angle_rad
+from r2sego_blender.core.errors import EvaluationError
+from r2sego_blender.core.images import resize_nearest
+from r2sego_blender.evaluation.ground_truth import GroundTruth
 
 DEPTH_TOLERANCE = 0.03
 """A depth is right within this share of the true one."""
@@ -166,8 +166,8 @@ def alignment_score(
     """Score an estimated similarity (4, 4) of a prior against the true one.
 
     ``vertices`` (V, 3) and ``faces`` (F, 3) are the prior's own, in its frame.
-    ``symmetries`` are rigid (4, 4) maps of that frame which leave the shape as it is
-    (``turns``), the identity apart: with each of them the true place is as true, and the one
+    ``symmetries`` are rigid (4, 4) maps of that frame which leave the shape as it is,
+    the identity apart: with each of them the true place is as true, and the one
     nearest in rotation counts. Raises EvaluationError for what is no similarity.
     """
     estimated_scale, estimated_rotation = _scale_and_rotation(world_from_prior)
@@ -194,15 +194,6 @@ def chamfer_distance_m(
     first, second = (Surface(*mesh, _PRIOR_SAMPLES, rng) for mesh in (a, b))
     there, back = second.distance(first.samples), first.distance(second.samples)
     return float((there.mean() + back.mean()) / 2.0)
-
-
-def turns(count: int, axis: np.ndarray, centre: np.ndarray) -> list[np.ndarray]:
-    """The (4, 4) turns by multiples of 1/``count`` about ``axis`` (3,) through ``centre`` (3,).
-
-    The symmetries of a shape that repeats ``count`` times round an axis, identity left out.
-    """
-    angles = 2.0 * np.pi * np.arange(1, count) / count
-    return [trimesh.transformations.rotation_matrix(angle, axis, centre) for angle in angles]
 
 
 def _moved(points: np.ndarray, similarity: np.ndarray) -> np.ndarray:

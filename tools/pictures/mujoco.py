@@ -1,7 +1,7 @@
 """Make docs/pictures/mujoco.jpg: the embedded humanoid in the demo room in MuJoCo, and what it sees.
 
 r2sego export build/demo_room.r2s --to build/out
-MUJOCO_GL=egl python docs/pictures/make_mujoco_picture.py build/out
+MUJOCO_GL=egl python -m tools.pictures.mujoco build/out
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from r2sego_blender.robot.model.humanoid import humanoid_mjcf
 from r2sego_blender.robot.model.mount import MUJOCO_FROM_OPENCV
 from r2sego_blender.splats.formats.registry import load_asset
 
-HERE = Path(__file__).resolve().parent
+PICTURES = Path(__file__).resolve().parents[2] / "docs" / "pictures"
 PLACE_M, YAW_DEG = (0.25, -1.0), 80.0
 ELBOW_RAD = 0.0  # forearms forward, where the head camera sees them
 BESIDE, TOWARDS = (1.5, -1.9, 1.6), (0.2, 0.4, 0.75)
@@ -52,7 +52,7 @@ def main(folder: Path) -> None:
     for name in ("beside", "head_camera"):
         with SimulatedCamera(model, name, asset) as camera:
             pictures.append(np.float32(camera.see(data).colour) / 255)
-    save_figure(HERE / "mujoco.jpg", strip(pictures))
+    save_figure(PICTURES / "mujoco.jpg", strip(pictures))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,5 @@
 """The command that makes the README's table: rows replaced and kept, scenes it cannot show."""
 
-import importlib.util
 import json
 import re
 import subprocess
@@ -10,19 +9,18 @@ from types import SimpleNamespace
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-_spec = importlib.util.spec_from_file_location("results", ROOT / "batch" / "results.py")
-results = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(results)
+from tools.results import table
+
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture
 def readme(tmp_path, monkeypatch):
     """A README of its own, with rows of two scenes."""
     rows = "| room_a | old |\n| desk | old |\n\nA caption.\nMade on 2026-01-02, An old machine, 4 cores."
-    text = f"Before\n{results.BEGIN}\n| scene |\n| --- |\n{rows}\n{results.END}\nAfter\n"
+    text = f"Before\n{table.BEGIN}\n| scene |\n| --- |\n{rows}\n{table.END}\nAfter\n"
     (tmp_path / "README.md").write_text(text, encoding="utf-8")
-    monkeypatch.setattr(results, "README", tmp_path / "README.md")
+    monkeypatch.setattr(table, "README", tmp_path / "README.md")
     return tmp_path / "README.md"
 
 
@@ -45,16 +43,16 @@ def evaluated(tmp_path, monkeypatch):
 
     def run_it(*names, options=()):
         scenes = [str(tmp_path / f"{name}.r2s") for name in names]
-        monkeypatch.setattr(results, "Scene", SimpleNamespace(open=opened))
-        monkeypatch.setattr(sys, "argv", ["results.py", *scenes, *options])
-        results.main()
+        monkeypatch.setattr(table, "Scene", SimpleNamespace(open=opened))
+        monkeypatch.setattr(sys, "argv", ["table.py", *scenes, *options])
+        table.main()
 
     return run_it
 
 
 def run(*arguments):
     readme = (ROOT / "README.md").read_bytes()
-    command = [sys.executable, "batch/results.py", *map(str, arguments)]
+    command = [sys.executable, "-m", "tools.results.table", *map(str, arguments)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert (ROOT / "README.md").read_bytes() == readme
     return done
@@ -95,8 +93,8 @@ def test_the_table_is_printed_and_nothing_written(readme, evaluated, capsys):
 def test_named_rows_are_replaced_and_the_others_keep_their_place_and_date(readme, evaluated):
     evaluated("hall", "room_a", options=["--write"])
     text = readme.read_text(encoding="utf-8")
-    assert text.startswith(f"Before\n{results.BEGIN}\n| scene | captures |")
-    assert text.endswith(f"\n{results.END}\nAfter\n")
+    assert text.startswith(f"Before\n{table.BEGIN}\n| scene | captures |")
+    assert text.endswith(f"\n{table.END}\nAfter\n")
     assert re.findall(r"^\| (\w+) \| (?:6|old) ", text, re.MULTILINE) == ["room_a", "desk", "hall"]
     assert "| desk | old |" in text and "room_a | old" not in text
     assert re.search(r"^Made on [^:\n]* cores: room_a, hall\.$", text, re.MULTILINE)
@@ -113,4 +111,4 @@ def test_a_readme_without_the_markers_is_left_alone(readme, evaluated, capsys):
     with pytest.raises(SystemExit):
         evaluated("room_a", options=["--write"])
     assert readme.read_text(encoding="utf-8") == "Only words\n"
-    assert results.END in capsys.readouterr().err
+    assert table.END in capsys.readouterr().err

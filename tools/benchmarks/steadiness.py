@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from ..core.cameras import Camera
+from r2sego_blender.core.cameras import Camera
 
 _VISIBLE = 0.01  # relative difference of depths at which the next frame still shows the point
 

@@ -1,4 +1,4 @@
-"""Write docs/blender/scripts.md from operators and example scripts: ``python docs/make_scripts.py``."""
+"""Write docs/blender/scripts.md from operators and example scripts: ``python -m tools.pages.scripts``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+from r2sego_blender.commands.cli import main
+
+ROOT = Path(__file__).parents[2]
 ROOMS = {
     "engine": "Engine", "scene": "Scene", "captures": "Captures", "proxy": "Geometry Proxy", "robot": "Robot",
     "views": "Views", "generation": "Generation", "asset": "Asset", "collision": "Collision",
@@ -82,7 +84,7 @@ def scripts_page() -> str:
     lines = [
         "# Scripts",
         "",
-        "Made by `python docs/make_scripts.py` from the operators and the scripts; do not edit.",
+        "Made by `python -m tools.pages.scripts` from the operators and the scripts; do not edit.",
         "Every operator `bpy.ops.r2sego.NAME` works without a window, with its properties as arguments;",
         "a script of [batch/examples](../../batch/examples) shows each:",
         "`blender --background --python batch/examples/SCRIPT -- SCENE …`, or `python` of an environment",
@@ -111,8 +113,6 @@ def _constant(one: ast.ClassDef, name: str) -> str:
 
 def _command(one: ast.ClassDef, classes: dict[str, ast.ClassDef]) -> str:
     """The command in the first list that the class's ``arguments``, or a base's, has; '' without one."""
-    from r2sego_blender.commands.cli import main
-
     for line in one.body:
         if isinstance(line, ast.FunctionDef) and line.name == "arguments":
             begins = (node.elts[0] for node in ast.walk(line) if isinstance(node, ast.List) and node.elts)

@@ -1,6 +1,6 @@
 """Take the pictures of Blender's window, docs/pictures/blender_*.jpg, from the refined demo room:
 
-BLENDER=/path/to/blender python docs/pictures/take_blender_pictures.py build/demo_room.r2s [NAME ...]
+BLENDER=/path/to/blender python -m tools.pictures.blender build/demo_room.r2s [NAME ...]
 
 The window stands on a display of its own, as in the window tests, with the add-on as it is now.
 ``arrange_blender.py`` arranges each picture inside Blender; names choose some of its PICTURES.
@@ -15,6 +15,7 @@ import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
+PICTURES = HERE.parents[1] / "docs" / "pictures"
 sys.path.insert(0, str(HERE.parents[1] / "tests" / "window"))
 import display  # noqa: E402  found in the window tests
 
@@ -41,7 +42,7 @@ def take(bundle: Path, names: list[str]) -> None:
             taken = out / f"{name}.png"
             if not taken.is_file() or "Traceback" in log:
                 raise SystemExit(f"{name}: {log[-3000:]}")
-            save(taken, HERE / f"blender_{name}.jpg")
+            save(taken, PICTURES / f"blender_{name}.jpg")
 
 
 def save(picture: Path, to: Path) -> None:

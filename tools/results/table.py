@@ -1,6 +1,6 @@
 """Print the README's table of results with the rows of evaluated scenes.
 
-    python batch/results.py build/demo_room.r2s build/room_a.r2s ... [--write]
+    python -m tools.results.table build/demo_room.r2s build/room_a.r2s ... [--write]
 
 Each scene must have been through ``r2sego refine`` and ``r2sego evaluate``. ``--write`` puts the
 table between the markers in README.md. Rows of scenes that are not named stay as they are, with
@@ -20,8 +20,8 @@ from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.core.errors import R2SEgoError
 from tools.benchmarks.machine import processor
 
-README = Path(__file__).resolve().parents[1] / "README.md"
-BEGIN, END = "<!-- results: made by batch/results.py -->", "<!-- end of results -->"
+README = Path(__file__).resolve().parents[2] / "README.md"
+BEGIN, END = "<!-- results: made by tools/results/table.py -->", "<!-- end of results -->"
 
 
 def row(scene: Scene) -> str:

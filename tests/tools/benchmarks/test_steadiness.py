@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from r2sego_blender.core.cameras import Camera, look_at
-from r2sego_blender.evaluation.steadiness import flow_differences
+from tools.benchmarks.steadiness import flow_differences
 
 
 def clip(frames: int = 4):

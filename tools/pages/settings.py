@@ -1,4 +1,4 @@
-"""Write docs/settings.md from the settings' own docs: ``python docs/make_settings.py``."""
+"""Write docs/settings.md from the settings' own docs: ``python -m tools.pages.settings``."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def settings_page() -> str:
     lines = [
         "# Settings",
         "",
-        "Made by `python docs/make_settings.py` from `r2sego_blender/config/settings.py`; do not edit.",
+        "Made by `python -m tools.pages.settings` from `r2sego_blender/config/settings.py`; do not edit.",
         "Give any of them as `r2sego refine SCENE --set key=value`: the scene keeps it, until another",
         "preset is asked for. Those of captures are for `r2sego new`, where photographs become captures.",
         "The defaults are the paper's (its H) or, where the paper is silent, what measured best. The last",
@@ -41,4 +41,4 @@ def settings_page() -> str:
 
 
 if __name__ == "__main__":
-    Path(__file__).with_name("settings.md").write_text(settings_page(), encoding="utf-8")
+    (Path(__file__).parents[2] / "docs" / "settings.md").write_text(settings_page(), encoding="utf-8")

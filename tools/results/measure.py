@@ -1,10 +1,10 @@
 """Run the scenes of the README's table, from photographs to scores.
 
-    python batch/measure.py --data ../shared --to build [--scene room_a ...] [--preset preview]
+    python -m tools.results.measure --data ../shared --to build [--scene room_a ...] [--preset preview]
 
 ``--data`` is a folder with ``scenes/room_a``, ``captures/holo_office`` and ``captures/tum_desk``
 as the README names them. What is held out was fixed by index before any result was seen and
-is never an input. Afterwards ``python batch/results.py --write build/*.r2s`` writes the table.
+is never an input. Afterwards ``python -m tools.results.table --write build/*.r2s`` writes the table.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Make docs/pictures/demo.jpg from an evaluated demo scene:
 
-python docs/pictures/make_demo_picture.py build/demo_room.r2s
+python -m tools.pictures.demo build/demo_room.r2s
 
 Two frozen robot views, each as truth, vanilla 3DGS and refined, and the plan of the proxy.
 """
@@ -21,8 +21,9 @@ from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 from r2sego_blender.splats.formats.ply import load_ply
 from r2sego_blender.splats.rendering.rasterizer import render
 
-HERE = Path(__file__).resolve().parent
-FROZEN = HERE.parents[1] / "demo" / "room" / "cameras.json"
+ROOT = Path(__file__).resolve().parents[2]
+PICTURES = ROOT / "docs" / "pictures"
+FROZEN = ROOT / "demo" / "room" / "cameras.json"
 SHOWN = (3, 11)
 HEIGHT_PX = 360
 
@@ -35,9 +36,9 @@ def main(scene: Scene) -> None:
         camera = views[index].camera
         pictures = [views[index].image(), *(np.clip(render(a, camera).colour, 0, 1) for a in assets)]
         rows.append(strip([resize(p, 480, HEIGHT_PX) for p in pictures]))
-    save_figure(HERE / "demo.jpg", np.concatenate(rows))
+    save_figure(PICTURES / "demo.jpg", np.concatenate(rows))
     last = scene.round_folder(scene.rounds_done() - 1)
-    save_figure(HERE / "proxy.jpg", top_view(GeometryProxy.load(last / "proxy" / "proxy.npz")).image)
+    save_figure(PICTURES / "proxy.jpg", top_view(GeometryProxy.load(last / "proxy" / "proxy.npz")).image)
 
 
 if __name__ == "__main__":

@@ -5,12 +5,13 @@ import shutil
 import numpy as np
 import pytest
 
+from r2sego_blender import pipeline
 from r2sego_blender.bundle.scene import Scene
-from r2sego_blender.commands import demo_scene
-from r2sego_blender.commands.demo_scene import ROOM, make_demo_scene
+from r2sego_blender.commands.demo import ROOM, make_demo_scene
 from r2sego_blender.core.errors import MachineError, SceneError
 from r2sego_blender.core.images import save_image
 from r2sego_blender.core.progress import SILENT
+from r2sego_blender.evaluation import scene_report
 
 QUICK = {"captures.refine_poses": "never"}
 
@@ -19,8 +20,8 @@ QUICK = {"captures.refine_poses": "never"}
 def refined(monkeypatch):
     """Scenes that the refinement, which is left out here, was asked for."""
     asked = []
-    monkeypatch.setattr(demo_scene, "refine", lambda scene, progress: asked.append(scene))
-    monkeypatch.setattr(demo_scene, "renew_scene_report", lambda scene, before: None)
+    monkeypatch.setattr(pipeline, "refine", lambda scene, progress: asked.append(scene))
+    monkeypatch.setattr(scene_report, "renew_scene_report", lambda scene, before: None)
     return asked
 
 

@@ -1,6 +1,5 @@
 """The splits of the README's table: what is held out is never an input."""
 
-import importlib.util
 import json
 import subprocess
 import sys
@@ -12,12 +11,9 @@ from r2sego_blender.captures.frozen import load_frozen_views
 from r2sego_blender.captures.importing import import_captures
 from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.images import image_files
+from tools.results.measure import SCENES
 
-ROOT = Path(__file__).parents[2]
-_spec = importlib.util.spec_from_file_location("measure", ROOT / "batch" / "measure.py")
-measure = sys.modules["measure"] = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(measure)
-SCENES = measure.SCENES
+ROOT = Path(__file__).parents[3]
 DATA = ROOT.parent / "shared"
 
 
@@ -54,7 +50,7 @@ def test_making_a_split_again_changes_nothing(split, tmp_path):
 
 
 def test_a_command_that_fails_ends_it_with_its_status_and_words_alone(tmp_path):
-    command = [sys.executable, ROOT / "batch" / "measure.py", "--data", tmp_path, "--to", tmp_path / "out"]
-    done = subprocess.run([*command, "--scene", "room_a"], capture_output=True, text=True)
+    command = [sys.executable, "-m", "tools.results.measure", "--data", tmp_path, "--to", tmp_path / "out"]
+    done = subprocess.run([*command, "--scene", "room_a"], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 1
     assert done.stderr.startswith("r2sego: ") and len(done.stderr.splitlines()) == 1
