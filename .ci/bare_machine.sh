@@ -125,6 +125,7 @@ choose_mirror() {
 make_root() {
   debootstrap --variant=minbase --include=ca-certificates "$suite" "$root" "$mirror" &&
     cp -L /etc/resolv.conf /etc/hosts "$root/etc/" &&
+    ln -sf ../proc/self/mounts "$root/etc/mtab" && # as a machine that was booted has it; Blender warns without
     lend_apts &&
     chroot "$root" apt-get update -qq &&
     # Not by debootstrap, which knows no package that another provides, as python3.11-venv needs.

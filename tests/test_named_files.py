@@ -19,7 +19,7 @@ NAMES = frozenset(file.relative_to(ROOT).as_posix() for file in SOURCES)
 OTHERS = frozenset({"colmap2nerf.py", "inference.py", "notebook/inference.py", "render.py", "struct.py"})
 """Files of other programs."""
 
-FILE = re.compile(r"`([\w/]+\.py)(?![\w/])")
+FILE = re.compile(r"`(?:python3? )?([\w/]+\.py)(?![\w/])")
 FOLDER = re.compile(rf"`((?:{'|'.join(PLACES)}|bridge)(?:/\w+)*)/`")
 MODULE = re.compile(r"\br2sego_blender((?:\.\w+)+)")
 IMPORTED = re.compile(r"^from r2sego_blender(\S*) import (.+)$", re.MULTILINE)

@@ -187,7 +187,6 @@ class Steps(CaptureSteps):
 
         What a person decided of a view holds for the one that shows the same now.
         """
-
         installed = installation_of(self.h)
 
         def generate(
@@ -199,9 +198,8 @@ class Steps(CaptureSteps):
             renderer = make_renderer(proxy, self.h.generation)
             colours = PointConditions(captures, depths, self.h.generation)
             inputs = ClipInputs(captures, depths, observed, renderer, colours, self.h, folder)
-            with open_generator(
-                installed, inputs
-            ) as generator:  # before the landmarks: a program that is not there is told at once
+            # Before the landmarks: a program that is not there is told at once.
+            with open_generator(installed, inputs) as generator:
                 landmarks = Landmarks.build(
                     captures, observed, completed_depths(captures, completed), self.progress
                 )

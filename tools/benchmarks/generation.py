@@ -209,15 +209,15 @@ def _spread(count: int, wanted: int) -> list[int]:
 
 
 def _correlation(frames: Sequence[Frame], truths: Sequence[np.ndarray]) -> float:
-    """Spearman's, of doubt and absolute error over the pixels of all views."""
-    doubt = np.concatenate([1.0 - frame.confidence[::4, ::4].ravel() for frame in frames])
+    """Spearman's, of uncertainty and absolute error over the pixels of all views."""
+    uncertainty = np.concatenate([1.0 - frame.confidence[::4, ::4].ravel() for frame in frames])
     error = np.concatenate(
         [
             np.abs(frame.image - truth).mean(axis=-1)[::4, ::4].ravel()
             for frame, truth in zip(frames, truths, strict=True)
         ]
     )
-    return float(spearmanr(doubt, error).statistic)
+    return float(spearmanr(uncertainty, error).statistic)
 
 
 def _causes(

@@ -8,7 +8,7 @@ from typing import cast
 
 from ...config.settings import Settings
 from ...config.slots import GENERATORS
-from ...core.errors import MachineError
+from ...core.errors import MachineError, of_file
 from .slot import ClipInputs, Generator, GeneratorBackend, Installation
 
 
@@ -23,6 +23,8 @@ def installation_of(settings: Settings) -> Installation:
         return _backend(chosen.generator).installation(chosen.generator, chosen)
     except MachineError as error:
         return Installation(None, missing=error)
+    except OSError as error:
+        return Installation(None, missing=of_file(error))
 
 
 def open_generator(installed: Installation, inputs: ClipInputs) -> AbstractContextManager[Generator]:

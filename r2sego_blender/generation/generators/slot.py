@@ -16,7 +16,7 @@ import numpy as np
 
 from ...captures.capture import Capture
 from ...config.settings import GenerationSettings, Settings
-from ...core.errors import MachineError
+from ...core.errors import R2SEgoError
 from ..conditions.conditions import Condition, Renderer
 from ..conditions.point_condition import PointConditions
 
@@ -81,7 +81,7 @@ class Installation:
     identity: Mapping[str, Any] | None
     command: tuple[str, ...] = ()
     size: tuple[int, int] | None = None
-    missing: MachineError | None = None
+    missing: R2SEgoError | None = None
 
 
 class GeneratorBackend(Protocol):
@@ -92,7 +92,7 @@ class GeneratorBackend(Protocol):
     def installation(self, name: str, settings: GenerationSettings) -> Installation:
         """What this machine has of the generator ``name``; may read environment variables.
 
-        Raises MachineError when it is not set up.
+        Raises MachineError when it is not set up, OSError for a file of it that cannot be read.
         """
         ...
 

@@ -10,7 +10,7 @@ import numpy as np
 from ...core.arrays import opened_arrays, save_arrays
 from ...core.errors import GeometryError
 from ...core.scratch import ScratchFolder
-from ...workers.nksr import reconstruct_in_environment
+from ...workers.nksr import reconstruct_externally
 from .backends import cloud_of
 from .oriented_points import WeightedDepth
 from .poisson import checked
@@ -26,6 +26,6 @@ def surface(views: Sequence[WeightedDepth], field: DistanceField) -> tuple[np.nd
     with ScratchFolder() as folder:
         cloud, made = Path(folder, "cloud.npz"), Path(folder, "surface.npz")
         save_arrays(cloud, points=points, normals=normals)
-        reconstruct_in_environment(cloud, made, field.voxel_m)
+        reconstruct_externally(cloud, made, field.voxel_m)
         with opened_arrays(made, GeometryError, "NKSR left no surface") as data:
             return data["vertices"].astype(np.float64), data["faces"].astype(np.int32)

@@ -16,7 +16,9 @@ from r2sego_blender.generation.conditions.condition_files import load_conditions
 from r2sego_blender.generation.conditions.conditions import ZBufferRenderer
 from r2sego_blender.generation.conditions.point_condition import PointConditions
 from r2sego_blender.generation.ego_views import ego_video_reg, load_pseudo_observations
+from r2sego_blender.generation.generators import viewcrafter
 from r2sego_blender.generation.generators.blending import BlendingGenerator
+from r2sego_blender.generation.generators.command import COMMAND_VARIABLE, SIZE_VARIABLE
 from r2sego_blender.generation.generators.program import letterbox
 from r2sego_blender.generation.generators.registry import installation_of, open_generator
 from r2sego_blender.generation.generators.slot import ClipInputs
@@ -24,10 +26,8 @@ from r2sego_blender.generation.paths.paths import camera_path
 from r2sego_blender.generation.registration.frame_registration import Landmarks
 from r2sego_blender.views.references import with_references
 from r2sego_blender.views.selection import select_targets
-from r2sego_blender.workers import viewcrafter
 from r2sego_blender.workers.child import RUNNING
 from r2sego_blender.workers.external_environment import PROTOCOL
-from r2sego_blender.workers.generator_program import COMMAND_VARIABLE, SIZE_VARIABLE
 
 SETTINGS = with_overrides(
     {
@@ -190,34 +190,6 @@ def test_what_is_not_set_up_is_told_before_anything_is_made(room, tmp_path, monk
 
 def test_the_embedded_one_leaves_keys_as_they_are():
     assert installation_of(Settings()).identity == {}
-
-
-def test_another_program_is_another_identity(generator_in, tmp_path, monkeypatch):
-    """What is run, its size and every file among its words count; where they lie does not."""
-    generator_in()
-    first = installation_of(SETTINGS).identity
-    assert first == installation_of(SETTINGS).identity == json.loads(json.dumps(first))
-    script, seen = tmp_path / "my generator.py", [first]
-
-    def found(command, size=""):
-        monkeypatch.setenv(COMMAND_VARIABLE, command)
-        monkeypatch.setenv(SIZE_VARIABLE, size)
-        seen.append(installation_of(SETTINGS).identity)
-        return seen[-1]
-
-    (tmp_path / "moved").mkdir()
-    assert found(f"{sys.executable} '{script.rename(tmp_path / 'moved' / script.name)}'") == first
-    command = f"{sys.executable} '{tmp_path / 'moved' / script.name}'"
-    seen = [first]
-    found(command, "1024x576")
-    found(f"{command} --fast")
-    (tmp_path / "weights.bin").write_bytes(b"1")
-    found(f"{command} '{tmp_path / 'weights.bin'}'")
-    (tmp_path / "weights.bin").write_bytes(b"2")
-    found(f"{command} '{tmp_path / 'weights.bin'}'")
-    (tmp_path / "moved" / script.name).write_text("mended")
-    found(command)
-    assert len({json.dumps(one) for one in seen}) == len(seen) == 6
 
 
 def test_what_is_opened_is_what_the_key_says(room, generator_in, tmp_path, monkeypatch):
