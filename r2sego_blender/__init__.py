@@ -1,8 +1,28 @@
 """R2S-EGO: dual-proxy refinement of a few photographs into a robot's training scene.
 
-The library behind the Blender extension. It imports no ``bpy`` outside ``bridge/``;
-``scene``, ``settings``, ``cameras`` and ``errors`` need nothing but NumPy, so that
-Blender's own Python can read a scene bundle.
+The library behind the Blender extension. It imports no ``bpy`` outside ``bridge/``; ``bundle`` and what
+it stands on need NumPy alone, so that Blender's own Python can read a scene bundle.
+
+Scripts take from here what stays in its place when folders move: ``Scene``, ``Settings``,
+``create_scene``, ``load_asset`` and ``save_asset``, each imported when it is asked for; and from
+``pipeline`` the function ``refine``.
 """
 
+from importlib import import_module
+from typing import Any
+
 __version__ = "0.1.0"
+
+_HOMES = {
+    "Scene": "bundle.scene",
+    "Settings": "config.settings",
+    "create_scene": "refine.creation",
+    "load_asset": "splats.formats.registry",
+    "save_asset": "splats.formats.registry",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".{_HOMES[name]}", __name__), name)

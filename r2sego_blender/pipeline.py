@@ -1,7 +1,7 @@
 """Algorithm 1 of the paper, line for line.
 
-Each procedure stands in ``steps.py`` as a step of the bundle: it reads named files,
-publishes named files, and is passed over while nothing it reads has changed. Starting a
+Each procedure stands in ``refine/steps.py`` as a step of the bundle: it takes what earlier ones have
+published, publishes what it returns, and is passed over while nothing it takes has changed. Starting a
 refinement again therefore goes on where it stopped.
 """
 
@@ -9,37 +9,42 @@ from __future__ import annotations
 
 import contextlib
 
+from .bundle.runner import Runner
 from .bundle.scene import Scene
 from .core.progress import SILENT, Progress
 from .refine.capture_steps import Reached
 from .refine.steps import Steps
 
 
-def refine(scene: Scene, progress: Progress = SILENT, until: str = "") -> None:
+def refine(
+    scene: Scene, progress: Progress = SILENT, until: str = "", runner: Runner | None = None
+) -> None:  # fmt: skip
     """R2S-EGO dual-proxy scene refinement: the refined asset and collision surface of a scene.
 
     The captures were registered in the world frame when the bundle was made; the rounds
     L, the budget K and the rest of H come from the scene's declaration. With ``until``, the
-    bundle's name of what a step publishes, it ends when that is there. Raises SceneError while
-    another process or thread writes to the scene.
+    bundle's name of what a step publishes, it ends when that is there. Another ``runner`` of the
+    scene may look at the steps in place of running them. Raises SceneError while another process
+    or thread writes to the scene.
     """
-    with scene.locked(), contextlib.suppress(Reached):
-        _algorithm_1(Steps(scene, scene.declaration.settings, progress, until))
+    runner = runner or Runner(scene)
+    with runner.held(), contextlib.suppress(Reached):
+        _algorithm_1(Steps(runner, scene.declaration.settings, progress, until))
 
 
 def _algorithm_1(step: Steps) -> None:
-    """The numbers are the paper's lines."""
+    """The numbers are the paper's lines. What is passed on are artifacts of the bundle."""
     captures, asset = step.register_inputs()  # 1
     observed, priors = step.observed_and_prior_geometry(captures)  # 2
-    aligned_priors = step.align_priors(observed, priors)  # 3, fixed in all rounds
+    aligned_priors = step.align_priors(captures, observed, priors)  # 3, fixed in all rounds
     pseudo_observations = ()  # 4
     for l in range(step.h.rounds):  # 5
         step.progress.message(f"Round {l} ({step.h.rounds} in all)")
         proxy = step.geometry_proxy(l, captures, observed, aligned_priors, asset)  # 6
         collision = step.replace_collision_mesh(l, proxy)  # 7
-        candidates = step.successful_ego_poses(l, proxy, collision)  # 8
-        targets = step.robot_proxy(l, candidates, proxy, asset)  # 9, 10
-        generated = step.ego_video_reg(l, captures, proxy, targets)  # 11
+        candidates = step.successful_ego_poses(l, captures, aligned_priors, proxy, collision)  # 8
+        targets = step.robot_proxy(l, captures, candidates, proxy, asset)  # 9, 10
+        generated = step.ego_video_reg(l, captures, aligned_priors, proxy, targets)  # 11
         pseudo_observations += generated  # 12
-        asset = step.update_visual_asset(l, asset, captures, proxy, pseudo_observations)  # 13
+        asset = step.update_visual_asset(l, asset, captures, aligned_priors, proxy, pseudo_observations)  # 13
     step.publish_refined_scene(collision, asset)  # 14

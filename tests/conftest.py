@@ -13,8 +13,16 @@ settings.load_profile("busy machines")
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent / "fakes")]
 
+import dead_workers  # noqa: E402  # found beside this file
+import own_process  # noqa: E402
+
 if hasattr(signal, "SIGHUP"):  # tests under nohup would hand on to their commands that it means nothing
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
+def pytest_configure(config):
+    dead_workers.pytest_configure(config)
+    own_process.pytest_configure(config)
 
 
 def pytest_collection_modifyitems(items):

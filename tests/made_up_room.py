@@ -4,7 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import save_captures
 from r2sego_blender.core.images import save_image
@@ -35,4 +37,4 @@ def made_up_bundle(path: Path, **overrides: object) -> Scene:
         write_collision(made_up_collision(), folder / "rounds" / "0" / "collision")
 
     settings = {"rollouts.processes": 1, **overrides}
-    return Scene.create(path, Declaration("made up", IDENTITY, "floor", "metric", overrides=settings), fill)
+    return create_bundle(path, Declaration("made up", IDENTITY, "floor", "metric", overrides=settings), fill)

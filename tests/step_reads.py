@@ -1,4 +1,4 @@
-"""A bundle that notes what its steps read: files of the bundle, and settings."""
+"""A runner that notes what its steps read: files of the bundle, settings, and the environment."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from pathlib import Path
 
 import pytest
 
+from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.config.presets import Entry
 from r2sego_blender.config.settings import Settings
-from r2sego_blender.refine.contents import Contents
-from r2sego_blender.refine.steps import Steps
 
 SECTIONS = {
     type(field.default): field.name
@@ -24,36 +23,39 @@ SECTIONS = {
 }
 
 
-class WatchedScene(Scene):
-    """Runs its steps, and notes by target: ``inputs``, the ``files`` read, the ``settings`` asked for."""
+class WatchedRunner(Runner):
+    """Runs its steps, and notes by target: ``inputs``, the ``files`` read, the ``settings`` asked for,
+    and the ``variables`` of the environment that this library looked at."""
 
     def __init__(self, scene: Scene) -> None:
-        super().__init__(scene.path, scene.declaration)
+        super().__init__(scene)
         self.inputs: dict[str, list[str]] = {}
         self.files: dict[str, set[str]] = {}
         self.settings: dict[str, set[str]] = {}
+        self.variables: dict[str, set[str]] = {}
 
     def step(self, target, compute, *, inputs=(), parameters=None, read=None):
         def watched(place: Path) -> None:
-            with _noting(self.path, place) as (files, settings):
+            with _noting(self.scene.path, place) as (files, settings), _environment() as variables:
                 compute(place)
             self.files[target], self.settings[target] = files, settings
+            self.variables[target] = variables
 
-        self.inputs[target] = [str(item) for item in inputs]
+        self.inputs[target] = list(inputs)
         return super().step(target, watched, inputs=inputs, parameters=parameters, read=read)
 
 
-class KeysOnly(Scene):
+class KeysOnly(Runner):
     """Runs nothing: ``keys`` by target hold the inputs' names and the digest of the parameters."""
 
     def __init__(self, scene: Scene, **overrides) -> None:
         declaration = scene.declaration
         whole = dataclasses.replace(declaration, overrides={**declaration.overrides, **overrides})
-        super().__init__(scene.path, whole)
+        super().__init__(Scene(scene.path, whole))
         self.keys: dict[str, tuple[list[str], str]] = {}
 
     def step(self, target, compute, *, inputs=(), parameters=None, read=None):
-        self.keys[target] = [str(item) for item in inputs], self._digest_of_inputs((), parameters)
+        self.keys[target] = list(inputs), self.key((), parameters)
 
     def redone(self, before: KeysOnly) -> set[str]:
         """The steps whose parameters differ, and those that read what such a step makes."""
@@ -72,11 +74,28 @@ def another(entry: Entry) -> object:
 
 
 @contextlib.contextmanager
-def unshared_contents() -> Iterator[None]:
-    """Each step reads for itself, also what an earlier one has read."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Steps, "_read", property(lambda self: Contents(self.scene, self.h)))
-        yield
+def _environment() -> Iterator[set[str]]:
+    """The names of environment variables that code of this library asks for."""
+    library, asked = f"{os.sep}r2sego_blender{os.sep}", set()
+
+    class Noting(type(os.environ)):
+        def __getitem__(self, name):
+            if library in sys._getframe(1).f_code.co_filename or _asked_by(library):
+                asked.add(name)
+            return super().__getitem__(name)
+
+    def _asked_by(place: str) -> bool:
+        frame = sys._getframe(2)
+        while frame is not None and frame.f_code.co_filename.endswith(("os.py", "_collections_abc.py")):
+            frame = frame.f_back
+        return frame is not None and place in frame.f_code.co_filename
+
+    plain = type(os.environ)
+    os.environ.__class__ = Noting
+    try:
+        yield asked
+    finally:
+        os.environ.__class__ = plain
 
 
 @contextlib.contextmanager

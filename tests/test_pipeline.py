@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from step_reads import KeysOnly, WatchedScene, another, unshared_contents
+from step_reads import KeysOnly, WatchedRunner, another
 
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.store import load_captures
@@ -49,35 +49,41 @@ SMALL = {
 
 
 @pytest.fixture(scope="module")
-def small_room(tmp_path_factory) -> WatchedScene:
-    """The demo room, refined for two rounds at a quarter of the images' size."""
+def watched(tmp_path_factory) -> WatchedRunner:
+    """The demo room, refined for two rounds at a quarter of the images' size, and what its steps read."""
     scene = create_scene(
         tmp_path_factory.mktemp("pipeline") / "room.r2s", ROOM / "captures", ROOM / "cameras.json",
         settings=CaptureSettings(max_side_px=240),
     )  # fmt: skip
-    scene = WatchedScene(scene.declare(overrides=SMALL))
-    with unshared_contents():
-        refine(scene)
-    return scene
+    runner = WatchedRunner(scene.declare(overrides=SMALL))
+    refine(runner.scene, runner=runner)
+    return runner
 
 
-def test_a_step_reads_only_what_its_key_knows(small_room):
+@pytest.fixture(scope="module")
+def small_room(watched) -> Scene:
+    """The refined room."""
+    return watched.scene
+
+
+def test_a_step_reads_only_what_its_key_knows(watched):
     """Else it would be passed over although something that it reads has changed."""
-    for target, files in small_room.files.items():
-        inputs = tuple(map(Path, small_room.inputs[target]))
+    for target, files in watched.files.items():
+        inputs = tuple(map(Path, watched.inputs[target]))
         assert all(any(Path(file).is_relative_to(known) for known in inputs) for file in files), target
-    assert {"rounds/0/proxy/proxy.npz", "geometry/backdrop.ply"} < small_room.files["rounds/0/asset.ply"]
-    before = KeysOnly(small_room)
-    refine(before)
-    assert set(before.keys) == set(small_room.files)
+    assert {"rounds/0/proxy/proxy.npz", "geometry/backdrop.ply"} < watched.files["rounds/0/asset.ply"]
+    assert {target: names for target, names in watched.variables.items() if names} == {}
+    before = KeysOnly(watched.scene)
+    refine(before.scene, runner=before)
+    assert set(before.keys) == set(watched.files)
     missed = set()
-    for entry in entries(before.declaration.settings):
-        after = KeysOnly(small_room, **{entry.key: another(entry)})
-        refine(after)
+    for entry in entries(before.scene.declaration.settings):
+        after = KeysOnly(watched.scene, **{entry.key: another(entry)})
+        refine(after.scene, runner=after)
         if not entry.changes_result:
             assert not after.redone(before), entry.key
             continue
-        reading = {target for target, settings in small_room.settings.items() if entry.key in settings}
+        reading = {target for target, settings in watched.settings.items() if entry.key in settings}
         missed |= {(target, entry.key) for target in reading - after.redone(before)}
     # The backdrop's views have a share of detail, as all that are lifted: it makes nothing of it.
     assert missed == {("geometry/backdrop.ply", "training.detailed_share")}

@@ -8,7 +8,8 @@ import numpy as np
 from measured_points import measured
 from scipy.spatial.transform import Rotation
 
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.frame.floor_points import FloorPoint
 from r2sego_blender.captures.frame.picks import Pick, PickedLength, PickedPoint, Picks
@@ -64,7 +65,7 @@ def wrong_scene(folder, similarity, source="metric poses"):
 
     declared = Declaration("photographs", tuple(map(tuple, (2.0 * np.diag([1, 1, 1, 0.5])).tolist())),
                            ground="no floor seen", scale_source=source)  # fmt: skip
-    return Scene.create(folder / "room.r2s", declared, fill), turn, cameras
+    return create_bundle(folder / "room.r2s", declared, fill), turn, cameras
 
 
 def shown_points(turn, cameras, spots=FLOOR, views=(0, 2)):

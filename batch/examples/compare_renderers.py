@@ -18,8 +18,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from r2sego_blender.commands.scripts import run_script
 from r2sego_blender.core.cameras import Camera
+from r2sego_blender.generation.conditions.blender_conditions import BlenderRenderer
 from r2sego_blender.generation.conditions.conditions import Condition, ZBufferRenderer
-from r2sego_blender.generation.conditions.renderers import BlenderRenderer
 from r2sego_blender.results.panels.bundle import Bundle
 from r2sego_blender.workers.blender_renderer import BlenderWorker
 

@@ -1,9 +1,9 @@
 """The asset's Gaussians in a 3D view, blended from far to near as they were trained.
 
 They are painted into a picture of their own, in sRGB as the trainer blends them (projection as in
-``splats/projection.py``), with the mean depth of what each pixel shows. The picture is laid into the view
-at that depth, so that meshes stand before and behind the splats, and kept until the view changes.
-Colours are those averaged over all directions.
+``splats/kernels/projection.py``), with the mean depth of what each pixel shows. The picture is laid into
+the view at that depth, so that meshes stand before and behind the splats, and kept until the view
+changes. Colours are those averaged over all directions.
 """
 
 from typing import NamedTuple

@@ -8,28 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..config.settings import Settings
-
-SURFACE_BACKENDS: Mapping[str, str] = {
-    "tsdf": "embedded: TSDF of completed depth",
-    "poisson": "embedded: screened Poisson of completed depth",
-    "nksr": "NKSR",
-}
-"""What makes the surface, by the setting ``proxy.surface``."""
-
-CONDITION_BACKENDS: Mapping[str, str] = {
-    "z-buffer": "embedded: numba z-buffer",
-    "cycles": "embedded: Cycles",
-    "eevee": "embedded: EEVEE",
-}
-"""What renders the structural conditions, by the setting ``generation.renderer``."""
-
-GENERATOR_BACKENDS: Mapping[str, str] = {
-    "blending": "embedded: geometry-guided blending",
-    "viewcrafter": "ViewCrafter",
-    "viewcrafter_512": "ViewCrafter (512 x 320)",
-    "command": "the program in R2SEGO_GENERATOR",
-}
-"""What makes the clips, by the setting ``generation.generator``."""
+from ..config.slots import GENERATORS, RENDERERS, SURFACES
 
 TRAINER_BACKENDS: Mapping[str, str] = {
     "cpu": "embedded: 3DGS on the CPU",
@@ -40,10 +19,10 @@ TRAINER_BACKENDS: Mapping[str, str] = {
 BACKENDS: Mapping[str, str] = {
     "initial_asset": "embedded: dense stereo to splats",
     "shape_prior": "embedded: room planes",
-    "surface": SURFACE_BACKENDS["tsdf"],
+    "surface": SURFACES.labels["tsdf"],
     "controller": "embedded: reference motion tracked in MuJoCo",
-    "conditions": CONDITION_BACKENDS["z-buffer"],
-    "generator": GENERATOR_BACKENDS["blending"],
+    "conditions": RENDERERS.labels["z-buffer"],
+    "generator": GENERATORS.labels["blending"],
     "registration": "embedded: patches of the captures and PnP",
     "splat_trainer": TRAINER_BACKENDS["cpu"],
 }
@@ -53,9 +32,9 @@ BACKENDS: Mapping[str, str] = {
 def chosen_backends(settings: Settings) -> dict[str, str]:
     """The backends that settings choose."""
     return {
-        "surface": SURFACE_BACKENDS[settings.proxy.surface],
-        "conditions": CONDITION_BACKENDS[settings.generation.renderer],
-        "generator": GENERATOR_BACKENDS[settings.generation.generator],
+        "surface": SURFACES.labels[settings.proxy.surface],
+        "conditions": RENDERERS.labels[settings.generation.renderer],
+        "generator": GENERATORS.labels[settings.generation.generator],
         "splat_trainer": TRAINER_BACKENDS[settings.training.backend],
     }
 

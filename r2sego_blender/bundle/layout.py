@@ -19,6 +19,8 @@ BACKDROP = "geometry/backdrop.ply"
 INITIAL_ASSET = "geometry/initial_asset.ply"
 REFINED_ASSET = "asset.ply"
 COLLISION = "collision"
+PROXY_EDITS = "geometry/edits"
+ASSET_EDITS = "asset_edits"
 SCOPE_FILE = "robot/scope.toml"
 """The bundle's own behaviour scope, once a person has changed a field of one."""
 

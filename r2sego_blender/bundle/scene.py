@@ -1,54 +1,30 @@
-"""The scene bundle on disk: declared in ``scene.toml``, filled step by step, never half-written.
+"""The scene bundle: a folder with what a person declared, and what the steps of Algorithm 1 left in it.
 
-A step of Algorithm 1 publishes one file or folder. It runs again only when the content of
-its inputs, its parameters or the library's version changed, or its result was damaged;
-``journal.jsonl`` remembers the digests. Results are written beside their place, flushed and
-renamed, so a cut-off run leaves the bundle as it was. This module needs NumPy at most, so
-Blender's Python reads bundles with it.
+``runner`` fills it, ``creating`` makes a new one. NumPy at most is needed, so Blender's Python reads
+bundles with it.
 """
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
-import errno
-import hashlib
-import json
 import os
-import shutil
-import tempfile
-import threading
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from .. import __version__
-from ..core.atomic_files import (
-    UNFINISHED,
-    finish_replacing,
-    flush,
-    remove,
-    rename,
-    replacing_together,
-    swap_in,
-)
-from ..core.digests import content_digest
-from ..core.errors import SceneError
-from ..core.file_locks import try_lock
+from ..core.atomic_files import UNFINISHED, flush, remove, replacing_together, swap_in
 from ..core.scratch import keeping, scratch_place
+from . import locks
+from .artifacts import Artifact, Held
 from .backends import controller_backend
 from .declaration import DECLARATION, Declaration, name_in, read_declaration, write_declaration
-from .frames import frame_of_output
+from .disk import disk_errors
 from .journal import Journal
-from .layout import COLLISION, REFINED_ASSET
-
-_LOCK = ".lock"
-_HOLDERS: dict[Path, int] = {}  # of bundles that this process holds: the thread
 
 
 class Scene:
-    """A bundle that exists; get one from ``Scene.create`` or ``Scene.open``."""
+    """A bundle that exists; get one from ``Scene.open`` or ``create_bundle``."""
 
     def __init__(self, path: Path, declaration: Declaration) -> None:
         self.path = path
@@ -56,36 +32,6 @@ class Scene:
         self._journal = Journal(path)
 
     # ---- opening
-
-    @staticmethod
-    def create(path: Path, declaration: Declaration, fill: Callable[[Path], None]) -> Scene:
-        """Make a bundle: ``fill`` writes its captures into the folder it is given.
-
-        Raises SceneError when ``path`` exists; nothing is left behind when ``fill`` fails.
-        """
-        path = Path(path)
-        require_place(path)
-        staging = path.with_name(f"{UNFINISHED}{path.name}-{os.getpid()}")
-        missing = [folder for folder in path.absolute().parents if not folder.exists()]
-        with _disk_errors(path, kept=""), scratch_place(staging):
-            _remove_abandoned(path.parent)
-            shutil.rmtree(staging, ignore_errors=True)
-            staging.mkdir(parents=True)
-            try:
-                with (staging / _LOCK).open("a+") as file:
-                    try_lock(file)  # so that others see that it is being made
-                    fill(staging)
-                    write_declaration(staging / DECLARATION, declaration)
-                    flush(staging)
-                require_place(path)  # another may have made it meanwhile
-                with keeping(staging):
-                    rename(staging, path)
-            finally:
-                shutil.rmtree(staging, ignore_errors=True)
-                for folder in missing:
-                    with contextlib.suppress(OSError):  # it holds the bundle, or what another put there
-                        folder.rmdir()
-        return Scene(path, declaration)
 
     @staticmethod
     def open(path: Path) -> Scene:
@@ -102,7 +48,7 @@ class Scene:
         declaration = dataclasses.replace(present, **changes)
         _ = declaration.settings  # refuse unknown settings before anything is written
         if declaration != present:
-            with _disk_errors(self.path):
+            with disk_errors(self.path):
                 write_declaration(self.path / DECLARATION, declaration)
         return Scene(self.path, declaration)
 
@@ -175,79 +121,11 @@ class Scene:
         declared = reversed(range(self.declaration.settings.rounds))
         return next((index for index in declared if (self.round_folder(index) / made).exists()), -1)
 
-    # ---- steps
+    # ---- what is in it
 
-    def step(
-        self,
-        target: str,
-        compute: Callable[[Path], None],
-        *,
-        inputs: Sequence[str | Path] = (),
-        parameters: Any = None,
-        read: Callable[[], object] | None = None,
-    ) -> Path:
-        """Make ``target`` by ``compute`` unless it is there and nothing it reads has changed.
-
-        ``target`` is a path inside the bundle, a file when it has a suffix, else a folder;
-        ``compute`` writes it at the path it is given. ``inputs`` are files and folders,
-        inside the bundle when relative; ``parameters`` are dataclasses or JSON values.
-        ``read`` reads the result as later steps do: one that is not as it was published is
-        kept as a person's edit where that succeeds. Without it any change is damage.
-        """
-        place = self.path / target
-        digest = self._digest_of_inputs(inputs, parameters)
-        before = self.recorded().get(target)
-        if place.exists() and before == digest and not self.is_damaged(target, read):
-            return place
-        started, started_s = time.time(), time.monotonic()
-        with _disk_errors(place), self.publishing(target) as staging:
-            compute(staging)
-            if before is not None:
-                # Killed from here on, the old record is no longer true.
-                self._journal.write(publishing=target)
-        record = {
-            "step": target, "inputs": digest, "output": content_digest(place),
-            "started": round(started, 3), "seconds": round(time.monotonic() - started_s, 3),
-            "frame": frame_of_output(
-                self.declaration.world_from_capture, map(str, inputs), self.journal()
-            ),
-        }  # fmt: skip
-        with _disk_errors(self.path):
-            self._journal.write(**record)
-        return place
-
-    def is_damaged(self, target: str, read: Callable[[], object] | None = None) -> bool:
-        """Whether a result is not what its step published and, where it can be edited, ``read`` fails.
-
-        Of results that no journal noted nothing is said.
-        """
-        published = self.outputs().get(target)
-        if published is None or self._digest_of_input(target) == published:
-            return False
-        if read is None:
-            return True
-        try:
-            read()
-        except Exception:  # whatever a reader raises, the steps after it cannot read it either
-            return True
-        return False
-
-    def damaged_results(self) -> tuple[str, ...]:
-        """The names of the scene's results that are no more what was published: cut off, or changed."""
-        results = [name for name in (REFINED_ASSET, COLLISION) if (self.path / name).exists()]
-        published = self.outputs()
-        damaged = tuple(name for name in results if self.is_damaged(name))
-        now = self.outputs()  # a result that is replaced meanwhile is not damaged
-        return tuple(name for name in damaged if now.get(name) == published.get(name))
-
-    def require_as_made(self, *results: str) -> None:
-        """Raises SceneError where one of the ``results`` at the top is no more what was published."""
-        for name in results:
-            if self.is_damaged(name):
-                raise SceneError(
-                    "it is not as it was made: cut off, or changed", where=self.path / name,
-                    cure=f"Keep a copy of what you changed; `r2sego refine {self.path}` makes it again.",
-                )  # fmt: skip
+    def read(self, artifact: Artifact[Held]) -> Held:
+        """What the bundle holds under an artifact's name. Raises R2SEgoError for damage."""
+        return artifact.load(self.path / artifact.name)
 
     @contextlib.contextmanager
     def publishing(self, target: str) -> Iterator[Path]:
@@ -277,7 +155,7 @@ class Scene:
         On leaving without an error they all replace this one's. Killed on the way, none has, or
         the next who holds the lock puts the rest there.
         """
-        with _disk_errors(self.path), replacing_together(self.path, (*parts, DECLARATION)) as folder:
+        with disk_errors(self.path), replacing_together(self.path, (*parts, DECLARATION)) as folder:
             yield Scene(folder, self._declaration_now())
 
     @property
@@ -297,110 +175,14 @@ class Scene:
         """The ``content_digest`` of each step's last result, by its target (``Journal.outputs``)."""
         return self._journal.outputs()
 
-    @contextlib.contextmanager
-    def locked(self) -> Iterator[None]:
-        """Hold the bundle for writing; the thread that holds it may do so again.
+    def note(self, **record: Any) -> None:
+        """Add a record to the journal. Raises OSError."""
+        self._journal.write(**record)
 
-        Raises SceneError when another process or thread holds it, and after finishing what was cut off.
-        """
-        key, thread = self.path.resolve(), threading.get_ident()
-        if _HOLDERS.get(key) == thread:
-            yield
-            return
-        with _disk_errors(self.path, kept=""):
-            lock = (self.path / _LOCK).open("a+")
-        with lock as file:
-            if not try_lock(file):
-                raise SceneError(
-                    "another process is working on this scene", where=self.path,
-                    cure="Wait until it has ended, or cancel it.",
-                )  # fmt: skip
-            if finish_replacing(self.path):  # whoever holds the lock has read what was there before
-                raise SceneError(
-                    "a correction had been cut off, and is finished now", where=self.path, cure="Start again."
-                )
-            _HOLDERS[key] = thread
-            try:
-                yield
-            finally:
-                del _HOLDERS[key]
+    def locked(self) -> contextlib.AbstractContextManager[None]:
+        """Hold the bundle for writing (``locks.locked``)."""
+        return locks.locked(self.path)
 
     def held_still(self) -> contextlib.AbstractContextManager[None]:
-        """Keep others from writing while results that belong together are read; as ``locked``.
-
-        A bundle that may only be read, as published ones, is read without its lock.
-        """
-        lock = self.path / _LOCK
-        writable = os.access(lock if lock.exists() else self.path, os.W_OK)
-        return self.locked() if writable else contextlib.nullcontext()
-
-    def _digest_of_inputs(self, inputs: Sequence[str | Path], parameters: Any) -> str:
-        state = {
-            "version": __version__,
-            "inputs": {str(item): self._digest_of_input(item) for item in inputs},
-            "parameters": parameters,
-        }
-        text = json.dumps(state, sort_keys=True, default=_as_json)
-        return hashlib.sha256(text.encode()).hexdigest()
-
-    def _digest_of_input(self, item: str | Path) -> str:
-        return content_digest(self.path / item)
-
-
-def require_place(path: Path) -> None:
-    """Raises SceneError where a new bundle ``path`` cannot be: something is there, or nothing can be written.
-
-    Leaves nothing behind.
-    """
-    if path.exists() or path.is_symlink():
-        raise SceneError("it exists already", where=path, cure="Choose another name, or remove it.")
-    try:
-        folder = next(place for place in path.absolute().parents if place.exists())
-        with tempfile.TemporaryDirectory(prefix=UNFINISHED, dir=folder):
-            pass
-    except OSError as error:
-        raise SceneError(
-            f"no scene can be written there: {error.strerror}", where=path,
-            cure="Choose another folder, or allow writing.",
-        ) from error  # fmt: skip
-
-
-def _remove_abandoned(folder: Path) -> None:
-    """Remove the unfinished bundles that processes left in ``folder`` when they were killed."""
-    for file in folder.glob(f"{UNFINISHED}*/{_LOCK}"):
-        with contextlib.suppress(OSError, SceneError):  # what cannot go disturbs nobody
-            with file.open("a+") as lock:
-                free = try_lock(lock)
-            if free:
-                remove(file.parent)
-
-
-def _as_json(value: Any) -> Any:
-    """A step's parameter as its key has it: of a dataclass, the fields that change the result.
-
-    A field ``added`` later is left out while it has its default, so that keys made before it stand.
-    """
-    if dataclasses.is_dataclass(value):
-        return {
-            field.name: getattr(value, field.name)
-            for field in dataclasses.fields(value)
-            if field.metadata.get("changes_result", True)
-            and not (field.metadata.get("added") and getattr(value, field.name) == field.default)
-        }
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    return str(value)
-
-
-@contextlib.contextmanager
-def _disk_errors(place: Path, kept: str = ": finished steps are kept") -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES):
-            raise
-        reason = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "it cannot be written"
-        raise SceneError(
-            reason, where=place,
-            cure=f"Make room, allow writing, or close what has it open, then start again{kept}.",
-        ) from error  # fmt: skip
+        """Keep others from writing while it is read (``locks.held_still``)."""
+        return locks.held_still(self.path)

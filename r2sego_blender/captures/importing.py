@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -12,12 +11,9 @@ from ..config.settings import CaptureSettings
 from ..core.errors import CaptureError
 from ..core.progress import SILENT, Progress
 from .capture import Capture
-from .poses import json_fields as fields
-from .poses.cameras_json import read_cameras_json
-from .poses.colmap_model import COLMAP_FILES, find_model, read_colmap_model
-from .poses.photographs import Photograph, captures_of
-from .poses.polycam import UP, find_keyframes, lidar_depth, read_polycam
-from .poses.transforms_json import read_transforms_json
+from .poses.photographs import captures_of
+from .poses.pose_format import Posed
+from .poses.registry import find_export, find_poses
 from .sensors.sensor_depth import SensorDepth
 from .solving.solving import solve_poses
 
@@ -28,7 +24,7 @@ class Imported:
 
     ``source`` says in words where the poses come from; ``metric`` whether they are known
     to be in metres, ``solved`` whether they were solved here. ``up`` (3,) is the direction up
-    where the device measured gravity, and ``depth`` what its depth sensor saw.
+    where the device measured gravity, ``depth`` what its depth sensor saw, and ``masks`` how many are named.
     """
 
     captures: tuple[Capture, ...]
@@ -37,6 +33,7 @@ class Imported:
     up: np.ndarray | None = None
     depth: SensorDepth | None = None
     solved: bool = False
+    masks: int = 0
 
 
 def import_captures(
@@ -44,60 +41,21 @@ def import_captures(
 ) -> Imported:
     """The photographs in ``folder`` as undistorted captures.
 
-    ``poses`` is a ``cameras.json``, a ``transforms.json``, a COLMAP folder or a file in it, or a
-    raw export of Polycam (docs/formats.md), or None: then ``folder`` is such an export, or the poses are
-    solved from the photographs alone. Photographs are not copied: a capture undistorts and
-    scales its file when it is read. Raises CaptureError naming the file, the field and the
-    cure.
+    ``poses`` are of any kind in ``poses.formats``, a file or a folder (docs/formats.md), or None: then
+    ``folder`` is an export with poses of its own, or they are solved from the photographs alone.
+    Photographs are not copied: a capture undistorts and scales its file when it is read. Raises
+    CaptureError naming the file, the field and the cure.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise CaptureError("there is no such folder", where=folder, cure="Give a folder of photographs.")
-    poses = find_keyframes(folder) if poses is None else Path(poses)
-    if poses is None:
-        photographs, source = solve_poses(folder, settings, progress)
-        told = {"source": source, "metric": False, "solved": True}
-    elif poses.is_dir() or poses.name in COLMAP_FILES:
-        poses = poses if poses.is_dir() else poses.parent
-        photographs, told = _read_folder(poses, folder, settings, progress)
+    found = find_export(folder) if poses is None else find_poses(Path(poses))
+    if found is None:
+        posed = Posed(*solve_poses(folder, settings, progress))
     else:
-        photographs, told = _read_file(poses, folder, progress)
-    if not photographs:
+        record, poses = found
+        posed = record.read(poses, folder, settings, progress)
+    if not posed.photographs:
         raise CaptureError("no photograph is listed", where=poses, cure="Check the export of the poses.")
-    return Imported(captures_of(photographs, settings.max_side_px), **told)
-
-
-def _read_folder(
-    poses: Path, folder: Path, settings: CaptureSettings, progress: Progress
-) -> tuple[list[Photograph], dict[str, Any]]:  # fmt: skip
-    """The photographs of a folder with poses, and what else it tells of ``Imported``."""
-    model, keyframes = find_model(poses), find_keyframes(poses)
-    if model is not None:
-        return read_colmap_model(model, folder, progress), {"source": "COLMAP model", "metric": False}
-    if keyframes is not None:
-        photographs, source = read_polycam(keyframes, settings.max_keyframes, progress)
-        told = {"source": source, "metric": True, "up": UP, "depth": lidar_depth(keyframes)}
-        return photographs, told
-    if (poses / "transforms.json").is_file():
-        return _read_file(poses / "transforms.json", folder, progress)
-    raise CaptureError(
-        "there is no COLMAP model, transforms.json or raw export of Polycam in this folder", where=poses,
-        cure="Give the folder that holds cameras.bin and images.bin, or .txt; or keyframes.",
-    )  # fmt: skip
-
-
-def _read_file(
-    poses: Path, folder: Path, progress: Progress
-) -> tuple[list[Photograph], dict[str, Any]]:  # fmt: skip
-    """The photographs of a pose file, and what else it tells of ``Imported``."""
-    data = fields.read_json(poses)
-    if "frames" in data:
-        photographs, metric = read_transforms_json(poses, folder, progress)
-        return photographs, {"source": "transforms.json", "metric": metric}
-    if "captures" in data:
-        photographs, metric = read_cameras_json(poses, folder)
-        return photographs, {"source": "cameras.json", "metric": metric}
-    raise CaptureError(
-        "the file has neither 'captures' nor 'frames'", where=poses,
-        cure="Give a cameras.json, a transforms.json or a COLMAP folder.",
-    )  # fmt: skip
+    captures = captures_of(posed.photographs, settings.max_side_px)
+    return Imported(captures, posed.source, posed.metric, posed.up, posed.depth, found is None, posed.masks)

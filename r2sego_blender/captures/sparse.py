@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..bundle import layout
+from ..bundle.artifacts import Artifact
 from ..config.settings import CaptureSettings
 from ..core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
 from ..core.cameras import Camera
@@ -234,3 +236,7 @@ def depth_ranges(captures: Sequence[Capture], sparse: SparsePoints) -> list[tupl
         near, far = np.percentile(measured, _RANGE_PERCENTILES)
         ranges.append((float(near * _RANGE_MARGIN[0]), float(far * _RANGE_MARGIN[1])))
     return ranges
+
+
+SPARSE = Artifact(layout.SPARSE, SparsePoints.load, part_of=layout.CAPTURES)
+"""The points triangulated from the captures."""

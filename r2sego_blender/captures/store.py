@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from ..bundle import layout
+from ..bundle.artifacts import Artifact
 from ..core.cameras import Camera
 from ..core.errors import CaptureError
 from ..core.images import save_image
@@ -89,3 +91,7 @@ def _file_name(name: str, taken: set[str]) -> str:
         choice = f"{stem}_{count}"
     taken.add(choice.lower())
     return f"{choice}.png"
+
+
+CAPTURES = Artifact(layout.CAPTURES, load_captures)
+"""The capture set C: photographs with their cameras in the world."""

@@ -13,8 +13,9 @@ import click
 
 from ..config.presets import PRESETS
 from ..core.errors import MachineError
+from ..core.progress import TerminalProgress
 from . import bench_defaults as defaults
-from .options import ANY_PATH, FOLDER, Commands, overrides_of, progress_of, settings_option
+from .options import ANY_PATH, FOLDER, Commands, overrides_of, settings_option
 
 
 @click.group(cls=Commands)
@@ -22,11 +23,11 @@ def bench() -> None:
     """Time the parts of the method on this machine, and score them against ground truth."""
 
 
-def _measure(name: str, context: click.Context, file: Path | None, **given: Any) -> None:
+def _measure(name: str, file: Path | None, **given: Any) -> None:
     """Run ``tools.benchmarks.<name>`` with the options given, tell its figures, write them to ``file``."""
     benchmark = _of_checkout(name)
     chosen = {option: value for option, value in given.items() if value is not None}
-    figures = getattr(benchmark, f"bench_{name}")(**chosen, progress=progress_of(context, as_json=False))
+    figures = getattr(benchmark, f"bench_{name}")(**chosen, progress=TerminalProgress())
     click.echo("\n".join(benchmark.lines(figures)))
     if file is not None:
         _of_checkout("figures").write_figures(file, figures)
@@ -67,10 +68,9 @@ def _number(name: str, default: int, words: str) -> Callable[[Any], Any]:
 @click.option("--threads", type=int, help="Threads to use; all by default.")
 @_number("--repeats", defaults.SPLATS_REPEATS, "Times each step is measured.")
 @_figures_file
-@click.pass_context
-def bench_splats(context: click.Context, file: Path | None, **given: Any) -> None:
+def bench_splats(file: Path | None, **given: Any) -> None:
     """Time rendering and a training step of splats, beside the least they could take."""
-    _measure("splats", context, file, **given)
+    _measure("splats", file, **given)
 
 
 @bench.command("training")
@@ -87,10 +87,9 @@ def bench_splats(context: click.Context, file: Path | None, **given: Any) -> Non
 @_number("--gaussians", defaults.TRAINING_GAUSSIANS, "Gaussians of the plain training.")
 @_number("--steps", defaults.TRAINING_STEPS, "Steps of the plain training.")
 @_figures_file
-@click.pass_context
-def bench_training(context: click.Context, file: Path | None, **given: Any) -> None:
+def bench_training(file: Path | None, **given: Any) -> None:
     """Train on CAPTURES plainly, then as usual until the held-out views are as good."""
-    _measure("training", context, file, **given)
+    _measure("training", file, **given)
 
 
 @bench.command("geometry")
@@ -101,12 +100,11 @@ def bench_training(context: click.Context, file: Path | None, **given: Any) -> N
 @_figures_file
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the pipeline and the noise.")
 @click.option("--no-noise", is_flag=True, help="Leave out the stereo of disturbed captures.")
-@click.pass_context
 def bench_geometry(
     context: click.Context, scene: Path, library: Path | None, file: Path | None, seed: int, no_noise: bool
 ) -> None:
     """Time stereo and geometry proxy of a scene whose truth is known, and score them against it."""
-    _measure("geometry", context, file, scene=scene, library=library, seed=seed, noise=not no_noise)
+    _measure("geometry", file, scene=scene, library=library, seed=seed, noise=not no_noise)
 
 
 @bench.command("conditions")
@@ -114,10 +112,9 @@ def bench_geometry(
 @click.option("--size", metavar="WxH", default=defaults.SIZE, show_default=True, help="Size of the images.")
 @_number("--repeats", defaults.CONDITIONS_REPEATS, "Times each pass is measured; the least counts.")
 @_figures_file
-@click.pass_context
-def bench_conditions(context: click.Context, file: Path | None, **given: Any) -> None:
+def bench_conditions(file: Path | None, **given: Any) -> None:
     """Time the structural conditions of a clip: each pass, the colours of the captures, the files."""
-    _measure("conditions", context, file, **given)
+    _measure("conditions", file, **given)
 
 
 @bench.command("generation")
@@ -129,10 +126,9 @@ def bench_conditions(context: click.Context, file: Path | None, **given: Any) ->
 @_figures_file
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the pipeline.")
 @_number("--clips", defaults.GENERATION_CLIPS, "Whole clips made to see how steady they are.")
-@click.pass_context
-def bench_generation(context: click.Context, file: Path | None, **given: Any) -> None:
+def bench_generation(file: Path | None, **given: Any) -> None:
     """Time the embedded generator, and score it at the frozen poses of a scene with known truth."""
-    _measure("generation", context, file, **given)
+    _measure("generation", file, **given)
 
 
 @bench.command("refinement")
@@ -147,12 +143,9 @@ def bench_generation(context: click.Context, file: Path | None, **given: Any) ->
 @click.option("--preset", type=click.Choice(list(PRESETS)), help="By default the bundle's: at first 'paper'.")
 @settings_option
 @_figures_file
-@click.pass_context
-def bench_refinement(
-    context: click.Context, overrides: tuple[str, ...], file: Path | None, **given: Any
-) -> None:
+def bench_refinement(overrides: tuple[str, ...], file: Path | None, **given: Any) -> None:
     """Refine a scene, and score every round and vanilla 3DGS on its frozen views."""
-    _measure("refinement", context, file, overrides=overrides_of(overrides) or None, **given)
+    _measure("refinement", file, overrides=overrides_of(overrides) or None, **given)
 
 
 @bench.command("rollouts")
@@ -167,7 +160,9 @@ def bench_refinement(
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the rollouts.")
 @_number("--candidates", defaults.ROLLOUTS_CANDIDATES, "Views that are scored.")
 @_figures_file
-@click.pass_context
-def bench_rollouts(context: click.Context, scopes: tuple[str, ...], file: Path | None, **given: Any) -> None:
+def bench_rollouts(scopes: tuple[str, ...], file: Path | None, **given: Any) -> None:
     """Time successful rollouts of a scope, and the scoring of a round's candidate views."""
-    _measure("rollouts", context, file, scopes=scopes or None, **given)
+    _measure("rollouts", file, scopes=scopes or None, **given)
+
+
+COMMANDS = (bench,)

@@ -1,4 +1,4 @@
-"""The command on a scene's captures: where its floor lies, which way is up, how long a metre is."""
+"""``r2sego register``: where its floor lies, which way is up, how long a metre is."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ import numpy as np
 
 from ..bundle.scene import Scene
 from ..core.errors import SettingsError
-from ..core.progress import JsonProgress
-from .options import ANY_PATH, direction_of, json_progress, progress_of, scale_of, scale_options, tell
+from .options import ANY_PATH, Output, direction_of, output_options, scale_of, scale_options
 
 
 @click.command()
@@ -33,10 +32,8 @@ from .options import ANY_PATH, direction_of, json_progress, progress_of, scale_o
     "--frame", metavar="12 NUMBERS", help="The new world's pose in that of now: rows of a 3x4, with commas."
 )
 @click.option("--undo", is_flag=True, help="Take the last correction back.")
-@json_progress
-@click.pass_context
+@output_options("--json-progress")
 def register(
-    context: click.Context,
     scene: Path,
     floor: tuple[str, ...],
     up: str | None,
@@ -44,7 +41,7 @@ def register(
     picks: Path | None,
     frame: str | None,
     undo: bool,
-    as_json: bool,
+    output: Output,
     **given: Any,
 ) -> None:
     """Correct SCENE's ground or scale; what depends on it is redone by the next refine.
@@ -56,7 +53,6 @@ def register(
     from ..captures.frame.picks import Picks
     from ..editing.correction import correct_by_picks, correct_registration, correct_to_frame, undo_correction
 
-    progress = progress_of(context, as_json)
     single = (
         bool(floor) or up is not None or floor_at is not None or any(v is not None for v in given.values())
     )
@@ -68,10 +64,10 @@ def register(
     opened = Scene.open(scene)
     told: dict[str, Any] = {}
     if picks is not None:
-        made, fit = correct_by_picks(opened, Picks.load(picks), progress)
-        told = {"residuals": fit.to_json()} if isinstance(progress, JsonProgress) else {}
+        made, fit = correct_by_picks(opened, Picks.load(picks), output.progress)
+        told = {"residuals": fit.to_json()} if output.as_events else {}
         for line in fit.lines():
-            progress.message(line)
+            output.progress.message(line)
     elif frame is not None:
         made = correct_to_frame(opened, _frame_of(frame))
     elif undo:
@@ -85,10 +81,13 @@ def register(
             scale=scale_of(
                 **given, robot=opened.declaration.robot, scope=opened.declaration.scope, command="register"
             ),
-            progress=progress,
+            progress=output.progress,
         )
     declared = made.declaration
-    tell(progress, scene=str(made.path), ground=declared.ground, scale=declared.scale_source, **told)
+    output.tell(scene=str(made.path), ground=declared.ground, scale=declared.scale_source, **told)
+
+
+COMMANDS = (register,)
 
 
 def _frame_of(text: str) -> np.ndarray:

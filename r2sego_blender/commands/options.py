@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, wraps
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,8 @@ from ..core.progress import JsonProgress, Progress, TerminalProgress
 
 FOLDER = click.Path(file_okay=False, path_type=Path)
 ANY_PATH = click.Path(path_type=Path)
+FIRST_NOT_DONE = "the first that is not done, else the last"
+_EVENTS = "Tell progress and result as JSON lines."
 _WHOLE = 1000  # characters; no command's first sentence has as many
 
 
@@ -27,17 +31,54 @@ class Commands(click.Group):
             )
 
 
-def progress_of(context: click.Context, as_json: bool) -> Progress:
-    """Where a command tells how far it is: on the terminal, or as JSON lines, errors too."""
-    context.obj["json"] = as_json
-    return JsonProgress() if as_json else TerminalProgress()
+@dataclass(frozen=True)
+class Output:
+    """How a command tells what it does: to a person, as one JSON object at its end, or as JSON lines."""
+
+    as_object: bool
+    as_events: bool
+
+    @cached_property
+    def progress(self) -> Progress:
+        """Where it tells how far it is: on the terminal, or as JSON lines."""
+        return JsonProgress() if self.as_events else TerminalProgress()
+
+    def show(self, result: dict[str, Any], lines: Callable[[dict[str, Any]], list[str]]) -> None:
+        """A result as an event, as one JSON object, or in the ``lines`` made of it."""
+        if self.as_events:
+            self.tell(**result)
+        else:
+            click.echo(json.dumps(result, indent=1) if self.as_object else "\n".join(lines(result)))
+
+    def tell(self, **result: Any) -> None:
+        """A result as an event, or as lines of names and values on standard output."""
+        if self.as_events:
+            JsonProgress().emit(event="result", **result)
+            return
+        for name, value in result.items():
+            if isinstance(value, dict):  # of counts
+                value = ", ".join(f"{what} ({count})" for what, count in value.items()) or "none"
+            click.echo(f"{name}: {value}")
 
 
-def json_progress(command: Callable) -> Callable:
-    """The option ``--json-progress``, given as ``as_json``."""
-    return click.option(
-        "--json-progress", "as_json", is_flag=True, help="Tell progress and result as JSON lines."
-    )(command)
+def output_options(*names: str, whole: str = "As one JSON object.") -> Callable[[Callable], Callable]:
+    """The options ``--json`` (with the help ``whole``) and ``--json-progress``, as far as named.
+
+    The command is given the ``output`` that they ask for; with ``--json-progress`` its errors are events too.
+    """
+    words = {"--json": ("as_object", whole), "--json-progress": ("as_events", _EVENTS)}
+
+    def decorate(command: Callable) -> Callable:
+        @wraps(command)
+        def run(*arguments: Any, as_object: bool = False, as_events: bool = False, **given: Any) -> Any:
+            click.get_current_context().obj["json"] = as_events
+            return command(*arguments, output=Output(as_object, as_events), **given)
+
+        for name in reversed(names):
+            run = click.option(name, words[name][0], is_flag=True, help=words[name][1])(run)
+        return run
+
+    return decorate
 
 
 def settings_option(command: Callable) -> Callable:
@@ -48,12 +89,12 @@ def settings_option(command: Callable) -> Callable:
     )(command)  # fmt: skip
 
 
-def round_option(command: Callable) -> Callable:
+def round_option(default: str = "the newest") -> Callable[[Callable], Callable]:
     """The option ``--round``, given as ``round_index``."""
     return click.option(
         "--round", "round_index", type=int, metavar="L",
-        help="The round, from 0; by default the newest.",
-    )(command)  # fmt: skip
+        help=f"The round, from 0; by default {default}.",
+    )  # fmt: skip
 
 
 def scale_options(command: Callable) -> Callable:
@@ -79,25 +120,6 @@ def scale_options(command: Callable) -> Callable:
     for option in reversed(options):
         command = option(command)
     return command
-
-
-def show(progress: Progress, result: dict[str, Any], lines: Callable, as_object: bool) -> None:
-    """A result as a progress event, as one JSON object, or in lines."""
-    if isinstance(progress, JsonProgress):
-        tell(progress, **result)
-    else:
-        click.echo(json.dumps(result, indent=1) if as_object else "\n".join(lines(result)))
-
-
-def tell(progress: Progress, **result: Any) -> None:
-    """A result as a progress event, or as lines of names and values on standard output."""
-    if isinstance(progress, JsonProgress):
-        progress.emit(event="result", **result)
-    else:
-        for name, value in result.items():
-            if isinstance(value, dict):  # of counts
-                value = ", ".join(f"{what} ({count})" for what, count in value.items()) or "none"
-            click.echo(f"{name}: {value}")
 
 
 def scale_of(

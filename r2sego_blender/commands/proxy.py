@@ -1,27 +1,14 @@
-"""Commands for the proxy and what it is made of: objects, edits, coverage, and what is redone."""
+"""``r2sego objects``, ``edit-proxy`` and ``coverage``: the geometry proxy and what it is made of."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import click
 
-from ..bundle.reading import read_beside_jobs
 from ..bundle.scene import Scene
-from ..config.presets import PRESETS
-from ..core.atomic_files import is_replacing
-from .options import (
-    ANY_PATH,
-    FOLDER,
-    json_progress,
-    overrides_of,
-    progress_of,
-    round_option,
-    settings_option,
-    show,
-)
+from .options import ANY_PATH, FOLDER, Output, output_options, overrides_of, round_option
 
 
 @click.command()
@@ -52,8 +39,8 @@ from .options import (
 @click.option(
     "--remove", multiple=True, metavar="NAME", help="Take an object away, the last one too; repeatable."
 )
-@click.option("--json", "as_json", is_flag=True, help="As one JSON object.")
-def objects(scene: Path, as_json: bool, **given: Any) -> None:
+@output_options("--json")
+def objects(scene: Path, output: Output, **given: Any) -> None:
     """Declare SCENE's objects for shape priors, and say what became of them.
 
     An object's mesh, aligned to what was observed of it, completes what no photograph shows. Without
@@ -69,8 +56,7 @@ def objects(scene: Path, as_json: bool, **given: Any) -> None:
         )
         words = (given.pop("segment") or "").split(",")
         declare_objects(opened, **given, vocabulary=words, meshes=meshes, place=place)
-    described = describe_objects(Scene.open(scene))
-    click.echo(json.dumps(described, indent=1) if as_json else "\n".join(lines(described)))
+    output.show(describe_objects(Scene.open(scene)), lines)
 
 
 @click.command("edit-proxy")
@@ -85,71 +71,33 @@ def objects(scene: Path, as_json: bool, **given: Any) -> None:
 @click.option("--name", default="", help="What the edit is called; by default as its file.")
 @click.option("--remove", multiple=True, metavar="NAME", help="Take an edit back; repeatable.")
 @click.option("--list", "only_list", is_flag=True, help="Only say what edits there are.")
-@click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
-@json_progress
-@click.pass_context
-def edit_proxy(
-    context: click.Context, scene: Path, only_list: bool, as_object: bool, as_json: bool, **given: Any
-) -> None:
+@output_options("--json", "--json-progress")
+def edit_proxy(scene: Path, only_list: bool, output: Output, **given: Any) -> None:
     """Cut faces of SCENE's proxy away or draw surfaces; the next refine redoes what depends on it."""
     from ..editing.proxy_edits import describe_edits, lines
     from ..editing.proxy_edits import edit_proxy as change
 
-    progress = progress_of(context, as_json)
     opened = Scene.open(scene)
     if not only_list and (given["cut"] or given["draw"] or given["remove"]):
         change(opened, **given)
-    show(progress, describe_edits(opened), lines, as_object)
+    output.show(describe_edits(opened), lines)
 
 
 @click.command()
 @click.argument("scene", type=ANY_PATH)
-@round_option
-@click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
-@json_progress
-@click.pass_context
-def coverage(
-    context: click.Context, scene: Path, round_index: int | None, as_object: bool, as_json: bool
-) -> None:
+@round_option()
+@output_options("--json", "--json-progress")
+def coverage(scene: Path, round_index: int | None, output: Output) -> None:
     """Count, for each face of a round's proxy, the robot's views and the captures that see it.
 
     The counts stand in rounds/L/coverage.
     """
     from ..results.coverage_report import lines, measure_coverage
 
-    progress = progress_of(context, as_json)
     opened = Scene.open(scene)
     with opened.locked():
-        figures = measure_coverage(opened, round_index, progress)
-    show(progress, figures, lines, as_object)
+        figures = measure_coverage(opened, round_index, output.progress)
+    output.show(figures, lines)
 
 
-@click.command()
-@click.argument("scene", type=ANY_PATH)
-@click.option("--preset", type=click.Choice(list(PRESETS)), help="By default the scene's, as for refine.")
-@settings_option
-@click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
-@json_progress
-@click.pass_context
-def plan(
-    context: click.Context,
-    scene: Path,
-    preset: str | None,
-    overrides: tuple[str, ...],
-    as_object: bool,
-    as_json: bool,
-) -> None:
-    """Say which steps the next refine of SCENE would run again; runs and writes nothing."""
-    from ..results.plan import describe_plan, lines, plan_refinement
-
-    progress = progress_of(context, as_json)
-    changes = overrides_of(overrides)
-
-    def planned(opened: Scene) -> dict[str, Any]:
-        asked = Scene(opened.path, opened.declaration.with_settings(preset, changes))
-        return describe_plan(plan_refinement(asked), is_replacing(opened.path))
-
-    show(progress, read_beside_jobs(scene, planned), lines, as_object)
-
-
-PROXY_COMMANDS = (objects, edit_proxy, coverage, plan)
+COMMANDS = (objects, edit_proxy, coverage)

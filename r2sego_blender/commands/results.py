@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import sys
 from pathlib import Path
 
 import click
@@ -10,7 +10,7 @@ import click
 from ..bundle.layout import REPORT_PAGE
 from ..bundle.scene import Scene
 from ..config.presets import with_overrides
-from .options import ANY_PATH, FOLDER, json_progress, overrides_of, progress_of, settings_option, tell
+from .options import ANY_PATH, FOLDER, Output, output_options, overrides_of, settings_option
 
 
 @click.command()
@@ -21,9 +21,8 @@ from .options import ANY_PATH, FOLDER, json_progress, overrides_of, progress_of,
     type=ANY_PATH,
     help="cameras.json with a 'frozen' list, or a folder of held-out photographs.",
 )
-@json_progress
-@click.pass_context
-def evaluate(context: click.Context, scene: Path, frozen: Path, as_json: bool) -> None:
+@output_options("--json-progress")
+def evaluate(scene: Path, frozen: Path, output: Output) -> None:
     """Score SCENE on frozen views against vanilla 3DGS; writes report/metrics.json.
 
     Vanilla 3DGS is trained on the same photographs first, unless that was done before. Photographs that
@@ -31,14 +30,10 @@ def evaluate(context: click.Context, scene: Path, frozen: Path, as_json: bool) -
     """
     from ..evaluation.scene_evaluation import evaluate_scene, table
 
-    progress = progress_of(context, as_json)
     opened = Scene.open(scene)
-    metrics = evaluate_scene(opened, frozen, progress)
-    if as_json:
-        tell(progress, metrics=metrics)
-    else:
-        click.echo(table(metrics))
-        click.echo(f"report: {opened.report_folder / REPORT_PAGE}")
+    metrics = evaluate_scene(opened, frozen, output.progress)
+    page = opened.report_folder / REPORT_PAGE
+    output.show({"metrics": metrics}, lambda _: [table(metrics), f"report: {page}"])
 
 
 @click.command()
@@ -51,11 +46,8 @@ def evaluate(context: click.Context, scene: Path, frozen: Path, as_json: bool) -
     help="The asset in these formats too; `r2sego convert --help` has all.",
 )
 @click.option("--textured", is_flag=True, help="The proxy with baked colours too, for simulators.")
-@json_progress
-@click.pass_context
-def export(
-    context: click.Context, scene: Path, folder: Path, splats: str, textured: bool, as_json: bool
-) -> None:
+@output_options("--json-progress")
+def export(scene: Path, folder: Path, splats: str, textured: bool, output: Output) -> None:
     """Copy SCENE's asset, collision surface and proxy to a folder other tools read.
 
     asset.ply, collision/ (MJCF, URDF, SDF, USD, OBJ, STL, GLB), proxy.ply, cameras.json, and about.txt,
@@ -63,14 +55,9 @@ def export(
     """
     from ..results.export import export_scene
 
-    progress = progress_of(context, as_json)
     suffixes = [f".{name.strip().lower().lstrip('.')}" for name in splats.split(",") if name.strip()]
-    written = export_scene(Scene.open(scene), folder, suffixes, textured, progress)
-    if as_json:
-        tell(progress, files=[str(path) for path in written])
-    else:
-        for path in written:
-            click.echo(path)
+    written = export_scene(Scene.open(scene), folder, suffixes, textured, output.progress)
+    output.show({"files": [str(path) for path in written]}, lambda told: told["files"])
 
 
 @click.command()
@@ -88,51 +75,39 @@ def export(
     help="Side of the texture, by default 2048; short for --set texture.size_px=PX.",
 )  # fmt: skip
 @settings_option
-@json_progress
-@click.pass_context
+@output_options("--json-progress")
 def texture(
-    context: click.Context,
     scene: Path,
     file: Path | None,
     faces: int | None,
     size: int | None,
     overrides: tuple[str, ...],
-    as_json: bool,
+    output: Output,
 ) -> None:
     """Write SCENE's proxy as one mesh with a texture baked from the captures."""
     from ..results.texture import texture_scene
 
-    progress = progress_of(context, as_json)
     opened = Scene.open(scene)
     shorts = {"texture.faces": faces, "texture.size_px": size}
     given = {key: value for key, value in shorts.items() if value is not None}
     settings = with_overrides({**overrides_of(overrides), **given}, opened.declaration.settings)
-    figures = texture_scene(opened, settings, file, progress)
-    if as_json:
-        tell(progress, **figures.to_json())
-    else:
-        click.echo(figures.line())
+    figures = texture_scene(opened, settings, file, output.progress)
+    output.show(figures.to_json(), lambda _: [figures.line()])
 
 
 @click.command("check-collision")
 @click.argument("scene", type=ANY_PATH)
-@click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
-@json_progress
-@click.pass_context
-def check_collision(context: click.Context, scene: Path, as_object: bool, as_json: bool) -> None:
+@output_options("--json", "--json-progress")
+def check_collision(scene: Path, output: Output) -> None:
     """Drop spheres on SCENE's collision surface in MuJoCo, and see that the robot stands.
 
     Ends with status 1 where that fails; with --json-progress the result says it.
     """
     from ..results.collision_report import check_scene, lines
 
-    progress = progress_of(context, as_json)
-    report = check_scene(Scene.open(scene), progress)
-    if as_json:
-        tell(progress, **report.to_json())
-    else:
-        click.echo(json.dumps(report.to_json(), indent=1) if as_object else "\n".join(lines(report)))
-    context.exit(0 if report.passed or as_json else 1)  # as JSON the result says it
+    report = check_scene(Scene.open(scene), output.progress)
+    output.show(report.to_json(), lambda _: lines(report))
+    sys.exit(0 if report.passed or output.as_events else 1)  # as an event the result says it
 
 
-RESULT_COMMANDS = (evaluate, export, texture, check_collision)
+COMMANDS = (evaluate, export, texture, check_collision)

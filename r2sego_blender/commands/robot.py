@@ -1,4 +1,4 @@
-"""``r2sego robot``, ``robot-bodies`` and ``try-rollouts``: the robot declared, shown and tried."""
+"""``r2sego robot``, ``try-rollouts``, ``rollouts`` and ``robot-bodies``: declared, tried, let go, shown."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from ..bundle.scene import Scene
-from .options import ANY_PATH, json_progress, overrides_of, progress_of, round_option, show, tell
+from .options import ANY_PATH, FIRST_NOT_DONE, Output, output_options, overrides_of, round_option
 
 
 @click.command()
@@ -31,11 +31,8 @@ from .options import ANY_PATH, json_progress, overrides_of, progress_of, round_o
     "again. Repeatable.",
 )  # fmt: skip
 @click.option("--seats", is_flag=True, help="List the seats on the newest collision surface too.")
-@click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
-@json_progress
-@click.pass_context
+@output_options("--json", "--json-progress")
 def robot(
-    context: click.Context,
     scene: Path,
     model: str | None,
     scope: str | None,
@@ -43,8 +40,7 @@ def robot(
     target: str | None,
     fields: tuple[str, ...],
     seats: bool,
-    as_object: bool,
-    as_json: bool,
+    output: Output,
 ) -> None:
     """Declare SCENE's robot and behaviour scope, and say what they are.
 
@@ -55,7 +51,6 @@ def robot(
     from ..robot.scope.scope import FREE_FLOOR
     from ..robot.scope.scope_file import value_of
 
-    progress = progress_of(context, as_json)
     opened = Scene.open(scene)
     changes = {key: value_of(value) for key, value in overrides_of(fields).items()}
     if region is not None:
@@ -64,25 +59,23 @@ def robot(
     if target is not None:
         changes = sitting_on(target, scope or opened.declaration.scope) | changes
     opened = declare_robot(opened, model, scope, changes)
-    show(progress, describe_robot(opened, seats), lines, as_object)
+    output.show(describe_robot(opened, seats), lines)
 
 
 @click.command("robot-bodies")
 @click.argument("scene", type=ANY_PATH)
-@round_option
-@json_progress
-@click.pass_context
-def robot_bodies(context: click.Context, scene: Path, round_index: int | None, as_json: bool) -> None:
+@round_option()
+@output_options("--json-progress")
+def robot_bodies(scene: Path, round_index: int | None, output: Output) -> None:
     """Write the robot's shapes and their poses along a round's rollouts of SCENE, for Blender.
 
     They stand in rounds/L/bodies.
     """
     from ..results.robot_bodies import export_bodies
 
-    progress = progress_of(context, as_json)
     opened = Scene.open(scene)
     index = max(opened.newest_round("rollouts"), 0) if round_index is None else round_index
-    tell(progress, bodies=str(export_bodies(opened, index)))
+    output.tell(bodies=str(export_bodies(opened, index)))
 
 
 @click.command("try-rollouts")
@@ -90,9 +83,8 @@ def robot_bodies(context: click.Context, scene: Path, round_index: int | None, a
 @click.option(
     "--attempts", type=click.IntRange(1, 1000), default=6, show_default=True, help="How many are tried."
 )
-@json_progress
-@click.pass_context
-def try_rollouts(context: click.Context, scene: Path, attempts: int, as_json: bool) -> None:
+@output_options("--json-progress")
+def try_rollouts(scene: Path, attempts: int, output: Output) -> None:
     """Try the behaviour on SCENE's newest collision surface, and say what fails; no round changes.
 
     The attempts are kept in robot/trial, until the next trial.
@@ -100,9 +92,28 @@ def try_rollouts(context: click.Context, scene: Path, attempts: int, as_json: bo
     from ..editing.trial_rollouts import TRIAL
     from ..editing.trial_rollouts import try_rollouts as run
 
-    progress = progress_of(context, as_json)
     opened = Scene.open(scene)
-    tried = run(opened, attempts, progress)
+    tried = run(opened, attempts, output.progress)
     failures = Counter(rollout.reason for rollout in tried if not rollout.success)
     told: dict[str, Any] = {"attempts": len(tried), "succeeded": len(tried) - failures.total()}
-    tell(progress, **told, failures=dict(failures.most_common()), rollouts=str(opened.path / TRIAL))
+    output.tell(**told, failures=dict(failures.most_common()), rollouts=str(opened.path / TRIAL))
+
+
+@click.command()
+@click.argument("scene", type=ANY_PATH)
+@round_option(FIRST_NOT_DONE)
+@output_options("--json", "--json-progress")
+def rollouts(scene: Path, round_index: int | None, output: Output) -> None:
+    """Bring SCENE to a round's rollouts, and say what became of every attempt.
+
+    Runs the steps of refine up to there, as far as they are not done.
+    """
+    from ..results.rollouts_report import describe_rollouts, lines
+    from ..results.rounds import advance
+
+    opened = Scene.open(scene)  # after the imports, which take seconds: it may be corrected meanwhile
+    index = advance(opened, round_index, "rollouts", output.progress)
+    output.show(describe_rollouts(opened, index), lines)
+
+
+COMMANDS = (robot, robot_bodies, try_rollouts, rollouts)

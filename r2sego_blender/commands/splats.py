@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import click
 
 from ..config.presets import MANY_PHOTOGRAPHS, VANILLA_3DGS
-from .options import ANY_PATH, json_progress, overrides_of, progress_of, settings_option, tell
+from .options import ANY_PATH, Output, output_options, overrides_of, settings_option
 
 
 @click.command()
@@ -33,17 +32,8 @@ from .options import ANY_PATH, json_progress, overrides_of, progress_of, setting
     help="Views to score on: transforms_test.json, or a cameras.json with a 'frozen' list.",
 )
 @click.option("--hold-out", type=int, metavar="K", help="Score on every K-th image, and do not train on it.")
-@click.option("--json", "as_object", is_flag=True, help="The result as one JSON object.")
-@json_progress
-@click.pass_context
-def train(
-    context: click.Context,
-    overrides: tuple[str, ...],
-    vanilla: bool,
-    as_object: bool,
-    as_json: bool,
-    **given: Any,
-) -> None:
+@output_options("--json", "--json-progress", whole="The result as one JSON object.")
+def train(overrides: tuple[str, ...], vanilla: bool, output: Output, **given: Any) -> None:
     """Train splats on the photographs CAPTURES alone: no scene, no robot.
 
     CAPTURES is a folder of photographs, or a pose file beside them. Images are trained on at up to
@@ -52,19 +42,13 @@ def train(
     """
     from ..evaluation.splat_training import settings_of, train_on_photographs
 
-    progress = progress_of(context, as_json)
     short = {"training.steps_per_round": "steps", "training.max_gaussians": "gaussians", "seed": "seed"}
     shorts = {key: value for key, name in short.items() if (value := given.pop(name)) is not None}
     base = VANILLA_3DGS if vanilla else MANY_PHOTOGRAPHS
     training = {f"training.{key}": value for key, value in base.items()}
     settings = settings_of({**training, **overrides_of(overrides), **shorts})
-    trained = train_on_photographs(**given, settings=settings, progress=progress)
-    if as_object and not as_json:
-        click.echo(json.dumps(trained.to_json(), indent=1))
-    elif as_json:
-        tell(progress, **trained.to_json())
-    else:
-        click.echo(trained.line())
+    trained = train_on_photographs(**given, settings=settings, progress=output.progress)
+    output.show(trained.to_json(), lambda _: [trained.line()])
 
 
 class _OfFormats(click.Command):
@@ -91,3 +75,6 @@ def convert(source: Path, target: Path) -> None:
     save_asset(target, asset)
     degree = min(asset.degree, format_of(target).degree)
     click.echo(f"{target}: {len(asset)} Gaussians of degree {degree}")
+
+
+COMMANDS = (train, convert)

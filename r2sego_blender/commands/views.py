@@ -1,86 +1,55 @@
-"""``r2sego views``: a round's generated views, accepted and rejected by hand."""
+"""``r2sego select`` and ``views``: a round's target views, and the views generated at them."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import click
 
 from ..bundle.scene import Scene
-from ..core.errors import GenerationError, SettingsError
-from ..generation.view_records import decide, read_views
-from .options import ANY_PATH, json_progress, progress_of, round_option, show
+from .options import ANY_PATH, FIRST_NOT_DONE, Output, output_options, round_option
 
 
 @click.command()
 @click.argument("scene", type=ANY_PATH)
-@round_option
+@round_option(FIRST_NOT_DONE)
+@click.option("--explain", is_flag=True, help="Every candidate with its scores, and why it is no target.")
+@output_options("--json", "--json-progress")
+def select(scene: Path, round_index: int | None, explain: bool, output: Output) -> None:
+    """Bring SCENE to a round's target views, and say what they are and why.
+
+    Runs the steps of refine up to there, as far as they are not done.
+    """
+    from ..results.rounds import advance
+    from ..results.selection_report import describe_selection, lines
+
+    opened = Scene.open(scene)  # after the imports, which take seconds: it may be corrected meanwhile
+    index = advance(opened, round_index, "selection", output.progress)
+    output.show(describe_selection(opened, index, explain), lines)
+
+
+@click.command()
+@click.argument("scene", type=ANY_PATH)
+@round_option()
 @click.option("--accept", type=int, multiple=True, metavar="K", help="Train on view K; repeatable.")
 @click.option("--reject", type=int, multiple=True, metavar="K", help="Do not train on view K; repeatable.")
 @click.option(
     "--undecided", type=int, multiple=True, metavar="K", help="Let view K's figures decide again; repeatable."
 )
-@click.option("--json", "as_object", is_flag=True, help="As one JSON object.")
-@json_progress
-@click.pass_context
-def views(
-    context: click.Context,
-    scene: Path,
-    round_index: int | None,
-    accept: tuple[int, ...],
-    reject: tuple[int, ...],
-    undecided: tuple[int, ...],
-    as_object: bool,
-    as_json: bool,
-) -> None:
+@output_options("--json", "--json-progress")
+def views(scene: Path, round_index: int | None, output: Output, **given: tuple[int, ...]) -> None:
     """List SCENE's generated views of a round; accept or reject some by hand.
 
     View 0 is the target of rank 1, and so on. What was decided counts from the next refine on, which
     trains the asset again.
     """
-    progress = progress_of(context, as_json)
-    given = [*accept, *reject, *undecided]
-    if len(set(given)) < len(given):
-        raise SettingsError("a view is decided on twice", where="r2sego views", cure="Name each view once.")
+    from ..editing.view_decisions import decide_views, describe_views, lines
+
     opened = Scene.open(scene)
     index = max(opened.newest_round("views"), 0) if round_index is None else round_index
-    folder = opened.round_folder(index) / "views"
-    if given:
-        words = ((accept, True), (reject, False), (undecided, None))
-        with opened.locked():
-            read_views(folder, 0)  # damaged ones are refused before anything changes
-            decide(folder, {rank: accepted for ranks, accepted in words for rank in ranks})
-    show(progress, described(opened, index), lines, as_object)
+    if any(given.values()):
+        decide_views(opened, index, **given)
+    output.show(describe_views(opened, index), lines)
 
 
-def described(scene: Scene, round_index: int) -> dict[str, Any]:
-    """The round's generated views, JSON-ready. Raises GenerationError where there are none."""
-    budget = scene.declaration.settings.selection.target_views
-    folder = scene.round_folder(round_index) / "views"
-    records = read_views(folder, budget)
-    if not records:
-        raise GenerationError(
-            f"round {round_index} has no generated views", where=folder,
-            cure="Run `r2sego refine` first, or choose another round.",
-        )  # fmt: skip
-    return {
-        "scene": str(scene.path), "round": round_index,
-        "accepted": sum(record.accepted for record in records),
-        "views": [record.to_json() for record in records],
-    }  # fmt: skip
-
-
-def lines(told: dict[str, Any]) -> list[str]:
-    """The views as lines for a person."""
-    count = f"{told['accepted']} of {len(told['views'])} views are trained on"
-    text = [f"{told['scene']}, round {told['round']}: {count}", ""]
-    text.append(f"{'view':>4}{'rollout':>9}{'frame':>7}  {'':2}reference, and what became of it")
-    for view in told["views"]:
-        mark = "+" if view["accepted"] else "-"
-        stands = f", stands in for view {view['replaces']}" if view["replaces"] >= 0 else ""
-        text.append(
-            f"{view['rank']:>4}{view['rollout']:>9}{view['frame']:>7}  {mark} "
-            f"{view['reference']}: {view['fate']}{stands}"
-        )
-    return text
+COMMANDS = (select, views)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..core.errors import SettingsError
+from .slots import GENERATORS, RENDERERS, SURFACES
 
 
 def setting(
@@ -111,7 +112,7 @@ class ProxySettings:
     surface: str = setting(
         "tsdf",
         "What makes the surface of depth: fused distances, screened Poisson or, if installed, NKSR.",
-        choices=("tsdf", "poisson", "nksr"),
+        choices=tuple(SURFACES.labels),
     )
     planes: int = setting(14, "Planes looked for in the observed points.", 0, 64)
     plane_tolerance_m: float = setting(0.02, "Points this near support a plane.", 0.002, 0.2)
@@ -242,12 +243,12 @@ class GenerationSettings:
     generator: str = setting(
         "blending",
         "Who makes the clips: the embedded blending, ViewCrafter, or the program in R2SEGO_GENERATOR.",
-        choices=("blending", "viewcrafter", "viewcrafter_512", "command"),
+        choices=tuple(GENERATORS.labels),
     )
     renderer: str = setting(
         "z-buffer",
         "Who renders the structural conditions: the library itself, or an engine of Blender.",
-        choices=("z-buffer", "cycles", "eevee"),
+        choices=tuple(RENDERERS.labels),
     )
     kept_conditions: str = setting(
         "clip", "Structural conditions that stay in the bundle.", choices=("clip", "target")

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 _HIDDEN = ("desktop.ini", "thumbs.db")  # Windows hides these without a dot
+_WHOLE_BYTES, _END_BYTES = 1 << 26, 1 << 20
 
 
 def content_digest(path: Path) -> str:
@@ -28,6 +29,23 @@ def content_digest(path: Path) -> str:
     else:
         return ""
     return digest.hexdigest()
+
+
+def file_identity(path: Path) -> str:
+    """What tells a file from another in a moment: its digest, or the size and both ends of a large one.
+
+    Plans are made often, and reading weights of gigabytes takes longer than many a step. Torch ends its
+    files with a checksum of every tensor, so their last MiB changes with any. Raises OSError where it cannot
+    be read.
+    """
+    size = path.stat().st_size
+    if size <= _WHOLE_BYTES:
+        return content_digest(path)
+    with path.open("rb") as stream:
+        digest = hashlib.sha256(stream.read(_END_BYTES))
+        stream.seek(size - _END_BYTES)
+        digest.update(stream.read())
+    return f"{size} {digest.hexdigest()}"
 
 
 def _files(folder: Path) -> Iterator[Path]:

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..bundle.layout import CAPTURES, OBJECTS, SCOPE_FILE
+from ..bundle import layout
+from ..bundle.layout import SCOPE_FILE
 from ..bundle.scene import Scene
 from ..captures.capture import Capture
 from ..captures.frame.correction_history import BEFORE, CORRECTIONS, corrections_of
@@ -20,22 +21,23 @@ from ..captures.frame.picks import Picks
 from ..captures.frame.picks_fit import PicksFit, fit_picks
 from ..captures.frame.scale import Scale
 from ..captures.frame.world_frame import Registration, corrected
-from ..captures.sparse import SparsePoints
-from ..captures.store import load_captures, save_captures
+from ..captures.sparse import SPARSE, SparsePoints
+from ..captures.store import CAPTURES, save_captures
 from ..core.digests import content_digest
 from ..core.errors import CaptureError
 from ..core.progress import SILENT, Progress
 from ..core.text_files import write_json
-from ..geometry.objects.objects import load_objects
-from ..geometry.proxy.edits import PROXY_EDITS, load_proxy_edits
+from ..geometry.objects.objects import OBJECTS
+from ..geometry.proxy.edits import PROXY_EDITS
 from ..robot.scope.moved_scope import moved_scope
 from ..robot.scope.scope import BehaviourScope
 from ..robot.scope.scope_file import save_scope
-from ..splats.asset_edits import EDITS, load_edits, move_edits
+from ..splats.asset_edits import ASSET_EDITS, move_edits
 from .object_priors import move_objects
 from .proxy_edits import move_proxy_edits
 
-_MOVED = (CAPTURES, OBJECTS, PROXY_EDITS, EDITS, CORRECTIONS, BEFORE, GROUND_PICTURES, SCOPE_FILE)
+_EDITED = (layout.OBJECTS, layout.PROXY_EDITS, layout.ASSET_EDITS)
+_MOVED = (layout.CAPTURES, *_EDITED, CORRECTIONS, BEFORE, GROUND_PICTURES, SCOPE_FILE)
 """What of a bundle stands in its world frame and is no result of a step."""
 
 
@@ -153,19 +155,19 @@ def _moved(
     last = history.pop() if taken_back else {}
     number = len(history)
     # Read before anything is written: what is damaged is named by its place in the scene.
-    load_objects(scene.path / OBJECTS, captures)
-    load_proxy_edits(scene.path / PROXY_EDITS)
-    load_edits(scene.path)
+    scene.read(OBJECTS).of(captures)
+    scene.read(PROXY_EDITS)
+    scene.read(ASSET_EDITS)
     given = BehaviourScope.load(scene.declaration.scope)
     own_scope = (scene.path / SCOPE_FILE).absolute()
     scope = moved_scope(given, similarity, own_scope)
     with scene.changing_together(_MOVED) as new:
-        with new.publishing(CAPTURES) as folder:
+        with new.publishing(layout.CAPTURES) as folder:
             # What others keep there, such as masks, does not depend on the frame.
             shutil.copytree(scene.captures_folder, folder, dirs_exist_ok=True)
             moved = [capture.transformed(similarity) for capture in captures]
             save_captures(folder, moved, sparse.transformed(similarity))
-        for edited in (OBJECTS, PROXY_EDITS, EDITS):
+        for edited in _EDITED:
             if (scene.path / edited).is_dir():
                 shutil.copytree(scene.path / edited, new.path / edited)
         move_objects(new, similarity)
@@ -191,7 +193,7 @@ def _moved(
         with new.publishing(CORRECTIONS) as file:
             write_json(file, history)
         with new.publishing(GROUND_PICTURES) as folder:
-            save_ground_pictures(folder, load_captures(new.captures_folder))
+            save_ground_pictures(folder, new.read(CAPTURES))
         new.declare(
             scope=source, world_from_capture=tuple(map(tuple, after.world_from_capture.tolist())),
             ground=after.ground, scale_source=after.scale_source,
@@ -230,8 +232,8 @@ def _copy(file: Path, place: Path) -> None:
 
 def _load(scene: Scene) -> tuple[Scene, tuple[Capture, ...], SparsePoints]:
     """What is moved, and the scene as it is declared now: it may have been corrected since it was opened."""
-    captures = load_captures(scene.captures_folder)
-    return Scene.open(scene.path), captures, SparsePoints.load(scene.captures_folder / "sparse.npz")
+    captures = scene.read(CAPTURES)
+    return Scene.open(scene.path), captures, scene.read(SPARSE)
 
 
 def _registration(scene: Scene) -> Registration:

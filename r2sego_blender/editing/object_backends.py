@@ -14,8 +14,8 @@ from ..geometry.objects.objects import DeclaredObject, plain_name, told_apart
 from ..geometry.objects.shapes import load_shape
 from ..geometry.objects.shared_masks import joined_masks
 from ..geometry.stereo.observed import ObservedGeometry
-from ..workers.sam3 import segment_elsewhere
-from ..workers.sam3d import generate_shapes_elsewhere
+from ..workers.sam3 import segment_externally
+from ..workers.sam3d import generate_shapes_externally
 
 
 def segmented_objects(
@@ -24,9 +24,9 @@ def segmented_objects(
     """What the words of ``vocabulary`` name in two captures at least, masked by SAM 3.
 
     Masks of one word are joined by the ``observed`` points they share. Raises GeometryError
-    when nothing is found, MachineError and NativeError as ``segment_elsewhere``.
+    when nothing is found, MachineError and NativeError as ``segment_externally``.
     """
-    backend, found = segment_elsewhere({one.name: one.image() for one in captures}, vocabulary)
+    backend, found = segment_externally({one.name: one.image() for one in captures}, vocabulary)
     names = [capture.name for capture in captures]
     views = [names.index(one.photograph) for one in found]
     masks, words = [one.mask for one in found], [one.word for one in found]
@@ -55,7 +55,7 @@ def generated_meshes(
     most of each.
 
     Raises GeometryError for an object without a mask or a mesh, MachineError and NativeError
-    as ``generate_shapes_elsewhere``.
+    as ``generate_shapes_externally``.
     """
     if not objects:
         return ()
@@ -66,7 +66,7 @@ def generated_meshes(
             raise GeometryError("no mask shows the object", where=one.name, cure="Draw it in a photograph.")
         best = max(shown, key=lambda capture: int(one.masks[capture.name].sum()))
         pictures[one.name] = (best.image(), one.masks[best.name])
-    backend, meshes = generate_shapes_elsewhere(pictures, folder)
+    backend, meshes = generate_shapes_externally(pictures, folder)
     found = []
     for one in objects:
         if one.name not in meshes:

@@ -9,29 +9,29 @@ from typing import Any
 
 import numpy as np
 
-from ..bundle.layout import COMPLETED, OBJECTS, OBSERVED, PLANES, PRIORS, capture_files
+from ..bundle import layout
 from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
 from ..captures.capture import Capture
-from ..captures.store import load_captures
+from ..captures.store import CAPTURES
 from ..core.errors import GeometryError
 from ..core.scratch import ScratchFolder
 from ..geometry.objects.clusters import find_objects
 from ..geometry.objects.objects import (
     ACCEPT,
+    OBJECTS,
     REJECT,
     DeclaredObject,
     Placement,
-    load_objects,
     read_masks,
     read_placement,
     save_objects,
 )
-from ..geometry.objects.priors import library_files, read_record
+from ..geometry.objects.priors import PRIOR_RECORDS, library_files
 from ..geometry.objects.shapes import load_shape, mesh_files
-from ..geometry.room.completion import CompletedDepth
-from ..geometry.room.planes import RoomPlanes
-from ..geometry.stereo.observed import ObservedGeometry
+from ..geometry.room.completion import COMPLETED
+from ..geometry.room.planes import PLANES
+from ..geometry.stereo.observed import OBSERVED, ObservedGeometry
 from .object_backends import cure_without_mesh, generated_meshes, segmented_objects
 
 
@@ -69,14 +69,13 @@ def declare_objects(
     """
     words = [word.strip() for word in vocabulary if word.strip()]
     with scene.locked(), ScratchFolder() as temporary:
-        folder = scene.path / OBJECTS
-        captures = load_captures(scene.captures_folder)
+        captures = scene.read(CAPTURES)
         if masks is not None:
-            declared = _with_what_is_known(read_masks(masks, captures), load_objects(folder, captures))
+            declared = _with_what_is_known(read_masks(masks, captures), scene.read(OBJECTS).of(captures))
         elif words:
             declared = segmented_objects(words, captures, _observed(scene))
         else:
-            declared = _found(scene, captures) if find else load_objects(folder, captures)
+            declared = _found(scene, captures) if find else scene.read(OBJECTS).of(captures)
         objects = {one.name: one for one in declared}
         gone = {_known(objects, name, scene).name for name in remove}
         objects = {name: one for name, one in objects.items() if name not in gone}
@@ -99,22 +98,21 @@ def declare_objects(
         for names, decision in ((accept, ACCEPT), (reject, REJECT), (reconsider, "")):
             for name in names:
                 objects[name] = replace(_known(objects, name, scene), decision=decision)
-        with scene.publishing(OBJECTS) as place:
+        with scene.publishing(layout.OBJECTS) as place:
             save_objects(place, list(objects.values()), [capture.name for capture in captures])
         return scene if library is None else scene.declare(mesh_library=str(found))
 
 
 def move_objects(scene: Scene, similarity: np.ndarray) -> None:
     """Carry the poses held by hand into another world frame, (4, 4) similarity."""
-    folder = scene.path / OBJECTS
-    if not folder.is_dir():
+    if not (scene.path / layout.OBJECTS).is_dir():
         return
-    moved, captures = [], load_captures(scene.captures_folder)
-    for one in load_objects(folder, captures):
+    moved, captures = [], scene.read(CAPTURES)
+    for one in scene.read(OBJECTS).of(captures):
         if (held := one.placement) is not None:
             one = replace(one, placement=replace(held, world_from_own=similarity @ held.world_from_own))
         moved.append(one)
-    with scene.publishing(OBJECTS) as place:
+    with scene.publishing(layout.OBJECTS) as place:
         save_objects(place, moved, [capture.name for capture in captures])
 
 
@@ -127,7 +125,7 @@ def describe_objects(scene: Scene) -> list[dict[str, Any]]:
          "placed": one.placement is not None, "decision": one.decision,
          "locked": one.placement is not None and one.placement.locked}
         | records.get(one.name, {})
-        for one in load_objects(scene.path / OBJECTS, load_captures(scene.captures_folder))
+        for one in scene.read(OBJECTS).of(scene.read(CAPTURES))
     ]  # fmt: skip
 
 
@@ -159,25 +157,23 @@ def _but_mesh(one: DeclaredObject) -> dict[str, str]:
 
 
 def _observed(scene: Scene) -> ObservedGeometry:
-    path = scene.path / OBSERVED
-    if not path.is_file():
+    if not (scene.path / layout.OBSERVED).is_file():
         raise GeometryError(
             "nothing is observed yet, by which the photographs' masks could be joined",
             where=scene.path, cure="Run `r2sego refine` first.",
         )  # fmt: skip
-    require_present_frame(scene, [OBSERVED], "used")
-    return ObservedGeometry.load(path)
+    require_present_frame(scene, [layout.OBSERVED], "used")
+    return scene.read(OBSERVED)
 
 
 def _found(scene: Scene, captures: Sequence[Capture]) -> tuple[DeclaredObject, ...]:
-    if not (scene.path / COMPLETED).is_dir():
+    if not (scene.path / layout.COMPLETED).is_dir():
         raise GeometryError(
             "the captures have no depth yet", where=scene.path, cure="Run `r2sego refine` first."
         )
-    require_present_frame(scene, [COMPLETED, PLANES], "searched")
-    files = capture_files([capture.name for capture in captures])
-    completed = [CompletedDepth.load(scene.path / COMPLETED / file) for file in files]
-    found = find_objects(captures, completed, RoomPlanes.load(scene.path / PLANES).envelope)
+    require_present_frame(scene, [layout.COMPLETED, layout.PLANES], "searched")
+    completed = scene.read(COMPLETED).of(captures)
+    found = find_objects(captures, completed, scene.read(PLANES).envelope)
     if not found:
         raise GeometryError(
             "nothing stands free in what was observed", where=scene.path,
@@ -188,9 +184,9 @@ def _found(scene: Scene, captures: Sequence[Capture]) -> tuple[DeclaredObject, .
 
 def _records(scene: Scene) -> dict[str, dict[str, Any]]:
     """What the last run wrote of the objects, by name; empty before the first."""
-    if not (scene.path / PRIORS / "priors.json").is_file():
+    if not (scene.path / layout.PRIORS / "priors.json").is_file():
         return {}
-    return {one["name"]: one for one in read_record(scene.path / PRIORS)}
+    return {one["name"]: one for one in scene.read(PRIOR_RECORDS)}
 
 
 def _known(objects: Mapping[str, DeclaredObject], name: str, scene: Scene) -> DeclaredObject:
@@ -248,6 +244,6 @@ def _locked(one: DeclaredObject, scene: Scene, library: Path | None) -> Declared
         raise GeometryError(
             f"'{one.name}' has no alignment yet", where=scene.path, cure="Run `r2sego refine` first."
         )
-    require_present_frame(scene, [PRIORS], "held")
+    require_present_frame(scene, [layout.PRIORS], "held")
     mesh = one.mesh or _mesh_of_last_run(one, scene, library)
     return replace(one, mesh=mesh, placement=Placement(np.array(record["world_from_own"]), locked=True))

@@ -9,15 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from ..bundle.layout import of_round
 from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
 from ..core.arrays import opened_arrays
 from ..core.errors import GeometryError
 from ..geometry.objects.shapes import load_shape
 from ..geometry.proxy.edited_proxy import cut_of, drawn_surface
-from ..geometry.proxy.edits import PROXY_EDITS, Drawn, Edit, load_proxy_edits, new_name
-from ..geometry.proxy.proxy import GeometryProxy
+from ..geometry.proxy.edits import PROXY_EDITS, Drawn, Edit, new_name
+from ..geometry.proxy.proxy import PROXY, PROXY_FILE
 
 
 def edit_proxy(
@@ -37,13 +36,14 @@ def edit_proxy(
     whose world frame was corrected since; changes nothing then.
     """
     with scene.locked():
-        edits = list(load_proxy_edits(scene.path / PROXY_EDITS))
+        edits = list(scene.read(PROXY_EDITS))
         for gone in remove:
             if gone not in {edit.name for edit in edits}:
                 known = ", ".join(edit.name for edit in edits) or "none"
                 raise GeometryError(
-                    f"there is no edit '{gone}'", where=scene.path / PROXY_EDITS, cure=f"There are: {known}."
-                )
+                    f"there is no edit '{gone}'", where=scene.path / PROXY_EDITS.name,
+                    cure=f"There are: {known}.",
+                )  # fmt: skip
             edits = [edit for edit in edits if edit.name != gone]
         for file, change_of in ((cut, _cut), (draw, _drawn)):
             if file is not None:
@@ -56,7 +56,7 @@ def edit_proxy(
 
 def move_proxy_edits(scene: Scene, similarity: np.ndarray) -> None:
     """Carry the edits into another world frame, (4, 4) similarity."""
-    if edits := load_proxy_edits(scene.path / PROXY_EDITS):
+    if edits := scene.read(PROXY_EDITS):
         _publish(scene, [edit.transformed(similarity) for edit in edits])
 
 
@@ -68,7 +68,7 @@ def describe_edits(scene: Scene) -> dict[str, Any]:
                 "name": edit.name, "kind": edit.change.kind, "faces": edit.count,
                 "area_m2": round(edit.change.area_m2, 4),
             }
-            for edit in load_proxy_edits(scene.path / PROXY_EDITS)
+            for edit in scene.read(PROXY_EDITS)
         ]
     }  # fmt: skip
 
@@ -85,13 +85,13 @@ def lines(described: dict[str, Any]) -> list[str]:
 def _cut(scene: Scene, file: Path, edits: Sequence[Edit]) -> Any:
     with opened_arrays(file, GeometryError, "this is no cut of the proxy", "Make it anew.") as data:
         corners, round_index = data["corners"].astype(np.float32), int(data["round"])
-    proxy = scene.round_folder(round_index) / "proxy" / "proxy.npz"
-    if not proxy.is_file():
+    proxy = PROXY.of_round(round_index)
+    if not (scene.path / proxy.name / PROXY_FILE).is_file():
         raise GeometryError(
             f"round {round_index} has no proxy", where=file, cure="Run `r2sego refine` first."
         )
-    require_present_frame(scene, [of_round(round_index, "proxy")], "cut")
-    return cut_of(GeometryProxy.load(proxy), corners, edits)
+    require_present_frame(scene, [proxy.name], "cut")
+    return cut_of(scene.read(proxy), corners, edits)
 
 
 def _drawn(scene: Scene, file: Path, edits: Sequence[Edit]) -> Drawn:
@@ -104,8 +104,8 @@ def _drawn(scene: Scene, file: Path, edits: Sequence[Edit]) -> Drawn:
 
 def _publish(scene: Scene, edits: Sequence[Edit]) -> None:
     if not edits:
-        shutil.rmtree(scene.path / PROXY_EDITS, ignore_errors=True)
+        shutil.rmtree(scene.path / PROXY_EDITS.name, ignore_errors=True)
         return
-    with scene.publishing(PROXY_EDITS) as folder:
+    with scene.publishing(PROXY_EDITS.name) as folder:
         for edit in edits:
             edit.save(folder)

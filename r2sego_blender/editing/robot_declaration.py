@@ -9,12 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from ..bundle.layout import OBJECTS, PRIORS, SCOPE_FILE
+from ..bundle import layout
+from ..bundle.layout import SCOPE_FILE
 from ..bundle.scene import Scene
+from ..captures.store import CAPTURES
 from ..core.errors import GeometryError, RobotError
 from ..core.text_files import write_json
-from ..geometry.objects.priors import load_priors, object_place, read_record
-from ..refine.contents import Contents
+from ..geometry.objects.priors import PRIOR_RECORDS, PRIORS, object_place
+from ..geometry.proxy.proxy import PROXY
+from ..refine.behaviour import DeclaredBehaviour
 from ..robot.behaviours.free_floor import free_floor
 from ..robot.behaviours.seats import TARGET_M, Seat, find_seats
 from ..robot.controllers.controller import check_controller
@@ -212,26 +215,26 @@ def _check(scene: Scene, scope: BehaviourScope, robot: RobotModel) -> None:
 
 def _object_names(scene: Scene) -> tuple[str, ...]:
     """The declared objects, and those that have been aligned."""
-    folder = scene.path / OBJECTS
+    folder = scene.path / layout.OBJECTS
     names = {place.name for place in folder.iterdir() if place.is_dir()} if folder.is_dir() else set()
-    if (scene.path / PRIORS / "priors.json").is_file():
-        names |= {record["name"] for record in read_record(scene.path / PRIORS)}
+    if (scene.path / layout.PRIORS / "priors.json").is_file():
+        names |= {record["name"] for record in scene.read(PRIOR_RECORDS)}
     return tuple(sorted(names))
 
 
 def _described_seats(scene: Scene, scope: BehaviourScope, robot: RobotModel) -> list[dict[str, Any]]:
     """A seat for each surface to sit on: its middle place, and the object whose seat it is."""
     surface = newest_surface(scene)
-    contents = Contents(scene, scene.declaration.settings)
-    placed = contents.placed_scope(scope, surface.proxy)
+    behaviour = DeclaredBehaviour(scope, scene.declaration.robot)
+    priors = scene.read(PRIORS)
+    placed = behaviour.placed(scene.read(CAPTURES), scene.read(PROXY.of_round(surface.round_index)), priors)
     placed = changed_scope(placed, {"sit_on.target": ANY_SEAT}, scene.path)
     floor = free_floor(robot, placed, surface.collision_mjcf)
     found = find_seats(robot.half_width_m, floor, placed.sit_on, surface.collision_mjcf)
     surfaces: dict[int, list[Seat]] = {}
     for seat in found:
         surfaces.setdefault(seat.surface, []).append(seat)
-    priors = [prior.name for prior in load_priors(scene.path / PRIORS)]
-    objects = {name: object_place(scene.path / PRIORS, name) for name in priors}
+    objects = {prior.name: object_place(priors, prior.name) for prior in priors}
     return [_described(places, objects) for _, places in sorted(surfaces.items())]
 
 

@@ -6,12 +6,15 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-from ..bundle.layout import of_round
 from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
+from ..captures.store import CAPTURES
 from ..core.errors import SceneError
 from ..core.progress import SILENT, Progress
-from ..refine.contents import Contents
+from ..geometry.collision.collision_files import COLLISION
+from ..geometry.objects.priors import PRIORS
+from ..geometry.proxy.proxy import PROXY
+from ..refine.behaviour import DeclaredBehaviour
 from ..robot.behaviours.free_floor import free_floor
 from ..robot.rollouts.attempts import Attempts, Rollout, in_order
 from ..robot.rollouts.bodies import save_bodies
@@ -23,10 +26,9 @@ TRIAL = "robot/trial"
 
 @dataclass(frozen=True)
 class Surface:
-    """What rollouts run on: the round that made it, its proxy by the bundle's name, its collision scene."""
+    """What rollouts run on: the round that made it, and its collision scene."""
 
     round_index: int
-    proxy: str
     collision_mjcf: Path
 
 
@@ -36,9 +38,9 @@ def newest_surface(scene: Scene) -> Surface:
     index = scene.newest_round("collision/scene.xml")
     if index < 0:
         raise SceneError("there is no collision surface yet", where=scene.path, cure="Run Refine first.")
-    proxy, collision = of_round(index, "proxy"), of_round(index, "collision")
-    require_present_frame(scene, [proxy, collision], "used")
-    return Surface(index, proxy, scene.path / collision / "scene.xml")
+    proxy, collision = PROXY.of_round(index), COLLISION.of_round(index)
+    require_present_frame(scene, [proxy.name, collision.name], "used")
+    return Surface(index, scene.read(collision) / "scene.xml")
 
 
 def try_rollouts(scene: Scene, attempts: int, progress: Progress = SILENT) -> tuple[Rollout, ...]:
@@ -50,8 +52,9 @@ def try_rollouts(scene: Scene, attempts: int, progress: Progress = SILENT) -> tu
     """
     with scene.locked():
         surface, settings = newest_surface(scene), scene.declaration.settings
-        contents = Contents(scene, settings)
-        robot, placed = contents.robot, contents.placed_scope(contents.scope, surface.proxy)
+        behaviour, captures = DeclaredBehaviour.of(scene), scene.read(CAPTURES)
+        proxy = scene.read(PROXY.of_round(surface.round_index))
+        robot, placed = behaviour.model, behaviour.placed(captures, proxy, scene.read(PRIORS))
         floor = free_floor(robot, placed, surface.collision_mjcf)
         seed = settings.seed * 1000 + surface.round_index
         tried = in_order(
@@ -64,5 +67,5 @@ def try_rollouts(scene: Scene, attempts: int, progress: Progress = SILENT) -> tu
         tell_warnings(rollouts, progress)
         with scene.publishing(TRIAL) as folder:
             save_rollouts(folder, rollouts)
-            save_bodies(folder, robot, rollouts, contents.ego_camera, folder)
+            save_bodies(folder, robot, rollouts, behaviour.ego_camera(captures), folder)
         return rollouts

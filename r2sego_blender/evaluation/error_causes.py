@@ -15,6 +15,7 @@ import numpy as np
 
 from ..core.cameras import Camera
 from ..generation.generators.visibility import depth_edges
+from ..geometry.visibility.point_visibility import looked_up, same_depth
 
 CAUSES = ("wrong_depth", "never_seen", "edges", "appearance")
 
@@ -73,12 +74,8 @@ def seen_by_captures(
     seen = np.zeros(camera.shape, bool)
     points = camera.unproject(np.where(surface, depth, _FAR_M))
     for other, other_depth in zip(capture_cameras, capture_depths, strict=True):
-        pixels, z = other.project(points)
-        inside = other.sees(pixels, z)
-        columns, rows = pixels[inside].astype(np.int64).T
-        there = other_depth[rows, columns]
-        agrees = np.abs(there - z[inside]) < _SEEN_WITHIN * z[inside]
-        seen[inside] |= np.where(surface[inside], agrees, there <= 0.0)
+        inside, z, there = looked_up(points, other, other_depth)
+        seen[inside] |= np.where(surface[inside], same_depth(there, z, _SEEN_WITHIN), there <= 0.0)
     return seen
 
 

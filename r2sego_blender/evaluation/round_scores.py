@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..bundle.layout import BACKDROP, of_round
 from ..bundle.scene import Scene
 from ..captures.capture import Capture
 from ..core.errors import R2SEgoError
 from ..core.progress import SILENT, Progress
+from ..splats.artifacts import ASSET, BACKDROP
 from ..splats.asset import SplatAsset
-from ..splats.formats.ply import load_ply
 from ..splats.rendering.rasterizer import render
 from .frozen import rounded, score
 
@@ -42,9 +41,10 @@ def score_rounds(
     """
     rounds = range(scene.declaration.settings.rounds)
     try:
-        backdrop = load_ply(scene.path / BACKDROP)
+        backdrop = scene.read(BACKDROP)
     except R2SEgoError as error:
-        return tuple(RoundScore(index, None, None, missing=f"{BACKDROP}: {error.what}") for index in rounds)
+        missing = f"{BACKDROP.name}: {error.what}"
+        return tuple(RoundScore(index, None, None, missing=missing) for index in rounds)
     return tuple(_score(scene, index, backdrop, views, progress) for index in rounds)
 
 
@@ -88,11 +88,11 @@ def lines(entries: Sequence[Mapping[str, Any]]) -> list[str]:
 def _score(
     scene: Scene, index: int, backdrop: SplatAsset, views: Sequence[Capture], progress: Progress
 ) -> RoundScore:
-    name = of_round(index, "asset.ply")
+    made = ASSET.of_round(index)
     try:
-        asset = load_ply(scene.path / name)
+        asset = scene.read(made)
     except R2SEgoError as error:
-        return RoundScore(index, None, None, missing=f"{name}: {error.what}")
+        return RoundScore(index, None, None, missing=f"{made.name}: {error.what}")
     whole = asset.concatenated(backdrop.with_degree(asset.degree))
     arm = score(
         lambda camera: render(whole, camera).colour, views, progress=progress, title=f"Scoring round {index}"

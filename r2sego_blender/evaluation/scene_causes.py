@@ -15,14 +15,13 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ..bundle.layout import of_round
 from ..bundle.scene import Scene
 from ..captures.capture import Capture
-from ..captures.store import load_captures
+from ..captures.store import CAPTURES
 from ..core.cameras import Camera
 from ..core.errors import EvaluationError
 from ..core.progress import SILENT, Progress
-from ..geometry.proxy.proxy import GeometryProxy
+from ..geometry.proxy.proxy import PROXY
 from ..geometry.visibility.rasterizer import MeshRasterizer
 from .error_causes import EDGE_PX, CauseShares, near_edges, seen_by_captures, split
 from .frozen import rounded
@@ -34,7 +33,7 @@ WRONG_DEPTH_M = 0.05
 OFF_SURFACE_M, OFF_SURFACE = 0.10, 0.03
 """Splats farther than the larger of these from the surface, metres and relative, are off it."""
 
-TRUE_ROOM, PROXY = "the true room's mesh", "the proxy alone"
+TRUE_ROOM, PROXY_ALONE = "the true room's mesh", "the proxy alone"
 """By what causes are told."""
 
 _SAME_ROOM_M = 0.3
@@ -99,7 +98,7 @@ class ViewCauses:
 class SceneCauses:
     """The causes over all frozen views.
 
-    ``told_by`` is ``TRUE_ROOM`` or ``PROXY``; ``shares`` of a cause that cannot be told is
+    ``told_by`` is ``TRUE_ROOM`` or ``PROXY_ALONE``; ``shares`` of a cause that cannot be told is
     None; ``note`` says why a true mesh was not used.
     """
 
@@ -124,9 +123,9 @@ def split_by_cause(
     true room. The proxy is the last round's. Raises GeometryError when that is not there.
     """
     last = scene.rounds_of_result() - 1
-    proxy = GeometryProxy.load(scene.path / of_round(max(last, 0), "proxy") / "proxy.npz")
+    proxy = scene.read(PROXY.of_round(max(last, 0)))
     found = MeshRasterizer(proxy.vertices, proxy.faces)
-    captures = [capture.camera for capture in load_captures(scene.captures_folder)]
+    captures = [capture.camera for capture in scene.read(CAPTURES)]
     true, note = _true_room(scene, frozen, found, captures)
     told = found if true is None else true
     seen_in = [told.render(camera).depth for camera in captures]
@@ -135,7 +134,7 @@ def split_by_cause(
         proxy_depth = found.render(view.camera).depth
         true_depth = None if true is None else true.render(view.camera).depth
         labels.append(label_pixels(view.camera, proxy_depth, asset_depth, captures, seen_in, true_depth))
-    return _counted(views, images, labels, TRUE_ROOM if true is not None else PROXY, note)
+    return _counted(views, images, labels, TRUE_ROOM if true is not None else PROXY_ALONE, note)
 
 
 def label_pixels(
@@ -242,7 +241,7 @@ def _counted(
 ) -> SceneCauses:
     photographs = [view.image() for view in views]
     shares: dict[str, CauseShares | None] = dict(split(images, photographs, labels, tuple(CAUSES)))
-    if told_by == PROXY:
+    if told_by == PROXY_ALONE:
         shares["wrong_depth"] = None
     each = tuple(
         ViewCauses(view.name, label, split([image], [photograph], [label], tuple(CAUSES)))

@@ -5,30 +5,34 @@ Frozen views are read here alone, after the refinement; nothing of them flows ba
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..bundle.layout import CAPTURES, DEPTH, OBSERVED, REFINED_ASSET, SPARSE, capture_files, of_round
+from ..bundle import layout
+from ..bundle.damage import require_as_made
+from ..bundle.layout import of_round
+from ..bundle.runner import Runner
 from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
 from ..captures.capture import Capture, DecodedCapture
 from ..captures.frozen import load_frozen_views
 from ..captures.solving.locating import locate_views
-from ..captures.sparse import SparsePoints
-from ..captures.store import load_captures
+from ..captures.sparse import SPARSE
+from ..captures.store import CAPTURES
 from ..config.presets import VANILLA_3DGS
 from ..core.cameras import Camera, rotation_angle_rad
 from ..core.errors import R2SEgoError, SceneError
 from ..core.progress import SILENT, Progress
-from ..geometry.stereo.observed import ObservedGeometry
-from ..geometry.stereo.stereo import DepthMap
+from ..geometry.stereo.observed import OBSERVED, ObservedGeometry
+from ..geometry.stereo.stereo import DEPTH
 from ..refine.visual_asset import vanilla_asset
+from ..splats.artifacts import REFINED_ASSET
 from ..splats.asset import SplatAsset
-from ..splats.formats.ply import load_made, save_ply
+from ..splats.formats.ply import load_made
 from ..splats.rendering.rasterizer import render
 from ..splats.training.observations import Observation
 from . import round_scores, scene_causes
@@ -65,8 +69,8 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress) -> dict[str, Any]
             where=scene.path,
             cure=f"Run `r2sego refine {scene.path}` first.",
         )  # fmt: skip
-    require_present_frame(scene, [REFINED_ASSET], "scored")
-    scene.require_as_made(REFINED_ASSET)
+    require_present_frame(scene, [layout.REFINED_ASSET], "scored")
+    require_as_made(scene, layout.REFINED_ASSET)
     views = tuple(map(DecodedCapture.of, frozen_views(scene, frozen, progress)))  # for all arms and rounds
     if seen := _seen_in_training(scene, views):
         progress.message(
@@ -99,12 +103,11 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress) -> dict[str, Any]
 def frozen_views(scene: Scene, frozen: Path, progress: Progress = SILENT) -> tuple[Capture, ...]:
     """The frozen views in the world frame."""
     if frozen.is_dir():
-        captures = load_captures(scene.captures_folder)
-        files = capture_files([capture.name for capture in captures])
-        maps = [DepthMap.load(scene.path / DEPTH / file) for file in files]
+        captures = scene.read(CAPTURES)
+        maps = scene.read(DEPTH).of(captures)
         h = scene.declaration.settings
         depths = [np.where(m.reliable(h.stereo), m.depth, 0.0) for m in maps]
-        sparse = SparsePoints.load(scene.path / SPARSE)
+        sparse = scene.read(SPARSE)
         return locate_views(
             frozen, captures, sparse, h.captures, depths=depths, seed=h.seed, progress=progress
         )
@@ -114,7 +117,7 @@ def frozen_views(scene: Scene, frozen: Path, progress: Progress = SILENT) -> tup
 
 def _seen_in_training(scene: Scene, views: Sequence[Capture]) -> list[str]:
     """The names of the views that stand and look as a capture does."""
-    captures = [capture.camera for capture in load_captures(scene.captures_folder)]
+    captures = [capture.camera for capture in scene.read(CAPTURES)]
     return [
         view.name
         for view in views
@@ -133,18 +136,15 @@ def train_vanilla(scene: Scene, progress: Progress = SILENT) -> None:
     """
     h = scene.declaration.settings
     steps = h.rounds * h.training.steps_per_round
-    original = dataclasses.replace(h.training, **VANILLA_3DGS)
+    original = replace(h.training, **VANILLA_3DGS)
 
-    def compute(file: Path) -> None:
-        observed = ObservedGeometry.load(scene.path / OBSERVED)
-        captures = [Observation(c.camera, c.image()) for c in load_captures(scene.captures_folder)]
+    def compute(captures: Sequence[Capture], observed: ObservedGeometry) -> SplatAsset:
+        seen = [Observation(capture.camera, capture.image()) for capture in captures]
         rng = np.random.default_rng([h.seed, 1])
-        save_ply(
-            file,
-            vanilla_asset(observed.points, observed.colours, captures, steps, original, rng, progress),
-        )
+        return vanilla_asset(observed.points, observed.colours, seen, steps, original, rng, progress)
 
-    scene.step(VANILLA_ASSET, compute, inputs=[CAPTURES, OBSERVED], parameters=[original, steps, h.seed])
+    made = replace(REFINED_ASSET, name=VANILLA_ASSET)
+    Runner(scene).make(made, compute, CAPTURES, OBSERVED, settings=[original, steps, h.seed])
 
 
 def table(metrics: Mapping[str, Any]) -> str:

@@ -11,14 +11,14 @@ import numpy as np
 from ..bundle.layout import REPORT_PAGE, of_round
 from ..bundle.scene import Scene
 from ..captures.capture import Capture
-from ..captures.store import load_captures
+from ..captures.store import CAPTURES
 from ..config.presets import entries
 from ..generation.conditions.condition_files import load_conditions
 from ..generation.view_records import ViewRecord, read_views
-from ..geometry.proxy.proxy import GeometryProxy, Provenance
+from ..geometry.proxy.proxy import PROXY, GeometryProxy, Provenance
 from ..results.status import robot_in_use, scores_hold
-from ..robot.rollouts.rollouts import load_rollouts
-from ..views.selection import Selection, load_candidates
+from ..robot.rollouts.rollouts import ROLLOUTS
+from ..views.selection import SELECTION, Selection
 from .arms import ARMS
 from .figures import camera_map, depth_picture, top_view
 from .frozen import ArmScore
@@ -71,7 +71,7 @@ def write_scene_report(
     """Write ``report/index.html`` from what the bundle holds, with scores where there are some."""
     declared = scene.declaration
     rounds = range(scene.rounds_of_result())
-    last = GeometryProxy.load(scene.path / of_round(rounds[-1], "proxy") / "proxy.npz") if rounds else None
+    last = scene.read(PROXY.of_round(rounds[-1])) if rounds else None
     reasons = [score.lpips_reason for score in (scores or {}).values()]
     return write_report(
         scene.report_folder,
@@ -129,11 +129,10 @@ def _provenance(proxy: GeometryProxy) -> dict[str, float]:
 
 
 def _round(scene: Scene, index: int) -> Round:
-    proxy = GeometryProxy.load(scene.path / of_round(index, "proxy") / "proxy.npz")
-    selection = Selection.load(scene.path / of_round(index, "selection"))
-    candidates = load_candidates(scene.path / of_round(index, "selection"))
+    proxy = scene.read(PROXY.of_round(index))
+    selection, candidates = scene.read(SELECTION.of_round(index))
     poses = np.stack([camera.world_from_camera for camera in candidates])
-    captures = load_captures(scene.captures_folder)
+    captures = scene.read(CAPTURES)
     budget = scene.declaration.settings.selection.target_views
     plan = top_view(proxy)
     views = read_views(scene.path / of_round(index, "views"), budget)
@@ -146,7 +145,7 @@ def _round(scene: Scene, index: int) -> Round:
                 reason=" ".join(filter(None, [rollout.behaviour, rollout.reason, rollout.detail])),
                 duration_s=float(rollout.times_s[-1]) if len(rollout.times_s) else None,
             )
-            for rollout in load_rollouts(scene.path / of_round(index, "rollouts"))
+            for rollout in scene.read(ROLLOUTS.of_round(index))
         ),
         candidates=CandidateCurves(
             selection.deficit, selection.availability, selection.score, selection.rollout, selection.targets

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
+from ..bundle.artifacts import Artifact
 from ..captures.capture import Capture
 from ..config.settings import Settings
 from ..core.cameras import Camera
@@ -262,3 +263,7 @@ def _write_pose(
             "sigma_m": registered.sigma_m, "sigma_deg": registered.sigma_deg,
         }  # fmt: skip
     write_json(file, record)
+
+
+VIEWS = Artifact("views", load_pseudo_observations, check=check_views)
+"""A round's target views, generated, registered and decided on: ``VIEWS.of_round(l)``."""

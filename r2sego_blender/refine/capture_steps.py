@@ -9,42 +9,56 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..bundle.layout import (
-    BACKDROP,
-    CAPTURES,
-    COMPLETED,
-    DEPTH,
-    INITIAL_ASSET,
-    OBJECTS,
-    OBSERVED,
-    PLANES,
-    PRIORS,
-)
-from ..bundle.scene import Scene
-from ..captures.sparse import depth_ranges
+from ..bundle.artifacts import Artifact, Held, file_at
+from ..bundle.runner import Runner
+from ..captures.capture import Capture
+from ..captures.per_capture import PerCapture, by_file
+from ..captures.sparse import SPARSE, SparsePoints, depth_ranges
+from ..captures.store import CAPTURES
 from ..config.settings import Settings
 from ..core.cameras import Camera
 from ..core.progress import Progress
-from ..geometry.objects.objects import load_objects
-from ..geometry.objects.priors import align_objects, load_library, load_priors, read_record, save_priors
+from ..geometry.objects.objects import OBJECTS, ObjectsFolder
+from ..geometry.objects.priors import PRIORS, AlignedPrior, ObjectPrior, align_objects, load_library
 from ..geometry.room.bounds import with_missing_bounds
-from ..geometry.room.completion import complete_depth
-from ..geometry.room.planes import find_planes
-from ..geometry.stereo.observed import observe
-from ..geometry.stereo.stereo import dense_stereo
-from ..splats.formats.ply import save_ply
+from ..geometry.room.completion import COMPLETED, CompletedDepth, complete_depth
+from ..geometry.room.planes import PLANES, RoomPlanes, find_planes
+from ..geometry.stereo.observed import OBSERVED, ObservedGeometry, observe
+from ..geometry.stereo.stereo import DEPTH, DepthMap, dense_stereo
+from ..splats.artifacts import BACKDROP, INITIAL_ASSET
+from ..splats.asset import SplatAsset
 from ..splats.training.backdrop import backdrop
 from ..splats.training.initialization import DepthView, merge_views
-from .contents import Contents
+from .depths import completed_depths, reliable_depths
 from .visual_asset import disc_stride_px
+
+Captures = Sequence[Capture]
 
 
 class Reached(Exception):  # noqa: N818  (the end of the way, no error)
     """What the steps were to go on to is published."""
+
+
+class RegisteredCaptures(NamedTuple):
+    """C: photographs with their cameras in the world frame, their sparse points, their dense stereo."""
+
+    photographs: Artifact[tuple[Capture, ...]] = CAPTURES
+    sparse: Artifact[SparsePoints] = SPARSE
+    depth: Artifact[PerCapture[DepthMap]] = DEPTH
+
+
+class AlignedPriors(NamedTuple):
+    """What is prior to the rounds: the room's planes, the captures' depth completed by them, the backdrop
+    that this leaves behind everything, and the shapes of declared objects."""
+
+    planes: Artifact[RoomPlanes] = PLANES
+    completed: Artifact[PerCapture[CompletedDepth]] = COMPLETED
+    backdrop: Artifact[SplatAsset] = BACKDROP
+    objects: Artifact[tuple[AlignedPrior, ...]] = PRIORS
 
 
 @dataclass(frozen=True)
@@ -54,65 +68,68 @@ class CaptureSteps:
     A step that has published ``until`` raises Reached.
     """
 
-    scene: Scene
+    runner: Runner
     h: Settings
     progress: Progress
     until: str = ""
 
-    def register_inputs(self) -> tuple[str, str]:
+    def register_inputs(self) -> tuple[RegisteredCaptures, Artifact[SplatAsset]]:
         """The captures in the world frame, and A_0: their dense stereo lifted to splats.
 
         Where several captures see a surface, the one that sees it finest gives the splat.
         """
 
-        def compute_depth(folder: Path) -> None:
-            sparse = self._read.sparse()
+        def stereo(captures: Captures, sparse: SparsePoints) -> dict[str, DepthMap]:
             maps = dense_stereo(
-                self._read.captures, depth_ranges(self._read.captures, sparse), sparse.points, self.h.stereo,
+                captures, depth_ranges(captures, sparse), sparse.points, self.h.stereo,
                 self.h.seed, self.progress, visibility=sparse.visibility,
             )  # fmt: skip
-            for file, depth_map in zip(self._read.capture_files, maps, strict=True):
-                depth_map.save(folder / file)
+            return by_file(captures, maps)
 
-        def compute_asset(file: Path) -> None:
-            save_ply(file, merge_views(self._lifted(self._read.reliable_depths())))
+        def lift(captures: Captures, depth: PerCapture[DepthMap]) -> SplatAsset:
+            return merge_views(self._lifted(captures, reliable_depths(captures, depth, self.h.stereo)))
 
-        self._step(
-            DEPTH, compute_depth, inputs=[CAPTURES], parameters=[self.h.stereo, self.h.seed],
-            read=self._read.depth_maps,
+        depth = self._make(
+            DEPTH, stereo, CAPTURES, SPARSE, settings=[self.h.stereo, self.h.seed],
+            fits=lambda maps, captures, _: maps.of(captures),
         )  # fmt: skip
-        asset = self._step(
-            INITIAL_ASSET, compute_asset, inputs=[CAPTURES, DEPTH],
-            parameters=[self.h.stereo, self._stride_px, self.h.training.detailed_share],
-            read=lambda: self._read.asset(INITIAL_ASSET),
+        asset = self._make(
+            INITIAL_ASSET, lift, CAPTURES, depth,
+            settings=[self.h.stereo, self._stride_px, self.h.training.detailed_share],
         )  # fmt: skip
-        return CAPTURES, asset
+        return RegisteredCaptures(CAPTURES, SPARSE, depth), asset
 
-    def observed_and_prior_geometry(self, captures: str) -> tuple[str, str]:
+    def observed_and_prior_geometry(
+        self, captures: RegisteredCaptures
+    ) -> tuple[Artifact[ObservedGeometry], Artifact[RoomPlanes]]:
         """M_obs with its support record, and the embedded shape prior: the room's own planes."""
 
-        def compute_observed(file: Path) -> None:
-            sparse = self._read.sparse()
-            observe(self._read.captures, self._read.depth_maps(), sparse, self.h.stereo).save(file)
+        def fuse(
+            captures: Captures, sparse: SparsePoints, depth: PerCapture[DepthMap]
+        ) -> ObservedGeometry:  # fmt: skip
+            return observe(captures, depth.of(captures), sparse, self.h.stereo)
 
-        def compute_planes(file: Path) -> None:
+        def find(
+            captures: Captures, depth: PerCapture[DepthMap], observed: ObservedGeometry
+        ) -> RoomPlanes:  # fmt: skip
             rng = np.random.default_rng([self.h.seed, 0])
-            observed = self._read.observed()
-            found = find_planes(observed, self._read.cameras, self.h.proxy, rng)
-            maps = self._read.depth_maps()
-            with_missing_bounds(found, self._read.captures, maps, observed, self.h).save(file)
+            cameras = [capture.camera for capture in captures]
+            found = find_planes(observed, cameras, self.h.proxy, rng)
+            return with_missing_bounds(found, captures, depth.of(captures), observed, self.h)
 
-        observed = self._step(
-            OBSERVED, compute_observed, inputs=[captures, DEPTH], parameters=self.h.stereo,
-            read=self._read.observed,
-        )  # fmt: skip
-        planes = self._step(
-            PLANES, compute_planes, inputs=[captures, DEPTH, observed],
-            parameters=[self.h.stereo, self.h.proxy, self.h.seed], read=self._read.planes,
+        observed = self._make(OBSERVED, fuse, *captures, settings=self.h.stereo)
+        planes = self._make(
+            PLANES, find, captures.photographs, captures.depth, observed,
+            settings=[self.h.stereo, self.h.proxy, self.h.seed],
         )  # fmt: skip
         return observed, planes
 
-    def align_priors(self, observed: str, priors: str) -> str:
+    def align_priors(
+        self,
+        captures: RegisteredCaptures,
+        observed: Artifact[ObservedGeometry],
+        planes: Artifact[RoomPlanes],
+    ) -> AlignedPriors:
         """Priors placed in the world and carried into the captures.
 
         Room planes are born in the world frame, so their T_m* is the identity; what is
@@ -121,85 +138,76 @@ class CaptureSteps:
         The declared objects' shapes are retrieved and aligned beside them.
         """
 
-        def compute(folder: Path) -> None:
-            maps, planes = self._read.depth_maps(), self._read.planes()
-            completed = complete_depth(self._read.captures, maps, planes, self.h, self.progress)
-            for file, one in zip(self._read.capture_files, completed, strict=True):
-                one.save(folder / file)
+        def complete(
+            captures: Captures, depth: PerCapture[DepthMap], planes: RoomPlanes
+        ) -> dict[str, CompletedDepth]:
+            found = complete_depth(captures, depth.of(captures), planes, self.h, self.progress)
+            return by_file(captures, found)
 
-        def compute_backdrop(file: Path) -> None:
-            views = self._lifted(self._read.completed_depths())
-            save_ply(file, backdrop(views, self.h.training.backdrop_gaussians))
+        def behind(captures: Captures, completed: PerCapture[CompletedDepth]) -> SplatAsset:
+            views = self._lifted(captures, completed_depths(captures, completed))
+            return backdrop(views, self.h.training.backdrop_gaussians)
 
-        library = [Path(folder) for folder in [self.scene.declaration.mesh_library] if folder]
-
-        def compute_objects(folder: Path) -> None:
-            objects = load_objects(self.scene.path / OBJECTS, self._read.captures)
-            if not objects:  # depth maps and meshes need not be read
-                save_priors(folder, ())
-                return
-            shapes = [shape for place in library for shape in load_library(place, self.progress)]
-            aligned = align_objects(
-                objects, shapes, self._read.captures, self._read.observed(), self._read.reliable_depths(),
-                self._read.completed_depths(), self._read.planes().envelope, self.h.priors, self.progress,
-            )  # fmt: skip
-            for one in aligned:
-                if one.refusal:
-                    self.progress.message(f"{one.name}: no prior, {one.refusal}", "warning")
-            save_priors(folder, aligned)
-
-        completed = self._step(
-            COMPLETED, compute, inputs=[CAPTURES, DEPTH, observed, priors],
-            parameters=[self.h.stereo, self.h.proxy], read=self._read.completed,
+        photographs, _, depth = captures
+        completed = self._make(
+            COMPLETED, complete, photographs, depth, planes, settings=[self.h.stereo, self.h.proxy],
+            fits=lambda maps, captures, *_: maps.of(captures), also=[observed.key],
         )  # fmt: skip
-        self._step(
-            BACKDROP, compute_backdrop, inputs=[CAPTURES, completed],
-            parameters=self.h.training.backdrop_gaussians, read=lambda: self._read.asset(BACKDROP),
+        background = self._make(
+            BACKDROP, behind, photographs, completed, settings=self.h.training.backdrop_gaussians
+        )
+        library = [file_at(Path(folder)) for folder in [self.runner.scene.declaration.mesh_library] if folder]
+        objects = self._make(
+            PRIORS, self._aligned, photographs, depth, observed, planes, completed, OBJECTS, *library,
+            settings=[self.h.priors, self.h.stereo],
         )  # fmt: skip
-        self._step(
-            PRIORS, compute_objects,
-            inputs=[CAPTURES, DEPTH, observed, priors, completed, OBJECTS, *library],
-            parameters=[self.h.priors, self.h.stereo], read=self._read_priors,
-        )  # fmt: skip
-        return completed
+        return AlignedPriors(planes, completed, background, objects)
 
-    def _read_priors(self) -> None:
-        accepted = {prior.name for prior in load_priors(self.scene.path / PRIORS)}
-        for record in read_record(self.scene.path / PRIORS):
-            if not record["refusal"] and record["name"] not in accepted:
-                raise FileNotFoundError(record["name"])
+    def _aligned(
+        self, captures: Captures, depth: PerCapture[DepthMap], observed: ObservedGeometry,
+        planes: RoomPlanes, completed: PerCapture[CompletedDepth], declared: ObjectsFolder, *library: Path,
+    ) -> tuple[ObjectPrior, ...]:  # fmt: skip
+        objects = declared.of(captures)
+        if not objects:  # depth maps and meshes need not be read
+            return ()
+        shapes = [shape for folder in library for shape in load_library(folder, self.progress)]
+        aligned = align_objects(
+            objects, shapes, captures, observed, reliable_depths(captures, depth, self.h.stereo),
+            completed_depths(captures, completed), planes.envelope, self.h.priors, self.progress,
+        )  # fmt: skip
+        for one in aligned:
+            if one.refusal:
+                self.progress.message(f"{one.name}: no prior, {one.refusal}", "warning")
+        return aligned
 
     # ---- what all steps have in common
 
     @cached_property
-    def _read(self) -> Contents:
-        return Contents(self.scene, self.h)
-
-    @cached_property
     def _stride_px(self) -> int:
-        return disc_stride_px(self._read.cameras, self.h.training)
+        cameras = [capture.camera for capture in self.runner.scene.read(CAPTURES)]
+        return disc_stride_px(cameras, self.h.training)
 
-    def _lifted(self, depths: Iterable[np.ndarray]) -> list[DepthView]:
+    def _lifted(self, captures: Captures, depths: Iterable[np.ndarray]) -> list[DepthView]:
         """The captures with a depth (H, W) in metres each, to be lifted to splats."""
         return [
             self._depth_view(capture.camera, depth, capture.image())
-            for capture, depth in zip(self._read.captures, depths, strict=True)
+            for capture, depth in zip(captures, depths, strict=True)
         ]
 
     def _depth_view(self, camera: Camera, depth: np.ndarray, image: np.ndarray) -> DepthView:
         share = self.h.training.detailed_share
         return DepthView(camera, depth, image, self._stride_px, detailed_share=share)
 
-    def _step(
+    def _make(
         self,
-        target: str,
-        compute: Callable[[Path], None],
-        *,
-        inputs: Sequence[str | Path],
-        parameters: Any = None,
-        read: Callable[[], object] | None = None,
-    ) -> str:
-        self.scene.step(target, compute, inputs=inputs, parameters=parameters, read=read)
-        if target == self.until:
+        made: Artifact[Held],
+        compute: Callable[..., Any],
+        *takes: Artifact[Any],
+        settings: Any = None,
+        fits: Callable[..., object] | None = None,
+        also: Sequence[str] = (),
+    ) -> Artifact[Held]:
+        self.runner.make(made, compute, *takes, settings=settings, fits=fits, also=also)
+        if made.name == self.until:
             raise Reached
-        return target
+        return made

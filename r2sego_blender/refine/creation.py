@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..bundle.scene import Declaration, Scene, require_place
+from ..bundle.creating import create_bundle, require_place
+from ..bundle.declaration import Declaration
+from ..bundle.scene import Scene
 from ..captures.frame.ground_picture import GROUND_PICTURES, save_ground_pictures
 from ..captures.frame.lifting import in_photograph
 from ..captures.frame.scale import KNOWN_LENGTH, Scale, require_marker
@@ -12,7 +14,7 @@ from ..captures.frame.world_frame import register
 from ..captures.importing import import_captures
 from ..captures.masks import FOLDER as MASKS
 from ..captures.pose_adjustment import triangulate_refined
-from ..captures.poses.polycam import find_keyframes
+from ..captures.poses.registry import find_export
 from ..captures.sensors.sensor_depth import SensorDepth
 from ..captures.store import save_captures
 from ..config.settings import CaptureSettings
@@ -49,7 +51,7 @@ def create_scene(
     behaviour = BehaviourScope.load(scope)
     check_controller(RobotModel.load(*behaviour.robot_for(robot)), behaviour)
 
-    _look_over(scale, captures, solved=poses is None and find_keyframes(captures) is None)
+    _look_over(scale, captures, solved=poses is None and find_export(captures) is None)
     for masks in (captures / MASKS, captures.absolute().parent / MASKS):
         if masks.is_dir():
             progress.message(
@@ -78,7 +80,7 @@ def create_scene(
         )
         save_ground_pictures(folder / GROUND_PICTURES, stored)
 
-    return Scene.create(path, declaration, fill)
+    return create_bundle(path, declaration, fill)
 
 
 def _look_over(scale: Scale, folder: Path, solved: bool) -> None:

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,10 +17,9 @@ from ..captures.frozen import load_frozen_views
 from ..captures.importing import Imported, import_captures
 from ..captures.masks import counted_pixels, with_masks_beside
 from ..captures.poses import json_fields
-from ..captures.poses.colmap_model import COLMAP_FILES, find_model
-from ..captures.poses.colmap_points import read_colmap_points
 from ..captures.poses.photographs import ANY_SIZE_PX, posed_captures
-from ..captures.poses.polycam import find_keyframes
+from ..captures.poses.ply_points import read_ply_points
+from ..captures.poses.registry import FORMATS, find_poses, only_one, poses_beside
 from ..captures.poses.transforms_json import read_transforms_json
 from ..captures.sparse import SparsePoints, triangulate
 from ..config.settings import CaptureSettings, Settings
@@ -32,14 +30,11 @@ from ..splats.asset import SplatAsset
 from ..splats.training.initialization import from_points
 from ..splats.training.observations import Observation
 
-_POSE_FILES = ("cameras.json", "transforms.json", "transforms_train.json")
 _FEWEST_IMAGES = 2
 
 _MEDIAN_DEPTH_M = 3.0
 """Where the poses' unit is unknown, the median point is taken to be this far away, as in a room:
 sizes of Gaussians and the nearest distance drawn are metres."""
-
-_GREY = 128
 
 
 @dataclass(frozen=True)
@@ -96,7 +91,7 @@ def prepare(
     progress.message(
         f"{len(images)} images to train on, up to {side_px} pixels a side{limit}: {imported.source}"
     )
-    _tell_masks(images, held, poses, progress)
+    _tell_masks(images, held, poses, imported.masks, progress)
     xyz, colours = _first_points(images, poses, points, settings, progress)
     unit_m = _unit_m(imported, images, xyz, progress)
     to_metres = np.diag([unit_m, unit_m, unit_m, 1.0])
@@ -111,11 +106,8 @@ def prepare(
 
 
 def holds_poses(path: Path) -> bool:
-    """Whether it is a folder or a transforms.json, as training takes them."""
-    try:
-        return path.is_dir() or bool(_transforms(path))
-    except CaptureError:  # what is wrong with it is for its reader to say
-        return False
+    """Whether it is a folder or a pose file, as training takes them; a cameras.json is of views."""
+    return path.is_dir() or any(record.find(path) for record in FORMATS if record.key != "captures")
 
 
 def cameras_of_poses(captures: Path) -> dict[str, Camera]:
@@ -125,27 +117,20 @@ def cameras_of_poses(captures: Path) -> dict[str, Camera]:
     CaptureError.
     """
     folder, poses = _folder_and_poses(captures, None)
-    if poses is None and find_keyframes(folder) is None:
+    if poses is None:
         raise CaptureError("there are no poses", where=captures, cure="Give a pose file, or its folder.")
     imported = import_captures(folder, poses, replace(CaptureSettings(), max_side_px=ANY_SIZE_PX))
     return {capture.name.replace("/", "_"): capture.camera for capture in imported.captures}
 
 
 def _folder_and_poses(captures: Path, poses: Path | None) -> tuple[Path, Path | None]:
-    """The folder of the photographs, and the poses given or found there: a file, or a model's folder."""
-    if poses is None and captures.is_file():
-        captures, poses = captures.parent, captures
-    elif poses is None and captures.is_dir():
-        file = next((captures / name for name in _POSE_FILES if (captures / name).is_file()), None)
-        poses = find_model(captures) if file is None else file
-    if poses is None:
-        return captures, None
-    if poses.name in COLMAP_FILES:
-        return captures, poses.parent
-    listed = poses / "transforms.json"
-    if listed.is_file() and not (find_model(poses) or find_keyframes(poses)):
-        return captures, listed
-    return captures, poses
+    """The folder of the photographs, and the poses given or found there."""
+    if poses is not None:
+        return captures, poses
+    if captures.is_file():
+        return captures.parent, captures
+    found = poses_beside(captures) if captures.is_dir() else ()
+    return captures, only_one(found, captures) if found else None
 
 
 def _split(
@@ -170,9 +155,9 @@ def _observation(capture: Capture) -> Observation:
 
 
 def _tell_masks(
-    images: Sequence[Capture], held: Sequence[Capture], poses: Path | None, progress: Progress
+    images: Sequence[Capture], held: Sequence[Capture], poses: Path | None, named: int, progress: Progress
 ) -> None:
-    """Say which masks are used, and look at them all before the long work."""
+    """Say which masks are used of those ``named``, and look at them all before the long work."""
     masked = [capture for capture in images if capture.mask_path is not None]
     for capture in masked:
         counted_pixels(capture)
@@ -180,7 +165,6 @@ def _tell_masks(
         progress.message(f"masks of {len(masked)} images: what is black in them is not trained on")
     if any(capture.mask_path is not None for capture in held):
         progress.message("held-out views are scored whole: what their masks hide counts there", "warning")
-    named = sum("mask_path" in frame for frame in _transforms(poses).get("frames", ()))
     found = sum(capture.mask_path is not None for capture in (*images, *held))
     if found < named:
         progress.message(f"{named - found} of the {named} masks named in {poses} are missing", "warning")
@@ -213,63 +197,15 @@ def _first_points(
     """Positions (P, 3) float64 in the frame of the poses, and colours (P, 3) uint8."""
     if points is not None:
         return read_ply_points(points)
-    model = find_model(poses) if poses is not None and poses.is_dir() else None
-    if model is not None:
-        found, whose = read_colmap_points(model), "COLMAP model"
-    else:
-        found, whose = _points_beside(poses, progress), "transforms.json"
-    if found is not None:
-        progress.message(f"{len(found[0])} points of the {whose}")
-        return found
+    if poses is not None:
+        record, place = find_poses(poses)
+        found = record.points(place, progress) if record.points else None
+        if found is not None:
+            progress.message(f"{len(found[0])} points of the {record.name}")
+            return found
     sparse = triangulate(images, settings.captures, progress)
     kept = _outside_masks(sparse, images)
     return sparse.points[kept], sparse.colours[kept]
-
-
-def _transforms(poses: Path | None) -> dict[str, Any]:
-    """What a transforms.json says; empty for other poses."""
-    data = json_fields.read_json(poses) if poses is not None and poses.is_file() else {}
-    return data if "frames" in data else {}
-
-
-def _points_beside(poses: Path | None, progress: Progress) -> tuple[np.ndarray, np.ndarray] | None:
-    """The points that nerfstudio puts beside a transforms.json, in the frame of its poses."""
-    name = _transforms(poses).get("ply_file_path")
-    if not isinstance(name, str):
-        return None
-    if (poses.parent / name).is_file():
-        return read_ply_points(poses.parent / name)
-    progress.message(f"the points '{name}' of {poses} are missing", level="warning")
-    return None
-
-
-def read_ply_points(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """The vertices (P, 3) float64 of a PLY and their colours (P, 3) uint8, grey where it has none.
-
-    Raises CaptureError when the file is missing or holds no point.
-    """
-    import trimesh
-
-    try:
-        cloud = trimesh.load(path, file_type="ply", process=False)
-        xyz = np.asarray(cloud.vertices, np.float64).reshape(-1, 3)
-    except Exception as error:  # trimesh raises whatever its parser ran into
-        raise CaptureError(
-            "the points cannot be read", where=path, cure="Give a PLY file with vertices."
-        ) from error
-    colours = getattr(cloud, "colors", None) if isinstance(cloud, trimesh.PointCloud) else None
-    if colours is None and cloud.visual.kind == "vertex":
-        colours = cloud.visual.vertex_colors
-    if colours is None or len(colours) != len(xyz):
-        colours = np.full((len(xyz), 3), _GREY)
-    return _finite(xyz, np.asarray(colours, np.uint8)[:, :3], path)
-
-
-def _finite(xyz: np.ndarray, colours: np.ndarray, path: Path) -> tuple[np.ndarray, np.ndarray]:
-    kept = np.isfinite(xyz).all(axis=1)
-    if not kept.any():
-        raise CaptureError("there is no point in the file", where=path, cure="Give one with points.")
-    return xyz[kept], colours[kept]
 
 
 def _unit_m(imported: Imported, images: Sequence[Capture], xyz: np.ndarray, progress: Progress) -> float:

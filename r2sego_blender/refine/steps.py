@@ -1,8 +1,8 @@
 """The procedures of Algorithm 1 as steps of the scene bundle.
 
-Each method reads named files of the bundle and publishes one, whose name it returns;
-``pipeline.refine`` calls them in the paper's order. A step whose inputs and settings have
-not changed is passed over. Those of lines 1 to 3 stand in ``capture_steps.py``.
+Each method takes artifacts of the bundle and returns what it publishes; ``pipeline.refine`` calls them
+in the paper's order. A step whose inputs and settings have not changed is passed over. Those of
+lines 1 to 3 stand in ``capture_steps.py``.
 """
 
 from __future__ import annotations
@@ -10,53 +10,65 @@ from __future__ import annotations
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ..bundle.layout import (
-    BACKDROP,
-    CAPTURES,
-    COLLISION,
-    COMPLETED,
-    DEPTH,
-    PLANES,
-    PRIORS,
-    REFINED_ASSET,
-    of_round,
-)
-from ..core.text_files import write_json
+from ..bundle.artifacts import Artifact, file_at
+from ..captures.per_capture import PerCapture
+from ..core.errors import SceneError
+from ..core.text_files import opened_json, write_json
 from ..generation.carried_decisions import carry_decisions
 from ..generation.conditions.conditions import ZBufferRenderer
 from ..generation.conditions.point_condition import PointConditions
 from ..generation.conditions.renderers import make_renderer
-from ..generation.ego_views import (
-    PseudoObservation,
-    check_views,
-    ego_video_reg,
-    load_pseudo_observations,
-)
-from ..generation.generators.registry import open_generator
+from ..generation.ego_views import VIEWS, PseudoObservation, ego_video_reg
+from ..generation.generators.registry import installation_of, open_generator
+from ..generation.generators.slot import ClipInputs
 from ..generation.paths.detours import ClearSpace
 from ..generation.registration.frame_registration import Landmarks
-from ..geometry.collision.collision import collision_surface
-from ..geometry.collision.collision_files import write_collision
-from ..geometry.objects.priors import load_priors
+from ..geometry.collision.collision import CollisionSurface, collision_surface
+from ..geometry.collision.collision_files import COLLISION, REFINED_COLLISION
+from ..geometry.objects.priors import AlignedPrior
 from ..geometry.proxy.edited_proxy import edited
-from ..geometry.proxy.edits import PROXY_EDITS, load_proxy_edits
+from ..geometry.proxy.edits import PROXY_EDITS, Edit
 from ..geometry.proxy.fusion import compose_proxy
+from ..geometry.proxy.proxy import PROXY, GeometryProxy
+from ..geometry.room.completion import CompletedDepth
+from ..geometry.room.planes import RoomPlanes
+from ..geometry.stereo.observed import ObservedGeometry
+from ..geometry.stereo.stereo import DepthMap
 from ..robot.rollouts.attempts import Rollout
 from ..robot.rollouts.camera_flight import FreeSpace, camera_flights
 from ..robot.rollouts.candidates import candidate_stream
-from ..robot.rollouts.rollouts import load_rollouts, save_rollouts, successful_rollouts
-from ..splats.asset_edits import EDITS, deleted_by, load_edits
-from ..splats.formats.ply import save_ply
+from ..robot.rollouts.rollouts import ROLLOUTS, successful_rollouts
+from ..splats.artifacts import ASSET, BACKDROP, REFINED_ASSET
+from ..splats.asset import SplatAsset
+from ..splats.asset_edits import ASSET_EDITS, AssetEdit, deleted_by
 from ..splats.rendering.rasterizer import render
 from ..views.allocation import allocate_views
-from ..views.selection import Selection, save_candidates
-from .capture_steps import CaptureSteps
-from .contents import names_object
+from ..views.selection import SELECTION, SelectedViews
+from .behaviour import DeclaredBehaviour
+from .capture_steps import AlignedPriors, Captures, CaptureSteps, RegisteredCaptures
+from .depths import completed_depths, proxy_depths, reliable_depths
 from .visual_asset import PseudoView, settings_of_round, update_visual_asset
+
+
+def _read_counts(file: Path) -> dict[str, Any]:
+    with opened_json(file, SceneError, "the counts of a round cannot be read") as counts:
+        return dict(counts)
+
+
+def _write_counts(counts: dict[str, Any], file: Path) -> None:
+    write_json(file, counts)
+
+
+COUNTS = Artifact("metrics.json", _read_counts, _write_counts, editable=False)
+"""How much a round made of everything, for people."""
+
+Views = Artifact[tuple[PseudoObservation, ...]]
 
 
 @dataclass(frozen=True)
@@ -68,135 +80,150 @@ class Steps(CaptureSteps):
 
     # ---- lines 6 to 13: every round
 
-    def geometry_proxy(self, l: int, captures: str, observed: str, aligned_priors: str, asset: str) -> str:
+    def geometry_proxy(
+        self, l: int, captures: RegisteredCaptures, observed: Artifact[ObservedGeometry],
+        priors: AlignedPriors, asset: Artifact[SplatAsset],
+    ) -> Artifact[GeometryProxy]:  # fmt: skip
         """M_scaf^l, Eq. 1: observed, prior and completed geometry fused with the asset's own.
 
         What a person cut away and drew comes last, so that every other face stays as it is.
         """
-        edits = load_proxy_edits(self.scene.path / PROXY_EDITS)
 
-        def compute(folder: Path) -> None:
-            current = self._read.asset(asset)
-            completed = self._read.completed()
+        def compose(
+            captures: Captures, observed: ObservedGeometry, planes: RoomPlanes,
+            completed: PerCapture[CompletedDepth], objects: Sequence[AlignedPrior], asset: SplatAsset,
+            edits: Sequence[Edit] = (),
+        ) -> GeometryProxy:  # fmt: skip
+            depths = completed.of(captures)
             asset_depths = []
-            for one in completed:
-                rendering = render(current, one.camera)
+            for one in depths:
+                rendering = render(asset, one.camera)
                 asset_depths.append((one.camera, rendering.depth, rendering.alpha))
-            envelope = self._read.planes().envelope
             proxy = compose_proxy(
-                self._read.captures, completed, self._read.observed(), envelope, asset_depths,
-                self.h.proxy, self.progress, load_priors(self.scene.path / PRIORS),
+                captures, depths, observed, planes.envelope, asset_depths, self.h.proxy, self.progress,
+                objects,
             )  # fmt: skip
-            proxy = edited(proxy, edits, completed)
-            proxy.save(folder / "proxy.npz")
-            proxy.save_ply(folder / "proxy.ply")
+            return edited(proxy, edits, depths)
 
-        return self._step(
-            of_round(l, "proxy"), compute,
-            inputs=[
-                captures, observed, PLANES, aligned_priors, PRIORS, asset, *([PROXY_EDITS] if edits else []),
-            ],
-            parameters=self.h.proxy, read=lambda: self._read.proxy(of_round(l, "proxy")),
+        edits = [PROXY_EDITS] if self.runner.scene.read(PROXY_EDITS) else []
+        return self._make(
+            PROXY.of_round(l), compose, captures.photographs, observed, priors.planes, priors.completed,
+            priors.objects, asset, *edits, settings=self.h.proxy,
         )  # fmt: skip
 
-    def replace_collision_mesh(self, l: int, proxy: str) -> str:
+    def replace_collision_mesh(self, l: int, proxy: Artifact[GeometryProxy]) -> Artifact[Path]:
         """The simulator's collision surface, made of the current proxy."""
 
-        def compute(folder: Path) -> None:
-            surface = collision_surface(self._read.proxy(proxy), self.h.collision, self.progress)
-            write_collision(surface, folder)
+        def simplify(proxy: GeometryProxy) -> CollisionSurface:
+            return collision_surface(proxy, self.h.collision, self.progress)
 
-        return self._step(of_round(l, "collision"), compute, inputs=[proxy], parameters=self.h.collision)
+        return self._make(COLLISION.of_round(l), simplify, proxy, settings=self.h.collision)
 
-    def successful_ego_poses(self, l: int, proxy: str, collision: str) -> str:
+    def successful_ego_poses(
+        self, l: int, captures: RegisteredCaptures, priors: AlignedPriors,
+        proxy: Artifact[GeometryProxy], collision: Artifact[Path],
+    ) -> Artifact[tuple[Rollout, ...]]:  # fmt: skip
         """V_0^l: rollouts resampled until enough succeed, every attempt kept with its reason.
 
         A scope that asks for the free floor gets the part of it that captures vouch for.
         """
-        scope, declared = self._read.scope, self.scene.declaration.robot
+        behaviour = self._behaviour
+        seats = [priors.objects] if behaviour.names_object else []
 
-        def compute(folder: Path) -> None:
+        def roll_out(
+            captures: Captures, proxy: GeometryProxy, collision: Path, *seats_and_files: Any
+        ) -> tuple[Rollout, ...]:
             if self.h.selection.candidates == "flight":
-                save_rollouts(folder, self._flights(l, proxy))
-                return
-            placed, surface = self._read.placed_scope(scope, proxy), self.scene.path / collision / "scene.xml"
-            rollouts = successful_rollouts(
-                self._read.robot, placed, surface, self.h.rollouts, self._seed_of(l), self.progress
-            )
-            save_rollouts(folder, rollouts)
+                return self._flights(l, captures, proxy)
+            placed = behaviour.placed(captures, proxy, seats_and_files[0] if seats else ())
+            return successful_rollouts(
+                behaviour.model, placed, collision / "scene.xml", self.h.rollouts, self._seed_of(l),
+                self.progress,
+            )  # fmt: skip
 
-        objects = [PRIORS] if names_object(scope) else []
-        return self._step(
-            of_round(l, "rollouts"), compute,
-            inputs=[CAPTURES, proxy, collision, *objects, *scope.files],
-            parameters=[
-                self.h.rollouts, self.h.selection.candidates, self._seed_of(l), declared, scope,
-                *self._read.robot_file,
+        return self._make(
+            ROLLOUTS.of_round(l), roll_out, captures.photographs, proxy, collision, *seats,
+            *(file_at(file) for file in behaviour.scope.files),
+            settings=[
+                self.h.rollouts, self.h.selection.candidates, self._seed_of(l), behaviour.robot,
+                behaviour.scope, *behaviour.robot_file,
             ],
-            read=lambda: load_rollouts(self.scene.path / of_round(l, "rollouts")),
         )  # fmt: skip
 
-    def robot_proxy(self, l: int, candidates: str, proxy: str, asset: str) -> str:
+    def robot_proxy(
+        self, l: int, captures: RegisteredCaptures, candidates: Artifact[tuple[Rollout, ...]],
+        proxy: Artifact[GeometryProxy], asset: Artifact[SplatAsset],
+    ) -> Artifact[SelectedViews]:  # fmt: skip
         """V^l, Eq. 2: deficit times availability, temporal NMS and Top-K, with every reason, and
         the targets' references i(v): line 9 is done here, for the best ranked alone."""
+        behaviour = self._behaviour
 
-        def compute(folder: Path) -> None:
-            stream = candidate_stream(
-                load_rollouts(self.scene.path / candidates), self._read.scope.episode.max_turn_deg_s
-            )
+        def allocate(
+            captures: Captures, rollouts: Sequence[Rollout], proxy: GeometryProxy, asset: SplatAsset
+        ) -> SelectedViews:
+            stream = candidate_stream(rollouts, behaviour.scope.episode.max_turn_deg_s)
+            eye = behaviour.ego_camera(captures)
             selection = allocate_views(
-                stream, self._read.ego_camera, self._read.asset(asset), self._read.proxy(proxy),
-                self._read.cameras, self.h.selection, [self._seed_of(l), 1],
-                self.h.generation.max_replacements, self.progress,
+                stream, eye, asset, proxy, [capture.camera for capture in captures], self.h.selection,
+                [self._seed_of(l), 1], self.h.generation.max_replacements, self.progress,
             )  # fmt: skip
-            selection.save(folder)
-            save_candidates(folder, [self._read.ego_camera.at(pose) for pose in stream.poses])
+            return SelectedViews(selection, [eye.at(pose) for pose in stream.poses])
 
-        return self._step(
-            of_round(l, "selection"), compute, inputs=[CAPTURES, candidates, proxy, asset],
-            parameters=[
+        return self._make(
+            SELECTION.of_round(l), allocate, captures.photographs, candidates, proxy, asset,
+            settings=[
                 self.h.selection, self._seed_of(l), self.h.generation.max_replacements,
-                self.scene.declaration.robot, self._read.scope.robot, self._read.scope.episode,
-                *self._read.robot_file,
+                behaviour.robot, behaviour.scope.robot, behaviour.scope.episode, *behaviour.robot_file,
             ],
-            read=lambda: self._read.selection(of_round(l, "selection")),
+            fits=lambda selected, captures, *_: selected.require_captures(len(captures)),
         )  # fmt: skip
 
-    def ego_video_reg(self, l: int, captures: str, proxy: str, targets: str) -> tuple[str, ...]:
+    def ego_video_reg(
+        self, l: int, captures: RegisteredCaptures, priors: AlignedPriors,
+        proxy: Artifact[GeometryProxy], targets: Artifact[SelectedViews],
+    ) -> tuple[Views, ...]:  # fmt: skip
         """D_ego^l, Eq. 3: for each target a clip along the path from its reference i(v), whose
         last frame is kept and registered to the captures.
 
         What a person decided of a view holds for the one that shows the same now.
         """
+        installed = installation_of(self.h)
 
-        def compute(folder: Path) -> None:
-            current = self._read.proxy(proxy)
-            depths = self._read.proxy_depths(current)
-            observed = self._read.reliable_depths()
-            completed = self._read.completed_depths()
-            renderer = make_renderer(current, self.h.generation)
-            colours = PointConditions(self._read.captures, depths, self.h.generation)
-            with open_generator(
-                self._read.captures, depths, observed, renderer, colours, self.h, folder
-            ) as generator:  # before the landmarks: a program that is not there is told at once
-                landmarks = Landmarks.build(self._read.captures, observed, completed, self.progress)
+        def generate(
+            folder: Path, captures: Captures, depth: PerCapture[DepthMap],
+            completed: PerCapture[CompletedDepth], proxy: GeometryProxy, targets: SelectedViews,
+        ) -> None:  # fmt: skip
+            depths = proxy_depths(captures, proxy)
+            observed = reliable_depths(captures, depth, self.h.stereo)
+            renderer = make_renderer(proxy, self.h.generation)
+            colours = PointConditions(captures, depths, self.h.generation)
+            inputs = ClipInputs(captures, depths, observed, renderer, colours, self.h, folder)
+            # Before the landmarks: a program that is not there is told at once.
+            with open_generator(installed, inputs) as generator:
+                landmarks = Landmarks.build(
+                    captures, observed, completed_depths(captures, completed), self.progress
+                )
                 ego_video_reg(
-                    *self._read.selection(targets), self._read.captures, renderer, generator, landmarks,
-                    self.h, folder, self.progress, ClearSpace(current.vertices, current.faces), colours,
+                    *targets.require_captures(len(captures)), captures, renderer, generator, landmarks,
+                    self.h, folder, self.progress, ClearSpace(proxy.vertices, proxy.faces), colours,
                 )  # fmt: skip
-            for dropped in carry_decisions(self.scene.path / of_round(l, "views"), folder):
+            for dropped in carry_decisions(self.runner.scene.path / views.name, folder):
                 self.progress.message(f"round {l}, {dropped}", level="warning")
 
-        views = self._step(
-            of_round(l, "views"), compute, inputs=[captures, DEPTH, COMPLETED, proxy, targets],
-            parameters=[self.h.generation, self.h.registration, self.h.selection, self.h.seed],
-            read=lambda: check_views(self.scene.path / of_round(l, "views")),
+        views = VIEWS.of_round(l)
+        self._make(
+            views, generate, captures.photographs, captures.depth, priors.completed, proxy, targets,
+            settings=[
+                self.h.generation, self.h.registration, self.h.selection, self.h.seed,
+                *([installed.identity] if installed.identity else []),
+            ],
         )  # fmt: skip
         return (views,)
 
     def update_visual_asset(
-        self, l: int, asset: str, captures: str, proxy: str, pseudo_observations: Sequence[str]
-    ) -> str:
+        self, l: int, asset: Artifact[SplatAsset], captures: RegisteredCaptures, priors: AlignedPriors,
+        proxy: Artifact[GeometryProxy], pseudo_observations: Sequence[Views],
+    ) -> Artifact[SplatAsset]:  # fmt: skip
         """A^{l+1}: the asset refined on the captures and all pseudo-observations so far.
 
         The backdrop stands behind it in training and is kept apart: rounds look for what
@@ -204,62 +231,50 @@ class Steps(CaptureSteps):
         """
         training = settings_of_round(self.h.training, l)
 
-        def compute(file: Path) -> None:
-            surface = self._read.proxy(proxy)
-            renderer = ZBufferRenderer(surface)
+        def update(
+            asset: SplatAsset, backdrop: SplatAsset, captures: Captures,
+            completed: PerCapture[CompletedDepth], proxy: GeometryProxy,
+            *generated: Sequence[PseudoObservation],
+        ) -> SplatAsset:  # fmt: skip
+            renderer = ZBufferRenderer(proxy)
             # Where a ray leaves the proxy, the completed depth: every photographed pixel is of something.
-            real = self._lifted(
-                np.where(depth > 0.0, depth, completed)
-                for depth, completed in zip(
-                    self._read.proxy_depths(surface), self._read.completed_depths(), strict=True
-                )
-            )
-            observations = [
-                observation
-                for views in pseudo_observations
-                for observation in load_pseudo_observations(self.scene.path / views)
-            ]
-            synthetic = [self._pseudo_view(observation, renderer) for observation in observations]
+            pairs = zip(proxy_depths(captures, proxy), completed_depths(captures, completed), strict=True)
+            real = self._lifted(captures, (np.where(depth > 0.0, depth, whole) for depth, whole in pairs))
+            synthetic = [self._pseudo_view(one, renderer) for views in generated for one in views]
             rng = np.random.default_rng([self.h.seed, 2, l])
-            save_ply(
-                file,
-                update_visual_asset(
-                    self._read.asset(asset), self._read.asset(BACKDROP), real, synthetic,
-                    training, rng, self.progress,
-                ),
-            )  # fmt: skip
+            return update_visual_asset(asset, backdrop, real, synthetic, training, rng, self.progress)
 
-        refined = self._step(
-            of_round(l, "asset.ply"), compute,
-            inputs=[asset, BACKDROP, captures, COMPLETED, proxy, *pseudo_observations],
-            parameters=[training, self.h.seed], read=lambda: self._read.asset(of_round(l, "asset.ply")),
+        refined = self._make(
+            ASSET.of_round(l), update, asset, priors.backdrop, captures.photographs, priors.completed, proxy,
+            *pseudo_observations, settings=[training, self.h.seed],
         )  # fmt: skip
-        self._step(
-            of_round(l, "metrics.json"), lambda file: self._count(l, file),
-            inputs=[refined, *(of_round(l, part) for part in ("rollouts", "selection", "views"))],
-        )  # fmt: skip
+        made_of = (ROLLOUTS.of_round(l), SELECTION.of_round(l), VIEWS.of_round(l))
+        self._make(COUNTS.of_round(l), _count, refined, *made_of)
         return refined
 
     # ---- line 14
 
-    def publish_refined_scene(self, collision: str, asset: str) -> None:
+    def publish_refined_scene(self, collision: Artifact[Path], asset: Artifact[SplatAsset]) -> None:
         """A*, before its backdrop, and the current collision surface, at the top of the bundle."""
 
-        def copy(folder: Path) -> None:
-            shutil.copytree(self.scene.path / collision, folder, dirs_exist_ok=True)
+        def copy(folder: Path, collision: Path) -> None:
+            shutil.copytree(collision, folder, dirs_exist_ok=True)
 
         self.publish_asset(asset)
-        self._step(COLLISION, copy, inputs=[collision])
+        self._make(REFINED_COLLISION, copy, collision)
 
-    def publish_asset(self, asset: str) -> None:
+    def publish_asset(self, asset: Artifact[SplatAsset]) -> None:
         """A* before its backdrop, without what a person deleted."""
 
-        def compose(file: Path) -> None:
-            refined = self._read.asset(asset)
-            whole = refined.concatenated(self._read.asset(BACKDROP).with_degree(refined.degree))
-            save_ply(file, whole.subset(~deleted_by(load_edits(self.scene.path), whole.means)))
+        def compose(refined: SplatAsset, backdrop: SplatAsset, edits: Sequence[AssetEdit]) -> SplatAsset:
+            whole = refined.concatenated(backdrop.with_degree(refined.degree))
+            return whole.subset(~deleted_by(edits, whole.means))
 
-        self._step(REFINED_ASSET, compose, inputs=[asset, BACKDROP, EDITS])
+        self._make(REFINED_ASSET, compose, asset, BACKDROP, ASSET_EDITS)
+
+    @cached_property
+    def _behaviour(self) -> DeclaredBehaviour:
+        return DeclaredBehaviour.of(self.runner.scene)
 
     def _pseudo_view(self, observation: PseudoObservation, renderer: ZBufferRenderer) -> PseudoView:
         depth = renderer.depth(observation.camera)
@@ -267,30 +282,30 @@ class Steps(CaptureSteps):
             self._depth_view(observation.camera, depth, observation.image), observation.confidence
         )
 
-    def _flights(self, l: int, proxy: str) -> tuple[Rollout, ...]:
+    def _flights(self, l: int, captures: Captures, proxy: GeometryProxy) -> tuple[Rollout, ...]:
         """As many free flights above the scope's region as there would be rollouts."""
-        scope, surface = self._read.scope, self._read.proxy(proxy)
-        outline = np.array(self._read.outline(scope, proxy))
-        places = np.array([capture.camera.centre for capture in self._read.captures])
-        space = FreeSpace(surface.vertices, surface.faces, outline, places)
+        scope, outline = self._behaviour.scope, np.array(self._behaviour.outline(captures, proxy))
+        places = np.array([capture.camera.centre for capture in captures])
+        space = FreeSpace(proxy.vertices, proxy.faces, outline, places)
         return camera_flights(space, scope, self.h.rollouts.successes, self._seed_of(l))
 
     def _seed_of(self, l: int) -> int:
         """A seed of its own for each round, so that initial conditions are resampled."""
         return self.h.seed * 1000 + l
 
-    def _count(self, l: int, file: Path) -> None:
-        rollouts = load_rollouts(self.scene.path / of_round(l, "rollouts"))
-        selection = Selection.load(self.scene.path / of_round(l, "selection"))
-        views = load_pseudo_observations(self.scene.path / of_round(l, "views"))
-        counts = {
-            "rollouts_succeeded": sum(rollout.success for rollout in rollouts),
-            "rollouts_failed": sum(not rollout.success for rollout in rollouts),
-            "candidates": len(selection.score),
-            "targets": len(selection.targets),
-            "views_kept": len(views),
-            "mean_deficit": round(float(selection.deficit.mean()), 6),
-            "mean_availability": round(float(selection.availability.mean()), 6),
-            "gaussians": len(self._read.asset(of_round(l, "asset.ply"))),
-        }
-        write_json(file, counts)
+
+def _count(
+    asset: SplatAsset, rollouts: Sequence[Rollout], selected: SelectedViews,
+    views: Sequence[PseudoObservation],
+) -> dict[str, Any]:  # fmt: skip
+    selection = selected.selection
+    return {
+        "rollouts_succeeded": sum(rollout.success for rollout in rollouts),
+        "rollouts_failed": sum(not rollout.success for rollout in rollouts),
+        "candidates": len(selection.score),
+        "targets": len(selection.targets),
+        "views_kept": len(views),
+        "mean_deficit": round(float(selection.deficit.mean()), 6),
+        "mean_availability": round(float(selection.availability.mean()), 6),
+        "gaussians": len(asset),
+    }

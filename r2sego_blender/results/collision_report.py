@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..bundle.damage import require_as_made
 from ..bundle.layout import COLLISION, of_round
 from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
@@ -19,7 +20,7 @@ from ..geometry.collision.collision_check import (
     check_collision,
     gap_in_words,
 )
-from ..geometry.proxy.proxy import GeometryProxy
+from ..geometry.proxy.proxy import PROXY
 from ..robot.model.model import RobotModel
 from ..robot.model.mujoco_warnings import described, mujoco_warnings
 from ..robot.rollouts.standing import Standing, stand
@@ -87,8 +88,8 @@ def _checked(scene: Scene, progress: Progress) -> CollisionReport:
             cure=f"Run `r2sego refine {scene.path}` first.",
         )  # fmt: skip
     require_present_frame(scene, [COLLISION, of_round(rounds - 1, "proxy")], "checked")
-    scene.require_as_made(COLLISION)
-    proxy = GeometryProxy.load(scene.round_folder(rounds - 1) / "proxy" / "proxy.npz")
+    require_as_made(scene, COLLISION)
+    proxy = scene.read(PROXY.of_round(rounds - 1))
     declared = scene.declaration
     scope = BehaviourScope.load(declared.scope)
     with mujoco_warnings() as heard:

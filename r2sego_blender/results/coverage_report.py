@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
+from ..bundle.artifacts import Artifact
 from ..bundle.layout import of_round
+from ..bundle.runner import Runner
 from ..bundle.scene import Scene
 from ..core.errors import SceneError
 from ..core.progress import SILENT, Progress
-from ..core.text_files import write_json
-from ..geometry.proxy.proxy import GeometryProxy
+from ..core.text_files import opened_json, write_json
+from ..geometry.proxy.proxy import PROXY, GeometryProxy
 from ..geometry.visibility.coverage import Coverage, count_seen, face_areas
-from ..views.selection import load_candidates
+from ..views.selection import SELECTION, SelectedViews
 
 _ARRAYS, _FIGURES = "coverage.npz", "coverage.json"
+
+
+def _read(folder: Path) -> dict[str, Any]:
+    with opened_json(folder / _FIGURES, SceneError, "this is no coverage of a proxy") as figures:
+        return dict(figures)
+
+
+COVERAGE = Artifact("coverage", _read, editable=False)
+"""A round's: its figures. Blender reads how many views see each face beside them."""
 
 
 def measure_coverage(
@@ -28,25 +38,24 @@ def measure_coverage(
     when the round has no candidate views.
     """
     index = max(scene.newest_round("selection/selection.npz"), 0) if round_index is None else round_index
-    proxy, selection = of_round(index, "proxy"), of_round(index, "selection")
-    if not (scene.path / selection / "candidates.npz").is_file():
+    if not (scene.path / of_round(index, "selection") / "candidates.npz").is_file():
         raise SceneError(
             f"round {index} has no candidate views", where=scene.path,
             cure="Run `r2sego refine`, or choose another round.",
         )  # fmt: skip
 
-    def compute(folder: Path) -> None:
-        mesh = GeometryProxy.load(scene.path / proxy / "proxy.npz")
-        cameras = load_candidates(scene.path / selection)
-        seen = count_seen(mesh.vertices, mesh.faces, cameras, progress)
-        coverage = Coverage(seen, mesh.support, face_areas(mesh.vertices, mesh.faces), len(cameras))
+    def compute(folder: Path, mesh: GeometryProxy, selected: SelectedViews) -> None:
+        seen = count_seen(mesh.vertices, mesh.faces, selected.candidates, progress)
+        areas_m2, views = face_areas(mesh.vertices, mesh.faces), len(selected.candidates)
+        coverage = Coverage(seen, mesh.support, areas_m2, views)
         coverage.save(folder / _ARRAYS)
         areas = {name: round(area, 4) for name, area in coverage.areas_m2().items()}
         figures = {"round": index, "views": coverage.views, "faces": len(mesh.faces), "areas_m2": areas}
         write_json(folder / _FIGURES, figures)
 
-    folder = scene.step(of_round(index, "coverage"), compute, inputs=[proxy, selection])
-    return json.loads((folder / _FIGURES).read_text(encoding="utf-8"))
+    made = COVERAGE.of_round(index)
+    Runner(scene).make(made, compute, PROXY.of_round(index), SELECTION.of_round(index))
+    return scene.read(made)
 
 
 def lines(figures: dict[str, Any]) -> list[str]:

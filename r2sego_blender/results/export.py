@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from .. import __version__
+from ..bundle.damage import require_as_made
 from ..bundle.layout import COLLISION, OBJECTS, REFINED_ASSET, of_round
 from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
@@ -18,7 +19,7 @@ from ..core.scratch import keeping, scratch_place
 from ..core.text_files import opened_json, write_json, write_text
 from ..geometry.collision.collision_files import HULLS, MESH_OBJ, SCENE_USD
 from ..geometry.objects.objects import read_backends
-from ..geometry.proxy.proxy import GeometryProxy
+from ..geometry.proxy.proxy import PROXY, GeometryProxy
 from ..geometry.texture.textured_obj import obj_files
 from ..geometry.texture.textured_usd import write_textured_usd
 from ..splats.formats.registry import SUFFIXES, format_of, load_asset, save_asset
@@ -96,7 +97,7 @@ def _exported(
             "a scene is not exported into itself", where=folder, cure="Choose a folder outside the scene."
         )
     require_present_frame(scene, [REFINED_ASSET, COLLISION, of_round(rounds - 1, "proxy")], "exported")
-    scene.require_as_made(REFINED_ASSET, COLLISION)
+    require_as_made(scene, REFINED_ASSET, COLLISION)
     for name, made in (("collision", MESH_OBJ), *[(TEXTURED, "room.obj")] * textured):
         if (folder / name).exists() and not (folder / name / made).is_file():
             raise _not_of_an_export(folder / name)
@@ -112,7 +113,7 @@ def _exported(
     shutil.rmtree(staging, ignore_errors=True)
     try:
         with scratch_place(staging):
-            proxy = GeometryProxy.load(scene.round_folder(rounds - 1) / "proxy" / "proxy.npz")
+            proxy = scene.read(PROXY.of_round(rounds - 1))
             names = _write(scene, staging, proxy, splats)
             if textured:
                 _write_textured(scene, staging / TEXTURED, proxy, progress)

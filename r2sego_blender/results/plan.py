@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..bundle.runner import Plan, PlannedStep
 from ..bundle.scene import Scene
-from ..bundle.stale import of_old_frame
-from ..core.digests import content_digest
 from ..core.errors import R2SEgoError
 from ..pipeline import refine
 
@@ -35,67 +32,14 @@ PARTS = {
 _HALF = "A correction was cut off; Refine finishes it first, and redoes what it moved"
 
 
-@dataclass(frozen=True)
-class PlannedStep:
-    """A step of the bundle: ``target``, and why it is redone; '' where it is kept."""
-
-    target: str
-    why: str
-
-
-class PlannedScene(Scene):
-    """A bundle whose steps are only looked at: nothing is run and nothing is written."""
-
-    def __init__(self, scene: Scene) -> None:
-        super().__init__(scene.path, scene.declaration)
-        self.planned: list[PlannedStep] = []
-        self._digests: dict[str, str] = {}
-        self._of_old_frame = set(of_old_frame(self))
-        self._last = self.recorded()
-
-    def step(
-        self,
-        target: str,
-        compute: Callable[[Path], None],
-        *,
-        inputs: Sequence[str | Path] = (),
-        parameters: Any = None,
-        read: Callable[[], object] | None = None,
-    ) -> Path:
-        """Note whether ``Scene.step`` would run ``compute``, if what it reads is as it seems."""
-        redone = {step.target for step in self.planned if step.why}
-        first = next((str(item) for item in inputs if str(item) in redone), None)
-        if not (self.path / target).exists():
-            why = "it is not there yet"
-        elif first is not None:
-            why = f"{first} is redone"
-        elif self._last.get(target) != self._digest_of_inputs(inputs, parameters):
-            corrected = target in self._of_old_frame
-            why = "the world frame was corrected" if corrected else "what it reads or a setting has changed"
-        else:
-            why = "it is damaged" if self.is_damaged(target, read) else ""
-        self.planned.append(PlannedStep(target, why))
-        return self.path / target
-
-    def locked(self) -> contextlib.AbstractContextManager[None]:
-        """Nothing is held: nothing is written."""
-        return contextlib.nullcontext()
-
-    def _digest_of_input(self, item: str | Path) -> str:
-        key = str(item)
-        if key not in self._digests:
-            self._digests[key] = content_digest(self.path / item)
-        return self._digests[key]
-
-
 def plan_refinement(scene: Scene) -> tuple[PlannedStep, ...]:
     """Every step of Algorithm 1 on ``scene`` in order, and why it would be run again.
 
     A step whose input is redone counts as redone; should the input come out the same, it is kept.
     """
-    planned = PlannedScene(scene)
-    refine(planned)
-    return tuple(planned.planned)
+    plan = Plan(scene)
+    refine(scene, runner=plan)
+    return tuple(plan.steps)
 
 
 def parts_outdated(scene: Scene) -> list[str]:

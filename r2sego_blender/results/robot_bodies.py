@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
-from ..bundle.layout import CAPTURES, of_round
+from ..bundle.artifacts import Artifact
+from ..bundle.runner import Runner
 from ..bundle.scene import Scene
-from ..captures.store import load_captures
+from ..captures.capture import Capture
+from ..captures.store import CAPTURES
 from ..core.errors import SceneError
-from ..robot.model.model import RobotModel
+from ..refine.behaviour import DeclaredBehaviour
 from ..robot.model.robot_file import robot_digest
+from ..robot.rollouts.attempts import Rollout
 from ..robot.rollouts.bodies import save_bodies
-from ..robot.rollouts.candidates import ego_camera
-from ..robot.rollouts.rollouts import load_rollouts
-from ..robot.scope.scope import BehaviourScope
+from ..robot.rollouts.rollouts import ROLLOUTS
 
 
 def export_bodies(scene: Scene, round_index: int) -> Path:
@@ -22,25 +24,25 @@ def export_bodies(scene: Scene, round_index: int) -> Path:
     Raises SceneError where the round has no rollouts, RobotError where they are another
     robot's than the one declared now.
     """
-    name = of_round(round_index, "rollouts")
-    if not (scene.path / name).is_dir():
+    rollouts = ROLLOUTS.of_round(round_index)
+    if not (scene.path / rollouts.name).is_dir():
         raise SceneError(
             f"round {round_index} has no rollouts", where=scene.path, cure="Run Refine, or choose another."
         )
-    declared = scene.declaration
-    scope = BehaviourScope.load(declared.scope)
-    source, mount = scope.robot_for(declared.robot)
+    behaviour = DeclaredBehaviour.of(scene)
+    source, mount = behaviour.scope.robot_for(scene.declaration.robot)
 
-    def compute(folder: Path) -> None:
-        robot = RobotModel.load(source, mount)
-        first = load_captures(scene.captures_folder)[0].camera
-        save_bodies(
-            folder, robot, load_rollouts(scene.path / name), ego_camera(robot, first.width, first.height),
-            scene.path / name,
-        )  # fmt: skip
+    eye = behaviour.ego_camera(scene.read(CAPTURES))
 
+    def compute(folder: Path, captures: Sequence[Capture], attempts: tuple[Rollout, ...]) -> None:
+        save_bodies(folder, behaviour.model, attempts, eye, scene.path / rollouts.name)
+
+    bodies = BODIES.of_round(round_index)
     with scene.locked():
-        return scene.step(
-            of_round(round_index, "bodies"), compute, inputs=[CAPTURES, name],
-            parameters=[source, mount, robot_digest(source)],
-        )  # fmt: skip
+        known = [source, mount, robot_digest(source), eye.width, eye.height]
+        Runner(scene).make(bodies, compute, CAPTURES, rollouts, settings=known)
+    return scene.read(bodies)
+
+
+BODIES = Artifact("bodies", load=lambda folder: folder, editable=False)
+"""The robot's shapes and their poses along a round's rollouts; Blender opens the files."""

@@ -7,9 +7,8 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from ..bundle.layout import of_round
 from ..bundle.scene import Scene
-from ..robot.rollouts.rollouts import load_rollouts
+from ..robot.rollouts.rollouts import ROLLOUTS
 from ..views.selection import ablations
 
 
@@ -20,7 +19,7 @@ def describe_rollouts(scene: Scene, round_index: int) -> dict[str, Any]:
     ranges are over the successful ones.
     """
     declared = scene.declaration
-    rollouts = load_rollouts(scene.path / of_round(round_index, "rollouts"))
+    rollouts = scene.read(ROLLOUTS.of_round(round_index))
     attempts = [
         {
             "attempt": number,

@@ -7,9 +7,9 @@ from typing import Any
 
 from ..bundle.layout import of_round
 from ..bundle.scene import Scene
-from ..captures.store import load_captures
+from ..captures.store import CAPTURES
 from ..core.errors import GenerationError
-from ..views.selection import Selection
+from ..views.selection import SELECTION, Selection
 
 
 def describe_selection(scene: Scene, round_index: int, explain: bool = False) -> dict[str, Any]:
@@ -19,8 +19,8 @@ def describe_selection(scene: Scene, round_index: int, explain: bool = False) ->
     the captures see of it, the greatest share first. With ``explain`` the ``candidates`` are
     there too, rollout by rollout. A share is from 0 to 1.
     """
-    selection = Selection.load(scene.path / of_round(round_index, "selection"))
-    names = [capture.name for capture in load_captures(scene.captures_folder)]
+    selection = scene.read(SELECTION.of_round(round_index)).selection
+    names = [capture.name for capture in scene.read(CAPTURES)]
     seen_by = selection.overlaps.shape[1]
     if seen_by not in (0, len(names)):
         raise GenerationError(

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..bundle.damage import damaged_results
 from ..bundle.layout import REFINED_ASSET
 from ..bundle.scene import Scene
 from ..bundle.stale import in_words, of_old_frame, rounds_among
@@ -37,7 +38,7 @@ def describe(scene: Scene, look_at_results: bool = False, outdated: Sequence[str
     rounds_declared = declared.settings.rounds
     old = of_old_frame(scene)
     old_in_words = in_words(old, rounds_declared)
-    damaged = scene.damaged_results() if look_at_results else ()
+    damaged = damaged_results(scene) if look_at_results else ()
     metrics = _scores(scene.metrics_file) if scene.metrics_file.is_file() else None
     half_corrected = is_replacing(scene.path)
     is_whole = scene.asset_file.is_file() and not (old_in_words or damaged or half_corrected)

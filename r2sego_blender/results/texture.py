@@ -14,7 +14,7 @@ from ..bundle.layout import of_round
 from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
 from ..captures.capture import Capture
-from ..captures.store import load_captures
+from ..captures.store import CAPTURES
 from ..config.settings import Settings
 from ..core.cameras import Camera
 from ..core.errors import AssetError, SceneError, SettingsError
@@ -22,7 +22,7 @@ from ..core.progress import SILENT, Progress
 from ..generation.generators.exposure import exposure_gains
 from ..geometry.mesh.decimation import decimated
 from ..geometry.mesh.small_holes import small_holes_closed
-from ..geometry.proxy.proxy import GeometryProxy
+from ..geometry.proxy.proxy import PROXY, GeometryProxy
 from ..geometry.texture.textured_mesh import TexturedMesh
 from ..geometry.texture.textured_obj import obj_files
 from ..geometry.texture.texturing import bake
@@ -138,7 +138,7 @@ def _baked(
     scene: Scene, proxy: GeometryProxy, settings: Settings, progress: Progress
 ) -> tuple[TexturedMesh, list[_View]]:
     """The textured mesh, and the captures as they were baked on it."""
-    captures = load_captures(scene.captures_folder)
+    captures = scene.read(CAPTURES)
     whole = small_holes_closed(proxy.vertices, proxy.faces, settings.texture.hole_m)
     fewer = decimated(*whole, settings.texture.faces)
     if len(fewer[1]) > _TOO_MANY * settings.texture.faces:
@@ -180,4 +180,4 @@ def _newest_proxy(scene: Scene) -> GeometryProxy:
             cure=f"Run `r2sego refine {scene.path}` first.",
         )  # fmt: skip
     require_present_frame(scene, [of_round(index, "proxy")], "textured")
-    return GeometryProxy.load(scene.round_folder(index) / "proxy" / "proxy.npz")
+    return scene.read(PROXY.of_round(index))

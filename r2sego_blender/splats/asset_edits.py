@@ -14,13 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
+from ..bundle import layout
+from ..bundle.artifacts import Artifact
 from ..bundle.scene import Scene
 from ..core.errors import AssetError
 from ..core.text_files import write_json
 from .regions import Box, Region, region_of
-
-EDITS = "asset_edits"
-"""The folder in the bundle."""
 
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
@@ -40,9 +39,9 @@ class AssetEdit:
         return deleted
 
 
-def load_edits(bundle: Path) -> tuple[AssetEdit, ...]:
-    """The bundle's edits by name. Raises AssetError when a file is damaged."""
-    return tuple(_load(file) for file in sorted((bundle / EDITS).glob("[!.]*.json")))
+def load_edits(folder: Path) -> tuple[AssetEdit, ...]:
+    """The edits in a folder by name; none if it is not there. Raises AssetError when a file is damaged."""
+    return tuple(_load(file) for file in sorted(folder.glob("[!.]*.json")))
 
 
 def deleted_by(edits: Sequence[AssetEdit], means: np.ndarray) -> np.ndarray:
@@ -55,7 +54,7 @@ def deleted_by(edits: Sequence[AssetEdit], means: np.ndarray) -> np.ndarray:
 
 def next_name(bundle: Path) -> str:
     """The first free one of edit_001, edit_002 and on."""
-    taken = {file.stem for file in (bundle / EDITS).glob("[!.]*.json")}
+    taken = {file.stem for file in (bundle / layout.ASSET_EDITS).glob("[!.]*.json")}
     return next(name for name in (f"edit_{i:03d}" for i in range(1, len(taken) + 2)) if name not in taken)
 
 
@@ -78,23 +77,23 @@ def save_edit(scene: Scene, edit: AssetEdit) -> Path:
             f"'{edit.name}' is no name of an edit", where="--name", cure="Use letters, digits, - and _."
         )
     content = {"regions": [region.to_json() for region in edit.regions]}
-    with scene.publishing(f"{EDITS}/{edit.name}.json") as staging:
+    with scene.publishing(f"{layout.ASSET_EDITS}/{edit.name}.json") as staging:
         write_json(staging, content)
-    return scene.path / EDITS / f"{edit.name}.json"
+    return scene.path / layout.ASSET_EDITS / f"{edit.name}.json"
 
 
 def edit_file(scene: Scene, name: str) -> Path:
     """Where the bundle keeps an edit. Raises AssetError when there is none of that name."""
-    file = scene.path / EDITS / f"{name}.json"
+    file = scene.path / layout.ASSET_EDITS / f"{name}.json"
     if not _NAME.fullmatch(name) or not file.is_file():
-        names = ", ".join(edit.name for edit in load_edits(scene.path)) or "none"
+        names = ", ".join(edit.name for edit in scene.read(ASSET_EDITS)) or "none"
         raise AssetError(f"there is no edit '{name}'", where=scene.path, cure=f"There are: {names}.")
     return file
 
 
 def move_edits(scene: Scene, similarity: np.ndarray) -> None:
     """Carry the edits into another world frame, (4, 4) similarity."""
-    for edit in load_edits(scene.path):
+    for edit in scene.read(ASSET_EDITS):
         save_edit(scene, AssetEdit(edit.name, tuple(one.transformed(similarity) for one in edit.regions)))
 
 
@@ -126,3 +125,7 @@ def _json(file: Path) -> dict:
     if not isinstance(data, dict):
         raise AssetError("it is no JSON object", where=file, cure="Mend or remove it.")
     return data
+
+
+ASSET_EDITS = Artifact(layout.ASSET_EDITS, load_edits)
+"""What a person deleted from the asset."""

@@ -10,10 +10,8 @@ import numpy as np
 from ..config.settings import SelectionSettings
 from ..core.cameras import Camera
 from ..core.errors import GenerationError
+from ..geometry.visibility.point_visibility import PROXY_ROUGHNESS_M
 from .selection import Selection
-
-# Depth differences below a centimetre are the proxy's own roughness, at any distance.
-_TOLERANCE_FLOOR_M = 0.01
 
 
 def with_references(
@@ -75,5 +73,5 @@ def _visible(points: np.ndarray, camera: Camera, depth: np.ndarray, tolerance: f
     rows = (pixels[visible, 1] * (height / camera.height)).astype(np.int64)
     seen = depth[np.minimum(rows, height - 1), np.minimum(columns, width - 1)]
     z = z[visible]
-    visible[visible] = (seen > 0.0) & (z <= seen * (1.0 + tolerance) + _TOLERANCE_FLOOR_M)
+    visible[visible] = (seen > 0.0) & (z <= seen * (1.0 + tolerance) + PROXY_ROUGHNESS_M)
     return visible

@@ -10,9 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from ..bundle.artifacts import Artifact
 from ..config.settings import SelectionSettings
 from ..core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
 from ..core.cameras import Camera
@@ -273,3 +275,41 @@ def _reason(
     if place <= budget:
         return f"chosen, rank {place} of {budget}: {shares}"
     return f"not chosen: rank {place} is beyond the budget of {budget}; {shares}"
+
+
+class SelectedViews(NamedTuple):
+    """The target views of a round, and the candidates (M) that they are chosen from."""
+
+    selection: Selection
+    candidates: list[Camera]
+
+    @staticmethod
+    def load(folder: Path) -> SelectedViews:
+        """Read what ``save`` wrote. Raises GenerationError for files that do not go together."""
+        selected = SelectedViews(Selection.load(folder), load_candidates(folder))
+        if len(selected.selection.score) != len(selected.candidates):
+            raise selected._mismatch(folder, selected.selection.overlaps.shape[1])
+        return selected
+
+    def save(self, folder: Path) -> None:
+        """Write the selection and the candidates into ``folder``."""
+        self.selection.save(folder)
+        save_candidates(folder, self.candidates)
+
+    def require_captures(self, count: int) -> SelectedViews:
+        """These. Raises GenerationError where their references are not among ``count`` captures."""
+        if self.selection.overlaps.shape[1] not in (0, count):
+            raise self._mismatch(Path(SELECTION.name), count)
+        return self
+
+    def _mismatch(self, folder: Path, captures: int) -> GenerationError:
+        known = self.selection.overlaps.shape[1]
+        return GenerationError(
+            f"it is of {len(self.selection.score)} candidates and {known} captures, and there are "
+            f"{len(self.candidates)} and {captures}",
+            where=folder / "selection.npz", cure="Run `r2sego refine` again.",
+        )  # fmt: skip
+
+
+SELECTION = Artifact("selection", SelectedViews.load, SelectedViews.save)
+"""A round's: ``SELECTION.of_round(l)``."""

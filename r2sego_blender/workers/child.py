@@ -21,7 +21,7 @@ from typing import Any
 from ..core.errors import NativeError, R2SEgoError
 from ..core.scratch import ScratchFolder
 from ..core.text_files import write_text
-from .library_path import IMPORT_LIBRARY, LIBRARY, environment_elsewhere
+from .library_path import IMPORT_LIBRARY, LIBRARY, external_variables
 from .processes import die_with_parent
 
 _PACKAGE = __package__.rpartition(".")[0]
@@ -112,7 +112,7 @@ def call_in_child(
 
 def _environment(python: str, folder: str) -> dict[str, str]:
     if python != sys.executable:
-        return environment_elsewhere()
+        return external_variables()
     # What a killed child leaves among its temporary files goes with the request.
     return dict(os.environ) | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), folder)
 

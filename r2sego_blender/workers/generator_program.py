@@ -9,9 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
-import shlex
-import shutil
 import subprocess
 import tempfile
 import time
@@ -22,60 +19,13 @@ from typing import IO, Any
 from ..core.errors import GenerationError, MachineError, NativeError
 from .child import RUNNING, forget
 from .external_environment import PROTOCOL
-from .library_path import environment_elsewhere
+from .library_path import external_variables
 from .processes import DYING_WITH_PARENT, end_tree, group_of_its_own
 
-COMMAND_VARIABLE = "R2SEGO_GENERATOR"
-"""Names the program and its arguments: this machine's affair, which no bundle from elsewhere decides."""
-SIZE_VARIABLE = "R2SEGO_GENERATOR_SIZE"
-"""The size of the program's frames, such as "1024x576"; without it, the captures' own."""
 CLIP_LIMIT_S = 3600.0
 """Time after which a program without an answer counts as hung, seconds."""
 
 _POLL_S = 0.05
-_CURE = (
-    f"Set {COMMAND_VARIABLE} to the program that generates clips, or use --set generation.generator=blending."
-)
-
-
-def named_command() -> list[str]:
-    """The program that the environment names, with its arguments. Raises MachineError without one."""
-    named = os.environ.get(COMMAND_VARIABLE, "").strip()
-    try:
-        command = [named] if os.path.isfile(named) else _words(named)  # noqa: PTH113  (no error if it is long)
-    except ValueError as error:
-        raise MachineError(f"{COMMAND_VARIABLE} is no command: {error}", where=named, cure=_CURE) from error
-    if not command:
-        raise MachineError("no generator is named", where="generation.generator", cure=_CURE)
-    found = shutil.which(command[0])
-    if found is None:
-        raise MachineError(
-            f"the program in {COMMAND_VARIABLE} is not there or cannot be run", where=command[0], cure=_CURE
-        )
-    return [found, *command[1:]]
-
-
-def _words(command: str, system: str = os.name) -> list[str]:
-    """The words of a command; on Windows a backslash is part of a path. Raises ValueError: an open quote."""
-    if system != "nt":
-        return shlex.split(command)
-    return [word.strip("\"'") for word in shlex.split(command, posix=False)]
-
-
-def named_size() -> tuple[int, int] | None:
-    """(width, height) of the program's frames in pixels, None where they are the captures' own.
-
-    Raises MachineError when the environment names no size.
-    """
-    named = os.environ.get(SIZE_VARIABLE, "").strip()
-    if not named:
-        return None
-    width, _, height = named.partition("x")
-    if not (width.isdecimal() and height.isdecimal() and int(width) >= 1 and int(height) >= 1):
-        raise MachineError(
-            f"{SIZE_VARIABLE} is no size", where=named, cure="Give width and height, such as 1024x576."
-        )
-    return int(width), int(height)
 
 
 class GeneratorProgram:
@@ -139,7 +89,7 @@ class GeneratorProgram:
         try:
             self._process = _Tree(
                 [*self._command, str(folder)],
-                env=environment_elsewhere() | {"PYTHONUTF8": "1"},  # it reads names of folders
+                env=external_variables() | {"PYTHONUTF8": "1"},  # it reads names of folders
                 stdin=subprocess.PIPE, stdout=self._said, stderr=subprocess.STDOUT,
                 **DYING_WITH_PARENT, **group_of_its_own(window=False),
             )  # fmt: skip

@@ -26,7 +26,7 @@ They also leave the working folder unsearched.
 """
 
 
-def environment_elsewhere() -> dict[str, str]:
+def external_variables() -> dict[str, str]:
     """This process's variables for a program of another environment, without what
     ``engine.engine_environment`` adds: the folder of this library in ``PYTHONPATH``, and
     ``PYTHONSAFEPATH``, under which a program finds no modules beside itself."""

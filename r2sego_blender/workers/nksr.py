@@ -21,7 +21,7 @@ _CURE = (
 )
 
 
-def reconstruct_elsewhere(cloud: Path, surface: Path, voxel_m: float) -> None:
+def reconstruct_externally(cloud: Path, surface: Path, voxel_m: float) -> None:
     """Write ``surface`` (.npz: vertices, faces) for the ``cloud`` (.npz: points, normals), metres.
 
     Raises MachineError when there is no such environment or NKSR is not in it, NativeError

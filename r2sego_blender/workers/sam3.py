@@ -53,7 +53,7 @@ class FoundMask:
     mask: np.ndarray
 
 
-def segment_elsewhere(
+def segment_externally(
     photographs: Mapping[str, np.ndarray], vocabulary: Sequence[str], least_score: float = 0.5
 ) -> tuple[str, tuple[FoundMask, ...]]:
     """The backend with its version, and what it found in ``photographs``, (H, W, 3) in [0, 1].

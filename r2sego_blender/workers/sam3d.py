@@ -47,7 +47,7 @@ _CURE = (
 )
 
 
-def generate_shapes_elsewhere(
+def generate_shapes_externally(
     pictures: Mapping[str, tuple[np.ndarray, np.ndarray]], folder: Path, seed: int = 0
 ) -> tuple[str, dict[str, Path]]:
     """The backend with its version, and the mesh files it wrote into ``folder``, by object.

@@ -38,7 +38,7 @@ def test_it_holds_the_add_on_and_the_library_and_nothing_else(package):
                    "panels/sidebar.py", "operators/scene/refine.py", "batch/refine.py"):  # fmt: skip
         assert needed in names
     tops = {name.split("/")[0] for name in names}
-    assert tops.isdisjoint({"tests", "docs", "dist", "build", "shared", "addon_manifest.toml"})
+    assert tops.isdisjoint({"tests", "tools", "docs", "dist", "build", "shared", "addon_manifest.toml"})
     demo = {name for name in names if name.startswith("demo/") and not name.endswith("/")}
     captures = {f"demo/room/captures/capture_{index:02d}.png" for index in range(6)}
     assert demo == captures | {"demo/room/cameras.json"}

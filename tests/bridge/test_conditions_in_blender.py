@@ -16,10 +16,12 @@ from r2sego_blender.bridge.generation import conditions as bridge  # noqa: E402
 from r2sego_blender.bridge.generation.conditions import PASSES, ConditionScene, render_path  # noqa: E402
 from r2sego_blender.core.cameras import Camera, look_at  # noqa: E402
 from r2sego_blender.core.errors import GenerationError  # noqa: E402
+from r2sego_blender.generation.conditions.blender_conditions import read_condition  # noqa: E402
 from r2sego_blender.generation.conditions.conditions import ZBufferRenderer  # noqa: E402
-from r2sego_blender.generation.conditions.renderers import read_condition  # noqa: E402
 from r2sego_blender.geometry.proxy.proxy import GeometryProxy  # noqa: E402
 from r2sego_blender.geometry.visibility import rasterizer  # noqa: E402
+
+pytestmark = pytest.mark.own_process  # without EGL, or with a driver that fails, Blender aborts
 
 
 def bumpy_room() -> GeometryProxy:

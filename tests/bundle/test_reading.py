@@ -7,12 +7,17 @@ import time
 import numpy as np
 import pytest
 
+from r2sego_blender.bundle import damage
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.damage import damaged_results
 from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.journal import Journal
 from r2sego_blender.bundle.layout import REFINED_ASSET
 from r2sego_blender.bundle.reading import read_beside_jobs
+from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.core import atomic_files as whole_files
+from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import SceneError
 from r2sego_blender.results.plan import describe_plan
 from r2sego_blender.results.status import describe, lines
@@ -27,7 +32,7 @@ def fill(folder):
 
 @pytest.fixture
 def scene(tmp_path) -> Scene:
-    return Scene.create(tmp_path / "room.r2s", Declaration("photos", IDENTITY, "floor", "metric"), fill)
+    return create_bundle(tmp_path / "room.r2s", Declaration("photos", IDENTITY, "floor", "metric"), fill)
 
 
 def status(scene):
@@ -122,25 +127,25 @@ def test_a_reader_gives_up_waiting(scene):
 
 def test_a_result_that_is_published_meanwhile_is_not_called_damaged(scene, monkeypatch):
     def publish(content):
-        scene.step(REFINED_ASSET, lambda file: file.write_text(content), parameters=content)
+        Runner(scene).step(REFINED_ASSET, lambda file: file.write_text(content), parameters=content)
 
     publish("first")
-    looked_at = Scene.is_damaged
+    looked_at = damage.is_damaged
 
-    def caught(self, *asked):
-        if self.path == scene.path and (scene.path / REFINED_ASSET).read_text() == "first":
-            old = self.outputs()
+    def caught(of, *asked):
+        if of.path == scene.path and (scene.path / REFINED_ASSET).read_text() == "first":
+            old = of.outputs()
             publish("second")
-            return old[REFINED_ASSET] != self._digest_of_input(REFINED_ASSET)
-        return looked_at(self, *asked)
+            return old[REFINED_ASSET] != content_digest(of.path / REFINED_ASSET)
+        return looked_at(of, *asked)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Scene, "is_damaged", caught)
-        assert Scene.open(scene.path).damaged_results() == ()
+        patch.setattr(damage, "is_damaged", caught)
+        assert damaged_results(Scene.open(scene.path)) == ()
     # As the step does before the third one takes its place.
     Journal(scene.path).write(publishing=REFINED_ASSET)
     (scene.path / REFINED_ASSET).write_text("third")
-    assert scene.damaged_results() == () and REFINED_ASSET not in scene.outputs()
+    assert damaged_results(scene) == () and REFINED_ASSET not in scene.outputs()
     publish("fourth")
     (scene.path / REFINED_ASSET).write_text("cut")
-    assert scene.damaged_results() == (REFINED_ASSET,)
+    assert damaged_results(scene) == (REFINED_ASSET,)

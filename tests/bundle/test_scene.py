@@ -14,11 +14,15 @@ import numpy as np
 import pytest
 import tomli_w
 
-from r2sego_blender.bundle.backends import CONDITION_BACKENDS, SURFACE_BACKENDS, TRAINER_BACKENDS
+from r2sego_blender.bundle.backends import TRAINER_BACKENDS
+from r2sego_blender.bundle.creating import create_bundle, require_place
+from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.journal import Journal
-from r2sego_blender.bundle.scene import Declaration, Scene, require_place
+from r2sego_blender.bundle.runner import Runner
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.config.presets import entries
 from r2sego_blender.config.settings import Settings, setting
+from r2sego_blender.config.slots import GENERATORS, RENDERERS, SURFACES
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import SceneError, SettingsError
 from r2sego_blender.core.scratch import remove_scratch
@@ -33,7 +37,7 @@ DECLARATION = Declaration("photos", IDENTITY, ground="floor plane", scale_source
 
 
 def make_scene(folder: Path) -> Scene:
-    return Scene.create(folder / "room.r2s", DECLARATION, lambda f: (f / "captures").mkdir())
+    return create_bundle(folder / "room.r2s", DECLARATION, lambda f: (f / "captures").mkdir())
 
 
 def test_open_reads_what_create_declared(tmp_path):
@@ -64,8 +68,9 @@ def test_another_preset_begins_without_the_overrides_of_before():
 @pytest.mark.parametrize(
     ("slot", "key", "known"),
     [
-        ("surface", "proxy.surface", SURFACE_BACKENDS),
-        ("conditions", "generation.renderer", CONDITION_BACKENDS),
+        ("surface", "proxy.surface", SURFACES.labels),
+        ("conditions", "generation.renderer", RENDERERS.labels),
+        ("generator", "generation.generator", GENERATORS.labels),
         ("splat_trainer", "training.backend", TRAINER_BACKENDS),
     ],
 )
@@ -103,7 +108,7 @@ def test_the_controller_is_the_one_that_drove_the_last_rollouts(tmp_path):
 
 def test_create_leaves_nothing_when_filling_fails(tmp_path):
     with pytest.raises(ZeroDivisionError):
-        Scene.create(tmp_path / "new" / "deep" / "a.r2s", DECLARATION, lambda folder: 1 / 0)
+        create_bundle(tmp_path / "new" / "deep" / "a.r2s", DECLARATION, lambda folder: 1 / 0)
     assert list(tmp_path.iterdir()) == []
     assert make_scene(tmp_path / "new" / "deep").captures_folder.is_dir()
 
@@ -118,7 +123,7 @@ def test_of_two_that_make_one_scene_the_later_is_told(tmp_path):
     (tmp_path / "other").mkdir()
     first, place = make_scene(tmp_path / "other"), tmp_path / "room.r2s"
     with pytest.raises(SceneError, match=r"room\.r2s: it exists already"):
-        Scene.create(place, DECLARATION, lambda folder: first.path.rename(place))
+        create_bundle(place, DECLARATION, lambda folder: first.path.rename(place))
     assert {path.name for path in tmp_path.iterdir()} == {"other", "room.r2s"}
     assert Scene.open(place).declaration == first.declaration
 
@@ -199,7 +204,7 @@ def test_a_step_runs_once_and_again_when_what_it_reads_changes(tmp_path):
         file.write_text(source.read_text())
 
     def step(parameters=None):
-        return scene.step("geometry/copy.txt", compute, inputs=["source.txt"], parameters=parameters)
+        return Runner(scene).step("geometry/copy.txt", compute, inputs=["source.txt"], parameters=parameters)
 
     step()
     step()
@@ -229,7 +234,7 @@ def test_a_setting_added_later_makes_nothing_again_until_it_is_set(tmp_path):
 
     def made_again(parameters) -> bool:
         before = len(runs)
-        scene.step("a.txt", lambda file: runs.append(file.write_text("a")), parameters=[parameters])
+        Runner(scene).step("a.txt", lambda file: runs.append(file.write_text("a")), parameters=[parameters])
         return len(runs) > before
 
     assert made_again(Before())
@@ -248,12 +253,12 @@ def test_a_failed_step_keeps_the_earlier_result(tmp_path):
         (folder / "a.txt").write_text("bad")
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    scene.step("geometry/maps", write, parameters=1)
+    Runner(scene).step("geometry/maps", write, parameters=1)
     digest = content_digest(scene.geometry_folder)
     with pytest.raises(SceneError, match="disk is full"):
-        scene.step("geometry/maps", fail, parameters=2)
+        Runner(scene).step("geometry/maps", fail, parameters=2)
     assert content_digest(scene.geometry_folder) == digest
-    assert scene.step("geometry/maps", write, parameters=3).is_dir()
+    assert Runner(scene).step("geometry/maps", write, parameters=3).is_dir()
 
 
 def test_a_step_killed_as_its_result_took_its_place_is_run_again(tmp_path, monkeypatch):
@@ -261,7 +266,8 @@ def test_a_step_killed_as_its_result_took_its_place_is_run_again(tmp_path, monke
     scene = make_scene(tmp_path)
 
     def made(content):
-        return scene.step("a.txt", lambda file: file.write_text(content), parameters=content).read_text()
+        written = Runner(scene).step("a.txt", lambda file: file.write_text(content), parameters=content)
+        return written.read_text()
 
     assert made("a") == "a"
     write = Journal.write
@@ -282,7 +288,7 @@ def test_a_damaged_result_is_made_again_and_an_edited_one_kept(tmp_path):
     scene = make_scene(tmp_path)
 
     def step(name, **reading):
-        return scene.step(name, lambda file: file.write_text('{"a": 1}'), **reading)
+        return Runner(scene).step(name, lambda file: file.write_text('{"a": 1}'), **reading)
 
     for name in ("read.json", "last.json"):
         step(name)
@@ -298,8 +304,8 @@ def test_a_damaged_result_is_made_again_and_an_edited_one_kept(tmp_path):
 
 def test_a_clock_set_back_does_not_shorten_a_step(tmp_path, monkeypatch):
     scene, clock = make_scene(tmp_path), iter([2000.0, 1000.0])
-    monkeypatch.setattr("r2sego_blender.bundle.scene.time.time", lambda: next(clock))
-    scene.step("a.txt", lambda file: file.write_text("a"))
+    monkeypatch.setattr("r2sego_blender.bundle.runner.time.time", lambda: next(clock))
+    Runner(scene).step("a.txt", lambda file: file.write_text("a"))
     assert 0.0 <= scene.journal()[0]["seconds"] < 60.0
 
 
@@ -310,7 +316,7 @@ def test_a_bundle_that_is_cancelled_in_the_making_leaves_nothing(tmp_path):
         raise KeyboardInterrupt(list(tmp_path.iterdir()))
 
     with pytest.raises(KeyboardInterrupt) as left:
-        Scene.create(tmp_path / "room.r2s", make_scene(tmp_path / "other").declaration, fill)
+        create_bundle(tmp_path / "room.r2s", make_scene(tmp_path / "other").declaration, fill)
     assert left.value.args[0] == [tmp_path / "other"]
 
 
@@ -323,7 +329,7 @@ def test_a_step_that_is_cancelled_leaves_nothing_of_its_result(tmp_path):
         raise KeyboardInterrupt([file.name for file in (scene.path / "geometry").iterdir()])
 
     with pytest.raises(KeyboardInterrupt) as left:
-        scene.step("geometry/depth", compute)
+        Runner(scene).step("geometry/depth", compute)
     assert left.value.args[0] == []
 
 
@@ -348,10 +354,10 @@ def test_what_a_killed_process_left_of_a_new_bundle_goes_with_the_next(tmp_path)
         "    (folder / 'captures').mkdir()\n"
         "    print(folder.name, flush=True)\n"
         "    sys.stdin.read()\n"
-        "test_scene.Scene.create(pathlib.Path(sys.argv[1]), test_scene.DECLARATION, fill)\n"
+        "test_scene.create_bundle(pathlib.Path(sys.argv[1]), test_scene.DECLARATION, fill)\n"
     )
     with subprocess.Popen(
-        [sys.executable, "-c", script, tmp_path / "cut.r2s"], cwd=Path(__file__).parents[1],
+        [sys.executable, "-c", script, tmp_path / "cut.r2s"], cwd=Path(__file__).parent,
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
     ) as making:  # fmt: skip
@@ -359,7 +365,7 @@ def test_what_a_killed_process_left_of_a_new_bundle_goes_with_the_next(tmp_path)
         first = make_scene(tmp_path)
         assert left.is_dir() and (left / "captures").is_dir()
         making.kill()
-    Scene.create(tmp_path / "next.r2s", DECLARATION, lambda folder: None)
+    create_bundle(tmp_path / "next.r2s", DECLARATION, lambda folder: None)
     assert {path.name for path in tmp_path.iterdir()} == {first.path.name, "next.r2s"}
     with first.locked():
         pass
@@ -443,6 +449,6 @@ def test_the_newest_round_is_a_declared_one(tmp_path):
 
 def test_the_journal_is_json_lines_with_digests(tmp_path):
     scene = make_scene(tmp_path)
-    scene.step("a.txt", lambda file: file.write_text("a"))
+    Runner(scene).step("a.txt", lambda file: file.write_text("a"))
     record = json.loads((scene.path / "journal.jsonl").read_text())
     assert record["output"] == content_digest(scene.path / "a.txt")

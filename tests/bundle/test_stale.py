@@ -7,6 +7,7 @@ import json
 from click.testing import CliRunner
 from wrong_world import shown_points, wrong_scene, wrong_similarity
 
+from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.stale import of_old_frame, require_present_frame
 from r2sego_blender.commands.cli import main
 from r2sego_blender.editing.correction import correct_registration, undo_correction
@@ -23,7 +24,7 @@ def _as_if_refined(scene):
             place = place if place.suffix else place / "proxy.npz"
             place.write_text(f"{name} {scene.declaration.world_from_capture}")
 
-        scene.step(name, compute, inputs=inputs)
+        Runner(scene).step(name, compute, inputs=inputs)
 
     write("geometry/depth", "captures")
     for index in range(2):
@@ -32,7 +33,7 @@ def _as_if_refined(scene):
         counts = dict.fromkeys(
             ("rollouts_succeeded", "rollouts_failed", "candidates", "targets", "views_kept"), 1
         )
-        scene.step(
+        Runner(scene).step(
             f"rounds/{index}/metrics.json", lambda file, told=json.dumps(counts): file.write_text(told),
             inputs=[f"rounds/{index}/asset.ply"],
         )  # fmt: skip
@@ -71,10 +72,11 @@ def test_what_a_correction_left_behind_is_told_and_not_used(tmp_path):
     assert not (tmp_path / "out").exists()
 
     # What is made of an old result is old too; what is made anew is not.
-    corrected.step("textured.glb", lambda file: file.write_text("x"), inputs=["asset.ply"])
+    run = Runner(corrected)
+    run.step("textured.glb", lambda file: file.write_text("x"), inputs=["asset.ply"])
     assert "textured.glb" in of_old_frame(corrected)
-    corrected.step("geometry/depth", lambda folder: (folder / "new").touch(), inputs=["captures"])
-    corrected.step("rounds/0/proxy", lambda folder: (folder / "new").touch(), inputs=["geometry/depth"])
+    run.step("geometry/depth", lambda folder: (folder / "new").touch(), inputs=["captures"])
+    run.step("rounds/0/proxy", lambda folder: (folder / "new").touch(), inputs=["geometry/depth"])
     assert not {"geometry/depth", "rounds/0/proxy"} & set(of_old_frame(corrected))
     assert describe(corrected)["rounds_of_old_frame"] == [0, 1]  # its asset is still as it was
     _as_if_refined(corrected)

@@ -14,7 +14,7 @@ from r2sego_blender.captures.frozen import load_frozen_views
 from r2sego_blender.captures.importing import import_captures
 from r2sego_blender.captures.lenses.distortion import COEFFICIENTS
 from r2sego_blender.captures.lenses.lens import Lens
-from r2sego_blender.captures.poses.colmap_model import find_model
+from r2sego_blender.captures.poses.colmap_files import find_models
 from r2sego_blender.captures.poses.photographs import Photograph, posed_captures
 from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.cameras import Camera, look_at
@@ -111,7 +111,7 @@ def test_colmap_models(tmp_path, rng, blank_photograph, binary):
     _colmap_model(tmp_path / "sparse" / "0", poses, "OPENCV", parameters, 64, 48, binary)
     for garbage in ("points3D.bin", "points3D.txt"):
         (tmp_path / "sparse" / "0" / garbage).write_bytes(b"\xff" * 100)
-    assert find_model(tmp_path) == tmp_path / "sparse" / "0"
+    assert find_models(tmp_path) == [tmp_path / "sparse" / "0"]
     imported = import_captures(tmp_path / "images", tmp_path, SETTINGS)
     file = tmp_path / "sparse" / "0" / f"cameras.{'bin' if binary else 'txt'}"  # as a file browser gives it
     assert import_captures(tmp_path / "images", file, SETTINGS).source == imported.source

@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.layout import of_round
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.runner import Runner
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.commands import cli
 from r2sego_blender.core.errors import AssetError
 from r2sego_blender.core.images import load_image_uint8, to_uint8
@@ -51,8 +54,8 @@ def scene(tmp_path) -> Scene:
         save_ply(folder / "geometry/initial_asset.ply", ROOM.asset.subset(np.arange(100)))
 
     declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
-    made = Scene.create(tmp_path / "room.r2s", declaration, fill)
-    Steps(made, declaration.settings, SILENT).publish_asset(of_round(0, "asset.ply"))
+    made = create_bundle(tmp_path / "room.r2s", declaration, fill)
+    Steps(Runner(made), declaration.settings, SILENT).publish_asset(of_round(0, "asset.ply"))
     return made
 
 
@@ -106,7 +109,7 @@ def test_an_edit_killed_before_its_asset_is_told_and_made_whole_when_it_is_given
 
     box, whole = box_file(tmp_path), published(scene)
     with monkeypatch.context() as patch:
-        patch.setattr("r2sego_blender.commands.asset._publish_again", killed)
+        patch.setattr("r2sego_blender.editing.asset_edits._publish_again", killed)
         assert r2sego("edit-asset", scene.path, "--box", box).exit_code != 0
     (edit,) = load_edits(scene.path)
     listed = r2sego("edit-asset", scene.path, "--list").stdout
@@ -144,7 +147,7 @@ def test_an_edit_outlives_a_new_refinement_and_can_be_taken_back(scene, tmp_path
     assert r2sego("edit-asset", scene.path, "--box", box_file(tmp_path), "--name", "floaters").exit_code == 0
     moved = ROOM.asset.subset(np.arange(len(ROOM.asset))[::-1])  # as a refinement leaves others
     save_ply(scene.path / "rounds/0/asset.ply", moved)
-    Steps(scene, scene.declaration.settings, SILENT).publish_asset(of_round(0, "asset.ply"))
+    Steps(Runner(scene), scene.declaration.settings, SILENT).publish_asset(of_round(0, "asset.ply"))
     assert not deleted_by(load_edits(scene.path), published(scene).means).any()
     save_ply(scene.path / "rounds/0/asset.ply", ROOM.asset)
     done = r2sego("edit-asset", scene.path, "--remove", "floaters")

@@ -13,8 +13,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.frame.world_frame import ASSUMED_CAMERA_HEIGHT_M
+from r2sego_blender.commands import bench as bench_commands
 from r2sego_blender.commands.bench import bench
 from r2sego_blender.commands.cli import main
 from r2sego_blender.config.presets import PRESETS, with_overrides
@@ -56,7 +59,7 @@ def noise(path: Path, seed: int) -> None:
 
 def bundle(folder: Path) -> Scene:
     declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
-    return Scene.create(folder / "room.r2s", declaration, lambda f: (f / "captures").mkdir())
+    return create_bundle(folder / "room.r2s", declaration, lambda f: (f / "captures").mkdir())
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
@@ -301,3 +304,11 @@ def test_rounds_that_are_not_declared_are_refused(tmp_path, command, index):
     line = refused(r2sego(command, scene.path, "--round", index))
     assert f"no round {index}" in line and "0 to 2" in line
     assert scene.journal() == []
+
+
+def test_benchmarks_are_run_from_a_checkout(tmp_path, monkeypatch):
+    installed = tmp_path / "r2sego_blender" / "commands" / "bench.py"
+    monkeypatch.setattr(bench_commands, "__file__", str(installed))
+    done = CliRunner().invoke(main, ["bench", "conditions"])
+    assert done.exit_code == 1
+    assert f"{tmp_path}: the benchmarks are not installed" in done.stderr and "checkout" in done.stderr

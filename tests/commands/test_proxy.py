@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
+from r2sego_blender.bundle.runner import Plan, Runner
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import save_captures
 from r2sego_blender.commands.cli import main
@@ -22,7 +25,7 @@ from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 from r2sego_blender.geometry.visibility.coverage import Coverage
 from r2sego_blender.pipeline import refine
 from r2sego_blender.results.coverage_report import measure_coverage
-from r2sego_blender.results.plan import PlannedScene, describe_plan, plan_refinement
+from r2sego_blender.results.plan import describe_plan, plan_refinement
 from r2sego_blender.views.selection import save_candidates
 
 IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
@@ -56,7 +59,7 @@ def scene(tmp_path) -> Scene:
         save_candidates(folder / "rounds/0/selection", [LENS.at(pose) for pose in (ahead, ahead, away)])
         (folder / "rounds/0/selection/selection.npz").write_bytes(b"")
 
-    return Scene.create(tmp_path / "room.r2s", Declaration("photos", IDENTITY, "floor", "metric"), fill)
+    return create_bundle(tmp_path / "room.r2s", Declaration("photos", IDENTITY, "floor", "metric"), fill)
 
 
 @pytest.fixture
@@ -91,7 +94,7 @@ def test_a_mesh_file_is_drawn_as_it_lies_in_the_world(scene, tmp_path):
 
 
 def test_a_proxy_of_an_earlier_world_frame_is_not_cut(scene, cut_file):
-    scene.step("rounds/0/proxy", lambda folder: grid().save(folder / "proxy.npz"))
+    Runner(scene).step("rounds/0/proxy", lambda folder: grid().save(folder / "proxy.npz"))
     larger = tuple(map(tuple, np.diag([1.1, 1.1, 1.1, 1.0]).tolist()))
     with pytest.raises(SceneError, match="was corrected since it was made, so it cannot be cut"):
         edit_proxy(scene.declare(world_from_capture=larger), cut=cut_file)
@@ -147,18 +150,18 @@ def test_coverage_is_published_once_and_told(scene):
 def test_a_plan_follows_what_depends_on_what(scene, tmp_path):
     (scene.path / "in").write_text("1")
 
-    def steps(on: Scene, setting: int) -> None:
+    def steps(on: Runner, setting: int) -> None:
         on.step("a.txt", lambda file: file.write_text("a"), inputs=["in"], parameters=setting)
         on.step("b.txt", lambda file: file.write_text("b"), inputs=["a.txt"])
         on.step("c.txt", lambda file: file.write_text("c"), inputs=["elsewhere"])
 
     def planned(setting: int = 1) -> dict[str, str]:
-        dry = PlannedScene(scene)
+        dry = Plan(scene)
         steps(dry, setting)
-        return {step.target: step.why for step in dry.planned}
+        return {step.target: step.why for step in dry.steps}
 
     assert set(planned().values()) == {"it is not there yet"}
-    steps(scene, 1)
+    steps(Runner(scene), 1)
     before = content_digest(scene.path)
     assert set(planned().values()) == {""}
     assert planned(2) == {
@@ -198,16 +201,16 @@ def demo(tmp_path):
         save_captures(folder / "captures", captures)
 
     declared = Declaration("photos", IDENTITY, "floor", "metric", overrides={"rounds": 1})
-    made = Scene.create(tmp_path / "demo.r2s", declared, fill)
+    made = create_bundle(tmp_path / "demo.r2s", declared, fill)
 
-    class StandIn(PlannedScene):
+    class StandIn(Plan):
         def step(self, target, compute, *, inputs=(), parameters=None, read=None):
             def write(place: Path) -> None:
                 (place / "file.txt" if not place.suffix else place).write_text(target)
                 if target == "rounds/0/proxy":
                     grid().save(place / "proxy.npz")
 
-            return Scene.step(self, target, write, inputs=inputs, parameters=parameters)
+            return Runner.step(self, target, write, inputs=inputs, parameters=parameters)
 
-    refine(StandIn(made))
+    refine(made, runner=StandIn(made))
     return made

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.commands.cli import main
 
 
@@ -31,7 +32,7 @@ def room(tmp_path):
             }  # fmt: skip
             (view / "pose.json").write_text(json.dumps(record))
 
-    return Scene.create(tmp_path / "room.r2s", declaration, fill).path
+    return create_bundle(tmp_path / "room.r2s", declaration, fill).path
 
 
 def r2sego(*arguments):

@@ -5,7 +5,8 @@ import os
 
 import pytest
 
-from r2sego_blender.core.digests import content_digest
+from r2sego_blender.core import digests
+from r2sego_blender.core.digests import content_digest, file_identity
 
 
 def test_hidden_files_are_no_content(tmp_path):
@@ -45,3 +46,21 @@ def test_a_folder_that_may_not_be_listed_is_not_taken_for_an_empty_one(tmp_path,
         content_digest(tmp_path)
     with pytest.raises(PermissionError):
         content_digest(tmp_path / "whole")
+
+
+def test_a_large_file_is_known_by_its_size_and_ends(tmp_path, monkeypatch):
+    file, data = tmp_path / "weights.ckpt", bytearray(range(256)) * 40
+    monkeypatch.setattr(digests, "_END_BYTES", 1024)
+    file.write_bytes(data)
+    assert file_identity(file) == content_digest(file)
+    monkeypatch.setattr(digests, "_WHOLE_BYTES", 4096)
+    told = {file_identity(file)}
+    for place in (0, -1):
+        data[place] += 1 if place == 0 else -1
+        file.write_bytes(data)
+        told.add(file_identity(file))
+    file.write_bytes(data[:5000] + data[4999:])  # the same ends, a byte more
+    told.add(file_identity(file))
+    assert len(told) == 4
+    with pytest.raises(OSError, match="gone"):
+        file_identity(tmp_path / "gone")

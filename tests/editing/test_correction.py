@@ -14,6 +14,7 @@ import pytest
 from progress_recorder import ProgressRecorder
 from wrong_world import FLOOR, assert_true, picked_points, shown_points, wrong_scene, wrong_similarity
 
+from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.frame.correction_history import BEFORE, CORRECTIONS
 from r2sego_blender.captures.frame.floor_points import FloorPoint
@@ -21,7 +22,7 @@ from r2sego_blender.captures.frame.picks import PickedLength, Picks
 from r2sego_blender.captures.frame.scale import Scale
 from r2sego_blender.captures.sparse import SparsePoints
 from r2sego_blender.captures.store import load_captures
-from r2sego_blender.core import atomic_files as whole_files
+from r2sego_blender.core import atomic_files
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import CaptureError, GeometryError, SceneError
 from r2sego_blender.editing.correction import (
@@ -80,7 +81,7 @@ def test_a_correction_that_is_killed_is_finished_by_the_next_command(tmp_path, m
     scene, shown = _with_all_that_moves(tmp_path)
     other = Scene.open(shutil.copytree(scene.path, tmp_path / "other.r2s"))
     correct_registration(other, floor=shown)
-    left, swap_in = [None] * swaps, whole_files.swap_in
+    left, swap_in = [None] * swaps, atomic_files.swap_in
 
     def killed(made, place):
         if not left:
@@ -89,7 +90,7 @@ def test_a_correction_that_is_killed_is_finished_by_the_next_command(tmp_path, m
         swap_in(made, place)
 
     with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
-        patched.setattr(whole_files, "swap_in", killed)
+        patched.setattr(atomic_files, "swap_in", killed)
         correct_registration(scene, floor=shown)
     assert content_digest(scene.path) != content_digest(other.path)
     with (
@@ -127,7 +128,7 @@ def test_what_depends_on_the_captures_is_redone(tmp_path):
     runs = []
 
     def step(made):
-        made.step("geometry/heights.txt", lambda place: (runs.append(1), place.write_text("x")),
+        Runner(made).step("geometry/heights.txt", lambda place: (runs.append(1), place.write_text("x")),
                   inputs=["captures"])  # fmt: skip
 
     step(scene)

@@ -56,7 +56,7 @@ def test_words_become_objects_seen_in_several_captures(captures, observed, monke
         lamp[:4, :4] = True
         return "SAM 3 0.1.0", (*found, FoundMask("p1.png", "lamp", 0.8, lamp))
 
-    monkeypatch.setattr(object_backends, "segment_elsewhere", answer)
+    monkeypatch.setattr(object_backends, "segment_externally", answer)
     objects = segmented_objects(["arm chair", "lamp"], captures, observed)
     assert [one.name for one in objects] == ["arm_chair", "arm_chair_2"]
     for one, place in zip(objects, PLACES, strict=True):
@@ -70,7 +70,7 @@ def test_words_become_objects_seen_in_several_captures(captures, observed, monke
 
 
 def test_nothing_found_is_an_error_that_names_the_backend(captures, observed, monkeypatch):
-    monkeypatch.setattr(object_backends, "segment_elsewhere", lambda *_: ("SAM 3 0.1.0", ()))
+    monkeypatch.setattr(object_backends, "segment_externally", lambda *_: ("SAM 3 0.1.0", ()))
     with pytest.raises(GeometryError, match=r"SAM 3 0\.1\.0 found nothing") as caught:
         segmented_objects(["unicorn"], captures, observed)
     assert caught.value.cure
@@ -87,7 +87,7 @@ def test_a_mesh_is_made_from_the_photograph_that_shows_most(captures, monkeypatc
         trimesh.creation.box((1, 2, 3)).export(folder / "chair.glb")
         return "SAM 3D Objects 0.0.1", {"chair": folder / "chair.glb"}
 
-    monkeypatch.setattr(object_backends, "generate_shapes_elsewhere", answer)
+    monkeypatch.setattr(object_backends, "generate_shapes_externally", answer)
     drawn = DeclaredObject("chair", {"p0.png": small, "p1.png": large})
     (made,) = generated_meshes([drawn], captures, tmp_path)
     assert dict(made.backends) == {"mesh": "SAM 3D Objects 0.0.1"}
@@ -97,7 +97,9 @@ def test_a_mesh_is_made_from_the_photograph_that_shows_most(captures, monkeypatc
 
 
 def test_no_mesh_or_no_mask_is_an_error(captures, monkeypatch, tmp_path):
-    monkeypatch.setattr(object_backends, "generate_shapes_elsewhere", lambda *_: ("SAM 3D Objects 0.0.1", {}))
+    monkeypatch.setattr(
+        object_backends, "generate_shapes_externally", lambda *_: ("SAM 3D Objects 0.0.1", {})
+    )
     mask = np.ones((60, 80), bool)
     with pytest.raises(GeometryError, match="made no mesh of it"):
         generated_meshes([DeclaredObject("chair", {"p0.png": mask})], captures, tmp_path)

@@ -11,7 +11,10 @@ import pytest
 import trimesh
 from click.testing import CliRunner
 
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
+from r2sego_blender.bundle.runner import Runner
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import load_captures, save_captures
 from r2sego_blender.commands.cli import main
@@ -38,7 +41,7 @@ def scene(tmp_path: Path) -> Scene:
         (folder / "captures").mkdir()
         save_captures(folder / "captures", captures)
 
-    return Scene.create(tmp_path / "room.r2s", Declaration("photographs", IDENTITY, "floor", "metric"), fill)
+    return create_bundle(tmp_path / "room.r2s", Declaration("photographs", IDENTITY, "floor", "metric"), fill)
 
 
 @pytest.fixture
@@ -106,9 +109,9 @@ def test_what_was_made_in_an_earlier_world_frame_is_not_used(scene, masks, libra
     declare_objects(scene, masks=masks, library=library)
     _as_if_run(scene, np.eye(4))
     record = (scene.path / "geometry/priors/priors.json").read_text()
-    scene.step("geometry/priors", lambda folder: (folder / "priors.json").write_text(record))
-    scene.step("geometry/completed", lambda folder: (folder / "p0.png.npz").touch())
-    scene.step("geometry/observed.npz", lambda file: file.touch())
+    Runner(scene).step("geometry/priors", lambda folder: (folder / "priors.json").write_text(record))
+    Runner(scene).step("geometry/completed", lambda folder: (folder / "p0.png.npz").touch())
+    Runner(scene).step("geometry/observed.npz", lambda file: file.touch())
     larger = tuple(map(tuple, np.diag([1.1, 1.1, 1.1, 1.0]).tolist()))
     corrected = Scene.open(scene.path).declare(world_from_capture=larger)
     with pytest.raises(SceneError, match="was corrected since it was made"):

@@ -14,12 +14,15 @@ from made_up_room import made_up_bundle
 
 from r2sego_blender.bundle.layout import SCOPE_FILE
 from r2sego_blender.bundle.scene import Scene
+from r2sego_blender.captures.store import CAPTURES
 from r2sego_blender.commands.cli import main
 from r2sego_blender.core.arrays import save_arrays
 from r2sego_blender.core.errors import R2SEgoError
 from r2sego_blender.editing.robot_declaration import declare_robot, describe_robot, lines
 from r2sego_blender.editing.trial_rollouts import newest_surface
-from r2sego_blender.refine.contents import Contents
+from r2sego_blender.geometry.objects.priors import PRIORS
+from r2sego_blender.geometry.proxy.proxy import PROXY
+from r2sego_blender.refine.behaviour import DeclaredBehaviour
 from r2sego_blender.results.status import describe
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.scope.scope import BehaviourScope
@@ -255,8 +258,9 @@ def test_a_seat_is_named_by_the_prior_it_is_of(scene):
     assert all(math.dist(seat["place_m"], first["place_m"]) < 1.5 for seat in named if seat["object"])
     declared = declare_robot(scene, scope="sit_down", changes={"sit_on.target": "chair"})
     scope = BehaviourScope.load(declared.declaration.scope)
-    contents = Contents(declared, declared.declaration.settings)
-    placed = contents.placed_scope(scope, newest_surface(declared).proxy)
+    proxy = declared.read(PROXY.of_round(newest_surface(declared).round_index))
+    behaviour = DeclaredBehaviour(scope, declared.declaration.robot)
+    placed = behaviour.placed(declared.read(CAPTURES), proxy, declared.read(PRIORS))
     assert placed.sit_on.target == pytest.approx(tuple(first["place_m"]))
     assert len(placed.region.within) >= 3  # where the captures saw the floor
 

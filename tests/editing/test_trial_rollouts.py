@@ -9,11 +9,15 @@ import numpy as np
 import pytest
 from made_up_room import made_up_bundle
 
+from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.config.settings import RolloutSettings
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import SceneError
 from r2sego_blender.editing.robot_declaration import declare_robot
 from r2sego_blender.editing.trial_rollouts import TRIAL, try_rollouts
+from r2sego_blender.geometry.collision.collision_files import COLLISION
+from r2sego_blender.geometry.proxy.proxy import PROXY
+from r2sego_blender.refine.capture_steps import AlignedPriors, RegisteredCaptures
 from r2sego_blender.refine.steps import Steps
 from r2sego_blender.results.robot_bodies import export_bodies
 from r2sego_blender.robot.rollouts.rollouts import load_rollouts
@@ -33,8 +37,9 @@ def round_rollouts(scene):
     """What the round itself makes of the same scope."""
     from r2sego_blender.core.progress import SILENT
 
-    steps = Steps(scene, scene.declaration.settings, SILENT)
-    return load_rollouts(scene.path / steps.successful_ego_poses(0, "rounds/0/proxy", "rounds/0/collision"))
+    steps = Steps(Runner(scene), scene.declaration.settings, SILENT)
+    proxy, collision = PROXY.of_round(0), COLLISION.of_round(0)
+    return scene.read(steps.successful_ego_poses(0, RegisteredCaptures(), AlignedPriors(), proxy, collision))
 
 
 def test_a_trial_is_the_first_of_a_round(scene, round_rollouts):
@@ -84,7 +89,7 @@ def test_without_a_surface_there_is_nothing_to_try(tmp_path):
 def test_a_surface_of_an_earlier_world_frame_is_not_tried(tmp_path):
     made = made_up_bundle(tmp_path / "room.r2s")
     mjcf = (made.path / "rounds/0/collision/scene.xml").read_text()
-    made.step("rounds/0/collision", lambda folder: (folder / "scene.xml").write_text(mjcf))
+    Runner(made).step("rounds/0/collision", lambda folder: (folder / "scene.xml").write_text(mjcf))
     larger = made.declare(world_from_capture=tuple(map(tuple, np.diag([1.1, 1.1, 1.1, 1.0]).tolist())))
     with pytest.raises(SceneError, match=r"0.collision: the ground or the scale was corrected since"):
         try_rollouts(larger, 1)

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import save_captures
 from r2sego_blender.core.cameras import Camera, look_at
@@ -86,4 +88,4 @@ def bundle(
         "photographs", tuple(map(tuple, similarity.tolist())), ground="floor", scale_source="metric",
         overrides={"rounds": len(assets)},
     )  # fmt: skip
-    return Scene.create(folder / "room.r2s", declaration, fill)
+    return create_bundle(folder / "room.r2s", declaration, fill)

@@ -26,7 +26,7 @@ from r2sego_blender.evaluation.frozen import score
 from r2sego_blender.evaluation.report_data import FrozenView, Rendering
 from r2sego_blender.evaluation.scene_causes import (
     CAUSES,
-    PROXY,
+    PROXY_ALONE,
     TRUE_ROOM,
     as_entry,
     label_pixels,
@@ -200,7 +200,7 @@ def test_a_folder_of_frozen_views_has_the_truth_inside_or_beside_it(tmp_path):
 
 def test_without_a_true_mesh_the_proxy_tells_alone(tmp_path):
     causes, _ = split_of(tmp_path)
-    assert causes.told_by == PROXY and causes.note == ""
+    assert causes.told_by == PROXY_ALONE and causes.note == ""
     assert causes.shares["wrong_depth"] is None
     told = [one for one in causes.shares.values() if one is not None]
     assert sum(one.pixels for one in told) == pytest.approx(1.0)
@@ -215,7 +215,7 @@ def test_a_truth_that_cannot_be_used_is_said(tmp_path, case):
     if case == "damaged":
         (tmp_path / "room.npz").write_bytes(b"PK no zip")
     causes, _ = split_of(tmp_path)
-    assert causes.told_by == PROXY
+    assert causes.told_by == PROXY_ALONE
     assert {"damaged": "cannot be used", "elsewhere": "not in the frame"}[case] in causes.note
 
 

@@ -12,6 +12,7 @@ from cameras_file import save_cameras_json
 from progress_recorder import ProgressRecorder
 from small_bundle import bundle, photographs, splats
 
+from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.captures.store import load_captures
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import SceneError
@@ -69,10 +70,10 @@ def test_rounds_and_causes_are_in_the_file_the_page_and_the_table(evaluated):
 
 def test_the_scores_say_of_which_assets_they_are(evaluated):
     scene, frozen = evaluated
-    scene.step("asset.ply", lambda file: save_ply(file, splats(0.62)), inputs=[])
+    Runner(scene).step("asset.ply", lambda file: save_ply(file, splats(0.62)), inputs=[])
     assets = scene_evaluation.evaluate_scene(scene, frozen)["assets"]
     assert assets == {"asset.ply": content_digest(scene.asset_file)}
-    scene.step("asset.ply", lambda file: save_ply(file, splats(0.7)), inputs=[], parameters=["anew"])
+    Runner(scene).step("asset.ply", lambda file: save_ply(file, splats(0.7)), inputs=[], parameters=["anew"])
     assert scene.outputs()["asset.ply"] != assets["asset.ply"]
 
 
@@ -93,7 +94,7 @@ def test_a_frozen_view_that_was_trained_on_is_told(evaluated):
 
 def test_an_asset_that_was_changed_since_is_not_scored(evaluated):
     scene, frozen = evaluated
-    scene.step("asset.ply", lambda file: save_ply(file, splats(0.62)), inputs=[])
+    Runner(scene).step("asset.ply", lambda file: save_ply(file, splats(0.62)), inputs=[])
     save_ply(scene.asset_file, splats(0.7))
     with pytest.raises(SceneError, match=r"asset\.ply: it is not as it was made.*refine"):
         scene_evaluation.evaluate_scene(scene, frozen)

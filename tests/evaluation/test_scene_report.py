@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from small_bundle import bundle, camera
 
+from r2sego_blender.bundle.creating import create_bundle
 from r2sego_blender.bundle.declaration import Declaration
-from r2sego_blender.bundle.scene import Scene
+from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.captures.store import load_captures
 from r2sego_blender.config.settings import SelectionSettings
 from r2sego_blender.evaluation.scene_report import renew_scene_report, write_scene_report
@@ -32,7 +33,7 @@ def scene(tmp_path):
         (folder / "captures" / "images").mkdir(parents=True)
         (folder / "captures" / "cameras.json").write_text(json.dumps({"captures": []}))
 
-    return Scene.create(tmp_path / "room.r2s", declaration, fill)
+    return create_bundle(tmp_path / "room.r2s", declaration, fill)
 
 
 def test_the_robot_is_the_one_in_use(scene):
@@ -42,7 +43,7 @@ def test_the_robot_is_the_one_in_use(scene):
 
 
 def _made(scene, text):
-    scene.step("asset.ply", lambda file: file.write_text(text), parameters=text)
+    Runner(scene).step("asset.ply", lambda file: file.write_text(text), parameters=text)
 
 
 def test_scores_stay_on_the_page_where_a_refinement_made_nothing(scene):

@@ -10,7 +10,8 @@ from fake_proxy import write_coverage, write_edit, write_objects
 from fake_rollouts import fill_rollouts, fill_trial
 from fake_views import write_views
 
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.images import save_image
 from r2sego_blender.geometry.proxy.proxy import GeometryProxy
@@ -80,7 +81,7 @@ def write_bundle(path: Path) -> Path:
         ground="floor plane", scale_source="metric poses", preset="preview",
         overrides={"selection.target_views": 3},
     )  # fmt: skip
-    Scene.create(path, declaration, _fill)
+    create_bundle(path, declaration, _fill)
     return path
 
 

@@ -9,14 +9,17 @@ import pytest
 from box_room import arc
 from progress_recorder import ProgressRecorder
 
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.artifacts import Artifact
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
+from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.config.settings import Settings
 from r2sego_blender.core.cameras import Camera
 from r2sego_blender.generation.carried_decisions import carry_decisions
 from r2sego_blender.generation.conditions.condition_files import save_conditions
 from r2sego_blender.generation.decisions import DECISION, decision_of, save_decision
-from r2sego_blender.refine import capture_steps
 from r2sego_blender.refine import steps as steps_module
+from r2sego_blender.refine.capture_steps import AlignedPriors, RegisteredCaptures
 from r2sego_blender.refine.steps import Steps
 
 IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
@@ -89,7 +92,7 @@ def test_the_step_carries_them_and_warns(tmp_path, box_room, cameras, monkeypatc
         (folder / "captures").mkdir()
 
     declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
-    scene = Scene.create(tmp_path / "room.r2s", declaration, fill)
+    scene = create_bundle(tmp_path / "room.r2s", declaration, fill)
     (scene.path / "targets").mkdir()
 
     def generate(selection, candidates, captures, renderer, generator, landmarks, h, folder, *others):
@@ -102,23 +105,28 @@ def test_the_step_carries_them_and_warns(tmp_path, box_room, cameras, monkeypatc
         def __init__(self, *given) -> None:
             self.vertices = self.faces = None
 
-        captures = property(lambda self: ())
-        proxy = proxy_depths = reliable_depths = completed_depths = lambda self, *given: Nothing()
         build = staticmethod(lambda *given: None)
-        selection = lambda self, name: (None, None)  # noqa: E731
+        require_captures = lambda self, count: (None, None)  # noqa: E731
         __enter__ = lambda self: self  # noqa: E731
         __exit__ = lambda self, *given: None  # noqa: E731
 
-    monkeypatch.setattr(capture_steps, "Contents", Nothing)
-    for name in ("PointConditions", "open_generator", "ClearSpace", "Landmarks"):
+    def read_as_nothing(name: str) -> Artifact:
+        return Artifact(name, load=lambda place: Nothing())
+
+    for name in ("PointConditions", "open_generator", "ClearSpace", "Landmarks", "make_renderer"):
         monkeypatch.setattr(steps_module, name, Nothing)
-    monkeypatch.setattr(steps_module, "make_renderer", Nothing)
+    for name in ("proxy_depths", "reliable_depths", "completed_depths"):
+        monkeypatch.setattr(steps_module, name, Nothing)
     monkeypatch.setattr(steps_module, "ego_video_reg", generate)
+    nothing = read_as_nothing("nothing")
+    captures = RegisteredCaptures(Artifact("captures", load=lambda place: ()), nothing, nothing)
+    priors = AlignedPriors(nothing, nothing, nothing, nothing)
     progress = ProgressRecorder()
 
     def run() -> Path:
-        (name,) = Steps(scene, Settings(), progress).ego_video_reg(0, "captures", "proxy", "targets")
-        return scene.path / name
+        steps = Steps(Runner(scene), Settings(), progress)
+        (made,) = steps.ego_video_reg(0, captures, priors, nothing, read_as_nothing("targets"))
+        return scene.path / made.name
 
     views = run()
     save_decision(views / "001", False)

@@ -27,7 +27,6 @@ from r2sego_blender.core.errors import CaptureError, SettingsError
 from r2sego_blender.core.images import save_image
 from r2sego_blender.evaluation.splat_training import train_on_photographs
 from r2sego_blender.refine import splat_start
-from r2sego_blender.refine.splat_start import read_ply_points
 from r2sego_blender.splats.formats.registry import load_asset
 from r2sego_blender.splats.rendering.rasterizer import render
 
@@ -217,28 +216,6 @@ def test_a_count_that_cannot_be_takes_no_memory(tmp_path):
     (tmp_path / "points3D.bin").write_bytes(struct.pack("<Q", 1 << 60) + bytes(100))
     with pytest.raises(CaptureError, match=r"points3D\.bin"):
         read_colmap_points(tmp_path)
-
-
-def test_points_of_a_ply_with_and_without_colours(tmp_path):
-    points, colours = read_ply_points(write_points(tmp_path / "points.ply"))
-    np.testing.assert_allclose(points, room_points()[0], atol=1e-6)
-    np.testing.assert_array_equal(colours, room_points()[1])
-
-    trimesh.PointCloud(room_points()[0]).export(tmp_path / "bare.ply")
-    assert (read_ply_points(tmp_path / "bare.ply")[1] == 128).all()
-
-    box = trimesh.creation.box()
-    box.visual.vertex_colors = np.tile([200, 100, 50, 255], (len(box.vertices), 1))
-    box.export(tmp_path / "box.ply")
-    points, colours = read_ply_points(tmp_path / "box.ply")
-    assert len(points) == 8 and (colours == [200, 100, 50]).all()
-
-
-@pytest.mark.parametrize("content", [b"", b"no ply", b"ply\nformat ascii 1.0\nend_header\n"])
-def test_a_ply_without_points_is_named(tmp_path, content):
-    (tmp_path / "points.ply").write_bytes(content)
-    with pytest.raises(CaptureError, match=r"points\.ply"):
-        read_ply_points(tmp_path / "points.ply")
 
 
 def test_points_of_another_place_are_refused(photographs):

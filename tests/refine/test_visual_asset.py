@@ -9,6 +9,9 @@ from r2sego_blender.config.presets import UNREGULARISED
 from r2sego_blender.config.settings import Settings, TrainingSettings
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.progress import SILENT
+from r2sego_blender.generation.ego_views import VIEWS
+from r2sego_blender.geometry.proxy.proxy import PROXY
+from r2sego_blender.refine.capture_steps import AlignedPriors, RegisteredCaptures
 from r2sego_blender.refine.steps import Steps
 from r2sego_blender.refine.visual_asset import (
     PseudoView,
@@ -18,6 +21,7 @@ from r2sego_blender.refine.visual_asset import (
     settings_of_round,
     update_visual_asset,
 )
+from r2sego_blender.splats.artifacts import INITIAL_ASSET
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.metrics import psnr
 from r2sego_blender.splats.rendering.rasterizer import render
@@ -194,17 +198,17 @@ def test_the_first_round_is_as_set_and_later_ones_are_slower_and_see_every_pixel
 
 
 @pytest.mark.parametrize("index", [0, 1, 2])
-def test_the_step_of_a_round_trains_and_is_known_by_the_settings_of_that_round(index, tmp_path):
+def test_the_step_of_a_round_trains_and_is_known_by_the_settings_of_that_round(index):
     asked = {}
 
-    class Bundle:
-        path = tmp_path
-
-        def step(self, target, compute, *, inputs, parameters=None, read=None):
-            asked[target] = parameters
+    class Asked:
+        def make(self, made, compute, *takes, settings=None, **_):
+            asked[made.name] = settings
 
     h = Settings()
-    Steps(Bundle(), h, SILENT).update_visual_asset(index, "asset", "captures", "proxy", ["views"])
+    Steps(Asked(), h, SILENT).update_visual_asset(
+        index, INITIAL_ASSET, RegisteredCaptures(), AlignedPriors(), PROXY, [VIEWS]
+    )
     assert asked[f"rounds/{index}/asset.ply"] == [settings_of_round(h.training, index), h.seed]
 
 

@@ -8,7 +8,10 @@ import pytest
 import trimesh
 from click.testing import CliRunner
 
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
+from r2sego_blender.bundle.runner import Runner
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.commands.cli import main
 from r2sego_blender.config.settings import CollisionSettings
 from r2sego_blender.geometry.collision.collision import CollisionSurface, collision_surface
@@ -57,7 +60,7 @@ def scene(proxy, surface, tmp_path) -> Scene:
         write_collision(surface, folder / "collision")
 
     declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
-    return Scene.create(tmp_path / "room.r2s", declaration, fill)
+    return create_bundle(tmp_path / "room.r2s", declaration, fill)
 
 
 def checked(scene: Scene) -> tuple[int, dict]:
@@ -147,7 +150,7 @@ def test_a_sphere_that_floats_higher_is_not_passed(scene):
 
 
 def test_a_surface_that_was_changed_since_is_not_checked(scene, surface):
-    scene.step("collision", lambda folder: write_collision(surface, folder))
+    Runner(scene).step("collision", lambda folder: write_collision(surface, folder))
     assert check_scene(scene).passed
     mesh = scene.collision_folder / "mesh.obj"
     mesh.write_bytes(mesh.read_bytes()[:-200])
@@ -156,7 +159,7 @@ def test_a_surface_that_was_changed_since_is_not_checked(scene, surface):
 
 
 def test_a_surface_of_an_earlier_world_frame_is_not_checked(scene, surface):
-    scene.step("collision", lambda folder: write_collision(surface, folder))
+    Runner(scene).step("collision", lambda folder: write_collision(surface, folder))
     moved = tuple((*row[:3], row[3] + (index == 2)) for index, row in enumerate(IDENTITY))
     scene.declare(world_from_capture=moved)
     done = CliRunner().invoke(main, ["check-collision", str(scene.path)])
@@ -165,6 +168,6 @@ def test_a_surface_of_an_earlier_world_frame_is_not_checked(scene, surface):
 
 def test_a_scene_that_was_not_refined_is_refused(tmp_path):
     declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
-    Scene.create(tmp_path / "room.r2s", declaration, lambda folder: None)
+    create_bundle(tmp_path / "room.r2s", declaration, lambda folder: None)
     done = CliRunner().invoke(main, ["check-collision", str(tmp_path / "room.r2s")])
     assert done.exit_code == 1 and "no collision surface yet" in done.stderr

@@ -10,7 +10,10 @@ from PIL import Image
 from progress_recorder import ProgressRecorder
 from pxr import Usd, UsdGeom, UsdPhysics, UsdVol
 
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
+from r2sego_blender.bundle.runner import Runner
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import save_captures
 from r2sego_blender.core import atomic_files as whole_files
@@ -54,7 +57,7 @@ def scene(tmp_path) -> Scene:
         proxy.save(folder / "rounds/0/proxy/proxy.npz")
 
     declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
-    return Scene.create(tmp_path / "room.r2s", declaration, fill)
+    return create_bundle(tmp_path / "room.r2s", declaration, fill)
 
 
 def test_a_scene_is_exported_as_before_when_no_format_is_named(scene, tmp_path):
@@ -294,7 +297,7 @@ def test_a_result_that_was_cut_off_since_is_neither_exported_nor_called_refined(
     counts = ("rollouts_succeeded", "rollouts_failed", "candidates", "targets", "views_kept")
     (scene.round_folder(0) / "metrics.json").write_text(json.dumps(dict.fromkeys(counts, 1)))
     scene = scene.declare(overrides={"rounds": 1})
-    scene.step(result, same)
+    Runner(scene).step(result, same)
     assert len(export_scene(scene, tmp_path / "first")) == 5
     assert describe(scene, look_at_results=True)["refined"]
     whole = (scene.path / damaged).read_bytes()

@@ -5,7 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.core.errors import RobotError
 from r2sego_blender.results.rollouts_report import describe_rollouts, lines
 from r2sego_blender.robot.rollouts.attempts import Rollout
@@ -30,7 +32,7 @@ def scene(tmp_path) -> Scene:
         "photographs", IDENTITY, ground="floor", scale_source="metric",
         overrides={"rollouts.successes": 2, "selection.ranking": "random"},
     )  # fmt: skip
-    scene = Scene.create(
+    scene = create_bundle(
         tmp_path / "room.r2s", declaration, lambda f: (f / "rounds/0/rollouts").mkdir(parents=True)
     )
     attempts = [

@@ -5,7 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.config.settings import SelectionSettings
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import GenerationError
@@ -40,7 +42,7 @@ def scene(tmp_path) -> Scene:
         (folder / "captures" / "cameras.json").write_text(json.dumps({"captures": captures}))
 
     declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
-    scene = Scene.create(tmp_path / "room.r2s", declaration, fill)
+    scene = create_bundle(tmp_path / "room.r2s", declaration, fill)
     rng = np.random.default_rng(0)
     order = rng.permutation(2 * FRAMES)
     rollout, frame = order // FRAMES, order % FRAMES

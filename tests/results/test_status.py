@@ -6,7 +6,9 @@ import shlex
 import numpy as np
 import pytest
 
+from r2sego_blender.bundle.creating import create_bundle
 from r2sego_blender.bundle.declaration import Declaration
+from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.core.errors import SceneError
 from r2sego_blender.results.status import _quoted, describe, lines
@@ -24,7 +26,7 @@ def scene(tmp_path):
         (folder / "captures").mkdir()
         (folder / "captures" / "cameras.json").write_text(json.dumps({"captures": [{}, {}]}))
 
-    return Scene.create(tmp_path / "room.r2s", declaration, fill)
+    return create_bundle(tmp_path / "room.r2s", declaration, fill)
 
 
 def test_equal_images_have_a_psnr_without_end(scene):
@@ -78,7 +80,7 @@ def test_the_next_command_can_be_run_as_it_is_told(scene):
 
 def test_scores_of_an_asset_that_changed_are_not_told(scene):
     def made(text):
-        scene.step("asset.ply", lambda file: file.write_text(text), parameters=text)
+        Runner(scene).step("asset.ply", lambda file: file.write_text(text), parameters=text)
 
     made("an asset")
     scene.report_folder.mkdir()

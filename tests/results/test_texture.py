@@ -10,7 +10,9 @@ import pytest
 import trimesh
 from click.testing import CliRunner, Result
 
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import save_captures
 from r2sego_blender.commands import cli
@@ -69,7 +71,7 @@ def scene(tmp_path) -> Scene:
                 folder / f"rounds/{index}/proxy/proxy.npz"
             )
 
-    return Scene.create(tmp_path / "room.r2s", Declaration("photographs", IDENTITY, "floor", "metric"), fill)
+    return create_bundle(tmp_path / "room.r2s", Declaration("photographs", IDENTITY, "floor", "metric"), fill)
 
 
 def test_the_newest_proxy_is_baked_into_the_bundle(scene):

@@ -90,8 +90,8 @@ def gone_within(pid: int, seconds: float) -> bool:
 
 def test_one_process_renders_one_proxy_after_the_other(blender, tmp_path):
     pytest.importorskip("OpenEXR", reason="OpenEXR is not installed")
+    from r2sego_blender.generation.conditions.blender_conditions import BlenderRenderer
     from r2sego_blender.generation.conditions.conditions import ZBufferRenderer
-    from r2sego_blender.generation.conditions.renderers import BlenderRenderer
 
     path = [CAMERA, CAMERA.scaled(0.5)]
     pids = set()

@@ -11,7 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
+from r2sego_blender.bundle.scene import Scene
 
 ROOT = Path(__file__).parents[2]
 ROOM = ROOT / "demo" / "room"
@@ -22,7 +24,7 @@ def scene(tmp_path) -> Scene:
     declared = Declaration(
         "photographs", tuple(map(tuple, np.eye(4).tolist())), ground="floor", scale_source="metric"
     )
-    return Scene.create(tmp_path / "room.r2s", declared, lambda place: (place / "captures").mkdir())
+    return create_bundle(tmp_path / "room.r2s", declared, lambda place: (place / "captures").mkdir())
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")

@@ -15,9 +15,7 @@ import pytest
 
 import r2sego_blender
 from r2sego_blender.core.errors import CaptureError, NativeError
-from r2sego_blender.workers import child
-from r2sego_blender.workers import external_environment as elsewhere
-from r2sego_blender.workers import library_path as by_place
+from r2sego_blender.workers import child, external_environment, library_path
 from r2sego_blender.workers.engine import engine_environment
 from r2sego_blender.workers.processes import birth
 
@@ -108,7 +106,7 @@ def test_a_killed_process_takes_its_native_calls_along(tmp_path):
         "from r2sego_blender.workers.child import call_in_child\n"
         "call_in_child(test_child.hang_at, {'told': sys.argv[1]})\n"
     )
-    paths = {"PYTHONPATH": f"{Path(__file__).parent}{os.pathsep}{by_place.LIBRARY.parent}"}
+    paths = {"PYTHONPATH": f"{Path(__file__).parent}{os.pathsep}{library_path.LIBRARY.parent}"}
     asks = subprocess.Popen(
         [sys.executable, "-c", asking, str(told)], env={**os.environ, **paths, "TMPDIR": str(tmp_path)}
     )
@@ -137,11 +135,11 @@ def under_pip(tmp_path, monkeypatch) -> tuple[Path, Path]:
         (folder / "model_weights").mkdir(parents=True)
         (folder / "model_weights" / "__init__.py").write_text(f"whose = {words!r}\n")
     shutil.copytree(
-        by_place.LIBRARY, packages / "r2sego_blender", ignore=shutil.ignore_patterns("__pycache__")
+        library_path.LIBRARY, packages / "r2sego_blender", ignore=shutil.ignore_patterns("__pycache__")
     )
     (packages / "r2sego_blender" / "workers" / "asking.py").write_text(
         "import sys\n"
-        "from ..errors import MachineError\n"
+        "from ..core.errors import MachineError\n"
         "def ask(request):\n"
         "    import model_weights\n"
         "    if 'refuse' in request: raise MachineError('no GPU', where='here')\n"
@@ -187,25 +185,25 @@ def test_another_environment_gets_this_package_and_no_other(under_pip, tmp_path,
     assert str(packages) not in answer["path"] and str(tmp_path / "here") not in answer["path"]
 
 
-def test_programs_elsewhere_keep_what_the_person_put_on_the_path(monkeypatch, tmp_path):
+def test_external_programs_keep_what_the_person_put_on_the_path(monkeypatch, tmp_path):
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     monkeypatch.setenv("R2SEGO_TEST", "kept")
-    assert engine_environment()["PYTHONPATH"].split(os.pathsep)[0] == str(by_place.LIBRARY.parent)
+    assert engine_environment()["PYTHONPATH"].split(os.pathsep)[0] == str(library_path.LIBRARY.parent)
     monkeypatch.setenv("PYTHONPATH", engine_environment()["PYTHONPATH"])
-    environment = by_place.environment_elsewhere()
+    environment = library_path.external_variables()
     assert (environment["PYTHONPATH"], environment["R2SEGO_TEST"]) == (str(tmp_path), "kept")
-    monkeypatch.setenv("PYTHONPATH", str(by_place.LIBRARY.parent))
-    assert "PYTHONPATH" not in by_place.environment_elsewhere()
+    monkeypatch.setenv("PYTHONPATH", str(library_path.LIBRARY.parent))
+    assert "PYTHONPATH" not in library_path.external_variables()
 
 
 def test_inside_blender_the_module_is_named_as_the_child_knows_it(monkeypatch):
     """The add-on's library has a longer name there."""
     monkeypatch.setattr(child, "_PACKAGE", "bl_ext.user_default.r2sego.r2sego_blender")
     monkeypatch.setattr(
-        elsewhere.checked_request, "__module__", f"{child._PACKAGE}.workers.elsewhere"
+        external_environment.checked_request, "__module__", f"{child._PACKAGE}.workers.external_environment"
     )  # it declines a request that names no protocol, so it has run
     with pytest.raises(NativeError, match="follows protocol None"):
-        child.call_in_child(elsewhere.checked_request, {})
+        child.call_in_child(external_environment.checked_request, {})
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -138,7 +138,7 @@ def photograph(colour: int, columns: slice) -> np.ndarray:
 def test_words_become_masks(with_sam3):
     pictures = {"a.jpg": photograph(0, slice(5, 15)), "b.jpg": photograph(1, slice(40, 50))}
     pictures["b.jpg"][30:, 3:20, 0] = 1.0
-    backend, found = sam3.segment_elsewhere(pictures, ["chair", "table", "lamp"])
+    backend, found = sam3.segment_externally(pictures, ["chair", "table", "lamp"])
     assert backend == "SAM 3 0.1.0"
     assert [(one.photograph, one.word, one.score) for one in found] == [
         ("a.jpg", "chair", pytest.approx(0.9)), ("b.jpg", "chair", pytest.approx(0.9)),
@@ -154,7 +154,7 @@ def test_a_photograph_and_a_mask_become_a_mesh(with_sam3d, tmp_path):
     mask[:10, :4] = True
     other = ~mask
     picture = photograph(0, slice(0, 4))
-    backend, meshes = sam3d.generate_shapes_elsewhere(
+    backend, meshes = sam3d.generate_shapes_externally(
         {"chair": (picture, mask), "lamp": (picture, other)}, tmp_path
     )
     assert backend == "SAM 3D Objects 0.0.1" and set(meshes) == {"chair"}
@@ -166,10 +166,10 @@ def test_a_model_that_is_not_there_says_what_to_do(python, with_sam3d, monkeypat
     monkeypatch.setenv(sam3.PYTHON_VARIABLE, python)
     monkeypatch.setenv(sam3d.PYTHON_VARIABLE, python)
     with pytest.raises(MachineError, match=r"SAM 3 .*|R2SEGO_SAM3_PYTHON names no file") as caught:
-        sam3.segment_elsewhere({"a": photograph(0, slice(3))}, ["chair"])
+        sam3.segment_externally({"a": photograph(0, slice(3))}, ["chair"])
     assert "--masks FOLDER" in caught.value.cure
     with pytest.raises(MachineError, match=r"SAM 3D Objects .*|R2SEGO_SAM3D_PYTHON names no file") as caught:
-        sam3d.generate_shapes_elsewhere({"a": (photograph(0, slice(3)), np.ones((40, 60), bool))}, tmp_path)
+        sam3d.generate_shapes_externally({"a": (photograph(0, slice(3)), np.ones((40, 60), bool))}, tmp_path)
     assert "--mesh NAME=FILE" in caught.value.cure
 
 
@@ -177,10 +177,10 @@ def test_a_repository_or_weights_that_are_not_there_are_named(with_sam3d, monkey
     pictures = {"a": (photograph(0, slice(3)), np.ones((40, 60), bool))}
     (with_sam3d / "checkpoints/hf/pipeline.yaml").unlink()
     with pytest.raises(MachineError, match=r"pipeline\.yaml: the weights"):
-        sam3d.generate_shapes_elsewhere(pictures, tmp_path)
+        sam3d.generate_shapes_externally(pictures, tmp_path)
     monkeypatch.setenv(sam3d.REPOSITORY_VARIABLE, str(tmp_path))
     with pytest.raises(MachineError, match=r"names no folder with notebook/inference\.py"):
-        sam3d.generate_shapes_elsewhere(pictures, tmp_path)
+        sam3d.generate_shapes_externally(pictures, tmp_path)
 
 
 def test_another_version_is_refused(with_sam3):
@@ -188,19 +188,19 @@ def test_another_version_is_refused(with_sam3):
     metadata = with_sam3.folder / "sam3-0.7.2.dist-info" / "METADATA"
     metadata.write_text(metadata.read_text().replace("0.1.0", "0.7.2"))
     with pytest.raises(MachineError, match=r"version 0\.7\.2, and this adapter follows 0\.1"):
-        sam3.segment_elsewhere({"a": photograph(0, slice(3))}, ["chair"])
+        sam3.segment_externally({"a": photograph(0, slice(3))}, ["chair"])
 
 
 def test_without_a_gpu_nothing_is_tried(with_sam3):
     with_sam3.has(torch=TORCH.replace("GPU", "False"))
     with pytest.raises(MachineError, match="needs an NVIDIA GPU"):
-        sam3.segment_elsewhere({"a": photograph(0, slice(3))}, ["chair"])
+        sam3.segment_externally({"a": photograph(0, slice(3))}, ["chair"])
 
 
 def test_a_model_that_breaks_is_an_error_with_its_last_words(with_sam3):
     with_sam3.has(sam3__model_builder="def build_sam3_image_model(): raise RuntimeError('out of memory')\n")
     with pytest.raises(NativeError, match="out of memory"):
-        sam3.segment_elsewhere({"a": photograph(0, slice(3))}, ["chair"])
+        sam3.segment_externally({"a": photograph(0, slice(3))}, ["chair"])
 
 
 def test_both_sides_have_to_speak_one_protocol():

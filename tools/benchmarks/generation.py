@@ -19,33 +19,33 @@ import numba
 import numpy as np
 from scipy.stats import spearmanr
 
-from r2sego_blender.bundle.layout import DEPTH, capture_files, of_round
+from r2sego_blender.bundle.layout import of_round
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.capture import Capture
-from r2sego_blender.captures.store import load_captures
+from r2sego_blender.captures.store import CAPTURES
 from r2sego_blender.commands.bench_defaults import GENERATION_CLIPS
 from r2sego_blender.config.settings import Settings
 from r2sego_blender.core.cameras import Camera
 from r2sego_blender.core.errors import SceneError
-from r2sego_blender.core.images import resize_nearest
 from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.evaluation.error_causes import CAUSES, causes, split
 from r2sego_blender.evaluation.ground_truth import GroundTruth, load_ground_truth
 from r2sego_blender.evaluation.scene_evaluation import frozen_views
-from r2sego_blender.evaluation.steadiness import flow_differences
 from r2sego_blender.generation.conditions.conditions import Condition, ZBufferRenderer
 from r2sego_blender.generation.generators.blending import BlendingGenerator
 from r2sego_blender.generation.generators.slot import Frame
 from r2sego_blender.generation.paths.paths import camera_path
-from r2sego_blender.geometry.proxy.proxy import GeometryProxy, Provenance
-from r2sego_blender.geometry.stereo.stereo import DepthMap
+from r2sego_blender.geometry.proxy.proxy import PROXY, GeometryProxy, Provenance
+from r2sego_blender.geometry.stereo.stereo import DEPTH
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
+from r2sego_blender.pipeline import refine
 from r2sego_blender.refine.creation import create_scene
-from r2sego_blender.refine.steps import Steps
+from r2sego_blender.refine.depths import proxy_depths, reliable_depths
 from r2sego_blender.splats.metrics import psnr, ssim
 from r2sego_blender.views.references import select_reference
 
 from .machine import processor
+from .steadiness import flow_differences
 from .true_objects import declare_true_objects
 
 _ESTIMATED, _WITH_PRIORS, _TRUE = "estimated", "with_priors", "true_geometry"
@@ -150,16 +150,13 @@ def _bundle(scene: Path, bundle: Path | None, path: Path, seed: int, progress: P
 
 
 def _run(bundle: Scene, progress: Progress) -> None:
-    """Lines 1 to 6 of Algorithm 1, as ``pipeline.refine`` calls them."""
-    step = Steps(bundle, bundle.declaration.settings, progress)
-    captures, asset = step.register_inputs()
-    observed, priors = step.observed_and_prior_geometry(captures)
-    step.geometry_proxy(0, captures, observed, step.align_priors(observed, priors), asset)
+    """Lines 1 to 6 of Algorithm 1."""
+    refine(bundle, progress, until=PROXY.of_round(0).name)
 
 
 def _estimated_arm(bundle: Scene) -> _Arm:
-    proxy = GeometryProxy.load(bundle.path / of_round(0, "proxy") / "proxy.npz")
-    return _arm(bundle, proxy, load_captures(bundle.captures_folder))
+    proxy = bundle.read(PROXY.of_round(0))
+    return _arm(bundle, proxy, bundle.read(CAPTURES))
 
 
 def _true_arm(bundle: Scene, truth: GroundTruth) -> _Arm:
@@ -168,19 +165,13 @@ def _true_arm(bundle: Scene, truth: GroundTruth) -> _Arm:
         truth.vertices.astype(np.float32), truth.faces, np.full(count, Provenance.OBSERVED, np.uint8),
         np.ones(count, np.uint16), np.ones(count, np.float32),
     )  # fmt: skip
-    return _arm(bundle, surface, load_captures(bundle.captures_folder))
+    return _arm(bundle, surface, bundle.read(CAPTURES))
 
 
 def _arm(bundle: Scene, proxy: GeometryProxy, captures: tuple[Capture, ...]) -> _Arm:
     settings = bundle.declaration.settings
-    files = capture_files([capture.name for capture in captures])
-    maps = [DepthMap.load(bundle.path / DEPTH / file) for file in files]
-    observed = [
-        resize_nearest(np.where(one.reliable(settings.stereo), one.depth, 0.0), *capture.camera.shape)
-        for one, capture in zip(maps, captures, strict=True)
-    ]
-    renderer = ZBufferRenderer(proxy)
-    depths = [renderer.depth(capture.camera) for capture in captures]
+    observed = reliable_depths(captures, bundle.read(DEPTH), settings.stereo)
+    renderer, depths = ZBufferRenderer(proxy), proxy_depths(captures, proxy)
     started_s = time.perf_counter()
     generator = BlendingGenerator(captures, depths, settings.generation, observed)
     return _Arm(settings, captures, depths, renderer, generator, time.perf_counter() - started_s)
@@ -218,15 +209,15 @@ def _spread(count: int, wanted: int) -> list[int]:
 
 
 def _correlation(frames: Sequence[Frame], truths: Sequence[np.ndarray]) -> float:
-    """Spearman's, of doubt and absolute error over the pixels of all views."""
-    doubt = np.concatenate([1.0 - frame.confidence[::4, ::4].ravel() for frame in frames])
+    """Spearman's, of uncertainty and absolute error over the pixels of all views."""
+    uncertainty = np.concatenate([1.0 - frame.confidence[::4, ::4].ravel() for frame in frames])
     error = np.concatenate(
         [
             np.abs(frame.image - truth).mean(axis=-1)[::4, ::4].ravel()
             for frame, truth in zip(frames, truths, strict=True)
         ]
     )
-    return float(spearmanr(doubt, error).statistic)
+    return float(spearmanr(uncertainty, error).statistic)
 
 
 def _causes(

@@ -18,41 +18,38 @@ from typing import Any, TypeVar
 import numba
 import numpy as np
 
-from r2sego_blender.bundle.layout import (
-    BACKDROP,
-    COMPLETED,
-    DEPTH,
-    INITIAL_ASSET,
-    OBSERVED,
-    PLANES,
-    PRIORS,
-    of_round,
-)
-from r2sego_blender.bundle.scene import Declaration, Scene
-from r2sego_blender.captures.store import load_captures
+from r2sego_blender.bundle import layout
+from r2sego_blender.bundle.layout import of_round
+from r2sego_blender.bundle.runner import Runner
+from r2sego_blender.bundle.scene import Scene
+from r2sego_blender.captures.store import CAPTURES
 from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.core.resources import cpu_s, forget_peak_memory, peak_memory_mb
-from r2sego_blender.evaluation.geometry_scores import depth_score, surface_score
 from r2sego_blender.evaluation.ground_truth import GroundTruth, load_ground_truth
-from r2sego_blender.geometry.objects.priors import read_record
-from r2sego_blender.geometry.proxy.proxy import GeometryProxy
-from r2sego_blender.geometry.stereo.stereo import DepthMap
+from r2sego_blender.geometry.objects.priors import PRIOR_RECORDS
+from r2sego_blender.geometry.proxy.proxy import PROXY
+from r2sego_blender.geometry.stereo.observed import OBSERVED
+from r2sego_blender.geometry.stereo.stereo import DEPTH
+from r2sego_blender.pipeline import refine
+from r2sego_blender.refine.capture_steps import AlignedPriors, RegisteredCaptures
 from r2sego_blender.refine.creation import create_scene
 from r2sego_blender.refine.steps import Steps
+from r2sego_blender.splats.artifacts import INITIAL_ASSET
 
 from .disturbance import disturbed_captures
+from .geometry_scores import depth_score, surface_score
 from .machine import processor
 from .true_objects import TrueObject, declare_true_objects
 
 _PARTS = {
-    DEPTH: "stereo",
-    INITIAL_ASSET: "initial_asset",
-    OBSERVED: "observed",
-    PLANES: "planes",
-    COMPLETED: "completion",
-    BACKDROP: "backdrop",
-    PRIORS: "priors",
+    layout.DEPTH: "stereo",
+    layout.INITIAL_ASSET: "initial_asset",
+    layout.OBSERVED: "observed",
+    layout.PLANES: "planes",
+    layout.COMPLETED: "completion",
+    layout.BACKDROP: "backdrop",
+    layout.PRIORS: "priors",
     of_round(0, "proxy"): "composition",
     of_round(1, "proxy"): "refresh",
 }
@@ -104,7 +101,7 @@ def bench_geometry(
         bundle, creation = _costing(lambda: _bundle(folder / "scene.r2s", scene, seed, progress))
         _warm_up(bundle, folder / "warm.r2s")
         forget_peak_memory()
-        _run(bundle, progress)
+        costs = _run(bundle, progress)
         peak_mb = peak_memory_mb()  # before the arrays of what follows
         figures = {
             "machine": processor(),
@@ -114,7 +111,7 @@ def bench_geometry(
             "seed": seed,
             "peak_rss_mb": peak_mb,
         }
-        figures |= _costs(bundle.costs, creation)
+        figures |= _costs(costs, creation)
         figures |= _stereo_scores(bundle, truth) | _proxy_scores(bundle, truth, seed)
         if library is not None:
             figures |= _with_priors(bundle, truth, library, folder, seed, progress)
@@ -123,34 +120,35 @@ def bench_geometry(
             poorer.mkdir()
             disturbed_captures(scene, poorer, np.random.default_rng([seed, _DISTURBANCE]))
             disturbed = _bundle(folder / "disturbed.r2s", poorer, seed, progress)
-            disturbed.begun(progress).register_inputs()
-            scores = {"stereo_wall_s": disturbed.costs[DEPTH].wall_s} | _stereo_scores(disturbed, truth)
+            runner = _CostedRunner(disturbed)
+            refine(disturbed, progress, until=layout.DEPTH, runner=runner)
+            scores = {"stereo_wall_s": runner.costs[layout.DEPTH].wall_s} | _stereo_scores(disturbed, truth)
             figures |= {f"noisy_{name}": value for name, value in scores.items()}
     return figures
 
 
 def _with_priors(
-    bundle: _CostedScene, truth: GroundTruth, other_scene: Path, folder: Path, seed: int, progress: Progress
+    bundle: Scene, truth: GroundTruth, other_scene: Path, folder: Path, seed: int, progress: Progress
 ) -> dict[str, Any]:
     """The same scene with objects declared: what became of each, and the proxy's scores."""
     in_world = truth.transformed(_world_from_capture(bundle))
     rng = np.random.default_rng([seed, _LIBRARY])
     objects, wrong = declare_true_objects(bundle, in_world, other_scene, folder / "library", rng)
     figures: dict[str, Any] = {"library_meshes": len(objects) + len(wrong), "objects": len(objects)}
-    bundle = _CostedScene(bundle.path, bundle.declare(mesh_library=str(folder / "library")).declaration)
-    _run(bundle, progress)
+    bundle = bundle.declare(mesh_library=str(folder / "library"))
+    costs = _run(bundle, progress)
     figures |= {f"with_priors_{n}": v for n, v in _proxy_scores(bundle, truth, seed).items()}
-    figures["alignment_wall_s"], figures["alignment_cpu_s"] = vars(bundle.costs[PRIORS]).values()
-    figures["with_priors_composition_wall_s"] = bundle.costs[of_round(0, "proxy")].wall_s
-    figures["with_priors_refresh_wall_s"] = bundle.costs[of_round(1, "proxy")].wall_s
+    figures["alignment_wall_s"], figures["alignment_cpu_s"] = vars(costs[layout.PRIORS]).values()
+    figures["with_priors_composition_wall_s"] = costs[of_round(0, "proxy")].wall_s
+    figures["with_priors_refresh_wall_s"] = costs[of_round(1, "proxy")].wall_s
     figures["with_priors_peak_rss_mb"] = peak_memory_mb()
-    figures |= _alignments(read_record(bundle.path / PRIORS), objects, seed)
+    figures |= _alignments(bundle.read(PRIOR_RECORDS), objects, seed)
 
     for one in objects:
         (folder / "library" / f"{one.name}.ply").unlink()
-    bundle = _CostedScene(bundle.path, bundle.declare(mesh_library=str(folder / "library")).declaration)
-    bundle.begun(progress).align_priors(OBSERVED, PLANES)
-    accepted = [one["name"] for one in read_record(bundle.path / PRIORS) if not one["refusal"]]
+    bundle = bundle.declare(mesh_library=str(folder / "library"))
+    bundle.begun(progress).align_priors(OBSERVED, layout.PLANES)
+    accepted = [one["name"] for one in bundle.read(PRIOR_RECORDS) if not one["refusal"]]
     pairs = len(objects) * len(wrong)
     return figures | {"wrong_accepted": accepted, "wrong_rejected": 1 - len(accepted) / pairs}
 
@@ -216,11 +214,11 @@ def _stereo_line(name: str, f: Mapping[str, Any]) -> str:
     )
 
 
-class _CostedScene(Scene):
-    """A bundle that keeps what each step cost, its files' digests included."""
+class _CostedRunner(Runner):
+    """Runs steps and keeps what each cost, its files' digests included."""
 
-    def __init__(self, path: Path, declaration: Declaration) -> None:
-        super().__init__(path, declaration)
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene)
         self.costs: dict[str, Cost] = {}
 
     def step(
@@ -228,7 +226,7 @@ class _CostedScene(Scene):
         target: str,
         compute: Callable[[Path], None],
         *,
-        inputs: Sequence[str | Path] = (),
+        inputs: Sequence[str] = (),
         parameters: Any = None,
         read: Callable[[], object] | None = None,
     ) -> Path:
@@ -238,35 +236,29 @@ class _CostedScene(Scene):
         )
         return place
 
-    def begun(self, progress: Progress) -> Steps:
-        """The procedures of Algorithm 1 on this bundle."""
-        return Steps(self, self.declaration.settings, progress)
 
-
-def _bundle(path: Path, captures: Path, seed: int, progress: Progress) -> _CostedScene:
+def _bundle(path: Path, captures: Path, seed: int, progress: Progress) -> Scene:
     created = create_scene(path, captures, captures / "cameras.json", progress=progress)
-    return _CostedScene(path, created.declare(overrides={"seed": seed}).declaration)
+    return created.declare(overrides={"seed": seed})
 
 
-def _run(bundle: _CostedScene, progress: Progress) -> None:
-    """Lines 1 to 6 of Algorithm 1 as ``pipeline.refine`` calls them, and line 6 once more.
+def _run(bundle: Scene, progress: Progress) -> dict[str, Cost]:
+    """What lines 1 to 6 of Algorithm 1 cost, and line 6 once more.
 
     The second proxy is made of the same asset: what is measured is its rebuilding.
     """
-    step = bundle.begun(progress)
-    captures, asset = step.register_inputs()
-    observed, priors = step.observed_and_prior_geometry(captures)
-    aligned_priors = step.align_priors(observed, priors)
-    for index in range(2):
-        step.geometry_proxy(index, captures, observed, aligned_priors, asset)
+    runner = _CostedRunner(bundle)
+    refine(bundle, progress, until=PROXY.of_round(0).name, runner=runner)
+    steps = Steps(runner, bundle.declaration.settings, progress)
+    steps.geometry_proxy(1, RegisteredCaptures(), OBSERVED, AlignedPriors(), INITIAL_ASSET)
+    return runner.costs
 
 
 def _warm_up(bundle: Scene, path: Path) -> None:
     """Compile the kernels, which is not counted: the same steps on tiny depth maps."""
     shutil.copytree(bundle.path, path)
-    declaration = Scene.open(path).declare(overrides=_TINY).declaration
     with contextlib.suppress(GeometryError):  # so little depth may make no surface
-        _run(_CostedScene(path, declaration), SILENT)
+        _run(Scene.open(path).declare(overrides=_TINY), SILENT)
 
 
 def _costing(work: Callable[[], T]) -> tuple[T, Cost]:
@@ -291,8 +283,7 @@ def _stereo_scores(bundle: Scene, truth: GroundTruth) -> dict[str, float]:
     """Coverage and accuracy of the reliable depth, over all captures and of each."""
     settings = bundle.declaration.settings.stereo
     true = [view.depth for view in truth.transformed(_world_from_capture(bundle)).views]
-    names = [capture.name for capture in load_captures(bundle.captures_folder)]
-    maps = [DepthMap.load(bundle.path / DEPTH / f"{name}.npz") for name in names]
+    maps = bundle.read(DEPTH).of(bundle.read(CAPTURES))
     found = [np.where(one.reliable(settings), one.depth, np.float32(0.0)) for one in maps]
     scores = {"stereo": depth_score(found, true)}
     for view, depth, true_depth in zip(truth.views, found, true, strict=True):
@@ -305,7 +296,7 @@ def _stereo_scores(bundle: Scene, truth: GroundTruth) -> dict[str, float]:
 
 
 def _proxy_scores(bundle: Scene, truth: GroundTruth, seed: int) -> dict[str, float]:
-    proxy = GeometryProxy.load(bundle.path / of_round(0, "proxy") / "proxy.npz")
+    proxy = bundle.read(PROXY.of_round(0))
     rng = np.random.default_rng([seed, _SCORING])
     score = surface_score(proxy.vertices, proxy.faces, truth.transformed(_world_from_capture(bundle)), rng)
     return {f"proxy_{name}": value for name, value in vars(score).items()}

@@ -16,10 +16,10 @@ from typing import Any
 import numba
 import numpy as np
 
-from r2sego_blender.bundle.layout import PRIORS, of_round
+from r2sego_blender.bundle.layout import of_round
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.poses.cameras_json import read_cameras_json
-from r2sego_blender.captures.store import load_captures
+from r2sego_blender.captures.store import CAPTURES
 from r2sego_blender.config.presets import with_overrides
 from r2sego_blender.core.errors import SceneError
 from r2sego_blender.core.progress import SILENT, Progress
@@ -29,7 +29,7 @@ from r2sego_blender.evaluation.frozen import rounded
 from r2sego_blender.evaluation.ground_truth import load_ground_truth
 from r2sego_blender.evaluation.scene_evaluation import evaluate_scene, frozen_views
 from r2sego_blender.generation.view_records import read_views
-from r2sego_blender.geometry.objects.priors import read_record
+from r2sego_blender.geometry.objects.priors import PRIOR_RECORDS
 from r2sego_blender.pipeline import refine
 from r2sego_blender.refine.creation import create_scene
 
@@ -86,7 +86,7 @@ def bench_refinement(
         h = made.declaration.settings
         return {
             "machine": processor(), "threads": numba.get_num_threads(), "scene": str(scene),
-            "captures": len(load_captures(made.captures_folder)), "frozen": frozen,
+            "captures": len(made.read(CAPTURES)), "frozen": frozen,
             "preset": made.declaration.preset, "overrides": dict(made.declaration.overrides),
             "seed": h.seed, "objects": _objects(made),
             **_seconds(made, before, creation), "views": [_views(made, index) for index in range(h.rounds)],
@@ -145,7 +145,7 @@ def _opened(
     given = [
         world_from_capture @ one.world_from_camera[:, 3] for one in read_cameras_json(cameras, scene)[0]
     ]  # fmt: skip
-    stored = [capture.camera.centre for capture in load_captures(made.captures_folder)]
+    stored = [capture.camera.centre for capture in made.read(CAPTURES)]
     apart = [np.linalg.norm(a[:3] - b) for a, b in zip(given, stored, strict=False)]
     if len(given) != len(stored) or max(apart) > _SAME_PLACE_M:
         raise SceneError(
@@ -157,7 +157,7 @@ def _opened(
 
 def _objects(made: Scene) -> dict[str, str]:
     """Each declared object, and why it has no shape prior; '' where it has one."""
-    return {one["name"]: str(one["refusal"]) for one in read_record(made.path / PRIORS)}
+    return {one["name"]: str(one["refusal"]) for one in made.read(PRIOR_RECORDS)}
 
 
 def _seconds(made: Scene, before: int, creation: Mapping[str, float]) -> dict[str, Any]:

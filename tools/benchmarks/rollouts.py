@@ -15,8 +15,11 @@ from typing import Any, TypeVar
 import numba
 import numpy as np
 
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.layout import of_round
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.runner import Runner
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import save_captures
 from r2sego_blender.commands.bench_defaults import ROLLOUTS_CANDIDATES
@@ -25,11 +28,13 @@ from r2sego_blender.core.errors import RobotError, SettingsError
 from r2sego_blender.core.images import save_image
 from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.core.resources import available_cores, cpu_s
-from r2sego_blender.geometry.collision.collision_files import write_collision
+from r2sego_blender.geometry.collision.collision_files import COLLISION, write_collision
+from r2sego_blender.geometry.proxy.proxy import PROXY
+from r2sego_blender.pipeline import refine
+from r2sego_blender.refine.capture_steps import AlignedPriors, RegisteredCaptures
 from r2sego_blender.refine.creation import create_scene
 from r2sego_blender.refine.steps import Steps
 from r2sego_blender.robot.rollouts.attempts import Rollout
-from r2sego_blender.robot.rollouts.rollouts import load_rollouts
 from r2sego_blender.robot.scope.scope import BehaviourScope
 from r2sego_blender.views.scoring.scores import support_scores
 
@@ -119,11 +124,7 @@ def _bundle(scene: Path | None, place: Path, robot: str | None, progress: Progre
         made = _copied(Scene.open(scene), place)
     else:
         made = create_scene(place, scene, scene / "cameras.json", progress=progress)
-        step = Steps(made, made.declaration.settings, progress)
-        captures, asset = step.register_inputs()
-        observed, priors = step.observed_and_prior_geometry(captures)
-        aligned = step.align_priors(observed, priors)
-        step.replace_collision_mesh(0, step.geometry_proxy(0, captures, observed, aligned, asset))
+        refine(made, progress, until=COLLISION.of_round(0).name)
     declaration = made.declaration if robot is None else replace(made.declaration, robot=robot)
     return Scene(made.path, declaration)
 
@@ -159,19 +160,23 @@ def _made_up_bundle(place: Path) -> Scene:
         made_up_proxy(TRIANGLES // 10).save(folder / _PROXY / "proxy.npz")
         write_collision(made_up_collision(), folder / _COLLISION)
 
-    return Scene.create(place, Declaration("made up", _IDENTITY, "made up", "made up"), fill)
+    return create_bundle(place, Declaration("made up", _IDENTITY, "made up", "made up"), fill)
 
 
 def _rolled_out(bundle: Scene, scope: str, seed: int, progress: Progress) -> dict[str, Any]:
     """The figures of a scope's rollouts; ``error`` alone where there are none."""
     scene = Scene(bundle.path, replace(bundle.declaration, scope=scope))
-    step = Steps(scene, replace(scene.declaration.settings, seed=seed), progress)
+    step = Steps(Runner(scene), replace(scene.declaration.settings, seed=seed), progress)
     try:
-        name, costs = _costing(lambda: step.successful_ego_poses(0, _PROXY, _COLLISION))
+        made, costs = _costing(
+            lambda: step.successful_ego_poses(
+                0, RegisteredCaptures(), AlignedPriors(), PROXY.of_round(0), COLLISION.of_round(0)
+            )
+        )
     except RobotError as error:
         return {"error": str(error)}
     robot, _ = BehaviourScope.load(scope).robot_for(scene.declaration.robot)
-    return {"robot": robot} | costs | quality_figures(load_rollouts(scene.path / name))
+    return {"robot": robot} | costs | quality_figures(scene.read(made))
 
 
 def quality_figures(rollouts: Sequence[Rollout]) -> dict[str, Any]:

@@ -19,10 +19,12 @@ from scipy.spatial.transform import Rotation
 
 from r2sego_blender.bundle.layout import OBJECTS
 from r2sego_blender.bundle.scene import Scene
-from r2sego_blender.evaluation.geometry_scores import AlignmentScore, alignment_score
 from r2sego_blender.evaluation.ground_truth import GroundTruth
+from r2sego_blender.geometry.mesh.meshes import compacted
 from r2sego_blender.geometry.objects.objects import DeclaredObject, save_objects
 from r2sego_blender.geometry.objects.shapes import Shape
+
+from .geometry_scores import AlignmentScore, alignment_score
 
 _LARGEST_M, _LEAST_THICK_M = 3.0, 0.1
 _ON_FLOOR_M = 0.05
@@ -63,15 +65,14 @@ def true_objects(truth: GroundTruth, rng: np.random.Generator) -> tuple[TrueObje
     """The instances that stand on the floor and are no part of the room, in random frames."""
     found = []
     for index, name in enumerate(truth.names):
-        used, faces = np.unique(truth.faces[truth.instances == index], return_inverse=True)
-        world = truth.vertices[used]
+        world, faces = compacted(truth.vertices, truth.faces[truth.instances == index])
         extent = np.ptp(world, axis=0)
         stands = abs(world[:, 2].min()) < _ON_FLOOR_M
         if not stands or extent.max() > _LARGEST_M or extent.min() < _LEAST_THICK_M:
             continue
         own_from_world = _random_similarity(rng)
         vertices = world @ own_from_world[:3, :3].T + own_from_world[:3, 3]
-        found.append(TrueObject(name, vertices, faces.reshape(-1, 3), np.linalg.inv(own_from_world)))
+        found.append(TrueObject(name, vertices, faces, np.linalg.inv(own_from_world)))
     return tuple(found)
 
 

@@ -1,4 +1,4 @@
-"""COLMAP's files looked over before COLMAP reads them.
+"""COLMAP's files found, and looked over before COLMAP reads them.
 
 Of a binary one a wrong count takes all memory; of a text that was cut off COLMAP reads what stands before
 the cut, and says nothing.
@@ -13,12 +13,38 @@ from pathlib import Path
 
 from ...core.errors import CaptureError
 
+COLMAP_FILES = tuple(
+    f"{name}{suffix}"
+    for name in ("cameras", "images", "points3D", "frames", "rigs")
+    for suffix in (".bin", ".txt")
+)
+"""Names of the files of a model."""
+
 _COUNT = struct.Struct("<Q")
 _LEAST_CAMERA_BYTES = 4 + 4 + 8 + 8 + 2 * 8
 _IMAGE_HEAD_BYTES = 4 + 7 * 8 + 4
 _MEASUREMENT_BYTES = 2 * 8 + 8
 _ANNOUNCED = re.compile(r"#\s*Number of (?:cameras|images|points):\s*(\d+)")
 """COLMAP's own comment; other programs that write such files may leave it out."""
+
+
+def find_models(folder: Path) -> list[Path]:
+    """The folders with ``cameras`` and ``images`` files in or below ``folder``.
+
+    One in ``folder`` itself, or in ``sparse`` there, is the only one.
+    """
+    own = (folder, folder / "sparse")
+    places = (*own, *sorted(folder.glob("[0-9]*")), *sorted(folder.glob("sparse/[0-9]*")))
+    models = [place for place in places if model_suffix(place) is not None]
+    return models[:1] if models and models[0] in own else models
+
+
+def model_suffix(folder: Path) -> str | None:
+    """The suffix of the model's files, binary first as COLMAP reads them; None if incomplete."""
+    for suffix in (".bin", ".txt"):
+        if all((folder / f"{name}{suffix}").is_file() for name in ("cameras", "images")):
+            return suffix
+    return None
 
 
 def check_cameras(path: Path) -> None:

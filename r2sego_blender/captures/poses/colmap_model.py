@@ -19,16 +19,15 @@ from ..capture import Capture
 from ..colmap import load_pycolmap
 from ..lenses.lens import Lens
 from ..sparse import SparsePoints
-from .colmap_files import check_cameras, check_cameras_text, check_images, check_images_text
+from .colmap_files import (
+    check_cameras,
+    check_cameras_text,
+    check_images,
+    check_images_text,
+    model_suffix,
+)
 from .finding import find_photographs
 from .photographs import Photograph, with_unique_names
-
-COLMAP_FILES = frozenset(
-    f"{name}{suffix}"
-    for name in ("cameras", "images", "points3D", "frames", "rigs")
-    for suffix in (".bin", ".txt")
-)
-"""Names of the files of a model."""
 
 _TIMEOUT_S = 60.0
 # COLMAP's camera model -> the lens's (distortion.COEFFICIENTS) and how many coefficients follow
@@ -54,34 +53,6 @@ _LENSES = {
 }
 
 
-def find_model(folder: Path) -> Path | None:
-    """The folder with ``cameras`` and ``images`` files in or below ``folder``, if there is one.
-
-    Raises CaptureError when there are several models to choose from.
-    """
-    places = [
-        folder,
-        folder / "sparse",
-        *sorted(folder.glob("[0-9]*")),
-        *sorted(folder.glob("sparse/[0-9]*")),
-    ]
-    models = [place for place in places if _suffix(place) is not None]
-    if len(models) > 1 and models[0] not in (folder, folder / "sparse"):
-        raise CaptureError(
-            f"there are {len(models)} models", where=folder,
-            cure=f"Name the one to use, such as {models[0]}; each is a room of its own to COLMAP.",
-        )  # fmt: skip
-    return models[0] if models else None
-
-
-def _suffix(folder: Path) -> str | None:
-    """The suffix of the model's files, binary first as COLMAP reads them; None if incomplete."""
-    for suffix in (".bin", ".txt"):
-        if all((folder / f"{name}{suffix}").is_file() for name in ("cameras", "images")):
-            return suffix
-    return None
-
-
 def read_colmap_model(model: Path, folder: Path, progress: Progress = SILENT) -> list[Photograph]:
     """The photographs of the COLMAP model in ``model``; the image files are in ``folder``.
 
@@ -89,7 +60,7 @@ def read_colmap_model(model: Path, folder: Path, progress: Progress = SILENT) ->
     needed, for ``images`` has the pose of each photograph; nor are its points: a damaged
     points3D.bin takes all memory.
     """
-    suffix = _suffix(model)
+    suffix = model_suffix(model)
     if suffix is None:
         raise CaptureError(
             "there is no cameras and images file of a COLMAP model", where=model,

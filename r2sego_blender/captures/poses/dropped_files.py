@@ -1,4 +1,4 @@
-"""Dropped files told apart: photographs, and poses somebody solved. Standard library alone."""
+"""Dropped files told apart: photographs, and poses somebody solved. Blender's Python reads it."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...core.errors import CaptureError
+from .registry import is_part, is_pose_file, poses_beside
 
 PHOTOGRAPHS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".avif", ".heic", ".heif")
 """Suffixes of photographs, in small letters."""
 
-_POSES = ("transforms.json", "cameras.json")
-_COLMAP = ("cameras", "images", "points3D", "frames", "rigs")
 # Where the photographs of a pose file or a COLMAP model lie, seen from its folder.
 _NEAR = ("images", "photos", ".", "../images", "../photos", "../../images", "../../photos", "..")
+_WITHIN_ROOMS = ("images", "photos", "captures", "sparse", "0", "keyframes")
 
 
 @dataclass(frozen=True)
@@ -39,15 +39,14 @@ def capture_files(dropped: Sequence[Path], suffix: str) -> CaptureFiles:
     poses, folders = None, []
     for path in (Path(one) for one in dropped):
         if path.is_dir():
-            found = _poses_in(path)
-            poses = poses or found
+            poses = poses or next(iter(poses_beside(path)), None)
             folder = path if _has_photographs(path) else _photographs_near(path)
             folders += [folder] if folder is not None else []
         elif path.suffix.lower() in PHOTOGRAPHS:
             folders.append(path.parent)
-        elif path.name in _POSES:
+        elif is_pose_file(path):
             poses = path
-        elif path.stem in _COLMAP and path.suffix in (".bin", ".txt"):
+        elif is_part(path):
             poses = path.parent
     if poses is None and not folders:
         raise CaptureError(
@@ -61,20 +60,9 @@ def capture_files(dropped: Sequence[Path], suffix: str) -> CaptureFiles:
     base = poses if poses is not None and poses.is_dir() else (poses.parent if poses is not None else None)
     photographs = folders[0] if folders else _photographs_near(base)
     room = photographs if photographs is not None else base
-    while room.name.lower() in ("images", "photos", "captures", "sparse", "0") and room.parent != room:
+    while room.name.lower() in _WITHIN_ROOMS and room.parent != room:
         room = room.parent
     return CaptureFiles(photographs, poses, room.parent / ((room.name or "room") + suffix))
-
-
-def _poses_in(folder: Path) -> Path | None:
-    """The poses that lie in a folder, or in its COLMAP model."""
-    for name in _POSES:
-        if (folder / name).is_file():
-            return folder / name
-    for model in (folder, folder / "0", folder / "sparse" / "0", folder / "sparse"):
-        if any((model / f"cameras{kind}").is_file() for kind in (".bin", ".txt")):
-            return model
-    return None
 
 
 def _photographs_near(folder: Path) -> Path | None:

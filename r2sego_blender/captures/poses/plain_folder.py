@@ -11,13 +11,13 @@ from ...core.errors import CaptureError
 from ...core.images import image_files
 from ...core.progress import Progress
 from .photographs import MIN_CAPTURES, photograph_size, too_few
+from .registry import FORMATS
 
 _RAW = frozenset({".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".rw2", ".orf", ".pef", ".srw"})
 UNREAD_PICTURES = _RAW | {".jxl", ".gif", ".jp2", ".psd", ".exr", ".hdr"}
 """Suffixes of pictures that are no photographs here, in small letters."""
 
 _VIDEOS = frozenset({".mov", ".mp4", ".m4v", ".avi", ".mkv", ".webm", ".3gp"})
-_POSE_FILES = ("transforms.json", "cameras.json")
 _LISTED = 4
 _NAME = attrgetter("name")  # paths themselves are sorted otherwise on Windows
 
@@ -39,7 +39,7 @@ def plain_photographs(folder: Path, progress: Progress) -> list[Path]:
         progress.message(f"{_listed(copies)}: the same photograph again, left out", level="warning")
     if passed:
         progress.message(f"{_listed(passed)}: passed over. {_cure(passed)}", level="warning")
-    for name in _POSE_FILES:
+    for name in (name for record in FORMATS for name in record.files):
         if (folder / name).is_file():
             progress.message(f"{folder / name} is not read: give it as the poses to take those")
     return found

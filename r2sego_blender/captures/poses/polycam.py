@@ -26,14 +26,6 @@ UP = np.array([0.0, 1.0, 0.0])
 """ARKit's world has gravity along -Y."""
 
 
-def find_keyframes(folder: Path) -> Path | None:
-    """The ``keyframes`` folder of a raw export in or at ``folder``, if there is one."""
-    for place in (folder / "keyframes", folder):
-        if any(_has(place, kind) for kind in ("corrected_", "")):
-            return place
-    return None
-
-
 def read_polycam(
     keyframes: Path, most: int, progress: Progress = SILENT
 ) -> tuple[list[Photograph], str]:  # fmt: skip
@@ -44,7 +36,7 @@ def read_polycam(
     each ``most``-th part of the scan is taken, and said. Photographs that are missing are left
     out with a warning.
     """
-    optimised = _has(keyframes, "corrected_")
+    optimised = all((keyframes / f"corrected_{name}").is_dir() for name in ("cameras", "images"))
     kind = "corrected_" if optimised else ""
     cameras, images = keyframes / f"{kind}cameras", keyframes / f"{kind}images"
     # A zip packed on a Mac has a hidden file beside each.
@@ -90,10 +82,6 @@ def _sharpest(
         sharpness.append(float(cv2.Laplacian(grey, cv2.CV_32F).var()))
     parts = np.array_split(np.arange(len(found)), count)
     return [found[part[np.argmax(np.array(sharpness)[part])]] for part in parts]
-
-
-def _has(keyframes: Path, kind: str) -> bool:
-    return all((keyframes / f"{kind}{name}").is_dir() for name in ("cameras", "images"))
 
 
 def _photograph(file: Path, path: Path, border_px: float) -> Photograph:

@@ -18,6 +18,9 @@ from ...geometry.mesh.meshes import normals_and_areas
 from ...geometry.proxy.proxy import GeometryProxy
 from ...geometry.visibility.rasterizer import MeshRasterizer
 
+BACKENDS = {"z-buffer": "embedded: numba z-buffer"}
+ORDER = 0
+
 NOTHING = 0
 """The provenance of a pixel that shows no proxy surface; elsewhere it is ``Provenance`` + 1."""
 
@@ -95,6 +98,11 @@ class ZBufferRenderer:
         lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
         rotation = np.ascontiguousarray(camera.world_from_camera[:3, :3])
         return Condition(camera, buffers.depth, *_passes(buffers.face, lens, rotation, *self._faces))
+
+
+def make(name: str, proxy: GeometryProxy) -> Renderer:
+    """The default renderer."""
+    return ZBufferRenderer(proxy)
 
 
 @parallel_kernel

@@ -1,87 +1,32 @@
-"""The renderer of structural conditions that the settings ask for."""
+"""The slot of the renderer of structural conditions, and the one that the settings ask for.
+
+A backend is a file of this folder with ``BACKENDS``, its names in ``generation.renderer``
+(``config.slots``), and a function ``make``; nothing else has to know of it.
+"""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
-from pathlib import Path
-
-import numpy as np
+import importlib
+from collections.abc import Mapping
+from typing import Protocol, cast
 
 from ...config.settings import GenerationSettings
-from ...core.cameras import Camera
-from ...core.errors import GenerationError
-from ...core.scratch import ScratchFolder
+from ...config.slots import RENDERERS
 from ...geometry.proxy.proxy import GeometryProxy
-from ...workers.blender_renderer import BLENDER_VARIABLE, BlenderWorker, shared_worker
-from .conditions import NOTHING, Condition, Renderer, ZBufferRenderer
+from .conditions import Renderer
 
-_ENGINES = {"cycles": "Cycles", "eevee": "EEVEE"}
+
+class RendererBackend(Protocol):
+    """A file of this folder."""
+
+    BACKENDS: Mapping[str, str]
+
+    def make(self, name: str, proxy: GeometryProxy) -> Renderer:
+        """The renderer ``name`` of ``proxy``. Raises MachineError when it is not there."""
+        ...
 
 
 def make_renderer(proxy: GeometryProxy, settings: GenerationSettings) -> Renderer:
-    """The renderer of ``proxy`` that ``generation.renderer`` names.
-
-    The Blender is the one that the environment variable ``R2SEGO_BLENDER`` names, else pip's
-    bpy. Raises MachineError when it is not there.
-    """
-    if settings.renderer == "z-buffer":
-        return ZBufferRenderer(proxy)
-    blender = os.environ.get(BLENDER_VARIABLE, "")
-    return BlenderRenderer(proxy, settings.renderer, shared_worker(blender))
-
-
-class BlenderRenderer:
-    """Renders conditions in a Blender process that stays, with Cycles or EEVEE.
-
-    Blender reads the proxy once, with the first path.
-    """
-
-    def __init__(self, proxy: GeometryProxy, engine: str, worker: BlenderWorker) -> None:
-        """``engine`` is "cycles" or "eevee". Raises MachineError when Blender cannot be started."""
-        self._engine, self._worker = engine, worker
-        self._folder = ScratchFolder()
-        self._proxy_file = Path(self._folder.name, "proxy.npz")
-        proxy.save(self._proxy_file)
-        self.name = f"{_ENGINES[engine]} {worker.version}"
-
-    def render(self, path: Sequence[Camera]) -> list[Condition]:
-        """See ``Renderer``. Raises GenerationError or NativeError when Blender cannot."""
-        with ScratchFolder() as folder:
-            files = self._worker.render(self._proxy_file, path, self._engine, Path(folder))
-            return [read_condition(file, camera) for file, camera in zip(files, path, strict=True)]
-
-
-def read_condition(file: Path, camera: Camera) -> Condition:
-    """The condition in a multilayer EXR that ``bridge.conditions`` wrote for ``camera``.
-
-    Raises GenerationError when the file is damaged, or of another size.
-    """
-    import OpenEXR
-
-    try:
-        # ViewLayer.Normal.R: the layer, the pass and its component as this Blender calls it.
-        with OpenEXR.File(str(file), separate_channels=True) as image:
-            channels = {name.partition(".")[2]: c.pixels for name, c in image.channels().items()}
-        provenance = channels["Provenance.X"]
-        if provenance.shape != camera.shape:
-            raise ValueError(f"its size is {provenance.shape[1]} x {provenance.shape[0]}")
-        seen = provenance > NOTHING
-        normal = np.stack([channels[f"Normal.{axis}"] for axis in "RGB"], axis=-1)
-        return Condition(
-            camera=camera,
-            depth=np.where(seen, channels["Depth.Z"], np.float32(0.0)),
-            normal=_unit(np.where(seen[..., None], normal, np.float32(0.0))),
-            provenance=provenance.astype(np.uint8),
-            validity=np.where(seen, channels["Validity.X"], np.float32(0.0)),
-            instance=np.where(seen, channels["Instance.X"], 0.0).astype(np.int32),
-        )
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
-        raise GenerationError(
-            f"this is not a rendered condition: {error}", where=file, cure="Render it again."
-        ) from error  # fmt: skip
-
-
-def _unit(normal: np.ndarray) -> np.ndarray:
-    length = np.linalg.norm(normal, axis=-1, keepdims=True)
-    return normal / np.where(length > 0.0, length, np.float32(1.0))
+    """The renderer that ``generation.renderer`` names. Raises MachineError when it is not there."""
+    module = importlib.import_module(f".{RENDERERS.module(settings.renderer)}", __package__)
+    return cast(RendererBackend, module).make(settings.renderer, proxy)

@@ -9,13 +9,14 @@ that shows another colour than the rest loses weight: it sees something else, su
 leg that the proxy lacks.
 
 Points that no capture saw have the colour of their surface, continued in 3D
-(``surface_colours``) and joined to the colours seen around them. What is doubtful is softened
-(``doubt``).
+(``surface_colours``) and joined to the colours seen around them. What is uncertain is softened
+(``uncertainty``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,16 +25,19 @@ from ...captures.capture import Capture
 from ...config.settings import GenerationSettings
 from ...core.compiled import inlined, parallel_kernel, prange
 from ...core.errors import GenerationError
+from ...geometry.visibility.point_visibility import PROXY_ROUGHNESS_M
+from ...geometry.visibility.projection import NEAR_M, depth_of, pixel_of
 from ..conditions.conditions import Condition
 from .exposure import exposure_gains
 from .hole_filling import fill_holes
-from .slot import Frame
+from .slot import ClipInputs, Frame, Generator, Installation
 from .surface_colours import SurfaceColours
-from .uncertainty import soften_doubt
+from .uncertainty import soften_uncertain
 from .visibility import capture_trust
 
-# Depth differences below a centimetre are the proxy's own roughness, at any distance.
-_TOLERANCE_FLOOR_M = np.float32(0.01)
+BACKENDS = {"blending": "embedded: geometry-guided blending"}
+ORDER = 0
+
 # A capture exactly at the target's angle has penalty 0 and weight 1/penalty; this, about
 # a tenth of a degree, keeps the weight finite.
 _SMALLEST_PENALTY = np.float32(2e-3)
@@ -141,7 +145,18 @@ class BlendingGenerator:
             known, np.maximum(confidence, settings.hole_confidence), settings.hole_confidence
         )
         confidence = confidence.astype(np.float32)
-        return Frame(np.clip(soften_doubt(image, confidence), 0.0, 1.0), confidence)
+        return Frame(np.clip(soften_uncertain(image, confidence), 0.0, 1.0), confidence)
+
+
+def installation(name: str, settings: GenerationSettings) -> Installation:
+    """The embedded generator is always there, and depends on its inputs and settings alone."""
+    return Installation({})
+
+
+@contextlib.contextmanager
+def make(installed: Installation, inputs: ClipInputs) -> Iterator[Generator]:
+    """The embedded generator of these captures."""
+    yield BlendingGenerator(inputs.captures, inputs.depths, inputs.settings.generation, inputs.observed)
 
 
 @inlined
@@ -187,19 +202,16 @@ def _blend(
             length = np.sqrt(dx * dx + dy * dy + dz * dz)
             found = 0
             for j in range(captures):
-                cz = poses[j, 2, 0] * x + poses[j, 2, 1] * y + poses[j, 2, 2] * w + poses[j, 2, 3]
-                if cz <= 0.02:
+                cz = depth_of(poses[j], x, y, w)
+                if cz <= NEAR_M:
                     continue
-                cx = poses[j, 0, 0] * x + poses[j, 0, 1] * y + poses[j, 0, 2] * w + poses[j, 0, 3]
-                cy = poses[j, 1, 0] * x + poses[j, 1, 1] * y + poses[j, 1, 2] * w + poses[j, 1, 3]
-                u = cx / cz * lenses[j, 0] + lenses[j, 2]
-                v = cy / cz * lenses[j, 1] + lenses[j, 3]
+                u, v = pixel_of(poses[j], lenses[j], x, y, w, cz)
                 wide, high = sizes[j, 0], sizes[j, 1]
                 if not (u > 0.0 and v > 0.0 and u < wide and v < high):
                     continue
                 pixel = starts[j] + np.int64(v) * wide + np.int64(u)
                 trust = trusts[pixel]
-                apart = abs(depths[pixel] - cz) / (tolerance * cz + _TOLERANCE_FLOOR_M)
+                apart = abs(depths[pixel] - cz) / (tolerance * cz + PROXY_ROUGHNESS_M)
                 if trust <= 0.0 or apart > 1.0:
                     continue
                 if border_px > 0.0:

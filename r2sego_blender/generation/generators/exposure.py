@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from ...core.cameras import Camera
+from ...geometry.visibility.point_visibility import looked_up, same_depth
 
 _STRIDE_PX = 8  # of the pixels compared: thousands a capture are plenty for a median
 _BLUR_PX = 4.0  # so that a pixel of misregistration does not read as a change of exposure
@@ -62,13 +63,9 @@ def _log_ratios(
     """(n, 3): log of b's over a's colour at points of a that b sees."""
     grid = (slice(_STRIDE_PX // 2, None, _STRIDE_PX),) * 2
     points = camera_a.unproject(depth_a)[grid].reshape(-1, 3)
-    known = depth_a[grid].ravel() > 0.0
-    pixels, z = camera_b.project(points)
-    known &= camera_b.sees(pixels, z, margin_px=1.0)
-    columns, rows = pixels[known].astype(np.int64).T
-    known[known] = np.abs(depth_b[rows, columns] - z[known]) < tolerance * z[known]
-    columns, rows = pixels[known].astype(np.int64).T
-    colour_a, colour_b = image_a[grid].reshape(-1, 3)[known], image_b[rows, columns]
+    inside, z, shown, colour_b = looked_up(points, camera_b, depth_b, image_b, margin_px=1.0)
+    both_see = (depth_a[grid].ravel()[inside] > 0.0) & same_depth(shown, z, tolerance)
+    colour_a, colour_b = image_a[grid].reshape(-1, 3)[inside][both_see], colour_b[both_see]
     both = np.concatenate([colour_a, colour_b], axis=1)
     usable = (both > _DARKEST).all(axis=1) & (both < _BRIGHTEST).all(axis=1)
     return np.log(colour_b[usable]) - np.log(colour_a[usable])

@@ -1,4 +1,4 @@
-"""Doubtful pixels of a generated frame, softened towards what lies around them.
+"""Uncertain pixels of a generated frame, softened towards what lies around them.
 
 Where captures disagree or none saw anything, a sharp edge is as likely in a wrong place as in
 the right one, and one in a wrong place costs twice: where it stands and where it is missing.
@@ -16,17 +16,17 @@ _MOST = 0.9  # how far a pixel without any confidence becomes the mean around it
 _LEAST_WEIGHT = np.float32(1e-3)  # of a pixel in that mean: some may all be without confidence
 
 
-def soften_doubt(image: np.ndarray, confidence: np.ndarray) -> np.ndarray:
-    """(H, W, 3) float32: ``image`` (H, W, 3), each pixel softened as far as it is doubtful.
+def soften_uncertain(image: np.ndarray, confidence: np.ndarray) -> np.ndarray:
+    """(H, W, 3) float32: ``image`` (H, W, 3), each pixel softened as far as it is uncertain.
 
     ``confidence`` (H, W) float32 in [0, 1] says how far each pixel is known; in the means that
-    doubtful pixels are drawn to, it is the weight of what lies around them.
+    uncertain pixels are drawn to, it is the weight of what lies around them.
     """
-    doubt = np.clip(1.0 - confidence / np.float32(_SURE), 0.0, 1.0)
-    if not doubt.any():
+    uncertainty = np.clip(1.0 - confidence / np.float32(_SURE), 0.0, 1.0)
+    if not uncertainty.any():
         return image
     sigma_px = _REACH * image.shape[1]
     weight = confidence + _LEAST_WEIGHT
     mean = cv2.GaussianBlur(image * weight[..., None], (0, 0), sigma_px)
     mean /= cv2.GaussianBlur(weight, (0, 0), sigma_px)[..., None]
-    return image + np.float32(_MOST) * doubt[..., None] * (mean - image)
+    return image + np.float32(_MOST) * uncertainty[..., None] * (mean - image)

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...captures.capture import Capture
 from ...core.cameras import Camera
+from ...geometry.mesh.meshes import compacted
 from ...geometry.visibility.rasterizer import MeshRasterizer
 
 # Neighbours of the grid that differ by more than this, relative, are two surfaces.
@@ -110,9 +111,9 @@ def _grid(camera: Camera, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     nearest, farthest = of_corners.min(axis=-1), of_corners.max(axis=-1)
     quads = corners[(nearest > 0.0) & (farthest - nearest < _EDGE_JUMP * farthest)]
     faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    used, faces = np.unique(faces, return_inverse=True)
+    used, faces = compacted(number.ravel(), faces)
     row, column, z = rows[used // z.shape[1]], columns[used % z.shape[1]], z.ravel()[used]
     x = (column + 0.5 - camera.cx) / camera.fx * z
     y = (row + 0.5 - camera.cy) / camera.fy * z
     points = np.stack([x, y, z], axis=1) @ camera.world_from_camera[:3, :3].T + camera.centre
-    return points, faces.reshape(-1, 3)
+    return points, faces

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import QhullError
 
 from ...core.arrays import opened_arrays, save_arrays
@@ -21,6 +19,7 @@ from ...core.errors import GeometryError, NativeError
 from ...core.progress import SILENT, Progress
 from ...core.scratch import ScratchFolder
 from ...workers.child import call_in_child
+from ..mesh.meshes import compacted, connected
 from .convex import Cutting, Limits, Piece, Soup, convex_hull, decompose
 from .protrusion import FreeSide
 
@@ -43,21 +42,19 @@ class Region:
 
 def regions(vertices: np.ndarray, faces: np.ndarray, side_m: float) -> Iterator[Region]:
     """Connected components; one longer than ``side_m`` is cut into cells of that side."""
-    pairs = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
-    graph = coo_matrix((np.ones(len(pairs), bool), pairs.T), (len(vertices), len(vertices)))
-    _, component = connected_components(graph, directed=False)
-    component = component[faces[:, 0]]
+    component = connected(faces, len(vertices))[faces[:, 0]]
     for number, index in enumerate(np.unique(component)):
         members = faces[component == index]
         corners = vertices[members]
         if np.ptp(corners, axis=(0, 1)).max() <= side_m:
-            yield _region(f"object {number}", vertices, members)
+            yield Region(f"object {number}", *compacted(vertices, members))
             continue
         cells = np.floor(corners.mean(1) / side_m).astype(np.int64)
         places, cell = np.unique(cells, axis=0, return_inverse=True)
         for position, place in enumerate(places):
             centre = ", ".join(f"{value:.1f}" for value in (place + 0.5) * side_m)
-            yield _region(f"the region around ({centre})", vertices, members[cell.ravel() == position])
+            name = f"the region around ({centre})"
+            yield Region(name, *compacted(vertices, members[cell.ravel() == position]))
 
 
 def decompose_by_coacd(
@@ -113,11 +110,6 @@ def _check(vertices: np.ndarray, faces: np.ndarray, where: str) -> None:
             "the surface has vertices that are not finite, or faces of vertices that are not there",
             where=where, cure="Make the proxy again.",
         )  # fmt: skip
-
-
-def _region(name: str, vertices: np.ndarray, faces: np.ndarray) -> Region:
-    used, local = np.unique(faces, return_inverse=True)
-    return Region(name, vertices[used], local.reshape(-1, 3).astype(np.int32))
 
 
 def _in_child(region: Region, timeout_s: float) -> list[Piece]:

@@ -10,14 +10,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from ...config.settings import CollisionSettings
 from ...core.errors import GeometryError
 from ...core.formatting import told_apart
 from ...core.progress import SILENT, Progress
-from ..mesh.meshes import merged, places
+from ..mesh.meshes import compacted, connected, merged, places
 from ..proxy.proxy import GeometryProxy, Provenance
 from .coacd_regions import decompose_by_coacd
 from .convex import Limits, Soup, decompose
@@ -126,17 +124,13 @@ def _without_crumbs(vertices, faces, smallest_m):
     """Without connected components whose bounding box is smaller than this across."""
     if not len(faces):
         return vertices, faces
-    pairs = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
-    shape = (len(vertices), len(vertices))
-    graph = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape)
-    count, component = connected_components(graph, directed=False)
+    component = connected(faces, len(vertices))
+    count = component.max() + 1
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(low, component, vertices)
     np.maximum.at(high, component, vertices)
     large = np.linalg.norm(high - low, axis=1) >= smallest_m
-    faces = faces[large[component[faces[:, 0]]]]
-    used, faces = np.unique(faces, return_inverse=True)
-    return vertices[used], faces.reshape(-1, 3).astype(np.int32)
+    return compacted(vertices, faces[large[component[faces[:, 0]]]])
 
 
 def _floor_laid_flat(vertices, faces, tolerance_m):

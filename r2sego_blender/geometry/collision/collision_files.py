@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from ...bundle import layout
+from ...bundle.artifacts import Artifact
 from ...core.errors import GeometryError
 from ...core.text_files import write_text
 from .collision import CollisionSurface
@@ -160,3 +162,19 @@ def _text(root: ElementTree.Element) -> str:
 
 def _numbers(values) -> str:
     return " ".join(f"{value:.9g}" for value in values)
+
+
+def _save(surface: CollisionSurface, folder: Path) -> None:
+    write_collision(surface, folder)
+
+
+def _opened_by_others(folder: Path) -> Path:
+    """Simulators open the files by themselves."""
+    return folder
+
+
+COLLISION = Artifact("collision", _opened_by_others, _save, editable=False)
+"""A round's collision surface: ``COLLISION.of_round(l)``."""
+
+REFINED_COLLISION = Artifact(layout.COLLISION, _opened_by_others, editable=False)
+"""The current one, at the top of the bundle."""

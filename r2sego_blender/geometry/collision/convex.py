@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from ...core.progress import SILENT, Progress, Task
+from ..mesh.meshes import compacted
 from .protrusion import FreeSide, parts_by_area, sampled
 
 _OVERLOOKED_AREA = 0.03  # share of a piece's area whose protrusion is noise, not shape
@@ -288,10 +289,8 @@ def _touching(lows: np.ndarray, highs: np.ndarray, among: np.ndarray) -> tuple[n
 def convex_hull(points: np.ndarray) -> Piece:
     """The hull of points (N, 3) that do not lie in one plane."""
     hull = ConvexHull(points)
-    used, faces = np.unique(hull.simplices, return_inverse=True)
-    faces = faces.reshape(-1, 3)
-    vertices = points[used]
+    vertices, faces = compacted(points, hull.simplices)
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(1) < 0
     faces[inward] = faces[inward][:, ::-1]
-    return vertices, faces.astype(np.int32)
+    return vertices, faces

@@ -6,6 +6,7 @@ import fast_simplification
 import numpy as np
 
 from ...core.errors import GeometryError
+from .meshes import compacted
 
 _WELD_M = 1e-4  # vertices this near are one
 _BORDERS_KEPT_ABOVE = 2  # times the faces asked for
@@ -45,5 +46,4 @@ def welded(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndar
     faces = faces[area > 1e-12]
     if not len(faces):
         raise GeometryError("the mesh has no faces", cure="Give a mesh with a surface.")
-    used, faces = np.unique(faces, return_inverse=True)
-    return vertices[used], faces.reshape(-1, 3).astype(np.int32)
+    return compacted(vertices, faces)

@@ -1,4 +1,4 @@
-"""What many modules ask of a triangle mesh: normals, areas, parts, vertices that become one."""
+"""What many modules ask of a triangle mesh: normals, areas, connected parts, vertices that go or merge."""
 
 from __future__ import annotations
 
@@ -17,13 +17,29 @@ def normals_and_areas(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarr
     return cross / np.maximum(length, 1e-300)[:, None], length / 2
 
 
+def connected(faces: np.ndarray, count: int) -> np.ndarray:
+    """(count,) int32 number of the connected part that each vertex belongs to, in the order of their
+    first vertices, as ``faces`` (F, 3), or edges (F, 2), join them; a vertex of none is a part.
+
+    trimesh has the same behind an import that child processes would wait for.
+    """
+    ends = (faces[:, :-1].ravel(), faces[:, 1:].ravel())
+    graph = coo_matrix((np.ones(len(ends[0]), bool), ends), (count, count))
+    return connected_components(graph, directed=False)[1]
+
+
 def component_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(F,) the area of the connected part that each face belongs to."""
-    pairs = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
-    count = len(vertices)
-    graph = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), (count, count))
-    component = connected_components(graph, directed=False)[1][faces[:, 0]]
+    component = connected(faces, len(vertices))[faces[:, 0]]
     return np.bincount(component, weights=normals_and_areas(vertices, faces)[1])[component]
+
+
+def compacted(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of ``vertices`` (V, ...) those that ``faces`` (F, 3) have, in their order, and the faces by their new
+    numbers, int32."""
+    used = np.zeros(len(vertices), bool)
+    used[faces] = True
+    return vertices[used], (np.cumsum(used, dtype=np.int32) - 1).take(faces)
 
 
 def places(vertices: np.ndarray) -> np.ndarray:

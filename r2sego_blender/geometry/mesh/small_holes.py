@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+
+from .meshes import connected
 
 _LARGE_PART = 1000
 """Faces that hang together; the rim of a smaller part is taken for its outline, not for a hole."""
@@ -23,8 +23,8 @@ def small_holes_closed(
     rim = edges[~np.isin(edges[:, 0] * count + edges[:, 1], edges[:, 1] * count + edges[:, 0])]
     if not len(rim):
         return vertices, faces
-    hole_of = _joined(rim, count)[rim[:, 0]]
-    part_of = _joined(edges, count)
+    hole_of = connected(rim, count)[rim[:, 0]]
+    part_of = connected(faces, count)
     large = np.bincount(part_of[faces[:, 0]], minlength=part_of.max() + 1) >= _LARGE_PART
     lengths = np.linalg.norm(vertices[rim[:, 0]] - vertices[rim[:, 1]], axis=1)
     rim_m = np.bincount(hole_of, lengths)
@@ -37,9 +37,3 @@ def small_holes_closed(
         np.concatenate([vertices, np.column_stack(middles).astype(vertices.dtype)]),
         np.concatenate([faces, fans.astype(faces.dtype)]),
     )
-
-
-def _joined(edges: np.ndarray, count: int) -> np.ndarray:
-    """(V,) for each vertex the number of the group that ``edges`` (E, 2) join it to."""
-    graph = coo_array((np.ones(len(edges), bool), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    return connected_components(graph, directed=False)[1]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...core.cameras import Camera
+from ..visibility.point_visibility import looked_up
 
 
 def points_on_object(
@@ -19,9 +20,7 @@ def points_on_object(
     """
     inside, seen = np.zeros(len(points)), np.zeros(len(points))
     for k, camera, mask in zip(indices, cameras, masks, strict=True):
-        pixels, depth = camera.project(points)
-        visible = camera.sees(pixels, depth) & visibility[:, k]
-        columns, rows = pixels[visible].astype(np.int64).T
-        inside[visible] += mask[rows, columns]
-        seen[visible] += 1
+        in_view, _, shown = looked_up(points, camera, mask)
+        seen[in_view] += visibility[in_view, k]
+        inside[in_view] += shown * visibility[in_view, k]
     return 2 * inside > seen

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..mesh.meshes import component_areas
+from ..mesh.meshes import compacted, component_areas
 from ..stereo.evidence import KnownDepth, collect_votes
 from ..surfaces.tsdf import DistanceField
 from .symmetry import MirrorPlane, ObjectSight
@@ -16,7 +16,7 @@ _VOXEL_M, _TRUNCATION_M = 0.02, 0.05
 _OUTLIERS = 0.01  # share of the points at each end that the surface need not reach
 _OBSERVED_M = 0.03  # nearer to observed points, the surface was observed
 _MOST_WRONG = 0.5  # of what captures may say against a face
-_TOLERANCE = 0.03  # relative depth by which a capture must see past a face
+_FREE_MARGIN = 0.03  # relative depth by which a capture must see past a face
 _LEAST_M2 = 0.02  # of a connected part
 
 
@@ -49,10 +49,9 @@ def mirrored_surface(
     if len(faces):
         centroids = vertices[faces].mean(1)
         known = [KnownDepth(c, depth) for c, depth in zip(sight.cameras, reliable, strict=True)]
-        votes = collect_votes(centroids, known, _TOLERANCE)
+        votes = collect_votes(centroids, known, _FREE_MARGIN)
         new = cKDTree(points).query(centroids)[0] > _OBSERVED_M
         faces = faces[new & (sight.judged(centroids)[1] < _MOST_WRONG) & (votes.through <= votes.agree)]
     if len(faces):
         faces = faces[component_areas(vertices, faces) >= _LEAST_M2]
-    used, faces = np.unique(faces, return_inverse=True)
-    return vertices[used], faces.reshape(-1, 3).astype(np.int32)
+    return compacted(vertices, faces)

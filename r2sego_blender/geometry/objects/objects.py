@@ -21,6 +21,8 @@ import cv2
 import numpy as np
 import trimesh
 
+from ...bundle import layout
+from ...bundle.artifacts import Artifact
 from ...bundle.layout import mask_stems
 from ...captures.capture import Capture
 from ...core.errors import GeometryError
@@ -282,3 +284,18 @@ def _mask_files(folder: Path, captures: Sequence[Capture]) -> dict[str, Path]:
                 cure=f"Call it {' or '.join(f'{stems[name]}.png' for name in alike)}.",
             )  # fmt: skip
     return {name: files[stem] for name, stem in stems.items() if stem in files}
+
+
+@dataclass(frozen=True)
+class ObjectsFolder:
+    """The declared objects of a bundle; their masks are read against its captures."""
+
+    folder: Path
+
+    def of(self, captures: Sequence[Capture]) -> tuple[DeclaredObject, ...]:
+        """The objects; see ``load_objects``."""
+        return load_objects(self.folder, captures)
+
+
+OBJECTS = Artifact(layout.OBJECTS, ObjectsFolder)
+"""What a person declared for shape priors."""

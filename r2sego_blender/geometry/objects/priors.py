@@ -19,6 +19,8 @@ from typing import Any
 import numba
 import numpy as np
 
+from ...bundle import layout
+from ...bundle.artifacts import Artifact
 from ...captures.capture import Capture
 from ...config.settings import PriorSettings
 from ...core.arrays import opened_arrays, save_arrays
@@ -171,13 +173,16 @@ def load_priors(folder: Path) -> tuple[AlignedPrior, ...]:
     return tuple(priors)
 
 
-def object_place(folder: Path, name: str) -> tuple[float, float]:
+def object_place(priors: Sequence[AlignedPrior], name: str) -> tuple[float, float]:
     """World x and y of the middle of the accepted prior ``name``. Raises GeometryError: there is none."""
-    priors = {prior.name: prior for prior in load_priors(folder)}
-    if name not in priors:
-        known = f"Known: {', '.join(priors)}." if priors else "Declare objects with `r2sego objects`."
-        raise GeometryError(f"there is no aligned object '{name}'", where=folder, cure=known)
-    x, y, _ = 0.5 * (priors[name].vertices.min(axis=0) + priors[name].vertices.max(axis=0))
+    found = next((prior for prior in priors if prior.name == name), None)
+    if found is None:
+        known = ", ".join(prior.name for prior in priors)
+        raise GeometryError(
+            f"there is no aligned object '{name}'", where=layout.PRIORS,
+            cure=f"Known: {known}." if known else "Declare objects with `r2sego objects`.",
+        )  # fmt: skip
+    x, y, _ = 0.5 * (found.vertices.min(axis=0) + found.vertices.max(axis=0))
     return float(x), float(y)
 
 
@@ -310,3 +315,22 @@ def _figures(alignment: Alignment) -> dict[str, Any]:
 def _rounded(value: float) -> float | None:
     """For JSON, which has no NaN."""
     return None if np.isnan(value) else round(float(value), 4)
+
+
+def _save(priors: Sequence[ObjectPrior], folder: Path) -> None:
+    save_priors(folder, priors)
+
+
+def _check(folder: Path) -> None:
+    """Raises where a prior that the record tells of as accepted cannot be read."""
+    accepted = {prior.name for prior in load_priors(folder)}
+    for record in read_record(folder):
+        if not record["refusal"] and record["name"] not in accepted:
+            raise FileNotFoundError(record["name"])
+
+
+PRIORS = Artifact(layout.PRIORS, load_priors, _save, _check)
+"""The accepted priors after T_m*; those refused and the figures of all lie beside them."""
+
+PRIOR_RECORDS = Artifact(layout.PRIORS, read_record)
+"""The figures of every object that was aligned."""

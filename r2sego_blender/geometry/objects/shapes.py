@@ -14,7 +14,7 @@ import numpy as np
 import trimesh
 
 from ...core.errors import GeometryError
-from ..mesh.meshes import merged, normals_and_areas
+from ..mesh.meshes import compacted, merged, normals_and_areas
 from .surface_distance import SurfaceGrid
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".off", ".ply", ".stl")
@@ -104,8 +104,7 @@ def _checked(name: str, vertices: np.ndarray, faces: np.ndarray) -> tuple[np.nda
         raise GeometryError(
             f"the mesh has {len(faces)} faces", where=name, cure=f"Simplify it below {_MOST_FACES}."
         )
-    used, faces = np.unique(faces, return_inverse=True)
-    vertices, faces = vertices[used], faces.reshape(-1, 3).astype(np.int32)
+    vertices, faces = compacted(vertices, faces)
     if not len(faces) or normals_and_areas(vertices, faces)[1].sum() <= 0:
         raise GeometryError("the mesh has no surface", where=name, cure=cure)
     return vertices, faces

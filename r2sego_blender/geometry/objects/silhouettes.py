@@ -14,7 +14,7 @@ import numpy as np
 from ...core.cameras import Camera
 from ...core.compiled import kernel
 
-NEAR_M = 0.05
+NEAREST_SHAPE_M = 0.05
 """Faces that reach nearer to the camera plane than this are not drawn."""
 
 HIDING_M = 0.08
@@ -56,21 +56,6 @@ class MaskViews(NamedTuple):
         return MaskViews(flat[0].astype(np.uint8), flat[1].astype(np.float32), sizes, starts, poses, lenses)
 
 
-def silhouette_counts(views: MaskViews, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(V, 3, 4) int64: pixels of each view that are BOTH, MASK_ONLY, SHAPE_ONLY and FREE, for the
-    WIDER, DRAWN and NARROWER mask.
-
-    ``vertices`` (n, 3) float64 in the world, ``faces`` (F, 3). What the shape covers outside
-    the mask does not count where known depth is nearer: there it may be hidden.
-    """
-    counts = np.zeros((len(views.sizes), 3, 4), np.int64)
-    local, buffer = scratch(views.sizes, len(vertices))
-    count_pixels(
-        views, np.eye(3), np.zeros(3), np.asarray(vertices, np.float64), faces, local, buffer, counts
-    )
-    return counts
-
-
 @kernel
 def scratch(sizes, vertices):
     """What ``count_pixels`` works on: the vertices in a view, and its inverse depths."""
@@ -82,7 +67,13 @@ def scratch(sizes, vertices):
 
 @kernel
 def count_pixels(views, linear, place, vertices, faces, local, buffer, counts):
-    """``silhouette_counts`` of the vertices after x -> ``linear`` x + ``place``, into ``counts``."""
+    """Pixels that are BOTH, MASK_ONLY, SHAPE_ONLY and FREE, for the WIDER, DRAWN and NARROWER mask of
+    each view, into ``counts`` (V, 3, 4) int64.
+
+    The shape is ``vertices`` (n, 3) float64 after x -> ``linear`` x + ``place``, in the world, and
+    ``faces`` (F, 3). What it covers outside the mask does not count where known depth is nearer:
+    there it may be hidden.
+    """
     for v in range(views.sizes.shape[0]):
         height, width = views.sizes[v]
         pixels = height * width
@@ -93,7 +84,7 @@ def count_pixels(views, linear, place, vertices, faces, local, buffer, counts):
         for i in range(vertices.shape[0]):
             x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
             depth = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z + shift[2]
-            if depth < NEAR_M:
+            if depth < NEAREST_SHAPE_M:
                 local[i, 2] = -1.0
                 continue
             inverse = 1.0 / depth

@@ -18,6 +18,7 @@ from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 
 from ...core.cameras import Camera
+from ..visibility.point_visibility import looked_up
 
 _HEADINGS, _SHIFTS = 36, 25  # of the planes tried first
 _FARTHEST_SHIFT = 0.3  # of the size, from the middle of the points
@@ -71,11 +72,8 @@ class ObjectSight:
         for camera, beyond, depths, sures in zip(
             self.cameras, self.beyond_px, self.depths, self.sure, strict=True
         ):
-            pixels, depth = camera.project(points)
-            inside = camera.sees(pixels, depth)
-            columns, rows = pixels[inside].astype(np.int64).T
-            depth, known, sure = depth[inside], depths[rows, columns], sures[rows, columns]
-            beyond_m = beyond[rows, columns] * depth / camera.fx
+            inside, depth, beyond_px, known, sure = looked_up(points, camera, beyond, depths, sures)
+            beyond_m = beyond_px * depth / camera.fx
             within = beyond_m == 0
             before_m = np.where(within, sure - depth - _MARGIN_M / 2, 0)
             hidden = (known > 0) & (known < depth - _MARGIN_M)

@@ -15,12 +15,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from ...bundle import layout
+from ...bundle.artifacts import Artifact
 from ...core.arrays import opened_arrays, save_arrays
 from ...core.errors import GeometryError
 from ...core.file_names import plain_name
-
-PROXY_EDITS = "geometry/edits"
-"""Their folder in the bundle."""
 
 _CURE = "Remove it (`r2sego edit-proxy SCENE --remove NAME`), or make it again."
 
@@ -116,3 +115,7 @@ def _load(path: Path) -> Edit:
         arrays = {field.name: data[field.name] for field in fields(kind)}
         change = kind(**{name: value if value.ndim else float(value) for name, value in arrays.items()})
         return Edit(path.stem, int(data["order"]), change)
+
+
+PROXY_EDITS = Artifact(layout.PROXY_EDITS, load_proxy_edits)
+"""What a person cut away from the proxy and drew."""

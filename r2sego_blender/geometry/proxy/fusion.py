@@ -21,22 +21,21 @@ from ...config.settings import ProxySettings
 from ...core.cameras import Camera
 from ...core.errors import GeometryError
 from ...core.progress import SILENT, Progress
-from ..mesh.meshes import component_areas, merged, normals_and_areas, places
+from ..mesh.meshes import compacted, component_areas, merged, normals_and_areas, places
 from ..objects.priors import AlignedPrior
 from ..room.completion import CompletedDepth, DepthSource
 from ..room.envelope import envelope_polygons, tessellated
 from ..room.planes import RoomPlanes
-from ..stereo.evidence import KnownDepth, collect_votes
+from ..stereo.evidence import FREE_MARGIN, KnownDepth, collect_votes
 from ..stereo.observed import ObservedGeometry
-from ..surfaces.backends import SURFACES
+from ..surfaces.backends import surface_backend
 from ..surfaces.oriented_points import WeightedDepth
 from ..surfaces.tsdf import DistanceField
 from ..visibility.rasterizer import MeshRasterizer
 from .proxy import GeometryProxy, Provenance
 
 _PLANE_SHARE = 3.0  # a chosen plane weighs this many times what is merely filled in
-_CARVING_TOLERANCE = 0.04  # relative depth by which a capture must see past a face
-_SUPPORT_TOLERANCE = 0.03
+_SAME_SURFACE = 0.03  # relative depth within which a capture sees a face
 _LEAST_COSINE = 0.1  # a capture that sees a face more edge-on than this says nothing for it
 _CELL_VOXELS = 2  # side of the cells that close the envelope
 _SAME_PLANE = 0.8  # cosine from which a face covers the envelope
@@ -69,7 +68,7 @@ def compose_proxy(
         field = _empty_field(completed, observed, envelope, settings)
         task.advance()
         views = _without_priors(_weighted(completed, asset_depths, settings), priors)
-        vertices, faces = SURFACES[settings.surface](views, field)
+        vertices, faces = surface_backend(settings.surface).surface(views, field)
         vertices, faces = _carved(vertices, faces, trusted, settings)
         task.advance()
         faces = _outside_priors(vertices, faces, priors, envelope, trusted, settings)
@@ -155,7 +154,7 @@ def _without_priors(views: list[WeightedDepth], priors: Sequence[AlignedPrior]) 
     left = []
     for view in views:
         prior = rasterizer.render(view.camera).depth
-        hidden = (view.depth > 0) & (view.depth < prior * (1 - _CARVING_TOLERANCE))
+        hidden = (view.depth > 0) & (view.depth < prior * (1 - FREE_MARGIN))
         shown = (prior > 0) & ~hidden
         left.append(
             WeightedDepth(view.camera, np.where(shown, 0, view.depth), np.where(shown, 0, view.weight))
@@ -172,17 +171,12 @@ def _carved(vertices, faces, trusted, settings):
     if len(faces):
         free = [KnownDepth(v.camera, ndimage.minimum_filter(v.depth, size=3)) for v in trusted]
         centroids, normals = vertices[faces].mean(1), normals_and_areas(vertices, faces)[0]
-        through = collect_votes(centroids, free, _CARVING_TOLERANCE).through
-        agree = collect_votes(centroids, trusted, _CARVING_TOLERANCE, normals, _LEAST_COSINE).agree
+        through = collect_votes(centroids, free, FREE_MARGIN).through
+        agree = collect_votes(centroids, trusted, FREE_MARGIN, normals, _LEAST_COSINE).agree
         faces = faces[through <= agree]
     if len(faces):
         faces = faces[component_areas(vertices, faces) >= settings.min_component_m2]
-    return _compacted(vertices, faces)
-
-
-def _compacted(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    used, faces = np.unique(faces, return_inverse=True)
-    return vertices[used], faces.reshape(-1, 3).astype(np.int32)
+    return compacted(vertices, faces)
 
 
 def _outside_priors(vertices, faces, priors, envelope, trusted, settings):
@@ -197,7 +191,7 @@ def _outside_priors(vertices, faces, priors, envelope, trusted, settings):
     reach = settings.truncation_m
     centroids = vertices[faces].mean(1)
     free = np.abs(envelope.signed_distance(centroids)) >= reach / 2
-    seen = collect_votes(centroids, trusted, _SUPPORT_TOLERANCE).agree >= 2
+    seen = collect_votes(centroids, trusted, _SAME_SURFACE).agree >= 2
     kept = np.ones(len(faces), bool)
     for prior in priors:
         low, high = prior.vertices.min(0) - reach, prior.vertices.max(0) + reach
@@ -228,7 +222,7 @@ def _closed(vertices, faces, field, envelope, trusted):
     for polygon, normal, offset in zip(polygons, envelope.normals, envelope.offsets, strict=True):
         cells = tessellated(polygon, normal, _CELL_VOXELS * field.voxel_m)
         samples = np.concatenate([cells, cells.mean(1, keepdims=True)], axis=1)
-        votes = collect_votes(samples[:, -1], trusted, _CARVING_TOLERANCE)
+        votes = collect_votes(samples[:, -1], trusted, FREE_MARGIN)
         on_plane = np.abs(centroids @ normal - offset) < field.truncation_m / 2
         on_plane &= normals @ normal > _SAME_PLANE
         covered = np.zeros(samples.shape[:2], bool)
@@ -253,7 +247,7 @@ def face_evidence(
     chosen = [KnownDepth(v.camera, np.where(v.source == DepthSource.PLANE, v.depth, 0)) for v in completed]
     centroids, normals = vertices[faces].mean(1), normals_and_areas(vertices, faces)[0]
     support, observed, planar = (
-        collect_votes(centroids, views, _SUPPORT_TOLERANCE, normals, _LEAST_COSINE).agree
+        collect_votes(centroids, views, _SAME_SURFACE, normals, _LEAST_COSINE).agree
         for views in (seen, _trusted(completed), chosen)
     )
     # Each capture whose stereo lies on a face halves the doubt, each chosen plane takes a fifth.

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...bundle.artifacts import Artifact
 from ...core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
 from ...core.errors import GeometryError
 
@@ -93,3 +94,19 @@ class GeometryProxy:
             if corners.size and not 0 <= corners.min() <= corners.max() < len(proxy.vertices):
                 raise ValueError("a face has a vertex that is not there")
             return proxy
+
+
+def _load(folder: Path) -> GeometryProxy:
+    return GeometryProxy.load(folder / PROXY_FILE)
+
+
+def _save(proxy: GeometryProxy, folder: Path) -> None:
+    proxy.save(folder / PROXY_FILE)
+    proxy.save_ply(folder / "proxy.ply")
+
+
+PROXY_FILE = "proxy.npz"
+"""In a round's folder ``proxy/``."""
+
+PROXY = Artifact("proxy", _load, _save)
+"""M_scaf of a round: ``PROXY.of_round(l)``."""

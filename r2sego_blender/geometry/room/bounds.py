@@ -21,7 +21,7 @@ from ...config.settings import Settings
 from ...core.cameras import Camera
 from ...core.compiled import inlined, parallel_kernel, prange
 from ...core.images import resize
-from ..stereo.evidence import KnownDepth
+from ..stereo.evidence import FREE_MARGIN, KnownDepth
 from ..stereo.observed import ObservedGeometry
 from ..stereo.stereo import DepthMap
 from .completion import overlapping, trusted_depth
@@ -40,7 +40,6 @@ _LEAST_EVIDENCE = 10.0  # in pixels exactly alike; where there is no bound, hard
 _HIDDEN_FROM_M = 0.03  # how far behind another bound a point is out of the room
 _PATCH_RADIUS_PX, _PATCH_STEP_PX = 6, 2
 _LEAST_VARIANCE = 4e-6  # of grey levels: below this there is nothing but quantisation
-_TOLERANCE = 0.04  # relative depth by which a point is in front of trusted depth, or behind it
 _NEAREST_M = 0.3
 _LARGEST_EXTENT_M = 20.0
 
@@ -215,9 +214,9 @@ def _compare(grey, pixels, rows, bounds, onto, greys, known, like, beyond):
                 if not (0.0 <= u < width and 0.0 <= v < height):
                     continue
                 there = known[o][int(v), int(u)]
-                if there > reached * (1.0 + _TOLERANCE):
+                if there > reached * (1.0 + FREE_MARGIN):
                     beyond[d, i] = True
-                elif there == 0.0 or there > reached * (1.0 - _TOLERANCE):
+                elif there == 0.0 or there > reached * (1.0 - FREE_MARGIN):
                     found = _likeness(grey, greys[o], to, pixels[i, 0], pixels[i, 1])
                     like[d, i] = max(like[d, i], found)
 

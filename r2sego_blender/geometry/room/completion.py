@@ -23,7 +23,9 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
+from ...bundle import layout
 from ...captures.capture import Capture
+from ...captures.per_capture import each_capture
 from ...config.settings import Settings, StereoSettings
 from ...core.arrays import opened_arrays, require_shapes, save_arrays
 from ...core.cameras import Camera
@@ -33,7 +35,7 @@ from ...core.progress import SILENT, Progress
 from ..stereo.edges import aligned_to_edges
 from ..stereo.evidence import FREE_MARGIN, KnownDepth, collect_votes
 from ..stereo.stereo import DepthMap
-from ..stereo.weak_depth import probable_depth
+from ..stereo.weak_depth import weak_depth
 from .patch_depth import ColourView, nearer_depth
 from .planes import RoomPlanes
 
@@ -86,7 +88,7 @@ _AGREEMENT_SCALE = 0.03  # relative depth difference of full disagreement
 _CONTRADICTION = 0.5  # cost of each capture that saw through the plane
 _OUT_OF_VIEW = 2.0  # cost of a plane that cannot be seen at a pixel
 _CONVINCING = 1.0  # aggregated cost below which a plane is taken
-_SURE = 0.7  # aggregated cost above which probable depth is likelier than a plane
+_SURE = 0.7  # aggregated cost above which weak depth is likelier than a plane
 _BEHIND_ENVELOPE_M = 0.05
 _NEAREST_M = 0.3
 _FARTHEST = 2.0
@@ -103,8 +105,8 @@ def complete_depth(
 ) -> tuple[CompletedDepth, ...]:
     """Every capture's depth map, completed at the size of its stereo depth."""
     trusted = trusted_depth(depth_maps, settings.stereo)
-    probable = probable_depth(depth_maps, trusted, settings.stereo)
-    views = [_View.of(*view) for view in zip(captures, depth_maps, trusted, probable, strict=True)]
+    weak = weak_depth(depth_maps, trusted, settings.stereo)
+    views = [_View.of(*view) for view in zip(captures, depth_maps, trusted, weak, strict=True)]
     farthest_m = _FARTHEST * max((float(view.known.max()) for view in views), default=0.0) or np.inf
     with progress.task("Completing depth", len(views)) as task:
         completed = []
@@ -138,22 +140,22 @@ def trusted_depth(depth_maps: Sequence[DepthMap], settings: StereoSettings) -> t
 @dataclass(frozen=True)
 class _View(ColourView):
     """A capture at the size of its depth map: ``known`` is its trusted depth aligned to the
-    image's edges, 0 elsewhere; ``probable`` its probable depth elsewhere; ``likely`` what its
+    image's edges, 0 elsewhere; ``weak`` its weak depth elsewhere; ``likely`` what its
     surfaces nearby suggest, with ``votes``."""
 
     grey: np.ndarray
-    probable: np.ndarray
+    weak: np.ndarray
     likely: np.ndarray
     votes: np.ndarray
 
     @staticmethod
-    def of(capture: Capture, depth_map: DepthMap, trusted: KnownDepth, probable: np.ndarray) -> _View:
+    def of(capture: Capture, depth_map: DepthMap, trusted: KnownDepth, weak: np.ndarray) -> _View:
         camera = trusted.camera
         image = resize(capture.image(), camera.width, camera.height)
         mode, votes, own = aligned_to_edges(image, trusted.depth, depth_map.normal, camera)
         fattened = (trusted.depth > 0) & (votes > _OUTVOTED * own)
         known = np.where(fattened, mode, trusted.depth)
-        return _View(camera, image, known, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), probable, mode, votes)
+        return _View(camera, image, known, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), weak, mode, votes)
 
 
 def _completed(
@@ -182,7 +184,7 @@ def _completed(
         best_cost[better], best_depth[better] = cost[better], depth[better]
     observed = view.known > 0
     nearby = ~observed & (view.votes > _SURE_VOTES)
-    agreed = ~observed & ~nearby & (view.probable > 0) & (best_cost > _SURE)
+    agreed = ~observed & ~nearby & (view.weak > 0) & (best_cost > _SURE)
     on_plane = ~observed & ~nearby & ~agreed & (best_cost < _CONVINCING) & (best_depth > 0)
     nearby |= ~observed & ~agreed & ~on_plane & (view.votes > _PROBABLE_VOTES)
     on_envelope = ~observed & ~agreed & ~on_plane & ~nearby & (bound > 0)
@@ -190,7 +192,7 @@ def _completed(
     depth = np.zeros(view.camera.shape, np.float32)
     for mask, values, kind in (
         (observed, view.known, DepthSource.OBSERVED),
-        (agreed, view.probable, DepthSource.PLANE),
+        (agreed, view.weak, DepthSource.PLANE),
         (on_plane, best_depth, DepthSource.PLANE),
         (nearby, view.likely, DepthSource.PLANE),
         (on_envelope, bound, DepthSource.ENVELOPE),
@@ -324,3 +326,7 @@ def _filled(depth: np.ndarray, observed: np.ndarray) -> np.ndarray:
     nearest = ndimage.distance_transform_edt(depth <= 0, return_distances=False, return_indices=True)
     full = depth[tuple(nearest)]
     return np.where(observed, depth, cv2.medianBlur(full, 5))
+
+
+COMPLETED = each_capture(layout.COMPLETED, CompletedDepth.load)
+"""The completed depth of each capture."""

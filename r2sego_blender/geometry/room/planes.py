@@ -14,6 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ...bundle import layout
+from ...bundle.artifacts import Artifact
 from ...config.settings import ProxySettings
 from ...core.arrays import opened_arrays, require_shapes, save_arrays
 from ...core.cameras import Camera
@@ -96,7 +98,7 @@ def find_planes(
 
     Each hypothesis is one point and its normal; the best is refined by total least squares
     on its inliers and, when nearly level or upright, made exactly so (gravity is known from
-    the registration). ``cameras`` are the captures': a bounding plane has them all on its
+    the world frame). ``cameras`` are the captures': a bounding plane has them all on its
     free side.
     """
     points = np.asarray(observed.points, np.float64)
@@ -164,7 +166,7 @@ def _bounding(planes, points, centres, settings):
     share = (heights > -slack).mean(0) if len(points) else np.ones(len(planes.offsets))
     inside = (centres @ planes.normals.T - planes.offsets > 0).all(0)
     bounding = inside & (share >= settings.envelope_share)
-    bounding[0] = True  # the floor is known from the registration
+    bounding[0] = True  # the floor is known from the world frame
     reach = planes.normals @ np.median(np.concatenate([points, centres]), axis=0) - planes.offsets
     for i in np.flatnonzero(bounding):
         if not bounding[i]:  # a twin of one before
@@ -177,3 +179,7 @@ def _bounding(planes, points, centres, settings):
         bounding[twins] = False
         bounding[keep] = True
     return bounding
+
+
+PLANES = Artifact(layout.PLANES, RoomPlanes.load, RoomPlanes.save)
+"""The room's planes: the embedded shape prior."""

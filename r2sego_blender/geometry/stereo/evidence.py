@@ -14,6 +14,7 @@ import numpy as np
 
 from ...core.cameras import Camera
 from ...core.compiled import inlined, parallel_kernel, prange
+from ..visibility.projection import depth_of, pixel_of
 
 FREE_MARGIN = 0.04
 """Relative depth beyond which a capture sees through a point."""
@@ -55,28 +56,22 @@ def collect_votes(
     normals = np.ascontiguousarray(normals, np.float64)
     votes = np.zeros((3, len(points)), np.uint16)
     for view in views:
-        pose = view.camera.camera_from_world
+        pose = view.camera.camera_from_world[:3]
         lens = np.array([view.camera.fx, view.camera.fy, view.camera.cx, view.camera.cy])
         depth = np.ascontiguousarray(view.depth, np.float32)
-        _vote(
-            points, normals, least_cosine, view.camera.centre.copy(), pose[:3, :3].copy(), pose[:3, 3].copy(),
-            lens, depth, tolerance, votes,
-        )  # fmt: skip
+        _vote(points, normals, least_cosine, view.camera.centre.copy(), pose, lens, depth, tolerance, votes)
     return Votes(*votes)
 
 
 @parallel_kernel
-def _vote(points, normals, least_cosine, centre, rotation, translation, lens, depth, tolerance, votes):
+def _vote(points, normals, least_cosine, centre, pose, lens, depth, tolerance, votes):
     height, width = depth.shape
     for i in prange(points.shape[0]):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        forward = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z + translation[2]
+        forward = depth_of(pose, x, y, z)
         if forward < 1e-3:
             continue
-        right = rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z + translation[0]
-        down = rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z + translation[1]
-        u = right / forward * lens[0] + lens[2]
-        v = down / forward * lens[1] + lens[3]
+        u, v = pixel_of(pose, lens, x, y, z, forward)
         if not (0.0 <= u < width and 0.0 <= v < height):
             continue
         known = depth[int(v), int(u)]

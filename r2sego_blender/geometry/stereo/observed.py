@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ...bundle import layout
+from ...bundle.artifacts import Artifact
 from ...captures.capture import Capture
 from ...captures.sparse import SparsePoints
 from ...config.settings import StereoSettings
@@ -192,3 +194,7 @@ def _with_sparse(
             for f, part in zip(fields(dense), extra, strict=True)
         )
     )
+
+
+OBSERVED = Artifact(layout.OBSERVED, ObservedGeometry.load, ObservedGeometry.save)
+"""M_obs with its support record."""

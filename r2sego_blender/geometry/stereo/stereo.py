@@ -13,8 +13,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ...bundle import layout
 from ...captures.capture import Capture
 from ...captures.matching.neighbours import neighbours
+from ...captures.per_capture import each_capture
 from ...config.settings import StereoSettings
 from ...core.arrays import opened_arrays, require_shapes, save_arrays
 from ...core.cameras import Camera
@@ -314,3 +316,7 @@ def _without_speckles(depth: np.ndarray, count: np.ndarray, settings: StereoSett
     smallest_px = round(settings.min_segment_share * depth.size)
     cv2.filterSpeckles(labels, _NO_SEGMENT, smallest_px, _SEGMENT_STEPS)
     return np.where(labels == _NO_SEGMENT, 0, count).astype(np.uint8)
+
+
+DEPTH = each_capture(layout.DEPTH, DepthMap.load)
+"""The dense stereo of each capture."""

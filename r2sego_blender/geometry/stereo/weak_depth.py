@@ -1,4 +1,4 @@
-"""Probable depth: what two captures agree on although it matches badly.
+"""Weak depth: what two captures agree on although it matches badly.
 
 Reliable depth must look alike in two captures. Fine, repeated or glossy things, and what is
 seen at a grazing angle, do not; yet PatchMatch often finds them, for the depth of each
@@ -18,10 +18,10 @@ from .evidence import FREE_MARGIN, KnownDepth, collect_votes
 from .stereo import DepthMap
 
 
-def probable_depth(
+def weak_depth(
     depth_maps: Sequence[DepthMap], trusted: Sequence[KnownDepth], settings: StereoSettings
 ) -> tuple[np.ndarray, ...]:
-    """For each map (H, W) float32 planar metres where depth is probable, 0 elsewhere.
+    """For each map (H, W) float32 planar metres of weak depth, 0 elsewhere.
 
     Where there is no ``trusted`` depth and another capture's depth agrees at any matching
     cost, no trusted depth sees through it, and the patch is no speckle
@@ -31,7 +31,7 @@ def probable_depth(
         [m.camera for m in depth_maps], [m.depth for m in depth_maps], [m.normal for m in depth_maps],
         [m.depth > 0 for m in depth_maps], settings.consistency,
     )  # fmt: skip
-    probable = []
+    found = []
     for i, (depth_map, count, view) in enumerate(zip(depth_maps, counts, trusted, strict=True)):
         agreed = (count > 0) & (view.depth == 0)
         points = depth_map.camera.unproject(depth_map.depth)[agreed]
@@ -39,5 +39,5 @@ def probable_depth(
         agreed[agreed] = collect_votes(points, others, FREE_MARGIN).through == 0
         _, patch, sizes, _ = cv2.connectedComponentsWithStats(agreed.astype(np.uint8), connectivity=4)
         agreed &= sizes[patch, cv2.CC_STAT_AREA] >= settings.min_segment_share * agreed.size
-        probable.append(np.where(agreed, depth_map.depth, 0).astype(np.float32))
-    return tuple(probable)
+        found.append(np.where(agreed, depth_map.depth, 0).astype(np.float32))
+    return tuple(found)

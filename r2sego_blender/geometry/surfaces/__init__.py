@@ -1,4 +1,4 @@
-"""Weighted depth maps in, a surface out: the slot's backends.
+"""Weighted depth maps in, a surface out: each backend is a file.
 
 Begin with ``backends``.
 """

@@ -7,6 +7,7 @@ clouds are looked at first and the reconstruction runs in a child process.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +17,24 @@ from scipy.spatial import cKDTree
 from ...core.errors import GeometryError
 from ...core.scratch import ScratchFolder
 from ...workers.child import call_in_child
-from .oriented_points import OrientedPoints
+from ..mesh.meshes import compacted
+from .backends import cloud_of
+from .oriented_points import OrientedPoints, WeightedDepth
+from .tsdf import DistanceField
+
+BACKENDS = {"poisson": "embedded: screened Poisson of completed depth"}
+ORDER = 1
 
 _CLOUD, _SURFACE = "points.ply", "surface.ply"
 _FEWEST_POINTS = 50
 _DEPTHS = (4, 10)  # of the octree; a side is cut into 2**depth cells
 _PADDING = 1.1  # the octree's side over the cloud's
 _TRIMMED_CELLS = 2.0  # surface farther than this from every point is invented
+
+
+def surface(views: Sequence[WeightedDepth], field: DistanceField) -> tuple[np.ndarray, np.ndarray]:
+    """Screened Poisson reconstruction of the views' oriented points, trimmed where there are none."""
+    return poisson_surface(cloud_of(views, field), field.voxel_m)
 
 
 def poisson_surface(cloud: OrientedPoints, cell_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -42,9 +54,7 @@ def poisson_surface(cloud: OrientedPoints, cell_m: float) -> tuple[np.ndarray, n
         vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)
     reach = max(_TRIMMED_CELLS * cell_m, 1.5 * _PADDING * extent / 2**depth)
     near = np.isfinite(cKDTree(points).query(vertices, distance_upper_bound=reach)[0])
-    faces = faces[near[faces].all(1)]
-    used, faces = np.unique(faces, return_inverse=True)
-    return vertices[used], faces.reshape(-1, 3).astype(np.int32)
+    return compacted(vertices, faces[near[faces].all(1)])
 
 
 def checked(cloud: OrientedPoints) -> tuple[np.ndarray, np.ndarray]:

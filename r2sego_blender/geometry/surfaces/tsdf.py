@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,12 @@ from skimage.measure import marching_cubes
 
 from ...core.cameras import Camera
 from ...core.compiled import parallel_kernel, prange
+from ..mesh.meshes import compacted
+from ..visibility.projection import depth_of, pixel_of
+from .oriented_points import WeightedDepth
+
+BACKENDS = {"tsdf": "embedded: TSDF of completed depth"}
+ORDER = 0
 
 
 @dataclass(frozen=True)
@@ -34,10 +41,9 @@ class DistanceField:
 
     def integrate(self, camera: Camera, depth: np.ndarray, weight: np.ndarray) -> None:
         """Add a planar depth map (H, W), 0 = unknown, with its per-pixel weight (H, W)."""
-        pose = camera.camera_from_world
         _integrate(
             self.distance, self.weight, self.origin, self.voxel_m, self.truncation_m,
-            pose[:3, :3].copy(), pose[:3, 3].copy(),
+            camera.camera_from_world[:3],
             np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
             np.ascontiguousarray(depth, np.float32), np.ascontiguousarray(weight, np.float32),
         )  # fmt: skip
@@ -57,12 +63,19 @@ class DistanceField:
         inside = np.ones(len(faces), bool)
         for corner in np.ndindex(2, 2, 2):
             inside &= known[tuple((cell + corner).T)]
-        used, kept = np.unique(faces[inside], return_inverse=True)
-        return vertices[used] * self.voxel_m + self.origin, kept.reshape(-1, 3).astype(np.int32)
+        vertices, faces = compacted(vertices, faces[inside])
+        return vertices * self.voxel_m + self.origin, faces
+
+
+def surface(views: Sequence[WeightedDepth], field: DistanceField) -> tuple[np.ndarray, np.ndarray]:
+    """The zero level of the truncated distances of all views, fused in ``field``."""
+    for view in views:
+        field.integrate(view.camera, view.depth, view.weight)
+    return field.surface()
 
 
 @parallel_kernel
-def _integrate(distance, total, origin, voxel, truncation, rotation, translation, lens, depth, weight):
+def _integrate(distance, total, origin, voxel, truncation, pose, lens, depth, weight):
     height, width = depth.shape
     count_x, count_y, count_z = distance.shape
     for i in prange(count_x):
@@ -71,13 +84,10 @@ def _integrate(distance, total, origin, voxel, truncation, rotation, translation
             y = origin[1] + j * voxel
             for k in range(count_z):
                 z = origin[2] + k * voxel
-                forward = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z + translation[2]
+                forward = depth_of(pose, x, y, z)
                 if forward < 0.05:
                     continue
-                right = rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z + translation[0]
-                down = rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z + translation[1]
-                u = right / forward * lens[0] + lens[2]
-                v = down / forward * lens[1] + lens[3]
+                u, v = pixel_of(pose, lens, x, y, z, forward)
                 if not (0.0 <= u < width and 0.0 <= v < height):
                     continue
                 row, column = int(v), int(u)

@@ -8,11 +8,9 @@ are packed in shelves, as large as they fit.
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from ...core.errors import GeometryError
-from ..mesh.meshes import normals_and_areas
+from ..mesh.meshes import connected, normals_and_areas
 from .texels import overlapping_faces
 
 _ROUNDS = 4  # in which covering faces stay together; later each becomes a chart, so there is an end
@@ -48,9 +46,8 @@ def _components(faces, direction):
     edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     face = np.repeat(np.arange(len(faces)), 3)
     key = np.unique(np.column_stack([edges, direction[face]]), axis=0, return_inverse=True)[1].ravel()
-    shape = (len(faces), key.max() + 1)
-    of_edge = coo_matrix((np.ones(len(key), np.int32), (face, key)), shape).tocsr()
-    return connected_components(of_edge @ of_edge.T, directed=False)[1]
+    edge = len(faces) + key  # faces and their edges are the vertices of one graph
+    return connected(np.column_stack([face, edge]), int(edge.max()) + 1)[: len(faces)]
 
 
 def _laid_out(vertices, faces, axis, chart, size_px, padding_px):

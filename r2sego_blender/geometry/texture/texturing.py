@@ -22,12 +22,13 @@ from ...core.errors import GeometryError
 from ...core.images import to_uint8
 from ...core.progress import SILENT, Progress
 from ..mesh.meshes import normals_and_areas
+from ..visibility.projection import NEAR_M, depth_of, pixel_of
 from ..visibility.rasterizer import MeshRasterizer
 from .texels import texel_map
 from .textured_mesh import TexturedMesh
 from .unwrapping import UnwrappedMesh
 
-_TOLERANCE_FLOOR_M = 0.005
+_ROUGHNESS_M = 0.005  # of the mesh: depth may differ by this at any distance
 _LEAST_COSINE = 0.05  # of a view so slanted that a pixel of error is many texels
 _EDGE_STEP = 0.05  # relative depth by which something nearer makes an edge
 _EDGE_TRUST = 0.02  # of background beside an edge, against 1
@@ -89,9 +90,8 @@ def seen_colours(
         nearest = ndimage.minimum_filter(solid, size=window, mode="nearest")
         trust = np.where(nearest < solid * (1 - _EDGE_STEP), np.float32(_EDGE_TRUST), np.float32(1))
         trust[~usable] = 0
-        pose = camera.camera_from_world
         _see(
-            points, normals, pose[:3, :3].copy(), pose[:3, 3].copy(), camera.centre.copy(),
+            points, normals, camera.camera_from_world[:3], camera.centre.copy(),
             np.array([camera.fx, camera.fy, camera.cx, camera.cy]), depth, trust,
             np.ascontiguousarray(image, np.float32),
             settings.depth_tolerance, settings.border_px, quality, colour,
@@ -101,23 +101,21 @@ def seen_colours(
 
 @parallel_kernel
 def _see(
-    points, normals, rotation, translation, centre, lens, depth, trust, image, tolerance, border_px,
+    points, normals, pose, centre, lens, depth, trust, image, tolerance, border_px,
     quality, colour,
 ):  # fmt: skip
     """Put what one capture sees among the best so far, which ``quality`` (n, k) sorts."""
     height, width = depth.shape
     for i in prange(points.shape[0]):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        ahead = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z + translation[2]
-        if ahead <= 0.02:
+        ahead = depth_of(pose, x, y, z)
+        if ahead <= NEAR_M:
             continue
-        right = rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z + translation[0]
-        down = rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z + translation[1]
-        u, v = right / ahead * lens[0] + lens[2], down / ahead * lens[1] + lens[3]
+        u, v = pixel_of(pose, lens, x, y, z, ahead)
         if not (0.0 <= u < width and 0.0 <= v < height):
             continue
         row, column = int(v), int(u)
-        if abs(depth[row, column] - ahead) > tolerance * ahead + _TOLERANCE_FLOOR_M:
+        if abs(depth[row, column] - ahead) > tolerance * ahead + _ROUGHNESS_M:
             continue
         ox, oy, oz = centre[0] - x, centre[1] - y, centre[2] - z
         cosine = normals[i, 0] * ox + normals[i, 1] * oy + normals[i, 2] * oz

@@ -1,4 +1,4 @@
-"""What cameras see of a mesh: the one z-buffer, and what is asked of it.
+"""What cameras see of meshes and points: the z-buffer, and what is asked of images of depth.
 
 Uses ``core`` alone. Begin with ``rasterizer``.
 """

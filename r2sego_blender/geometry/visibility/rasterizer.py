@@ -17,9 +17,7 @@ import numpy as np
 from ...core.cameras import Camera
 from ...core.compiled import inlined, kernel, parallel_kernel, prange
 from ...core.errors import GeometryError
-
-NEAR_M = 0.02
-"""Surfaces nearer to the camera plane than this are not drawn."""
+from .projection import NEAR_M, place, screen_extent
 
 _BAND_ROWS = 16  # rows a thread draws at a time: fine enough to balance two cores
 _CHUNK = 4096  # triangles whose bounds a thread computes at a time
@@ -68,9 +66,9 @@ class MeshRasterizer:
 
     def render(self, camera: Camera, attributes: Sequence[np.ndarray] = ()) -> MeshBuffers:
         """The mesh as ``camera`` sees it; ``attributes`` are (V,) or (V, C) per-vertex values."""
-        pose = camera.camera_from_world
+        pose = camera.camera_from_world[:3]
         lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
-        local, screen = _project(self._vertices, pose[:3, :3].copy(), pose[:3, 3].copy(), lens)
+        local, screen = _project(self._vertices, pose, lens)
         bounds = _screen_bounds(local, screen, self._faces, lens, camera.width, camera.height)
         starts, listed = _in_bands(bounds, camera.height)
         inverse, face = _draw(local, self._faces, bounds, starts, listed, lens, camera.width, camera.height)
@@ -84,22 +82,12 @@ class MeshRasterizer:
 
 
 @parallel_kernel
-def _project(vertices, rotation, translation, lens):
+def _project(vertices, pose, lens):
     """(V, 3) in the camera's frame and (V, 2) pixels, the latter only beyond the near plane."""
     local = np.empty_like(vertices)
     screen = np.empty((vertices.shape[0], 2))
     for i in prange(vertices.shape[0]):
-        for axis in range(3):
-            local[i, axis] = (
-                rotation[axis, 0] * vertices[i, 0]
-                + rotation[axis, 1] * vertices[i, 1]
-                + rotation[axis, 2] * vertices[i, 2]
-                + translation[axis]
-            )
-        if local[i, 2] >= NEAR_M:
-            inverse = 1.0 / local[i, 2]
-            screen[i, 0] = local[i, 0] * inverse * lens[0] + lens[2]
-            screen[i, 1] = local[i, 1] * inverse * lens[1] + lens[3]
+        place(vertices, i, pose, lens, local, screen, i)
     return local, screen
 
 
@@ -111,39 +99,13 @@ def _screen_bounds(local, screen, faces, lens, width, height):
     bounds = np.empty((count, 4), np.int16)
     for chunk in prange((count + _CHUNK - 1) // _CHUNK):
         for f in range(chunk * _CHUNK, min(count, (chunk + 1) * _CHUNK)):
-            i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-            if min(local[i, 2], local[j, 2], local[k, 2]) >= NEAR_M:
-                low_u = min(screen[i, 0], screen[j, 0], screen[k, 0])
-                high_u = max(screen[i, 0], screen[j, 0], screen[k, 0])
-                low_v = min(screen[i, 1], screen[j, 1], screen[k, 1])
-                high_v = max(screen[i, 1], screen[j, 1], screen[k, 1])
-            else:
-                low_u, high_u, low_v, high_v = cut_bounds(local, screen, faces[f], lens)
+            low_u, high_u, low_v, high_v = screen_extent(local, screen, faces[f], lens)
             # Clamped while still floats: a vertex may project millions of pixels away.
             bounds[f, 0] = np.int16(np.ceil(min(max(low_u - 0.5 - _ROUNDING_PX, 0.0), float(width))))
             bounds[f, 1] = np.int16(np.floor(min(max(high_u + 0.5 + _ROUNDING_PX, 0.0), float(width))))
             bounds[f, 2] = np.int16(np.ceil(min(max(low_v - 0.5 - _ROUNDING_PX, 0.0), float(height))))
             bounds[f, 3] = np.int16(np.floor(min(max(high_v + 0.5 + _ROUNDING_PX, 0.0), float(height))))
     return bounds
-
-
-@kernel
-def cut_bounds(local, screen, face, lens):
-    """Bounds on the screen, pixels, of what of a face lies in front of the near plane."""
-    low_u = low_v = np.inf
-    high_u = high_v = -np.inf
-    for corner in range(3):
-        a, b = face[corner], face[(corner + 1) % 3]
-        za, zb = local[a, 2], local[b, 2]
-        if za >= NEAR_M:
-            u, v = screen[a, 0], screen[a, 1]
-            low_u, high_u, low_v, high_v = min(low_u, u), max(high_u, u), min(low_v, v), max(high_v, v)
-        if (za >= NEAR_M) != (zb >= NEAR_M):
-            t = (NEAR_M - za) / (zb - za)
-            u = (local[a, 0] + t * (local[b, 0] - local[a, 0])) / NEAR_M * lens[0] + lens[2]
-            v = (local[a, 1] + t * (local[b, 1] - local[a, 1])) / NEAR_M * lens[1] + lens[3]
-            low_u, high_u, low_v, high_v = min(low_u, u), max(high_u, u), min(low_v, v), max(high_v, v)
-    return low_u, high_u, low_v, high_v
 
 
 @kernel

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.compiled import kernel
-from .rasterizer import NEAR_M
+from .projection import NEAR_M
 
 
 @kernel

@@ -10,13 +10,14 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.compiled import kernel, parallel_kernel, prange
-from .rasterizer import NEAR_M, cut_bounds, draw_face, edge_plane
+from .projection import NEAR_M, place, screen_extent
+from .rasterizer import draw_face, edge_plane
 from .view_volume import in_view, side_planes
 
 _CLUSTER = 64  # faces that a view skips together
 _CELL_M = 0.4  # neighbours in a cell stand in the same clusters
 _GROUPS = 16  # views that a thread takes one after the other share their counts
-_TOLERANCE = 0.02  # relative depth by which a face may lie behind what is drawn
+_HIDDEN_BEHIND = 0.02  # relative depth by which a face may lie behind what is drawn
 _LEAST_COSINE = 0.03  # seen more edge-on than this, a face's plane says nothing of its depth
 
 
@@ -89,17 +90,7 @@ def _place(vertices, face, pose, lens, view, placed, local, screen):
         if placed[i] == view:
             continue
         placed[i] = view
-        for axis in range(3):
-            local[i, axis] = (
-                pose[axis, 0] * vertices[i, 0]
-                + pose[axis, 1] * vertices[i, 1]
-                + pose[axis, 2] * vertices[i, 2]
-                + pose[axis, 3]
-            )
-        if local[i, 2] >= NEAR_M:
-            inverse = 1.0 / local[i, 2]
-            screen[i, 0] = local[i, 0] * inverse * lens[0] + lens[2]
-            screen[i, 1] = local[i, 1] * inverse * lens[1] + lens[3]
+        place(vertices, i, pose, lens, local, screen, i)
 
 
 @kernel
@@ -108,13 +99,7 @@ def _reaches_in(local, screen, face, lens, width, height, bounds):
     i, j, k = face[0], face[1], face[2]
     if local[i, 2] < NEAR_M and local[j, 2] < NEAR_M and local[k, 2] < NEAR_M:
         return False
-    if local[i, 2] >= NEAR_M and local[j, 2] >= NEAR_M and local[k, 2] >= NEAR_M:
-        low_u = min(screen[i, 0], screen[j, 0], screen[k, 0])
-        high_u = max(screen[i, 0], screen[j, 0], screen[k, 0])
-        low_v = min(screen[i, 1], screen[j, 1], screen[k, 1])
-        high_v = max(screen[i, 1], screen[j, 1], screen[k, 1])
-    else:
-        low_u, high_u, low_v, high_v = cut_bounds(local, screen, face, lens)
+    low_u, high_u, low_v, high_v = screen_extent(local, screen, face, lens)
     if high_u <= 0.0 or low_u >= width or high_v <= 0.0 or low_v >= height:
         return False
     bounds[0] = np.int16(np.ceil(max(low_u - 0.5, 0.0)))
@@ -152,7 +137,7 @@ def _count(local, faces, near, lens, inverse, shown, view, asked, counts):
         if det * det > (_LEAST_COSINE * _LEAST_COSINE) * lengths:  # n.x is det at each point of the plane
             right, down = (column + 0.5 - lens[2]) / lens[0], (row + 0.5 - lens[3]) / lens[1]
             there = max(there, (nx * right + ny * down + nz) / det)
-        if there >= inverse[row, column] * (1.0 - _TOLERANCE):
+        if there >= inverse[row, column] * (1.0 - _HIDDEN_BEHIND):
             counts[f] += 1
             asked[f] = view
     for row in range(height):

@@ -10,15 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from ...bundle.artifacts import Artifact, Held
 from ...bundle.layout import REPORT_PAGE
 from ...bundle.scene import Scene
 from ...core.arrays import opened_arrays, require_finite, require_shapes
 from ...core.cameras import Camera
 from ...core.errors import SceneError
 from ...geometry.proxy.proxy import GeometryProxy
+from ...views.selection import Selection
 
 SUFFIX = ".r2s"
-_SCORES = ("rollout", "frame", "deficit", "availability", "score", "survived", "rank", "chosen")
 _CURE = "Run the step that makes it again (`r2sego refine`)."
 _NEW = "Make the scene anew with `r2sego new`."
 
@@ -34,28 +35,14 @@ class CapturedView:
 
 @dataclass(frozen=True)
 class CandidateViews:
-    """The candidate stream of a round with its scores.
+    """The candidate stream of a round: from where it looks, and what became of each.
 
-    ``camera`` is the lens of all; ``poses`` (M, 4, 4) float64 ``world_from_camera``;
-    ``rollout``, ``frame`` (M,) int; ``deficit``, ``availability``, ``score`` (M,) float;
-    ``survived``, ``chosen`` (M,) bool; ``rank`` (M,) int, -1 = none.
+    ``camera`` is the lens of all; ``poses`` (M, 4, 4) float64 ``world_from_camera``.
     """
 
     camera: Camera
     poses: np.ndarray
-    rollout: np.ndarray
-    frame: np.ndarray
-    deficit: np.ndarray
-    availability: np.ndarray
-    score: np.ndarray
-    survived: np.ndarray
-    rank: np.ndarray
-    chosen: np.ndarray
-
-    def targets(self) -> np.ndarray:
-        """(K,) int, the chosen candidates' indices in the order of their rank."""
-        chosen = np.flatnonzero(self.chosen)
-        return chosen[np.argsort(self.rank[chosen], kind="stable")]
+    selection: Selection
 
 
 class Bundle:
@@ -78,6 +65,10 @@ class Bundle:
     def name(self) -> str:
         """The folder's name without its suffix."""
         return self.path.name.removesuffix(SUFFIX)
+
+    def read(self, artifact: Artifact[Held]) -> Held:
+        """What the bundle holds under an artifact's name (``Scene.read``)."""
+        return self.scene.read(artifact)
 
     # ---- captures
 
@@ -128,10 +119,11 @@ class Bundle:
         return GeometryProxy.load(file)
 
     def candidates(self, round_index: int) -> CandidateViews:
-        """The scored candidates of a round. Raises SceneError when that round has none."""
+        """The scored candidates of a round. Raises SceneError when that round has none, GenerationError
+        when the selection is damaged."""
         folder = self.selection_folder(round_index)
         _require(folder / "selection.npz", f"round {round_index} has no candidate views")
-        scores = _arrays(folder / "selection.npz", *_SCORES)
+        selection = Selection.load(folder)
         poses = _poses(folder / "candidates.npz")
         lens_file = folder / "candidates.json"
         try:
@@ -139,9 +131,9 @@ class Bundle:
             camera = Camera.from_json({**lens, "world_from_camera": np.eye(4)})
         except (KeyError, TypeError, ValueError) as error:
             raise _damaged(lens_file, f"the field {error} is missing or wrong") from error
-        if {array.shape for array in scores.values()} != {(len(poses),)}:
+        if len(selection.score) != len(poses):
             raise _damaged(folder, "selection.npz and candidates.npz do not belong together")
-        return CandidateViews(camera=camera, poses=poses, **scores)
+        return CandidateViews(camera, poses, selection)
 
     def camera_path(self, round_index: int, view: int) -> list[Camera]:
         """The cameras of a target view's clip, reference first, all with the target's lens.
@@ -204,11 +196,6 @@ def _poses(file: Path) -> np.ndarray:
         require_shapes(data, poses="M 4 4")
         require_finite(poses=data["poses"])
         return data["poses"].astype(np.float64)
-
-
-def _arrays(file: Path, *names: str) -> dict[str, np.ndarray]:
-    with opened_arrays(file, SceneError, "it cannot be read", _CURE) as data:
-        return {name: data[name] for name in names}
 
 
 def _require(file: Path, otherwise: str) -> None:

@@ -19,7 +19,7 @@ _CURE = "Run `r2sego refine` again."
 
 @dataclass(frozen=True)
 class KnownObject:
-    """An object of the bundle.
+    """An object of the bundle, or one that is not ``declared`` in it yet.
 
     ``state`` in a word or two, ``why`` a prior was refused; ``iou`` and ``energy`` of the last
     run, ``residual_m`` of its observed points, -1 where there is none. ``placed``: its pose is
@@ -28,16 +28,17 @@ class KnownObject:
 
     name: str
     state: str
-    why: str
     masks: int
-    shape: str
-    iou: float
-    energy: float
-    residual_m: float
-    has_prior: bool
-    own_mesh: bool
-    placed: bool
-    world_from_own: np.ndarray | None
+    declared: bool
+    why: str = ""
+    shape: str = ""
+    iou: float = -1.0
+    energy: float = -1.0
+    residual_m: float = -1.0
+    has_prior: bool = False
+    own_mesh: bool = False
+    placed: bool = False
+    world_from_own: np.ndarray | None = None
 
 
 def read_objects(bundle: Bundle) -> list[KnownObject]:
@@ -86,8 +87,8 @@ def _object(bundle: Bundle, place: Path, record: Mapping[str, Any]) -> KnownObje
     locked = bool(held.get("locked", False))
     pose = record.get("world_from_own")
     return KnownObject(
-        place.name, _state(record, decided, locked, bool(held)), str(record.get("refusal", "")),
-        len(mask_files(bundle, place.name)), str(record.get("shape", "")),
+        place.name, _state(record, decided, locked, bool(held)), len(mask_files(bundle, place.name)), True,
+        str(record.get("refusal", "")), str(record.get("shape", "")),
         _number(record.get("silhouette_iou")), _number(record.get("energy")),
         _number(record.get("point_distance_m")), prior_file(bundle, place.name) is not None,
         any(place.glob("mesh.*")), bool(held), None if pose is None else np.array(pose, np.float64),

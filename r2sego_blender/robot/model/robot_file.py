@@ -257,11 +257,6 @@ def _check_masses(root: Element) -> None:
                 raise RobotError("the mass is negative", where=element.at(attribute), cure="Give kilograms.")
 
 
-def _count(text: str) -> int:
-    """The number in ``text``; more than enough where it is none."""
-    return int(text) if re.fullmatch(r"\s*[0-9]{1,9}\s*", text) else _MOST_COPIES + 1
-
-
 def _take_meshes(folder: RobotFolder, root: Element) -> dict[str, bytes]:
     """The content of every mesh file by a new name, without folders, which the tree then has."""
     is_urdf = root.tag == "robot"

@@ -12,7 +12,6 @@ import numpy as np
 from .collision_shapes import bearing_points, colliding, farthest_point, is_round_about, lowest_m
 
 _HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
-_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 _ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 # A leg has this many hinges of its own at least; from this many on its sole can be kept level.
 _LEG_HINGES, _LEVEL_HINGES = 3, 5

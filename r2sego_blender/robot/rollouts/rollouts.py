@@ -9,6 +9,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from ...bundle.artifacts import Artifact
 from ...config.settings import RolloutSettings
 from ...core.arrays import opened_arrays, require_shapes, save_arrays
 from ...core.errors import RobotError
@@ -145,3 +146,11 @@ def _too_few(
         f"{count} failed by {reason} ({example})",
         where=collision_mjcf, cure=_CURES[Reason(reason)],
     )  # fmt: skip
+
+
+def _save(rollouts: Sequence[Rollout], folder: Path) -> None:
+    save_rollouts(folder, rollouts)
+
+
+ROLLOUTS = Artifact("rollouts", load_rollouts, _save)
+"""Every attempt of a round: ``ROLLOUTS.of_round(l)``."""

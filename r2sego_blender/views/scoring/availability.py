@@ -18,7 +18,8 @@ from ...core.cameras import Camera
 from ...core.compiled import inlined, kernel, parallel_kernel, prange
 from ...core.errors import GeometryError
 from ...geometry.proxy.proxy import GeometryProxy
-from ...geometry.visibility.rasterizer import NEAR_M, cut_bounds, edge_plane
+from ...geometry.visibility.projection import NEAR_M, place, screen_extent
+from ...geometry.visibility.rasterizer import edge_plane
 from ...geometry.visibility.view_volume import in_view, side_planes
 from ...splats.kernels.packing import morton_order
 from ...splats.vector_language.aligned_memory import aligned
@@ -125,17 +126,7 @@ def _render(
                 continue
             first, last = starts[cluster], starts[cluster + 1]
             for k in range(last - first):
-                for axis in range(3):
-                    local[k, axis] = (
-                        pose[axis, 0] * vertices[first + k, 0]
-                        + pose[axis, 1] * vertices[first + k, 1]
-                        + pose[axis, 2] * vertices[first + k, 2]
-                        + pose[axis, 3]
-                    )
-                if local[k, 2] >= NEAR_M:
-                    inverse = 1.0 / local[k, 2]
-                    screen[k, 0] = local[k, 0] * inverse * lens[0] + lens[2]
-                    screen[k, 1] = local[k, 1] * inverse * lens[1] + lens[3]
+                place(vertices, first + k, pose, lens, local, screen, k)
             for f in range(cluster * _CLUSTER, min(faces.shape[0], (cluster + 1) * _CLUSTER)):
                 _draw(local, screen, faces[f], supported[f], lens, width, height, offsets, x, y, plane)
 
@@ -198,18 +189,12 @@ def _fill(
 
 @kernel
 def _draw(local, screen, face, supported, lens, width, height, offsets, x, y, plane):
-    """Draw a face into the z-buffer of samples, as ``geometry.rasterizer`` does."""
+    """Draw a face into the z-buffer of samples, as ``geometry.visibility.rasterizer`` does."""
     i, j, k = face[0], face[1], face[2]
     zi, zj, zk = local[i, 2], local[j, 2], local[k, 2]
     if zi < NEAR_M and zj < NEAR_M and zk < NEAR_M:
         return
-    if zi >= NEAR_M and zj >= NEAR_M and zk >= NEAR_M:
-        low_u = min(screen[i, 0], screen[j, 0], screen[k, 0])
-        high_u = max(screen[i, 0], screen[j, 0], screen[k, 0])
-        low_v = min(screen[i, 1], screen[j, 1], screen[k, 1])
-        high_v = max(screen[i, 1], screen[j, 1], screen[k, 1])
-    else:
-        low_u, high_u, low_v, high_v = cut_bounds(local, screen, face, lens)
+    low_u, high_u, low_v, high_v = screen_extent(local, screen, face, lens)
     low_u, high_u = max(low_u - _ROUNDING_PX, 0.0), min(high_u + _ROUNDING_PX, float(width))
     low_v, high_v = max(low_v - _ROUNDING_PX, 0.0), min(high_v + _ROUNDING_PX, float(height))
     if low_u >= high_u or low_v >= high_v:

@@ -1,6 +1,5 @@
 """Every operator is shown by an example script, with properties it has; the page that says so is true."""
 
-import importlib.util
 import re
 import subprocess
 import sys
@@ -8,18 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from tools.pages.scripts import calls, operators, scripts_page
+
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
 ROOT = Path(__file__).parents[3]
-
-
-@pytest.fixture(scope="module")
-def page():
-    """The module that makes the page."""
-    spec = importlib.util.spec_from_file_location("make_scripts", ROOT / "docs" / "make_scripts.py")
-    module = sys.modules["make_scripts"] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(scope="module")
@@ -34,13 +26,13 @@ def registered(blender_environment):
     return {name: set(properties.split(", ")) for name, properties in lines}
 
 
-def test_every_operator_is_called_by_a_script(page, registered):
+def test_every_operator_is_called_by_a_script(registered):
     assert len(registered) >= 80
-    assert set(registered) - {call.operator for call in page.calls()} == set()
+    assert set(registered) - {call.operator for call in calls()} == set()
 
 
-def test_scripts_call_operators_that_are_there_with_properties_they_have(page, registered):
-    for call in page.calls():
+def test_scripts_call_operators_that_are_there_with_properties_they_have(registered):
+    for call in calls():
         assert call.operator in registered, call
         assert set(call.properties) <= registered[call.operator], call
 
@@ -53,11 +45,11 @@ def test_every_script_is_tested():
     assert [name for name in scripts if name not in shared and name not in tests] == []
 
 
-def test_the_page_is_made_from_the_operators_and_the_scripts(page, registered):
-    assert {one.name for one in page.operators()} == set(registered)
-    made = page.scripts_page()
+def test_the_page_is_made_from_the_operators_and_the_scripts(registered):
+    assert {one.name for one in operators()} == set(registered)
+    made = scripts_page()
     assert made.count("`r2sego ") > 30
     for command, operator in (("objects", "decide_prior"), ("robot", "region_from_object")):
         assert re.search(rf"\| `{operator}` \|.*\| `r2sego {command}` \|", made)
     on_disk = (ROOT / "docs" / "blender" / "scripts.md").read_text(encoding="utf-8")
-    assert on_disk == made, "run `python docs/make_scripts.py`"
+    assert on_disk == made, "run `python -m tools.pages.scripts`"

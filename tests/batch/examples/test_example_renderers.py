@@ -9,8 +9,8 @@ import fake_bundle
 import numpy as np
 import pytest
 
+from r2sego_blender.generation.conditions.blender_conditions import read_condition
 from r2sego_blender.generation.conditions.conditions import ZBufferRenderer
-from r2sego_blender.generation.conditions.renderers import read_condition
 from r2sego_blender.results.panels.bundle import Bundle
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")

@@ -13,7 +13,14 @@ from r2sego_blender.core.images import SUFFIXES
 def room(tmp_path):
     """A room's folder with photographs, a COLMAP model and a transforms.json."""
     room = tmp_path / "kitchen"
-    for name in ("images/a.JPG", "images/b.png", "sparse/0/cameras.bin", "transforms.json", "notes.md"):
+    for name in (
+        "images/a.JPG",
+        "images/b.png",
+        "sparse/0/cameras.bin",
+        "sparse/0/images.bin",
+        "transforms.json",
+        "notes.md",
+    ):
         (room / name).parent.mkdir(parents=True, exist_ok=True)
         (room / name).write_bytes(b"")
     return room

@@ -81,7 +81,7 @@ def reference(condition, captures, images, depths, settings):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_kernel_is_its_plain_reference_on_random_scenes(tmp_path, seed, monkeypatch):
-    monkeypatch.setattr(blending, "soften_doubt", lambda image, confidence: image)
+    monkeypatch.setattr(blending, "soften_uncertain", lambda image, confidence: image)
     rng = np.random.default_rng(seed)
     settings = replace(SETTINGS, best_captures=int(rng.integers(1, 4)), border_px=float(rng.uniform(1, 30)))
     cameras = [

@@ -1,4 +1,4 @@
-"""The chosen generator: the letterbox to a program's own size, and the loop with a program."""
+"""The chosen generator: what a machine has of it, and the loop with a program."""
 
 import json
 import sys
@@ -16,16 +16,18 @@ from r2sego_blender.generation.conditions.condition_files import load_conditions
 from r2sego_blender.generation.conditions.conditions import ZBufferRenderer
 from r2sego_blender.generation.conditions.point_condition import PointConditions
 from r2sego_blender.generation.ego_views import ego_video_reg, load_pseudo_observations
+from r2sego_blender.generation.generators import viewcrafter
 from r2sego_blender.generation.generators.blending import BlendingGenerator
-from r2sego_blender.generation.generators.registry import letterbox, open_generator
+from r2sego_blender.generation.generators.command import COMMAND_VARIABLE, SIZE_VARIABLE
+from r2sego_blender.generation.generators.program import letterbox
+from r2sego_blender.generation.generators.registry import installation_of, open_generator
+from r2sego_blender.generation.generators.slot import ClipInputs
 from r2sego_blender.generation.paths.paths import camera_path
 from r2sego_blender.generation.registration.frame_registration import Landmarks
 from r2sego_blender.views.references import with_references
 from r2sego_blender.views.selection import select_targets
-from r2sego_blender.workers import viewcrafter
 from r2sego_blender.workers.child import RUNNING
 from r2sego_blender.workers.external_environment import PROTOCOL
-from r2sego_blender.workers.generator_program import COMMAND_VARIABLE, SIZE_VARIABLE
 
 SETTINGS = with_overrides(
     {
@@ -76,56 +78,18 @@ def generator_in(tmp_path, monkeypatch):
     return name
 
 
-def opened(room, scratch, settings=SETTINGS):
+def opened(room, scratch, settings=SETTINGS, planned=None):
     captures, depths, _ = room
     colours = PointConditions(captures, depths, settings.generation)
     renderer = ZBufferRenderer(box_room.proxy())
-    return open_generator(captures, depths, depths, renderer, colours, settings, scratch)
+    inputs = ClipInputs(captures, depths, depths, renderer, colours, settings, scratch)
+    return open_generator(planned or installation_of(settings), inputs)
 
 
 def conditions_of(room):
     captures, _, target = room
     path = camera_path(captures[1].camera, target, 3)
     return ZBufferRenderer(box_room.proxy()).render((*(c.scaled(0.25) for c in path[:-1]), path[-1]))
-
-
-@pytest.mark.parametrize(
-    ("view", "size"),
-    [((640, 480), (1024, 576)), ((640, 480), (512, 320)), ((1920, 1080), (1024, 576)),
-     ((480, 641), (1024, 576)), ((333, 101), (512, 320)), ((640, 480), (640, 480)),
-     ((300, 300), (1024, 576))],
-)  # fmt: skip
-def test_a_letterboxed_pixel_is_the_same_ray(view, size):
-    pose = look_at([0.3, -1.5, 1.2], [0.1, 0.5, 0.7])
-    camera = Camera(*view, 0.7 * view[0], 0.69 * view[0], 0.51 * view[0], 0.48 * view[1], pose)
-    box = letterbox(camera, *size)
-    assert (box.camera.width, box.camera.height) == size
-    assert box.view_width == size[0] or box.view_height == size[1]
-    assert box.left >= 0 and box.left + box.view_width <= size[0]
-    assert box.top >= 0 and box.top + box.view_height <= size[1]
-    assert abs(size[0] - box.view_width - 2 * box.left) <= 1
-    assert abs(size[1] - box.view_height - 2 * box.top) <= 1
-    # the view's proportions, but for half a pixel
-    assert abs(box.view_width / view[0] * view[1] - box.view_height) <= 0.5 * max(1, view[1] / view[0]) + 1e-9
-    points = np.random.default_rng(1).uniform([-1, 0, 0], [1, 1, 1.4], (50, 3))
-    wide, depth = box.camera.project(points)
-    straight, same = camera.project(points)
-    np.testing.assert_allclose(depth, same, rtol=1e-12)
-    back = (wide - [box.left, box.top]) * [view[0] / box.view_width, view[1] / box.view_height]
-    np.testing.assert_allclose(back, straight, rtol=0, atol=1e-9)
-    assert box.cut(np.zeros((*box.camera.shape, 3))).shape == (box.view_height, box.view_width, 3)
-
-
-@pytest.mark.parametrize("size", [(1024, 576), (512, 320), (200, 301)])
-def test_what_is_cut_out_of_the_letterbox_is_the_view(room, size):
-    target = room[2]
-    box = letterbox(target, *size)
-    wide, _ = box_room.render(box.camera)
-    straight, _ = box_room.render(target)
-    cut = resize(box.cut(wide), target.width, target.height)
-    shifted = resize(np.roll(box.cut(wide), 1, axis=1), target.width, target.height)
-    exact = box_room.psnr(cut, straight)
-    assert exact > 28 and exact > box_room.psnr(shifted, straight) + 3
 
 
 def test_the_embedded_one_is_the_default(room, tmp_path):
@@ -222,6 +186,22 @@ def test_what_is_not_set_up_is_told_before_anything_is_made(room, tmp_path, monk
         learned = with_overrides({"generation.generator": name})
         with pytest.raises(MachineError, match="ViewCrafter is not set up"), opened(room, tmp_path, learned):
             pass
+
+
+def test_the_embedded_one_leaves_keys_as_they_are():
+    assert installation_of(Settings()).identity == {}
+
+
+def test_what_is_opened_is_what_the_key_says(room, generator_in, tmp_path, monkeypatch):
+    """The environment is read when the step is planned, and not again."""
+    generator_in()
+    planned = installation_of(SETTINGS)
+    monkeypatch.setenv(COMMAND_VARIABLE, "no-such-program")
+    monkeypatch.setenv(SIZE_VARIABLE, "8x8")
+    with opened(room, tmp_path, planned=planned) as generator:
+        assert generator.generate(1, conditions_of(room))[-1].image.shape == (360, 480, 3)
+    unknown = installation_of(SETTINGS)
+    assert unknown.identity is None and isinstance(unknown.missing, MachineError)
 
 
 def ego_views(room, folder):

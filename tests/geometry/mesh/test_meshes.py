@@ -1,9 +1,11 @@
-"""Normals, areas and merged vertices, against solids and means that are known."""
+"""Normals, areas, parts and merged vertices, against solids, means and trimesh."""
 
 import numpy as np
 import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
 
-from r2sego_blender.geometry.mesh.meshes import merged, normals_and_areas, places
+from r2sego_blender.geometry.mesh.meshes import compacted, connected, merged, normals_and_areas, places
 
 
 def test_normals_and_areas_are_those_of_a_sphere_of_triangles():
@@ -18,6 +20,26 @@ def test_normals_and_areas_are_those_of_a_sphere_of_triangles():
 def test_a_face_without_area_has_no_normal():
     normals, areas = normals_and_areas(np.eye(3)[[0, 0, 1]], np.array([[0, 1, 2]]))
     assert (normals == 0).all() and (areas == 0).all()
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 60))
+def test_compacted_is_the_same_surface_without_the_vertices_of_no_face(seed, count):
+    rng = np.random.default_rng(seed)
+    vertices, faces = rng.normal(size=(90, 3)), rng.integers(0, 90, (count, 3))
+    kept, renumbered = compacted(vertices, faces)
+    np.testing.assert_array_equal(kept, vertices[np.unique(faces)])
+    assert renumbered.dtype == np.int32 and renumbered.shape == faces.shape
+    np.testing.assert_array_equal(kept[renumbered], vertices[faces])
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 60), st.sampled_from([2, 3]))
+def test_connected_parts_are_those_of_trimesh_and_numbered_by_their_first_vertices(seed, count, corners):
+    faces = np.random.default_rng(seed).integers(0, 90, (count, corners))
+    found = connected(faces, 90)
+    edges = np.concatenate([faces[:, [k, k + 1]] for k in range(corners - 1)])
+    np.testing.assert_array_equal(found, trimesh.graph.connected_component_labels(edges, 90))
+    first = np.unique(found, return_index=True)[1]
+    assert (np.diff(first) > 0).all() and found.max() + 1 == len(first)
 
 
 def test_vertices_of_a_cell_become_their_mean():

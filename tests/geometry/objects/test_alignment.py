@@ -8,7 +8,6 @@ from furniture import FURNITURE, cameras_around, moved, observed_object, random_
 from scipy.spatial.transform import Rotation
 
 from r2sego_blender.core.errors import GeometryError
-from r2sego_blender.evaluation.geometry_scores import alignment_score
 from r2sego_blender.geometry.objects.alignment import (
     ObjectEvidence,
     align,
@@ -17,6 +16,7 @@ from r2sego_blender.geometry.objects.alignment import (
     screened,
 )
 from r2sego_blender.geometry.objects.shapes import Shape
+from tools.benchmarks.geometry_scores import alignment_score
 
 CHAIR = FURNITURE["chair"]()
 WORLD_FROM_CHAIR = standing(130.0, (0.3, 0.2), scale=1.1)

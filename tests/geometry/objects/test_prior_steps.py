@@ -8,19 +8,23 @@ import numpy as np
 import pytest
 import trimesh
 
-from r2sego_blender.bundle.layout import COMPLETED, DEPTH, OBJECTS, OBSERVED, PLANES, PRIORS
-from r2sego_blender.bundle.scene import Declaration, Scene
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
+from r2sego_blender.bundle.runner import Runner
+from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.sparse import SparsePoints
-from r2sego_blender.captures.store import load_captures, save_captures
+from r2sego_blender.captures.store import CAPTURES, save_captures
 from r2sego_blender.core.progress import SILENT
 from r2sego_blender.editing.object_priors import declare_objects
-from r2sego_blender.geometry.objects.objects import DeclaredObject, Placement, save_objects
-from r2sego_blender.geometry.objects.priors import load_priors, read_record
-from r2sego_blender.geometry.room.planes import RoomPlanes
-from r2sego_blender.geometry.stereo.observed import observe
+from r2sego_blender.geometry.objects.objects import OBJECTS, DeclaredObject, Placement, save_objects
+from r2sego_blender.geometry.objects.priors import PRIOR_RECORDS, PRIORS
+from r2sego_blender.geometry.room.completion import COMPLETED
+from r2sego_blender.geometry.room.planes import PLANES, RoomPlanes
+from r2sego_blender.geometry.stereo.observed import OBSERVED, observe
+from r2sego_blender.geometry.stereo.stereo import DEPTH
 from r2sego_blender.refine import capture_steps
-from r2sego_blender.refine.contents import Contents
+from r2sego_blender.refine.capture_steps import RegisteredCaptures
 from r2sego_blender.refine.steps import Steps
 
 IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
@@ -54,20 +58,20 @@ def registered(path: Path, room, captures: Sequence[Capture]) -> Scene:
         save_captures(folder / "captures", captures, sparse)
 
     declaration = Declaration("photos", IDENTITY, "floor plane", "metric poses", overrides=SMALL)
-    return Scene.create(path, declaration, fill)
+    return create_bundle(path, declaration, fill)
 
 
 @pytest.fixture(scope="module")
 def scene(room, tmp_path_factory) -> Scene:
     """A bundle with captures, exact depth, observed points and planes, as the steps before leave it."""
     scene = registered(tmp_path_factory.mktemp("priors") / "room.r2s", room, room.captures)
-    captures = load_captures(scene.captures_folder)
-    (scene.path / DEPTH).mkdir(parents=True)
+    captures = scene.read(CAPTURES)
+    (scene.path / DEPTH.name).mkdir(parents=True)
     for capture, depth in zip(captures, room.depth_maps, strict=True):
-        depth.save(scene.path / DEPTH / f"{capture.name}.npz")
+        depth.save(scene.path / DEPTH.name / f"{capture.name}.npz")
     settings = scene.declaration.settings
-    observe(captures, room.depth_maps, None, settings.stereo).save(scene.path / OBSERVED)
-    room_planes().save(scene.path / PLANES)
+    observe(captures, room.depth_maps, None, settings.stereo).save(scene.path / OBSERVED.name)
+    room_planes().save(scene.path / PLANES.name)
     return scene
 
 
@@ -75,7 +79,7 @@ def scene(room, tmp_path_factory) -> Scene:
 def masks(scene, room) -> dict[str, np.ndarray]:
     """Where the captures show the crate."""
     found = {}
-    for capture, depth in zip(load_captures(scene.captures_folder), room.depth_maps, strict=True):
+    for capture, depth in zip(scene.read(CAPTURES), room.depth_maps, strict=True):
         points = depth.camera.unproject(depth.depth)
         low, high = np.array([0.4, 0.5, 1e-3]), np.array([1.4, 1.1, 0.7])
         found[capture.name] = ((points > low - 1e-3) & (points < high + 1e-3)).all(-1)
@@ -83,40 +87,42 @@ def masks(scene, room) -> dict[str, np.ndarray]:
 
 
 def run(scene: Scene) -> list[dict]:
-    Steps(scene, scene.declaration.settings, SILENT).align_priors(OBSERVED, PLANES)
-    return read_record(scene.path / PRIORS)
+    Steps(Runner(scene), scene.declaration.settings, SILENT).align_priors(
+        RegisteredCaptures(), OBSERVED, PLANES
+    )
+    return scene.read(PRIOR_RECORDS)
 
 
 def runs(scene: Scene) -> int:
-    return sum(record.get("step") == PRIORS for record in scene.journal())
+    return sum(record.get("step") == PRIORS.name for record in scene.journal())
 
 
 def test_objects_are_aligned_and_only_when_something_changed(scene, masks, crate, tmp_path):
     assert run(scene) == []
-    assert load_priors(scene.path / PRIORS) == ()
+    assert scene.read(PRIORS) == ()
 
     mesh = tmp_path / "crate.ply"
     crate.export(mesh)
     held = DeclaredObject("crate", masks, mesh, Placement(np.eye(4), locked=True))
-    save_objects(scene.path / OBJECTS, [held], list(masks))
+    save_objects(scene.path / OBJECTS.name, [held], list(masks))
     (record,) = run(scene)
     assert record["refusal"] == "" and record["silhouette_iou"] > 0.9 and record["point_distance_m"] < 0.01
-    (prior,) = load_priors(scene.path / PRIORS)
+    (prior,) = scene.read(PRIORS)
     assert prior.name == "crate"
     np.testing.assert_allclose(np.sort(prior.vertices, axis=0), np.sort(crate.vertices, axis=0), atol=1e-6)
 
     before = runs(scene)
     assert run(scene) == [record] and runs(scene) == before == 2
     nowhere = {name: np.zeros_like(mask) for name, mask in masks.items()}
-    save_objects(scene.path / OBJECTS, [DeclaredObject("ghost", nowhere)], list(masks))
+    save_objects(scene.path / OBJECTS.name, [DeclaredObject("ghost", nowhere)], list(masks))
     crate_record, ghost = run(scene)
     assert crate_record == record and runs(scene) == 3
     assert ghost["refusal"] == "no mask shows the object"
-    assert [one.name for one in load_priors(scene.path / PRIORS)] == ["crate"]
+    assert [one.name for one in scene.read(PRIORS)] == ["crate"]
 
     declare_objects(scene, remove=["crate", "ghost"])
     assert run(scene) == [] and runs(scene) == 4
-    assert load_priors(scene.path / PRIORS) == ()
+    assert scene.read(PRIORS) == ()
 
 
 def test_the_captures_of_a_rig_may_repeat_their_file_names(room, tmp_path, monkeypatch):
@@ -125,15 +131,16 @@ def test_the_captures_of_a_rig_may_repeat_their_file_names(room, tmp_path, monke
     captures = [replace(one, name=name) for one, name in zip(room.captures, names, strict=True)]
     scene = registered(tmp_path / "rig.r2s", room, captures)
     monkeypatch.setattr(capture_steps, "dense_stereo", lambda *_, **__: room.depth_maps)
-    steps = Steps(scene, scene.declaration.settings, SILENT)
-    steps.align_priors(*steps.observed_and_prior_geometry(steps.register_inputs()[0]))
+    steps = Steps(Runner(scene), scene.declaration.settings, SILENT)
+    captures, _ = steps.register_inputs()
+    steps.align_priors(captures, *steps.observed_and_prior_geometry(captures))
     for target in (DEPTH, COMPLETED):
-        files = [path.name for path in sorted((scene.path / target).iterdir())]
+        files = [path.name for path in sorted((scene.path / target.name).iterdir())]
         assert len(files) == 4 and files[:2] == ["cam0_0000.png.npz", "cam1_0000.png.npz"]
         assert "left.png.npz" in files
     assert [path.name for path in tmp_path.iterdir()] == ["rig.r2s"]
-    contents = Contents(scene, scene.declaration.settings)
-    for read in (contents.depth_maps(), contents.completed()):
+    for made in (DEPTH, COMPLETED):
+        read = scene.read(made).of(scene.read(CAPTURES))
         assert [one.camera.to_json() for one in read] == [one.camera.to_json() for one in room.depth_maps]
 
 
@@ -142,7 +149,7 @@ def test_a_library_that_is_changed_runs_the_step_again(scene, masks, crate, tmp_
     library.mkdir()
     declared = scene.declare(mesh_library=str(library))
     assert Scene.open(scene.path).declaration == declared.declaration
-    save_objects(scene.path / OBJECTS, [DeclaredObject("box", masks)], list(masks))
+    save_objects(scene.path / OBJECTS.name, [DeclaredObject("box", masks)], list(masks))
     crate.export(library / "crate.ply")
     found = {record["name"]: record for record in run(declared)}
     assert found["box"]["shape"] == "crate" and found["box"]["silhouette_iou"] > 0.85
@@ -159,7 +166,7 @@ def test_bounds_that_are_changed_run_the_step_again(scene):
     before = runs(scene)
     planes = room_planes()
     planes.bounding[-1] = False
-    planes.save(scene.path / PLANES)
+    planes.save(scene.path / PLANES.name)
     run(scene)
     assert runs(scene) == before + 1
 

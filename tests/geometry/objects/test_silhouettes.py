@@ -15,13 +15,22 @@ from r2sego_blender.geometry.objects.silhouettes import (
     HIDING_M,
     MASK_ONLY,
     NARROWER,
-    NEAR_M,
+    NEAREST_SHAPE_M,
     SHAPE_ONLY,
     WIDER,
     MaskViews,
-    silhouette_counts,
+    count_pixels,
+    scratch,
 )
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
+
+
+def silhouette_counts(views, vertices, faces):
+    """(V, 3, 4) counts by the kernel, of a shape that stands as it is."""
+    counts = np.zeros((len(views.sizes), 3, 4), np.int64)
+    work = scratch(views.sizes, len(vertices))
+    count_pixels(views, np.eye(3), np.zeros(3), vertices, faces, *work, counts)
+    return counts
 
 
 def reference(cameras, masks, depths, vertices, faces):
@@ -123,10 +132,10 @@ def test_faces_behind_the_camera_do_no_harm():
     """The counts are those of the faces that lie before it as a whole."""
     rng = np.random.default_rng(8)
     vertices = rng.uniform((-1, -1, -0.5), (1, 1, 1.5), (60, 3))
-    vertices[:3] = [[0.1, 0.1, 0.0], [0.2, 0.0, 1e-12], [0.0, 0.2, NEAR_M]]
+    vertices[:3] = [[0.1, 0.1, 0.0], [0.2, 0.0, 1e-12], [0.0, 0.2, NEAREST_SHAPE_M]]
     faces = np.concatenate([[[0, 1, 2]], rng.integers(0, 60, (60, 3))]).astype(np.int32)
     views = [CAMERA], [blob(rng, CAMERA.shape)], [rng.uniform(0.3, 1.5, CAMERA.shape).astype(np.float32)]
-    before = faces[(vertices[faces][..., 2] >= NEAR_M).all(1)]
+    before = faces[(vertices[faces][..., 2] >= NEAREST_SHAPE_M).all(1)]
     assert 5 < len(before) < len(faces) - 5
     found = silhouette_counts(MaskViews.of(*views), vertices, faces)
     np.testing.assert_allclose(found, reference(*views, vertices, before), atol=1)

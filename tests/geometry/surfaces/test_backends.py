@@ -12,7 +12,7 @@ from r2sego_blender.core.errors import GeometryError, MachineError, NativeError
 from r2sego_blender.geometry.proxy.fusion import compose_proxy
 from r2sego_blender.geometry.room.completion import CompletedDepth, DepthSource
 from r2sego_blender.geometry.room.planes import RoomPlanes
-from r2sego_blender.geometry.surfaces.backends import SURFACES
+from r2sego_blender.geometry.surfaces.backends import surface_backend
 from r2sego_blender.geometry.surfaces.oriented_points import OrientedPoints, WeightedDepth
 from r2sego_blender.geometry.surfaces.poisson import _reconstruct, poisson_surface
 from r2sego_blender.geometry.surfaces.tsdf import DistanceField
@@ -58,7 +58,7 @@ def normals(vertices, faces):
 
 @pytest.mark.parametrize("name", EMBEDDED)
 def test_a_sphere_is_found_whole_and_faces_outwards(name):
-    vertices, faces = SURFACES[name](sphere_views(), field([-0.7] * 3, [0.7] * 3))
+    vertices, faces = surface_backend(name).surface(sphere_views(), field([-0.7] * 3, [0.7] * 3))
     assert np.abs(np.linalg.norm(vertices, axis=1) - RADIUS_M).max() < TOLERANCE_M
     area = np.linalg.norm(normals(vertices, faces), axis=1).sum() / 2
     assert area == pytest.approx(4 * np.pi * RADIUS_M**2, rel=0.03)
@@ -67,7 +67,9 @@ def test_a_sphere_is_found_whole_and_faces_outwards(name):
 
 @pytest.mark.parametrize("name", EMBEDDED)
 def test_a_room_is_found_and_nothing_else(room, name):
-    vertices, faces = SURFACES[name](room_views(room), field([-2.1, -1.6, -0.1], [2.1, 1.6, 2.5]))
+    vertices, faces = surface_backend(name).surface(
+        room_views(room), field([-2.1, -1.6, -0.1], [2.1, 1.6, 2.5])
+    )
     distance = room.distance(vertices[faces].mean(1))
     assert np.quantile(distance, 0.98) < TOLERANCE_M
     seen = np.concatenate(
@@ -160,7 +162,7 @@ def test_views_that_see_nothing_give_no_surface(name):
     camera = Camera(40, 30, 30.0, 30.0, 20.0, 15.0, np.eye(4))
     blind = WeightedDepth(camera, np.zeros(camera.shape, np.float32), np.ones(camera.shape, np.float32))
     try:
-        vertices, faces = SURFACES[name]([blind], field([-1] * 3, [1] * 3))
+        vertices, faces = surface_backend(name).surface([blind], field([-1] * 3, [1] * 3))
         assert vertices.shape == faces.shape == (0, 3)
     except GeometryError:
         pass
@@ -184,4 +186,4 @@ def test_a_proxy_comes_of_poisson_too(room):
 def test_nksr_that_is_not_there_says_what_to_do(python, monkeypatch):
     monkeypatch.setenv(PYTHON_VARIABLE, python)
     with pytest.raises(MachineError, match=r"Install nksr .* --set proxy\.surface=tsdf"):
-        SURFACES["nksr"](sphere_views(), field([-0.7] * 3, [0.7] * 3))
+        surface_backend("nksr").surface(sphere_views(), field([-0.7] * 3, [0.7] * 3))

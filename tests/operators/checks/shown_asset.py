@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 from support import open_bundle
 
-SPLATS, BACKDROP_SPLATS = 60, 12  # as tests/bridge/fake_asset.py writes them
+SPLATS, BACKDROP_SPLATS = 60, 12  # as tests/fakes/fake_asset.py writes them
 
 
 def group():

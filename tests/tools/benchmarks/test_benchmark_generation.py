@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from painted_room import write_painted_room
 
+from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.core.errors import SceneError
 from r2sego_blender.core.progress import SILENT
@@ -32,7 +33,7 @@ def bundle(scene, tmp_path_factory):
     path = tmp_path_factory.mktemp("bundle") / "scene.r2s"
     create_scene(path, scene, scene / "cameras.json")
     made = Scene.open(path).declare(overrides=TINY)
-    step = Steps(made, made.declaration.settings, SILENT)
+    step = Steps(Runner(made), made.declaration.settings, SILENT)
     captures, asset = step.register_inputs()
     observed, priors = step.observed_and_prior_geometry(captures)
     step.geometry_proxy(0, captures, observed, step.align_priors(observed, priors), asset)

@@ -9,9 +9,18 @@ import numpy as np
 import pytest
 from painted_room import write_painted_room
 
+from r2sego_blender.bundle.creating import create_bundle
+from r2sego_blender.bundle.declaration import Declaration
+from r2sego_blender.bundle.layout import DEPTH, capture_files
+from r2sego_blender.captures.capture import Capture
+from r2sego_blender.captures.store import save_captures
+from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import CaptureError, EvaluationError
+from r2sego_blender.core.images import save_image
+from r2sego_blender.evaluation.ground_truth import GroundTruth, TrueView
+from r2sego_blender.geometry.stereo.stereo import DepthMap
 from tools.benchmarks.figures import write_figures
-from tools.benchmarks.geometry import bench_geometry, lines
+from tools.benchmarks.geometry import _stereo_scores, bench_geometry, lines
 
 ROOT = Path(__file__).parents[3]
 SECONDS = (
@@ -78,6 +87,36 @@ def test_the_truth_scores_and_does_nothing_else(scene, figures, tmp_path):
     assert falsely["stereo_coverage"] == figures["stereo_coverage"]
     assert falsely["stereo_accuracy"] < 0.01 and falsely["proxy_precision"] == 0.0
     assert not any(name.startswith("noisy") for name in falsely)
+
+
+def test_depth_of_a_rig_is_scored_too(tmp_path):
+    """Its captures are named by paths, and their files are not."""
+    camera = Camera(32, 24, 30.0, 30.0, 16.0, 12.0, look_at((0.0, -2.0, 1.2), (0.0, 0.5, 0.8)))
+    for k in range(2):
+        save_image(tmp_path / f"{k}.png", np.full((24, 32, 3), 0.5, np.float32))
+    names = ["cam0/0000.png", "cam1/0000.png"]
+    captures = [Capture(name, tmp_path / f"{k}.png", camera) for k, name in enumerate(names)]
+    true = [TrueView(name, camera, np.full(camera.shape, 2.0 + k, np.float32), np.zeros(camera.shape, int))
+            for k, name in enumerate(names)]  # fmt: skip
+    nothing = np.zeros((0, 3))
+    truth = GroundTruth(tuple(true), nothing, nothing, nothing[:, 0], ())
+
+    def fill(folder):
+        save_captures(folder / "captures", captures)
+        (folder / DEPTH).mkdir(parents=True)
+        for view, file in zip(true, capture_files(names), strict=True):
+            found = DepthMap(
+                view.depth, np.zeros((*camera.shape, 3), np.float32), np.zeros(camera.shape, np.float32),
+                np.full(camera.shape, 2, np.uint8), camera,
+            )  # fmt: skip
+            found.save(folder / DEPTH / file)
+
+    declared = Declaration(
+        "cameras.json", tuple(map(tuple, np.eye(4).tolist())), "floor plane", "metric poses"
+    )
+    scores = _stereo_scores(create_bundle(tmp_path / "rig.r2s", declared, fill), truth)
+    for name in ("stereo", *(f"stereo_{name}" for name in names)):
+        assert scores[f"{name}_coverage"] == scores[f"{name}_accuracy"] == 1.0
 
 
 def test_folders_without_truth_are_refused_before_any_work(scene, tmp_path):

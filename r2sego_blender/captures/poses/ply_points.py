@@ -1,0 +1,40 @@
+"""Points of a PLY file: positions and colours alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ...core.errors import CaptureError
+
+_GREY = 128
+
+
+def read_ply_points(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """The vertices (P, 3) float64 of a PLY and their colours (P, 3) uint8, grey where it has none.
+
+    Raises CaptureError when the file is missing or holds no point.
+    """
+    import trimesh
+
+    try:
+        cloud = trimesh.load(path, file_type="ply", process=False)
+        xyz = np.asarray(cloud.vertices, np.float64).reshape(-1, 3)
+    except Exception as error:  # trimesh raises whatever its parser ran into
+        raise CaptureError(
+            "the points cannot be read", where=path, cure="Give a PLY file with vertices."
+        ) from error
+    colours = getattr(cloud, "colors", None) if isinstance(cloud, trimesh.PointCloud) else None
+    if colours is None and cloud.visual.kind == "vertex":
+        colours = cloud.visual.vertex_colors
+    if colours is None or len(colours) != len(xyz):
+        colours = np.full((len(xyz), 3), _GREY)
+    return _finite(xyz, np.asarray(colours, np.uint8)[:, :3], path)
+
+
+def _finite(xyz: np.ndarray, colours: np.ndarray, path: Path) -> tuple[np.ndarray, np.ndarray]:
+    kept = np.isfinite(xyz).all(axis=1)
+    if not kept.any():
+        raise CaptureError("there is no point in the file", where=path, cure="Give one with points.")
+    return xyz[kept], colours[kept]

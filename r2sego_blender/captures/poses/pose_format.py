@@ -1,0 +1,79 @@
+"""What one kind of poses tells of itself: the record that each file in ``formats`` has as ``FORMAT``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...config.settings import CaptureSettings
+from ...core.progress import Progress
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ..sensors.sensor_depth import SensorDepth
+    from .photographs import Photograph
+
+
+@dataclass(frozen=True)
+class Posed:
+    """Photographs with their poses, in the frame of the poses.
+
+    ``source`` says in words where the poses come from, ``metric`` whether they are known to be in metres;
+    ``up`` (3,) is the direction up where the device measured gravity, ``depth`` what its depth sensor
+    saw; ``masks`` counts the masks that are named, there or not.
+    """
+
+    photographs: Sequence[Photograph]
+    source: str
+    metric: bool = False
+    up: np.ndarray | None = None
+    depth: SensorDepth | None = None
+    masks: int = 0
+
+
+@dataclass(frozen=True)
+class PoseFormat:
+    """One kind of poses.
+
+    ``name`` is what it is called for people. ``find`` gives the poses of this kind at a file or in a folder,
+    as ``read`` takes them, none where there are none; it is cheap, and raises nothing. ``read`` is given
+    these and the folder of photographs, and raises CaptureError. ``points`` gives the positions (P, 3)
+    float64 and colours (P, 3) uint8 that come with the poses, in their frame, or None. ``files`` are names
+    that its files have, ``parts`` those of files whose folder is the poses, ``key`` what the file, a JSON
+    object, has. ``photographs_too``: a folder of it holds its own photographs, and is taken without being
+    asked for. Kinds of a lower ``order`` are looked for first.
+    """
+
+    name: str
+    find: Callable[[Path], Sequence[Path]]
+    read: Callable[[Path, Path, CaptureSettings, Progress], Posed]
+    points: Callable[[Path, Progress], tuple[np.ndarray, np.ndarray] | None] | None = None
+    files: Sequence[str] = ()
+    parts: Sequence[str] = ()
+    key: str = ""
+    photographs_too: bool = False
+    order: int = 1000
+
+
+def json_files(place: Path, names: Sequence[str], key: str) -> list[Path]:
+    """``place`` where it is a file of a JSON object with ``key``, or the first such of these names in it.
+
+    In a folder one that is damaged counts too: who reads it says what is wrong.
+    """
+    if not place.is_dir():
+        return [place] if _holds(place, key) else []
+    files = (place / name for name in names)
+    return [file for file in files if file.is_file() and _holds(file, key) is not False][:1]
+
+
+def _holds(file: Path, key: str) -> bool | None:
+    """Whether the file is a JSON object with ``key``; None where it cannot be read."""
+    try:
+        data = json.loads(file.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    return isinstance(data, dict) and key in data

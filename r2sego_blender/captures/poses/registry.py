@@ -1,0 +1,75 @@
+"""Poses found at a place, of whatever kind in ``formats``. Blender's Python reads it too."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Sequence
+from pathlib import Path
+
+from ...core.errors import CaptureError
+from . import formats
+from .json_fields import read_json
+from .pose_format import PoseFormat
+
+
+def _records() -> tuple[PoseFormat, ...]:
+    modules = [module.name for module in pkgutil.iter_modules(formats.__path__)]
+    found = [importlib.import_module(f".{name}", formats.__name__).FORMAT for name in modules]
+    return tuple(sorted(found, key=lambda record: record.order))
+
+
+FORMATS = _records()
+"""Every kind, in the order in which they are looked for."""
+
+
+def find_poses(place: Path) -> tuple[PoseFormat, Path]:
+    """The poses at a file or in a folder, and their kind.
+
+    Raises CaptureError where there are none, or several to choose from.
+    """
+    for record in FORMATS:
+        if found := record.find(place):
+            return record, only_one(found, place)
+    names = [record.name for record in FORMATS]
+    known = f"{', '.join(names[:-1])} or {names[-1]}"
+    if place.is_dir() or is_part(place):
+        raise CaptureError(
+            f"there is no {known} in this folder", where=place if place.is_dir() else place.parent,
+            cure="Give the folder that holds them, see docs/formats.md.",
+        )  # fmt: skip
+    read_json(place)  # says that it is missing, or damaged
+    keys = " nor ".join(f"'{key}'" for key in sorted(record.key for record in FORMATS if record.key))
+    raise CaptureError(f"the file has neither {keys}", where=place, cure=f"Give a {known}.")
+
+
+def find_export(folder: Path) -> tuple[PoseFormat, Path] | None:
+    """The poses in a folder whose own photographs they are of, and their kind."""
+    found = ((record, record.find(folder)) for record in FORMATS if record.photographs_too)
+    return next(((record, places[0]) for record, places in found if places), None)
+
+
+def poses_beside(folder: Path) -> Sequence[Path]:
+    """The poses that lie in a folder of photographs, those of a file before others; () where none do."""
+    ordered = sorted(FORMATS, key=lambda record: not record.files)
+    return next((found for record in ordered if (found := record.find(folder))), ())
+
+
+def only_one(found: Sequence[Path], folder: Path) -> Path:
+    """The poses that were found in a folder. Raises CaptureError where there are several."""
+    if len(found) > 1:
+        raise CaptureError(
+            f"there are {len(found)} models", where=folder,
+            cure=f"Name the one to use, such as {found[0]}; each is a room of its own.",
+        )  # fmt: skip
+    return found[0]
+
+
+def is_part(file: Path) -> bool:
+    """Whether a file of this name is one of those whose folder is the poses."""
+    return any(file.name in record.parts for record in FORMATS)
+
+
+def is_pose_file(file: Path) -> bool:
+    """Whether a file of this name is poses."""
+    return any(file.name in record.files for record in FORMATS)

@@ -1,0 +1,155 @@
+"""``r2sego new``, ``refine``, ``status`` and ``plan``: a scene as a whole; ``doctor``: this machine."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..bundle.reading import read_beside_jobs
+from ..bundle.scene import Scene
+from ..config.presets import PRESETS, with_overrides
+from ..core.atomic_files import is_replacing
+from .options import (
+    ANY_PATH,
+    FOLDER,
+    Output,
+    output_options,
+    overrides_of,
+    scale_of,
+    scale_options,
+    settings_option,
+)
+
+
+@click.command()
+@click.argument("scene", type=ANY_PATH)
+@click.option("--captures", required=True, type=FOLDER, help="Folder of photographs, three at least.")
+@click.option(
+    "--poses",
+    type=ANY_PATH,
+    help="transforms.json, cameras.json, a COLMAP folder or Polycam's raw export; else they are solved.",
+)
+@click.option(
+    "--robot",
+    default="embedded:humanoid",
+    show_default=True,
+    help="The robot: embedded:humanoid, embedded:wheeled, or an MJCF or URDF file.",
+)
+@click.option(
+    "--scope",
+    default="walk_and_look",
+    show_default=True,
+    help="Behaviour scope: walk_and_look, sit_down or a TOML file.",
+)
+@scale_options
+@settings_option
+@output_options("--json-progress")
+def new(
+    scene: Path,
+    captures: Path,
+    poses: Path | None,
+    robot: str,
+    scope: str,
+    overrides: tuple[str, ...],
+    output: Output,
+    **given: Any,
+) -> None:
+    """Make the bundle SCENE from photographs.
+
+    SCENE is a new folder, by custom of a name in .r2s. Without an option for the scale, poses in metres
+    count as they are, and otherwise the cameras are taken to be 1.5 m above the floor. Pixels are those
+    of the upright photograph at its full size.
+    """
+    from ..captures.frame.scale import Scale
+    from ..refine.creation import create_scene
+
+    scale = scale_of(**given, robot=robot, scope=scope, command="new") or Scale.automatic()
+    changes = overrides_of(overrides)
+    settings = with_overrides(changes).captures
+    made = create_scene(scene, captures, poses, robot, scope, scale, settings, output.progress)
+    made = made.declare(overrides=changes) if changes else made
+    output.tell(scene=str(made.path), ground=made.declaration.ground, scale=made.declaration.scale_source)
+
+
+@click.command()
+@click.argument("scene", type=ANY_PATH)
+@click.option(
+    "--preset",
+    type=click.Choice(list(PRESETS)),
+    help="Named settings: 'preview' for a quick look; by default the scene's, at first 'paper'.",
+)
+@settings_option
+@click.option(
+    "--rounds", type=int,
+    help="Refinement rounds: 3 in 'paper', 2 in 'preview'. Short for --set rounds=L.",
+)  # fmt: skip
+@output_options("--json-progress")
+def refine(
+    scene: Path, preset: str | None, overrides: tuple[str, ...], rounds: int | None, output: Output
+) -> None:
+    """Run Algorithm 1 on SCENE; started again, it goes on where it stopped.
+
+    Writes asset.ply, collision/ and report/index.html in SCENE. Preset and settings that are given stay
+    declared for the next time.
+    """
+    from ..evaluation.refinement import refine_with_report
+
+    opened = Scene.open(scene)
+    changes = overrides_of(overrides) | ({} if rounds is None else {"rounds": rounds})
+    if made_with := [key for key in changes if key.startswith("captures.")]:
+        said = f"{', '.join(made_with)}: counts for `r2sego new`; the captures stay"
+        output.progress.message(said, "warning")
+    opened, report = refine_with_report(opened, preset, changes, output.progress)
+    output.tell(asset=str(opened.asset_file), collision=str(opened.collision_folder), report=str(report))
+
+
+@click.command()
+@click.argument("scene", type=ANY_PATH)
+@output_options("--json")
+def status(scene: Path, output: Output) -> None:
+    """Say what SCENE holds and how far it has come."""
+    from ..results.plan import parts_outdated
+    from ..results.status import describe, lines
+
+    def state_of(opened: Scene) -> dict[str, Any]:
+        return describe(opened, look_at_results=True, outdated=parts_outdated(opened))
+
+    output.show(read_beside_jobs(scene, state_of), lines)
+
+
+@click.command()
+@click.argument("scene", type=ANY_PATH)
+@click.option("--preset", type=click.Choice(list(PRESETS)), help="By default the scene's, as for refine.")
+@settings_option
+@output_options("--json", "--json-progress")
+def plan(scene: Path, preset: str | None, overrides: tuple[str, ...], output: Output) -> None:
+    """Say which steps the next refine of SCENE would run again; runs and writes nothing."""
+    from ..results.plan import describe_plan, lines, plan_refinement
+
+    changes = overrides_of(overrides)
+
+    def planned(opened: Scene) -> dict[str, Any]:
+        asked = Scene(opened.path, opened.declaration.with_settings(preset, changes))
+        return describe_plan(plan_refinement(asked), is_replacing(opened.path))
+
+    output.show(read_beside_jobs(scene, planned), lines)
+
+
+@click.command()
+@output_options("--json")
+def doctor(output: Output) -> None:
+    """Say what is installed, what is missing, what it is for and what it costs.
+
+    Ends with status 1 where something is missing that is required.
+    """
+    from ..results.doctor import examine, lines
+
+    findings = examine()
+    output.show(findings, lines)
+    sys.exit(0 if findings["ready"] else 1)
+
+
+COMMANDS = (new, refine, status, plan, doctor)

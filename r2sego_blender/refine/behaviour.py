@@ -1,0 +1,77 @@
+"""The declared behaviour: robot and scope of a bundle, and where they stand in its room."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from ..bundle.scene import Scene
+from ..captures.capture import Capture
+from ..core.cameras import Camera
+from ..geometry.objects.priors import AlignedPrior, object_place
+from ..geometry.proxy.proxy import GeometryProxy
+from ..geometry.proxy.seen_floor import seen_floor
+from ..robot.model.model import RobotModel
+from ..robot.model.robot_file import robot_digest
+from ..robot.rollouts.candidates import ego_camera
+from ..robot.scope.scope import ANY_SEAT, FREE_FLOOR, BehaviourScope
+
+
+@dataclass(frozen=True)
+class DeclaredBehaviour:
+    """``scope`` as it is written, for the declared ``robot``: a file, or the name of an embedded one."""
+
+    scope: BehaviourScope
+    robot: str
+
+    @staticmethod
+    def of(scene: Scene) -> DeclaredBehaviour:
+        """What a scene declares. Raises RobotError where its scope cannot be read."""
+        declared = scene.declaration
+        return DeclaredBehaviour(BehaviourScope.load(declared.scope), declared.robot)
+
+    @cached_property
+    def robot_file(self) -> tuple[str, ...]:
+        """What a step that reads the robot depends on: its file's digest, nothing where it is embedded."""
+        source, _ = self.scope.robot_for(self.robot)
+        digest = robot_digest(source)
+        return (digest,) if digest else ()
+
+    @cached_property
+    def model(self) -> RobotModel:
+        """The robot with its camera's mount."""
+        return RobotModel.load(*self.scope.robot_for(self.robot))
+
+    def ego_camera(self, captures: Sequence[Capture]) -> Camera:
+        """The head camera's lens, with images of the first capture's sides: robots' lie, whichever way a
+        phone was held."""
+        first = captures[0].camera
+        return ego_camera(self.model, max(first.shape), min(first.shape))
+
+    @property
+    def names_object(self) -> bool:
+        """Whether the place to sit down is a declared object's."""
+        return isinstance(self.scope.sit_on.target, str) and self.scope.sit_on.target != ANY_SEAT
+
+    def outline(
+        self, captures: Sequence[Capture], proxy: GeometryProxy
+    ) -> tuple[tuple[float, float], ...]:  # fmt: skip
+        """Corners of the region where the robot may be; of the free floor, what captures vouch for."""
+        if self.scope.region.within != FREE_FLOOR:
+            return self.scope.region.within
+        return tuple(map(tuple, seen_floor(proxy, [capture.camera for capture in captures]).tolist()))
+
+    def placed(
+        self, captures: Sequence[Capture], proxy: GeometryProxy, priors: Sequence[AlignedPrior]
+    ) -> BehaviourScope:
+        """The scope with its region's corners and, where the robot sits down on a named object, that
+        object's place. Raises GeometryError when no such object is aligned."""
+        scope = self.scope
+        target = scope.sit_on.target
+        if self.names_object and scope.behaviours.sit_on > 0.0:
+            target = object_place(priors, target)
+        return replace(
+            scope, region=replace(scope.region, within=self.outline(captures, proxy)),
+            sit_on=replace(scope.sit_on, target=target),
+        )  # fmt: skip

@@ -1,0 +1,34 @@
+"""What pictures of a scene's asset, or of any splats, are rendered from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..bundle.asset_stages import FINAL, stage_named
+from ..bundle.scene import Scene
+from ..bundle.stale import require_present_frame
+from ..core.cameras import Camera
+from ..refine.splat_start import cameras_of_poses, holds_poses
+from ..splats.artifacts import load_stage
+from ..splats.asset import SplatAsset
+from ..splats.formats.registry import load_asset
+from ..splats.rendering.pictures import load_cameras
+
+
+def asset_and_cameras(
+    source: Path, cameras: Path, stage: str = FINAL
+) -> tuple[SplatAsset, dict[str, Camera]]:
+    """The asset of a scene at a stage, or of a splat file, and the cameras in a file, by their names.
+
+    Of a splat file the cameras may also be the poses of what it was trained on: a scene's world is another
+    than that of the poses it was made of. Raises SceneError when a scene's asset is of an earlier world
+    frame, and as ``stage_named``, ``load_asset`` and ``load_cameras``.
+    """
+    if not source.is_dir():
+        seen_from = cameras_of_poses(cameras) if holds_poses(cameras) else load_cameras(cameras)
+        return load_asset(source), seen_from
+    seen_from = load_cameras(cameras)
+    scene = Scene.open(source)
+    found = stage_named(scene, stage)
+    require_present_frame(scene, [found.target], "rendered")
+    return load_stage(found), seen_from

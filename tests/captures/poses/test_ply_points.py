@@ -1,0 +1,31 @@
+"""Points of a PLY file, coloured or not."""
+
+import numpy as np
+import pytest
+import trimesh
+from splat_photographs import room_points, write_points
+
+from r2sego_blender.captures.poses.ply_points import read_ply_points
+from r2sego_blender.core.errors import CaptureError
+
+
+def test_points_of_a_ply_with_and_without_colours(tmp_path):
+    points, colours = read_ply_points(write_points(tmp_path / "points.ply"))
+    np.testing.assert_allclose(points, room_points()[0], atol=1e-6)
+    np.testing.assert_array_equal(colours, room_points()[1])
+
+    trimesh.PointCloud(room_points()[0]).export(tmp_path / "bare.ply")
+    assert (read_ply_points(tmp_path / "bare.ply")[1] == 128).all()
+
+    box = trimesh.creation.box()
+    box.visual.vertex_colors = np.tile([200, 100, 50, 255], (len(box.vertices), 1))
+    box.export(tmp_path / "box.ply")
+    points, colours = read_ply_points(tmp_path / "box.ply")
+    assert len(points) == 8 and (colours == [200, 100, 50]).all()
+
+
+@pytest.mark.parametrize("content", [b"", b"no ply", b"ply\nformat ascii 1.0\nend_header\n"])
+def test_a_ply_without_points_is_named(tmp_path, content):
+    (tmp_path / "points.ply").write_bytes(content)
+    with pytest.raises(CaptureError, match=r"points\.ply"):
+        read_ply_points(tmp_path / "points.ply")
