@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..core.errors import SettingsError
-from .slots import GENERATORS, RENDERERS, SURFACES
+from .slots import GENERATORS, RENDERERS, SURFACES, TRAINERS
 
 
 def setting(
@@ -314,7 +314,7 @@ class TrainingSettings:
     backend: str = setting(
         "cpu",
         "What renders and moves the Gaussians: the embedded CPU kernels, or gsplat on an NVIDIA GPU.",
-        choices=("cpu", "gsplat"), added=True,
+        choices=tuple(TRAINERS.labels), added=True,
     )  # fmt: skip
     steps_per_round: int = setting(5000, "Optimisation steps a round.", 1, 200000)
     max_gaussians: int = setting(150000, "Hard budget of Gaussians, the backdrop not counted.", 1000, 5000000)
