@@ -15,7 +15,7 @@ from .lifting import intersection, intersection_covariance, lifted, pointed_at
 
 if TYPE_CHECKING:
     from ..capture import Capture
-    from ..sparse import SparsePoints
+    from ..sparse_points import SparsePoints
 
 _UP = np.array([0.0, 0.0, 1.0])
 # Three points must span this share of their distance from the cameras across their longest line.

@@ -13,7 +13,7 @@ from ...core.errors import CaptureError
 
 if TYPE_CHECKING:
     from ..capture import Capture
-    from ..sparse import SparsePoints
+    from ..sparse_points import SparsePoints
 
 _NEAREST_POINTS = 12
 _LIFT_RADIUS = 0.12  # of the image's longest side

@@ -30,7 +30,7 @@ _REFINEMENTS = 5
 
 
 class _View(Protocol):
-    """What is asked of a capture: ``Capture`` and the bridge's ``CapturedView`` have it."""
+    """What is asked of a capture: ``Capture`` and ``RegisteredView`` have it."""
 
     name: str
     camera: Camera

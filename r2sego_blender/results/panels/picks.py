@@ -11,10 +11,11 @@ import numpy as np
 
 from ...captures.frame.picks import CameraHeight, Pick, PickedLength, PickedPoint, Picks
 from ...captures.frame.picks_fit import PicksFit, fit_picks
-from ...core.arrays import opened_arrays
-from ...core.errors import CaptureError, R2SEgoError, SceneError
+from ...captures.registered_views import RegisteredView
+from ...captures.sparse_points import SPARSE
+from ...core.errors import CaptureError, R2SEgoError
 from ...core.progress import Progress
-from .bundle import Bundle, CapturedView
+from .bundle import Bundle
 
 
 def picks_of(group: Any) -> Picks:
@@ -87,7 +88,7 @@ def fit_of(picks: Picks, bundle: Bundle) -> PickFacts:
     )  # fmt: skip
 
 
-def _points_alone(picks: Picks, captures: list[CapturedView], sparse: Any, problem: str) -> PickFacts:
+def _points_alone(picks: Picks, captures: list[RegisteredView], sparse: Any, problem: str) -> PickFacts:
     """Residuals of single points, where the whole makes no floor or scale yet."""
     placed: dict[str, PlacedPick] = {}
     for point in picks.points:
@@ -137,5 +138,4 @@ def _sparse(bundle: Bundle) -> Any:
         return SimpleNamespace(
             points=np.empty((0, 3)), visibility=np.empty((0, len(bundle.captures())), bool)
         )
-    with opened_arrays(file, SceneError, "it cannot be read", "Import the captures again.") as data:
-        return SimpleNamespace(points=data["points"], visibility=data["visibility"])
+    return bundle.read(SPARSE)

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ...core.arrays import opened_arrays
 from ...core.errors import GeometryError
+from ...geometry.objects.prior_files import PRIOR_RECORDS, REFUSED, load_prior
 from .bundle import Bundle
 
 _CURE = "Run `r2sego refine` again."
@@ -46,8 +46,8 @@ def read_objects(bundle: Bundle) -> list[KnownObject]:
     folder = bundle.path / "objects"
     if not folder.is_dir():
         return []
-    record = bundle.scene.geometry_folder / "priors" / "priors.json"
-    known = {one["name"]: one for one in (_json(record) if record.is_file() else [])}
+    there = (bundle.scene.geometry_folder / "priors" / "priors.json").is_file()
+    known = {one["name"]: one for one in (bundle.read(PRIOR_RECORDS) if there else [])}
     return [
         _object(bundle, place, known.get(place.name, {}))
         for place in sorted(folder.iterdir())
@@ -58,7 +58,7 @@ def read_objects(bundle: Bundle) -> list[KnownObject]:
 def prior_file(bundle: Bundle, name: str) -> Path | None:
     """The mesh in the world that the last run placed for an object, refused ones too; None without."""
     folder = bundle.scene.geometry_folder / "priors"
-    files = (folder / f"{name}.npz", folder / "refused" / f"{name}.npz")
+    files = (folder / f"{name}.npz", folder / REFUSED / f"{name}.npz")
     return next((file for file in files if file.is_file()), None)
 
 
@@ -70,8 +70,8 @@ def prior_mesh(bundle: Bundle, name: str) -> tuple[np.ndarray, np.ndarray]:
             f"'{name}' has no prior to show", where=bundle.path,
             cure="Refine first, or give the object a mesh.",
         )  # fmt: skip
-    with opened_arrays(file, GeometryError, "this is no aligned prior", _CURE) as data:
-        return data["vertices"].astype(np.float64), data["faces"].astype(np.int32)
+    prior = load_prior(file)
+    return prior.vertices.astype(np.float64), prior.faces.astype(np.int32)
 
 
 def mask_files(bundle: Bundle, name: str) -> dict[str, Path]:
