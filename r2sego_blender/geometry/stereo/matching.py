@@ -10,12 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.compiled import KernelDecorator
 from ...core.compiled import kernel as plain_kernel
 
 # Divisions without Python's check for zero, which would keep the sums out of vectors.
 # Helpers are inlined by LLVM and take arrays, never tuples of them: Numba counts a
 # reference for each array of a tuple it passes on, which costs more than a matching cost.
-inner_kernel = functools.partial(plain_kernel, error_model="numpy", forceinline=True)
+inner_kernel: KernelDecorator = functools.partial(plain_kernel, error_model="numpy", forceinline=True)
 """A helper of the stereo kernels."""
 
 WORST_COST = np.float32(2.0)
