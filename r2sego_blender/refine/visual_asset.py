@@ -9,6 +9,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -118,7 +119,7 @@ def settings_of_round(settings: TrainingSettings, index: int) -> TrainingSetting
     if index == 0:
         return settings
     share = settings.later_rounds_rate ** min(index, _SLOWEST_ROUND)
-    slower = {name: getattr(settings, name) * share for name in _RATES}
+    slower: dict[str, Any] = {name: getattr(settings, name) * share for name in _RATES}
     return dataclasses.replace(settings, **EVERY_PIXEL, **slower)
 
 

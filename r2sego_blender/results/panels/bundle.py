@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -194,7 +193,7 @@ class Bundle:
         return _json(file, "Run Evaluate again.") if file.is_file() else {}
 
 
-def _json(file: Path, cure: str = _CURE) -> Mapping[str, Any]:
+def _json(file: Path, cure: str = _CURE) -> dict[str, Any]:
     try:
         return json.loads(file.read_text(encoding="utf-8"))
     except OSError as error:

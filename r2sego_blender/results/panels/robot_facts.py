@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...robot.scope.region import Polygon, area_m2
-from ...robot.scope.scope import FREE_FLOOR, BehaviourScope
+from ...robot.scope.scope import BehaviourScope
 from .bundle import Bundle
 
 
@@ -49,7 +49,7 @@ class RobotFacts:
     def region(self) -> Polygon:
         """The region's corners; none where it is all of the free floor."""
         within = self.scope.region.within
-        return () if within == FREE_FLOOR else within
+        return () if isinstance(within, str) else within
 
     @property
     def seats(self) -> tuple[Seat, ...]:

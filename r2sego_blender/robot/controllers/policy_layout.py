@@ -305,7 +305,7 @@ class _Reader:
         return np.array(numbers, np.float64)
 
     def _range(self, table: dict[str, Any], field: str, low: float, high: float) -> Range:
-        value = table.get(field)
+        value: Any = table.get(field)
         is_range = isinstance(value, list) and len(value) == 2 and all(map(_is_number, value))
         if not is_range or not low <= value[0] <= value[1] <= high:
             raise self._error(
