@@ -1,12 +1,13 @@
-"""What Blender remembers: the scene's bundle with its cached facts, and the running job.
+"""What Blender remembers: the scene's bundle with what a person chose of it, and the running job.
 
-Panels draw only what stands here. ``refresh`` reads the bundle, on purpose: when it is
-opened, when a job has ended, when the person asks, or when undo brought back what was read before.
+Panels draw cached facts alone (``panel_facts``). ``refresh`` reads the bundle into them, on purpose: when it
+is opened, when a job has ended, or when the person asks.
 """
 
-import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import bpy
 from bpy.props import (
@@ -20,7 +21,10 @@ from bpy.props import (
 )
 
 from ..r2sego_blender.bridge.scene.settings_properties import settings_group, show_settings
+from ..r2sego_blender.bridge.shared import panel_facts
 from ..r2sego_blender.bridge.shared.moved_bundle import found_again, turn_to, way_from, whole_path
+from ..r2sego_blender.bridge.shared.panel_facts import Fact
+from ..r2sego_blender.bridge.shared.views_3d import redraw_views
 from ..r2sego_blender.config.presets import PRESETS, differing, preset
 from ..r2sego_blender.core.errors import R2SEgoError, SceneError
 from ..r2sego_blender.results.panels.bundle import Bundle
@@ -35,12 +39,8 @@ PRESET_ITEMS = [(name, name.capitalize(), _PRESET_DOCS.get(name, name)) for name
 """The named presets as a Blender property offers them."""
 
 
-class R2SEGO_PG_fact(bpy.types.PropertyGroup):
-    """One line a panel shows."""
-
-    section: StringProperty()
-    label: StringProperty()
-    value: StringProperty()
+class R2SEGO_PG_row(bpy.types.PropertyGroup):
+    """A row of a list; what it shows is the cached fact in its place."""
 
 
 class R2SEGO_PG_job(bpy.types.PropertyGroup):
@@ -55,26 +55,53 @@ class R2SEGO_PG_job(bpy.types.PropertyGroup):
     message: StringProperty()
 
 
+@dataclass(frozen=True)
+class Line:
+    """A line that a panel shows: its section, a label and a value."""
+
+    section: str
+    label: str
+    value: str
+
+
+@dataclass(frozen=True)
+class SceneFacts:
+    """What of a bundle the whole tab goes by."""
+
+    lines: tuple[Line, ...] = ()
+    rounds_begun: int = 0
+    rounds_done: int = 0
+    rounds_declared: int = 0
+    has_collision: bool = False
+    has_report: bool = False
+
+
+@dataclass(frozen=True)
+class Reader:
+    """How facts of one class are read of a bundle; ``chosen`` tells of which of a person's choices, besides
+    the bundle, they are. ``read`` writes nothing into Blender's data, so that undo may call it too."""
+
+    read: Callable[[bpy.types.Scene, Bundle], Any]
+    chosen: Callable[[bpy.types.Scene], Hashable] = lambda scene: ()
+
+
 SettingsGroup = settings_group()
 
-listeners: list[Callable[[bpy.types.Scene, Bundle], None]] = []
-"""Called with the open bundle whenever it was opened or changed, or another round is shown.
+Change = Callable[[bpy.types.Scene, Bundle], None]
 
-A room adds its own when it is registered and reads its cached facts there; it may raise
-R2SEgoError and nothing else, and shows nothing of another bundle then.
-"""
+readers: dict[type, Reader] = {}
+"""A room adds its facts' class when it is registered. It may raise R2SEgoError and nothing else, and shows
+nothing of another bundle then; its ``lines``, if it has any, stand among the scene's."""
 
-forgetters: list[Callable[[bpy.types.Scene, Bundle], None]] = []
-"""Called with the open bundle, before the listeners, when it is another one than before.
+followers: list[Change] = []
+"""Called with the open bundle once its facts are read: a room shows changed results anew there, and keeps
+its choices to what there is. Not after undo, whose history would not have what is made there."""
+
+forgetters: list[Change] = []
+"""Called with the open bundle, before it is read, when it is another one than before.
 
 A room that keeps what a person began in a bundle adds its own, and forgets it there.
 """
-
-_readings = itertools.count(1)
-_latest: dict[tuple[int, str], int] = {}
-"""The latest reading of a bundle in a Blender scene, by the scene's session_uid and the bundle's path."""
-
-_showing = True
 
 
 def _other_round(group: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
@@ -96,18 +123,28 @@ class R2SEGO_PG_scene(bpy.types.PropertyGroup):
         min=0, default=0, update=_other_round,
     )  # fmt: skip
     settings: PointerProperty(type=SettingsGroup)
-    reading: IntProperty()
-    """Another number for another reading of the bundle: undo brings an earlier one back."""
-    facts: CollectionProperty(type=R2SEGO_PG_fact)
-    problem: StringProperty()
-    rounds_begun: IntProperty()
-    rounds_done: IntProperty()
-    rounds_declared: IntProperty()
-    has_collision: BoolProperty()
-    has_report: BoolProperty()
+    kept_captures: StringProperty(description="That bundle's captures, by which it is known where it moved")
+    rounds_begun, rounds_done, rounds_declared = Fact(SceneFacts), Fact(SceneFacts), Fact(SceneFacts)
+    has_collision, has_report = Fact(SceneFacts), Fact(SceneFacts)
+
+    @property
+    def facts(self) -> list[Line]:
+        """Every line of the open bundle."""
+        kept = panel_facts.kept_of(self.id_data).values()
+        return [line for one in kept for line in getattr(one.facts, "lines", ())]
+
+    @property
+    def problem(self) -> str:
+        """What is wrong with the open bundle, '' when nothing is."""
+        return next((one.problem for one in panel_facts.kept_of(self.id_data).values() if one.problem), "")
 
 
-_CLASSES = (R2SEGO_PG_fact, R2SEGO_PG_job, SettingsGroup, R2SEGO_PG_scene)
+@dataclass(frozen=True)
+class _Shown:
+    """Stands for what is shown in Blender among the classes of facts: it has problems of its own."""
+
+
+_CLASSES = (R2SEGO_PG_row, R2SEGO_PG_job, SettingsGroup, R2SEGO_PG_scene)
 
 
 def bundle_path(scene: bpy.types.Scene) -> str:
@@ -150,39 +187,69 @@ def show_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
     state.round_index = max(0, bundle.rounds() - 1)  # reads the bundle, as every change of the round
 
 
-def may_show() -> bool:
-    """Whether a listener may make objects now, not only read facts.
-
-    Not after undo or redo: what is made there is in no step of Blender's history, and the next undo
-    would crash on it.
-    """
-    return _showing
-
-
 def refresh(scene: bpy.types.Scene) -> None:
     """Read the bundle again into the cached facts; what is damaged becomes ``problem``, the rest is read.
 
-    Listeners may show changed results anew: whoever calls this sees to a step to undo. A Blender scene
-    that is linked from another .blend stays as it was saved there: nothing can be shown in it.
+    Followers may show changed results anew: whoever calls this sees to a step to undo. A Blender scene
+    that is linked from another .blend is read too, but stays as it was saved there.
     """
-    if scene.library is not None:
-        return
-    state = scene.r2sego
-    state.facts.clear()
-    state.problem = ""
-    state.reading = _latest[scene.session_uid, bundle_path(scene)] = next(_readings)
-    try:
-        bundle = bundle_of(scene)
-    except _DAMAGE as error:
-        state.problem = _told(error)
-        return
+    panel_facts.begin(scene)
+    bundle = _opened(scene)
     if bundle is None:
         return
-    for read in (_forget_other, _read_facts, *listeners):
-        try:
-            read(scene, bundle)
-        except _DAMAGE as error:
-            state.problem = state.problem or _told(error)
+    changes: list[Change] = []
+    if scene.library is None:
+        _attempt(_forget_other, scene, bundle)
+        changes = followers
+    for kind in readers:
+        _read(scene, bundle, kind)
+    for follow in changes:
+        _attempt(follow, scene, bundle)
+    redraw_views()
+
+
+def catch_up(scene: bpy.types.Scene) -> None:
+    """Read what was read for other choices than those of now: a person, or undo, has changed them."""
+    known = {kind: one.chosen for kind, one in panel_facts.kept_of(scene).items()}
+    stale = [kind for kind, reader in readers.items() if known.get(kind) != reader.chosen(scene)]
+    read_again(scene, *stale)
+
+
+def read_again(scene: bpy.types.Scene, *kinds: type) -> None:
+    """Read the facts of these classes again: what they tell of has changed."""
+    bundle = _opened(scene) if kinds else None
+    if bundle is not None:
+        for kind in kinds:
+            _read(scene, bundle, kind)
+        redraw_views()
+
+
+def tell_problem(scene: bpy.types.Scene, error: Exception) -> None:
+    """Tell of what could not be shown, until the bundle is read again."""
+    panel_facts.keep(scene, _Shown(), problem=_told(error))
+
+
+def _opened(scene: bpy.types.Scene) -> Bundle | None:
+    try:
+        return bundle_of(scene)
+    except _DAMAGE as error:
+        tell_problem(scene, error)
+        return None
+
+
+def _read(scene: bpy.types.Scene, bundle: Bundle, kind: type) -> None:
+    chosen = readers[kind].chosen(scene)
+    try:
+        panel_facts.keep(scene, readers[kind].read(scene, bundle), chosen)
+    except _DAMAGE as error:
+        panel_facts.keep(scene, kind(), chosen, _told(error))
+
+
+def _attempt(change: Change, scene: bpy.types.Scene, bundle: Bundle) -> None:
+    try:
+        change(scene, bundle)
+    except _DAMAGE as error:
+        tell_problem(scene, error)
 
 
 @bpy.app.handlers.persistent
@@ -213,16 +280,15 @@ def _read_again(file: str) -> None:
 
 @bpy.app.handlers.persistent
 def _undone(*_: object) -> None:
-    """Undo does not reach the bundle: where it brought back what was read before, read what is there."""
-    global _showing
-    _showing = False
-    try:
-        for scene in bpy.data.scenes:
-            name = bundle_path(scene)
-            if name and scene.r2sego.reading != _latest.get((scene.session_uid, name)):
-                refresh(scene)
-    finally:
-        _showing = True
+    """Undo brings choices back, another bundle or round among them, and calls no update of a property."""
+    for scene in bpy.data.scenes:
+        catch_up(scene)
+
+
+@bpy.app.handlers.persistent
+def _another_file(*_: object) -> None:
+    """The scenes whose facts are kept go."""
+    panel_facts.forget_all()
 
 
 def _told(error: Exception) -> str:
@@ -245,19 +311,16 @@ def _forget_other(scene: bpy.types.Scene, bundle: Bundle) -> None:
 
 def _was_moved(scene: bpy.types.Scene, before: str, bundle: Bundle) -> bool:
     """Whether a person moved the bundle that was at ``before``, and opened it where it is now."""
-    known = [one.name for one in scene.r2sego_captures.captures]
-    return not Path(before).is_dir() and known == [view.name for view in bundle.captures()]
+    known = scene.r2sego.kept_captures
+    return not Path(before).is_dir() and known == "\n".join(view.name for view in bundle.captures())
 
 
-def _read_facts(scene: bpy.types.Scene, bundle: Bundle) -> None:
-    state = scene.r2sego
-    state.rounds_begun, state.rounds_done = bundle.rounds(), bundle.scene.rounds_done()
-    state.rounds_declared = bundle.scene.declaration.settings.rounds
-    state.has_collision = bundle.collision_mesh.is_file()
-    state.has_report = bundle.report_page.is_file()
-    for section, label, value in _facts(bundle):
-        fact = state.facts.add()
-        fact.section, fact.label, fact.value = section, label, value
+def _read_facts(_scene: bpy.types.Scene, bundle: Bundle) -> SceneFacts:
+    return SceneFacts(
+        tuple(Line(*fact) for fact in _facts(bundle)), bundle.rounds(), bundle.scene.rounds_done(),
+        bundle.scene.declaration.settings.rounds, bundle.collision_mesh.is_file(),
+        bundle.report_page.is_file(),
+    )  # fmt: skip
 
 
 def _facts(bundle: Bundle) -> Iterator[tuple[str, str, str]]:
@@ -295,24 +358,38 @@ def _seen_from(bundle: Bundle, named: str) -> str:
     return file.relative_to(bundle.path).as_posix() if file.is_relative_to(bundle.path) else named
 
 
+_HANDLERS = (
+    (bpy.app.handlers.save_pre, _note_way),
+    (bpy.app.handlers.load_pre, _another_file),
+    (bpy.app.handlers.load_post, _read_again),
+    (bpy.app.handlers.undo_post, _undone),
+    (bpy.app.handlers.redo_post, _undone),
+)
+
+
 def register() -> None:
     """Add the scene's and the window manager's properties."""
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.Scene.r2sego = PointerProperty(type=R2SEGO_PG_scene)
     bpy.types.WindowManager.r2sego_job = PointerProperty(type=R2SEGO_PG_job)
-    bpy.app.handlers.save_pre.append(_note_way)
-    bpy.app.handlers.load_post.append(_read_again)
-    bpy.app.handlers.undo_post.append(_undone)
-    bpy.app.handlers.redo_post.append(_undone)
+    setattr(bpy.types.WindowManager, panel_facts.ROWS, CollectionProperty(type=R2SEGO_PG_row))
+    readers[SceneFacts] = Reader(_read_facts)
+    for handlers, handler in _HANDLERS:
+        handlers.append(handler)
+    if not bpy.app.background:  # where timers do not run; bundles may be open already
+        bpy.app.timers.register(_undone, first_interval=0.0)
 
 
 def unregister() -> None:
     """Take them away again."""
-    bpy.app.handlers.redo_post.remove(_undone)
-    bpy.app.handlers.undo_post.remove(_undone)
-    bpy.app.handlers.load_post.remove(_read_again)
-    bpy.app.handlers.save_pre.remove(_note_way)
+    if bpy.app.timers.is_registered(_undone):
+        bpy.app.timers.unregister(_undone)
+    for handlers, handler in reversed(_HANDLERS):
+        handlers.remove(handler)
+    del readers[SceneFacts]
+    panel_facts.forget_all()
+    delattr(bpy.types.WindowManager, panel_facts.ROWS)
     del bpy.types.WindowManager.r2sego_job
     del bpy.types.Scene.r2sego
     for cls in reversed(_CLASSES):

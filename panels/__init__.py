@@ -1,4 +1,8 @@
-"""The side bar's panels, the overlays and the preferences. They name operators by their bl_idname."""
+"""The side bar's panels, a file for each room, with the overlays over the 3D view and the preferences.
+
+They draw what stands in properties and cached facts alone, and name operators by their bl_idname. They may
+use ``bridge/`` and the library. Begin with ``sidebar.py`` (what panels share) and ``fact_list.py`` (lists).
+"""
 
 import bpy
 

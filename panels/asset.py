@@ -5,6 +5,7 @@ import bpy
 from ..r2sego_blender.bridge.asset.asset_pictures import is_of_view
 from ..r2sego_blender.bridge.asset.show_asset import shows_another
 from ..r2sego_blender.core.formatting import counted
+from .fact_list import FactList, fact_list
 from .overlays import splat_preview, wipe
 from .sidebar import Sidebar, Step, write_wrapped
 
@@ -22,7 +23,7 @@ class R2SEGO_PT_asset(Step, bpy.types.Panel):
         group, layout = context.scene.r2sego_asset, self.layout
         column = layout.column(align=True)
         if group.stages:
-            stage = group.stages[min(group.stage, len(group.stages) - 1)]
+            stage = group.stages[group.stage]
             row = column.row(align=True)
             row.prop(group, "stage", text=stage.label, slider=False)
         column.operator("r2sego.show_asset", icon="POINTCLOUD_DATA")
@@ -98,10 +99,12 @@ class R2SEGO_PT_asset_render(_Part, bpy.types.Panel):
         row.operator("r2sego.move_wipe", text="", icon="ARROW_LEFTRIGHT")
 
 
-class R2SEGO_UL_asset_edits(bpy.types.UIList):
+class R2SEGO_UL_asset_edits(FactList, bpy.types.UIList):
     """The deletions that the bundle keeps"""
 
-    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
+    group, facts = "r2sego_asset", "edits"
+
+    def draw_fact(self, layout, group, item, index):
         row = layout.row()
         row.label(text=item.name)
         row.label(text=item.regions)
@@ -133,7 +136,7 @@ class R2SEGO_PT_asset_delete(_Part, bpy.types.Panel):
         row.operator("r2sego.delete_splats", icon="TRASH")
         row.operator("r2sego.clear_splat_marks", icon="X")
         if group.edits:
-            layout.template_list("R2SEGO_UL_asset_edits", "", group, "edits", group, "edit_index", rows=2)
+            fact_list(layout, R2SEGO_UL_asset_edits, group, "edit_index", rows=2)
             layout.operator("r2sego.restore_splats", text="Restore", icon="LOOP_BACK")
 
 

@@ -4,6 +4,7 @@ import bpy
 
 from ..r2sego_blender.captures.frame.picks_fit import in_centimetres
 from ..r2sego_blender.core.formatting import counted
+from .fact_list import FactList, fact_list
 from .overlays import picture_labels, registration_overlay, sparse_cloud
 from .sidebar import Step, draw_problem, write_wrapped
 
@@ -11,12 +12,13 @@ _OFF_PX = 2.0
 """A pick that misses by more is drawn as doubtful."""
 
 
-class R2SEGO_UL_captures(bpy.types.UIList):
+class R2SEGO_UL_captures(FactList, bpy.types.UIList):
     """The captures: name, lens, measured points and overlapping captures"""
 
     bl_idname = "R2SEGO_UL_captures"
+    group, facts = "r2sego_captures", "captures"
 
-    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
+    def draw_fact(self, layout, group, item, index):
         row = layout.split(factor=0.55, align=True)
         row.label(text=item.name.rpartition(".")[0] or item.name, icon="CAMERA_DATA")
         facts = row.row(align=True)
@@ -37,11 +39,12 @@ class R2SEGO_UL_picked_points(bpy.types.UIList):
         row.prop(item, "name", text="", emboss=False, icon="EMPTY_AXIS")
         told = row.row(align=True)
         told.alignment = "RIGHT"
-        told.alert = item.off_px > _OFF_PX
-        off = f", {item.off_px:.1f} px" if item.off_px >= 0.0 else ""
-        told.label(text=f"{len(item.views)}x{off}")
-        if item.floor and item.located:
-            told.label(text=in_centimetres(item.off_floor_m))
+        placed = item.placed
+        off_px = placed.off_px if placed is not None else -1.0
+        told.alert = off_px > _OFF_PX
+        told.label(text=f"{len(item.views)}x" + (f", {off_px:.1f} px" if off_px >= 0.0 else ""))
+        if item.floor and placed is not None:
+            told.label(text=in_centimetres(placed.off_floor_m))
         row.prop(item, "floor", text="", icon="MESH_PLANE")
 
 
@@ -58,9 +61,7 @@ class R2SEGO_PT_captures(Step, bpy.types.Panel):
         shown = context.scene.r2sego_captures
         self.draw_facts(context)
         if len(shown.captures):
-            layout.template_list(
-                R2SEGO_UL_captures.bl_idname, "", shown, "captures", shown, "active_capture", rows=4
-            )
+            fact_list(layout, R2SEGO_UL_captures, shown, "active_capture", rows=4)
             self._draw_chosen(shown.captures[min(shown.active_capture, len(shown.captures) - 1)])
         row = layout.split(factor=0.36, align=True)
         row.operator("r2sego.import_captures", text="Import", icon="CAMERA_DATA")
@@ -140,10 +141,11 @@ class R2SEGO_PT_registration(Step, bpy.types.Panel):
         for index, length in enumerate(shown.lengths):
             row = layout.row(align=True)
             row.prop(length, "metres", text=f"{length.start} to {length.end}")
-            if length.found:
+            error_m = length.error_m
+            if error_m is not None:
                 told = row.row(align=True)
                 told.alignment = "RIGHT"
-                told.label(text=in_centimetres(length.error_m))
+                told.label(text=in_centimetres(error_m))
             row.operator("r2sego.remove_length", text="", icon="X").index = index
         layout.operator("r2sego.add_length", icon="DRIVER_DISTANCE")
 
@@ -152,7 +154,7 @@ class R2SEGO_PT_registration(Step, bpy.types.Panel):
         row.prop(shown, "use_camera_height")
         if shown.use_camera_height:
             row.prop(shown, "camera_height", text="")
-            layout.prop_search(shown, "height_capture", shown, "captures", icon="CAMERA_DATA")
+            layout.prop(shown, "height_capture", icon="CAMERA_DATA")
             if shown.height_error_m:
                 layout.label(text=f"Camera height {in_centimetres(shown.height_error_m)}", icon="DOT")
 

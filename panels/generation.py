@@ -2,15 +2,18 @@
 
 import bpy
 
+from .fact_list import FactList, fact_list
 from .sidebar import Sidebar, Step, write_wrapped
 
 _CONDITIONS = {"DEPTH", "NORMAL", "PROVENANCE", "POINTS"}
 
 
-class R2SEGO_UL_generated_views(bpy.types.UIList):
+class R2SEGO_UL_generated_views(FactList, bpy.types.UIList):
     """The generated views by their rank, those that stand in for rejected ones last"""
 
-    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
+    group, facts = "r2sego_generation", "views"
+
+    def draw_fact(self, layout, group, item, index):
         row = layout.row(align=True)
         row.active = item.accepted
         row.label(text=f"{item.rank}   {item.title}", icon="CHECKMARK" if item.accepted else "X")
@@ -33,9 +36,7 @@ class R2SEGO_PT_generation(Step, bpy.types.Panel):
             layout.operator("r2sego.render_conditions", text="Conditions", icon="RENDER_ANIMATION")
             return
         layout.label(text=f"{group.accepted} of {len(group.views)} views accepted")
-        layout.template_list(
-            "R2SEGO_UL_generated_views", "", group, "views", group, "active", rows=4, maxrows=12
-        )
+        fact_list(layout, R2SEGO_UL_generated_views, group, "active", rows=4, maxrows=12)
         if not 0 <= group.active < len(group.views):
             return
         view = group.views[group.active]
@@ -65,7 +66,7 @@ class R2SEGO_PT_generation_view(Sidebar, bpy.types.Panel):
         view = _active_view(context)
         for label, value in (
             ("Reference", view.reference), ("Agreement", view.registration), ("Residual", view.residual),
-            ("Uncertainty", view.doubt), ("Replacement", view.stands_in), ("Path", view.note),
+            ("Uncertainty", view.uncertainty), ("Replacement", view.replacement), ("Path", view.note),
         ):  # fmt: skip
             if value:
                 write_wrapped(context, self.layout, f"{label}: {value}")

@@ -42,7 +42,7 @@ class R2SEGO_AP_preferences(bpy.types.AddonPreferences):
         layout.separator()
         layout.prop(self, "drawn_faces")
         row = layout.row()
-        row.operator("r2sego.draw_faster", icon="SHADING_WIRE")
+        row.operator("r2sego.simplify_viewport", icon="SHADING_WIRE")
         row.label(text="For a Blender without a graphics card")
 
 

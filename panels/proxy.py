@@ -3,6 +3,7 @@
 import bpy
 
 from ..r2sego_blender.core.formatting import counted
+from .fact_list import FactList, fact_list
 from .overlays import placement_overlay, proxy_legend
 from .sidebar import Sidebar, Step, write_wrapped
 
@@ -41,10 +42,12 @@ class _Part(Sidebar):
     bl_options = {"DEFAULT_CLOSED"}
 
 
-class R2SEGO_UL_proxy_objects(bpy.types.UIList):
+class R2SEGO_UL_proxy_objects(FactList, bpy.types.UIList):
     """The objects with what became of their priors"""
 
-    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
+    group, facts = "r2sego_proxy", "objects"
+
+    def draw_fact(self, layout, group, item, index):
         row = layout.split(factor=0.42)
         row.label(text=item.name, icon=_STATE_ICONS.get(item.state, "DOT"))
         row = row.split(factor=0.62)
@@ -62,7 +65,7 @@ class R2SEGO_PT_proxy_masks(_Part, bpy.types.Panel):
     def draw(self, context):
         group, layout = context.scene.r2sego_proxy, self.layout
         row = layout.row()
-        row.template_list("R2SEGO_UL_proxy_objects", "", group, "objects", group, "object_index", rows=3)
+        fact_list(row, R2SEGO_UL_proxy_objects, group, "object_index", rows=3)
         column = row.column(align=True)
         column.operator("r2sego.new_object", text="", icon="ADD")
         column.operator("r2sego.remove_object", text="", icon="REMOVE")
@@ -90,15 +93,16 @@ class R2SEGO_PT_proxy_priors(_Part, bpy.types.Panel):
     def draw(self, context):
         group, layout = context.scene.r2sego_proxy, self.layout
         layout.operator("r2sego.show_priors", icon="MESH_MONKEY")
-        if not 0 <= group.object_index < len(group.objects):
+        objects, index = group.objects, group.object_index
+        if not 0 <= index < len(objects):
             return
-        chosen = group.objects[group.object_index]
+        chosen = objects[index]
         column = layout.column(align=True)
         column.label(text=f"{chosen.name}: {chosen.state}", icon=_STATE_ICONS.get(chosen.state, "DOT"))
         if chosen.energy >= 0.0:
             column.label(text=f"Overlap {chosen.iou:.2f}, energy {chosen.energy:.2f}")
-        if chosen.residual >= 0.0:
-            column.label(text=f"Points {100.0 * chosen.residual:.1f} cm off, shape {chosen.shape}")
+        if chosen.residual_m >= 0.0:
+            column.label(text=f"Points {100.0 * chosen.residual_m:.1f} cm off, shape {chosen.shape}")
         write_wrapped(context, column, chosen.why)
         row = layout.row(align=True)
         row.operator("r2sego.place_prior", icon="ORIENTATION_GIMBAL")
@@ -120,10 +124,12 @@ class R2SEGO_PT_proxy_priors(_Part, bpy.types.Panel):
         layout.operator_menu_enum("r2sego.use_mesh_as_prior", "place", icon="MESH_DATA")
 
 
-class R2SEGO_UL_proxy_edits(bpy.types.UIList):
+class R2SEGO_UL_proxy_edits(FactList, bpy.types.UIList):
     """The edits of the proxy that the bundle keeps"""
 
-    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
+    group, facts = "r2sego_proxy", "edits"
+
+    def draw_fact(self, layout, group, item, index):
         row = layout.split(factor=0.5)
         row.label(text=item.name)
         row.label(text=f"{item.kind}, {item.area:.2f} m\u00b2")
@@ -145,7 +151,7 @@ class R2SEGO_PT_proxy_edits(_Part, bpy.types.Panel):
         layout.operator("r2sego.cut_proxy", icon="TRASH")
         layout.operator("r2sego.draw_proxy_surface", icon="MESH_PLANE")
         if group.edits:
-            layout.template_list("R2SEGO_UL_proxy_edits", "", group, "edits", group, "edit_index", rows=2)
+            fact_list(layout, R2SEGO_UL_proxy_edits, group, "edit_index", rows=2)
             layout.operator("r2sego.remove_proxy_edit", icon="LOOP_BACK")
 
 

@@ -63,7 +63,7 @@ class R2SEGO_PT_report_causes(Step, bpy.types.Panel):
             column = self.layout.column(align=True)
             _line(column, "", ("of error", "of pixels"), False)
             for cause in report.causes:
-                _line(column, cause.name, (_percent(cause.error), _percent(cause.pixels)), True)
+                _line(column, cause.label, (_percent(cause.error), _percent(cause.pixels)), True)
         write_wrapped(context, self.layout, report.mending, "INFO")
         if report.causes_note:
             row = self.layout.row()
@@ -77,7 +77,7 @@ def _table(layout, scores, has_lpips):
     _line(column, "", heads, False)
     for score in scores:
         figures = (_figure(score.psnr, 2), _figure(score.ssim, 3), _figure(score.lpips, 3))
-        _line(column, score.name, figures[: len(heads)], True)
+        _line(column, score.label, figures[: len(heads)], True)
         if score.note:
             row = column.row()
             row.active = False
@@ -96,11 +96,11 @@ def _line(column, label, cells, active):
 
 
 def _figure(value, digits):
-    return f"{value:.{digits}f}" if value >= 0.0 else _UNKNOWN
+    return _UNKNOWN if value is None else f"{value:.{digits}f}"
 
 
 def _percent(value):
-    return f"{value:.0%}" if value >= 0.0 else _UNKNOWN
+    return _UNKNOWN if value is None else f"{value:.0%}"
 
 
 CLASSES = (R2SEGO_PT_report, R2SEGO_PT_report_rounds, R2SEGO_PT_report_causes)

@@ -2,14 +2,17 @@
 
 import bpy
 
+from .fact_list import FactList, fact_list
 from .overlays.region_overlay import REGION
 from .sidebar import Sidebar, Step, draw_problem, write_wrapped
 
 
-class R2SEGO_UL_attempts(bpy.types.UIList):
+class R2SEGO_UL_attempts(FactList, bpy.types.UIList):
     """Attempts at the behaviour; a click on one jumps to where it failed"""
 
-    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index=0, flt_flag=0):
+    group, facts = "r2sego_robot", "attempts"
+
+    def draw_fact(self, layout, group, item, index):
         split = layout.split(factor=0.82)
         name = f"{item.number}  {(item.reason or item.behaviour).replace('_', ' ')}"
         row = split.row()
@@ -17,14 +20,11 @@ class R2SEGO_UL_attempts(bpy.types.UIList):
         jump = row.operator(
             "r2sego.jump_to_attempt", text=name, emboss=False, icon="CHECKMARK" if item.success else "CANCEL"
         )
-        jump.attempt, jump.trial = item.number, data.source == "TRIAL"
+        jump.attempt, jump.trial = item.number, group.source == "TRIAL"
         split.label(text=f"{item.time_s:.{0 if item.time_s >= 9.95 else 1}f} s")
 
-    def filter_items(self, context, data, property):
-        attempts = getattr(data, property)
-        wanted = {"ALL": (True, False), "SUCCEEDED": (True,), "FAILED": (False,)}[data.listed]
-        shown = [self.bitflag_filter_item if item.success in wanted else 0 for item in attempts]
-        return shown, []
+    def is_listed(self, group, item):
+        return group.listed == "ALL" or item.success == (group.listed == "SUCCEEDED")
 
 
 def _where(attempt):
@@ -34,12 +34,14 @@ def _where(attempt):
     return f", {attempt.behaviour.replace('_', ' ')}, frame {attempt.frame}"
 
 
-class R2SEGO_UL_seats(bpy.types.UIList):
+class R2SEGO_UL_seats(FactList, bpy.types.UIList):
     """Surfaces to sit on; a click on one makes it the target"""
 
-    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index=0, flt_flag=0):
-        place = f"{item.place[0]:.3f},{item.place[1]:.3f}"
-        text = f"{item.object_name or f'Seat at {place}'}, {item.height:.2f} m high"
+    group, facts = "r2sego_robot", "seats"
+
+    def draw_fact(self, layout, group, item, index):
+        place = "{:.3f},{:.3f}".format(*item.place_m)
+        text = f"{item.object_name or f'Seat at {place}'}, {item.height_m:.2f} m high"
         row = layout.row()
         row.alignment = "LEFT"
         pick = row.operator("r2sego.pick_target", text=text, emboss=False, icon="HANDLETYPE_VECTOR_VEC")
@@ -106,9 +108,7 @@ class R2SEGO_PT_targets(_Part, bpy.types.Panel):
         row.operator("r2sego.pick_target", text="Any Seat").target = "any"
         self.layout.operator("r2sego.inspect_robot", text="Find Seats", icon="VIEWZOOM").seats = True
         if len(robot.seats):
-            self.layout.template_list(
-                "R2SEGO_UL_seats", "", robot, "seats", robot, "seat_index", rows=2, maxrows=6
-            )
+            fact_list(self.layout, R2SEGO_UL_seats, robot, "seat_index", rows=2, maxrows=6)
 
 
 class R2SEGO_PT_rollouts(_Part, bpy.types.Panel):
@@ -132,9 +132,7 @@ class R2SEGO_PT_rollouts(_Part, bpy.types.Panel):
             layout.label(text="No rollouts yet", icon="INFO")
             return
         layout.row(align=True).prop(robot, "listed", expand=True)
-        layout.template_list(
-            "R2SEGO_UL_attempts", "", robot, "attempts", robot, "attempt_index", rows=4, maxrows=10
-        )
+        fact_list(layout, R2SEGO_UL_attempts, robot, "attempt_index", rows=4, maxrows=10)
         self._draw_chosen(context, robot)
 
     def _draw_chosen(self, context, robot):

@@ -2,18 +2,21 @@
 
 import bpy
 
+from .fact_list import FactList, fact_list
 from .overlays import score_curves, score_curves_click
 from .sidebar import Sidebar, Step, write_wrapped
 
 
-class R2SEGO_UL_ranked_views(bpy.types.UIList):
+class R2SEGO_UL_ranked_views(FactList, bpy.types.UIList):
     """The target views, best first, then those that may stand in for them"""
 
-    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
+    group, facts = "r2sego_views", "ranked"
+
+    def draw_fact(self, layout, group, item, index):
         split = layout.split(factor=0.72, align=True)
         split.active = item.chosen
         icon = "OUTLINER_OB_CAMERA" if item.chosen else "DOT"
-        split.label(text=f"{index + 1}   Rollout {item.rollout}, {item.frame}", icon=icon)
+        split.label(text=f"{index + 1}   {item.name}", icon=icon)
         split.label(text=f"{item.score:.3f}")
 
 
@@ -32,23 +35,20 @@ class R2SEGO_PT_views(Step, bpy.types.Panel):
         row.prop(context.scene.r2sego, "round_index")
         show = row.operator("r2sego.show_candidates", text="Show", icon="OUTLINER_OB_CAMERA")
         show.colour_by, show.shown, show.frustum_size = group.colour_by, group.shown, group.frustum_size
-        if not group.candidates:
+        scores = group.scores
+        if scores is None:
             layout.operator("r2sego.look_through", icon="VIEW_CAMERA")
             return
         column = layout.column(align=True)
         column.row(align=True).prop(group, "colour_by", expand=True)
         column.row(align=True).prop(group, "shown", expand=True)
         column.prop(group, "frustum_size")
-        best = {"S": group.best_s, "U": group.best_u, "G": group.best_g}[group.colour_by]
-        legend = (
-            f"Dark blue 0, yellow {best:.3g}; {group.survivors} of {group.candidates} survive suppression"
-        )
+        best, count = scores.best[group.colour_by], len(scores)
+        legend = f"Dark blue 0, yellow {best:.3g}; {scores.survivors} of {count} survive suppression"
         write_wrapped(context, layout, legend)
-        if group.note:
-            write_wrapped(context, layout, group.note, "INFO")
-        layout.template_list(
-            "R2SEGO_UL_ranked_views", "", group, "ranked", group, "ranked_index", rows=4, maxrows=12
-        )
+        if scores.note:
+            write_wrapped(context, layout, scores.note, "INFO")
+        fact_list(layout, R2SEGO_UL_ranked_views, group, "ranked_index", rows=4, maxrows=12)
 
 
 class R2SEGO_PT_views_candidate(Sidebar, bpy.types.Panel):

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from r2sego_blender.captures.sparse import SparsePoints
+from r2sego_blender.captures.sparse_points import SparsePoints
 from r2sego_blender.core.cameras import Camera
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import trimesh
 
 from r2sego_blender.captures.capture import Capture
-from r2sego_blender.captures.sparse import SparsePoints
+from r2sego_blender.captures.sparse_points import SparsePoints
 from r2sego_blender.config.presets import UNREGULARISED, with_overrides
 from r2sego_blender.core.cameras import look_at
 from r2sego_blender.core.images import save_image

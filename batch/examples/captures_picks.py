@@ -78,9 +78,10 @@ def misses(shown) -> str:
     """The worst of what the fit leaves."""
     if shown.fit_problem:
         return shown.fit_problem
-    parts = [f"{max((point.off_px for point in shown.points), default=0.0):.2f} px"]
+    placed = [point.placed for point in shown.points if point.placed is not None]
+    parts = [f"{max((one.off_px for one in placed), default=0.0):.2f} px"]
     if any(point.floor for point in shown.points):
-        parts.append(f"{max(abs(point.off_floor_m) for point in shown.points) * 100:.1f} cm off the floor")
+        parts.append(f"{max(abs(one.off_floor_m) for one in placed) * 100:.1f} cm off the floor")
     if len(shown.lengths):
         parts.append(f"{max(abs(length.error_m) for length in shown.lengths) * 100:.1f} cm in lengths")
     return ", ".join(parts)
@@ -88,7 +89,12 @@ def misses(shown) -> str:
 
 def look_at_worst(shown) -> None:
     """Look through the capture in which a pick is off most."""
-    picks = [(view.off_px, point.name, view.capture) for point in shown.points for view in point.views]
+    picks = [
+        (off_px, point.name, view.capture)
+        for point in shown.points
+        if point.placed is not None
+        for off_px, view in zip(point.placed.off_each_px, point.views, strict=True)
+    ]
     if not picks:
         return
     off_px, point, capture = max(picks)

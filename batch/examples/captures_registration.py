@@ -86,11 +86,15 @@ def pick(picks: dict) -> None:
 def tell(shown) -> None:
     """The residuals before anything is moved."""
     for point in shown.points:
-        off = f"{point.off_px:.2f} px off" if point.off_px >= 0.0 else "in one photograph"
-        floor = f", {in_centimetres(point.off_floor_m)} off the floor" if point.floor else ""
+        placed = point.placed
+        if placed is None:
+            continue
+        off = f"{placed.off_px:.2f} px off" if placed.off_px >= 0.0 else "in one photograph"
+        floor = f", {in_centimetres(placed.off_floor_m)} off the floor" if point.floor else ""
         print(f"{point.name}: {off}{floor}")
     for length in shown.lengths:
-        print(f"{length.start} to {length.end}: {length.metres:.3f} m, {in_centimetres(length.error_m)}")
+        error = "" if length.error_m is None else f", {in_centimetres(length.error_m)}"
+        print(f"{length.start} to {length.end}: {length.metres:.3f} m{error}")
     print(shown.fit_problem or f"{shown.fit_said}; {shown.fit_warning}".rstrip("; "))
 
 

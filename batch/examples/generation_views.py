@@ -59,7 +59,7 @@ def show(options: argparse.Namespace) -> None:
     with_clips = [view.rank for view in group.views if view.has_clip]
     for view in group.views:
         mark = "accepted" if view.accepted else "rejected"
-        print(f"view {view.rank}: {mark}, {view.fate}; {view.residual or 'no pose'}; {view.stands_in}")
+        print(f"view {view.rank}: {mark}, {view.fate}; {view.residual or 'no pose'}; {view.replacement}")
     for rank in with_clips:
         r2sego.compare_view(view=rank, truth=str(options.truth.absolute()) if options.truth else "")
         image = bpy.data.images["R2S-EGO Side by Side"]

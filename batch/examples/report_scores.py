@@ -41,16 +41,16 @@ def show(options: argparse.Namespace) -> None:
         raise SceneError("this scene has not been evaluated", where=options.scene, cure="Give --frozen.")
     for score in (*report.arms, *report.rounds):
         figures = [figure(score.psnr, ".2f"), figure(score.ssim, ".3f"), figure(score.lpips, ".3f")]
-        print(f"{score.name:<16}" + "".join(f"{text:>9}" for text in figures) + f"  {score.note}".rstrip())
+        print(f"{score.label:<16}" + "".join(f"{text:>9}" for text in figures) + f"  {score.note}".rstrip())
     for cause in report.causes:
         shares = f"{figure(cause.error, '.0%'):>6} of the error"
-        print(f"{cause.name:<24}{shares}, {figure(cause.pixels, '.0%')} of the pixels")
+        print(f"{cause.label:<24}{shares}, {figure(cause.pixels, '.0%')} of the pixels")
     r2sego.open_report()
 
 
-def figure(value: float, form: str) -> str:
+def figure(value: float | None, form: str) -> str:
     """A number, or n/a where it is not known."""
-    return format(value, form) if value >= 0.0 else "n/a"
+    return "n/a" if value is None else format(value, form)
 
 
 if __name__ == "__main__":

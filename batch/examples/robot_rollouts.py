@@ -76,7 +76,7 @@ def declare(options: argparse.Namespace) -> None:
         if fact.section == "robot":
             print(f"{fact.label}: {fact.value}")
     for seat in scene.r2sego_robot.seats:
-        print(f"seat: {seat.object_name or 'no object'} at ({seat.place[0]:.2f}, {seat.place[1]:.2f})")
+        print(f"seat: {seat.object_name or 'no object'} at " + "({:.2f}, {:.2f})".format(*seat.place_m))
 
 
 def play(options: argparse.Namespace) -> None:

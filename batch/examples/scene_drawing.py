@@ -21,7 +21,7 @@ from r2sego_blender.commands.scripts import run_script
 
 
 def main(arguments: list[str]) -> int:
-    """Show, lighten, save; returns 0."""
+    """Show, simplify, save; returns 0."""
     parser = argparse.ArgumentParser(prog="scene_drawing.py", description=__doc__.splitlines()[0])
     parser.add_argument("scene", type=Path)
     parser.add_argument("blend", type=Path)
@@ -31,7 +31,7 @@ def main(arguments: list[str]) -> int:
         bpy.ops.r2sego.open_scene(directory=str(options.scene.absolute()))
         bpy.ops.r2sego.show_proxy()
         bpy.ops.r2sego.show_candidates()
-        bpy.ops.r2sego.draw_faster()
+        bpy.ops.r2sego.simplify_viewport()
         for shown in shown_proxies():
             draw_fewer_faces(shown, options.faces)
             drawn = shown.evaluated_get(bpy.context.evaluated_depsgraph_get()).data

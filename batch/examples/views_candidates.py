@@ -42,7 +42,8 @@ def show(options: argparse.Namespace) -> None:
         scene.r2sego.round_index = options.round
     bpy.ops.r2sego.show_candidates(colour_by=options.colour.upper(), shown="SURVIVORS")
     views = scene.r2sego_views
-    print(f"{views.survivors} of {views.candidates} candidates survive, best score {views.best_s:.3f}")
+    scores = views.scores
+    print(f"{scores.survivors} of {len(scores)} candidates survive, best score {scores.best['S']:.3f}")
     for place, row in enumerate(views.ranked, 1):
         bpy.ops.r2sego.pick_candidate(candidate=row.candidate)
         print(f"{place}. rollout {row.rollout}, frame {row.frame}: {views.figures}\n   {views.why}")

@@ -66,7 +66,7 @@ class R2SEGO_OT_restore_splats(EngineOperator, bpy.types.Operator):
 
     def arguments(self, context):
         group = context.scene.r2sego_asset
-        name = self.name or group.edits[group.edit_index].name
+        name = self.name or group.edits[min(group.edit_index, len(group.edits) - 1)].name
         if name not in group.edits:
             raise AssetError(f"there is no deletion '{name}'", cure="Choose one of the list.")
         return ["edit-asset", str(state.opened_bundle(context).path), "--remove", name, "--json-progress"]

@@ -11,9 +11,6 @@ from ...r2sego_blender.core.errors import AssetError
 from ...r2sego_blender.core.formatting import counted
 from ...r2sego_blender.splats.regions import Region, region_of
 
-_latest = 0
-"""The latest revision in any scene: undo takes a scene's own back, and what is marked then is another."""
-
 
 def add_mark(scene: bpy.types.Scene, region: Region) -> str:
     """Mark what a region holds of the shown splats, beside what is marked already.
@@ -33,7 +30,6 @@ def add_mark(scene: bpy.types.Scene, region: Region) -> str:
 
 def mark_again(scene: bpy.types.Scene) -> None:
     """Find the shown splats that lie in the marked regions."""
-    global _latest
     group = scene.r2sego_asset
     if group.shown is None or group.shown.mode == "EDIT":  # whose attributes cannot be written
         return
@@ -43,14 +39,21 @@ def mark_again(scene: bpy.types.Scene) -> None:
         marked |= region.holds(centres)
     set_marked(group.shown.data, marked)
     group.marked = int(marked.sum())
-    _latest = max(_latest, group.revision) + 1
-    group.revision = _latest
     redraw_views("WINDOW")
 
 
-def drop_marks(scene: bpy.types.Scene, deleted: list[dict]) -> None:
-    """Mark no longer the regions that the bundle's deletions have: undo brings their marks back."""
+@bpy.app.handlers.persistent
+def undone(*_: object) -> None:
+    """Undo brings back the marks of what was deleted since."""
+    for scene in bpy.data.scenes:
+        if scene.library is None:
+            drop_marks(scene)
+
+
+def drop_marks(scene: bpy.types.Scene) -> None:
+    """Mark no longer the regions that the bundle's deletions have."""
     marks = scene.r2sego_asset.marks
+    deleted = [region for edit in scene.r2sego_asset.edits for region in edit.described] if marks else []
     gone = [index for index, mark in enumerate(marks) if json.loads(mark.region) in deleted]
     for index in reversed(gone):
         marks.remove(index)

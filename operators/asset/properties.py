@@ -1,7 +1,4 @@
-"""What Blender remembers of the visual asset: what is shown, marked, deleted and compared."""
-
-from collections.abc import Mapping
-from typing import Any
+"""What a person chose of the visual asset: what is shown, marked and compared, and how it is drawn."""
 
 import bpy
 from bpy.props import (
@@ -21,25 +18,15 @@ from ...r2sego_blender.bridge.asset.show_asset import (
     shows_another,
     shows_bundle,
 )
+from ...r2sego_blender.bridge.shared.panel_facts import Fact
 from ...r2sego_blender.bridge.shared.views_3d import redraw_views
-from ...r2sego_blender.bundle.asset_stages import FINAL, INITIAL, PASSES, stages
+from ...r2sego_blender.bundle.asset_stages import PASSES
 from ...r2sego_blender.core.errors import R2SEgoError
 from ...r2sego_blender.results.panels.bundle import Bundle
-from ...r2sego_blender.results.panels.report_scores import not_scored
-from ...r2sego_blender.splats.asset_edits import ASSET_EDITS
-from ...r2sego_blender.splats.formats.ply_vertices import vertex_count
 from .. import state
+from .facts import AssetFacts
 from .marks import drop_marks
 from .show_asset import show_stage
-
-_FEW_SPLATS = 10000
-
-
-class R2SEGO_PG_asset_stage(bpy.types.PropertyGroup):
-    """An asset the bundle holds; its name is initial, a round's number or final."""
-
-    label: StringProperty()
-    gaussians: IntProperty()
 
 
 class R2SEGO_PG_asset_mark(bpy.types.PropertyGroup):
@@ -50,45 +37,41 @@ class R2SEGO_PG_asset_mark(bpy.types.PropertyGroup):
     splats: IntProperty()
 
 
-class R2SEGO_PG_asset_edit(bpy.types.PropertyGroup):
-    """A deletion that the bundle keeps."""
-
-    regions: StringProperty()
-
-
 def _redraw(group: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
     redraw_views("WINDOW")
 
 
-def _other_stage(group: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+def _stage(group: bpy.types.PropertyGroup) -> int:
+    """The place of the chosen stage, of the newest where that is chosen or the other is gone."""
+    listed = group.stages
+    index = listed.find(group.chosen_stage)
+    return index if index >= 0 else max(0, len(listed) - 1)
+
+
+def _choose_stage(group: bpy.types.PropertyGroup, index: int) -> None:
     """Keep the slider on a stage; where an asset is shown, show the chosen one."""
-    highest = max(0, len(group.stages) - 1)
-    if group.stage > highest:
-        group.stage = highest  # comes here again
+    listed = group.stages
+    if not listed:
         return
-    if not group.stages or not state.may_show():
-        return
-    wanted = group.stages[group.stage].name
+    wanted = listed[min(index, len(listed) - 1)].name
+    group.chosen_stage = "" if wanted == listed[-1].name else wanted
     if shows_another(group.shown, wanted) and group.shown.mode != "EDIT":
         try:
             show_stage(group.id_data, wanted)
         except R2SEgoError as error:
-            group.id_data.r2sego.problem = str(error)
+            state.tell_problem(group.id_data, error)
 
 
 class R2SEGO_PG_asset(bpy.types.PropertyGroup):
     """The room Asset."""
 
-    stages: CollectionProperty(type=R2SEGO_PG_asset_stage)
+    stages, edits = Fact(AssetFacts), Fact(AssetFacts)
+    chosen_stage: StringProperty(description="The name of the chosen asset; empty = the newest")
     stage: IntProperty(
         name="Shown", description="Which asset is shown: initial, after each round, final", min=0,
-        update=_other_stage,
+        get=_stage, set=_choose_stage,
     )  # fmt: skip
     shown: PointerProperty(type=bpy.types.Object)
-    older: BoolProperty()
-    """Whether what is shown is older than its file."""
-    revision: IntProperty()
-    """Another number for other marks: what was drawn of them is kept by it."""
     preview: BoolProperty(
         name="Preview", description="Draw the splats in the 3D views", default=True, update=_redraw,
     )  # fmt: skip
@@ -129,7 +112,6 @@ class R2SEGO_PG_asset(bpy.types.PropertyGroup):
         name="Farthest", description="A lasso takes no splat farther from the view than this",
         subtype="DISTANCE", unit="LENGTH", min=0.0, default=100.0,
     )  # fmt: skip
-    edits: CollectionProperty(type=R2SEGO_PG_asset_edit)
     edit_index: IntProperty(name="Edit", description="The deletion that Restore takes back")
     render_pass: EnumProperty(
         name="Pass", description="What the panel's buttons render",
@@ -152,6 +134,12 @@ class R2SEGO_PG_asset(bpy.types.PropertyGroup):
         update=_redraw,
     )  # fmt: skip
 
+    @property
+    def older(self) -> bool:
+        """Whether what is shown is older than its file."""
+        name = shown_stage(self.shown)
+        return name in self.stages and not is_current(self.shown, self.stages[name].written)
+
 
 def forget_bundle(scene: bpy.types.Scene, _bundle: Bundle) -> None:
     """Compare no more pictures of another bundle, and mark nothing of it."""
@@ -161,8 +149,8 @@ def forget_bundle(scene: bpy.types.Scene, _bundle: Bundle) -> None:
     group.marks.clear()
 
 
-def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
-    """The listener: take the bundle's assets, edits and scores over."""
+def follow(scene: bpy.types.Scene, bundle: Bundle) -> None:
+    """Show the newest asset where that is looked at, and anew what has changed; mark what is still there."""
     group = scene.r2sego_asset
     if group.shown is not None and is_deleted(group.shown):
         group.shown = None
@@ -170,65 +158,11 @@ def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
         group.shown = None
         group.marks.clear()
         group.marked = 0
-    last = not group.stages or group.stage == len(group.stages) - 1
-    group.stages.clear()
-    metrics = bundle.metrics()
-    scores, changed = _scores(metrics), not_scored(bundle, metrics)
-    for stage in stages(bundle.scene):
-        item = group.stages.add()
-        item.name, item.label, item.gaussians = stage.name, stage.label, vertex_count(stage.file)
-        told = [_count(item.gaussians)]
-        score = scores.pop(stage.name, None)
-        if score is not None and stage.target not in changed:
-            told.append(f"{score:.2f} dB")
-        _tell(scene, stage.label, ", ".join(told))
-    for name, score in scores.items():
-        if score is not None:
-            _tell(scene, name, f"{score:.2f} dB")
-    # Who looked at the newest asset goes on to the newest; else the slider stays where it is.
-    wanted = len(group.stages) - 1 if last else min(group.stage, len(group.stages) - 1)
-    if group.stage != max(0, wanted):
-        group.stage = max(0, wanted)
-    _show_anew(scene, bundle)
-    group.edits.clear()
-    deleted = []
-    for edit in bundle.read(ASSET_EDITS):
-        item, regions = group.edits.add(), [region.to_json() for region in edit.regions]
-        item.name, item.regions = edit.name, ", ".join(region["kind"] for region in regions)
-        deleted += regions
-    drop_marks(scene, deleted)
+    if group.shown is not None and group.shown.mode != "EDIT" and group.stages:
+        newest = group.stages[-1].name
+        if not group.chosen_stage and shows_another(group.shown, newest):
+            show_stage(scene, newest)
+        elif group.older:
+            show_stage(scene, shown_stage(group.shown))
+    drop_marks(scene)
     group.edit_index = min(group.edit_index, max(0, len(group.edits) - 1))
-
-
-def _show_anew(scene: bpy.types.Scene, bundle: Bundle) -> None:
-    """Where the shown asset's file has changed since, show it as it is now, or say that it is older."""
-    group = scene.r2sego_asset
-    shown, group.older = group.shown, False
-    if shown is None:
-        return
-    for stage in stages(bundle.scene):
-        if stage.name == shown_stage(shown) and not is_current(shown, stage):
-            if shown.mode == "EDIT" or not state.may_show():
-                group.older = True
-            else:
-                show_stage(scene, stage.name)
-
-
-def _scores(metrics: Mapping[str, Any]) -> dict[str, float | None]:
-    """The PSNR of each stage and of other assets on frozen views, by name, as last evaluated."""
-    names = {"initial": INITIAL, "refined": FINAL, "vanilla_3dgs": "Vanilla"}
-    scores = {names.get(name, name): arm["psnr"] for name, arm in (metrics.get("arms") or {}).items()}
-    return scores | {str(one["round"]): one["psnr"] for one in metrics.get("rounds") or ()}
-
-
-def _count(gaussians: int) -> str:
-    """So short that a score has room beside it."""
-    return f"{gaussians} splats" if gaussians < _FEW_SPLATS else f"{gaussians / 1000:.0f}k splats"
-
-
-def _tell(scene: bpy.types.Scene, label: str, value: str) -> None:
-    fact = scene.r2sego.facts.add()
-    fact.section, fact.label, fact.value = "asset", label, value
-
-
-CLASSES = (R2SEGO_PG_asset_stage, R2SEGO_PG_asset_mark, R2SEGO_PG_asset_edit, R2SEGO_PG_asset)

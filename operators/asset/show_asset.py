@@ -9,6 +9,7 @@ from ...r2sego_blender.bundle.asset_stages import stage_named
 from ...r2sego_blender.core.errors import AssetError
 from .. import state
 from ..base import ReportingOperator, hint_if_hidden
+from .facts import AssetFacts
 from .marks import mark_again
 from .polls import needs_asset
 
@@ -20,10 +21,10 @@ def show_stage(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
         raise AssetError("no scene is open", cure="Open one with Open Scene.")
     stage = stage_named(bundle.scene, name)
     group = scene.r2sego_asset
-    group.shown, group.older = show_asset(scene, bundle, stage), False
-    index = group.stages.find(stage.name)
-    if index >= 0 and group.stage != index:
-        group.stage = index
+    group.shown = show_asset(scene, bundle, stage)
+    if stage.name not in group.stages or group.older:  # written since the bundle was read
+        state.read_again(scene, AssetFacts)
+    group.stage = group.stages.find(stage.name)
     mark_again(scene)
     redraw_views()
     return group.shown

@@ -28,7 +28,6 @@ def show_corrected(context, residuals):
             scene, bundle, photographs=shown.show_photographs, points=shows_points(scene, bundle.path),
             photograph_alpha=shown.photograph_opacity,
         )  # fmt: skip
-    shown.older = False
     remove_frame(scene, bundle.path)
     shown.residuals.clear()
     for line in residual_lines(residuals):

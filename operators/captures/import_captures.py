@@ -47,6 +47,6 @@ class R2SEGO_OT_import_captures(ReportingOperator, bpy.types.Operator):
             points=self.points, point_radius_m=self.point_radius, photograph_alpha=self.alpha,
         )  # fmt: skip
         shown = context.scene.r2sego_captures
-        shown.show_photographs, shown.photograph_opacity, shown.older = self.photographs, self.alpha, False
+        shown.show_photographs, shown.photograph_opacity = self.photographs, self.alpha
         hint = hint_if_hidden(context, cameras[0]) if cameras else ""
         return f"Imported {counted(len(cameras), 'capture')}{hint}"

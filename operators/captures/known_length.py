@@ -4,8 +4,8 @@ import bpy
 from bpy.props import FloatProperty, IntProperty, StringProperty
 
 from ...r2sego_blender.core.errors import CaptureError
+from .. import state
 from ..base import ReportingOperator
-from .properties import fit_again
 
 
 class R2SEGO_OT_add_length(ReportingOperator, bpy.types.Operator):
@@ -56,7 +56,7 @@ class R2SEGO_OT_add_length(ReportingOperator, bpy.types.Operator):
             length = shown.lengths.add()
             length.start, length.end = self.start, self.end
         length.metres = self.metres
-        fit_again(context.scene)
+        state.catch_up(context.scene)
         return f"{self.start} to {self.end}: {self.metres:.3f} m"
 
 
@@ -81,5 +81,5 @@ class R2SEGO_OT_remove_length(ReportingOperator, bpy.types.Operator):
         if self.index >= len(lengths):
             raise CaptureError(f"there is no length {self.index}", cure="Choose one of the list.")
         lengths.remove(self.index)
-        fit_again(context.scene)
+        state.catch_up(context.scene)
         return ""

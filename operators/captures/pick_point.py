@@ -13,7 +13,6 @@ from .. import state
 from ..base import ReportingOperator, needs_bundle
 from ..view_tool import ViewTool
 from .look_through_next import step_capture
-from .properties import fit_again
 
 _NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "MOUSEMOVE"}
 _STEPS = {"PAGE_DOWN": 1, "RIGHT_ARROW": 1, "PAGE_UP": -1, "LEFT_ARROW": -1}
@@ -103,8 +102,9 @@ class R2SEGO_OT_pick_point(ViewTool, ReportingOperator, bpy.types.Operator):
         view = next((one for one in point.views if one.capture == self.capture), None) or point.views.add()
         view.capture, view.x_px, view.y_px = self.capture, self.x_px, self.y_px
         shown.active_point = shown.points.find(point.name)
-        fit_again(context.scene)
-        off = f", {point.off_px:.2f} px off" if point.off_px >= 0.0 else ""
+        state.catch_up(context.scene)
+        placed = point.placed
+        off = f", {placed.off_px:.2f} px off" if placed is not None and placed.off_px >= 0.0 else ""
         return f"Point {point.name} in {counted(len(point.views), 'capture')}{off}"
 
     def _looks_through_a_capture(self, context):

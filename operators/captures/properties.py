@@ -1,4 +1,4 @@
-"""What the room Captures remembers: the list, how it is shown, and what a person picked."""
+"""What the room Captures remembers: how captures are shown, and what a person picked."""
 
 import contextlib
 
@@ -7,35 +7,27 @@ from bpy.props import (
     BoolProperty,
     CollectionProperty,
     FloatProperty,
-    FloatVectorProperty,
     IntProperty,
-    PointerProperty,
     StringProperty,
 )
 
-from ...r2sego_blender.bridge.captures.show_captures import capture_camera, show_photographs
+from ...r2sego_blender.bridge.captures.show_captures import (
+    capture_camera,
+    show_photographs,
+    shows_older_captures,
+)
+from ...r2sego_blender.bridge.shared.panel_facts import Fact, facts_of
 from ...r2sego_blender.bridge.shared.views_3d import redraw_views
-from ...r2sego_blender.core.errors import R2SEgoError, SceneError
-from ...r2sego_blender.results.panels.picks import show_fit
+from ...r2sego_blender.core.errors import SceneError
+from ...r2sego_blender.results.panels.picks import PickFacts
 from ...r2sego_blender.results.panels.registration_pixels import next_name
 from .. import state
 from ..base import select_only
-
-
-def fit_again(scene):
-    """Write the residuals of what is picked now; what is wrong stands in ``fit_problem``."""
-    group = scene.r2sego_captures
-    try:
-        bundle = state.bundle_of(scene)
-        if bundle is not None:
-            show_fit(group, bundle)
-    except R2SEgoError as error:
-        group.fit_problem = str(error)
-    redraw_views()
+from .facts import CaptureFacts
 
 
 def _picks_changed(group, context):
-    fit_again(group.id_data)
+    state.catch_up(group.id_data)
 
 
 def _renamed(point, context):
@@ -51,7 +43,7 @@ def _renamed(point, context):
             if getattr(length, end) not in (point.name, *others):  # its name of before
                 setattr(length, end, point.name)
     if len(point.views):
-        fit_again(scene)
+        state.catch_up(scene)
 
 
 def _capture_chosen(group, context):
@@ -64,6 +56,10 @@ def _capture_chosen(group, context):
             select_only(context, camera)
 
 
+def _capture_names(group, context, text):
+    return [one.name for one in group.captures if text.lower() in one.name.lower()]
+
+
 def _photographs_changed(group, context):
     show_photographs(
         group.id_data, state.bundle_path(group.id_data), group.show_photographs, group.photograph_opacity
@@ -74,23 +70,12 @@ def _drawing_changed(group, context):
     redraw_views()
 
 
-class R2SEGO_PG_capture(bpy.types.PropertyGroup):
-    """One line of the list of captures."""
-
-    width: IntProperty()
-    height: IntProperty()
-    view_deg: FloatProperty()
-    points: IntProperty()
-    overlaps: IntProperty()
-
-
 class R2SEGO_PG_pick(bpy.types.PropertyGroup):
     """A picked point's pixel in one capture."""
 
     capture: StringProperty()
     x_px: FloatProperty()
     y_px: FloatProperty()
-    off_px: FloatProperty(default=-1.0)
 
 
 class R2SEGO_PG_picked_point(bpy.types.PropertyGroup):
@@ -99,10 +84,11 @@ class R2SEGO_PG_picked_point(bpy.types.PropertyGroup):
     name: StringProperty(name="Name", description="What the point is called", update=_renamed)
     floor: BoolProperty(name="Floor", description="This point lies on the floor", update=_picks_changed)
     views: CollectionProperty(type=R2SEGO_PG_pick)
-    located: BoolProperty()
-    position: FloatVectorProperty(size=3, subtype="TRANSLATION", unit="LENGTH")
-    off_px: FloatProperty(default=-1.0)
-    off_floor_m: FloatProperty()
+
+    @property
+    def placed(self):
+        """Where it lies and by how much it misses, a ``PlacedPick``; None where that is not known."""
+        return facts_of(self.id_data, PickFacts).placed.get(self.name)
 
 
 class R2SEGO_PG_picked_length(bpy.types.PropertyGroup):
@@ -114,8 +100,11 @@ class R2SEGO_PG_picked_length(bpy.types.PropertyGroup):
         name="Length", description="How far apart the two points are", default=1.0, min=0.01, max=100.0,
         subtype="DISTANCE", unit="LENGTH", precision=3, update=_picks_changed,
     )  # fmt: skip
-    found: BoolProperty()
-    error_m: FloatProperty()
+
+    @property
+    def error_m(self):
+        """How much longer the picks have it, metres; None where that is not known."""
+        return facts_of(self.id_data, PickFacts).lengths_m.get((self.start, self.end))
 
 
 class R2SEGO_PG_residual(bpy.types.PropertyGroup):
@@ -125,9 +114,11 @@ class R2SEGO_PG_residual(bpy.types.PropertyGroup):
 
 
 class R2SEGO_PG_captures(bpy.types.PropertyGroup):
-    """The list of captures, how they are shown, and the picks of a registration by hand."""
+    """How captures are shown, and the picks of a registration by hand."""
 
-    captures: CollectionProperty(type=R2SEGO_PG_capture)
+    captures, corrections = Fact(CaptureFacts), Fact(CaptureFacts)
+    fit_problem, fit_said, fit_warning = Fact(PickFacts), Fact(PickFacts), Fact(PickFacts)
+    height_error_m = Fact(PickFacts)
     active_capture: IntProperty(
         name="Capture", description="The chosen capture; choosing one selects its camera",
         update=_capture_chosen,
@@ -164,37 +155,18 @@ class R2SEGO_PG_captures(bpy.types.PropertyGroup):
         update=_picks_changed,
     )  # fmt: skip
     height_capture: StringProperty(
-        name="Of", description="The capture whose height is known", update=_picks_changed
-    )
+        name="Of", description="The capture whose height is known", update=_picks_changed,
+        search=_capture_names, search_options=set(),
+    )  # fmt: skip
     camera_height: FloatProperty(
         name="Height", description="Height of that capture's camera above the floor", default=1.5,
         min=0.05, max=10.0, subtype="DISTANCE", unit="LENGTH", precision=3, update=_picks_changed,
     )  # fmt: skip
-    height_error_m: FloatProperty()
-    fit_problem: StringProperty()
-    fit_said: StringProperty()
-    fit_warning: StringProperty()
     residuals: CollectionProperty(type=R2SEGO_PG_residual)
-    corrections: IntProperty()
-    older: BoolProperty()
-    """Whether captures are shown where they stood before the world was corrected."""
 
-
-CLASSES = (
-    R2SEGO_PG_capture,
-    R2SEGO_PG_pick,
-    R2SEGO_PG_picked_point,
-    R2SEGO_PG_picked_length,
-    R2SEGO_PG_residual,
-    R2SEGO_PG_captures,
-)
-
-
-def attach():
-    """Give every Blender scene the room's properties."""
-    bpy.types.Scene.r2sego_captures = PointerProperty(type=R2SEGO_PG_captures)
-
-
-def detach():
-    """Take them away."""
-    del bpy.types.Scene.r2sego_captures
+    @property
+    def older(self):
+        """Whether captures are shown where they stood before the world was corrected."""
+        scene = self.id_data
+        registration = facts_of(scene, CaptureFacts).registration
+        return shows_older_captures(scene, state.bundle_path(scene), registration) if registration else False

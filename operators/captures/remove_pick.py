@@ -4,8 +4,8 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from ...r2sego_blender.core.errors import CaptureError
+from .. import state
 from ..base import ReportingOperator
-from .properties import fit_again
 
 
 class R2SEGO_OT_remove_pick(ReportingOperator, bpy.types.Operator):
@@ -43,7 +43,7 @@ class R2SEGO_OT_remove_pick(ReportingOperator, bpy.types.Operator):
         if self.everything:
             shown.points.clear()
             shown.lengths.clear()
-            fit_again(context.scene)
+            state.catch_up(context.scene)
             return "Removed every pick"
         name = self.point
         if not name and 0 <= shown.active_point < len(shown.points):
@@ -65,5 +65,5 @@ class R2SEGO_OT_remove_pick(ReportingOperator, bpy.types.Operator):
                 if name in (shown.lengths[place].start, shown.lengths[place].end):
                     shown.lengths.remove(place)
         shown.active_point = max(0, min(shown.active_point, len(shown.points) - 1))
-        fit_again(context.scene)
+        state.catch_up(context.scene)
         return f"Removed {name}"

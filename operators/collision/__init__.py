@@ -1,31 +1,25 @@
-"""The collision surface: looked at, checked, textured, exported."""
+"""The room Collision: the surface a robot collides with looked at, checked, textured, exported.
+
+Begin with ``properties.py``; each other file is an operator. May use ``bridge/collision`` and the library, no
+other room.
+"""
 
 import bpy
 from bpy.props import PointerProperty
 
 from .. import state
 from . import properties
-from .check_collision import R2SEGO_OT_check_collision
-from .export_collision import R2SEGO_OT_export_collision
-from .show_collision import R2SEGO_OT_show_collision
-from .texture_proxy import R2SEGO_OT_texture_proxy
-
-CLASSES = (
-    *properties.CLASSES,
-    R2SEGO_OT_show_collision,
-    R2SEGO_OT_check_collision,
-    R2SEGO_OT_texture_proxy,
-    R2SEGO_OT_export_collision,
-)
 
 
 def register() -> None:
     """Attach the room's properties; a check is forgotten when the surface is another."""
     bpy.types.Scene.r2sego_collision = PointerProperty(type=properties.R2SEGO_PG_collision)
-    state.listeners.append(properties.read_bundle)
+    state.readers[properties.CollisionFacts] = state.Reader(properties.read)
+    state.followers.append(properties.follow)
 
 
 def unregister() -> None:
     """Take them away again."""
-    state.listeners.remove(properties.read_bundle)
+    state.followers.remove(properties.follow)
+    del state.readers[properties.CollisionFacts]
     del bpy.types.Scene.r2sego_collision

@@ -3,11 +3,12 @@
 import bpy
 
 from ...r2sego_blender.bridge.collision.show_collision_check import show_off_surface
+from ...r2sego_blender.bridge.shared.panel_facts import facts_of
 from ...r2sego_blender.core.formatting import counted
 from .. import state
 from ..base import EngineOperator, needs_idle_engine
 from .polls import needs_collision
-from .properties import stamp, tell
+from .properties import CollisionFacts, tell
 
 
 class R2SEGO_OT_check_collision(EngineOperator, bpy.types.Operator):
@@ -26,11 +27,14 @@ class R2SEGO_OT_check_collision(EngineOperator, bpy.types.Operator):
 
     def finish(self, context, result):
         group, bundle = context.scene.r2sego_collision, state.opened_bundle(context)
-        group.checked = stamp(bundle)
-        group.passed = bool(result.get("passed"))
-        tell(group.check, _facts(result))
+        state.read_again(context.scene, CollisionFacts)
+        group.check_of = facts_of(context.scene, CollisionFacts).surface
+        group.check_passed = bool(result.get("passed"))
+        tell(group.check_lines, _facts(result))
         off = show_off_surface(context.scene, bundle, result.get("off_surface", ()))
-        verdict = "The collision surface passed" if group.passed else "The collision surface did not pass"
+        verdict = (
+            "The collision surface passed" if group.check_passed else "The collision surface did not pass"
+        )
         return f"{verdict}; spheres off it are marked at {counted(len(off), 'place')}" if off else verdict
 
 

@@ -7,6 +7,7 @@ from ...r2sego_blender.bridge.collision.show_collision import show_collision
 from .. import state
 from ..base import ReportingOperator, hint_if_hidden
 from .polls import needs_collision
+from .properties import CollisionFacts
 
 
 class R2SEGO_OT_show_collision(ReportingOperator, bpy.types.Operator):
@@ -26,5 +27,5 @@ class R2SEGO_OT_show_collision(ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         shown = show_collision(context.scene, state.opened_bundle(context), pieces=self.pieces)
-        context.scene.r2sego_collision.older = False
+        state.read_again(context.scene, CollisionFacts)
         return f"{shown.name}: {len(shown.data.polygons)} faces{hint_if_hidden(context, shown)}"

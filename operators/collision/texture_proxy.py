@@ -6,11 +6,12 @@ import bpy
 from bpy.props import BoolProperty, IntProperty, StringProperty
 
 from ...r2sego_blender.bridge.collision.show_collision import show_textured
+from ...r2sego_blender.bridge.shared.panel_facts import facts_of
 from ...r2sego_blender.config.settings import TextureSettings
 from ...r2sego_blender.core.errors import SceneError
 from .. import state
 from ..base import EngineOperator, needs_idle_engine, needs_round
-from .properties import proxy_stamp, tell
+from .properties import CollisionFacts, tell
 
 _DEFAULTS = TextureSettings()
 
@@ -53,8 +54,8 @@ class R2SEGO_OT_texture_proxy(EngineOperator, bpy.types.Operator):
         if not result.get("file"):
             return "Textured"
         group = context.scene.r2sego_collision
-        group.textured = proxy_stamp(state.opened_bundle(context))
-        tell(group.texture, _facts(result))
+        group.texture_of = facts_of(context.scene, CollisionFacts).proxy
+        tell(group.texture_lines, _facts(result))
         if self.show:
             file = Path(result["file"])
             if not file.is_file():

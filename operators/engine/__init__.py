@@ -1,26 +1,13 @@
-"""The engine: its set-up, the job that runs and those that ended."""
+"""The room Engine: its set-up, the job that runs and those that ended.
+
+Begin with ``following.py``, the timer that follows a job, beside ``../job.py``; each button is a file of its
+own. May use the library's ``workers/jobs`` and ``state``, no other room: it calls operators by their names.
+"""
 
 import bpy
 
 from . import cancel, following, pictures
-from .cancel import R2SEGO_OT_cancel
-from .check_engine import R2SEGO_OT_check_engine
-from .demo_scene import R2SEGO_OT_demo_scene
-from .dismiss_job import R2SEGO_OT_dismiss_job
-from .follow_job import R2SEGO_OT_follow_job
-from .properties import R2SEGO_PG_ended_job, R2SEGO_PG_engine
-from .set_up_engine import R2SEGO_OT_set_up_engine
-
-CLASSES = (
-    R2SEGO_PG_ended_job,
-    R2SEGO_PG_engine,
-    R2SEGO_OT_set_up_engine,
-    R2SEGO_OT_check_engine,
-    R2SEGO_OT_demo_scene,
-    R2SEGO_OT_cancel,
-    R2SEGO_OT_follow_job,
-    R2SEGO_OT_dismiss_job,
-)
+from .properties import R2SEGO_PG_engine
 
 
 def register() -> None:

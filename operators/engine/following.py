@@ -260,7 +260,7 @@ def _bundle_shown(_scene: bpy.types.Scene, bundle: Bundle) -> None:
 def register() -> None:
     """Begin to look; without a window nobody would see, and timers do not run."""
     bpy.app.handlers.load_post.append(_file_loaded)
-    state.listeners.append(_bundle_shown)
+    state.followers.append(_bundle_shown)
     _looked_in.clear()
     if not bpy.app.background:
         bpy.app.timers.register(_tick, first_interval=_IDLE_S, persistent=True)
@@ -273,5 +273,5 @@ def unregister() -> None:
         bpy.types.STATUSBAR_HT_header.remove(_draw_in_status_bar)
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
-    state.listeners.remove(_bundle_shown)
+    state.followers.remove(_bundle_shown)
     bpy.app.handlers.load_post.remove(_file_loaded)

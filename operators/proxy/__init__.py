@@ -1,35 +1,16 @@
-"""The geometry proxy: looked at and mended."""
+"""The room Geometry Proxy: looked at and mended, with objects, their masks and their priors.
+
+Begin with ``properties.py`` (what a person chose and drew) and ``facts.py`` (what the bundle has); each other
+file is an operator or a family of them. May use ``bridge/proxy`` and the library, and asks Refine's operator
+for its arguments.
+"""
 
 import bpy
 from bpy.props import PointerProperty
 
 from ...r2sego_blender.bridge.proxy import placement_live
 from .. import state
-from . import masks, place_prior, properties
-from .edit_proxy import (
-    R2SEGO_OT_cut_proxy,
-    R2SEGO_OT_draw_proxy_surface,
-    R2SEGO_OT_remove_proxy_edit,
-)
-from .measure_coverage import R2SEGO_OT_measure_coverage
-from .plan_refine import R2SEGO_OT_plan_refine
-from .select_box import R2SEGO_OT_select_proxy_box
-from .select_lasso import R2SEGO_OT_select_proxy_lasso
-from .show_proxy import R2SEGO_OT_show_proxy
-
-CLASSES = (
-    *properties.CLASSES,
-    R2SEGO_OT_show_proxy,
-    R2SEGO_OT_measure_coverage,
-    R2SEGO_OT_select_proxy_lasso,
-    R2SEGO_OT_select_proxy_box,
-    R2SEGO_OT_cut_proxy,
-    R2SEGO_OT_draw_proxy_surface,
-    R2SEGO_OT_remove_proxy_edit,
-    *masks.CLASSES,
-    *place_prior.CLASSES,
-    R2SEGO_OT_plan_refine,
-)
+from . import facts, place_prior, properties
 
 _HANDLERS = (
     (bpy.app.handlers.depsgraph_update_post, place_prior.follow),
@@ -43,7 +24,8 @@ _HANDLERS = (
 def register() -> None:
     """Attach the room's properties, read each bundle that is opened, follow a prior that is moved."""
     bpy.types.Scene.r2sego_proxy = PointerProperty(type=properties.R2SEGO_PG_proxy)
-    state.listeners.append(properties.read_bundle)
+    state.readers[facts.ProxyFacts] = state.Reader(facts.read, facts.chosen_round)
+    state.followers.append(properties.follow)
     state.forgetters.append(properties.forget_bundle)
     for handlers, handler in _HANDLERS:
         handlers.append(handler)
@@ -55,5 +37,6 @@ def unregister() -> None:
         handlers.remove(handler)
     placement_live.forget()
     state.forgetters.remove(properties.forget_bundle)
-    state.listeners.remove(properties.read_bundle)
+    state.followers.remove(properties.follow)
+    del state.readers[facts.ProxyFacts]
     del bpy.types.Scene.r2sego_proxy

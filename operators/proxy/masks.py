@@ -29,7 +29,7 @@ from ..drawing import Drawing
 from ..engine_files import handed_over
 from .place_prior import rate_again
 from .polls import needs_object, object_named
-from .properties import add_object
+from .properties import drawn_entry
 
 
 def captured_view(context, capture: str):
@@ -77,8 +77,8 @@ class R2SEGO_OT_new_object(ReportingOperator, bpy.types.Operator):
         group, name = context.scene.r2sego_proxy, plain_name(self.name)
         if name.lower() in {item.name.lower() for item in group.objects}:
             raise GeometryError(f"there is an object '{name}' already", cure="Choose another name.")
-        add_object(group, name)
-        group.object_index = len(group.objects) - 1
+        drawn_entry(group, name)
+        group.object_index = group.objects.find(name)
         return f"Draw the mask of '{name}' in two captures at least"
 
 
@@ -99,12 +99,13 @@ class R2SEGO_OT_remove_object(ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         group, name = context.scene.r2sego_proxy, object_named(context, self.name)
-        declared = group.objects[name].declared
+        declared, place = group.objects[name].declared, group.object_index
         forget_masks(state.bundle_path(context.scene), name)
-        group.objects.remove(group.objects.find(name))
+        if name in group.drawn:
+            group.drawn.remove(group.drawn.find(name))
         if declared:
             group.removed.add().name = name
-        group.object_index = min(group.object_index, max(0, len(group.objects) - 1))
+        group.object_index = min(place, max(0, len(group.objects) - 1))
         redraw_views("WINDOW")
         return f"Forgot '{name}'; Declare takes it from the bundle too" if declared else f"Forgot '{name}'"
 
@@ -156,7 +157,7 @@ class R2SEGO_OT_draw_mask(Drawing, ReportingOperator, bpy.types.Operator):
         image = images[view.name]
         mask = mask_in(image, view)
         write_mask(image, mask & ~region if self.subtract else mask | region)
-        item = context.scene.r2sego_proxy.objects[name]
+        item = drawn_entry(context.scene.r2sego_proxy, name)
         item.masks = sum(bool(read_mask(one).any()) for one in images.values())
         rate_again(context, name)
         redraw_views("WINDOW")
@@ -238,7 +239,12 @@ class R2SEGO_OT_load_masks(ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         bundle, group = state.opened_bundle(context), context.scene.r2sego_proxy
-        count = sum(load_masks(bundle, item.name) for item in group.objects if item.declared)
+        count = 0
+        for item in group.objects:
+            if item.declared:
+                count += load_masks(bundle, item.name)
+                if item.name in group.drawn:
+                    group.drawn[item.name].masks = -1
         redraw_views("WINDOW")
         return f"Loaded {counted(count, 'mask')}"
 
@@ -252,7 +258,7 @@ class R2SEGO_OT_declare_masks(EngineOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not context.scene.r2sego_proxy.declared_count and not needs_object(cls, context):
+        if not context.scene.r2sego_proxy.declared and not needs_object(cls, context):
             return False
         return needs_bundle(cls, context) and needs_idle_engine(cls)
 
@@ -272,20 +278,9 @@ class R2SEGO_OT_declare_masks(EngineOperator, bpy.types.Operator):
 
     def finish(self, context, result):
         group = context.scene.r2sego_proxy
-        for item in group.objects:
-            item.declared = True  # those that the bundle did not take are gone with this
+        group.drawn.clear()  # those that the bundle did not take are gone with this
         group.removed.clear()
         state.refresh(context.scene)
         if not group.objects:
             return "No object is declared any more: the next Refine places no priors"
         return f"{counted(len(group.objects), 'object')} declared: the next Refine looks for their priors"
-
-
-CLASSES = (
-    R2SEGO_OT_new_object,
-    R2SEGO_OT_remove_object,
-    R2SEGO_OT_draw_mask,
-    R2SEGO_OT_paint_mask,
-    R2SEGO_OT_load_masks,
-    R2SEGO_OT_declare_masks,
-)

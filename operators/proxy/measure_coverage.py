@@ -5,7 +5,8 @@ import bpy
 from ...r2sego_blender.bridge.proxy.show_proxy import show_proxy, shown_proxy, shown_round
 from .. import state
 from ..base import EngineOperator, needs_idle_engine, needs_round
-from .properties import colour_shown, note_age
+from .facts import ProxyFacts
+from .properties import colour_shown
 
 
 class R2SEGO_OT_measure_coverage(EngineOperator, bpy.types.Operator):
@@ -29,7 +30,7 @@ class R2SEGO_OT_measure_coverage(EngineOperator, bpy.types.Operator):
         shown = shown_proxy(context.scene, bundle.path)
         if shown is not None and shown.mode != "EDIT" and shown_round(shown) == index:
             show_proxy(context.scene, bundle, index)
-            note_age(context.scene, bundle)
+            state.read_again(context.scene, ProxyFacts)
             colour_shown(context.scene)
         areas = result.get("areas_m2")
         if not areas:

@@ -284,12 +284,3 @@ class R2SEGO_OT_decide_prior(EngineOperator, bpy.types.Operator):
     def finish(self, context, result):
         state.refresh(context.scene)
         return "Decided: the next Refine redoes what depends on it"
-
-
-CLASSES = (
-    R2SEGO_OT_show_priors,
-    R2SEGO_OT_place_prior,
-    R2SEGO_OT_save_placement,
-    R2SEGO_OT_use_mesh_as_prior,
-    R2SEGO_OT_decide_prior,
-)

@@ -1,9 +1,13 @@
 """Ask the engine what the next Refine would run again."""
 
+from dataclasses import replace
+
 import bpy
 
+from ...r2sego_blender.bridge.shared.panel_facts import facts_of, keep
 from ..base import EngineOperator, needs_bundle, needs_idle_engine
 from ..scene.refine import R2SEGO_OT_refine
+from .facts import ProxyFacts
 
 
 class R2SEGO_OT_plan_refine(EngineOperator, bpy.types.Operator):
@@ -22,5 +26,6 @@ class R2SEGO_OT_plan_refine(EngineOperator, bpy.types.Operator):
 
     def finish(self, context, result):
         line = str(result.get("line", ""))
-        context.scene.r2sego_proxy.plan = line
+        scene = context.scene
+        keep(scene, replace(facts_of(scene, ProxyFacts), plan=line))
         return line or "The engine said nothing of it"

@@ -1,4 +1,6 @@
-"""What Blender remembers of the proxy: its colours, the objects, the edits, what Refine would redo."""
+"""What a person chose of the proxy: its colours, the objects drawn and removed, how masks are drawn."""
+
+from dataclasses import replace
 
 import bpy
 from bpy.props import (
@@ -6,57 +8,48 @@ from bpy.props import (
     CollectionProperty,
     EnumProperty,
     FloatProperty,
-    FloatVectorProperty,
     IntProperty,
     StringProperty,
 )
 
 from ...r2sego_blender.bridge.proxy import placement_live
 from ...r2sego_blender.bridge.proxy.object_masks import masked_objects
-from ...r2sego_blender.bridge.proxy.show_proxy import colour_proxy, is_current, shown_proxy
-from ...r2sego_blender.geometry.proxy.edits import PROXY_EDITS
+from ...r2sego_blender.bridge.proxy.show_proxy import (
+    LegendLine,
+    colour_proxy,
+    legend_of,
+    shown_proxy,
+    shows_older_proxy,
+)
+from ...r2sego_blender.bridge.shared.panel_facts import Fact, Facts, facts_of, make_rows
 from ...r2sego_blender.results.panels.bundle import Bundle
 from ...r2sego_blender.results.panels.proxy_colours import COLOURINGS
-from ...r2sego_blender.results.panels.proxy_coverage import read_coverage
-from ...r2sego_blender.results.panels.proxy_objects import read_objects
+from ...r2sego_blender.results.panels.proxy_objects import KnownObject
 from .. import state
-
-_KINDS = {"cut": "cut away", "draw": "drawn"}
-
-
-class R2SEGO_PG_proxy_colour(bpy.types.PropertyGroup):
-    """A line of the legend."""
-
-    colour: FloatVectorProperty(size=3, subtype="COLOR_GAMMA", min=0.0, max=1.0)
-    area: FloatProperty(unit="AREA")
+from .facts import ProxyFacts
 
 
-class R2SEGO_PG_proxy_object(bpy.types.PropertyGroup):
-    """An object: its masks, and what became of its shape prior."""
+class R2SEGO_PG_drawn_object(bpy.types.PropertyGroup):
+    """An object whose masks were drawn in Blender, and in how many captures, -1 where nobody counted."""
 
-    state: StringProperty()
-    why: StringProperty()
-    masks: IntProperty()
-    shape: StringProperty()
-    iou: FloatProperty(default=-1.0)
-    energy: FloatProperty(default=-1.0)
-    residual: FloatProperty(default=-1.0, unit="LENGTH")
-    has_prior: BoolProperty()
-    own_mesh: BoolProperty()
-    placed: BoolProperty()
-    declared: BoolProperty()
+    masks: IntProperty(default=-1)
 
 
 class R2SEGO_PG_removed_object(bpy.types.PropertyGroup):
     """An object that the bundle has until Declare takes it from there."""
 
 
-class R2SEGO_PG_proxy_edit(bpy.types.PropertyGroup):
-    """An edit of the proxy that the bundle keeps."""
+def _chosen_index(group: bpy.types.PropertyGroup) -> int:
+    """The place of the chosen object; of the one that came to its place when it is gone."""
+    objects = group.objects
+    index = objects.find(group.chosen_object)
+    return index if index >= 0 else min(group.chosen_place, max(0, len(objects) - 1))
 
-    kind: StringProperty()
-    faces: IntProperty()
-    area: FloatProperty(unit="AREA")
+
+def _choose_index(group: bpy.types.PropertyGroup, index: int) -> None:
+    objects = group.objects
+    group.chosen_place = index
+    group.chosen_object = objects[index].name if 0 <= index < len(objects) else ""
 
 
 def _recolour(group: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
@@ -70,15 +63,16 @@ class R2SEGO_PG_proxy(bpy.types.PropertyGroup):
         name="Colour By", description="What the colours of the shown proxy mean", update=_recolour,
         items=[(name, kind.name, kind.description) for name, kind in COLOURINGS.items()],
     )  # fmt: skip
-    legend: CollectionProperty(type=R2SEGO_PG_proxy_colour)
-    legend_note: StringProperty()
-    older: BoolProperty()
-    """Whether the shown proxy was redone since."""
-    has_coverage: BoolProperty()
-    objects: CollectionProperty(type=R2SEGO_PG_proxy_object)
+    has_coverage, edits, plan = Fact(ProxyFacts), Fact(ProxyFacts), Fact(ProxyFacts)
+    declared = Fact(ProxyFacts)
+    drawn: CollectionProperty(type=R2SEGO_PG_drawn_object)
     removed: CollectionProperty(type=R2SEGO_PG_removed_object)
-    declared_count: IntProperty()
-    object_index: IntProperty(name="Object", description="The object that masks and priors are edited of")
+    chosen_object: StringProperty()
+    chosen_place: IntProperty()
+    object_index: IntProperty(
+        name="Object", description="The object that masks and priors are edited of",
+        get=_chosen_index, set=_choose_index,
+    )  # fmt: skip
     mask_tool: EnumProperty(
         name="Tool", description="How a mask is drawn in a capture's camera view",
         items=[
@@ -99,118 +93,92 @@ class R2SEGO_PG_proxy(bpy.types.PropertyGroup):
     fit_iou: FloatProperty(default=-1.0)
     fit_residual: FloatProperty(default=-1.0, unit="LENGTH")
     fit_views: StringProperty()
-    edits: CollectionProperty(type=R2SEGO_PG_proxy_edit)
     edit_index: IntProperty(name="Edit", description="The edit that Remove takes back")
     farthest: FloatProperty(
         name="Farthest", description="The lasso takes no face farther from the view than this",
         subtype="DISTANCE", unit="LENGTH", min=0.0, default=20.0,
     )  # fmt: skip
-    plan: StringProperty()
+
+    @property
+    def objects(self) -> Facts:
+        """The bundle's objects but the removed ones, then those that are only drawn in Blender so far."""
+        drawn = {one.name: one.masks for one in self.drawn}
+        listed = []
+        for known in self.declared:
+            if known.name not in self.removed:
+                masks = drawn.pop(known.name, -1)
+                listed.append(replace(known, masks=masks) if masks >= 0 else known)
+        others = (KnownObject(name, "drawn", max(0, masks), False) for name, masks in drawn.items())
+        return Facts([*listed, *others])
+
+    @property
+    def older(self) -> bool:
+        """Whether the shown proxy was redone since."""
+        shown = self._shown()
+        return shown is not None and shows_older_proxy(shown, facts_of(self.id_data, ProxyFacts).written)
+
+    @property
+    def legend(self) -> tuple[LegendLine, ...]:
+        """What the colours of the shown proxy mean, none where they are others than the chosen ones."""
+        shown = self._shown()
+        by, lines = ("", ()) if shown is None else legend_of(shown)
+        return lines if by == self.colour_by else ()
+
+    @property
+    def legend_note(self) -> str:
+        """Why the shown proxy has not the chosen colours, '' where it has them."""
+        shown = self._shown()
+        if shown is None or legend_of(shown)[0] == self.colour_by:
+            return ""
+        if shown.mode == "EDIT":
+            return "Leave Edit Mode to change colours"
+        unknown = COLOURINGS[self.colour_by].needs_coverage and not self.has_coverage
+        return "Measure Coverage first" if unknown else "Press Show to change colours"
+
+    def _shown(self) -> bpy.types.Object | None:
+        return shown_proxy(self.id_data, state.bundle_path(self.id_data))
 
 
 def colour_shown(scene: bpy.types.Scene) -> None:
-    """Colour the shown proxy as chosen, and write the legend; nothing where none is shown."""
-    group = scene.r2sego_proxy
-    group.legend.clear()
-    group.legend_note = ""
+    """Colour the shown proxy as chosen, with its legend; not in Edit Mode."""
     shown = shown_proxy(scene, state.bundle_path(scene))
-    if shown is None:
-        return
-    if shown.mode == "EDIT":
-        group.legend_note = "Leave Edit Mode to change colours"
-        return
-    found = colour_proxy(shown, group.colour_by)
-    if found is None:
-        group.legend_note = "Measure Coverage first"
-        return
-    colouring, areas = found
-    for label, colour, area in zip(colouring.labels, colouring.colours, areas, strict=True):
-        line = group.legend.add()
-        line.name, line.colour, line.area = label, colour, float(area)
+    if shown is not None and shown.mode != "EDIT":
+        colour_proxy(shown, scene.r2sego_proxy.colour_by)
 
 
 def forget_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
     """Forget another bundle's objects; those whose masks were drawn for this one are back."""
     group = scene.r2sego_proxy
     placement_live.forget()
-    group.objects.clear()
+    group.drawn.clear()
     group.removed.clear()
-    group.legend.clear()
     fit = ("fit_object", "fit_iou", "fit_residual", "fit_views")
-    for name in ("object_index", "edit_index", "legend_note", *fit):
+    for name in ("chosen_object", "chosen_place", "edit_index", *fit):
         group.property_unset(name)
     for name in masked_objects(bundle.path):
-        add_object(group, name)
+        group.drawn.add().name = name
 
 
-def read_bundle(scene: bpy.types.Scene, bundle: Bundle) -> None:
-    """The listener: take over what the bundle knows of coverage, objects and edits."""
+def follow(scene: bpy.types.Scene, _bundle: Bundle) -> None:
+    """Choose an edit that there is; a proxy that an earlier version has shown gets its legend."""
     group = scene.r2sego_proxy
-    group.has_coverage = read_coverage(bundle, scene.r2sego.round_index) is not None
-    group.plan = ""
-    note_age(scene, bundle)
-    if not group.legend and not group.legend_note and state.may_show():
-        colour_shown(scene)  # of a bundle that is open again
-    _read_edits(group, bundle)
-    _read_objects(group, bundle)
-
-
-def note_age(scene: bpy.types.Scene, bundle: Bundle) -> None:
-    """Note whether the shown proxy is older than its file; where none is shown, there is no legend."""
-    group, shown = scene.r2sego_proxy, shown_proxy(scene, bundle.path)
-    group.older = shown is not None and not is_current(shown, bundle)
-    if shown is None:
-        group.legend.clear()
-        group.legend_note = ""
-
-
-def _read_edits(group: bpy.types.PropertyGroup, bundle: Bundle) -> None:
-    group.edits.clear()
-    for edit in bundle.read(PROXY_EDITS):
-        item = group.edits.add()
-        item.name, item.kind = edit.name, _KINDS[edit.change.kind]
-        item.faces, item.area = edit.count, edit.change.area_m2
     group.edit_index = min(group.edit_index, max(0, len(group.edits) - 1))
+    shown = shown_proxy(scene, state.bundle_path(scene))
+    if shown is not None and not legend_of(shown)[0]:
+        colour_shown(scene)
 
 
-def _read_objects(group: bpy.types.PropertyGroup, bundle: Bundle) -> None:
-    """The bundle's objects but the removed ones, then those that are only drawn in Blender so far."""
-    drawn = [item.name for item in group.objects if not item.declared]
-    chosen = active_object(group)
-    group.objects.clear()
-    declared = read_objects(bundle)
-    group.declared_count = len(declared)
-    for known in declared:
-        if known.name in group.removed:
-            continue
-        item = group.objects.add()
-        item.name, item.state, item.why, item.shape = known.name, known.state, known.why, known.shape
-        item.masks, item.declared = known.masks, True
-        item.has_prior, item.own_mesh, item.placed = known.has_prior, known.own_mesh, known.placed
-        item.iou, item.energy, item.residual = known.iou, known.energy, known.residual_m
-    for name in drawn:
-        if name not in group.objects:
-            add_object(group, name)
-    index = group.objects.find(chosen)
-    group.object_index = index if index >= 0 else min(group.object_index, max(0, len(group.objects) - 1))
-
-
-def add_object(group: bpy.types.PropertyGroup, name: str) -> None:
-    """An object that only Blender knows so far."""
-    item = group.objects.add()
-    item.name, item.state = name, "drawn"
+def drawn_entry(group: bpy.types.PropertyGroup, name: str) -> R2SEGO_PG_drawn_object:
+    """What Blender knows of an object's drawn masks, begun where it is nothing yet."""
+    found = group.drawn.get(name)
+    if found is None:
+        found = group.drawn.add()
+        found.name = name
+        make_rows(len(group.objects))
+    return found
 
 
 def active_object(group: bpy.types.PropertyGroup) -> str:
     """The name of the chosen object, '' when there is none."""
-    inside = 0 <= group.object_index < len(group.objects)
-    return group.objects[group.object_index].name if inside else ""
-
-
-CLASSES = (
-    R2SEGO_PG_proxy_colour,
-    R2SEGO_PG_proxy_object,
-    R2SEGO_PG_removed_object,
-    R2SEGO_PG_proxy_edit,
-    R2SEGO_PG_proxy,
-)
+    objects, index = group.objects, group.object_index
+    return objects[index].name if 0 <= index < len(objects) else ""

@@ -6,7 +6,8 @@ from bpy.props import BoolProperty
 from ...r2sego_blender.bridge.proxy.show_proxy import show_proxy
 from .. import state
 from ..base import ReportingOperator, hint_if_hidden, needs_round
-from .properties import colour_shown, note_age
+from .facts import ProxyFacts
+from .properties import colour_shown
 
 
 class R2SEGO_OT_show_proxy(ReportingOperator, bpy.types.Operator):
@@ -29,7 +30,7 @@ class R2SEGO_OT_show_proxy(ReportingOperator, bpy.types.Operator):
         index = context.scene.r2sego.round_index
         bundle = state.opened_bundle(context)
         shown = show_proxy(context.scene, bundle, index)
-        note_age(context.scene, bundle)
+        state.read_again(context.scene, ProxyFacts)
         colour_shown(context.scene)
         if self.look_inside and context.area is not None and context.area.type == "VIEW_3D":
             context.space_data.shading.show_backface_culling = True

@@ -1,39 +1,61 @@
-"""The cached facts of the sub-panel Robot, read whenever the bundle or the shown round changes."""
+"""What the sub-panel Robot knows: the scope, the seats, and the attempts of the round or of the trial."""
+
+from collections.abc import Hashable
+from dataclasses import dataclass
 
 import bpy
 
-from ...r2sego_blender.bridge.shared.views_3d import redraw_views
+from ...r2sego_blender.bridge.shared.panel_facts import Facts
 from ...r2sego_blender.core.errors import R2SEgoError
 from ...r2sego_blender.results.panels.bundle import Bundle
 from ...r2sego_blender.results.panels.robot_facts import RobotFacts
 from ...r2sego_blender.results.panels.rollout_list import TRIAL, attempts, has_rollouts
 from ...r2sego_blender.robot.scope.region import format_polygon
-from .. import state
+from ..state import Line
 
 
-def read(scene: bpy.types.Scene, bundle: Bundle) -> None:
-    """Read the scope, the seats and the attempts. What cannot be read becomes the room's problem."""
-    robot = scene.r2sego_robot
-    robot.seats.clear()
-    robot.attempts.clear()
-    robot.region = robot.problem = ""
+@dataclass(frozen=True)
+class ScopeFacts:
+    """The behaviour region as a text, '' for the free floor, the seats, and what is told of the robot."""
+
+    region: str = ""
+    seats: Facts = Facts()
+    lines: tuple[Line, ...] = ()
+    problem: str = ""
+
+
+@dataclass(frozen=True)
+class AttemptFacts:
+    """The attempts that are listed."""
+
+    attempts: Facts = Facts()
+    succeeded: int = 0
+    problem: str = ""
+
+
+def read_scope(_scene: bpy.types.Scene, bundle: Bundle) -> ScopeFacts:
+    """The declared scope and robot. What cannot be read is the room's own problem."""
     try:
-        _read_declared(scene, bundle)
-        _read_attempts(scene, bundle)
+        known = RobotFacts.read(bundle)
+        lines = tuple(Line("robot", label, value) for label, value in known.lines())
+        return ScopeFacts(format_polygon(known.region), Facts(known.seats), lines)
     except R2SEgoError as error:
-        robot.problem = str(error)
-    redraw_views()
+        return ScopeFacts(problem=str(error))
 
 
-def read_again(scene: bpy.types.Scene) -> None:
-    """Read the attempts of the source now chosen."""
-    scene.r2sego_robot.problem = ""
+def read_attempts(scene: bpy.types.Scene, bundle: Bundle) -> AttemptFacts:
+    """The attempts of the source that is chosen. What cannot be read is the room's own problem."""
+    index = round_of(scene, scene.r2sego_robot.source == "TRIAL")
     try:
-        bundle = state.bundle_of(scene)
-        if bundle is not None:
-            _read_attempts(scene, bundle)
+        found = Facts(attempts(bundle, index) if has_rollouts(bundle, index) else ())
     except R2SEgoError as error:
-        scene.r2sego_robot.problem = str(error)
+        return AttemptFacts(problem=str(error))
+    return AttemptFacts(found, sum(one.success for one in found))
+
+
+def chosen_attempts(scene: bpy.types.Scene) -> Hashable:
+    """Which attempts are listed."""
+    return scene.r2sego_robot.source, scene.r2sego.round_index
 
 
 def round_of(scene: bpy.types.Scene, trial: bool, round_index: int = -1) -> int:
@@ -41,28 +63,3 @@ def round_of(scene: bpy.types.Scene, trial: bool, round_index: int = -1) -> int:
     if trial:
         return TRIAL
     return scene.r2sego.round_index if round_index < 0 else round_index
-
-
-def _read_declared(scene: bpy.types.Scene, bundle: Bundle) -> None:
-    robot, known = scene.r2sego_robot, RobotFacts.read(bundle)
-    robot.region = format_polygon(known.region)
-    for found in known.seats:
-        seat = robot.seats.add()
-        seat.object_name, seat.place = found.object_name, found.place_m
-        seat.height, seat.places = found.height_m, found.places
-    for label, value in known.lines():
-        fact = scene.r2sego.facts.add()
-        fact.section, fact.label, fact.value = "robot", label, value
-
-
-def _read_attempts(scene: bpy.types.Scene, bundle: Bundle) -> None:
-    robot = scene.r2sego_robot
-    robot.attempts.clear()
-    robot.succeeded = 0
-    index = round_of(scene, robot.source == "TRIAL")
-    for one in attempts(bundle, index) if has_rollouts(bundle, index) else ():
-        attempt = robot.attempts.add()
-        attempt.number, attempt.behaviour, attempt.success = one.number, one.behaviour, one.success
-        attempt.reason, attempt.outcome = one.reason, one.outcome
-        attempt.frame, attempt.frames, attempt.time_s = one.frame, one.frames, one.time_s
-        robot.succeeded += one.success

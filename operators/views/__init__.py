@@ -1,49 +1,25 @@
-"""Candidate and target views."""
+"""The room Views: the round's candidate and target views.
+
+Begin with ``facts.py`` (the scores), ``properties.py`` (the active candidate) and ``display.py`` (the frusta
+in the view). May use ``bridge/views`` and the library, no other room.
+"""
 
 import bpy
 
-from ...r2sego_blender.results.panels import view_scores
 from .. import state
-from . import display
-from .look_through_candidate import R2SEGO_OT_look_through_candidate
-from .pick_candidate import R2SEGO_OT_pick_candidate
-from .properties import R2SEGO_PG_ranked_view, R2SEGO_PG_views
-from .show_candidates import R2SEGO_OT_show_candidates
-
-CLASSES = (
-    R2SEGO_PG_ranked_view,
-    R2SEGO_PG_views,
-    R2SEGO_OT_show_candidates,
-    R2SEGO_OT_pick_candidate,
-    R2SEGO_OT_look_through_candidate,
-)
+from . import display, facts
+from .properties import R2SEGO_PG_views
 
 
 def register() -> None:
     """Attach the room's properties; its facts are read whenever the bundle changed."""
     bpy.types.Scene.r2sego_views = bpy.props.PointerProperty(type=R2SEGO_PG_views)
-    state.listeners.append(display.read)
-    for handlers, handler in _HANDLERS:
-        handlers.append(handler)
+    state.readers[facts.ViewFacts] = state.Reader(facts.read, facts.chosen_round)
+    state.followers.append(display.follow_bundle)
 
 
 def unregister() -> None:
     """Take them away again."""
-    for handlers, handler in _HANDLERS:
-        handlers.remove(handler)
-    state.listeners.remove(display.read)
-    view_scores.forget_all()
+    state.followers.remove(display.follow_bundle)
+    del state.readers[facts.ViewFacts]
     del bpy.types.Scene.r2sego_views
-
-
-@bpy.app.handlers.persistent
-def _another_file(*_: object) -> None:
-    """The scenes whose scores are remembered go."""
-    view_scores.forget_all()
-
-
-_HANDLERS = (
-    (bpy.app.handlers.load_pre, _another_file),
-    (bpy.app.handlers.undo_post, display.undone),
-    (bpy.app.handlers.redo_post, display.undone),
-)

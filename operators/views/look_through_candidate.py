@@ -7,7 +7,6 @@ from ...r2sego_blender.bridge.shared.cameras import use_frame_of
 from ...r2sego_blender.bridge.shared.preview_range import give_back
 from ...r2sego_blender.bridge.views.show_candidates import candidate_camera
 from ...r2sego_blender.core.errors import SceneError
-from ...r2sego_blender.results.panels.view_scores import remembered_in
 from ..base import ReportingOperator
 from .polls import needs_candidates
 
@@ -33,7 +32,7 @@ class R2SEGO_OT_look_through_candidate(ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         scene = context.scene
-        scores = remembered_in(scene)
+        scores = scene.r2sego_views.scores
         chosen = scene.r2sego_views.active if self.candidate < 0 else self.candidate
         if scores is None or not 0 <= chosen < len(scores):
             raise SceneError("no candidate is chosen", cure="Pick one in the view or in the list first.")
@@ -42,6 +41,5 @@ class R2SEGO_OT_look_through_candidate(ReportingOperator, bpy.types.Operator):
         give_back(scene)
         if context.area is not None and context.area.type == "VIEW_3D":
             context.space_data.region_3d.view_perspective = "CAMERA"
-        return (
-            f"Candidate {chosen}: rollout {scores.views.rollout[chosen]}, frame {scores.views.frame[chosen]}"
-        )
+        told = scores.selection
+        return f"Candidate {chosen}: rollout {told.rollout[chosen]}, frame {told.frame[chosen]}"

@@ -12,7 +12,6 @@ from ...r2sego_blender.bridge.views.show_candidates import (
 )
 from ...r2sego_blender.core.errors import SceneError
 from ...r2sego_blender.results.panels.view_chart import chart_in, covered_margins
-from ...r2sego_blender.results.panels.view_scores import remembered_in
 from ..base import ReportingOperator
 from ..view_tool import ViewTool
 from .polls import needs_candidates
@@ -43,7 +42,7 @@ class R2SEGO_OT_pick_candidate(ViewTool, ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         scene = context.scene
-        group, scores = scene.r2sego_views, remembered_in(scene)
+        group, scores = scene.r2sego_views, scene.r2sego_views.scores
         if scores is None:
             raise SceneError("the candidates are not read yet", cure="Press Refresh.")
         candidate = self.candidate
@@ -101,11 +100,11 @@ class R2SEGO_OT_pick_candidate(ViewTool, ReportingOperator, bpy.types.Operator):
 
     def _on_curves(self, context, event, outside=False):
         """The candidate of the frame under the mouse, -1 when the curves are not there."""
-        group, scores = context.scene.r2sego_views, remembered_in(context.scene)
+        group, scores = context.scene.r2sego_views, context.scene.r2sego_views.scores
         if scores is None or not group.curves:
             return -1
         region = context.region
-        frames = scores.views.frame[scores.of_rollout(group.rollout)]
+        frames = scores.selection.frame[scores.of_rollout(group.rollout)]
         others = [other for other in context.area.regions if other.type != "WINDOW"]
         chart = chart_in(
             (region.width, region.height), covered_margins(region, others),
@@ -118,7 +117,7 @@ class R2SEGO_OT_pick_candidate(ViewTool, ReportingOperator, bpy.types.Operator):
 
     def _on_frusta(self, context, event):
         """The candidate whose frustum is under the mouse, -1 when none is."""
-        scores, region = remembered_in(context.scene), context.region
+        scores, region = context.scene.r2sego_views.scores, context.region
         swarm = None if scores is None else shown_candidates(context.scene, scores.bundle_path)
         if swarm is None or not swarm.visible_get(viewport=context.space_data):
             return -1

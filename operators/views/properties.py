@@ -1,21 +1,15 @@
-"""What the sub-panel Views shows of the round's candidates, and how."""
+"""What a person chose in the sub-panel Views: how candidates are shown, and which one is active."""
 
 import bpy
-from bpy.props import (
-    BoolProperty,
-    CollectionProperty,
-    EnumProperty,
-    FloatProperty,
-    IntProperty,
-    StringProperty,
-)
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
+from ...r2sego_blender.bridge.shared.panel_facts import Fact
 from ...r2sego_blender.bridge.shared.views_3d import redraw_views
 from ...r2sego_blender.bridge.views.show_candidates import mark_candidate, shown_candidates
 from ...r2sego_blender.core.errors import R2SEgoError
-from ...r2sego_blender.results.panels.view_scores import remembered_in
 from .. import state
 from . import display
+from .facts import ViewFacts
 
 COLOURS = [
     ("S", "Score", "The score s = u g, by which views are chosen"),
@@ -35,45 +29,34 @@ def _display_changed(group: bpy.types.PropertyGroup, _context: bpy.types.Context
     try:
         display.follow(scene)
     except R2SEgoError as error:
-        scene.r2sego.problem = str(error)
+        state.tell_problem(scene, error)
 
 
-def _active_changed(group: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
-    """Keep to a candidate that there is; its words, its mark in the view and its row of the list."""
-    scene = group.id_data
-    scores = remembered_in(scene)
-    active = group.active
+def _active(group: bpy.types.PropertyGroup) -> int:
+    scores = group.scores
+    return group.picked if scores is not None and group.picked_of == scores.mark else -1
+
+
+def _pick(group: bpy.types.PropertyGroup, candidate: int) -> None:
+    """Keep to a candidate that there is, and to the selection it was picked in; mark it in the view."""
+    scene, scores = group.id_data, group.scores
     if scores is None:
-        group.why = group.figures = ""
         return
-    if active >= len(scores):
-        group.active = len(scores) - 1  # comes here again
-        return
-    if active < 0:
-        group.why = group.figures = ""
-    else:
-        views = scores.views
-        group.why = scores.why(active)
-        group.figures = (
-            f"u {views.deficit[active]:.1%}   g {views.availability[active]:.1%}   "
-            f"s {views.score[active]:.3f}"
-        )
-        group.active_frame, group.active_rollout = int(views.frame[active]), int(views.rollout[active])
+    group.picked, group.picked_of = min(candidate, len(scores) - 1), scores.mark
+    if group.picked >= 0:
         group.rollout = group.active_rollout
-    row = next((k for k, item in enumerate(group.ranked) if item.candidate == active), -1)
-    if group.ranked_index != row:
-        group.ranked_index = row
-    if state.may_show() and shown_candidates(scene, scores.bundle_path) is not None:
-        mark_candidate(scene, scores.bundle_path, scores.views, active, group.frustum_size)
+    if shown_candidates(scene, scores.bundle_path) is not None:
+        mark_candidate(scene, scores.bundle_path, scores.views, group.picked, group.frustum_size)
     redraw_views()
 
 
-def _row_changed(group: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
-    """The row chosen in the list is the active candidate."""
-    if 0 <= group.ranked_index < len(group.ranked):
-        candidate = group.ranked[group.ranked_index].candidate
-        if group.active != candidate:
-            group.active = candidate
+def _row(group: bpy.types.PropertyGroup) -> int:
+    return -1 if group.scores is None else group.scores.row_of.get(group.active, -1)
+
+
+def _pick_row(group: bpy.types.PropertyGroup, row: int) -> None:
+    if 0 <= row < len(group.ranked):
+        group.active = group.ranked[row].candidate
 
 
 def _rollout_changed(group: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
@@ -81,23 +64,11 @@ def _rollout_changed(group: bpy.types.PropertyGroup, _context: bpy.types.Context
     if group.rollout > last:
         group.rollout = last
         return
-    scores = remembered_in(group.id_data)
-    group.origin = "" if scores is None else scores.origin(group.rollout)
     redraw_views()
 
 
 def _curves_changed(_group: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
     redraw_views()
-
-
-class R2SEGO_PG_ranked_view(bpy.types.PropertyGroup):
-    """A row of the list: a target view, or one that may stand in for a target."""
-
-    candidate: IntProperty(name="Candidate", description="Its number in the candidate stream")
-    rollout: IntProperty(name="Rollout", description="The rollout that reached it, from 0")
-    frame: IntProperty(name="Frame", description="Its frame of the rollout")
-    score: FloatProperty(name="Score", description="s = u g")
-    chosen: BoolProperty(name="Target", description="Whether it is a target view")
 
 
 class R2SEGO_PG_views(bpy.types.PropertyGroup):
@@ -116,15 +87,14 @@ class R2SEGO_PG_views(bpy.types.PropertyGroup):
     )  # fmt: skip
     active: IntProperty(
         name="Candidate", description="The active candidate's number in the candidate stream, -1 for none",
-        default=-1, min=-1, update=_active_changed,
+        default=-1, min=-1, get=_active, set=_pick,
     )  # fmt: skip
-    active_frame: IntProperty(name="Frame", description="The active candidate's frame of its rollout")
-    active_rollout: IntProperty(name="Rollout", description="The active candidate's rollout, from 0")
+    picked: IntProperty(default=-1)
+    picked_of: StringProperty(description="The selection in which it was picked: in another it is none")
     rollout: IntProperty(
         name="Rollout", description="The rollout whose scores are drawn over time, from 0", min=0,
         update=_rollout_changed,
     )  # fmt: skip
-    origin: StringProperty(name="Attempt", description="Which attempt of the round the rollout is")
     curves: BoolProperty(
         name="Scores over Time", update=_curves_changed,
         description="Draw u, g and s of the rollout's frames at the bottom of the 3D view",
@@ -132,17 +102,33 @@ class R2SEGO_PG_views(bpy.types.PropertyGroup):
     set_frame: BoolProperty(
         name="Set Timeline", description="Go to the frame of a candidate that is picked", default=True
     )
-    why: StringProperty(name="Reason", description="Why the active candidate is a target or none")
-    figures: StringProperty(name="Scores", description="The active candidate's scores")
-    ranked: CollectionProperty(type=R2SEGO_PG_ranked_view)
     ranked_index: IntProperty(
-        name="Target", description="The row of the active candidate", default=-1, update=_row_changed
+        name="Target", description="The row of the active candidate", default=-1, get=_row, set=_pick_row
     )
-    candidates: IntProperty(name="Candidates", description="How many candidates the round has")
-    survivors: IntProperty(name="Survivors", description="How many temporal suppression left")
-    rollouts: IntProperty(name="Rollouts", description="How many rollouts the candidates are of")
-    best_s: FloatProperty(name="Best Score", description="The best score of the round")
-    best_u: FloatProperty(name="Largest Deficit", description="The largest deficit of the round")
-    best_g: FloatProperty(name="Best Availability", description="The best availability of the round")
-    note: StringProperty(name="Note", description="What is out of the ordinary in the selection")
-    stamp: StringProperty(name="Stamp", description="Which selection these facts are of")
+    scores = Fact(ViewFacts)
+    ranked, candidates, rollouts = Fact(ViewFacts), Fact(ViewFacts), Fact(ViewFacts)
+
+    @property
+    def active_frame(self) -> int:
+        """The active candidate's frame of its rollout."""
+        return int(self.scores.selection.frame[self.active])
+
+    @property
+    def active_rollout(self) -> int:
+        """The active candidate's rollout, from 0."""
+        return int(self.scores.selection.rollout[self.active])
+
+    @property
+    def why(self) -> str:
+        """Why the active candidate is a target or none."""
+        return "" if self.active < 0 else self.scores.why(self.active)
+
+    @property
+    def figures(self) -> str:
+        """The active candidate's scores."""
+        return "" if self.active < 0 else self.scores.figures(self.active)
+
+    @property
+    def origin(self) -> str:
+        """Which attempt of the round the rollout is."""
+        return "" if self.scores is None else self.scores.origin(self.rollout)

@@ -32,8 +32,9 @@ def _draw(context):
     if frame is None:
         return
     scale = context.preferences.system.ui_scale
+    active = group.object_index
     for index, item in enumerate(group.objects):
-        chosen = index == group.object_index
+        chosen = index == active
         lines = mask_outline(bundle_path, item.name, capture)
         segments(on_screen(lines, frame), _MASK if chosen else _OTHER, (2.0 if chosen else 1.0) * scale)
     shown = context.view_layer.objects.active

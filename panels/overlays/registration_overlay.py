@@ -23,16 +23,19 @@ def _draw(context):
     if not context.space_data.overlay.show_overlays:
         return
     scale = context.preferences.system.ui_scale
-    seen = {
-        point.name: _on_screen(context, point.position) for point in shown.points if point.located
-    }  # where the points lie
+    placed = {point.name: point.placed for point in shown.points if point.placed is not None}
+    seen = {name: _on_screen(context, one.position) for name, one in placed.items()}
     picked = _picked_here(context, shown)
     for point in shown.points:
         place = picked.get(point.name, seen.get(point.name))
         if place is None:
             continue
         _cross(place, _FLOOR if point.floor else _POINT, scale)
-        write(_label(point, picked), *(place + 7.0 * scale), size_px=12.0 * scale)
+        write(
+            _label(point.name, placed if point.name in picked else {}),
+            *(place + 7.0 * scale),
+            size_px=12.0 * scale,
+        )
         if point.name in picked and seen.get(point.name) is not None:
             segments(np.stack([place, seen[point.name]]), _MISS, 2.0 * scale)
     for length in shown.lengths:
@@ -62,9 +65,9 @@ def _on_screen(context, position):
     return None if place is None else np.array(place)
 
 
-def _label(point, picked):
-    off = f"  {point.off_px:.1f} px" if point.off_px >= 0.0 and point.name in picked else ""
-    return f"{point.name}{off}"
+def _label(name, placed):
+    off_px = placed[name].off_px if name in placed else -1.0
+    return f"{name}  {off_px:.1f} px" if off_px >= 0.0 else name
 
 
 def _cross(place, colour, scale):

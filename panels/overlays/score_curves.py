@@ -7,7 +7,7 @@ picture that is kept until the round, the rollout or the region's size changes.
 from functools import cached_property
 
 from ...r2sego_blender.results.panels.view_chart import Chart, chart_in, covered_margins, curve, stems
-from ...r2sego_blender.results.panels.view_scores import RoundScores, remembered_in
+from ...r2sego_blender.results.panels.view_scores import RoundScores
 from .flat_shapes import rectangle, segments, text_width, write
 from .kept_pictures import KeptPicture
 from .overlay import Overlay
@@ -68,21 +68,21 @@ def shown_chart(context) -> Chart | None:
 
 def _shown(context) -> _Curves | None:
     """What is drawn in the 3D view of ``context``; made anew only when something has changed."""
-    group, scores = context.scene.r2sego_views, remembered_in(context.scene)
+    group, scores = context.scene.r2sego_views, context.scene.r2sego_views.scores
     if scores is None or not group.curves or not context.space_data.overlay.show_overlays:
         return None
     region, scale = context.region, context.preferences.system.ui_scale
     others = [other for other in context.area.regions if other.type != "WINDOW"]
     size, margins = (region.width, region.height), covered_margins(region, others)
-    key = (scores.number, group.rollout, size, margins, scale)
+    key = (group.rollout, size, margins, scale)
     place = context.area.as_pointer()
-    if place not in _kept or _kept[place][0] != key:
+    if place not in _kept or _kept[place][0] is not scores or _kept[place][1] != key:
         if len(_kept) >= _MOST_KEPT:
             _kept.clear()
-        chart = chart_in(size, margins, scale, scores.views.frame[scores.of_rollout(group.rollout)])
+        chart = chart_in(size, margins, scale, scores.selection.frame[scores.of_rollout(group.rollout)])
         curves = None if chart is None else _Curves(chart, scores, group.rollout, scale)
-        _kept[place] = key, curves
-    return _kept[place][1]
+        _kept[place] = scores, key, curves
+    return _kept[place][2]
 
 
 def _draw(context) -> None:
@@ -90,12 +90,12 @@ def _draw(context) -> None:
     if curves is None:
         return
     curves.picture.draw()
-    group, scores = context.scene.r2sego_views, remembered_in(context.scene)
+    group, scores = context.scene.r2sego_views, context.scene.r2sego_views.scores
     scale = context.preferences.system.ui_scale
     chart, now, active = curves.chart, context.scene.frame_current, group.active
     if chart.first <= now <= chart.last:
         _mark(chart, now, _NOW, 1.5 * scale)
-    if 0 <= active < len(scores) and scores.views.rollout[active] == group.rollout:
+    if 0 <= active < len(scores) and scores.selection.rollout[active] == group.rollout:
         _mark(chart, group.active_frame, _ACTIVE, 2.0 * scale)
 
 
@@ -105,7 +105,7 @@ def _mark(chart: Chart, frame: int, colour: tuple[float, float, float, float], w
 
 
 def _draw_lines(chart: Chart, scores: RoundScores, rollout: int, scale: float) -> None:
-    members, views = scores.of_rollout(rollout), scores.views
+    members, views = scores.of_rollout(rollout), scores.selection
     frames = views.frame[members]
     drawn = [
         (stems(chart, frames[views.survived[members]], _STEM), _SURVIVOR, 1.5),

@@ -2,7 +2,6 @@
 
 import bpy
 
-from ...r2sego_blender.results.panels.view_scores import remembered_in
 from .score_curves import shown_chart
 
 _SLACK_PX = 4.0
@@ -55,7 +54,7 @@ class R2SEGO_GGT_score_curves(bpy.types.GizmoGroup):
 
 
 def _pick(context, x):
-    group, scores = context.scene.r2sego_views, remembered_in(context.scene)
+    group, scores = context.scene.r2sego_views, context.scene.r2sego_views.scores
     chart = shown_chart(context)
     if scores is None or chart is None:
         return

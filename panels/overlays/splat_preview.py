@@ -31,7 +31,7 @@ _FAINT = 0.05
 
 
 class SplatBuffers:
-    """The splats of one mesh, as of one revision of their marks, on the graphics card once they are drawn."""
+    """The splats of one mesh, as they are marked at one time, on the graphics card once they are drawn."""
 
     def __init__(self, splats: DrawnSplats, backdrop: bool) -> None:
         self._splats, self._backdrop = splats, backdrop
@@ -114,12 +114,18 @@ def _redraw_at_rest() -> float | None:
 
 _motion = _Motion()
 _buffers: dict[tuple, SplatBuffers] = {}
-"""The splats that were drawn last, by mesh, revision and choice."""
+"""The splats that were drawn last, by mesh, marks and choice."""
+
+
+def drawn_for(mesh: bpy.types.Mesh, group: bpy.types.PropertyGroup) -> tuple:
+    """Another value where the splats are drawn otherwise; undo brings marks back, and other ones follow."""
+    marks = tuple(mark.region for mark in group.marks)
+    return mesh.session_uid, len(mesh.vertices), marks, group.marked, group.backdrop
 
 
 def _buffer(shown: bpy.types.Object, group: bpy.types.PropertyGroup) -> SplatBuffers | None:
     mesh = shown.data
-    key = (mesh.session_uid, len(mesh.vertices), group.revision, group.backdrop)
+    key = drawn_for(mesh, group)
     if key not in _buffers:
         _buffers.clear()
         if mesh.is_editmode:  # its attributes cannot be read; Edit Mode shows its own points

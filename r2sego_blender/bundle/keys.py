@@ -27,9 +27,17 @@ def step_key(inputs: Iterable[str], settings: Any, digest_of: Callable[[str], st
 
 
 def _as_json(value: Any) -> Any:
+    """A step's settings as its key has them: of a dataclass, the fields that change the result.
+
+    A field ``added`` later is left out while it has its default, so that keys made before it stand.
+    """
     if dataclasses.is_dataclass(value):
-        read = (field for field in dataclasses.fields(value) if field.metadata.get("changes_result", True))
-        return {field.name: getattr(value, field.name) for field in read}
+        return {
+            field.name: getattr(value, field.name)
+            for field in dataclasses.fields(value)
+            if field.metadata.get("changes_result", True)
+            and not (field.metadata.get("added") and getattr(value, field.name) == field.default)
+        }
     if hasattr(value, "tolist"):
         return value.tolist()
     return str(value)

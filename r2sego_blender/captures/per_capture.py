@@ -5,13 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from ..bundle.artifacts import Artifact
 from ..bundle.layout import capture_files
-from .capture import Capture
 
 Each = TypeVar("Each")
+
+
+class Named(Protocol):
+    """A capture, by the name that its files have."""
+
+    @property
+    def name(self) -> str:
+        """The photograph's name."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -21,9 +29,14 @@ class PerCapture(Generic[Each]):
     folder: Path
     load: Callable[[Path], Each]
 
-    def of(self, captures: Sequence[Capture]) -> list[Each]:
+    def of(self, captures: Sequence[Named]) -> list[Each]:
         """What was published for each capture. Raises the loader's error where a file is damaged."""
         return [self.load(self.folder / file) for file in _files(captures)]
+
+    def found(self, captures: Sequence[Named], index: int) -> Each | None:
+        """What was published for one of the captures; None where nothing was."""
+        file = self.folder / _files(captures)[index]
+        return self.load(file) if file.is_file() else None
 
 
 def each_capture(name: str, load: Callable[[Path], Each]) -> Artifact[PerCapture[Each]]:
@@ -34,12 +47,12 @@ def each_capture(name: str, load: Callable[[Path], Each]) -> Artifact[PerCapture
     return Artifact(name, lambda folder: PerCapture(folder, load), _save)
 
 
-def by_file(captures: Sequence[Capture], values: Iterable[Each]) -> dict[str, Each]:
+def by_file(captures: Sequence[Named], values: Iterable[Each]) -> dict[str, Each]:
     """The captures' values by the names of their files."""
     return dict(zip(_files(captures), values, strict=True))
 
 
-def _files(captures: Sequence[Capture]) -> list[str]:
+def _files(captures: Sequence[Named]) -> list[str]:
     return capture_files([capture.name for capture in captures])
 
 

@@ -16,7 +16,8 @@ from ..core.progress import SILENT, Progress
 from .importing import Imported
 from .matching.overlap import Pairs, confirming, match_all, match_guided, near_pairs
 from .solving.bundle_adjustment import adjusted, reprojection_errors
-from .sparse import USUAL_DEPTH_M, Detected, SparsePoints, detect, triangulate_matches, usual_depth
+from .sparse import USUAL_DEPTH_M, Detected, detect, triangulate_matches, usual_depth
+from .sparse_points import SparsePoints
 
 # Matches are looked for this many standard deviations off the given epipolar lines.
 _BAND_SIGMAS = 2.0

@@ -8,16 +8,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..bundle import layout
-from ..bundle.artifacts import Artifact
 from ..config.settings import CaptureSettings
-from ..core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
 from ..core.cameras import Camera
 from ..core.errors import CaptureError
 from ..core.progress import SILENT, Progress
@@ -27,6 +23,7 @@ from .capture import Capture
 from .colmap import load_pycolmap
 from .matching.features import Features, sift
 from .matching.overlap import Pairs, load_matches, match_known_poses, save_matches, write_database
+from .sparse_points import SparsePoints
 
 USUAL_DEPTH_M = 2.5
 """Distance from a camera to what it sees indoors, for tolerances before the scale is known."""
@@ -38,42 +35,6 @@ _RANGE_PERCENTILES = (1.0, 99.0)
 _RANGE_MARGIN = (0.7, 1.5)
 _RANGE_MIN_POINTS = 10
 _TIMEOUT_S = 1200.0
-
-
-@dataclass(frozen=True)
-class SparsePoints:
-    """Triangulated points with their support record.
-
-    ``points`` (P, 3) float64; ``colours`` (P, 3) uint8; ``visibility`` (P, N) bool, the
-    captures that measured each point (A_obs); ``error_px`` (P,) float64, mean reprojection
-    error; ``pixels`` (P, N, 2) float32, where each capture measured it, NaN elsewhere.
-    """
-
-    points: np.ndarray
-    colours: np.ndarray
-    visibility: np.ndarray
-    error_px: np.ndarray
-    pixels: np.ndarray
-
-    def transformed(self, similarity: np.ndarray) -> SparsePoints:
-        """These points after a (4, 4) similarity of the world."""
-        return replace(self, points=self.points @ similarity[:3, :3].T + similarity[:3, 3])
-
-    def save(self, path: Path) -> None:
-        """Write the arrays as an uncompressed ``.npz``."""
-        save_arrays(path, **{field.name: getattr(self, field.name) for field in fields(self)})
-
-    @staticmethod
-    def load(path: Path) -> SparsePoints:
-        """Read what ``save`` wrote. Raises CaptureError when the file is none of it."""
-        cure = "Make the scene anew with `r2sego new`."
-        with opened_arrays(path, CaptureError, "these are no sparse points", cure) as data:
-            arrays = {field.name: data[field.name] for field in fields(SparsePoints)}
-            require_shapes(
-                arrays, points="P 3", colours="P 3", visibility="P N", error_px="P", pixels="P N 2"
-            )  # fmt: skip
-            require_finite(points=arrays["points"])
-            return SparsePoints(**arrays)
 
 
 class Detected(NamedTuple):
@@ -236,7 +197,3 @@ def depth_ranges(captures: Sequence[Capture], sparse: SparsePoints) -> list[tupl
         near, far = np.percentile(measured, _RANGE_PERCENTILES)
         ranges.append((float(near * _RANGE_MARGIN[0]), float(far * _RANGE_MARGIN[1])))
     return ranges
-
-
-SPARSE = Artifact(layout.SPARSE, SparsePoints.load, part_of=layout.CAPTURES)
-"""The points triangulated from the captures."""

@@ -9,15 +9,14 @@ from pathlib import Path
 
 from ..bundle import layout
 from ..bundle.artifacts import Artifact
-from ..core.cameras import Camera
 from ..core.errors import CaptureError
 from ..core.images import save_image
 from ..core.text_files import write_json
 from .capture import Capture
 from .lenses.lens import Lens
 from .poses.colmap_model import save_colmap_model
-from .poses.json_fields import entries, read_json
-from .sparse import SparsePoints
+from .registered_views import CURE, damaged_entry, read_registered_views
+from .sparse_points import SparsePoints
 
 
 def save_captures(
@@ -56,29 +55,18 @@ def load_captures(folder: Path) -> tuple[Capture, ...]:
 
     Raises CaptureError when the folder is damaged, an image is missing or there is no capture at all.
     """
-    path = folder / "cameras.json"
     captures = []
-    for index, entry in enumerate(entries(read_json(path), "captures", path)):
+    for index, view in enumerate(read_registered_views(folder)):
+        entry = view.entry
         try:
-            image_path = folder / "images" / Path(entry["file"]).name
             lens = Lens.from_json(entry["photograph_lens"]) if "photograph_lens" in entry else None
-            camera = Camera.from_json(entry)
-            turns, name = int(entry.get("photograph_turns", 0)), str(entry["name"])
-            captures.append(Capture(name, image_path, camera, lens, lens is not None, quarter_turns=turns))
+            turns = int(entry.get("photograph_turns", 0))
         except (KeyError, TypeError, ValueError) as error:
-            raise CaptureError(
-                f"the entry is damaged ({error!r})", where=f"{path}, captures[{index}]",
-                cure="Make the scene anew with `r2sego new`.",
-            ) from error  # fmt: skip
-        if not image_path.is_file():
-            raise CaptureError(
-                "the capture's image is missing",
-                where=image_path,
-                cure="Make the scene anew with `r2sego new`.",
-            )
-    if not captures:
-        raise CaptureError(
-            "'captures' is an empty list", where=path, cure="Make the scene anew with `r2sego new`."
+            raise damaged_entry(folder / "cameras.json", index, error) from error
+        if not view.image_path.is_file():
+            raise CaptureError("the capture's image is missing", where=view.image_path, cure=CURE)
+        captures.append(
+            Capture(view.name, view.image_path, view.camera, lens, lens is not None, quarter_turns=turns)
         )
     return tuple(captures)
 

@@ -84,6 +84,7 @@ class Entry:
     high: float | None
     choices: tuple[str, ...]
     changes_result: bool
+    added: bool
 
 
 def entries(settings: Settings = Settings()) -> Iterator[Entry]:

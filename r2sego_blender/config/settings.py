@@ -16,13 +16,18 @@ from .slots import GENERATORS, RENDERERS, SURFACES
 
 def setting(
     default: Any, doc: str, low: float | None = None, high: float | None = None, choices: Sequence[str] = (),
-    changes_result: bool = True,
+    changes_result: bool = True, added: bool = False,
 ) -> Any:  # fmt: skip
     """A dataclass field with its doc line and its inclusive range or, for names, its choices.
 
     Where it only changes how fast or in how much memory a result is made, nothing is made again for it.
+    One ``added`` after bundles were made, whose default does what was done without it, changes no step's
+    key until it is set: those bundles go on.
     """
-    said = {"doc": doc, "low": low, "high": high, "choices": tuple(choices), "changes_result": changes_result}
+    said = {
+        "doc": doc, "low": low, "high": high, "choices": tuple(choices), "changes_result": changes_result,
+        "added": added,
+    }  # fmt: skip
     return field(default=default, metadata=said)
 
 
@@ -306,6 +311,11 @@ class RegistrationSettings:
 class TrainingSettings:
     """3D Gaussian splatting of the visual asset."""
 
+    backend: str = setting(
+        "cpu",
+        "What renders and moves the Gaussians: the embedded CPU kernels, or gsplat on an NVIDIA GPU.",
+        choices=("cpu", "gsplat"), added=True,
+    )  # fmt: skip
     steps_per_round: int = setting(5000, "Optimisation steps a round.", 1, 200000)
     max_gaussians: int = setting(150000, "Hard budget of Gaussians, the backdrop not counted.", 1000, 5000000)
     real_weight: float = setting(1.0, "Weight of a registered capture.", 0.0, 10.0)

@@ -21,7 +21,7 @@ from ..captures.frame.picks import Picks
 from ..captures.frame.picks_fit import PicksFit, fit_picks
 from ..captures.frame.scale import Scale
 from ..captures.frame.world_frame import Registration, corrected
-from ..captures.sparse import SPARSE, SparsePoints
+from ..captures.sparse_points import SPARSE, SparsePoints
 from ..captures.store import CAPTURES, save_captures
 from ..core.digests import content_digest
 from ..core.errors import CaptureError

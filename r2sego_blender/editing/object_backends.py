@@ -13,7 +13,7 @@ from ..core.errors import GeometryError
 from ..geometry.objects.objects import DeclaredObject, plain_name, told_apart
 from ..geometry.objects.shapes import load_shape
 from ..geometry.objects.shared_masks import joined_masks
-from ..geometry.stereo.observed import ObservedGeometry
+from ..geometry.stereo.observed_geometry import ObservedGeometry
 from ..workers.sam3 import segment_externally
 from ..workers.sam3d import generate_shapes_externally
 

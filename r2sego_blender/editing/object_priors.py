@@ -27,11 +27,12 @@ from ..geometry.objects.objects import (
     read_placement,
     save_objects,
 )
-from ..geometry.objects.priors import PRIOR_RECORDS, library_files
+from ..geometry.objects.prior_files import PRIOR_RECORDS
+from ..geometry.objects.priors import library_files
 from ..geometry.objects.shapes import load_shape, mesh_files
-from ..geometry.room.completion import COMPLETED
+from ..geometry.room.completed_depth import COMPLETED
 from ..geometry.room.planes import PLANES
-from ..geometry.stereo.observed import OBSERVED, ObservedGeometry
+from ..geometry.stereo.observed_geometry import OBSERVED, ObservedGeometry
 from .object_backends import cure_without_mesh, generated_meshes, segmented_objects
 
 

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from ..bundle import layout
+from ..bundle.figures import ROBOT_FACTS
 from ..bundle.layout import SCOPE_FILE
 from ..bundle.scene import Scene
 from ..captures.store import CAPTURES
 from ..core.errors import GeometryError, RobotError
 from ..core.text_files import write_json
-from ..geometry.objects.priors import PRIOR_RECORDS, PRIORS, object_place
+from ..geometry.objects.prior_files import PRIOR_RECORDS, PRIORS, object_place
 from ..geometry.proxy.proxy import PROXY
 from ..refine.behaviour import DeclaredBehaviour
 from ..robot.behaviours.free_floor import free_floor
@@ -27,9 +28,6 @@ from ..robot.scope.region import area_m2
 from ..robot.scope.scope import ANY_SEAT, FREE_FLOOR, BehaviourScope, shipped_scopes
 from ..robot.scope.scope_file import changed_scope, save_scope
 from .trial_rollouts import newest_surface
-
-ROBOT_FACTS = "robot/robot.json"
-"""What ``describe_robot`` last said, for those who cannot read robots."""
 
 _EMBEDDED = (EMBEDDED_HUMANOID, EMBEDDED_WHEELED)
 _SEEN_DEG = 5.0  # a turn of the camera that is worth a word
@@ -144,7 +142,7 @@ def describe_robot(scene: Scene, seats: bool = False) -> dict[str, Any]:
             described["seats"] = _described_seats(scene, scope, robot)
         except RobotError as error:
             described |= {"seats": [], "no_seats": str(error)}
-    with scene.publishing(ROBOT_FACTS) as file:
+    with scene.publishing(ROBOT_FACTS.name) as file:
         write_json(file, described)
     return described
 

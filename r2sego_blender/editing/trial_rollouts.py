@@ -12,7 +12,7 @@ from ..captures.store import CAPTURES
 from ..core.errors import SceneError
 from ..core.progress import SILENT, Progress
 from ..geometry.collision.collision_files import COLLISION
-from ..geometry.objects.priors import PRIORS
+from ..geometry.objects.prior_files import PRIORS
 from ..geometry.proxy.proxy import PROXY
 from ..refine.behaviour import DeclaredBehaviour
 from ..robot.behaviours.free_floor import free_floor

@@ -32,7 +32,7 @@ class Arm:
 
 @dataclass(frozen=True)
 class Backend:
-    """What filled one of the paper's slots; ``learned`` False is the embedded default."""
+    """What filled one of the paper's slots; ``learned`` is whether that is a learned model."""
 
     slot: str
     backend: str

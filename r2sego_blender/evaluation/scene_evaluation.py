@@ -21,13 +21,13 @@ from ..bundle.stale import require_present_frame
 from ..captures.capture import Capture, DecodedCapture
 from ..captures.frozen import load_frozen_views
 from ..captures.solving.locating import locate_views
-from ..captures.sparse import SPARSE
+from ..captures.sparse_points import SPARSE
 from ..captures.store import CAPTURES
 from ..config.presets import VANILLA_3DGS
 from ..core.cameras import Camera, rotation_angle_rad
 from ..core.errors import R2SEgoError, SceneError
 from ..core.progress import SILENT, Progress
-from ..geometry.stereo.observed import OBSERVED, ObservedGeometry
+from ..geometry.stereo.observed_geometry import OBSERVED, ObservedGeometry
 from ..geometry.stereo.stereo import DEPTH
 from ..refine.visual_asset import vanilla_asset
 from ..splats.artifacts import REFINED_ASSET

@@ -47,6 +47,7 @@ _PAPER_BACKENDS = {
     "conditions": "the proxy rendered along the path",
     "generator": "ViewCrafter",
     "registration": "VGGT",
+    "splat_trainer": "3DGS on CUDA",
 }
 
 
@@ -115,7 +116,7 @@ def _backend(slot: str, name: str) -> Backend:
     return Backend(
         slot.replace("_", " "),
         name,
-        learned=not name.startswith("embedded"),
+        learned=slot != "splat_trainer" and not name.startswith("embedded"),
         paper=_PAPER_BACKENDS.get(slot, ""),
     )
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from ..core.progress import SILENT, Progress
 from ..core.resources import cpu_s, peak_memory_mb
 from ..refine.splat_start import Start, prepare
 from ..splats.asset import SplatAsset
+from ..splats.backends.slot import require_backend
 from ..splats.formats.registry import SUFFIXES, save_asset
 from ..splats.kernels.packing import PackedGaussians
 from ..splats.metrics import psnr
@@ -121,6 +122,7 @@ def train_on_photographs(
     """
     started_s = cpu_s()
     check_output(out)
+    require_backend(settings.training.backend)
     start = prepare(captures, poses, points, frozen, hold_out, settings, progress)
     rng = np.random.default_rng(settings.seed)
     steps = settings.training.steps_per_round
@@ -161,12 +163,12 @@ def _telling(start: Start, steps: int, kept: Path, progress: Progress) -> Watch:
     rasterizer = Rasterizer()
     told_s = kept_s = time.monotonic()
 
-    def watch(step: int, gaussians: PackedGaussians) -> bool:
+    def watch(step: int, now: Callable[[], PackedGaussians]) -> bool:
         nonlocal told_s, kept_s
         now_s = time.monotonic()
         if step == steps or step % max(1, steps // _TIMES_TOLD) or now_s - told_s <= _LEAST_BETWEEN_S:
             return False
-        found_db = []
+        found_db, gaussians = [], now()
         for camera, image in views:
             rasterizer.forward(gaussians, camera)
             found_db.append(psnr(np.clip(rasterizer.colour, 0.0, 1.0), image()))

@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..core.cameras import Camera
 from ..core.errors import GenerationError
+from ..core.text_files import opened_json
 from .decisions import decision_of, save_decision
 
 _WORDS = {True: "accepted by hand", False: "rejected by hand"}
@@ -147,3 +149,13 @@ def _damaged(file: Path, error: Exception) -> GenerationError:
     return GenerationError(
         f"this generated view cannot be read: {error!r:.200}", where=file, cure="Run `r2sego refine` again."
     )
+
+
+def read_camera_path(file: Path) -> list[Camera]:
+    """The cameras of a clip in its ``path.json``, reference first, all with the target's lens.
+
+    Raises GenerationError for a damaged file.
+    """
+    with opened_json(file, GenerationError, "this is no camera path") as told:
+        path = [Camera.from_json(camera) for camera in told["cameras"]]
+        return [path[-1].at(camera.world_from_camera) for camera in path]

@@ -9,7 +9,7 @@ from functools import cached_property
 from ..bundle.scene import Scene
 from ..captures.capture import Capture
 from ..core.cameras import Camera
-from ..geometry.objects.priors import AlignedPrior, object_place
+from ..geometry.objects.prior_files import AlignedPrior, object_place
 from ..geometry.proxy.proxy import GeometryProxy
 from ..geometry.proxy.seen_floor import seen_floor
 from ..robot.model.model import RobotModel

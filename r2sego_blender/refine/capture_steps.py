@@ -17,17 +17,21 @@ from ..bundle.artifacts import Artifact, Held, file_at
 from ..bundle.runner import Runner
 from ..captures.capture import Capture
 from ..captures.per_capture import PerCapture, by_file
-from ..captures.sparse import SPARSE, SparsePoints, depth_ranges
+from ..captures.sparse import depth_ranges
+from ..captures.sparse_points import SPARSE, SparsePoints
 from ..captures.store import CAPTURES
 from ..config.settings import Settings
 from ..core.cameras import Camera
 from ..core.progress import Progress
 from ..geometry.objects.objects import OBJECTS, ObjectsFolder
-from ..geometry.objects.priors import PRIORS, AlignedPrior, ObjectPrior, align_objects, load_library
+from ..geometry.objects.prior_files import PRIORS, AlignedPrior, ObjectPrior
+from ..geometry.objects.priors import align_objects, load_library
 from ..geometry.room.bounds import with_missing_bounds
-from ..geometry.room.completion import COMPLETED, CompletedDepth, complete_depth
+from ..geometry.room.completed_depth import COMPLETED, CompletedDepth
+from ..geometry.room.completion import complete_depth
 from ..geometry.room.planes import PLANES, RoomPlanes, find_planes
-from ..geometry.stereo.observed import OBSERVED, ObservedGeometry, observe
+from ..geometry.stereo.observed import observe
+from ..geometry.stereo.observed_geometry import OBSERVED, ObservedGeometry
 from ..geometry.stereo.stereo import DEPTH, DepthMap, dense_stereo
 from ..splats.artifacts import BACKDROP, INITIAL_ASSET
 from ..splats.asset import SplatAsset

@@ -12,7 +12,7 @@ from ..config.settings import StereoSettings
 from ..core.images import resize_nearest
 from ..generation.conditions.conditions import ZBufferRenderer
 from ..geometry.proxy.proxy import GeometryProxy
-from ..geometry.room.completion import CompletedDepth
+from ..geometry.room.completed_depth import CompletedDepth
 from ..geometry.stereo.stereo import DepthMap
 
 

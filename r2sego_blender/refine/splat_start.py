@@ -21,7 +21,8 @@ from ..captures.poses.photographs import ANY_SIZE_PX, posed_captures
 from ..captures.poses.ply_points import read_ply_points
 from ..captures.poses.registry import FORMATS, find_poses, only_one, poses_beside
 from ..captures.poses.transforms_json import read_transforms_json
-from ..captures.sparse import SparsePoints, triangulate
+from ..captures.sparse import triangulate
+from ..captures.sparse_points import SparsePoints
 from ..config.settings import CaptureSettings, Settings
 from ..core.cameras import Camera
 from ..core.errors import CaptureError, SettingsError

@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 
 from ..bundle.artifacts import Artifact, file_at
+from ..bundle.figures import COUNTS
 from ..captures.per_capture import PerCapture
-from ..core.errors import SceneError
-from ..core.text_files import opened_json, write_json
 from ..generation.carried_decisions import carry_decisions
 from ..generation.conditions.conditions import ZBufferRenderer
 from ..generation.conditions.point_condition import PointConditions
@@ -31,14 +30,14 @@ from ..generation.paths.detours import ClearSpace
 from ..generation.registration.frame_registration import Landmarks
 from ..geometry.collision.collision import CollisionSurface, collision_surface
 from ..geometry.collision.collision_files import COLLISION, REFINED_COLLISION
-from ..geometry.objects.priors import AlignedPrior
+from ..geometry.objects.prior_files import AlignedPrior
 from ..geometry.proxy.edited_proxy import edited
 from ..geometry.proxy.edits import PROXY_EDITS, Edit
 from ..geometry.proxy.fusion import compose_proxy
 from ..geometry.proxy.proxy import PROXY, GeometryProxy
-from ..geometry.room.completion import CompletedDepth
+from ..geometry.room.completed_depth import CompletedDepth
 from ..geometry.room.planes import RoomPlanes
-from ..geometry.stereo.observed import ObservedGeometry
+from ..geometry.stereo.observed_geometry import ObservedGeometry
 from ..geometry.stereo.stereo import DepthMap
 from ..robot.rollouts.attempts import Rollout
 from ..robot.rollouts.camera_flight import FreeSpace, camera_flights
@@ -54,19 +53,6 @@ from .behaviour import DeclaredBehaviour
 from .capture_steps import AlignedPriors, Captures, CaptureSteps, RegisteredCaptures
 from .depths import completed_depths, proxy_depths, reliable_depths
 from .visual_asset import PseudoView, settings_of_round, update_visual_asset
-
-
-def _read_counts(file: Path) -> dict[str, Any]:
-    with opened_json(file, SceneError, "the counts of a round cannot be read") as counts:
-        return dict(counts)
-
-
-def _write_counts(counts: dict[str, Any], file: Path) -> None:
-    write_json(file, counts)
-
-
-COUNTS = Artifact("metrics.json", _read_counts, _write_counts, editable=False)
-"""How much a round made of everything, for people."""
 
 Views = Artifact[tuple[PseudoObservation, ...]]
 

@@ -8,15 +8,16 @@ from pathlib import Path
 
 from .. import __version__
 from ..bundle.damage import require_as_made
+from ..bundle.figures import CAMERAS
 from ..bundle.layout import COLLISION, OBJECTS, REFINED_ASSET, of_round
 from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
+from ..captures.registered_views import REGISTERED_VIEWS
 from ..core.atomic_files import remove, rename
-from ..core.cameras import Camera
 from ..core.errors import AssetError, SceneError
 from ..core.progress import SILENT, Progress
 from ..core.scratch import keeping, scratch_place
-from ..core.text_files import opened_json, write_json, write_text
+from ..core.text_files import write_json, write_text
 from ..geometry.collision.collision_files import HULLS, MESH_OBJ, SCENE_USD
 from ..geometry.objects.objects import read_backends
 from ..geometry.proxy.proxy import PROXY, GeometryProxy
@@ -172,7 +173,7 @@ def _write(scene: Scene, folder: Path, proxy: GeometryProxy, splats: Sequence[st
     """Write what every export has, and the splats, into a new folder; returns the names."""
     folder.mkdir()
     _copy(scene.asset_file, folder / "asset.ply")
-    _write_cameras(scene.captures_folder / "cameras.json", folder / "cameras.json")
+    _write_cameras(scene, folder / "cameras.json")
     _copy(scene.collision_folder, folder / "collision")
     proxy.save_ply(folder / "proxy.ply")
     names = ["asset.ply", "collision", "proxy.ply", "cameras.json"]
@@ -251,13 +252,10 @@ def _backends_of_objects(scene: Scene) -> Iterator[str]:
         yield f"  object {file.parent.name}: {made}"
 
 
-def _write_cameras(source: Path, file: Path) -> None:
+def _write_cameras(scene: Scene, file: Path) -> None:
     """The captures' cameras; it says what a pose is, and where the photographs are: they are not exported."""
-    cure = "Make the scene anew with `r2sego new`."
-    with opened_json(source, SceneError, "the list of captures is damaged", cure) as read:
-        cameras = dict(read)
-        if not [Camera.from_json(entry) for entry in cameras["captures"]]:
-            raise ValueError("captures")
+    cameras = scene.read(CAMERAS)
+    scene.read(REGISTERED_VIEWS)  # a camera that cannot be read is told here, and not in another program
     about = f"{cameras.get('about', '')} {_ABOUT_CAMERAS}".strip()
     write_json(file, cameras | {"about": about})
 

@@ -4,27 +4,23 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import json
 import os
 import shlex
 import subprocess
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 from ..bundle.damage import damaged_results
+from ..bundle.figures import CAMERAS, COUNTS, METRICS, damaged
 from ..bundle.layout import REFINED_ASSET
 from ..bundle.scene import Scene
 from ..bundle.stale import in_words, of_old_frame, rounds_among
 from ..core.atomic_files import is_replacing
 from ..core.errors import RobotError, SceneError
-from ..core.text_files import opened_json
 from ..robot.scope.scope import BehaviourScope
 
 _COUNTS = {"rollouts_succeeded", "rollouts_failed", "candidates", "targets", "views_kept"}
 """What is told of each round."""
-
-_CURE = "Run `r2sego refine` again."
 
 
 def describe(scene: Scene, look_at_results: bool = False, outdated: Sequence[str] = ()) -> dict[str, Any]:
@@ -39,12 +35,12 @@ def describe(scene: Scene, look_at_results: bool = False, outdated: Sequence[str
     old = of_old_frame(scene)
     old_in_words = in_words(old, rounds_declared)
     damaged = damaged_results(scene) if look_at_results else ()
-    metrics = _scores(scene.metrics_file) if scene.metrics_file.is_file() else None
+    metrics = _scores(scene)
     half_corrected = is_replacing(scene.path)
     is_whole = scene.asset_file.is_file() and not (old_in_words or damaged or half_corrected)
     return {
         "scene": str(scene.path),
-        "captures": _count_captures(scene),
+        "captures": len(scene.read(CAMERAS)["captures"]),
         "captures_source": declared.captures_source,
         "ground": declared.ground,
         "scale_source": declared.scale_source,
@@ -98,7 +94,7 @@ def lines(state: dict[str, Any]) -> list[str]:
 def scores_hold(scene: Scene) -> bool:
     """Whether the scene was evaluated and all assets that were scored are still those, by the journal."""
     try:
-        assets = _read(scene.metrics_file).get("assets")
+        assets = scene.read(METRICS).get("assets")
     except SceneError:
         return False
     scored, now = {REFINED_ASSET: None, **(assets if isinstance(assets, dict) else {})}, scene.outputs()
@@ -120,13 +116,6 @@ def robot_in_use(scene: Scene) -> str:
     return declared.robot
 
 
-def _count_captures(scene: Scene) -> int:
-    file = scene.captures_folder / "cameras.json"
-    cure = "Make the scene anew with `r2sego new`."
-    with opened_json(file, SceneError, "the list of captures is damaged", cure) as cameras:
-        return len(cameras["captures"])
-
-
 def _counted_rounds(scene: Scene) -> Iterator[int]:
     """The rounds whose last step is there: one may have been cut off between its asset and its counts."""
     return itertools.takewhile(
@@ -135,36 +124,25 @@ def _counted_rounds(scene: Scene) -> Iterator[int]:
 
 
 def _describe_round(scene: Scene, index: int) -> dict[str, int]:
-    counts = _read(scene.round_folder(index) / "metrics.json")
+    made = COUNTS.of_round(index)
+    counts = scene.read(made)
     missing = _COUNTS - counts.keys()
     if missing:
-        raise _damaged(scene.round_folder(index) / "metrics.json", f"'{min(missing)}' is missing")
+        raise damaged(scene.path / made.name, f"'{min(missing)}' is missing")
     return counts
 
 
-def _scores(file: Path) -> dict[str, Any]:
-    """The scores that an evaluation left, looked over; refining makes none."""
-    cure = "Run `r2sego evaluate` again, or remove the file."
-    metrics = _read(file, cure)
+def _scores(scene: Scene) -> dict[str, Any] | None:
+    """The scores that an evaluation left, looked over; None where there was none."""
+    if not scene.metrics_file.is_file():
+        return None
+    metrics = scene.read(METRICS)
     try:
         _told(metrics)
     except (LookupError, TypeError, ValueError, AttributeError) as error:
-        raise _damaged(file, "a field of the scores is missing or wrong", cure) from error
+        cure = "Run `r2sego evaluate` again, or remove the file."
+        raise damaged(scene.metrics_file, "a field of the scores is missing or wrong", cure) from error
     return metrics
-
-
-def _read(file: Path, cure: str = _CURE) -> dict[str, Any]:
-    try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except (ValueError, OSError) as error:
-        raise _damaged(file, str(error), cure) from error
-    if not isinstance(content, dict):
-        raise _damaged(file, "it holds no table", cure)
-    return content
-
-
-def _damaged(file: Path, why: str, cure: str = _CURE) -> SceneError:
-    return SceneError(f"this file of the scene is damaged: {why}", where=file, cure=cure)
 
 
 def _told(metrics: dict[str, Any]) -> list[str]:

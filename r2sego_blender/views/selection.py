@@ -140,11 +140,23 @@ def save_candidates(folder: Path, cameras: Sequence[Camera]) -> None:
 
 def load_candidates(folder: Path) -> list[Camera]:
     """Read what ``save_candidates`` wrote. Raises GenerationError when the files are damaged."""
+    camera, poses = load_candidate_poses(folder)
+    lens = camera.to_json()
+    return [Camera.from_json({**lens, "world_from_camera": pose}) for pose in poses]
+
+
+def load_candidate_poses(folder: Path) -> tuple[Camera, np.ndarray]:
+    """The lens that all candidates share, at the identity, and their poses (M, 4, 4) float64.
+
+    Raises GenerationError when the files are damaged.
+    """
     what = "these are not candidate views"
     with opened_json(folder / "candidates.json", GenerationError, what) as words:
-        lens = Camera.from_json({**words["camera"], "world_from_camera": np.eye(4).tolist()}).to_json()
+        camera = Camera.from_json({**words["camera"], "world_from_camera": np.eye(4).tolist()})
     with opened_arrays(folder / "candidates.npz", GenerationError, what) as data:
-        return [Camera.from_json({**lens, "world_from_camera": pose}) for pose in data["poses"]]
+        require_shapes(data, poses="M 4 4")
+        require_finite(poses=data["poses"])
+        return camera, data["poses"].astype(np.float64)
 
 
 def temporal_nms(priority: np.ndarray, rollout: np.ndarray, frame: np.ndarray, window: int) -> np.ndarray:

@@ -141,9 +141,10 @@ def test_the_proxy_is_coloured_by_provenance(scene, bundle):
 def test_candidates_carry_their_scores(scene, bundle):
     views = bundle.candidates(0)
     swarm, targets = show_candidates(scene, bundle, 0)
-    assert len(swarm.data.polygons) == 4 * len(views.score)
-    np.testing.assert_allclose(read_attribute(swarm.data, "s")[::4], views.score, rtol=1e-6)
-    np.testing.assert_array_equal(read_attribute(swarm.data, "candidate")[::4], np.arange(len(views.score)))
+    scores = views.selection.score
+    assert len(swarm.data.polygons) == 4 * len(scores)
+    np.testing.assert_allclose(read_attribute(swarm.data, "s")[::4], scores, rtol=1e-6)
+    np.testing.assert_array_equal(read_attribute(swarm.data, "candidate")[::4], np.arange(len(scores)))
     assert [t["candidate"] for t in targets] == list(fake_bundle.TARGETS)
     bpy.context.view_layer.update()
     for target in targets:

@@ -34,7 +34,8 @@ def slots(swarm):
 @pytest.mark.parametrize(("shown", "kept"), [("all", None), ("survivors", "survived"), ("targets", "chosen")])
 def test_some_are_left_out(scene, bundle, shown, kept):
     views = bundle.candidates(0)
-    expected = np.arange(len(views.score)) if kept is None else np.flatnonzero(getattr(views, kept))
+    told = views.selection
+    expected = np.arange(len(told.score)) if kept is None else np.flatnonzero(getattr(told, kept))
     swarm, targets = show_candidates(scene, bundle, 0, shown=shown)
     np.testing.assert_array_equal(read_attribute(swarm.data, "candidate")[::4], expected)
     assert len(targets) == len(fake_bundle.TARGETS)
@@ -45,10 +46,10 @@ def test_colours_follow_the_chosen_score(scene, bundle):
     views = bundle.candidates(0)
     swarm, _ = show_candidates(scene, bundle, 0)
     for name, values in (
-        ("s", views.score),
-        ("u", views.deficit),
-        ("g", views.availability),
-        ("s", views.score),
+        ("s", views.selection.score),
+        ("u", views.selection.deficit),
+        ("g", views.selection.availability),
+        ("s", views.selection.score),
     ):
         recolour_candidates(swarm, name)
         found = slots(swarm)
@@ -60,7 +61,7 @@ def test_colours_follow_the_chosen_score(scene, bundle):
 def test_a_ray_finds_the_frustum_behind_everything_else(scene, bundle):
     swarm, _ = show_candidates(scene, bundle, 0, shown="survivors", frustum_m=0.05)
     views = bundle.candidates(0)
-    index = int(np.flatnonzero(views.survived)[3])
+    index = int(np.flatnonzero(views.selection.survived)[3])
     pose = views.poses[index]
     towards = np.array([0.0, 0.0, -1.0])
     beside = pose[:3, 3] + 0.02 * pose[:3, 2]  # on the axis, within the pyramid
@@ -72,7 +73,7 @@ def test_a_ray_finds_the_frustum_behind_everything_else(scene, bundle):
 def test_views_draw_every_nth_if_asked_and_a_ray_finds_those(scene, bundle):
     views = bundle.candidates(0)
     swarm, _ = show_candidates(scene, bundle, 0, frustum_m=0.05)
-    count = len(views.score)
+    count = len(views.selection.score)
 
     def drawn():
         mesh = swarm.evaluated_get(bpy.context.evaluated_depsgraph_get()).data

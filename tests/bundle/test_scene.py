@@ -1,5 +1,6 @@
 """The bundle: atomic, resumable, honest about versions and full disks."""
 
+import dataclasses
 import errno
 import json
 import os
@@ -13,13 +14,14 @@ import numpy as np
 import pytest
 import tomli_w
 
+from r2sego_blender.bundle.backends import TRAINER_BACKENDS
 from r2sego_blender.bundle.creating import create_bundle, require_place
 from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.journal import Journal
 from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.config.presets import entries
-from r2sego_blender.config.settings import Settings
+from r2sego_blender.config.settings import Settings, setting
 from r2sego_blender.config.slots import GENERATORS, RENDERERS, SURFACES
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import SceneError, SettingsError
@@ -69,6 +71,7 @@ def test_another_preset_begins_without_the_overrides_of_before():
         ("surface", "proxy.surface", SURFACES.labels),
         ("conditions", "generation.renderer", RENDERERS.labels),
         ("generator", "generation.generator", GENERATORS.labels),
+        ("splat_trainer", "training.backend", TRAINER_BACKENDS),
     ],
 )
 def test_the_list_of_backends_follows_the_settings(tmp_path, slot, key, known):
@@ -212,6 +215,32 @@ def test_a_step_runs_once_and_again_when_what_it_reads_changes(tmp_path):
     assert runs == ["one", "two", "two"]
     step(parameters={"a": 1})
     assert len(runs) == 3
+
+
+def test_a_setting_added_later_makes_nothing_again_until_it_is_set(tmp_path):
+    """The digest as it was before a dataclass had the field."""
+    scene = make_scene(tmp_path)
+
+    @dataclasses.dataclass(frozen=True)
+    class Before:
+        rate: float = setting(0.5, "A rate.")
+        threads: int = setting(2, "How fast.", changes_result=False)
+
+    @dataclasses.dataclass(frozen=True)
+    class Now(Before):
+        engine: str = setting("ours", "An engine.", choices=("ours", "theirs"), added=True)
+
+    runs = []
+
+    def made_again(parameters) -> bool:
+        before = len(runs)
+        Runner(scene).step("a.txt", lambda file: runs.append(file.write_text("a")), parameters=[parameters])
+        return len(runs) > before
+
+    assert made_again(Before())
+    assert not any(made_again(same) for same in (Now(), Now(threads=3), Before(threads=3)))
+    assert all(made_again(other) for other in (Now(engine="theirs"), Now(), Now(rate=0.6)))
+    assert not made_again(Before(rate=0.6))
 
 
 def test_a_failed_step_keeps_the_earlier_result(tmp_path):

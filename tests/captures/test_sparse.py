@@ -11,7 +11,8 @@ from r2sego_blender.captures.frame.scale import Scale
 from r2sego_blender.captures.frame.world_frame import register
 from r2sego_blender.captures.importing import Imported, import_captures
 from r2sego_blender.captures.solving.locating import landmarks, locate, locate_views
-from r2sego_blender.captures.sparse import SparsePoints, depth_ranges, triangulate
+from r2sego_blender.captures.sparse import depth_ranges, triangulate
+from r2sego_blender.captures.sparse_points import SparsePoints
 from r2sego_blender.captures.store import load_captures, save_captures
 from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.cameras import rotation_angle_rad

@@ -20,7 +20,7 @@ from r2sego_blender.captures.frame.correction_history import BEFORE, CORRECTIONS
 from r2sego_blender.captures.frame.floor_points import FloorPoint
 from r2sego_blender.captures.frame.picks import PickedLength, Picks
 from r2sego_blender.captures.frame.scale import Scale
-from r2sego_blender.captures.sparse import SparsePoints
+from r2sego_blender.captures.sparse_points import SparsePoints
 from r2sego_blender.captures.store import load_captures
 from r2sego_blender.core import atomic_files
 from r2sego_blender.core.digests import content_digest

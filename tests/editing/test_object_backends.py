@@ -15,7 +15,7 @@ from r2sego_blender.core.images import save_image
 from r2sego_blender.editing import object_backends
 from r2sego_blender.editing.object_backends import generated_meshes, segmented_objects
 from r2sego_blender.geometry.objects.objects import DeclaredObject, load_objects, save_objects
-from r2sego_blender.geometry.stereo.observed import ObservedGeometry
+from r2sego_blender.geometry.stereo.observed_geometry import ObservedGeometry
 from r2sego_blender.workers.sam3 import FoundMask
 
 PLACES = np.array([[-0.5, 0.0, 0.4], [0.5, 0.0, 0.4]])

@@ -23,7 +23,7 @@ from r2sego_blender.core.errors import GeometryError, R2SEgoError, SceneError
 from r2sego_blender.core.images import save_image
 from r2sego_blender.editing.object_priors import declare_objects, describe_objects, lines, move_objects
 from r2sego_blender.geometry.objects.objects import load_objects
-from r2sego_blender.geometry.stereo.observed import ObservedGeometry
+from r2sego_blender.geometry.stereo.observed_geometry import ObservedGeometry
 
 IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
 

@@ -20,7 +20,7 @@ from r2sego_blender.core.arrays import save_arrays
 from r2sego_blender.core.errors import R2SEgoError
 from r2sego_blender.editing.robot_declaration import declare_robot, describe_robot, lines
 from r2sego_blender.editing.trial_rollouts import newest_surface
-from r2sego_blender.geometry.objects.priors import PRIORS
+from r2sego_blender.geometry.objects.prior_files import PRIORS
 from r2sego_blender.geometry.proxy.proxy import PROXY
 from r2sego_blender.refine.behaviour import DeclaredBehaviour
 from r2sego_blender.results.status import describe

@@ -8,7 +8,6 @@ import numpy as np
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.rollouts.attempts import Rollout
 from r2sego_blender.robot.rollouts.bodies import save_bodies
-from r2sego_blender.robot.rollouts.candidates import ego_camera
 from r2sego_blender.robot.rollouts.rollouts import save_rollouts
 
 ROBOT = "embedded:wheeled"
@@ -47,7 +46,7 @@ def fill_rollouts(folder: Path, index: int) -> None:
     save_rollouts(folder / "rollouts", rollouts(robot))
     if index == 0:
         (folder / "bodies").mkdir()
-        save_bodies(folder / "bodies", robot, rollouts(robot), ego_camera(robot, 64, 48), folder / "rollouts")
+        save_bodies(folder / "bodies", robot, rollouts(robot), robot.camera(64, 48), folder / "rollouts")
 
 
 def fill_trial(folder: Path) -> None:
@@ -55,7 +54,7 @@ def fill_trial(folder: Path) -> None:
     robot, trial = RobotModel.load(ROBOT), folder / "robot" / "trial"
     trial.mkdir(parents=True)
     save_rollouts(trial, rollouts(robot)[:2])
-    save_bodies(trial, robot, rollouts(robot)[:2], ego_camera(robot, 64, 48), trial)
+    save_bodies(trial, robot, rollouts(robot)[:2], robot.camera(64, 48), trial)
     seat = {"place_m": [0.5, -0.25], "height_m": 0.45, "yaw_deg": 90.0, "places": 3, "object": "chair"}
     told = {
         "declared": ["embedded:humanoid", "walk_and_look"], "joints": 29, "legs": 2, "wheels": 0,

@@ -14,7 +14,7 @@ from r2sego_blender.core.arrays import save_arrays
 from r2sego_blender.core.cameras import Camera
 from r2sego_blender.core.errors import GenerationError, GeometryError
 from r2sego_blender.editing.robot_declaration import declare_robot
-from r2sego_blender.geometry.objects.priors import PRIORS
+from r2sego_blender.geometry.objects.prior_files import PRIORS
 from r2sego_blender.geometry.proxy.proxy import PROXY
 from r2sego_blender.refine.behaviour import DeclaredBehaviour
 from r2sego_blender.views.selection import SELECTION, SelectedViews, select_targets

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from r2sego_blender.splats.kernels.aligned_memory import aligned
 from r2sego_blender.splats.kernels.binning import ENTRY_BYTES
 from r2sego_blender.splats.kernels.projection import FACTOR_A, FACTOR_B, FACTOR_C, U, V
 from r2sego_blender.splats.kernels.tiles import BLOCK_PX, BLOCKS, BLOCKS_A_SIDE, TILE_PX
-from r2sego_blender.splats.kernels.vectors import LANES
+from r2sego_blender.splats.vector_language.aligned_memory import aligned
+from r2sego_blender.splats.vector_language.vectors import LANES
 
 GAUSSIANS, ENTRIES = 50, 90
 MIDDLE = (3 * TILE_PX + TILE_PX // 2, 7 * TILE_PX + TILE_PX // 2)

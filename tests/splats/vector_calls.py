@@ -8,8 +8,8 @@ import numba
 import numpy as np
 from numba.core.types import int64, void
 
-from r2sego_blender.splats.kernels.aligned_memory import aligned
-from r2sego_blender.splats.kernels.vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
+from r2sego_blender.splats.vector_language.aligned_memory import aligned
+from r2sego_blender.splats.vector_language.vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
 
 Write = Callable[..., list[Value]]
 

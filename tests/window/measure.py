@@ -2,7 +2,7 @@
 
 Prints time of the panels' draw, frames a second and processor milliseconds a frame while the
 timeline plays and while it is scrubbed with the mouse, an empty scene and the full one by turns in
-the same run, as Blender comes and after Draw Faster, and memory above an empty Blender.
+the same run, as Blender comes and after Simplify Viewport, and memory above an empty Blender.
 """
 
 import json

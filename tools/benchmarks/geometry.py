@@ -27,9 +27,9 @@ from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.core.progress import SILENT, Progress
 from r2sego_blender.core.resources import cpu_s, forget_peak_memory, peak_memory_mb
 from r2sego_blender.evaluation.ground_truth import GroundTruth, load_ground_truth
-from r2sego_blender.geometry.objects.priors import PRIOR_RECORDS
+from r2sego_blender.geometry.objects.prior_files import PRIOR_RECORDS
 from r2sego_blender.geometry.proxy.proxy import PROXY
-from r2sego_blender.geometry.stereo.observed import OBSERVED
+from r2sego_blender.geometry.stereo.observed_geometry import OBSERVED
 from r2sego_blender.geometry.stereo.stereo import DEPTH
 from r2sego_blender.pipeline import refine
 from r2sego_blender.refine.capture_steps import AlignedPriors, RegisteredCaptures

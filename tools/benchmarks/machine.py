@@ -16,9 +16,9 @@ import numpy as np
 from llvmlite import binding as llvm
 from numba.core.types import int64, void
 
-from r2sego_blender.splats.kernels.aligned_memory import aligned
 from r2sego_blender.splats.kernels.compiled import kernel
-from r2sego_blender.splats.kernels.vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
+from r2sego_blender.splats.vector_language.aligned_memory import aligned
+from r2sego_blender.splats.vector_language.vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
 
 _ISAS = (
     ("avx512f", "avx512"),

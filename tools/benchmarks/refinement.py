@@ -29,7 +29,7 @@ from r2sego_blender.evaluation.frozen import rounded
 from r2sego_blender.evaluation.ground_truth import load_ground_truth
 from r2sego_blender.evaluation.scene_evaluation import evaluate_scene, frozen_views
 from r2sego_blender.generation.view_records import read_views
-from r2sego_blender.geometry.objects.priors import PRIOR_RECORDS
+from r2sego_blender.geometry.objects.prior_files import PRIOR_RECORDS
 from r2sego_blender.pipeline import refine
 from r2sego_blender.refine.creation import create_scene
 

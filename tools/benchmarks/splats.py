@@ -25,8 +25,8 @@ from r2sego_blender.splats.kernels.adam import AdamState
 from r2sego_blender.splats.kernels.loss import PhotometricLoss
 from r2sego_blender.splats.kernels.packing import PackedGaussians, rows_of
 from r2sego_blender.splats.kernels.tiles import planes_of
-from r2sego_blender.splats.kernels.vectors import LANES
 from r2sego_blender.splats.rendering.rasterizer import Rasterizer
+from r2sego_blender.splats.vector_language.vectors import LANES
 
 from .machine import (
     bandwidth_bytes_per_s,

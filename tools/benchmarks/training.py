@@ -8,7 +8,7 @@ same learning rates. Held-out views are scored as training goes on, which is not
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -47,12 +47,12 @@ class _Run:
     _spent_s: float = 0.0
     _since_s: float = field(default_factory=time.process_time)
 
-    def watch(self, step: int, gaussians: PackedGaussians) -> bool:
+    def watch(self, step: int, now: Callable[[], PackedGaussians]) -> bool:
         """Score now and then; True when the quality looked for is reached."""
         if step % self.every:
             return False
         self._spent_s += time.process_time() - self._since_s
-        scores = []
+        scores, gaussians = [], now()
         for view in self.start.held_out:
             self._rasterizer.forward(gaussians, view.camera, with_depth=False)
             scores.append(psnr(np.clip(self._rasterizer.colour, 0.0, 1.0), view.image()))

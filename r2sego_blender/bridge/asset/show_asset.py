@@ -126,10 +126,9 @@ def shows_bundle(candidate: bpy.types.Object, bundle: Bundle) -> bool:
     return candidate.get(BUNDLE_MARK) == str(bundle.path)
 
 
-def is_current(candidate: bpy.types.Object, stage: Stage) -> bool:
-    """Whether an object made by ``show_asset`` shows the stage's file as it is, with all that is drawn."""
-    as_now = candidate.get(_STAGE) == stage.name and candidate.get(MADE) == when_written(stage.file)
-    return as_now and _is_whole(candidate.data)
+def is_current(candidate: bpy.types.Object, written: str) -> bool:
+    """Whether an object made by ``show_asset`` shows a file as it was ``written``, with all that is drawn."""
+    return candidate.get(MADE) == written and _is_whole(candidate.data)
 
 
 def drawn_splats(mesh: bpy.types.Mesh) -> DrawnSplats | None:

@@ -10,7 +10,7 @@ import numpy as np
 from ...core.errors import SceneError
 from ...results.panels.bundle import Bundle
 from ..shared.outliner import find_collection, fresh_collection, link
-from .registration_marks import note_registration, was_corrected_since
+from .registration_marks import note_registration, registration_of, was_corrected_since
 
 _PART = "Registration"
 _ROLE = "r2sego_role"
@@ -50,7 +50,7 @@ def world_from_frame(scene: bpy.types.Scene, bundle: Bundle) -> np.ndarray:
     frame = find_frame(scene, bundle.path)
     if frame is None:
         raise SceneError("there is no frame to take", cure="Place Frame, then move and turn its arrows.")
-    if was_corrected_since(frame, bundle):  # Ctrl-Z brings back a frame that was taken
+    if was_corrected_since(frame, registration_of(bundle)):  # Ctrl-Z brings back a frame that was taken
         raise SceneError(
             "the world was corrected since this frame was placed",
             cure="Place Frame, then move and turn its arrows.",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import bpy
 
 from ...results.panels.bundle import Bundle
@@ -11,15 +13,15 @@ _REGISTRATION = "r2sego_registration"
 
 def note_registration(one: bpy.types.Object, bundle: Bundle) -> None:
     """Note that the object is placed in the world as it is registered now."""
-    one[_REGISTRATION] = _registration(bundle)
+    one[_REGISTRATION] = registration_of(bundle)
 
 
-def was_corrected_since(one: bpy.types.Object, bundle: Bundle) -> bool:
-    """Whether the world was corrected since the object was placed; earlier versions did not note it: no."""
-    now = _registration(bundle)
-    return list(one.get(_REGISTRATION, now)) != now
+def was_corrected_since(one: bpy.types.Object, now: Sequence[float]) -> bool:
+    """Whether the object was placed in another registration than that of ``now``; earlier versions did not
+    note it: no."""
+    return list(one.get(_REGISTRATION, now)) != list(now)
 
 
-def _registration(bundle: Bundle) -> list[float]:
+def registration_of(bundle: Bundle) -> list[float]:
     """(16,): the similarity that took the captures' frame to the world, row by row."""
     return [number for row in bundle.scene.declaration.world_from_capture for number in row]

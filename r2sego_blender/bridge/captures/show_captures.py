@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -77,9 +78,10 @@ def capture_camera(scene: bpy.types.Scene, bundle_path: str, name: str) -> bpy.t
     return next((one for one in capture_cameras(scene, bundle_path) if capture_name(one) == name), None)
 
 
-def shows_older_captures(scene: bpy.types.Scene, bundle: Bundle) -> bool:
-    """Whether captures are shown where they stood before the world was corrected."""
-    return any(was_corrected_since(one, bundle) for one in capture_cameras(scene, bundle.path))
+def shows_older_captures(scene: bpy.types.Scene, bundle_path: str, registration: Sequence[float]) -> bool:
+    """Whether captures are shown where they stood in another registration of the world."""
+    shown = capture_cameras(scene, bundle_path)[:1]  # all were placed at once
+    return any(was_corrected_since(one, registration) for one in shown)
 
 
 def show_photographs(scene: bpy.types.Scene, bundle_path: str, shown: bool, alpha: float) -> None:

@@ -45,9 +45,9 @@ def show_collision(scene: bpy.types.Scene, bundle: Bundle, *, pieces: bool = Tru
     return created
 
 
-def shows_older_collision(scene: bpy.types.Scene, bundle: Bundle) -> bool:
-    """Whether a collision surface is shown that was redone since."""
-    collection, now = find_collection(scene, bundle.path, _PART), when_written(bundle.collision_mesh)
+def shows_older_collision(scene: bpy.types.Scene, bundle_path: str, now: str) -> bool:
+    """Whether a collision surface is shown that was not made of the file written at ``now``."""
+    collection = find_collection(scene, bundle_path, _PART)
     shown = collection.objects if collection is not None else ()
     return any(MADE in one and one[MADE] != now for one in shown)
 

@@ -15,8 +15,9 @@ import bpy
 import numpy as np
 
 from ...bundle.layout import mask_stems
+from ...captures.registered_views import RegisteredView
 from ...core.errors import GeometryError
-from ...results.panels.bundle import Bundle, CapturedView
+from ...results.panels.bundle import Bundle
 from ...results.panels.proxy_objects import mask_files
 from ...splats.regions import in_polygon
 from ..shared.moved_bundle import BUNDLE_MARK
@@ -37,7 +38,7 @@ def masked_objects(bundle_path: str | Path) -> list[str]:
     return sorted({image[_OBJECT] for image in _masks(bundle_path) if read_mask(image).any()})
 
 
-def mask_image(bundle_path: str | Path, name: str, view: CapturedView) -> bpy.types.Image:
+def mask_image(bundle_path: str | Path, name: str, view: RegisteredView) -> bpy.types.Image:
     """The mask of a bundle's object in a capture; an empty one is made where there is none."""
     image = mask_images(bundle_path, name).get(view.name)
     if image is not None:
@@ -60,7 +61,7 @@ def read_mask(image: bpy.types.Image) -> np.ndarray:
     return np.ascontiguousarray(colours.max(axis=2)[::-1] >= _WHITE)
 
 
-def mask_in(image: bpy.types.Image, view: CapturedView) -> np.ndarray:
+def mask_in(image: bpy.types.Image, view: RegisteredView) -> np.ndarray:
     """The mask (H, W) bool of a capture. Raises GeometryError where the image has another size."""
     mask = read_mask(image)
     if mask.shape != view.camera.shape:
@@ -188,7 +189,7 @@ def _near_line(centres: np.ndarray, points: np.ndarray, reach: float) -> np.ndar
 
 def _declared_masks(
     bundle: Bundle, name: str, there: Collection[str]
-) -> Iterator[tuple[CapturedView, Path, np.ndarray]]:
+) -> Iterator[tuple[RegisteredView, Path, np.ndarray]]:
     """The bundle's masks of an object in the captures that are not ``there``, each with its file."""
     files, stems = mask_files(bundle, name), _stems(bundle)
     for view in bundle.captures():

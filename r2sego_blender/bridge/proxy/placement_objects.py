@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,13 +11,14 @@ import numpy as np
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
-from ...bundle.layout import COMPLETED, capture_files
-from ...core.arrays import opened_arrays
+from ...captures.registered_views import RegisteredView
 from ...core.cameras import Camera
 from ...core.errors import GeometryError
 from ...core.text_files import write_json
 from ...geometry.objects.masked_points import points_on_object
-from ...results.panels.bundle import Bundle, CapturedView
+from ...geometry.room.completed_depth import COMPLETED, CompletedDepth
+from ...geometry.stereo.observed_geometry import OBSERVED
+from ...results.panels.bundle import Bundle
 from ...results.panels.placement import Fit, MaskWindow, fit_of, mask_window, surface_samples
 from ...results.panels.proxy_objects import prior_file, prior_mesh, read_objects
 from ..shared.materials import plain_material
@@ -145,10 +146,10 @@ def placement_of(bundle: Bundle, shown: bpy.types.Object) -> Placement:
     masks = known_masks(bundle, name)
     views = bundle.captures()
     chosen = [k for k, view in enumerate(views) if view.name in masks and masks[view.name].any()]
-    windows, files = [], capture_files([view.name for view in views])
+    windows, completed = [], bundle.read(COMPLETED)
     for k in chosen:
         view = views[k]
-        depth = _known_depth(bundle.path / COMPLETED / files[k], view.camera)
+        depth = _known_depth(completed.found(views, k), view.camera)
         windows.append(mask_window(view.name, view.camera, masks[view.name], depth))
     vertices, faces = arrays_from_mesh(shown.data)
     return Placement(
@@ -159,24 +160,22 @@ def placement_of(bundle: Bundle, shown: bpy.types.Object) -> Placement:
     )  # fmt: skip
 
 
-def _known_depth(file: Path, camera: Camera) -> np.ndarray | None:
-    """(H, W) the completed depth in a capture's file at its camera's size, if there is one."""
-    if not file.is_file():
+def _known_depth(completed: CompletedDepth | None, camera: Camera) -> np.ndarray | None:
+    """(H, W) a capture's completed depth at its camera's size, if there is one."""
+    if completed is None:
         return None
-    with opened_arrays(file, GeometryError, "this is no completed depth", _CURE) as data:
-        depth = data["depth"]
+    depth = completed.depth
     rows = ((np.arange(camera.height) + 0.5) * depth.shape[0] / camera.height).astype(int)
     columns = ((np.arange(camera.width) + 0.5) * depth.shape[1] / camera.width).astype(int)
     return depth[np.ix_(rows, columns)]
 
 
-def _observed_on(bundle: Bundle, views: list[CapturedView], masks, indices: list[int]) -> np.ndarray:
+def _observed_on(bundle: Bundle, views: Sequence[RegisteredView], masks, indices: list[int]) -> np.ndarray:
     """(P, 3) some of the points observed on the object, metres."""
-    file = bundle.scene.geometry_folder / "observed.npz"
-    if not file.is_file() or not indices:
+    if not (bundle.path / OBSERVED.name).is_file() or not indices:
         return np.zeros((0, 3))
-    with opened_arrays(file, GeometryError, "this is not observed geometry", _CURE) as data:
-        points, visibility = data["points"], data["visibility"]
+    observed = bundle.read(OBSERVED)
+    points, visibility = observed.points, observed.visibility
     cameras = [views[k].camera for k in indices]
     shown = [masks[views[k].name] for k in indices]
     found = points[points_on_object(points, visibility, cameras, shown, indices)].astype(np.float64)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import bpy
@@ -11,7 +14,7 @@ import numpy as np
 from ...geometry.proxy.proxy import PROVENANCE_COLOURS, GeometryProxy, Provenance
 from ...results.panels.bundle import Bundle
 from ...results.panels.file_stamps import MADE, when_written
-from ...results.panels.proxy_colours import Colouring, ProxyFaces, coloured
+from ...results.panels.proxy_colours import ProxyFaces, coloured
 from ...results.panels.proxy_coverage import read_coverage
 from ..shared.materials import plain_material
 from ..shared.meshes import add_attribute, assign_materials, mesh_from_arrays, read_attribute
@@ -19,7 +22,7 @@ from ..shared.outliner import find_collection, fresh_collection, link
 from ..shared.simplified_viewport import draw_fewer_faces, drawn_faces
 
 _PART = "Geometry proxy"
-_ROUND, _VIEWS, _SEEN = "r2sego_round", "r2sego_views", "seen"
+_ROUND, _VIEWS, _SEEN, _LEGEND = "r2sego_round", "r2sego_views", "seen", "r2sego_legend"
 
 
 def show_proxy(scene: bpy.types.Scene, bundle: Bundle, round_index: int) -> bpy.types.Object:
@@ -66,24 +69,47 @@ def shown_round(shown: bpy.types.Object) -> int:
     return int(shown.data[_ROUND])
 
 
-def is_current(shown: bpy.types.Object, bundle: Bundle) -> bool:
-    """Whether an object that ``show_proxy`` made of this bundle shows the file as it is now."""
-    now = when_written(bundle.proxy_file(shown_round(shown)))
-    return shown.data.get(MADE, now) == now  # earlier versions did not note it
+def shows_older_proxy(shown: bpy.types.Object, written: Sequence[str]) -> bool:
+    """Whether an object that ``show_proxy`` made shows another file than that of its round, of which
+    ``written`` tells for each round when it was; earlier versions did not note it: no."""
+    index = shown_round(shown)
+    now = written[index] if index < len(written) else ""
+    return shown.data.get(MADE, now) != now
 
 
-def colour_proxy(shown: bpy.types.Object, by: str) -> tuple[Colouring, np.ndarray] | None:
-    """Colour a shown proxy by one of ``COLOURINGS``.
+@dataclass(frozen=True)
+class LegendLine:
+    """What a colour of a shown proxy means, sRGB in [0, 1], and how large its part is, square metres."""
 
-    Returns the colouring and the area of each of its colours (K,), square metres; None, and
-    nothing is changed, where it needs a coverage that was not measured.
+    name: str
+    colour: tuple[float, float, float]
+    area: float
+
+
+def legend_of(shown: bpy.types.Object) -> tuple[str, tuple[LegendLine, ...]]:
+    """By what a shown proxy is coloured, and its colours' meaning; '' and none where it is not yet."""
+    return _legend(str(shown.data.get(_LEGEND, "")))
+
+
+@lru_cache(maxsize=64)  # panels ask at each redraw
+def _legend(text: str) -> tuple[str, tuple[LegendLine, ...]]:
+    if not text:
+        return "", ()
+    told = json.loads(text)
+    return told["by"], tuple(LegendLine(name, tuple(colour), area) for name, colour, area in told["lines"])
+
+
+def colour_proxy(shown: bpy.types.Object, by: str) -> bool:
+    """Colour a shown proxy by one of ``COLOURINGS``; its mesh keeps the legend.
+
+    Returns False, and nothing is changed, where it needs a coverage that was not measured.
     """
     mesh = shown.data
     names = ("provenance", "support", "confidence", *([_SEEN] if _SEEN in mesh.attributes else []))
     faces = ProxyFaces(*(read_attribute(mesh, name) for name in names), views=int(mesh.get(_VIEWS, 0)))
     colouring = coloured(by, faces)
     if colouring is None:
-        return None
+        return False
     if by == "PROVENANCE":
         materials = [provenance_material(kind) for kind in Provenance]
     else:
@@ -96,7 +122,10 @@ def colour_proxy(shown: bpy.types.Object, by: str) -> tuple[Colouring, np.ndarra
     assign_materials(mesh, materials, colouring.slot)
     area = np.empty(len(mesh.polygons), np.float32)
     mesh.polygons.foreach_get("area", area)
-    return colouring, colouring.areas_m2(area)
+    areas_m2 = map(float, colouring.areas_m2(area))
+    lines = list(zip(colouring.labels, map(list, colouring.colours), areas_m2, strict=True))
+    mesh[_LEGEND] = json.dumps({"by": by, "lines": lines})
+    return True
 
 
 def proxy_mesh(proxy: GeometryProxy, name: str) -> bpy.types.Mesh:

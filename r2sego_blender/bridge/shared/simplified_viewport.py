@@ -1,4 +1,4 @@
-"""Lighter 3D views, for a Blender that draws without a graphics card."""
+"""Simplified 3D views, for a Blender that draws without a graphics card."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SIMPLE_FACES = 32  # a shape of so few, a box or a wheel's, would lose its form
 _MODIFIER, _GROUP = "Fewer Faces Drawn", "Drawn"
 
 
-def lighten_views() -> None:
+def simplify_views() -> None:
     """Leave out what costs software most: smooth edges and wires, objects' outlines, grids, and what of a
     view lies behind its side bars.
 

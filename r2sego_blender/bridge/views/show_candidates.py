@@ -36,7 +36,12 @@ def show_candidates(
     targets' cameras in that order. Raises SceneError when the round has none.
     """
     views = bundle.candidates(round_index)
-    kept = {"all": np.ones(len(views.score), bool), "survivors": views.survived, "targets": views.chosen}
+    selection = views.selection
+    kept = {
+        "all": np.ones_like(selection.chosen),
+        "survivors": selection.survived,
+        "targets": selection.chosen,
+    }
     collection = fresh_collection(scene, bundle.path, _CANDIDATES)  # first, so that names are free again
     swarm = _candidate_object(views, np.flatnonzero(kept[shown]), round_index, frustum_m)
     swarm["round"], swarm["shown"], swarm["frustum_m"] = round_index, shown, frustum_m
@@ -45,7 +50,7 @@ def show_candidates(
     link(collection, swarm)
     targets = fresh_collection(scene, bundle.path, _TARGETS)
     cameras = []
-    for place, index in enumerate(views.targets()):
+    for place, index in enumerate(selection.targets):
         camera, frustum = _target_objects(views, index, place, frustum_m * _TARGET_ENLARGEMENT)
         link(targets, camera)
         link(targets, frustum)
@@ -140,18 +145,22 @@ def _candidate_object(
 ) -> bpy.types.Object:
     vertices, triangles = frustum_triangles(views.camera, views.poses[shown], frustum_m)
     mesh = mesh_from_arrays(f"Candidates, round {round_index}", vertices, triangles)
-    for name, values in (
-        ("candidate", shown), ("u", views.deficit[shown]), ("g", views.availability[shown]),
-        ("s", views.score[shown]),
-    ):  # fmt: skip
+    scores = _scores(views)
+    for name, values in {"candidate": shown, **{key: one[shown] for key, one in scores.items()}}.items():
         add_attribute(mesh, name, np.repeat(values, FACES_PER_FRUSTUM))
     for material in ramp_materials("R2S-EGO score", _SCORE_STEPS):
         mesh.materials.append(material)
     created = bpy.data.objects.new(mesh.name, mesh)
     # The best of the whole round, so that colours mean the same whatever is shown.
-    for name, values in (("u", views.deficit), ("g", views.availability), ("s", views.score)):
+    for name, values in scores.items():
         created[f"best_{name}"] = float(values.max(initial=0.0)) or 1.0
     return created
+
+
+def _scores(views: CandidateViews) -> dict[str, np.ndarray]:
+    """(M,) each: what the frusta can be coloured by."""
+    told = views.selection
+    return {"u": told.deficit, "g": told.availability, "s": told.score}
 
 
 def _colour(swarm: bpy.types.Object, colour_by: str) -> None:
@@ -169,8 +178,8 @@ def _target_objects(
     camera = create_camera(name, views.camera.at(views.poses[index]))
     camera.data.display_size = frustum_m
     camera["candidate"] = int(index)
-    camera["u"], camera["g"] = float(views.deficit[index]), float(views.availability[index])
-    camera["s"] = float(views.score[index])
+    for key, values in _scores(views).items():
+        camera[key] = float(values[index])
     frustum = _frustum_object(f"{name} frustum", views, frustum_m, "R2S-EGO target", _TARGET_COLOUR)
     frustum.parent = camera  # moves with its camera
     return camera, frustum

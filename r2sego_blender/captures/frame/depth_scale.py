@@ -13,7 +13,7 @@ from ...bundle.layout import mask_stems
 from ...core.errors import CaptureError
 from ..capture import Capture
 from ..sensors.sensor_depth import SensorDepth
-from ..sparse import SparsePoints
+from ..sparse_points import SparsePoints
 
 # Depth next to an edge belongs to one side or the other.
 _SMOOTH = 1.05

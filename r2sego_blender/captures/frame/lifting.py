@@ -20,7 +20,7 @@ _WORST_CONDITION = 1e8
 
 
 class View(Protocol):
-    """What is asked of a capture: ``Capture`` and the panels' ``CapturedView`` have it."""
+    """What is asked of a capture: ``Capture`` and ``RegisteredView`` have it."""
 
     @property
     def name(self) -> str: ...

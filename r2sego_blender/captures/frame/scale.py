@@ -14,7 +14,7 @@ import numpy as np
 from ...core.errors import CaptureError
 from ...core.images import load_image_uint8
 from ..capture import Capture
-from ..sparse import SparsePoints
+from ..sparse_points import SparsePoints
 from .lifting import intersection, lifted, pointed_at
 
 KNOWN_LENGTH = "scale, known_length"

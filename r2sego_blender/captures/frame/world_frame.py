@@ -17,7 +17,8 @@ from ...core.progress import SILENT, Progress
 from ..capture import Capture
 from ..importing import Imported
 from ..sensors.sensor_depth import SensorDepth
-from ..sparse import USUAL_DEPTH_M, SparsePoints, usual_depth
+from ..sparse import USUAL_DEPTH_M, usual_depth
+from ..sparse_points import SparsePoints
 from .depth_scale import depth_scale
 from .ground import Ground, find_ground
 from .scale import Scale, length_scale, marker_scale

@@ -18,7 +18,7 @@ from ...workers.child import call_in_child
 from ..capture import Capture
 from ..colmap import load_pycolmap
 from ..lenses.lens import Lens
-from ..sparse import SparsePoints
+from ..sparse_points import SparsePoints
 from .colmap_files import (
     check_cameras,
     check_cameras_text,

@@ -21,7 +21,7 @@ from ...core.progress import SILENT, Progress
 from ..capture import Capture
 from ..matching.features import Features, match, sift
 from ..poses.photographs import upright_size
-from ..sparse import SparsePoints
+from ..sparse_points import SparsePoints
 from .pnp import PoseEstimate, estimate_pose
 
 # A feature belongs to a sparse point that was measured this near to it.

@@ -17,7 +17,7 @@ from scipy import ndimage
 from ...captures.capture import Capture
 from ...core.errors import GeometryError
 from ...core.images import resize_nearest
-from ..room.completion import CompletedDepth, DepthSource
+from ..room.completed_depth import CompletedDepth, DepthSource
 from ..room.planes import RoomPlanes
 from .objects import DeclaredObject
 

@@ -8,7 +8,6 @@ figures, the refused ones too.
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -19,21 +18,18 @@ from typing import Any
 import numba
 import numpy as np
 
-from ...bundle import layout
-from ...bundle.artifacts import Artifact
 from ...captures.capture import Capture
 from ...config.settings import PriorSettings
-from ...core.arrays import opened_arrays, save_arrays
 from ...core.cameras import Camera
 from ...core.errors import GeometryError
 from ...core.progress import SILENT, Progress
-from ...core.text_files import write_json
 from ..room.planes import RoomPlanes
-from ..stereo.observed import ObservedGeometry
+from ..stereo.observed_geometry import ObservedGeometry
 from .alignment import Alignment, ObjectEvidence, rated, realigned
 from .masked_points import points_on_object
 from .mirrored_surface import mirrored_surface
 from .objects import ACCEPT, REJECT, DeclaredObject
+from .prior_files import AlignedPrior, ObjectPrior
 from .retrieval import Retrieval, refusal, retrieve, too_few_points
 from .shapes import Shape, load_shape, mesh_files
 from .symmetry import ObjectSight, find_mirror_planes
@@ -41,38 +37,9 @@ from .symmetry import ObjectSight, find_mirror_planes
 NEARER_THAN_ANYTHING_M = 0.01
 """The depth given to pixels where another object may stand before this one."""
 
-REFUSED = "refused"
 """The folder of shapes that were not good enough, beside the accepted priors."""
 
-_RECORD = "priors.json"
 _BY_HAND = "a person rejected it"
-
-
-@dataclass(frozen=True)
-class AlignedPrior:
-    """A shape prior after its similarity T_m*: ``vertices`` (V, 3) in the world, ``faces`` (F, 3).
-
-    By symmetry it is only what the object's mirror image adds.
-    """
-
-    name: str
-    vertices: np.ndarray
-    faces: np.ndarray
-
-
-@dataclass(frozen=True)
-class ObjectPrior:
-    """What became of an object: ``prior`` is None where ``refusal`` says why.
-
-    ``record`` has all figures; its ``backend`` says whence the prior is: "mesh" or "symmetry".
-    ``refused`` is the best shape in its best pose where that was not good enough, to be looked at.
-    """
-
-    name: str
-    prior: AlignedPrior | None
-    refusal: str
-    record: dict[str, Any]
-    refused: AlignedPrior | None = None
 
 
 def align_objects(
@@ -162,53 +129,6 @@ def _gathered(one, captures, observed, reliable, completed, anything) -> _Gather
     on_object = points_on_object(observed.points, observed.visibility, cameras, masks, shown)
     points = observed.points[on_object].astype(np.float64)
     return _Gathered(cameras, masks, depths, [reliable[k] for k in shown], points)
-
-
-def load_priors(folder: Path) -> tuple[AlignedPrior, ...]:
-    """The accepted priors that ``save_priors`` wrote. Raises GeometryError for a damaged file."""
-    priors = []
-    for path in sorted(folder.glob("*.npz")):
-        with opened_arrays(path, GeometryError, "this is no aligned prior") as data:
-            priors.append(AlignedPrior(path.stem, data["vertices"], data["faces"]))
-    return tuple(priors)
-
-
-def object_place(priors: Sequence[AlignedPrior], name: str) -> tuple[float, float]:
-    """World x and y of the middle of the accepted prior ``name``. Raises GeometryError: there is none."""
-    found = next((prior for prior in priors if prior.name == name), None)
-    if found is None:
-        known = ", ".join(prior.name for prior in priors)
-        raise GeometryError(
-            f"there is no aligned object '{name}'", where=layout.PRIORS,
-            cure=f"Known: {known}." if known else "Declare objects with `r2sego objects`.",
-        )  # fmt: skip
-    x, y, _ = 0.5 * (found.vertices.min(axis=0) + found.vertices.max(axis=0))
-    return float(x), float(y)
-
-
-def save_priors(folder: Path, priors: Sequence[ObjectPrior]) -> None:
-    """Write the accepted priors, those refused in ``refused/``, and ``priors.json`` with the figures
-    of all."""
-    for one in priors:
-        if one.prior is not None:
-            path = folder / f"{one.name}.npz"
-            save_arrays(path, vertices=one.prior.vertices, faces=one.prior.faces)
-        elif one.refused is not None:
-            (folder / REFUSED).mkdir(exist_ok=True)
-            path = folder / REFUSED / f"{one.name}.npz"
-            save_arrays(path, vertices=one.refused.vertices, faces=one.refused.faces)
-    write_json(folder / _RECORD, [one.record for one in priors])
-
-
-def read_record(folder: Path) -> list[dict[str, Any]]:
-    """The figures of every object, as ``save_priors`` wrote them."""
-    path = folder / _RECORD
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise GeometryError(
-            "the record of the priors is damaged", where=path, cure="Run `r2sego refine` again."
-        ) from error
 
 
 def library_files(folder: Path) -> dict[str, Path]:
@@ -315,22 +235,3 @@ def _figures(alignment: Alignment) -> dict[str, Any]:
 def _rounded(value: float) -> float | None:
     """For JSON, which has no NaN."""
     return None if np.isnan(value) else round(float(value), 4)
-
-
-def _save(priors: Sequence[ObjectPrior], folder: Path) -> None:
-    save_priors(folder, priors)
-
-
-def _check(folder: Path) -> None:
-    """Raises where a prior that the record tells of as accepted cannot be read."""
-    accepted = {prior.name for prior in load_priors(folder)}
-    for record in read_record(folder):
-        if not record["refusal"] and record["name"] not in accepted:
-            raise FileNotFoundError(record["name"])
-
-
-PRIORS = Artifact(layout.PRIORS, load_priors, _save, _check)
-"""The accepted priors after T_m*; those refused and the figures of all lie beside them."""
-
-PRIOR_RECORDS = Artifact(layout.PRIORS, read_record)
-"""The figures of every object that was aligned."""

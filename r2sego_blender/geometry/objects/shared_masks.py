@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...core.cameras import Camera
-from ..stereo.observed import ObservedGeometry
+from ..stereo.observed_geometry import ObservedGeometry
 
 _LEAST_SHARED = 20  # points
 _LEAST_OVERLAP = 0.5  # of the points of either mask that the other's photograph sees

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from ...core.errors import GeometryError
 from ..mesh.meshes import normals_and_areas
-from ..room.completion import CompletedDepth
+from ..room.completed_depth import CompletedDepth
 from ..visibility.rasterizer import MeshRasterizer
 from .edits import Cut, Drawn, Edit
 from .fusion import face_evidence

@@ -22,12 +22,12 @@ from ...core.cameras import Camera
 from ...core.errors import GeometryError
 from ...core.progress import SILENT, Progress
 from ..mesh.meshes import compacted, component_areas, merged, normals_and_areas, places
-from ..objects.priors import AlignedPrior
-from ..room.completion import CompletedDepth, DepthSource
+from ..objects.prior_files import AlignedPrior
+from ..room.completed_depth import CompletedDepth, DepthSource
 from ..room.envelope import envelope_polygons, tessellated
 from ..room.planes import RoomPlanes
 from ..stereo.evidence import FREE_MARGIN, KnownDepth, collect_votes
-from ..stereo.observed import ObservedGeometry
+from ..stereo.observed_geometry import ObservedGeometry
 from ..surfaces.backends import surface_backend
 from ..surfaces.oriented_points import WeightedDepth
 from ..surfaces.tsdf import DistanceField

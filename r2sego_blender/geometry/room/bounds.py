@@ -22,7 +22,7 @@ from ...core.cameras import Camera
 from ...core.compiled import inlined, parallel_kernel, prange
 from ...core.images import resize
 from ..stereo.evidence import FREE_MARGIN, KnownDepth
-from ..stereo.observed import ObservedGeometry
+from ..stereo.observed_geometry import ObservedGeometry
 from ..stereo.stereo import DepthMap
 from .completion import overlapping, trusted_depth
 from .planes import RoomPlanes

@@ -12,68 +12,26 @@ of the other captures contradict then moves nearer, patch by patch (``patch_dept
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
-from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from scipy import ndimage
 
-from ...bundle import layout
 from ...captures.capture import Capture
-from ...captures.per_capture import each_capture
 from ...config.settings import Settings, StereoSettings
-from ...core.arrays import opened_arrays, require_shapes, save_arrays
 from ...core.cameras import Camera
-from ...core.errors import GeometryError
 from ...core.images import resize
 from ...core.progress import SILENT, Progress
 from ..stereo.edges import aligned_to_edges
 from ..stereo.evidence import FREE_MARGIN, KnownDepth, collect_votes
 from ..stereo.stereo import DepthMap
 from ..stereo.weak_depth import weak_depth
+from .completed_depth import CompletedDepth, DepthSource
 from .patch_depth import ColourView, nearer_depth
 from .planes import RoomPlanes
-
-
-class DepthSource(IntEnum):
-    """Where a pixel of a completed depth map comes from."""
-
-    OBSERVED = 0
-    PLANE = 1
-    ENVELOPE = 2
-    FILLED = 3
-
-
-@dataclass(frozen=True)
-class CompletedDepth:
-    """A capture's depth without holes.
-
-    ``depth`` (H, W) float32 planar metres, 0 only where nothing at all is known; ``source``
-    (H, W) uint8 of ``DepthSource``; ``camera`` the camera of both.
-    """
-
-    depth: np.ndarray
-    source: np.ndarray
-    camera: Camera
-
-    def save(self, path: Path) -> None:
-        """Write the maps and the camera as an uncompressed ``.npz``."""
-        save_arrays(path, depth=self.depth, source=self.source, camera=json.dumps(self.camera.to_json()))
-
-    @staticmethod
-    def load(path: Path) -> CompletedDepth:
-        """Read what ``save`` wrote. Raises GeometryError when the file is no completed depth."""
-        with opened_arrays(path, GeometryError, "this is not a completed depth map") as data:
-            camera = Camera.from_json(json.loads(str(data["camera"])))
-            maps = {name: data[name] for name in ("depth", "source")}
-            require_shapes(maps, **dict.fromkeys(maps, f"{camera.height} {camera.width}"))
-            return CompletedDepth(**maps, camera=camera)
-
 
 _OUTVOTED = 1.05  # how far neighbours of like colour must outvote a depth to replace it
 _SURE_VOTES = 0.16  # share of a full window's votes that settles a depth at once
@@ -326,7 +284,3 @@ def _filled(depth: np.ndarray, observed: np.ndarray) -> np.ndarray:
     nearest = ndimage.distance_transform_edt(depth <= 0, return_distances=False, return_indices=True)
     full = depth[tuple(nearest)]
     return np.where(observed, depth, cv2.medianBlur(full, 5))
-
-
-COMPLETED = each_capture(layout.COMPLETED, CompletedDepth.load)
-"""The completed depth of each capture."""

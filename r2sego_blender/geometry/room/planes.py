@@ -21,7 +21,7 @@ from ...config.settings import ProxySettings
 from ...core.arrays import opened_arrays, require_shapes, save_arrays
 from ...core.cameras import Camera
 from ...core.errors import GeometryError
-from ..stereo.observed import ObservedGeometry
+from ..stereo.observed_geometry import ObservedGeometry
 
 _HYPOTHESES = 256  # points whose own tangent plane is tried for each plane
 _SCORED_POINTS = 8_000  # points a hypothesis is scored on; all take part in the refinement

@@ -1,4 +1,4 @@
-"""The observed geometry M_obs = (P_obs, A_obs): fused points and their support record.
+"""Fusion of the captures' depth into the observed geometry: points and their support record.
 
 The paper (Sec. "Capture-Anchored Geometry Proxy") triangulates tracks of the registered
 captures; here the points are those of the dense stereo that two captures agree on.
@@ -7,21 +7,18 @@ captures; here the points are those of the dense stereo that two captures agree 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from pathlib import Path
+from dataclasses import fields
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...bundle import layout
-from ...bundle.artifacts import Artifact
 from ...captures.capture import Capture
-from ...captures.sparse import SparsePoints
+from ...captures.sparse_points import SparsePoints
 from ...config.settings import StereoSettings
-from ...core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
 from ...core.errors import GeometryError
 from ...core.images import resize
 from .consistency import agreement
+from .observed_geometry import ObservedGeometry
 from .stereo import DepthMap
 
 # Captures that must agree on a fused point, and that must have measured a sparse one:
@@ -36,37 +33,6 @@ _MIN_FUSED_COSINE = 0.5
 # An outlier lies this many times further from its neighbours than points usually do.
 _OUTLIER_NEIGHBOURS = 8
 _OUTLIER_FACTOR = 3.0
-
-
-@dataclass(frozen=True)
-class ObservedGeometry:
-    """Points of the room's surface that captures support, in the world frame.
-
-    ``points`` (P, 3) float32 metres; ``normals`` (P, 3) float32 unit, towards the free
-    side; ``colours`` (P, 3) float32 in [0, 1]; ``visibility`` (P, N) bool, A_obs: the
-    captures that see the point; ``confidence`` (P,) float32 in [0, 1].
-    """
-
-    points: np.ndarray
-    normals: np.ndarray
-    colours: np.ndarray
-    visibility: np.ndarray
-    confidence: np.ndarray
-
-    def save(self, path: Path) -> None:
-        """Write the arrays as an uncompressed ``.npz``."""
-        save_arrays(path, **{field.name: getattr(self, field.name) for field in fields(self)})
-
-    @staticmethod
-    def load(path: Path) -> ObservedGeometry:
-        """Read what ``save`` wrote. Raises GeometryError when the file is none of it."""
-        with opened_arrays(path, GeometryError, "this is not observed geometry") as data:
-            arrays = {field.name: data[field.name] for field in fields(ObservedGeometry)}
-            require_shapes(
-                arrays, points="P 3", normals="P 3", colours="P 3", visibility="P N", confidence="P"
-            )  # fmt: skip
-            require_finite(points=arrays["points"], normals=arrays["normals"])
-            return ObservedGeometry(**arrays)
 
 
 def observe(
@@ -194,7 +160,3 @@ def _with_sparse(
             for f, part in zip(fields(dense), extra, strict=True)
         )
     )
-
-
-OBSERVED = Artifact(layout.OBSERVED, ObservedGeometry.load, ObservedGeometry.save)
-"""M_obs with its support record."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,52 +9,31 @@ from typing import Any
 import numpy as np
 
 from ...bundle.artifacts import Artifact, Held
+from ...bundle.figures import METRICS
 from ...bundle.layout import REPORT_PAGE
 from ...bundle.scene import Scene
-from ...core.arrays import opened_arrays, require_finite, require_shapes
+from ...captures.registered_views import REGISTERED_VIEWS, RegisteredView
+from ...captures.sparse_points import SPARSE
 from ...core.cameras import Camera
 from ...core.errors import SceneError
-from ...geometry.proxy.proxy import GeometryProxy
+from ...generation.view_records import read_camera_path
+from ...geometry.proxy.proxy import PROXY, GeometryProxy
+from ...views.selection import Selection, load_candidate_poses
 
 SUFFIX = ".r2s"
-_SCORES = ("rollout", "frame", "deficit", "availability", "score", "survived", "rank", "chosen")
 _CURE = "Run the step that makes it again (`r2sego refine`)."
-_NEW = "Make the scene anew with `r2sego new`."
-
-
-@dataclass(frozen=True)
-class CapturedView:
-    """A photograph and its camera in the world frame."""
-
-    name: str
-    image_path: Path
-    camera: Camera
 
 
 @dataclass(frozen=True)
 class CandidateViews:
-    """The candidate stream of a round with its scores.
+    """The candidate stream of a round: from where it looks, and what became of each.
 
-    ``camera`` is the lens of all; ``poses`` (M, 4, 4) float64 ``world_from_camera``;
-    ``rollout``, ``frame`` (M,) int; ``deficit``, ``availability``, ``score`` (M,) float;
-    ``survived``, ``chosen`` (M,) bool; ``rank`` (M,) int, -1 = none.
+    ``camera`` is the lens of all; ``poses`` (M, 4, 4) float64 ``world_from_camera``.
     """
 
     camera: Camera
     poses: np.ndarray
-    rollout: np.ndarray
-    frame: np.ndarray
-    deficit: np.ndarray
-    availability: np.ndarray
-    score: np.ndarray
-    survived: np.ndarray
-    rank: np.ndarray
-    chosen: np.ndarray
-
-    def targets(self) -> np.ndarray:
-        """(K,) int, the chosen candidates' indices in the order of their rank."""
-        chosen = np.flatnonzero(self.chosen)
-        return chosen[np.argsort(self.rank[chosen], kind="stable")]
+    selection: Selection
 
 
 class Bundle:
@@ -85,17 +63,9 @@ class Bundle:
 
     # ---- captures
 
-    def captures(self) -> list[CapturedView]:
-        """Every registered photograph. Raises SceneError when ``cameras.json`` is damaged."""
-        file = self.scene.captures_folder / "cameras.json"
-        data = _json(file, _NEW)
-        try:
-            return [
-                CapturedView(item["name"], self.scene.captures_folder / item["file"], Camera.from_json(item))
-                for item in data["captures"]
-            ]
-        except (KeyError, TypeError, ValueError) as error:
-            raise _damaged(file, f"the field {error} is missing or wrong", _NEW) from error
+    def captures(self) -> tuple[RegisteredView, ...]:
+        """Every registered photograph. Raises CaptureError when ``cameras.json`` is damaged."""
+        return self.read(REGISTERED_VIEWS)
 
     @property
     def sparse_file(self) -> Path:
@@ -104,9 +74,8 @@ class Bundle:
 
     def sparse_points(self) -> tuple[np.ndarray, np.ndarray]:
         """Points (P, 3) float32 in metres and their colours (P, 3) uint8 sRGB."""
-        with opened_arrays(self.sparse_file, SceneError, "it cannot be read", _NEW) as data:
-            require_shapes(data, points="P 3", colours="P 3")
-            return data["points"].astype(np.float32), data["colours"].astype(np.uint8)
+        sparse = self.read(SPARSE)
+        return sparse.points.astype(np.float32), sparse.colours.astype(np.uint8)
 
     # ---- rounds
 
@@ -129,23 +98,19 @@ class Bundle:
         """The geometry proxy of a round. Raises SceneError when that round has none."""
         file = self.proxy_file(round_index)
         _require(file, f"round {round_index} has no geometry proxy")
-        return GeometryProxy.load(file)
+        return self.read(PROXY.of_round(round_index))
 
     def candidates(self, round_index: int) -> CandidateViews:
-        """The scored candidates of a round. Raises SceneError when that round has none."""
+        """The scored candidates of a round. Raises SceneError when that round has none, GenerationError
+        when the selection is damaged."""
         folder = self.selection_folder(round_index)
         _require(folder / "selection.npz", f"round {round_index} has no candidate views")
-        scores = _arrays(folder / "selection.npz", *_SCORES)
-        poses = _poses(folder / "candidates.npz")
-        lens_file = folder / "candidates.json"
-        try:
-            lens = _json(lens_file)["camera"]
-            camera = Camera.from_json({**lens, "world_from_camera": np.eye(4)})
-        except (KeyError, TypeError, ValueError) as error:
-            raise _damaged(lens_file, f"the field {error} is missing or wrong") from error
-        if {array.shape for array in scores.values()} != {(len(poses),)}:
-            raise _damaged(folder, "selection.npz and candidates.npz do not belong together")
-        return CandidateViews(camera=camera, poses=poses, **scores)
+        selection, (camera, poses) = Selection.load(folder), load_candidate_poses(folder)
+        if len(selection.score) != len(poses):
+            raise SceneError(
+                "selection.npz and candidates.npz do not belong together", where=folder, cure=_CURE
+            )
+        return CandidateViews(camera, poses, selection)
 
     def camera_path(self, round_index: int, view: int) -> list[Camera]:
         """The cameras of a target view's clip, reference first, all with the target's lens.
@@ -159,11 +124,7 @@ class Bundle:
                 f"round {round_index} has no camera path for view {view}", where=folder,
                 cure="Choose another view or round.",
             )  # fmt: skip
-        try:
-            path = [Camera.from_json(camera) for camera in _json(file)["cameras"]]
-            return [path[-1].at(camera.world_from_camera) for camera in path]
-        except (KeyError, TypeError, ValueError, IndexError) as error:
-            raise _damaged(file, f"the field {error} is missing or wrong") from error
+        return read_camera_path(file)
 
     # ---- results
 
@@ -189,36 +150,9 @@ class Bundle:
 
     def metrics(self) -> dict[str, Any]:
         """The report's figures, empty when there are none."""
-        file = self.scene.metrics_file
-        return _json(file, "Run Evaluate again.") if file.is_file() else {}
-
-
-def _json(file: Path, cure: str = _CURE) -> dict[str, Any]:
-    try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise _damaged(file, "the file cannot be read", cure) from error
-    except ValueError as error:
-        raise _damaged(file, f"it is not JSON: {error}", cure) from error
-
-
-def _poses(file: Path) -> np.ndarray:
-    """(M, 4, 4) float64 ``world_from_camera``."""
-    with opened_arrays(file, SceneError, "it cannot be read", _CURE) as data:
-        require_shapes(data, poses="M 4 4")
-        require_finite(poses=data["poses"])
-        return data["poses"].astype(np.float64)
-
-
-def _arrays(file: Path, *names: str) -> dict[str, np.ndarray]:
-    with opened_arrays(file, SceneError, "it cannot be read", _CURE) as data:
-        return {name: data[name] for name in names}
+        return self.read(METRICS)
 
 
 def _require(file: Path, otherwise: str) -> None:
     if not file.is_file():
         raise SceneError(otherwise, where=file, cure="Run Refine first, or choose another round.")
-
-
-def _damaged(file: Path, what: str, cure: str = _CURE) -> SceneError:
-    return SceneError(what, where=file, cure=cure)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.arrays import opened_arrays
+from ...captures.sparse_points import SPARSE
 from ...core.errors import SceneError
 from .bundle import Bundle
 
@@ -65,11 +65,10 @@ def _measured(bundle: Bundle, count: int) -> tuple[np.ndarray, np.ndarray]:
     file = bundle.sparse_file
     if not file.is_file():
         return np.zeros(count, int), np.zeros(count, int)
-    with opened_arrays(file, SceneError, "it cannot be read", "Import the captures again.") as data:
-        visibility = data["visibility"]
-    if visibility.ndim != 2 or visibility.shape[1] != count:
+    visibility = bundle.read(SPARSE).visibility
+    if visibility.shape[1] != count:
         raise SceneError(
-            f"its points were measured in {visibility.shape[1:]} captures, there are {count}", where=file,
+            f"its points were measured in {visibility.shape[1]} captures, there are {count}", where=file,
             cure="Import the captures again.",
         )  # fmt: skip
     return visibility.sum(axis=0), overlap_counts(visibility)

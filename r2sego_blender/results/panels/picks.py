@@ -1,7 +1,9 @@
-"""A person's picks in Blender's properties: to the library's ``Picks``, and their residuals back. No bpy."""
+"""A person's picks in Blender's properties as the library's ``Picks``, and their residuals. No bpy."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,8 +11,9 @@ import numpy as np
 
 from ...captures.frame.picks import CameraHeight, Pick, PickedLength, PickedPoint, Picks
 from ...captures.frame.picks_fit import PicksFit, fit_picks
-from ...core.arrays import opened_arrays
-from ...core.errors import CaptureError, R2SEgoError, SceneError
+from ...captures.registered_views import RegisteredView
+from ...captures.sparse_points import SPARSE
+from ...core.errors import CaptureError, R2SEgoError
 from ...core.progress import Progress
 from .bundle import Bundle
 
@@ -31,69 +34,80 @@ def picks_of(group: Any) -> Picks:
     return Picks(points, lengths, heights)
 
 
-def show_fit(group: Any, bundle: Bundle) -> None:
-    """Write where the picked points lie, their residuals and what they would correct into the properties.
+@dataclass(frozen=True)
+class PlacedPick:
+    """Where a picked point lies, metres, and by how much it misses: its picks in their order, and the
+    farthest, in pixels, -1 where that is not known; a floor point by its height above the floor."""
 
-    What cannot be told yet is said in ``fit_problem``; nothing is raised.
-    """
-    for point in group.points:
-        point.located, point.off_px, point.off_floor_m = False, -1.0, 0.0
-        for view in point.views:
-            view.off_px = -1.0
-    for length in group.lengths:
-        length.error_m, length.found = 0.0, False
-    group.height_error_m = 0.0
-    group.fit_problem = group.fit_said = group.fit_warning = ""
-    picks = picks_of(group)
+    position: tuple[float, float, float]
+    off_each_px: tuple[float, ...]
+    off_floor_m: float = 0.0
+
+    @property
+    def off_px(self) -> float:
+        """By how much the farthest of its picks misses."""
+        return max(self.off_each_px)
+
+
+@dataclass(frozen=True)
+class PickFacts:
+    """What picks come to: the points that could be placed by their names, the errors of known lengths by
+    their ends, and of a known height. What cannot be told yet is said in ``fit_problem``."""
+
+    placed: Mapping[str, PlacedPick] = field(default_factory=dict)
+    lengths_m: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    height_error_m: float = 0.0
+    fit_problem: str = ""
+    fit_said: str = ""
+    fit_warning: str = ""
+
+
+def fit_of(picks: Picks, bundle: Bundle) -> PickFacts:
+    """Where the picked points lie, their residuals and what they would correct."""
     if not (picks.points or picks.heights):
-        return
-    told = _Warnings()
+        return PickFacts()
+    told, problem = _Warnings(), ""
+    captures, sparse = bundle.captures(), _sparse(bundle)
     try:
-        fit = fit_picks(picks, bundle.captures(), _sparse(bundle), told)
+        fit = fit_picks(picks, captures, sparse, told)
     except R2SEgoError as error:
-        group.fit_problem = str(error)
-        _show_points_alone(group, picks, bundle)
-        return
-    _show_points(group, fit)
-    _show_errors(group, fit)
+        return _points_alone(picks, captures, sparse, str(error))
     try:
         fit.check()
     except CaptureError as error:
-        group.fit_problem = str(error)
-    group.fit_said, group.fit_warning = "; ".join(_corrections(fit)), "; ".join(told.warnings)
+        problem = str(error)
+    placed = _placed(fit)
+    floor = [one.point.name for one in fit.placed if one.point.floor]
+    for name, off_m in zip(floor, fit.floor_m, strict=True):
+        placed[name] = replace(placed[name], off_floor_m=float(off_m))
+    ends = [(one.start, one.end) for one in picks.lengths]
+    lengths_m = dict(zip(ends, map(float, fit.length_m), strict=True))
+    return PickFacts(
+        placed, lengths_m, next(map(float, fit.height_m), 0.0), problem, "; ".join(_corrections(fit)),
+        "; ".join(told.warnings),
+    )  # fmt: skip
 
 
-def _show_points_alone(group: Any, picks: Picks, bundle: Bundle) -> None:
+def _points_alone(picks: Picks, captures: list[RegisteredView], sparse: Any, problem: str) -> PickFacts:
     """Residuals of single points, where the whole makes no floor or scale yet."""
-    captures, sparse = bundle.captures(), _sparse(bundle)
+    placed: dict[str, PlacedPick] = {}
     for point in picks.points:
         alone = Picks((PickedPoint(point.name, point.views),))
         try:
-            _show_points(group, fit_picks(alone, captures, sparse))
+            placed |= _placed(fit_picks(alone, captures, sparse))
         except R2SEgoError as error:
-            group.fit_problem = str(error)
+            problem = str(error)
+    return PickFacts(placed, fit_problem=problem)
 
 
-def _show_points(group: Any, fit: PicksFit) -> None:
-    shown = {point.name: point for point in group.points}
-    for placed in fit.placed:
-        point = shown[placed.point.name]
-        point.located, point.position = True, placed.position.tolist()
-        off_px = np.where(np.isnan(placed.off_px), -1.0, placed.off_px)
-        point.off_px = float(off_px.max())
-        for view, off in zip(point.views, off_px, strict=True):
-            view.off_px = float(off)
-
-
-def _show_errors(group: Any, fit: PicksFit) -> None:
-    on_floor = [placed.point.name for placed in fit.placed if placed.point.floor]
-    off_floor_m = dict(zip(on_floor, fit.floor_m, strict=True))
-    for point in group.points:
-        point.off_floor_m = float(off_floor_m.get(point.name, 0.0))
-    for length, error_m in zip(group.lengths, fit.length_m, strict=True):
-        length.error_m, length.found = float(error_m), True
-    for error_m in fit.height_m:
-        group.height_error_m = float(error_m)
+def _placed(fit: PicksFit) -> dict[str, PlacedPick]:
+    return {
+        one.point.name: PlacedPick(
+            tuple(one.position.tolist()),
+            tuple(float(off) for off in np.where(np.isnan(one.off_px), -1.0, one.off_px)),
+        )
+        for one in fit.placed
+    }
 
 
 def _corrections(fit: PicksFit) -> list[str]:
@@ -124,5 +138,4 @@ def _sparse(bundle: Bundle) -> Any:
         return SimpleNamespace(
             points=np.empty((0, 3)), visibility=np.empty((0, len(bundle.captures())), bool)
         )
-    with opened_arrays(file, SceneError, "it cannot be read", "Import the captures again.") as data:
-        return SimpleNamespace(points=data["points"], visibility=data["visibility"])
+    return bundle.read(SPARSE)

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ...core.arrays import opened_arrays
 from ...core.errors import GeometryError
+from ...geometry.objects.prior_files import PRIOR_RECORDS, REFUSED, load_prior
 from .bundle import Bundle
 
 _CURE = "Run `r2sego refine` again."
@@ -19,7 +19,7 @@ _CURE = "Run `r2sego refine` again."
 
 @dataclass(frozen=True)
 class KnownObject:
-    """An object of the bundle.
+    """An object of the bundle, or one that is not ``declared`` in it yet.
 
     ``state`` in a word or two, ``why`` a prior was refused; ``iou`` and ``energy`` of the last
     run, ``residual_m`` of its observed points, -1 where there is none. ``placed``: its pose is
@@ -28,16 +28,17 @@ class KnownObject:
 
     name: str
     state: str
-    why: str
     masks: int
-    shape: str
-    iou: float
-    energy: float
-    residual_m: float
-    has_prior: bool
-    own_mesh: bool
-    placed: bool
-    world_from_own: np.ndarray | None
+    declared: bool
+    why: str = ""
+    shape: str = ""
+    iou: float = -1.0
+    energy: float = -1.0
+    residual_m: float = -1.0
+    has_prior: bool = False
+    own_mesh: bool = False
+    placed: bool = False
+    world_from_own: np.ndarray | None = None
 
 
 def read_objects(bundle: Bundle) -> list[KnownObject]:
@@ -45,8 +46,8 @@ def read_objects(bundle: Bundle) -> list[KnownObject]:
     folder = bundle.path / "objects"
     if not folder.is_dir():
         return []
-    record = bundle.scene.geometry_folder / "priors" / "priors.json"
-    known = {one["name"]: one for one in (_json(record) if record.is_file() else [])}
+    there = (bundle.scene.geometry_folder / "priors" / "priors.json").is_file()
+    known = {one["name"]: one for one in (bundle.read(PRIOR_RECORDS) if there else [])}
     return [
         _object(bundle, place, known.get(place.name, {}))
         for place in sorted(folder.iterdir())
@@ -57,7 +58,7 @@ def read_objects(bundle: Bundle) -> list[KnownObject]:
 def prior_file(bundle: Bundle, name: str) -> Path | None:
     """The mesh in the world that the last run placed for an object, refused ones too; None without."""
     folder = bundle.scene.geometry_folder / "priors"
-    files = (folder / f"{name}.npz", folder / "refused" / f"{name}.npz")
+    files = (folder / f"{name}.npz", folder / REFUSED / f"{name}.npz")
     return next((file for file in files if file.is_file()), None)
 
 
@@ -69,8 +70,8 @@ def prior_mesh(bundle: Bundle, name: str) -> tuple[np.ndarray, np.ndarray]:
             f"'{name}' has no prior to show", where=bundle.path,
             cure="Refine first, or give the object a mesh.",
         )  # fmt: skip
-    with opened_arrays(file, GeometryError, "this is no aligned prior", _CURE) as data:
-        return data["vertices"].astype(np.float64), data["faces"].astype(np.int32)
+    prior = load_prior(file)
+    return prior.vertices.astype(np.float64), prior.faces.astype(np.int32)
 
 
 def mask_files(bundle: Bundle, name: str) -> dict[str, Path]:
@@ -86,8 +87,8 @@ def _object(bundle: Bundle, place: Path, record: Mapping[str, Any]) -> KnownObje
     locked = bool(held.get("locked", False))
     pose = record.get("world_from_own")
     return KnownObject(
-        place.name, _state(record, decided, locked, bool(held)), str(record.get("refusal", "")),
-        len(mask_files(bundle, place.name)), str(record.get("shape", "")),
+        place.name, _state(record, decided, locked, bool(held)), len(mask_files(bundle, place.name)), True,
+        str(record.get("refusal", "")), str(record.get("shape", "")),
         _number(record.get("silhouette_iou")), _number(record.get("energy")),
         _number(record.get("point_distance_m")), prior_file(bundle, place.name) is not None,
         any(place.glob("mesh.*")), bool(held), None if pose is None else np.array(pose, np.float64),

@@ -49,6 +49,11 @@ class ReportScores:
     outdated: bool = False
 
     @property
+    def has_lpips(self) -> bool:
+        """Whether LPIPS is known of an arm."""
+        return any(arm.lpips is not None for arm in self.arms)
+
+    @property
     def mending(self) -> str:
         """What mends the largest cause of the error, '' where none is known."""
         largest = max(self.causes, key=lambda cause: cause.error or 0.0, default=None)

@@ -6,11 +6,12 @@ engine (``r2sego robot``).
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ...bundle.figures import ROBOT_FACTS
+from ...core.errors import SceneError
 from ...robot.scope.region import Polygon, area_m2
 from ...robot.scope.scope import BehaviourScope
 from .bundle import Bundle
@@ -39,9 +40,9 @@ class RobotFacts:
         declared = bundle.scene.declaration
         scope = BehaviourScope.load(declared.scope)
         try:
-            told = json.loads((bundle.path / "robot" / "robot.json").read_text(encoding="utf-8"))
+            told = bundle.read(ROBOT_FACTS)
             is_of_this = told["declared"] == [declared.robot, bundle.scene.name_of(declared.scope)]
-        except (OSError, ValueError, KeyError, TypeError):
+        except (SceneError, KeyError, TypeError):
             is_of_this = False
         return RobotFacts(scope, told if is_of_this else {})
 

@@ -1,24 +1,33 @@
-"""What the sub-panel Views remembers of a round's candidates, for each Blender scene. No bpy.
-
-Arrays have no place in Blender's properties; the bundle is read when it changes, never
-while something is drawn.
-"""
+"""A round's candidates with their scores and the reasons of the selection, as Views shows them. No bpy."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
-from itertools import count
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ...core.errors import SceneError
+from ...views.selection import Selection
 from .bundle import Bundle, CandidateViews
-from .selection_reasons import SelectionReasons, read_reasons, why
+from .selection_reasons import why
 
-_numbers = count(1)
-_remembered: dict[int, RoundScores] = {}
+
+@dataclass(frozen=True)
+class RankedView:
+    """A target view, or one that may stand in for a target: ``chosen`` tells which."""
+
+    candidate: int
+    rollout: int
+    frame: int
+    score: float
+    chosen: bool
+
+    @property
+    def name(self) -> str:
+        """By what a list finds it."""
+        return f"Rollout {self.rollout}, {self.frame}"
 
 
 @dataclass(frozen=True)
@@ -26,73 +35,110 @@ class RoundScores:
     """A round's candidates with their scores and the reasons of the selection.
 
     ``captures`` are the bundle's captures' names; ``origins`` say which attempt each rollout is,
-    empty where they are not known. ``stamp`` is another one when the selection was made anew,
-    ``number`` each time it was read.
+    empty where they are not known. ``window`` is the suppression's in frames. ``stamp`` is another one
+    when the selection was made anew.
     """
 
     bundle_path: str
     stamp: str
     views: CandidateViews
-    told: SelectionReasons
+    window: int
     captures: tuple[str, ...]
     origins: tuple[str, ...] = ()
-    number: int = field(default_factory=lambda: next(_numbers))
 
     @staticmethod
     def read(bundle: Bundle, round_index: int) -> RoundScores | None:
-        """Those of a round, None when it has no selection yet. Raises SceneError for damage."""
+        """Those of a round, None when it has no selection yet. Raises R2SEgoError for damage."""
         file = bundle.selection_folder(round_index) / "selection.npz"
         if not file.is_file():
             return None
         stamp = f"{round_index} {file.stat().st_mtime_ns}"
         captures = tuple(view.name for view in bundle.captures())
+        window = bundle.scene.declaration.settings.selection.nms_window
         return RoundScores(
-            str(bundle.path), stamp, bundle.candidates(round_index), read_reasons(bundle, round_index),
-            captures, _origins(bundle, round_index),
+            str(bundle.path), stamp, bundle.candidates(round_index), window, captures,
+            _origins(bundle, round_index),
         )  # fmt: skip
 
     def __len__(self) -> int:
-        return len(self.views.score)
+        return len(self.selection.score)
+
+    @property
+    def selection(self) -> Selection:
+        """What became of each candidate."""
+        return self.views.selection
 
     @property
     def mark(self) -> str:
         """Of which selection of which bundle they are."""
         return f"{self.bundle_path} {self.stamp}"
 
-    @property
+    @cached_property
     def rollouts(self) -> int:
         """One more than the last rollout's number."""
-        return int(self.views.rollout.max(initial=-1)) + 1
+        return int(self.selection.rollout.max(initial=-1)) + 1
+
+    @cached_property
+    def survivors(self) -> int:
+        """How many temporal suppression left."""
+        return int(self.selection.survived.sum())
+
+    @cached_property
+    def best(self) -> dict[str, float]:
+        """The round's largest deficit ``U``, availability ``G`` and score ``S``."""
+        scores = {"U": self.selection.deficit, "G": self.selection.availability, "S": self.selection.score}
+        return {key: float(values.max(initial=0.0)) for key, values in scores.items()}
 
     @property
     def best_score(self) -> float:
         """The best score of the round, 1 when all are 0."""
-        return float(self.views.score.max(initial=0.0)) or 1.0
+        return self.best["S"] or 1.0
+
+    @property
+    def note(self) -> str:
+        """What is out of the ordinary in the selection, '' where nothing is."""
+        return " ".join([*self.selection.ablations, self.selection.note]).strip()
 
     def of_rollout(self, rollout: int) -> np.ndarray:
         """(n,) int: a rollout's candidates in the order of time."""
-        members = np.flatnonzero(self.views.rollout == rollout)
-        return members[np.argsort(self.views.frame[members], kind="stable")]
+        members = np.flatnonzero(self.selection.rollout == rollout)
+        return members[np.argsort(self.selection.frame[members], kind="stable")]
 
-    def ranked(self) -> np.ndarray:
-        """(R,) int: the eligible survivors, best first; the targets lead."""
-        eligible = np.flatnonzero(self.views.rank >= 0)
-        return eligible[np.argsort(self.views.rank[eligible], kind="stable")]
+    @cached_property
+    def ranked(self) -> tuple[RankedView, ...]:
+        """The eligible survivors, best first; the targets lead."""
+        told = self.selection
+        return tuple(
+            RankedView(
+                int(k), int(told.rollout[k]), int(told.frame[k]), float(told.score[k]), bool(told.chosen[k])
+            )
+            for k in told.ranked
+        )
+
+    @cached_property
+    def row_of(self) -> dict[int, int]:
+        """The place of a candidate among the ranked ones."""
+        return {one.candidate: row for row, one in enumerate(self.ranked)}
 
     def nearest(self, rollout: int, frame: float) -> int:
         """The rollout's candidate whose frame is nearest to ``frame``, -1 when it has none."""
         members = self.of_rollout(rollout)
         if not len(members):
             return -1
-        return int(members[np.argmin(np.abs(self.views.frame[members] - frame))])
+        return int(members[np.argmin(np.abs(self.selection.frame[members] - frame))])
 
     def origin(self, rollout: int) -> str:
         """Which attempt of the round this rollout is, '' where that is not known."""
         return self.origins[rollout] if 0 <= rollout < len(self.origins) else ""
 
+    def figures(self, index: int) -> str:
+        """A candidate's scores in a line."""
+        told = self.selection
+        return f"u {told.deficit[index]:.1%}   g {told.availability[index]:.1%}   s {told.score[index]:.3f}"
+
     def why(self, index: int) -> str:
         """Why this candidate is a target or none."""
-        return why(self.views, self.told, list(self.captures), index)
+        return why(self.selection, self.window, self.captures, index)
 
 
 def _origins(bundle: Bundle, round_index: int) -> tuple[str, ...]:
@@ -116,32 +162,3 @@ def _origins(bundle: Bundle, round_index: int) -> tuple[str, ...]:
         raise SceneError(
             f"it is damaged: {error!r}", where=file, cure="Run the round again (`r2sego refine`)."
         ) from error
-
-
-def remember(key: int, scores: RoundScores | None) -> None:
-    """Keep what is shown in the Blender scene with this session number; None forgets it."""
-    if scores is None:
-        _remembered.pop(key, None)
-    else:
-        _remembered[key] = scores
-
-
-def remembered(key: int, mark: str = "") -> RoundScores | None:
-    """What is kept for the Blender scene with this session number.
-
-    Where nothing is, what is kept for another under that ``mark``: a copied scene has the facts of the
-    one it is copied of, but a number of its own.
-    """
-    if key in _remembered:
-        return _remembered[key]
-    return next((scores for scores in _remembered.values() if scores.mark == mark), None)
-
-
-def remembered_in(scene: Any) -> RoundScores | None:
-    """What is kept for a Blender scene."""
-    return remembered(scene.session_uid, scene.r2sego_views.stamp)
-
-
-def forget_all() -> None:
-    """Forget every scene's."""
-    _remembered.clear()

@@ -1,4 +1,4 @@
-"""The CPU's kernels of splats, and the small language for vectors that they are written in.
+"""The CPU's kernels of splats: projection, binning, compositing, the loss, and the gradients of them.
 
-Begin with ``vectors``; docs/architecture.md follows a frame through them.
+Uses ``vector_language``. Begin with ``packing``; docs/architecture.md follows a frame through them.
 """

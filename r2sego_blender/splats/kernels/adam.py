@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .aligned_memory import aligned
+from ..vector_language.aligned_memory import aligned
 from .packing import LANES, PackedGaussians
 
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from numba.core.types import int64, void
 
+from ..vector_language.vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
 from .binning import ENTRY_BYTES
 from .projection import (
     DEPTH,
@@ -28,7 +29,6 @@ from .projection import (
     V,
 )
 from .tiles import BLOCK_PX, BLOCKS_A_SIDE, SIDE_SHIFT, TILE_PX
-from .vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
 
 BATCH = 32
 """Entries that are fetched together."""

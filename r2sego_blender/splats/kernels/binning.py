@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numba.core.types import int64
 
+from ..vector_language.denormals import flush_denormals, restore_denormals
+from ..vector_language.vectors import Code, Value, vector_kernel
 from .compiled import dealt, kernel, parallel_kernel, prange, turns
-from .denormals import flush_denormals, restore_denormals
 from .packing import LANES
 from .projection import (
     BLOCK,
@@ -30,7 +31,6 @@ from .projection import (
     V,
 )
 from .tiles import BLOCK_PX, RUN_OF_TILES, TILE_SHIFT
-from .vectors import Code, Value, vector_kernel
 
 SEGMENTS = 16
 """The Gaussians are binned in this many runs, each by one thread at a time."""

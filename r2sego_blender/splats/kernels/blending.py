@@ -13,13 +13,13 @@ from functools import partial
 
 import numpy as np
 
-from .aligned_memory import aligned
+from ..vector_language.aligned_memory import aligned
+from ..vector_language.exponentials import EXP2_OF_EIGHTHS, exp2_of_eighths
+from ..vector_language.stages import in_stages
+from ..vector_language.vectors import LANES, VECTOR_BYTES, Code, Value
 from .batches import FETCHED_BYTES, Fetched, ask_ahead
-from .exponentials import EXP2_OF_EIGHTHS, exp2_of_eighths
 from .projection import EIGHTH_SMALLEST, LARGEST_ALPHA
-from .stages import in_stages
 from .tiles import BLOCK_BYTES, SUMS
-from .vectors import LANES, VECTOR_BYTES, Code, Value
 
 FINISHED = 1e-4
 """A pixel whose transmittance is not above this takes no more Gaussians."""

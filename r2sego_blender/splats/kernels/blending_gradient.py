@@ -19,11 +19,11 @@ from __future__ import annotations
 
 from functools import partial
 
+from ..vector_language.lanes import lane_sums
+from ..vector_language.vectors import LANES, VECTOR_BYTES, Code, Value, Variable
 from .batches import BATCH_BYTES, FETCHED_BYTES, SLOT_BYTES, ask_ahead, entry_number
 from .blending import EIGHTH_LARGEST_AT, Splat, constant
-from .lanes import lane_sums
 from .tiles import BLOCKS, REST, UPSTREAM
-from .vectors import LANES, VECTOR_BYTES, Code, Value, Variable
 
 MOMENTS, BLENDED = 10, 10
 """In an entry's slot, its gradient sums: of g = alpha dL/dalpha the moments 1, e, f, e e, e f and x,

@@ -11,12 +11,13 @@ from __future__ import annotations
 from numba import get_thread_id
 from numba.core.types import int64, void
 
+from ..vector_language.denormals import flush_denormals, restore_denormals
+from ..vector_language.registers import REGISTER_LANES
+from ..vector_language.vectors import LANES, Code, Value, vector_kernel
 from .batches import BATCH, BATCH_BYTES, SLOT_BYTES, ask_for_slots, entry_number, fetch
 from .blending import FINISHED, write_blend
 from .blending_gradient import GRADIENTS_BYTES, write_blend_gradient
 from .compiled import dealt, kernel, parallel_kernel, prange, turns
-from .denormals import flush_denormals, restore_denormals
-from .registers import REGISTER_LANES
 from .tiles import (
     BLOCK_PX,
     DEPTH_PLANE,
@@ -29,7 +30,6 @@ from .tiles import (
     open_tile,
     store_tile,
 )
-from .vectors import LANES, Code, Value, vector_kernel
 
 SCRATCH_BYTES = STATE_BYTES + BATCH_BYTES + GRADIENTS_BYTES
 """What a thread needs: the tile's state, a batch of entries, and the gradients of one."""

@@ -17,10 +17,11 @@ from numba import get_thread_id
 from numba.core.types import float32, int64, void
 
 from ..metrics import SSIM_C1, SSIM_C2, SSIM_RADIUS_PX
-from .aligned_memory import aligned
+from ..vector_language.aligned_memory import aligned
+from ..vector_language.denormals import flush_denormals, restore_denormals
+from ..vector_language.lanes import lane_sum, side_by_side
+from ..vector_language.vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
 from .compiled import kernel, parallel_kernel, prange
-from .denormals import flush_denormals, restore_denormals
-from .lanes import lane_sum, side_by_side
 from .strip_blur import (
     BLUR_BYTES,
     COLUMNS,
@@ -35,7 +36,6 @@ from .strip_blur import (
     store_line,
 )
 from .tiles import planes_of
-from .vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
 
 _CHANNELS = 3
 _DERIVATIVES = 3

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..asset import SplatAsset
-from .aligned_memory import aligned
-from .vectors import LANES
+from ..vector_language.aligned_memory import aligned
+from ..vector_language.vectors import LANES
 
 MEAN, LOG_SCALE, QUATERNION, LOGIT_OPACITY, HARMONICS = 0, 3, 6, 10, 11
 """First row of each parameter; harmonic k of channel c stands in row HARMONICS + 3 k + c."""

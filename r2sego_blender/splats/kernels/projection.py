@@ -19,13 +19,13 @@ from numba.core.types import int64
 
 from ...core.cameras import Camera
 from ..harmonics import basis_values
+from ..vector_language.denormals import flush_denormals, restore_denormals
+from ..vector_language.exponentials import exp2, log2
+from ..vector_language.lanes import transposed
+from ..vector_language.vectors import VECTOR_BYTES, Code, Value, vector_kernel
 from .compiled import dealt, parallel_kernel, prange, turns
-from .denormals import flush_denormals, restore_denormals
-from .exponentials import exp2, log2
-from .lanes import transposed
 from .packing import HARMONICS, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION
 from .tiles import TILE_SHIFT
-from .vectors import VECTOR_BYTES, Code, Value, vector_kernel
 
 U, V, FACTOR_A, FACTOR_B, FACTOR_C, EIGHTH, RED, GREEN, BLUE, DEPTH, EXTENT_Y, SKEW_Y = range(12)
 INVERSE_A, TILES_X, TILES_Y = range(12, 15)

@@ -17,12 +17,13 @@ from numba import get_thread_id
 from numba.core.types import float32, int64, void
 
 from ..harmonics import basis_gradients, basis_values
+from ..vector_language.denormals import flush_denormals, restore_denormals
+from ..vector_language.exponentials import exp2
+from ..vector_language.lanes import lane_sums, transposed
+from ..vector_language.vectors import VECTOR_BYTES, Code, Value, vector_kernel
 from .batches import SLOT_BYTES
 from .blending_gradient import BLENDED
 from .compiled import dealt, kernel, parallel_kernel, prange, turns
-from .denormals import flush_denormals, restore_denormals
-from .exponentials import exp2
-from .lanes import lane_sums, transposed
 from .packing import HARMONICS, LANES, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION
 from .projection import (
     BLOCK,
@@ -41,13 +42,12 @@ from .projection import (
     view_direction,
     visible_colour,
 )
-from .vectors import VECTOR_BYTES, Code, Value, vector_kernel
 
 GATHER_BYTES = LANES * SLOT_BYTES
 POSE_SUMS = 6
 
 BETA_1, BETA_2 = 0.9, 0.999
-_TINIEST_SQUARE = 1e-30  # added to the second moment, where torch adds 1e-15 to its root
+TINIEST_SQUARE = 1e-30  # added to the second moment, where torch adds 1e-15 to its root
 _LOG2_BETA_1, _LOG2_BETA_2 = math.log2(BETA_1), math.log2(BETA_2)
 _SHORT = 0.05  # below this, 1 - 2^-x is taken from its series: the difference would lose digits
 
@@ -252,7 +252,7 @@ def _adam_chunk(
         old_m, old_v, value = (code.load(x + offset) for x in (first, second, chunk))
         m = old_m * BETA_1 + gradient * (1.0 - BETA_1)
         v = old_v * BETA_2 + gradient * gradient * (1.0 - BETA_2)
-        step = correction * m * (1.0 / code.sqrt(v + _TINIEST_SQUARE))
+        step = correction * m * (1.0 / code.sqrt(v + TINIEST_SQUARE))
         moved = value - code.load_float(rates + 4 * row) * step
         for place, new, old in ((first, m, old_m), (second, v, old_v), (chunk, moved, value)):
             code.store(place + offset, code.select(blended, new, old))

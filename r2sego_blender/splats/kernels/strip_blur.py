@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..metrics import SSIM_RADIUS_PX, ssim_window
-from .lanes import every_fourth
-from .vectors import LANES, VECTOR_BYTES, Code, Value
+from ..vector_language.lanes import every_fourth
+from ..vector_language.vectors import LANES, VECTOR_BYTES, Code, Value
 
 VECTORS = 4
 COLUMNS = VECTORS * LANES

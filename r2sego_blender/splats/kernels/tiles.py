@@ -16,9 +16,9 @@ import itertools
 import numpy as np
 from numba.core.types import int64, void
 
-from .aligned_memory import aligned
-from .lanes import quarters_exchanged
-from .vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
+from ..vector_language.aligned_memory import aligned
+from ..vector_language.lanes import quarters_exchanged
+from ..vector_language.vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
 
 TILE_SHIFT = 5
 TILE_PX = 1 << TILE_SHIFT

@@ -14,7 +14,6 @@ from ...core.cameras import Camera
 from ...core.errors import AssetError
 from ..asset import SplatAsset
 from ..kernels.adam import AdamState
-from ..kernels.aligned_memory import aligned, aligned_copy
 from ..kernels.batches import SLOT_BYTES
 from ..kernels.binning import ENTRY_BYTES, SEGMENTS, append_entries, sort_entries
 from ..kernels.blending import TABLE
@@ -29,7 +28,8 @@ from ..kernels.tiles import (
     TRANSMITTANCE_PLANE,
     planes_of,
 )
-from ..kernels.vectors import LANES, VECTOR_BYTES
+from ..vector_language.aligned_memory import aligned, aligned_copy
+from ..vector_language.vectors import LANES, VECTOR_BYTES
 
 _SPARE = 1.25
 """Arrays that must grow get this much more than is needed now."""

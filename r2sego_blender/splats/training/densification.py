@@ -49,10 +49,18 @@ class Densification:
         self._first = max(1, round(steps * settings.densify_from_share))
         self._last = round(steps * settings.densify_until_share)
 
-    def after(self, step: int) -> None:
-        """To be called after every step, counted from 0."""
+    def is_due(self, step: int) -> bool:
+        """Whether ``after`` changes Gaussians after this step, counted from 0."""
         settings, done = self._settings, step + 1
         if settings.densification == "none" or not self._first <= done <= self._last:
+            return False
+        resets = settings.densification == "original" and done % settings.opacity_reset_steps == 0
+        return resets or done % settings.densify_every_steps == 0
+
+    def after(self, step: int) -> None:
+        """To be called after every step, at least after those for which it is due."""
+        settings, done = self._settings, step + 1
+        if not self.is_due(step):
             return
         if done % settings.densify_every_steps == 0:
             {"growth": self._grow, "relocation": self._relocate, "original": self._original}[

@@ -7,12 +7,9 @@ by itself (Park et al. 2025, DropGaussian; Xu et al. 2025, DropoutGS).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import numpy as np
 
-from ..kernels.packing import LOGIT_OPACITY, NOWHERE, PackedGaussians
+from ..kernels.packing import LANES
 
 
 class Dropout:
@@ -24,22 +21,8 @@ class Dropout:
     def __init__(self, share: float, rng: np.random.Generator) -> None:
         self._share, self._rng = share, rng
 
-    @contextmanager
-    def one_step(self, gaussians: PackedGaussians) -> Iterator[None]:
-        """While this lasts, the Gaussians left out have no opacity.
-
-        So they are neither rendered nor, as nothing unseen is, moved; then their opacity is
-        what it was. Those that stay are rendered as they are. Gaussians must not be added or
-        moved about meanwhile.
-        """
+    def drawn(self, count: int) -> np.ndarray | None:
+        """Which of ``count`` packed Gaussians to leave out, their chunks' places (chunks, 16) bool."""
         if self._share <= 0.0:
-            yield
-            return
-        logits = gaussians.values[:, LOGIT_OPACITY]
-        left_out = self._rng.random(logits.shape, np.float32) < self._share
-        before = logits.copy()
-        np.copyto(logits, NOWHERE, where=left_out)
-        try:
-            yield
-        finally:
-            np.copyto(logits, before, where=left_out)
+            return None
+        return self._rng.random((-(-count // LANES), LANES), np.float32) < self._share

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..kernels.adam import AdamState
 from ..kernels.packing import MEAN, PackedGaussians, morton_order
-from ..kernels.vectors import LANES
+from ..vector_language.vectors import LANES
 
 
 @dataclass

@@ -19,11 +19,11 @@ from ...core.cameras import Camera
 from ...core.errors import AssetError
 from ...core.progress import SILENT, Progress
 from ..asset import SplatAsset
-from ..kernels.aligned_memory import aligned_copy
+from ..backends.slot import SplatBackend, make_backend
 from ..kernels.loss import PhotometricLoss
 from ..kernels.packing import HARMONICS, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION, PackedGaussians, rows_of
 from ..kernels.tiles import DEPTH_PLANE, TRANSMITTANCE_PLANE
-from ..rendering.rasterizer import Rasterizer
+from ..vector_language.aligned_memory import aligned_copy
 from .corrections import Correction
 from .densification import Densification
 from .dropout import Dropout
@@ -34,7 +34,7 @@ from .supervision import depth_gradients
 
 _BLACK = (0.0, 0.0, 0.0)
 
-Watch = Callable[[int, PackedGaussians], bool]
+Watch = Callable[[int, Callable[[], PackedGaussians]], bool]
 
 _SCENE_MARGIN = 1.1
 """3DGS: a scene's extent is this times the largest distance of a camera from their middle."""
@@ -62,10 +62,11 @@ def train(
     The first steps look at some of an image's pixels, as the settings say. The
     harmonics' degree starts at the highest the asset already uses and rises by one at
     equal intervals. The same inputs and generator state give the
-    same bits, for any number of threads. ``watch`` is called after every step with the steps
-    done and the Gaussians as they are, which it must not change; training ends when it
-    returns True. Raises AssetError without observations, or with more Gaussians than
-    ``settings.max_gaussians``.
+    same bits, for any number of threads, with the default ``settings.backend``. ``watch`` is
+    called after every step with the steps done and a function that returns the Gaussians as they
+    are, which it must not change; training ends when it returns True. Raises AssetError without
+    observations, or with more Gaussians than ``settings.max_gaussians``, and SettingsError when
+    the backend cannot run here.
     """
     if not observations:
         raise AssetError("there is no observation to train on", cure="Give at least one registered image.")
@@ -78,35 +79,30 @@ def train(
     grows = settings.densification != "none"
     gaussians = PackedGaussians.of(asset.with_degree(settings.sh_degree), settings.max_gaussians * grows)
     population = Population.of(gaussians)
+    engine = make_backend(settings.backend, gaussians, population.state)
     extent_m = _extent_m(asset, observations)
     schedule = _Schedule(settings, steps, degree, extent_m)
     densification = Densification(population, steps, extent_m, settings, rng)
     dropout = Dropout(settings.dropout_share, rng)
-    trainer = _Trainer(population, observations, settings)
+    trainer = _Trainer(engine, observations, settings)
     draws = _shuffled(observations, rng)
     with progress.task(title, steps) as task:
         for step in range(steps):
             index, stage = next(draws), schedule.at(step)
             lattice = Lattice.drawn(stage.stride, observations[index].camera.shape, rng)
-            with dropout.one_step(gaussians):
+            with engine.leaving_out(dropout.drawn(len(gaussians))):
                 trainer.step(index, lattice, stage)
-            bound_scales(gaussians, settings.max_scale_m)
-            densification.after(step)
+            # One photograph does not say how large a Gaussian at its rim is: without a bound some
+            # grow to hundreds of metres, and hang as fog before other views.
+            if settings.max_scale_m > 0.0:
+                engine.bound_log_scales(math.log(settings.max_scale_m))
+            if densification.is_due(step):
+                with engine.lent():
+                    densification.after(step)
             task.advance()
-            if watch is not None and watch(step + 1, gaussians):
+            if watch is not None and watch(step + 1, lambda: engine.gaussians):
                 break
-    return gaussians.asset()
-
-
-def bound_scales(gaussians: PackedGaussians, max_scale_m: float) -> None:
-    """Make no scale larger than ``max_scale_m``, or leave all as they are when it is 0.
-
-    One photograph does not say how large a Gaussian at its rim is: without a bound some grow
-    to hundreds of metres, and hang as fog before other views.
-    """
-    if max_scale_m > 0.0:
-        log_scales = gaussians.values[:, LOG_SCALE:QUATERNION]
-        np.minimum(log_scales, np.float32(math.log(max_scale_m)), out=log_scales)
+    return engine.gaussians.asset()
 
 
 @dataclass(frozen=True)
@@ -158,14 +154,13 @@ class _Trainer:
     """One optimisation step after the other, on buffers that are kept."""
 
     def __init__(
-        self, population: Population, observations: Sequence[Observation], settings: TrainingSettings
+        self, engine: SplatBackend, observations: Sequence[Observation], settings: TrainingSettings
     ) -> None:
-        self._population = population
+        self._engine = engine
         self._observations = observations
         self._settings = settings
         self._with_geometry = max(settings.depth_weight, settings.normal_weight) > 0.0
         self._targets = Targets(observations, settings.image_cache_mb << 20, self._with_geometry)
-        self._rasterizer = Rasterizer()
         self._losses: dict[tuple[int, int], PhotometricLoss] = {}
         self._corrections = {
             index: Correction(settings, view.refines_exposure, view.refines_pose)
@@ -175,56 +170,51 @@ class _Trainer:
 
     def step(self, index: int, lattice: Lattice, stage: _Stage) -> float:
         """Render, compare, and move the Gaussians that were seen; returns the pixels' loss."""
-        settings, rasterizer = self._settings, self._rasterizer
+        settings, engine = self._settings, self._engine
         target, correction = self._targets.get(index, lattice), self._corrections.get(index)
         camera = target.camera if correction is None else correction.camera(target.camera)
         background = _BLACK if target.background is None else target.background
         geometry = target.depth is not None
-        gaussians = self._population.gaussians
-        rasterizer.forward(
-            gaussians, camera, background, stage.degree, with_depth=geometry,
-            dilation_px2=lattice.dilation_px2,
-        )  # fmt: skip
+        engine.forward(camera, background, stage.degree, geometry, lattice.dilation_px2)
         loss = self._compare(target, self._observations[index].weight, correction)
         with_alpha = self._supervise(target, self._observations[index].weight, geometry)
-        count = max(len(gaussians), 1)
-        rasterizer.step(
-            self._population.state, stage.rates, settings.opacity_pull / count, settings.scale_pull / count,
-            with_alpha, geometry,
-        )  # fmt: skip
+        count = max(len(engine), 1)
+        engine.step(
+            stage.rates, settings.opacity_pull / count, settings.scale_pull / count, with_alpha, geometry
+        )
         if correction is not None and correction.refines_pose:
-            correction.learn_pose(rasterizer.pose_gradient())
+            correction.learn_pose(engine.pose_gradient())
         return loss
 
     def _compare(self, target: Target, weight: float, correction: Correction | None) -> float:
-        """The photometric loss; its gradient is left in the rasteriser's planes."""
-        rasterizer, (height, width) = self._rasterizer, target.camera.shape
+        """The photometric loss; its gradient is left in the engine's planes."""
+        engine, (height, width) = self._engine, target.camera.shape
         if target.camera.shape not in self._losses:
             self._losses[target.camera.shape] = PhotometricLoss(height, width)
         exposure = correction if correction is not None and correction.refines_exposure else None
-        image = rasterizer.planes[:3]
+        image = engine.planes[:3]
         shown = image if exposure is None else aligned_copy(exposure.expose(image))
         loss = self._losses[target.camera.shape](
             shown,
             target.image,
             self._settings.ssim_weight,
-            rasterizer.gradient_planes,
+            engine.gradient_planes,
             target.weights,
             weight,
         )
         if exposure is not None:
             inside = (slice(None), slice(height), slice(width))
-            exposure.learn_exposure(image[inside], rasterizer.gradient_planes[:3][inside])
+            exposure.learn_exposure(image[inside], engine.gradient_planes[:3][inside])
         return loss
 
     def _supervise(self, target: Target, weight: float, geometry: bool) -> bool:
         """Add the gradients of alpha and depth to the planes; whether there are any of alpha."""
-        rasterizer, (height, width) = self._rasterizer, target.camera.shape
-        planes = rasterizer.gradient_planes[:, :height, :width]
+        height, width = target.camera.shape
+        image, planes = (x[:, :height, :width] for x in (self._engine.planes, self._engine.gradient_planes))
         if geometry:
             assert target.depth is not None and target.depth_weight is not None
             _, planes[DEPTH_PLANE], planes[TRANSMITTANCE_PLANE] = depth_gradients(
-                rasterizer.depth_sum, 1.0 - rasterizer.transmittance, target.camera, target.depth,
+                image[DEPTH_PLANE], 1.0 - image[TRANSMITTANCE_PLANE], target.camera, target.depth,
                 weight * target.depth_weight, target.normals, self._settings,
             )  # fmt: skip
         if target.opaque is not None:

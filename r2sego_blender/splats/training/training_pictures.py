@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -34,8 +34,8 @@ def shown_from(observations: Sequence[Observation], title: str, progress: Progre
         )  # fmt: skip
         return np.clip(rasterizer.rendering().colour, 0.0, 1.0)
 
-    def watch(step: int, gaussians: PackedGaussians) -> bool:
-        progress.picture(title, lambda: picture(gaussians))
+    def watch(step: int, gaussians: Callable[[], PackedGaussians]) -> bool:
+        progress.picture(title, lambda: picture(gaussians()))
         return False
 
     return watch

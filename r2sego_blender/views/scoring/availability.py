@@ -21,9 +21,9 @@ from ...geometry.proxy.proxy import GeometryProxy
 from ...geometry.visibility.projection import NEAR_M, place, screen_extent
 from ...geometry.visibility.rasterizer import edge_plane
 from ...geometry.visibility.view_volume import in_view, side_planes
-from ...splats.kernels.aligned_memory import aligned
 from ...splats.kernels.packing import morton_order
-from ...splats.kernels.vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
+from ...splats.vector_language.aligned_memory import aligned
+from ...splats.vector_language.vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
 
 SAMPLES = 2
 """Samples of a pixel, a side."""

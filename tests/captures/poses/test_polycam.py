@@ -12,7 +12,8 @@ from measured_points import measured
 from r2sego_blender.captures.frame.scale import Scale
 from r2sego_blender.captures.frame.world_frame import register
 from r2sego_blender.captures.importing import import_captures
-from r2sego_blender.captures.sparse import SparsePoints, triangulate
+from r2sego_blender.captures.sparse import triangulate
+from r2sego_blender.captures.sparse_points import SparsePoints
 from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import CaptureError

@@ -10,7 +10,7 @@ from r2sego_blender.captures.capture import Capture
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.geometry.objects.clusters import find_objects
-from r2sego_blender.geometry.room.completion import CompletedDepth, DepthSource
+from r2sego_blender.geometry.room.completed_depth import CompletedDepth, DepthSource
 from r2sego_blender.geometry.room.planes import RoomPlanes
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 

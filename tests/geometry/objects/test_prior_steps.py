@@ -13,15 +13,16 @@ from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.capture import Capture
-from r2sego_blender.captures.sparse import SparsePoints
+from r2sego_blender.captures.sparse_points import SparsePoints
 from r2sego_blender.captures.store import CAPTURES, save_captures
 from r2sego_blender.core.progress import SILENT
 from r2sego_blender.editing.object_priors import declare_objects
 from r2sego_blender.geometry.objects.objects import OBJECTS, DeclaredObject, Placement, save_objects
-from r2sego_blender.geometry.objects.priors import PRIOR_RECORDS, PRIORS
-from r2sego_blender.geometry.room.completion import COMPLETED
+from r2sego_blender.geometry.objects.prior_files import PRIOR_RECORDS, PRIORS
+from r2sego_blender.geometry.room.completed_depth import COMPLETED
 from r2sego_blender.geometry.room.planes import PLANES, RoomPlanes
-from r2sego_blender.geometry.stereo.observed import OBSERVED, observe
+from r2sego_blender.geometry.stereo.observed import observe
+from r2sego_blender.geometry.stereo.observed_geometry import OBSERVED
 from r2sego_blender.geometry.stereo.stereo import DEPTH
 from r2sego_blender.refine import capture_steps
 from r2sego_blender.refine.capture_steps import RegisteredCaptures

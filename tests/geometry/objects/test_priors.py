@@ -24,20 +24,22 @@ from r2sego_blender.captures.capture import Capture
 from r2sego_blender.config.settings import PriorSettings
 from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.geometry.objects.objects import DeclaredObject, Placement
-from r2sego_blender.geometry.objects.priors import (
-    NEARER_THAN_ANYTHING_M,
+from r2sego_blender.geometry.objects.prior_files import (
     AlignedPrior,
     ObjectPrior,
-    align_objects,
-    gather_evidence,
-    library_files,
-    load_library,
     load_priors,
     read_record,
     save_priors,
 )
+from r2sego_blender.geometry.objects.priors import (
+    NEARER_THAN_ANYTHING_M,
+    align_objects,
+    gather_evidence,
+    library_files,
+    load_library,
+)
 from r2sego_blender.geometry.objects.shapes import Shape
-from r2sego_blender.geometry.stereo.observed import ObservedGeometry
+from r2sego_blender.geometry.stereo.observed_geometry import ObservedGeometry
 
 WORLD_FROM_CHAIR = standing(20.0, (0.1, 0.3))
 

@@ -5,7 +5,7 @@ import pytest
 from furniture import FURNITURE, cameras_around, moved, standing
 
 from r2sego_blender.geometry.objects.shared_masks import joined_masks
-from r2sego_blender.geometry.stereo.observed import ObservedGeometry
+from r2sego_blender.geometry.stereo.observed_geometry import ObservedGeometry
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 
 

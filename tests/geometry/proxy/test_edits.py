@@ -10,7 +10,7 @@ from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.geometry.proxy.edited_proxy import cut_of, drawn_surface, edited
 from r2sego_blender.geometry.proxy.edits import Edit, load_proxy_edits, new_name
 from r2sego_blender.geometry.proxy.proxy import GeometryProxy, Provenance
-from r2sego_blender.geometry.room.completion import CompletedDepth, DepthSource
+from r2sego_blender.geometry.room.completed_depth import CompletedDepth, DepthSource
 
 PER_FACE = ("provenance", "support", "confidence", "instance")
 

@@ -12,7 +12,7 @@ from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.geometry.proxy.fusion import AlignedPrior, compose_proxy
 from r2sego_blender.geometry.proxy.proxy import Provenance
-from r2sego_blender.geometry.room.completion import CompletedDepth, DepthSource
+from r2sego_blender.geometry.room.completed_depth import CompletedDepth, DepthSource
 from r2sego_blender.geometry.room.planes import RoomPlanes, find_planes
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 

@@ -11,7 +11,7 @@ from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.geometry.proxy.fusion import compose_proxy, face_evidence
 from r2sego_blender.geometry.proxy.proxy import Provenance
-from r2sego_blender.geometry.room.completion import CompletedDepth, DepthSource
+from r2sego_blender.geometry.room.completed_depth import CompletedDepth, DepthSource
 from r2sego_blender.geometry.room.planes import RoomPlanes
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 

@@ -10,10 +10,10 @@ from furniture import boxes, room_bounds
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.config.settings import ProxySettings
 from r2sego_blender.core.cameras import Camera, look_at
-from r2sego_blender.geometry.objects.priors import AlignedPrior
+from r2sego_blender.geometry.objects.prior_files import AlignedPrior
 from r2sego_blender.geometry.proxy.fusion import compose_proxy
 from r2sego_blender.geometry.proxy.proxy import Provenance
-from r2sego_blender.geometry.room.completion import CompletedDepth, DepthSource
+from r2sego_blender.geometry.room.completed_depth import CompletedDepth, DepthSource
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 
 SETTINGS = ProxySettings(voxel_m=0.04)

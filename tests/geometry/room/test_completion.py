@@ -11,13 +11,8 @@ from hypothesis import strategies as st
 from r2sego_blender.config.settings import Settings
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import GeometryError
-from r2sego_blender.geometry.room.completion import (
-    CompletedDepth,
-    DepthSource,
-    _homography,
-    complete_depth,
-    trusted_depth,
-)
+from r2sego_blender.geometry.room.completed_depth import CompletedDepth, DepthSource
+from r2sego_blender.geometry.room.completion import _homography, complete_depth, trusted_depth
 from r2sego_blender.geometry.room.planes import RoomPlanes, find_planes
 
 SETTINGS = Settings()

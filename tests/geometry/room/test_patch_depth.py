@@ -8,7 +8,8 @@ from r2sego_blender.config.settings import Settings
 from r2sego_blender.core.cameras import Camera
 from r2sego_blender.core.images import save_image
 from r2sego_blender.geometry.room import patch_depth as module
-from r2sego_blender.geometry.room.completion import DepthSource, complete_depth
+from r2sego_blender.geometry.room.completed_depth import DepthSource
+from r2sego_blender.geometry.room.completion import complete_depth
 from r2sego_blender.geometry.room.patch_depth import ColourView, nearer_depth
 from r2sego_blender.geometry.room.planes import RoomPlanes
 from r2sego_blender.geometry.stereo.stereo import DepthMap

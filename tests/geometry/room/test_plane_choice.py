@@ -7,7 +7,8 @@ from r2sego_blender.captures.capture import Capture
 from r2sego_blender.config.settings import Settings
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.images import save_image
-from r2sego_blender.geometry.room.completion import DepthSource, complete_depth, trusted_depth
+from r2sego_blender.geometry.room.completed_depth import DepthSource
+from r2sego_blender.geometry.room.completion import complete_depth, trusted_depth
 from r2sego_blender.geometry.room.planes import RoomPlanes
 from r2sego_blender.geometry.stereo.stereo import DepthMap
 

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from r2sego_blender.captures.capture import Capture
-from r2sego_blender.captures.sparse import SparsePoints
+from r2sego_blender.captures.sparse_points import SparsePoints
 from r2sego_blender.config.settings import StereoSettings
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.core.images import save_image
-from r2sego_blender.geometry.stereo.observed import ObservedGeometry, observe
+from r2sego_blender.geometry.stereo.observed import observe
+from r2sego_blender.geometry.stereo.observed_geometry import ObservedGeometry
 from r2sego_blender.geometry.stereo.stereo import DepthMap
 
 SETTINGS = StereoSettings(point_spacing_m=0.03)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from r2sego_blender.config.settings import Settings
-from r2sego_blender.geometry.room.completion import DepthSource, complete_depth, trusted_depth
+from r2sego_blender.geometry.room.completed_depth import DepthSource
+from r2sego_blender.geometry.room.completion import complete_depth, trusted_depth
 from r2sego_blender.geometry.room.planes import RoomPlanes
 from r2sego_blender.geometry.stereo.weak_depth import weak_depth
 

@@ -10,7 +10,7 @@ from r2sego_blender.config.settings import ProxySettings
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import GeometryError, MachineError, NativeError
 from r2sego_blender.geometry.proxy.fusion import compose_proxy
-from r2sego_blender.geometry.room.completion import CompletedDepth, DepthSource
+from r2sego_blender.geometry.room.completed_depth import CompletedDepth, DepthSource
 from r2sego_blender.geometry.room.planes import RoomPlanes
 from r2sego_blender.geometry.surfaces.backends import surface_backend
 from r2sego_blender.geometry.surfaces.oriented_points import OrientedPoints, WeightedDepth

@@ -1,12 +1,13 @@
 """What holds of splats that are marked and deleted, checked inside Blender."""
 
+import importlib
 import json
 from pathlib import Path
 
 import bpy
 import numpy as np
 from shown_asset import SPLATS, centres, group, show, values
-from support import BUNDLE, calls, conduct, copied_bundle, open_here, refused
+from support import BUNDLE, MODULE, calls, conduct, copied_bundle, open_here, refused
 
 
 def check_splats_in_a_box_are_marked():
@@ -40,15 +41,16 @@ def check_marks_made_after_undo_are_drawn_anew():
     """As in the redo panel, which undoes and marks otherwise before anything is drawn."""
     show()
     bpy.ops.ed.undo_push(message="shown")
-    revisions = []
+    preview = importlib.import_module(f"{MODULE}.panels.overlays.splat_preview")
+    drawn = []
     for highest in (0.2, 0.6):
         bpy.ops.r2sego.mark_splats_box(lowest=(-0.6, -0.6, 0.4), highest=(highest, highest, 2.0))
-        revisions.append((group().revision, group().marked))
+        drawn.append((preview.drawn_for(group().shown.data, group()), group().marked))
         bpy.ops.ed.undo_push(message="marked")
         bpy.ops.ed.undo()
     assert group().marked == 0
-    (first, few), (second, many) = revisions
-    assert few < many and first != second, revisions
+    (first, few), (second, many) = drawn
+    assert few < many and first != second, drawn
 
 
 def check_a_lasso_marks_what_a_view_shows_inside_it():

@@ -162,14 +162,15 @@ def check_picked_points_are_placed_with_their_residuals():
     pick_all()
     assert shown().fit_problem == ""
     for point in shown().points:
-        assert point.located and 0.0 <= point.off_px < 1e-3 and abs(point.off_floor_m) < 1e-4
-        assert max(abs(a - b) for a, b in zip(point.position, SPOTS[point.name], strict=True)) < 1e-4
+        placed = point.placed
+        assert 0.0 <= placed.off_px < 1e-3 and abs(placed.off_floor_m) < 1e-4
+        assert max(abs(a - b) for a, b in zip(placed.position, SPOTS[point.name], strict=True)) < 1e-4
     assert bpy.ops.r2sego.add_length(start="A", end="B", metres=1.8111) == {"FINISHED"}
     assert abs(shown().lengths[0].error_m) < 1e-5
     assert "a metre becomes 2 m" in shown().fit_said
     view = shown().points["A"].views[0]
     bpy.ops.r2sego.pick_point(point="A", capture=view.capture, x_px=view.x_px + 0.4, y_px=view.y_px)
-    assert shown().points["A"].off_px > 0.05 and len(shown().points) == 3
+    assert shown().points["A"].placed.off_px > 0.05 and len(shown().points) == 3
 
 
 def check_the_dialog_of_a_length_proposes_the_points_picked_last():
@@ -186,7 +187,7 @@ def check_lengths_follow_a_point_that_is_renamed():
     bpy.ops.r2sego.add_length(start="C", end="A", metres=2.0)
     shown().points["A"].name = "corner"
     assert [(one.start, one.end) for one in shown().lengths] == [("corner", "B"), ("C", "corner")]
-    assert all(one.found for one in shown().lengths) and shown().points["corner"].located
+    assert all(one.error_m is not None for one in shown().lengths) and shown().points["corner"].placed
     for taken in ("B", ""):
         shown().points["corner"].name = taken
         assert sorted(one.name for one in shown().points) == ["A", "B", "C"], taken

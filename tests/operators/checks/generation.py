@@ -40,10 +40,10 @@ def check_the_list_tells_what_became_of_the_views():
     rows = list(group().views)
     assert [row.accepted for row in rows] == [True, False, True, True]
     assert group().accepted == 3
-    assert rows[1].fate == "rejected: no patch is found" and rows[1].stands_in == "replaced by view 3"
-    assert rows[3].stands_in == "stands in for view 1"
+    assert rows[1].fate == "rejected: no patch is found" and rows[1].replacement == "replaced by view 3"
+    assert rows[3].replacement == "stands in for view 1"
     assert rows[0].registration == "90 of 100 patches, over 75% of the image"
-    assert rows[0].residual == "12.0 mm, 0.25 deg off" and rows[0].doubt == "6.0 mm, 0.20 deg"
+    assert rows[0].residual == "12.0 mm, 0.25 deg off" and rows[0].uncertainty == "6.0 mm, 0.20 deg"
     assert rows[1].residual == "" and not rows[1].has_clip and rows[0].has_clip
 
 

@@ -27,7 +27,7 @@ def check_objects_are_listed_with_what_became_of_them():
     open_bundle()
     crate, lamp = group().objects
     assert (crate.name, crate.state, crate.masks, crate.shape) == ("crate", "aligned", 3, "box")
-    assert abs(crate.iou - 0.95) < 1e-6 and abs(crate.residual - 0.01) < 1e-6
+    assert abs(crate.iou - 0.95) < 1e-6 and abs(crate.residual_m - 0.01) < 1e-6
     assert (lamp.state, lamp.why) == ("refused", "it overlaps too little") and lamp.has_prior
     assert not crate.placed and not lamp.placed
 
@@ -219,7 +219,7 @@ def check_a_removed_object_stays_removed_until_it_is_declared():
 
 
 def check_a_prior_is_placed_by_hand_with_its_fit():
-    open_bundle()
+    copy = copied_bundle()
     assert bpy.ops.r2sego.show_priors() == {"FINISHED"}
     crate = bpy.data.objects["Prior crate"]
     assert "Refused" not in crate.data.materials[0].name
@@ -233,7 +233,7 @@ def check_a_prior_is_placed_by_hand_with_its_fit():
     conduct("succeed")
     assert bpy.ops.r2sego.save_placement(object_name="crate", locked=False) == {"FINISHED"}
     (call,) = calls()
-    assert call[:4] == ["objects", str(BUNDLE), "--json", "--place"] and call[4].startswith("crate=")
+    assert call[:4] == ["objects", str(copy), "--json", "--place"] and call[4].startswith("crate=")
     placed = json.loads(Path(call[4].partition("=")[2]).read_text())
     assert placed["locked"] is False
     np.testing.assert_allclose(placed["world_from_own"], np.array(crate.matrix_world))
@@ -244,7 +244,8 @@ def check_a_prior_is_placed_by_hand_with_its_fit():
     assert "There is no object 'sofa'" in refused(bpy.ops.r2sego.place_prior, object_name="sofa")
     bpy.data.objects.remove(crate)
     assert "Press Show Priors" in refused(bpy.ops.r2sego.place_prior, object_name="crate")
-    group().objects["crate"].has_prior = False  # as where Refine has not run yet
+    shutil.rmtree(copy / "geometry" / "priors")  # as where Refine has not run yet
+    bpy.ops.r2sego.refresh_scene()
     assert "Run Refine" in refused(bpy.ops.r2sego.place_prior, object_name="crate")
 
 

@@ -23,7 +23,7 @@ from support import (
 
 OPERATORS = {
     "new_scene", "new_scene_from_files", "open_scene", "refine", "refresh_scene", "reset_settings",
-    "keep_settings", "load_settings", "remove_settings", "draw_faster",
+    "keep_settings", "load_settings", "remove_settings", "simplify_viewport",
 }  # fmt: skip
 
 
@@ -100,6 +100,48 @@ def check_saving_and_loading_keeps_the_bundle():
     assert Path(state().bundle) == BUNDLE
     assert bpy.ops.r2sego.show_candidates() == {"FINISHED"}
     assert len([o for o in bpy.data.objects if o.type == "CAMERA"]) == 3
+
+
+def check_undo_brings_choices_back_and_never_facts_of_before():
+    """What panels show is no property: it is read again where undo chose another bundle or round."""
+    copied_bundle()
+    first = state().bundle
+    names = set(state().bl_rna.properties.keys())
+    assert "bundle" in names and not names & {"facts", "problem", "rounds_begun", "has_report"}
+    bpy.ops.ed.undo_push(message="the copy")
+    bpy.ops.r2sego.open_scene(directory=str(BUNDLE))
+    state().round_index = 0
+    bpy.ops.ed.undo_push(message="the other")
+    assert state().has_report
+    (Path(first) / "report" / "index.html").unlink()
+    bpy.ops.ed.undo()
+    assert (state().bundle, state().round_index) == (first, 1)
+    assert not state().has_report and ("captures", "Photos", "3") in {
+        (fact.section, fact.label, fact.value) for fact in state().facts
+    }
+    bpy.ops.ed.redo()
+    assert Path(state().bundle) == BUNDLE and state().has_report
+    scene = bpy.context.scene
+    assert scene.r2sego_generation.id_data == scene and len(scene.r2sego_robot.attempts) == 4
+
+
+def check_lists_show_facts_in_blank_rows():
+    """Rows beyond the facts are hidden, names are searched and sorted as in Blender's own lists."""
+    open_bundle()
+    kind, rows = bpy.types.R2SEGO_UL_captures, bpy.context.window_manager.r2sego_rows
+    assert len(rows) >= len(bpy.context.scene.r2sego_captures.captures) == 3
+
+    def listed(name="", **how):
+        given = {"filter_name": name, "use_filter_sort_alpha": False, "use_filter_invert": False} | how
+        drawn = SimpleNamespace(bitflag_filter_item=1, group=kind.group, facts=kind.facts,
+                                is_listed=lambda group, item: True, **given)  # fmt: skip
+        return kind.filter_items(drawn, bpy.context, bpy.context.window_manager, "r2sego_rows")
+
+    beyond = len(rows) - 3
+    assert listed() == ([1, 1, 1] + [0] * beyond, [])
+    assert listed("URE_1")[0] == [0, 1, 0] + [0] * beyond
+    assert listed("ure_1", use_filter_invert=True)[0] == [0, 1, 0] + [1] * beyond  # Blender turns it round
+    assert listed(use_filter_sort_alpha=True)[1] == list(range(len(rows)))
 
 
 def check_a_blend_saved_where_its_bundle_is_not_keeps_the_way_to_it():
@@ -269,13 +311,13 @@ def check_a_scope_in_the_bundle_is_named_by_its_place_there():
     assert facts["Scope"] == "robot/scope.toml", facts
 
 
-def check_drawing_faster_changes_views_and_no_mesh():
+def check_simplifying_the_viewport_changes_views_and_no_mesh():
     open_bundle()
     state().round_index = 0
     bpy.ops.r2sego.show_proxy()
     proxy = bpy.data.objects["Proxy, round 0"]
     faces = len(proxy.data.polygons)
-    assert bpy.ops.r2sego.draw_faster() == {"FINISHED"}
+    assert bpy.ops.r2sego.simplify_viewport() == {"FINISHED"}
     system = bpy.context.preferences.system
     assert system.viewport_aa == "OFF" and not system.use_overlay_smooth_wire
     assert not system.use_region_overlap

@@ -39,10 +39,10 @@ def check_the_facts_are_there_as_soon_as_the_bundle_is_open():
 
 
 def check_another_file_forgets_the_scores_of_the_scenes_that_went():
-    scores = sys.modules[f"{MODULE}.r2sego_blender.results.panels.view_scores"]
+    facts = sys.modules[f"{MODULE}.r2sego_blender.bridge.shared.panel_facts"]
     for _ in range(3):
         open_bundle()
-    assert list(scores._remembered) == [bpy.context.scene.session_uid]
+    assert list(facts._scenes) == [bpy.context.scene.session_uid]
 
 
 def check_a_copied_scene_has_the_scores_at_once():
@@ -64,7 +64,7 @@ def check_frusta_follow_the_properties_and_the_round():
     bpy.ops.r2sego.show_candidates()
     faces = len(swarm().data.polygons)
     group().shown = "SURVIVORS"
-    assert len(swarm().data.polygons) == 4 * group().survivors < faces
+    assert len(swarm().data.polygons) == 4 * group().scores.survivors < faces
     before = swarm()
     group().colour_by = "G"
     assert swarm() == before and before["colour_by"] == "g"
@@ -75,15 +75,15 @@ def check_frusta_follow_the_properties_and_the_round():
 
 def check_undo_of_another_round_brings_its_candidates_back():
     open_bundle()
-    scores = sys.modules[f"{MODULE}.r2sego_blender.results.panels.view_scores"]
     bpy.ops.ed.undo_push(message="round 1")
     state().round_index = 0
     bpy.ops.ed.undo_push(message="round 0")
     for step, index in ((bpy.ops.ed.undo, 1), (bpy.ops.ed.redo, 0)):
         step()
         assert state().round_index == index
-        kept = scores.remembered(bpy.context.scene.session_uid)
-        assert kept.stamp.startswith(f"{index} ") and group().stamp == f"{BUNDLE} {kept.stamp}"
+        scores = group().scores
+        assert scores.stamp.startswith(f"{index} ") and scores.mark == f"{BUNDLE} {scores.stamp}"
+        assert [row.candidate for row in group().ranked] == TARGETS
 
 
 def check_undo_does_not_touch_the_mark_of_the_active_candidate():

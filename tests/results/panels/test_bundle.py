@@ -25,12 +25,12 @@ def test_scores_are_those_of_the_selection(bundle):
     views, expected = bundle.candidates(1), fake_bundle.selection()
     np.testing.assert_array_equal(views.poses, fake_bundle.candidate_poses())
     for name in ("rollout", "frame", "deficit", "availability", "score", "survived", "rank", "chosen"):
-        np.testing.assert_array_equal(getattr(views, name), getattr(expected, name))
-    np.testing.assert_array_equal(views.targets(), expected.targets)
+        np.testing.assert_array_equal(getattr(views.selection, name), getattr(expected, name))
+    np.testing.assert_array_equal(views.selection.targets, expected.targets)
 
 
 def test_targets_come_in_the_order_of_their_rank(bundle):
-    assert tuple(bundle.candidates(0).targets()) == fake_bundle.TARGETS
+    assert tuple(bundle.candidates(0).selection.targets) == fake_bundle.TARGETS
 
 
 def test_a_camera_path_ends_at_its_target(bundle):

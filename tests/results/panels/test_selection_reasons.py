@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from r2sego_blender.config.settings import SelectionSettings
-from r2sego_blender.core.errors import SceneError
+from r2sego_blender.core.errors import GenerationError, SceneError
 from r2sego_blender.results.panels.bundle import Bundle
-from r2sego_blender.results.panels.selection_reasons import read_reasons, suppressor_of
-from r2sego_blender.results.panels.view_scores import RoundScores, forget_all, remember, remembered
+from r2sego_blender.results.panels.selection_reasons import suppressor_of
+from r2sego_blender.results.panels.view_scores import RoundScores
 from r2sego_blender.views.selection import save_candidates, select_targets
 
 SCORES = [0.1, 0.9, 0.3, 0.0, 0.6, 0.5]  # rollout 0 twice within 15 frames, rollout 1, 2, 3, 4
@@ -56,7 +56,7 @@ def test_reasons_are_told_with_the_numbers_they_compare(told, index):
 
 def test_a_suppressor_is_found_in_its_own_rollout(told):
     scores = RoundScores.read(Bundle.open(told), 0)
-    assert [suppressor_of(scores.views, scores.told, index) for index in range(6)] == [1, -1, -1, -1, -1, -1]
+    assert [suppressor_of(scores.selection, index) for index in range(6)] == [1, -1, -1, -1, -1, -1]
 
 
 def test_candidates_are_found_by_rollout_and_frame(bundle):
@@ -66,7 +66,7 @@ def test_candidates_are_found_by_rollout_and_frame(bundle):
     assert scores.nearest(2, 3.4) == 23
     assert scores.nearest(2, 99.0) == 29
     assert scores.nearest(7, 0.0) == -1
-    assert tuple(scores.ranked()) == fake_bundle.TARGETS
+    assert tuple(one.candidate for one in scores.ranked) == fake_bundle.TARGETS
     assert scores.best_score == fake_bundle.selection().score.max()
 
 
@@ -92,22 +92,11 @@ def test_a_round_without_a_selection_has_none(bundle):
     assert RoundScores.read(bundle, 9) is None
 
 
-def test_each_scene_has_its_own(bundle):
-    first, second = RoundScores.read(bundle, 0), RoundScores.read(bundle, 1)
-    assert first.number != second.number
-    remember(1, first)
-    remember(2, second)
-    remember(1, None)
-    assert remembered(1) is None and remembered(2) is second
-    forget_all()
-    assert remembered(2) is None
-
-
 @pytest.mark.parametrize("damage", ["", "[]", "{}", '{"reasons": []}', "lost"])
 def test_damaged_words_are_an_error_that_names_the_file(told, damage):
     file = told / "rounds" / "0" / "selection" / "selection.json"
     words = json.loads(file.read_text())
     words["reasons"].pop()
     file.write_text(json.dumps(words) if damage == "lost" else damage)
-    with pytest.raises(SceneError, match="selection"):
-        read_reasons(Bundle.open(told), 0)
+    with pytest.raises(GenerationError, match="selection"):
+        RoundScores.read(Bundle.open(told), 0)

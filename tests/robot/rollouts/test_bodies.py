@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import mujoco
@@ -11,14 +12,22 @@ import trimesh
 from legged_robots import quadruped_mjcf
 from made_up_room import made_up_bundle
 
+from r2sego_blender.captures.store import CAPTURES, save_captures
 from r2sego_blender.core.arrays import opened_arrays
 from r2sego_blender.core.errors import RobotError
+from r2sego_blender.refine.behaviour import DeclaredBehaviour
 from r2sego_blender.results.robot_bodies import export_bodies
 from r2sego_blender.robot.model.collision_shapes import colliding
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.rollouts.attempts import Rollout
-from r2sego_blender.robot.rollouts.bodies import POSES, SHAPES, body_poses, body_shapes, save_bodies
-from r2sego_blender.robot.rollouts.candidates import ego_camera
+from r2sego_blender.robot.rollouts.bodies import (
+    DESCRIPTION,
+    POSES,
+    SHAPES,
+    body_poses,
+    body_shapes,
+    save_bodies,
+)
 from r2sego_blender.robot.rollouts.rollouts import save_rollouts
 
 PRIMITIVES = """<mujoco><worldbody><body name="b" pos="0 0 1"><freejoint/>
@@ -112,7 +121,7 @@ def test_files_hold_what_was_computed(humanoid, tmp_path):
     rollouts = (rollout_of(humanoid), replace(rollout_of(humanoid), qpos=np.empty((0, 36)),
                 camera_poses=np.empty((0, 4, 4)), times_s=np.empty(0)))  # fmt: skip
     (tmp_path / "rollouts.npz").write_bytes(b"these")
-    save_bodies(tmp_path, humanoid, rollouts, ego_camera(humanoid, 64, 48), tmp_path)
+    save_bodies(tmp_path, humanoid, rollouts, humanoid.camera(64, 48), tmp_path)
     shapes = body_shapes(humanoid.model)
     with opened_arrays(tmp_path / POSES, RobotError, "") as arrays:
         expected = body_poses(humanoid.model, rollouts[0].qpos, [shape.body for shape in shapes])
@@ -126,13 +135,13 @@ def test_files_hold_what_was_computed(humanoid, tmp_path):
 def test_flights_have_no_body(humanoid, tmp_path):
     flight = replace(rollout_of(humanoid), qpos=np.empty((6, 0)))
     (tmp_path / "rollouts.npz").write_bytes(b"these")
-    save_bodies(tmp_path, humanoid, [flight], ego_camera(humanoid, 64, 48), tmp_path)
+    save_bodies(tmp_path, humanoid, [flight], humanoid.camera(64, 48), tmp_path)
     with opened_arrays(tmp_path / POSES, RobotError, "") as arrays:
         assert arrays["world_from_body_0000"].shape == (6, 0, 4, 4)
 
 
 def test_another_robots_rollouts_are_refused(humanoid, wheeled, shared_robot, tmp_path):
-    lens = ego_camera(humanoid, 64, 48)
+    lens = humanoid.camera(64, 48)
     with pytest.raises(RobotError, match="rollout 0 is another robot's than embedded:wheeled"):
         save_bodies(tmp_path, wheeled, [rollout_of(humanoid)], lens, tmp_path)
     like = RobotModel.load(
@@ -156,3 +165,18 @@ def test_bodies_are_made_anew_when_a_file_that_the_robots_names_has_changed(tmp_
     before = (export_bodies(scene, 0) / SHAPES).read_bytes()
     included.write_text(f"<mujoco>{trunk}</mujoco>".replace("0.2 0.05", "0.3 0.05"))
     assert (export_bodies(scene, 0) / SHAPES).read_bytes() != before
+
+
+def test_the_camera_that_is_shown_is_the_one_that_rounds_score_of_upright_photographs_too(tmp_path, humanoid):
+    scene = made_up_bundle(tmp_path / "room.r2s")
+    upright = [
+        replace(capture, camera=replace(capture.camera, width=480, height=640))
+        for capture in scene.read(CAPTURES)
+    ]
+    (scene.path / "rounds/0/rollouts").mkdir()
+    save_rollouts(scene.path / "rounds/0/rollouts", [rollout_of(humanoid)])
+    save_captures(scene.captures_folder, upright)
+    shown = json.loads((export_bodies(scene, 0) / DESCRIPTION).read_text())["camera"]
+    scored = DeclaredBehaviour.of(scene).ego_camera(scene.read(CAPTURES))
+    assert (shown["width"], shown["height"], shown["fx"]) == (scored.width, scored.height, scored.fx)
+    assert (scored.width, scored.height) == (640, 480)

@@ -11,7 +11,7 @@ import pytest
 from r2sego_blender.config.settings import RolloutSettings
 from r2sego_blender.core.errors import RobotError
 from r2sego_blender.robot.behaviours.free_floor import free_floor
-from r2sego_blender.robot.rollouts.candidates import candidate_stream, ego_camera
+from r2sego_blender.robot.rollouts.candidates import candidate_stream
 from r2sego_blender.robot.rollouts.rollouts import (
     Rollout,
     load_rollouts,
@@ -80,7 +80,7 @@ def test_candidates_index_the_accepted_rollouts(rollouts):
 
 
 def test_ego_camera_sees_what_lies_ahead(rollouts, humanoid):
-    lens = ego_camera(humanoid, 640, 480)
+    lens = humanoid.camera(640, 480)
     for pose in candidate_stream(rollouts).poses[::40]:
         camera = lens.at(pose)
         ahead = camera.centre + 1.5 * camera.forward

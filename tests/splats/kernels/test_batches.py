@@ -7,7 +7,6 @@ import numpy as np
 from made_up_batch import ENTRIES, MIDDLE, made_up_entries, made_up_records, pixel_centres
 from numba.core.types import int64, void
 
-from r2sego_blender.splats.kernels.aligned_memory import aligned
 from r2sego_blender.splats.kernels.batches import BATCH, FETCHED_BYTES, Fetched, fetch
 from r2sego_blender.splats.kernels.projection import (
     DEPTH,
@@ -20,7 +19,8 @@ from r2sego_blender.splats.kernels.projection import (
     V,
 )
 from r2sego_blender.splats.kernels.tiles import BLOCKS
-from r2sego_blender.splats.kernels.vectors import LANES, VECTOR_BYTES, vector_kernel
+from r2sego_blender.splats.vector_language.aligned_memory import aligned
+from r2sego_blender.splats.vector_language.vectors import LANES, VECTOR_BYTES, vector_kernel
 
 _UNTOUCHED = -7.0
 _FOUND = 3  # vectors of each block: e, f and the exponent's eighth

@@ -11,7 +11,6 @@ import pytest
 from made_up_batch import MIDDLE, made_up_entries, made_up_records, pixel_centres
 from numba.core.types import int64, void
 
-from r2sego_blender.splats.kernels.aligned_memory import aligned
 from r2sego_blender.splats.kernels.batches import BATCH, BATCH_BYTES, SLOT_BYTES, fetch
 from r2sego_blender.splats.kernels.blending import FINISHED, TABLE
 from r2sego_blender.splats.kernels.blending_gradient import (
@@ -32,7 +31,8 @@ from r2sego_blender.splats.kernels.projection import (
     V,
 )
 from r2sego_blender.splats.kernels.tiles import BLOCK_BYTES, BLOCKS, REST, UPSTREAM
-from r2sego_blender.splats.kernels.vectors import LANES, vector_kernel
+from r2sego_blender.splats.vector_language.aligned_memory import aligned
+from r2sego_blender.splats.vector_language.vectors import LANES, vector_kernel
 
 _ALIVE = 0x7FFF_F0FF_FFFF_FFFF  # some blocks are finished
 _UNTOUCHED = -7.0

@@ -22,8 +22,8 @@ from r2sego_blender.splats.kernels.packing import (
     rows_of,
     unpack,
 )
-from r2sego_blender.splats.kernels.vectors import LANES, VECTOR_BYTES
 from r2sego_blender.splats.rendering.rasterizer import Rasterizer, render
+from r2sego_blender.splats.vector_language.vectors import LANES, VECTOR_BYTES
 
 COUNTS = (0, 1, 15, 16, 17, 1000)
 

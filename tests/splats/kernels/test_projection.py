@@ -11,7 +11,6 @@ from splat_reference import alphas, frozen, on_screen, random_asset, scenes, sma
 
 from r2sego_blender.core.cameras import Camera
 from r2sego_blender.splats.asset import SplatAsset
-from r2sego_blender.splats.kernels.aligned_memory import aligned
 from r2sego_blender.splats.kernels.packing import PackedGaussians
 from r2sego_blender.splats.kernels.projection import (
     DEPTH,
@@ -33,7 +32,8 @@ from r2sego_blender.splats.kernels.projection import (
     project,
 )
 from r2sego_blender.splats.kernels.tiles import TILE_PX
-from r2sego_blender.splats.kernels.vectors import LANES
+from r2sego_blender.splats.vector_language.aligned_memory import aligned
+from r2sego_blender.splats.vector_language.vectors import LANES
 
 SMALLEST_ALPHA = 1.0 / 255.0
 

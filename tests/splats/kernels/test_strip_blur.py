@@ -4,7 +4,7 @@ import numpy as np
 from vector_calls import compiled, random
 
 from r2sego_blender.splats.kernels.strip_blur import COLUMNS, VECTORS, between_dealt, dealt_row
-from r2sego_blender.splats.kernels.vectors import LANES
+from r2sego_blender.splats.vector_language.vectors import LANES
 
 NEAR = 4
 

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+from contextlib import AbstractContextManager
 
 import numpy as np
 import pytest
 from splat_reference import random_asset, small_camera
 
+from r2sego_blender.splats.backends.cpu import CpuBackend
 from r2sego_blender.splats.kernels.adam import AdamState
 from r2sego_blender.splats.kernels.packing import LOGIT_OPACITY, PackedGaussians, unpack
 from r2sego_blender.splats.rendering.rasterizer import Rasterizer, render
 from r2sego_blender.splats.training.dropout import Dropout
+
+
+def leaving_out(gaussians: PackedGaussians, dropout: Dropout) -> AbstractContextManager[None]:
+    return CpuBackend(gaussians, AdamState.of(gaussians)).leaving_out(dropout.drawn(len(gaussians)))
 
 
 def columns(gaussians: PackedGaussians) -> np.ndarray:
@@ -28,7 +34,7 @@ def test_the_share_is_left_out_and_drawn_anew(share: float) -> None:
     packed = PackedGaussians.of(random_asset(np.random.default_rng(0), 20_003, degree=0))
     before, dropout, drawn = packed.chunks.tobytes(), Dropout(share, np.random.default_rng(1)), []
     for _ in range(2):
-        with dropout.one_step(packed):
+        with leaving_out(packed, dropout):
             drawn.append(left_out_of(packed))
         assert packed.chunks.tobytes() == before
     sigma = np.sqrt(share * (1.0 - share) / len(packed))
@@ -41,7 +47,7 @@ def test_the_share_is_left_out_and_drawn_anew(share: float) -> None:
 def test_a_share_of_0_draws_nothing() -> None:
     packed, rng = PackedGaussians.of(random_asset(np.random.default_rng(0), 50)), np.random.default_rng(1)
     before, state = packed.chunks.tobytes(), rng.bit_generator.state
-    with Dropout(0.0, rng).one_step(packed):
+    with leaving_out(packed, Dropout(0.0, rng)):
         assert packed.chunks.tobytes() == before
     assert rng.bit_generator.state == state
 
@@ -49,7 +55,7 @@ def test_a_share_of_0_draws_nothing() -> None:
 def test_what_is_seen_meanwhile_is_the_gaussians_that_stay() -> None:
     asset, camera, rasterizer = random_asset(np.random.default_rng(0), 203), small_camera(), Rasterizer()
     packed = PackedGaussians.of(asset)
-    with Dropout(0.4, np.random.default_rng(2)).one_step(packed):
+    with leaving_out(packed, Dropout(0.4, np.random.default_rng(2))):
         rasterizer.forward(packed, camera)
         stays = np.ones(len(asset), bool)
         stays[packed.order[left_out_of(packed)]] = False
@@ -71,7 +77,7 @@ def test_those_left_out_keep_their_parameters_and_moments_in_that_step() -> None
     moved_ever = np.zeros(len(packed), bool)
     for _ in range(12):
         before = remembered()
-        with dropout.one_step(packed):
+        with leaving_out(packed, dropout):
             left_out = left_out_of(packed)
             rasterizer.forward(packed, camera)
             rasterizer.gradient_planes[:3] = 0.0
@@ -91,7 +97,7 @@ def test_those_left_out_keep_their_parameters_and_moments_in_that_step() -> None
 def test_opacities_come_back_though_the_step_fails() -> None:
     asset = random_asset(np.random.default_rng(0), 50)
     packed = PackedGaussians.of(asset)
-    with pytest.raises(KeyboardInterrupt), Dropout(0.5, np.random.default_rng(0)).one_step(packed):
+    with pytest.raises(KeyboardInterrupt), leaving_out(packed, Dropout(0.5, np.random.default_rng(0))):
         assert left_out_of(packed).any()
         raise KeyboardInterrupt
     same = packed.asset()

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from r2sego_blender.splats.kernels.registers import REGISTER_LANES, register_lanes
+from r2sego_blender.splats.vector_language.registers import REGISTER_LANES, register_lanes
 
 
 @pytest.mark.parametrize(

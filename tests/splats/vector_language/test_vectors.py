@@ -9,7 +9,7 @@ from hypothesis.extra import numpy as hnp
 from numba.core.types import int64, void
 from vector_calls import compiled, mapped, random, scalar_results
 
-from r2sego_blender.splats.kernels.vectors import LANES, Code, Value, vector_kernel
+from r2sego_blender.splats.vector_language.vectors import LANES, Code, Value, vector_kernel
 
 LANE = np.arange(LANES)
 FLOATS = hnp.arrays(np.float32, (2, LANES), elements=st.floats(width=32))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from vector_calls import compiled, random
 
-from r2sego_blender.splats.kernels.lanes import (
+from r2sego_blender.splats.vector_language.lanes import (
     every_fourth,
     lane_sum,
     lane_sums,
@@ -12,7 +12,7 @@ from r2sego_blender.splats.kernels.lanes import (
     side_by_side,
     transposed,
 )
-from r2sego_blender.splats.kernels.vectors import LANES
+from r2sego_blender.splats.vector_language.vectors import LANES
 
 
 @pytest.mark.parametrize("count", range(1, LANES + 1))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from vector_calls import mapped
 
-from r2sego_blender.splats.kernels.exponentials import EXP2_OF_EIGHTHS, exp2, exp2_of_eighths, log2
-from r2sego_blender.splats.kernels.vectors import Code, Value
+from r2sego_blender.splats.vector_language.exponentials import EXP2_OF_EIGHTHS, exp2, exp2_of_eighths, log2
+from r2sego_blender.splats.vector_language.vectors import Code, Value
 
 
 def test_exp2_is_accurate_over_its_range() -> None:

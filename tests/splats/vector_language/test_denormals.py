@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numba.core.types import int32, void
 
-from r2sego_blender.splats.kernels.denormals import flush_denormals, restore_denormals
+from r2sego_blender.splats.vector_language.denormals import flush_denormals, restore_denormals
 
 
 @pytest.mark.skipif(platform.machine().lower() not in ("x86_64", "amd64"), reason="only x86 is told to flush")

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from r2sego_blender.splats.kernels import aligned_memory
-from r2sego_blender.splats.kernels.aligned_memory import aligned, aligned_copy
-from r2sego_blender.splats.kernels.vectors import VECTOR_BYTES
+from r2sego_blender.splats.vector_language import aligned_memory
+from r2sego_blender.splats.vector_language.aligned_memory import aligned, aligned_copy
+from r2sego_blender.splats.vector_language.vectors import VECTOR_BYTES
 
 
 def test_memory_is_aligned_and_zero() -> None:

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from numba.core.types import int64, void
 
-from r2sego_blender.splats.kernels.stages import in_stages
-from r2sego_blender.splats.kernels.vectors import vector_kernel
+from r2sego_blender.splats.vector_language.stages import in_stages
+from r2sego_blender.splats.vector_language.vectors import vector_kernel
 
 
 @pytest.mark.parametrize("bits", [0, 1, 2**63 - 1, 0b1011, 1 << 40, -1, -(2**63)])

@@ -1,0 +1,52 @@
+"""The captures as they are registered in a bundle: photographs, and their cameras in the world. NumPy alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..bundle import layout
+from ..bundle.artifacts import Artifact
+from ..core.cameras import Camera
+from ..core.errors import CaptureError
+from .poses.json_fields import entries, read_json
+
+CURE = "Make the scene anew with `r2sego new`."
+
+
+@dataclass(frozen=True)
+class RegisteredView:
+    """A photograph of the bundle and its camera; ``entry`` is what else ``cameras.json`` says of it."""
+
+    name: str
+    image_path: Path
+    camera: Camera
+    entry: Mapping[str, Any]
+
+
+def read_registered_views(folder: Path) -> tuple[RegisteredView, ...]:
+    """What ``cameras.json`` lists, in its order. Raises CaptureError where it is damaged or lists nothing."""
+    path = folder / "cameras.json"
+    views = []
+    for index, entry in enumerate(entries(read_json(path), "captures", path)):
+        try:
+            image_path = folder / "images" / Path(entry["file"]).name
+            views.append(RegisteredView(str(entry["name"]), image_path, Camera.from_json(entry), entry))
+        except (KeyError, TypeError, ValueError) as error:
+            raise damaged_entry(path, index, error) from error
+    if not views:
+        raise CaptureError("'captures' is an empty list", where=path, cure=CURE)
+    return tuple(views)
+
+
+def damaged_entry(path: Path, index: int, error: Exception) -> CaptureError:
+    """The error of one entry of ``cameras.json``."""
+    return CaptureError(
+        f"the entry is damaged ({error!r})", where=f"{path}, captures[{index}]", cure=CURE
+    )  # fmt: skip
+
+
+REGISTERED_VIEWS = Artifact(layout.CAPTURES, read_registered_views)
+"""The captures as Blender reads them; the engine's are ``store.CAPTURES``."""

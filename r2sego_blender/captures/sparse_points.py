@@ -1,0 +1,56 @@
+"""Sparse points: what the captures triangulated, and which of them saw each. NumPy alone.
+
+The first, sparse part of the paper's fragmentary geometry ``M_obs = (P_obs, A_obs)``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..bundle import layout
+from ..bundle.artifacts import Artifact
+from ..core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
+from ..core.errors import CaptureError
+
+
+@dataclass(frozen=True)
+class SparsePoints:
+    """Triangulated points with their support record.
+
+    ``points`` (P, 3) float64; ``colours`` (P, 3) uint8; ``visibility`` (P, N) bool, the
+    captures that measured each point (A_obs); ``error_px`` (P,) float64, mean reprojection
+    error; ``pixels`` (P, N, 2) float32, where each capture measured it, NaN elsewhere.
+    """
+
+    points: np.ndarray
+    colours: np.ndarray
+    visibility: np.ndarray
+    error_px: np.ndarray
+    pixels: np.ndarray
+
+    def transformed(self, similarity: np.ndarray) -> SparsePoints:
+        """These points after a (4, 4) similarity of the world."""
+        return replace(self, points=self.points @ similarity[:3, :3].T + similarity[:3, 3])
+
+    def save(self, path: Path) -> None:
+        """Write the arrays as an uncompressed ``.npz``."""
+        save_arrays(path, **{field.name: getattr(self, field.name) for field in fields(self)})
+
+    @staticmethod
+    def load(path: Path) -> SparsePoints:
+        """Read what ``save`` wrote. Raises CaptureError when the file is none of it."""
+        cure = "Make the scene anew with `r2sego new`."
+        with opened_arrays(path, CaptureError, "these are no sparse points", cure) as data:
+            arrays = {field.name: data[field.name] for field in fields(SparsePoints)}
+            require_shapes(
+                arrays, points="P 3", colours="P 3", visibility="P N", error_px="P", pixels="P N 2"
+            )  # fmt: skip
+            require_finite(points=arrays["points"])
+            return SparsePoints(**arrays)
+
+
+SPARSE = Artifact(layout.SPARSE, SparsePoints.load, part_of=layout.CAPTURES)
+"""The points triangulated from the captures."""

@@ -1,0 +1,55 @@
+"""A capture's completed depth: every pixel's, and where it comes from. NumPy alone."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from enum import IntEnum
+from pathlib import Path
+
+import numpy as np
+
+from ...bundle import layout
+from ...captures.per_capture import each_capture
+from ...core.arrays import opened_arrays, require_shapes, save_arrays
+from ...core.cameras import Camera
+from ...core.errors import GeometryError
+
+
+class DepthSource(IntEnum):
+    """Where a pixel of a completed depth map comes from."""
+
+    OBSERVED = 0
+    PLANE = 1
+    ENVELOPE = 2
+    FILLED = 3
+
+
+@dataclass(frozen=True)
+class CompletedDepth:
+    """A capture's depth without holes.
+
+    ``depth`` (H, W) float32 planar metres, 0 only where nothing at all is known; ``source``
+    (H, W) uint8 of ``DepthSource``; ``camera`` the camera of both.
+    """
+
+    depth: np.ndarray
+    source: np.ndarray
+    camera: Camera
+
+    def save(self, path: Path) -> None:
+        """Write the maps and the camera as an uncompressed ``.npz``."""
+        save_arrays(path, depth=self.depth, source=self.source, camera=json.dumps(self.camera.to_json()))
+
+    @staticmethod
+    def load(path: Path) -> CompletedDepth:
+        """Read what ``save`` wrote. Raises GeometryError when the file is no completed depth."""
+        with opened_arrays(path, GeometryError, "this is not a completed depth map") as data:
+            camera = Camera.from_json(json.loads(str(data["camera"])))
+            maps = {name: data[name] for name in ("depth", "source")}
+            require_shapes(maps, **dict.fromkeys(maps, f"{camera.height} {camera.width}"))
+            return CompletedDepth(**maps, camera=camera)
+
+
+COMPLETED = each_capture(layout.COMPLETED, CompletedDepth.load)
+"""The completed depth of each capture."""

@@ -1,0 +1,48 @@
+"""The observed geometry M_obs = (P_obs, A_obs): points of the room that captures support. NumPy alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from ...bundle import layout
+from ...bundle.artifacts import Artifact
+from ...core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
+from ...core.errors import GeometryError
+
+
+@dataclass(frozen=True)
+class ObservedGeometry:
+    """Points of the room's surface that captures support, in the world frame.
+
+    ``points`` (P, 3) float32 metres; ``normals`` (P, 3) float32 unit, towards the free
+    side; ``colours`` (P, 3) float32 in [0, 1]; ``visibility`` (P, N) bool, A_obs: the
+    captures that see the point; ``confidence`` (P,) float32 in [0, 1].
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+    colours: np.ndarray
+    visibility: np.ndarray
+    confidence: np.ndarray
+
+    def save(self, path: Path) -> None:
+        """Write the arrays as an uncompressed ``.npz``."""
+        save_arrays(path, **{field.name: getattr(self, field.name) for field in fields(self)})
+
+    @staticmethod
+    def load(path: Path) -> ObservedGeometry:
+        """Read what ``save`` wrote. Raises GeometryError when the file is none of it."""
+        with opened_arrays(path, GeometryError, "this is not observed geometry") as data:
+            arrays = {field.name: data[field.name] for field in fields(ObservedGeometry)}
+            require_shapes(
+                arrays, points="P 3", normals="P 3", colours="P 3", visibility="P N", confidence="P"
+            )  # fmt: skip
+            require_finite(points=arrays["points"], normals=arrays["normals"])
+            return ObservedGeometry(**arrays)
+
+
+OBSERVED = Artifact(layout.OBSERVED, ObservedGeometry.load, ObservedGeometry.save)
+"""M_obs with its support record."""
