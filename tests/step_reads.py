@@ -13,7 +13,7 @@ import pytest
 
 from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
-from r2sego_blender.config.presets import Entry
+from r2sego_blender.config.fields import Field
 from r2sego_blender.config.settings import Settings
 
 SECTIONS = {
@@ -66,7 +66,7 @@ class KeysOnly(Runner):
         return found
 
 
-def another(entry: Entry) -> object:
+def another(entry: Field) -> object:
     """A value that the setting may have, and does not."""
     return next(
         value for value in (*entry.choices, entry.low, entry.high) if value not in (None, entry.default)

@@ -3,17 +3,19 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import BoolProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, StringProperty
 
 from ...r2sego_blender.bridge.collision.show_collision import show_textured
+from ...r2sego_blender.bridge.shared.declared_properties import declared_property
 from ...r2sego_blender.bridge.shared.panel_facts import facts_of
+from ...r2sego_blender.config.fields import fields_of
 from ...r2sego_blender.config.settings import TextureSettings
 from ...r2sego_blender.core.errors import SceneError
 from .. import state
 from ..base import EngineOperator, needs_idle_engine, needs_round
 from .properties import CollisionFacts, tell
 
-_DEFAULTS = TextureSettings()
+_FIELDS = fields_of(TextureSettings)
 
 
 class R2SEGO_OT_texture_proxy(EngineOperator, bpy.types.Operator):
@@ -26,13 +28,10 @@ class R2SEGO_OT_texture_proxy(EngineOperator, bpy.types.Operator):
     filepath: StringProperty(
         name="File", description="The .glb to write; empty = the bundle's own", subtype="FILE_PATH"
     )
-    faces: IntProperty(
-        name="Faces", description="Faces the mesh keeps", default=_DEFAULTS.faces, min=4, max=1_000_000
+    faces: declared_property(_FIELDS["faces"], "Faces", description="Faces the mesh keeps")
+    size: declared_property(
+        _FIELDS["size_px"], "Texture Size", description="Texels a side of the texture", subtype="PIXEL"
     )
-    size: IntProperty(
-        name="Texture Size", description="Texels a side of the texture", default=_DEFAULTS.size_px, min=64,
-        max=8192, subtype="PIXEL",
-    )  # fmt: skip
     show: BoolProperty(name="Show", description="Show the textured mesh when it is there", default=True)
 
     @classmethod

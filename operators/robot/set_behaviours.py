@@ -1,19 +1,24 @@
 """Set how often each behaviour is drawn."""
 
 import bpy
-from bpy.props import FloatProperty
 
+from ...r2sego_blender.bridge.shared.declared_properties import declared_property
+from ...r2sego_blender.config.fields import fields_of
 from ...r2sego_blender.core.errors import R2SEgoError
 from ...r2sego_blender.results.panels.robot_facts import RobotFacts
+from ...r2sego_blender.robot.behaviours.registry import BEHAVIOURS
+from ...r2sego_blender.robot.scope.scope import Behaviours
 from .. import state
 from ..base import told
 from .declaring import DeclaringOperator
 
-_NAMES = ("walk_to", "look_around", "step_around", "squat", "sit_on")
 
-
-def _weight(name, description, default=0.0):
-    return FloatProperty(name=name, description=description, default=default, min=0.0, max=1000.0, soft_max=1)
+def _weight(behaviour):
+    field = fields_of(Behaviours)[behaviour.name]
+    legs = "; takes legs" if behaviour.needs_legs else ""
+    return declared_property(
+        field, behaviour.name.replace("_", " ").title(), description=field.doc.rstrip(".") + legs, soft_max=1
+    )
 
 
 class R2SEGO_OT_set_behaviours(DeclaringOperator, bpy.types.Operator):
@@ -23,11 +28,7 @@ class R2SEGO_OT_set_behaviours(DeclaringOperator, bpy.types.Operator):
     bl_label = "Set Behaviours"
     bl_options = {"REGISTER"}
 
-    walk_to: _weight("Walk To", "Walk to a place, looking around", 0.7)
-    look_around: _weight("Look Around", "Stand, turn and look around", 0.3)
-    step_around: _weight("Step Around", "Step aside, forward and back, facing one way")
-    squat: _weight("Squat", "Stand, lower the body and look down, as for reaching; takes legs")
-    sit_on: _weight("Sit On", "Walk to a seat, turn, sit down and look around; takes legs")
+    __annotations__ = {behaviour.name: _weight(behaviour) for behaviour in BEHAVIOURS}
 
     def invoke(self, context, event):
         try:
@@ -35,10 +36,10 @@ class R2SEGO_OT_set_behaviours(DeclaringOperator, bpy.types.Operator):
         except (R2SEgoError, OSError) as error:
             self.report({"ERROR"}, told(error))
             return {"CANCELLED"}
-        for name in _NAMES:
-            setattr(self, name, getattr(declared, name))
+        for behaviour in BEHAVIOURS:
+            setattr(self, behaviour.name, getattr(declared, behaviour.name))
         return context.window_manager.invoke_props_dialog(self)
 
     def changes(self, context):
-        told = [f"behaviours.{name}={getattr(self, name):.6g}" for name in _NAMES]
+        told = [f"behaviours.{one.name}={getattr(self, one.name):.6g}" for one in BEHAVIOURS]
         return [part for field in told for part in ("--set", field)]

@@ -1,10 +1,12 @@
 """Set how far the resting robot keeps from obstacles."""
 
 import bpy
-from bpy.props import FloatProperty
 
+from ...r2sego_blender.bridge.shared.declared_properties import declared_property
+from ...r2sego_blender.config.fields import fields_of
 from ...r2sego_blender.core.errors import R2SEgoError
 from ...r2sego_blender.results.panels.robot_facts import RobotFacts
+from ...r2sego_blender.robot.scope.scope import Region
 from .. import state
 from ..base import told
 from .declaring import DeclaringOperator
@@ -17,10 +19,9 @@ class R2SEGO_OT_set_clearance(DeclaringOperator, bpy.types.Operator):
     bl_label = "Set Clearance"
     bl_options = {"REGISTER"}
 
-    clearance: FloatProperty(
-        name="Clearance", description="Kept between the resting robot's reach and obstacles",
-        default=0.08, min=0.0, max=1.0, subtype="DISTANCE", unit="LENGTH",
-    )  # fmt: skip
+    clearance: declared_property(
+        fields_of(Region)["clearance_m"], name="Clearance", subtype="DISTANCE", unit="LENGTH"
+    )
 
     def invoke(self, context, event):
         try:

@@ -8,12 +8,16 @@ from typing import Any
 import bpy
 from bpy.props import EnumProperty, FloatProperty, FloatVectorProperty, StringProperty
 
+from ...r2sego_blender.bridge.shared.declared_properties import limits
+from ...r2sego_blender.config.fields import fields_of
 from ...r2sego_blender.core.errors import R2SEgoError, RobotError
 from ...r2sego_blender.results.panels.robot_facts import RobotFacts
-from ...r2sego_blender.robot.scope.scope import BehaviourScope
+from ...r2sego_blender.robot.scope.scope import BehaviourScope, Look
 from .. import state
 from ..base import told
 from .declaring import DeclaringOperator
+
+_PITCH_LIMITS = limits(fields_of(Look)["camera_pitch_deg"], math.radians)
 
 
 class R2SEGO_OT_set_mount(DeclaringOperator, bpy.types.Operator):
@@ -60,11 +64,11 @@ class R2SEGO_OT_set_mount(DeclaringOperator, bpy.types.Operator):
     )  # fmt: skip
     pitch_low: FloatProperty(
         name="From", description="The least pitch below the horizon", default=math.radians(22.0),
-        min=math.radians(-30.0), max=math.radians(90.0), subtype="ANGLE", unit="ROTATION",
+        **_PITCH_LIMITS, subtype="ANGLE", unit="ROTATION",
     )  # fmt: skip
     pitch_high: FloatProperty(
         name="To", description="The greatest pitch below the horizon", default=math.radians(46.0),
-        min=math.radians(-30.0), max=math.radians(90.0), subtype="ANGLE", unit="ROTATION",
+        **_PITCH_LIMITS, subtype="ANGLE", unit="ROTATION",
     )  # fmt: skip
 
     def invoke(self, context, event):

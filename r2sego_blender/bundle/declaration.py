@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..config.presets import preset, with_overrides
+from ..config.declared_files import Reader
+from ..config.fields import setting
+from ..config.presets import present_keys, preset, with_overrides
 from ..config.settings import Settings
 from ..core.atomic_files import write_whole
 from ..core.errors import SceneError, SettingsError
@@ -23,6 +24,10 @@ FORMAT = 1
 DECLARATION = "scene.toml"
 """The file in the bundle."""
 
+_FORM_OF_MATRIX = (
+    "Write the similarity's four rows of four numbers, or make the scene anew with `r2sego new`."
+)
+
 
 @dataclass(frozen=True)
 class Declaration:
@@ -30,7 +35,8 @@ class Declaration:
 
     ``world_from_capture`` is the (4, 4) similarity, row by row, that took the frame of the
     given poses to the world; ``scale_source`` and ``ground`` say how it was found. Where a
-    setting chooses the backend of a slot, ``backends`` follows it. ``scope`` is a shipped scope's
+    setting chooses the backend of a slot, ``backends`` follows it; ``overrides`` are by the
+    settings' present names. ``scope`` is a shipped scope's
     name or the whole path of a file; one inside the bundle is written relative to it.
     """
 
@@ -46,6 +52,7 @@ class Declaration:
     backends: Mapping[str, str] = field(default_factory=lambda: dict(BACKENDS))
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "overrides", present_keys(self.overrides))
         object.__setattr__(self, "backends", {**self.backends, **chosen_backends(self.settings)})
 
     @property
@@ -60,66 +67,86 @@ class Declaration:
         return dataclasses.replace(self, preset=preset, overrides=dict(changes))
 
 
+@dataclass(frozen=True)
+class _Captures:
+    source: str
+
+
+@dataclass(frozen=True)
+class _Registration:
+    ground: str
+    scale_source: str
+    world_from_capture: tuple[tuple[float, ...], ...] = setting(read=lambda rows, _: _matrix(rows))
+
+
+@dataclass(frozen=True)
+class _Robot:
+    model: str
+    scope: str
+
+
+@dataclass(frozen=True)
+class _Priors:
+    mesh_library: str = ""
+
+
+@dataclass(frozen=True)
+class _Settings:
+    preset: str
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _File:
+    """The tables of ``scene.toml``."""
+
+    captures: _Captures
+    registration: _Registration
+    robot: _Robot
+    settings: _Settings
+    backends: Mapping[str, str]
+    priors: _Priors = _Priors()
+
+
 def read_declaration(path: Path) -> Declaration:
     """The declaration of the bundle ``path``, its scope by a whole path where that is a file.
 
     Raises SceneError when it is missing, damaged or of another version.
     """
     file = path / DECLARATION
+    reader = Reader(file, "scene", SceneError, strict=False)
     try:
-        data = tomllib.loads(file.read_text(encoding="utf-8"))
+        data = reader.tables("Mend the line.")
     except (FileNotFoundError, NotADirectoryError) as error:
         raise SceneError(
             "this is not a scene bundle", where=file, cure="Make one with `r2sego new`."
         ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SceneError(f"it cannot be read: {error}", where=file, cure="Mend the line.") from error
     if data.get("format") != FORMAT:
         raise SceneError(
             f"the bundle has format {data.get('format')!r}, this version reads {FORMAT}",
             where=f"{file}: format",
             cure="Open it with the version that made it, or make it anew with `r2sego new`.",
         )
-    declaration = _declaration(data, file)
-    return dataclasses.replace(declaration, scope=_scope_here(declaration.scope, path))
-
-
-def _declaration(data: Mapping[str, Any], file: Path) -> Declaration:
+    declared = reader.table(_File, data)
     try:
-        declaration = Declaration(
-            captures_source=_text(data, "captures", "source"),
-            world_from_capture=_matrix(data["registration"]["world_from_capture"]),
-            ground=_text(data, "registration", "ground"),
-            scale_source=_text(data, "registration", "scale_source"),
-            robot=_text(data, "robot", "model"),
-            scope=_text(data, "robot", "scope"),
-            mesh_library=_text(data, "priors", "mesh_library", default=""),
-            preset=data["settings"]["preset"],
-            overrides=_by_dotted_keys(data["settings"].get("overrides", {})),
-            backends=data["backends"],
+        return Declaration(
+            captures_source=declared.captures.source,
+            world_from_capture=declared.registration.world_from_capture,
+            ground=declared.registration.ground,
+            scale_source=declared.registration.scale_source,
+            robot=declared.robot.model,
+            scope=_scope_here(declared.robot.scope, path),
+            mesh_library=declared.priors.mesh_library,
+            preset=declared.settings.preset,
+            overrides=_by_dotted_keys(declared.settings.overrides),
+            backends=declared.backends,
         )
     except SettingsError as error:
         raise SettingsError(error.what, where=f"{file}: {error.where}", cure=error.cure) from error
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise SceneError(
-            f"the field {error} is missing or wrong",
-            where=file,
-            cure="Mend it there, or make the scene anew with `r2sego new`.",
-        ) from error
-    return declaration
 
 
-def _text(data: Mapping[str, Any], section: str, name: str, default: str | None = None) -> str:
-    text = data[section][name] if default is None else data.get(section, {}).get(name, default)
-    if not isinstance(text, str):
-        raise ValueError(f"{section}.{name}")
-    return text
-
-
-def _by_dotted_keys(overrides: Any, prefix: str = "") -> dict[str, Any]:
+def _by_dotted_keys(overrides: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """The settings by their keys, of which TOML makes tables where a person writes them without quotes."""
-    if not isinstance(overrides, Mapping):
-        raise ValueError("settings.overrides")
     found: dict[str, Any] = {}
     for key, value in overrides.items():
         is_table = isinstance(value, Mapping)
@@ -127,11 +154,14 @@ def _by_dotted_keys(overrides: Any, prefix: str = "") -> dict[str, Any]:
     return found
 
 
-def _matrix(rows: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
-    """The (4, 4) finite numbers, row by row. Raises ValueError or TypeError for anything else."""
-    matrix = tuple(tuple(map(float, row)) for row in rows)
+def _matrix(rows: Any) -> tuple[tuple[float, ...], ...]:
+    """The (4, 4) finite numbers, row by row. Raises ValueError for anything else."""
+    try:
+        matrix = tuple(tuple(map(float, row)) for row in rows)
+    except (TypeError, ValueError):
+        matrix = ()
     if [len(row) for row in matrix] != [4] * 4 or not all(map(math.isfinite, sum(matrix, ()))):
-        raise ValueError("registration.world_from_capture")
+        raise ValueError(_FORM_OF_MATRIX)
     return matrix
 
 

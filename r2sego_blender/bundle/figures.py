@@ -1,4 +1,4 @@
-"""Figures that the engine leaves in a bundle for people, as JSON: a round's counts, scores, the robot's facts."""
+"""What the engine leaves in a bundle as JSON tables: a round's counts, scores, the robot's facts, cameras."""
 
 from __future__ import annotations
 

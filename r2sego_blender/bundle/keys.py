@@ -9,13 +9,13 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from .. import __version__
+from ..config.fields import in_keys
 
 
 def step_key(inputs: Iterable[str], settings: Any, digest_of: Callable[[str], str]) -> str:
     """The digest of a step that takes ``inputs``, whose content ``digest_of`` digests, under ``settings``.
 
-    ``settings`` are dataclasses, arrays or JSON values. A field whose metadata says that it changes no
-    result is left out.
+    ``settings`` are dataclasses (of which ``config.fields.in_keys`` says what counts), arrays or JSON values.
     """
     state = {
         "version": __version__,
@@ -27,17 +27,8 @@ def step_key(inputs: Iterable[str], settings: Any, digest_of: Callable[[str], st
 
 
 def _as_json(value: Any) -> Any:
-    """A step's settings as its key has them: of a dataclass, the fields that change the result.
-
-    A field ``added`` later is left out while it has its default, so that keys made before it stand.
-    """
     if dataclasses.is_dataclass(value):
-        return {
-            field.name: getattr(value, field.name)
-            for field in dataclasses.fields(value)
-            if field.metadata.get("changes_result", True)
-            and not (field.metadata.get("added") and getattr(value, field.name) == field.default)
-        }
+        return in_keys(value)
     if hasattr(value, "tolist"):
         return value.tolist()
     return str(value)

@@ -1,4 +1,4 @@
-"""The captures as they are registered in a bundle: photographs, and their cameras in the world. NumPy alone."""
+"""Captures as a bundle registers them: photographs, and their cameras in the world. NumPy alone."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..bundle import layout
 from ..bundle.artifacts import Artifact
 from ..core.cameras import Camera
 from ..core.errors import CaptureError
-from .poses.json_fields import entries, read_json
+from ..core.text_files import opened_json
 
 CURE = "Make the scene anew with `r2sego new`."
 
@@ -29,8 +29,10 @@ class RegisteredView:
 def read_registered_views(folder: Path) -> tuple[RegisteredView, ...]:
     """What ``cameras.json`` lists, in its order. Raises CaptureError where it is damaged or lists nothing."""
     path = folder / "cameras.json"
+    with opened_json(path, CaptureError, "the list of captures is damaged", CURE) as table:
+        listed = list(table["captures"])
     views = []
-    for index, entry in enumerate(entries(read_json(path), "captures", path)):
+    for index, entry in enumerate(listed):
         try:
             image_path = folder / "images" / Path(entry["file"]).name
             views.append(RegisteredView(str(entry["name"]), image_path, Camera.from_json(entry), entry))

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ..core.atomic_files import write_whole
 from ..core.errors import SettingsError
-from .presets import preset, with_overrides
+from .declared_files import parse_toml
+from .presets import present_keys, preset, with_overrides
 
 
 def kept_settings(folder: Path) -> list[str]:
@@ -40,9 +40,9 @@ def read_settings(folder: Path, name: str) -> tuple[str, dict[str, Any]]:
     """The preset and the overrides kept under a name. Raises SettingsError when they are damaged."""
     file = folder / f"{name}.toml"
     try:
-        data = tomllib.loads(file.read_text(encoding="utf-8"))
-        chosen, overrides = str(data["preset"]), dict(data.get("overrides", {}))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, KeyError, TypeError, ValueError) as error:
+        data = parse_toml(file.read_text(encoding="utf-8"))
+        chosen, overrides = str(data["preset"]), present_keys(dict(data.get("overrides", {})))
+    except (OSError, KeyError, TypeError, ValueError) as error:
         raise SettingsError(
             f"these settings cannot be read: {error}", where=file, cure="Remove the file, and keep them anew."
         ) from error

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-import difflib
+import functools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from ..core.errors import SettingsError
+from .declared_files import Reader, did_you_mean
+from .fields import Field, fields_of
 from .settings import Settings
 
 EVERY_PIXEL: Mapping[str, float] = {"every_third_pixel_share": 0.0, "every_second_pixel_share": 0.0}
@@ -25,10 +28,10 @@ VANILLA_3DGS: Mapping[str, Any] = {
     **UNREGULARISED,
     "first_gaussians": "spheres",
     "densification": "original",
-    "scale_rate": 0.005,
-    "rotation_rate": 1e-3,
-    "colour_rate": 2.5e-3,
-    "opacity_rate": 0.05,
+    "scale_learning_rate": 0.005,
+    "rotation_learning_rate": 1e-3,
+    "colour_learning_rate": 2.5e-3,
+    "opacity_learning_rate": 0.05,
     "densify_from_share": 500 / 30000,
     "densify_until_share": 0.5,
 }
@@ -44,8 +47,8 @@ MANY_PHOTOGRAPHS: Mapping[str, Any] = {
     "densify_until_share": 0.4,
     "every_third_pixel_share": 0.8,
     "every_second_pixel_share": 0.2,
-    "rate_swing": 3.0,
-    "scale_rate": 0.04,
+    "learning_rate_annealing": 3.0,
+    "scale_learning_rate": 0.04,
 }
 """TrainingSettings of ``r2sego train``: many photographs and a few points to start from.
 
@@ -63,7 +66,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "training.steps_per_round": 900,
         "training.max_gaussians": 120000,
         "training.dropout_share": 0.0,
-        "training.later_rounds_rate": 1.0,
+        "training.later_rounds_learning_rate_ratio": 1.0,
         "training.disc_stride_px": 3,
         "training.detailed_share": 1.0,
         "training.every_third_pixel_share": 0.6,
@@ -73,35 +76,38 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 """Named sets of overrides; ``paper`` is the dataclasses' own defaults."""
 
 
-@dataclass(frozen=True)
-class Entry:
-    """One setting as the command line and the panels show it."""
-
-    key: str
-    default: Any
-    doc: str
-    low: float | None
-    high: float | None
-    choices: tuple[str, ...]
-    changes_result: bool
-    added: bool
-
-
-def entries(settings: Settings = Settings()) -> Iterator[Entry]:
-    """Every setting with its dotted key, in the order of ``settings.py``."""
-    for item in dataclasses.fields(settings):
-        value = getattr(settings, item.name)
+def entries(settings: Settings = Settings()) -> Iterator[Field]:
+    """Every setting with its dotted key and, as its default, its value in ``settings``, in their order."""
+    for name, field in fields_of(type(settings)).items():
+        value = getattr(settings, name)
         if not dataclasses.is_dataclass(value):
-            yield Entry(item.name, value, **item.metadata)
+            yield dataclasses.replace(field, default=value)
             continue
-        for inner in dataclasses.fields(value):
-            yield Entry(f"{item.name}.{inner.name}", getattr(value, inner.name), **inner.metadata)
+        for inner, one in fields_of(type(value)).items():
+            yield dataclasses.replace(one, key=f"{name}.{inner}", default=getattr(value, inner))
 
 
-def differing(settings: Settings, base: Settings) -> dict[str, Entry]:
+def differing(settings: Settings, base: Settings) -> dict[str, Field]:
     """Those of ``settings`` that have another value than in ``base``, by key."""
     pairs = zip(entries(settings), entries(base), strict=True)
     return {own.key: own for own, other in pairs if own.default != other.default}
+
+
+@functools.cache
+def _known() -> Mapping[str, Field]:
+    return {entry.key: entry for entry in entries()}
+
+
+@functools.cache
+def former_keys() -> Mapping[str, str]:
+    """The keys of settings that once had another name, by that name."""
+    renamed = (entry for entry in entries() if entry.formerly)
+    return {f"{entry.key.rpartition('.')[0]}.{entry.formerly}": entry.key for entry in renamed}
+
+
+def present_keys(overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """The overrides by the keys that settings have now; files of earlier versions give former ones."""
+    return {former_keys().get(key, key): value for key, value in overrides.items()}
 
 
 def with_overrides(overrides: Mapping[str, Any], base: Settings = Settings()) -> Settings:
@@ -109,16 +115,15 @@ def with_overrides(overrides: Mapping[str, Any], base: Settings = Settings()) ->
 
     Raises SettingsError naming the key, the closest known key, or the allowed range.
     """
-    known = {entry.key: entry for entry in entries(base)}
+    known = _known()
+    reader = Reader(Path("settings"), "setting", SettingsError)
     sections: dict[str, dict[str, Any]] = {}
-    for key, raw in overrides.items():
+    for key, raw in present_keys(overrides).items():
         if key not in known:
-            close = [k for k in known if k.startswith(key)]
-            close += difflib.get_close_matches(key, known, n=1, cutoff=0.4)
-            hint = f"Did you mean {close[0]}?" if close else "See docs/settings.md."
-            raise SettingsError(f"there is no setting '{key}'", where="settings", cure=hint)
+            cure = did_you_mean(key, known, "See docs/settings.md.")
+            raise SettingsError(f"there is no setting '{key}'", where="settings", cure=cure)
         section, _, name = key.rpartition(".")
-        sections.setdefault(section, {})[name] = _parsed(known[key], raw)
+        sections.setdefault(section, {})[name] = reader.value(known[key], _number(known[key], raw))
     # Each section at once: what its settings must keep to together holds at the end only.
     changed = sections.pop("", {})
     changed |= {name: dataclasses.replace(getattr(base, name), **new) for name, new in sections.items()}
@@ -134,27 +139,9 @@ def preset(name: str) -> Settings:
     return with_overrides(PRESETS[name])
 
 
-def _parsed(entry: Entry, raw: Any) -> Any:
-    kind = type(entry.default)
-    try:
-        if kind is int and not isinstance(raw, str) and raw != int(raw):
-            raise ValueError
-        value = kind(raw)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise SettingsError(
-            f"'{raw}' is not {'a whole number' if kind is int else 'a number'}",
-            where=f"setting {entry.key}", cure=f"The default is {entry.default}.",
-        ) from error  # fmt: skip
-    if entry.choices and value not in entry.choices:
-        raise SettingsError(
-            f"'{value}' is not known", where=f"setting {entry.key}",
-            cure=f"Give one of {', '.join(entry.choices)}.",
-        )  # fmt: skip
-    below = entry.low is not None and not value >= entry.low
-    above = entry.high is not None and not value <= entry.high
-    if below or above:
-        raise SettingsError(
-            f"{value} is out of range", where=f"setting {entry.key}",
-            cure=f"Give a value from {entry.low} to {entry.high}.",
-        )  # fmt: skip
-    return value
+def _number(entry: Field, raw: Any) -> Any:
+    """The number that a text of the command line is, where the setting is one."""
+    if entry.kind in (int, float) and isinstance(raw, str):
+        with contextlib.suppress(ValueError):
+            return entry.kind(raw)
+    return raw

@@ -29,9 +29,8 @@ from ..core.progress import SILENT, Progress
 from ..core.text_files import write_json
 from ..geometry.objects.objects import OBJECTS
 from ..geometry.proxy.edits import PROXY_EDITS
-from ..robot.scope.moved_scope import moved_scope
 from ..robot.scope.scope import BehaviourScope
-from ..robot.scope.scope_file import save_scope
+from ..robot.scope.scope_file import moved_scope, save_scope
 from ..splats.asset_edits import ASSET_EDITS, move_edits
 from .object_priors import move_objects
 from .proxy_edits import move_proxy_edits

@@ -19,13 +19,15 @@ from ..core.text_files import write_json
 from ..geometry.objects.prior_files import PRIOR_RECORDS, PRIORS, object_place
 from ..geometry.proxy.proxy import PROXY
 from ..refine.behaviour import DeclaredBehaviour
-from ..robot.behaviours.free_floor import free_floor
-from ..robot.behaviours.seats import TARGET_M, Seat, find_seats
+from ..robot.behaviours.sit_on import ANY_SEAT
+from ..robot.behaviours.trajectory import Seat
 from ..robot.controllers.controller import check_controller
 from ..robot.model.model import EMBEDDED_HUMANOID, RobotModel
 from ..robot.model.robot_file import EMBEDDED_WHEELED
+from ..robot.planning.free_floor import free_floor
+from ..robot.planning.seats import TARGET_M, find_seats
 from ..robot.scope.region import area_m2
-from ..robot.scope.scope import ANY_SEAT, FREE_FLOOR, BehaviourScope, shipped_scopes
+from ..robot.scope.scope import FREE_FLOOR, BehaviourScope, shipped_scopes
 from ..robot.scope.scope_file import changed_scope, save_scope
 from .trial_rollouts import newest_surface
 

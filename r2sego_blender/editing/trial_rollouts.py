@@ -15,7 +15,7 @@ from ..geometry.collision.collision_files import COLLISION
 from ..geometry.objects.prior_files import PRIORS
 from ..geometry.proxy.proxy import PROXY
 from ..refine.behaviour import DeclaredBehaviour
-from ..robot.behaviours.free_floor import free_floor
+from ..robot.planning.free_floor import free_floor
 from ..robot.rollouts.attempts import Attempts, Rollout, in_order
 from ..robot.rollouts.bodies import save_bodies
 from ..robot.rollouts.rollouts import save_rollouts, tell_warnings

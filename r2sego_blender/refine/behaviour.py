@@ -12,10 +12,11 @@ from ..core.cameras import Camera
 from ..geometry.objects.prior_files import AlignedPrior, object_place
 from ..geometry.proxy.proxy import GeometryProxy
 from ..geometry.proxy.seen_floor import seen_floor
+from ..robot.behaviours.sit_on import ANY_SEAT
 from ..robot.model.model import RobotModel
 from ..robot.model.robot_file import robot_digest
 from ..robot.rollouts.candidates import ego_camera
-from ..robot.scope.scope import ANY_SEAT, FREE_FLOOR, BehaviourScope
+from ..robot.scope.scope import FREE_FLOOR, BehaviourScope
 
 
 @dataclass(frozen=True)

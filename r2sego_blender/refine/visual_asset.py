@@ -9,7 +9,6 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
@@ -41,7 +40,7 @@ _AGREEMENT_WINDOW_PX = 5
 _SLOWEST_ROUND = 2
 """The round, counted from 0, from which on learning rates fall no more."""
 
-_RATES = ("position_rate", "scale_rate", "rotation_rate", "opacity_rate", "colour_rate")
+_RATES = tuple(f"{name}_learning_rate" for name in ("position", "scale", "rotation", "opacity", "colour"))
 """The learning rates of the Gaussians; that of higher harmonics follows the colours'."""
 
 
@@ -112,14 +111,15 @@ def settings_of_round(settings: TrainingSettings, index: int) -> TrainingSetting
     """The training of round ``index``, counted from 0: the first is as ``settings`` say.
 
     Later rounds start from an asset that knows the captures already. At full rates each would
-    forget and learn them again, and lose a little; so the second takes ``later_rounds_rate`` of
-    the Gaussians' rates and looks at every pixel, and the third takes that share of the second's.
-    All after it go on as the third: slower still, they would not learn what is new in them.
+    forget and learn them again, and lose a little; so the second takes
+    ``later_rounds_learning_rate_ratio`` of the Gaussians' rates and looks at every pixel, and the
+    third takes that share of the second's. All after it go on as the third: slower still, they
+    would not learn what is new in them.
     """
     if index == 0:
         return settings
-    share = settings.later_rounds_rate ** min(index, _SLOWEST_ROUND)
-    slower: dict[str, Any] = {name: getattr(settings, name) * share for name in _RATES}
+    share = settings.later_rounds_learning_rate_ratio ** min(index, _SLOWEST_ROUND)
+    slower = {name: getattr(settings, name) * share for name in _RATES}
     return dataclasses.replace(settings, **EVERY_PIXEL, **slower)
 
 
@@ -150,7 +150,8 @@ def update_visual_asset(
         dataclasses.replace(
             _observation(p.view, backdrop, settings, weight=settings.synthetic_weight),
             confidence=agreement(asset, p),
-            refines_exposure=settings.exposure_rate > 0.0, refines_pose=settings.pose_rate > 0.0,
+            refines_exposure=settings.exposure_learning_rate > 0.0,
+            refines_pose=settings.pose_learning_rate > 0.0,
         )
         for p in pseudo_observations
     ]  # fmt: skip

@@ -254,8 +254,8 @@ def _backends_of_objects(scene: Scene) -> Iterator[str]:
 
 def _write_cameras(scene: Scene, file: Path) -> None:
     """The captures' cameras; it says what a pose is, and where the photographs are: they are not exported."""
-    cameras = scene.read(CAMERAS)
     scene.read(REGISTERED_VIEWS)  # a camera that cannot be read is told here, and not in another program
+    cameras = scene.read(CAMERAS)
     about = f"{cameras.get('about', '')} {_ABOUT_CAMERAS}".strip()
     write_json(file, cameras | {"about": about})
 

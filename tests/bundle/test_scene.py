@@ -140,22 +140,18 @@ def test_open_names_the_file_and_the_cure(tmp_path, text):
 @pytest.mark.parametrize(
     ("section", "wrong", "told"),
     [
-        ("settings", {"overrides": [1]}, "the field settings.overrides is missing or wrong"),
+        ("settings", {"overrides": [1]}, "settings.overrides"),
         ("settings", {"overrides": {"no.such": 1}}, "there is no setting 'no.such'"),
-        ("settings", {"overrides": {"rounds": float("inf")}}, "setting rounds: 'inf' is not a whole number"),
+        ("settings", {"overrides": {"rounds": float("inf")}}, "rounds is inf. Write a whole number"),
         ("settings", {"preset": "no"}, "there is no preset 'no'"),
-        ("registration", {"world_from_capture": [[1.0, 2.0]]}, "the field registration.world_from_capture"),
-        (
-            "registration",
-            {"world_from_capture": [[0.0] * 4] * 5},
-            "the field registration.world_from_capture",
-        ),
+        ("registration", {"world_from_capture": [[1.0, 2.0]]}, "registration.world_from_capture"),
+        ("registration", {"world_from_capture": [[0.0] * 4] * 5}, "registration.world_from_capture"),
         ("registration", {"world_from_capture": [[float("nan")] * 4] * 4}, "registration.world_from_capture"),
-        ("registration", {"world_from_capture": 1.0}, "missing or wrong"),
-        ("priors", 3, "missing or wrong"),
-        ("priors", {"mesh_library": ["a", "b"]}, "the field priors.mesh_library is missing or wrong"),
-        ("robot", {"scope": 3}, "the field robot.scope is missing or wrong"),
-        ("robot", {"model": False}, "the field robot.model is missing or wrong"),
+        ("registration", {"world_from_capture": 1.0}, "registration.world_from_capture"),
+        ("priors", 3, "priors is not a table"),
+        ("priors", {"mesh_library": ["a", "b"]}, "priors.mesh_library is ['a', 'b']"),
+        ("robot", {"scope": 3}, "robot.scope is 3"),
+        ("robot", {"model": False}, "robot.model is False"),
     ],
 )
 def test_a_wrong_declaration_is_an_error_that_names_its_file(tmp_path, section, wrong, told):

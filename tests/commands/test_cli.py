@@ -150,9 +150,9 @@ def test_new_refuses_a_scale_it_cannot_read(photographs, tmp_path):
     ("arguments", "words"),
     [
         (["--set", "training.stepz=3"], "training."),
-        (["--set", "training.steps_per_round=-3"], "out of range"),
+        (["--set", "training.steps_per_round=-3"], "It lies from 1"),
         (["--set", "rounds"], "key=value"),
-        (["--rounds", "0"], "out of range"),
+        (["--rounds", "0"], "rounds is 0"),
     ],
 )
 def test_refine_refuses_unknown_settings_and_leaves_the_bundle(tmp_path, arguments, words):

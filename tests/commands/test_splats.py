@@ -68,7 +68,7 @@ def test_train_triangulates_trains_writes_and_scores(tmp_path):
         (["--out", "nowhere/asset.ply"], "no such folder"),
         (["--out", "asset.ply", "--set", "training.stepz=3"], "training."),
         (["--out", "asset.ply", "--set", "rounds=3"], "does nothing"),
-        (["--out", "asset.ply", "--steps", "-1"], "out of range"),
+        (["--out", "asset.ply", "--steps", "-1"], "training.steps_per_round is -1"),
         (["--out", "asset.ply", "--hold-out", "2", "--frozen", "c.json"], "twice"),
         (["--out", "asset.ply", "--points", "none.ply", *SMALL], "none.ply"),
         (["--out", "asset.ply", "--poses", "none.json"], "none.json"),

@@ -180,11 +180,11 @@ def test_what_differs_from_photograph_to_photograph_is_learnt_less_with_the_regu
 
 def test_the_first_round_is_as_set_and_later_ones_are_slower_and_see_every_pixel():
     lower = {"every_third_pixel_share": 0.4, "every_second_pixel_share": 0.3}
-    settings = dataclasses.replace(SETTINGS, later_rounds_rate=0.25, **lower)
+    settings = dataclasses.replace(SETTINGS, later_rounds_learning_rate_ratio=0.25, **lower)
     assert settings_of_round(settings, 0) == settings
     later, third = settings_of_round(settings, 1), settings_of_round(settings, 2)
     assert settings_of_round(settings, 5) == third
-    rates = {"position_rate", "scale_rate", "rotation_rate", "opacity_rate", "colour_rate"}
+    rates = {f"{name}_learning_rate" for name in ("position", "scale", "rotation", "opacity", "colour")}
     for field in dataclasses.fields(settings):
         before, after = getattr(settings, field.name), getattr(later, field.name)
         if field.name in rates:
@@ -249,7 +249,7 @@ def test_an_update_uses_its_depth_only_where_that_has_a_weight():
     assert trained(views, 1.0) != trained(told, 1.0)
 
 
-@pytest.mark.parametrize("key", ["normal_weight", "exposure_rate", "pose_rate"])
+@pytest.mark.parametrize("key", ["normal_weight", "exposure_learning_rate", "pose_learning_rate"])
 def test_what_an_update_may_use_or_correct_it_does_where_its_setting_says_so(key):
     """The darker, moved view is a generated one: only its brightness and pose may be corrected."""
     capture, other = wall_view(-0.3), wall_view(0.3)

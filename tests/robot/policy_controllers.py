@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from r2sego_blender.config.settings import RolloutSettings
-from r2sego_blender.robot.behaviours.free_floor import free_floor
 from r2sego_blender.robot.controllers.policy import PolicyController
+from r2sego_blender.robot.planning.free_floor import free_floor
 from r2sego_blender.robot.scope.scope import Behaviours, BehaviourScope, Control
 
 SCOPE = BehaviourScope.load("walk_and_look")

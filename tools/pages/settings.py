@@ -18,7 +18,7 @@ def settings_page() -> str:
     lines = [
         "# Settings",
         "",
-        "Made by `python -m tools.pages.settings` from `r2sego_blender/config/settings.py`; do not edit.",
+        "Made by `python -m tools.pages.settings` from `r2sego_blender/config/`; do not edit.",
         "Give any of them as `r2sego refine SCENE --set key=value`: the scene keeps it, until another",
         "preset is asked for. Those of captures are for `r2sego new`, where photographs become captures.",
         "The defaults are the paper's (its H) or, where the paper is silent, what measured best. The last",

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
 import bpy
 
-from ...config.presets import Entry, differing, entries, preset
+from ...config.fields import Field
+from ...config.presets import differing, entries, preset
 from ...config.settings import Settings
+from ..shared.declared_properties import declared_property
 
 _UNITS = {"m": "m", "m2": "m²", "px": "px", "deg": "deg", "s": "s", "mb": "MB", "n": "N", "nm": "N m"}
 _ABBREVIATIONS = {"sh": "SH", "ssim": "SSIM", "iou": "IoU", "nms": "NMS", "coacd": "CoACD"}
@@ -56,7 +57,9 @@ def preset_values(preset_name: str) -> dict[str, str]:
 
 def settings_group() -> type[bpy.types.PropertyGroup]:
     """A new PropertyGroup class with one property a setting."""
-    annotations = {property_name(entry.key): _property(entry) for entry in entries()}
+    annotations = {
+        property_name(entry.key): declared_property(entry, label(entry.key)) for entry in entries()
+    }
     return type("R2SEGO_PG_settings", (bpy.types.PropertyGroup,), {"__annotations__": annotations})
 
 
@@ -87,26 +90,7 @@ def show_settings(group: bpy.types.PropertyGroup, changed: Mapping[str, Any], se
             setattr(group, name, entry.default)
 
 
-def _property(entry: Entry) -> Any:
-    described = {"name": label(entry.key), "description": entry.doc.rstrip("."), "default": entry.default}
-    ranged = {key: value for key, value in (("min", entry.low), ("max", entry.high)) if value is not None}
-    if isinstance(entry.default, bool):
-        return bpy.props.BoolProperty(**described)
-    if isinstance(entry.default, int):
-        return bpy.props.IntProperty(**described, **ranged)
-    if isinstance(entry.default, float):
-        return bpy.props.FloatProperty(**described, **ranged, precision=_decimals(entry.default))
-    if entry.choices:
-        return bpy.props.EnumProperty(**described, items=[(c, c.capitalize(), "") for c in entry.choices])
-    return bpy.props.StringProperty(**described)
-
-
-def _shown(entry: Entry) -> str:
+def _shown(entry: Field) -> str:
     if isinstance(entry.default, float):
         return f"{entry.default:g}"
     return entry.default.capitalize() if entry.choices else str(entry.default)
-
-
-def _decimals(default: float) -> int:
-    """Decimals that show two digits of ``default``, at least three."""
-    return max(3, 1 + math.ceil(-math.log10(default))) if default > 0.0 else 3

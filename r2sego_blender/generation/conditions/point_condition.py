@@ -23,9 +23,10 @@ from ...core.compiled import parallel_kernel, prange
 from ...core.errors import GenerationError
 from ...core.images import resize
 from ...geometry.visibility.point_visibility import PROXY_ROUGHNESS_M
-from ...geometry.visibility.projection import NEAR_M, depth_of, right_down_of
+from ...geometry.visibility.projection import NEAR_M
 from .conditions import Condition
 
+_NEAR_M = np.float32(NEAR_M)
 _SAME_POSE = 1e-9
 _MOST_CAPTURES = 255
 
@@ -151,10 +152,11 @@ def _coloured(
             seen, chosen, largest = 0, -1, np.float32(-1.0)
             at_u = at_v = np.float32(0.0)
             for j in range(poses.shape[0]):
-                cz = depth_of(poses[j], px, py, pz)
-                if cz <= NEAR_M:
+                cz = poses[j, 2, 0] * px + poses[j, 2, 1] * py + poses[j, 2, 2] * pz + poses[j, 2, 3]
+                if cz <= _NEAR_M:
                     continue
-                cx, cy = right_down_of(poses[j], px, py, pz)
+                cx = poses[j, 0, 0] * px + poses[j, 0, 1] * py + poses[j, 0, 2] * pz + poses[j, 0, 3]
+                cy = poses[j, 1, 0] * px + poses[j, 1, 1] * py + poses[j, 1, 2] * pz + poses[j, 1, 3]
                 u = cx / cz * lenses[j, 0] + lenses[j, 2]
                 v = cy / cz * lenses[j, 1] + lenses[j, 3]
                 if not (u > 0.0 and v > 0.0 and u < sizes[j, 0] and v < sizes[j, 1]):

@@ -26,7 +26,7 @@ from ...config.settings import GenerationSettings
 from ...core.compiled import inlined, parallel_kernel, prange
 from ...core.errors import GenerationError
 from ...geometry.visibility.point_visibility import PROXY_ROUGHNESS_M
-from ...geometry.visibility.projection import NEAR_M, depth_of, pixel_of
+from ...geometry.visibility.projection import NEAR_M
 from ..conditions.conditions import Condition
 from .exposure import exposure_gains
 from .hole_filling import fill_holes
@@ -202,10 +202,13 @@ def _blend(
             length = np.sqrt(dx * dx + dy * dy + dz * dz)
             found = 0
             for j in range(captures):
-                cz = depth_of(poses[j], x, y, w)
+                cz = poses[j, 2, 0] * x + poses[j, 2, 1] * y + poses[j, 2, 2] * w + poses[j, 2, 3]
                 if cz <= NEAR_M:
                     continue
-                u, v = pixel_of(poses[j], lenses[j], x, y, w, cz)
+                cx = poses[j, 0, 0] * x + poses[j, 0, 1] * y + poses[j, 0, 2] * w + poses[j, 0, 3]
+                cy = poses[j, 1, 0] * x + poses[j, 1, 1] * y + poses[j, 1, 2] * w + poses[j, 1, 3]
+                u = cx / cz * lenses[j, 0] + lenses[j, 2]
+                v = cy / cz * lenses[j, 1] + lenses[j, 3]
                 wide, high = sizes[j, 0], sizes[j, 1]
                 if not (u > 0.0 and v > 0.0 and u < wide and v < high):
                     continue

@@ -20,17 +20,10 @@ def depth_of(pose, x, y, z):
 
 
 @inlined
-def right_down_of(pose, x, y, z):
-    """How far a point of the world lies to the right of the camera and below it."""
-    right = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]
-    down = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]
-    return right, down
-
-
-@inlined
 def pixel_of(pose, lens, x, y, z, depth):
     """The pixel (u, v) of a point of the world, whose ``depth`` is more than 0."""
-    right, down = right_down_of(pose, x, y, z)
+    right = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]
+    down = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]
     return right / depth * lens[0] + lens[2], down / depth * lens[1] + lens[3]
 
 

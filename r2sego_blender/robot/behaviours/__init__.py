@@ -1,4 +1,5 @@
-"""The declared behaviours drawn as trajectories, and where in the room they fit.
+"""The behaviours that a scope may declare, a module each: its ranges, its weight, how it is drawn.
 
-Uses ``model`` and ``scope``. Begin with ``behaviours``.
+Uses ``config`` and NumPy alone. Begin with ``behaviour``; ``registry`` finds the modules, and a new
+one is there by being in this folder (docs/behaviour-scope.md).
 """

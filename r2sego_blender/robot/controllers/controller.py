@@ -9,15 +9,13 @@ import mujoco
 import numpy as np
 
 from ...config.settings import RolloutSettings
-from ...core.errors import RobotError
-from ..behaviours.free_floor import FreeFloor
-from ..behaviours.seats import Seat
+from ..behaviours.trajectory import Seat
 from ..model.composition import Composition
 from ..model.model import RobotModel
 from ..model.mount import CameraMount
+from ..planning.course import require_legs
+from ..planning.free_floor import FreeFloor
 from ..scope.scope import BehaviourScope
-
-_NEEDS_LEGS = ("squat", "sit_on")
 
 
 class Drive(Protocol):
@@ -75,12 +73,7 @@ def check_controller(robot: RobotModel, scope: BehaviourScope) -> None:
 
     Policies and motions are read and tried as ``make_controller`` does. Raises RobotError.
     """
-    for name in _NEEDS_LEGS:
-        if robot.is_wheeled and getattr(scope.behaviours, name) > 0.0:
-            raise RobotError(
-                f"behaviours.{name} takes legs, and {robot.source} has none", where=scope.name,
-                cure="Set it to 0, or give a robot with legs.",
-            )  # fmt: skip
+    require_legs(robot, scope)
     if scope.controller.kind == "policy":
         from .policy import DeclaredPolicy
 

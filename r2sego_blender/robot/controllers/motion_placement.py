@@ -7,14 +7,13 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..behaviours.free_floor import CELL_M, FreeFloor
-from ..behaviours.navigation import RATE_HZ
-from ..behaviours.seats import Seat
-from ..behaviours.sitting import seated_height
+from ..behaviours.trajectory import RATE_HZ, Seat
 from ..model.composition import Composition
 from ..model.kinematics import LegSolver
 from ..model.model import RobotModel
 from ..motion.foot_locking import foot_places, spans
+from ..motion.sitting import seated_height
+from ..planning.free_floor import CELL_M, FreeFloor
 from .velocity_pursuit import heading_rad
 
 _HEADINGS = 16

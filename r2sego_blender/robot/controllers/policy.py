@@ -14,16 +14,17 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from ...config.fields import Range
 from ...config.settings import RolloutSettings
 from ...core.errors import RobotError
-from ..behaviours.free_floor import FLATNESS_M, FreeFloor
-from ..behaviours.navigation import draw_cell, draw_path, line_is_free
-from ..behaviours.seats import Seat
+from ..behaviours.trajectory import Seat
 from ..model.composition import Composition, compose
 from ..model.humanoid import Servo
 from ..model.model import RobotModel
 from ..model.mount import CameraMount
-from ..scope.scope import BehaviourScope, Range
+from ..planning.free_floor import FLATNESS_M, FreeFloor
+from ..planning.navigation import draw_cell, draw_path, line_is_free
+from ..scope.scope import BehaviourScope
 from .policy_layout import PolicyLayout
 from .policy_observation import Command, Observer
 from .policy_runtime import Network, PolicyFile, told_in_a_line

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import difflib
+import dataclasses
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...config.declared_files import read_declaration
+from ...config.declared_files import Reader
+from ...config.fields import Range, setting
 from ...core.errors import RobotError
 from ..model.humanoid import Servo
-from ..scope.scope import LAYOUTS, Range
+from ..scope.scope import LAYOUTS
 
 _MAX_HISTORY = 1000
 PER_TERM, PER_STEP = "per_term", "per_step"
@@ -130,193 +132,152 @@ class PolicyLayout:
         kind, size or range.
         """
         what = "observation layout (controller.layout)"
-        path, data = read_declaration(source, LAYOUTS, what, "docs/controllers.md")
-        return _Reader(path).layout(data)
+        reader, data = Reader.of(source, LAYOUTS, what, "docs/controllers.md", RobotError)
+        return _layout(dataclasses.replace(reader, what="observation layout"), data)
 
 
-_REQUIRED = object()
-_FIELDS = (
-    "name", "rate_hz", "step_s", "joints", "held", "upper_body", "observation", "history", "action",
-    "commands",
-)  # fmt: skip
+_JOINT = "Write [name, angle in rad, stiffness, damping]."
+_JointRow = tuple[str, float, float, float]
 
 
 @dataclass(frozen=True)
-class _Reader:
-    path: Path
-
-    def layout(self, data: dict[str, Any]) -> PolicyLayout:
-        self._known(data, "", _FIELDS)
-        joints = self._joints(data, "joints")
-        held = self._joints(data, "held")
-        names = [joint.name for joint in joints]
-        every = names + [joint.name for joint in held]
-        if not joints:
-            raise self._error("joints", "is missing", "Name the policy's joints in its order.")
-        if repeated := next((name for name in every if every.count(name) > 1), None):
-            raise self._error("joints", f"name {repeated} twice", "Name each joint once.")
-        upper_body = self._upper_body(data, names)
-        action = self._table(data, "action", ("joints", "scale", "clip"))
-        acting = action.get("joints", names)
-        if not isinstance(acting, list) or not acting or any(name not in names for name in acting):
-            raise self._error("action.joints", "are not all among the joints", "Name some of them.")
-        history = self._table(data, "history", ("length", "order", "start"))
-        length = self._number(history, "history", "length", 1, _MAX_HISTORY, 1)
-        if length != int(length):
-            raise self._error("history.length", f"is {length}", "Write a whole number.")
-        rate_hz = self._number(data, "", "rate_hz", 1.0, 1000.0)
-        step_s = self._number(data, "", "step_s", 1e-4, 0.02)
-        ratio = 1.0 / (rate_hz * step_s)
-        if abs(ratio - round(ratio)) > 1e-3 or round(ratio) < 1:
-            raise self._error("step_s", f"is {step_s:g}", "The policy's period is a whole number of steps.")
-        sizes = {_JOINTS: len(joints), _ACTIONS: len(acting), _UPPER_BODY: len(upper_body)}
-        terms = self._terms(data, sizes)
-        return PolicyLayout(
-            name=self._text(data, "", "name", self.path.stem),
-            where=str(self.path),
-            rate_hz=rate_hz,
-            step_s=step_s,
-            joints=joints,
-            held=held,
-            actions=np.array([names.index(name) for name in acting]),
-            action_scale=self._numbers(action, "action", "scale", len(acting), _REQUIRED),
-            action_clip=self._number(action, "action", "clip", 0.0, math.inf, math.inf),
-            upper_body=upper_body,
-            history=int(length),
-            history_order=self._text(history, "history", "order", PER_TERM, (PER_TERM, PER_STEP)),
-            history_start=self._text(history, "history", "start", "first", ("first", "zeros")),
-            terms=terms,
-            commands=self._commands(data, {term.name for term in terms}),
-        )
-
-    def _joints(self, data: dict[str, Any], field: str) -> tuple[PolicyJoint, ...]:
-        rows = data.get(field, [])
-        if not isinstance(rows, list):
-            raise self._error(field, "is no list", "Write rows [name, angle, stiffness, damping].")
-        joints = []
-        for index, row in enumerate(rows):
-            is_row = isinstance(row, list) and len(row) == 4 and isinstance(row[0], str)
-            if not is_row or not all(map(_is_number, row[1:])) or min(row[2:]) < 0.0:
-                raise self._error(
-                    f"{field}[{index}]", f"is {row!r}", "Write [name, angle in rad, stiffness, damping]."
-                )
-            angle, stiffness, damping = map(float, row[1:])
-            joints.append(PolicyJoint(row[0], angle, Servo(stiffness, damping)))
-        return tuple(joints)
-
-    def _upper_body(self, data: dict[str, Any], names: list[str]) -> tuple[tuple[str, float], ...]:
-        rows = data.get("upper_body", [])
-        if not isinstance(rows, list) or not all(
-            isinstance(row, list) and len(row) == 2 and row[0] in names and _is_number(row[1]) for row in rows
-        ):
-            raise self._error("upper_body", "is not understood", "Write rows [one of the joints, angle].")
-        return tuple((str(name), float(angle)) for name, angle in rows)
-
-    def _terms(self, data: dict[str, Any], sizes: dict[str, int]) -> tuple[Term, ...]:
-        rows = data.get("observation")
-        if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
-            raise self._error("observation", "is missing", 'Write rows { term = "base_ang_vel", scale = 1 }.')
-        terms = []
-        for index, row in enumerate(rows):
-            place = f"observation[{index}]"
-            self._known(row, f"{place}.", ("term", "scale", "clip", "period_s"))
-            name = self._text(row, place, "term", _REQUIRED, tuple(_TERMS))
-            given = _TERMS[name]
-            size = given if isinstance(given, int) else sizes[given]
-            if size == 0:
-                raise self._error(place, f"is {name} of no joints", f"Declare the {given}.")
-            period_s = math.nan
-            if name == "gait_phase":
-                period_s = self._number(row, place, "period_s", 0.05, 60.0)
-            elif "period_s" in row:
-                raise self._error(f"{place}.period_s", "is no field of this term", "Remove it.")
-            clip = self._number(row, place, "clip", 0.0, math.inf, math.inf)
-            terms.append(Term(name, size, self._numbers(row, place, "scale", size, 1.0), clip, period_s))
-        return tuple(terms)
-
-    def _commands(self, data: dict[str, Any], terms: set[str]) -> Commands:
-        fields = (
-            "vx_m_s", "vy_m_s", "yaw_rate_rad_s", "base_height_m", "walking_height_m", "slowest_m_s",
-            "slowest_turn_rad_s",
-        )  # fmt: skip
-        table = self._table(data, "commands", fields)
-        vx, vy, yaw_rate = (self._range(table, field, -20.0, 20.0) for field in fields[:3])
-        for field, (low, high) in zip(fields, (vx, vy, yaw_rate), strict=False):
-            if not low <= 0.0 <= high:
-                raise self._error(f"commands.{field}", "leaves out 0", "A policy has to stand, too.")
-        if vx[1] <= 0.0:
-            raise self._error("commands.vx_m_s", "is never positive", "The robot has to walk ahead.")
-        slowest = (
-            self._number(table, "commands", "slowest_m_s", 0.0, vx[1], 0.0),
-            self._number(table, "commands", "slowest_turn_rad_s", 0.0, max(yaw_rate[1], 0.0), 0.0),
-        )
-        if "base_height_command" not in terms:
-            if "base_height_m" in table:
-                raise self._error("commands.base_height_m", "is not observed", "Remove it, or add the term.")
-            return Commands(vx, vy, yaw_rate, None, math.nan, *slowest)
-        height = self._range(table, "base_height_m", 0.05, 5.0)
-        walking = self._number(table, "commands", "walking_height_m", *height)
-        return Commands(vx, vy, yaw_rate, height, walking, *slowest)
-
-    def _table(self, data: dict[str, Any], field: str, known: tuple[str, ...]) -> dict[str, Any]:
-        table = data.get(field, {})
-        if not isinstance(table, dict):
-            raise self._error(field, "is not a table", f"Write [{field}] and its fields below.")
-        self._known(table, f"{field}.", known)
-        return table
-
-    def _known(self, table: dict[str, Any], prefix: str, known: tuple[str, ...] | list[str]) -> None:
-        for key in table:
-            if key not in known:
-                close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-                cure = f"Did you mean {close[0]}?" if close else f"Known: {', '.join(known)}."
-                raise self._error(f"{prefix}{key}", "is not a field of an observation layout", cure)
-
-    def _text(
-        self, table: dict[str, Any], place: str, field: str, default: Any, choices: tuple[str, ...] = ()
-    ) -> str:
-        place = f"{place}.{field}" if place else field
-        value = table.get(field, default)
-        if not isinstance(value, str) or not value or (choices and value not in choices):
-            cure = f"Give one of: {', '.join(choices)}." if choices else "Write a text."
-            raise self._error(place, "is missing" if value is _REQUIRED else f"is {value!r}", cure)
-        return value
-
-    def _number(
-        self, table: dict[str, Any], place: str, field: str, low: float, high: float, default: Any = _REQUIRED
-    ) -> float:
-        place = f"{place}.{field}" if place else field
-        value = table.get(field, default)
-        if value is _REQUIRED:
-            raise self._error(place, "is missing", "Write a number.")
-        if value is not default and not _is_number(value):
-            raise self._error(place, f"is {value!r}", "Write a finite number.")
-        if not low <= value <= high:
-            raise self._error(place, f"is {value!r}", f"It lies from {low:g} to {high:g}.")
-        return float(value)
-
-    def _numbers(self, table: dict[str, Any], place: str, field: str, count: int, default: Any) -> np.ndarray:
-        """One number for all, or one each: (count,) float64."""
-        value = table.get(field, default)
-        numbers = value if isinstance(value, list) else [value] * count
-        if len(numbers) != count or not all(map(_is_number, numbers)):
-            shown = "is missing" if value is _REQUIRED else f"is {value!r}"
-            raise self._error(f"{place}.{field}", shown, f"Write one finite number, or a list of {count}.")
-        return np.array(numbers, np.float64)
-
-    def _range(self, table: dict[str, Any], field: str, low: float, high: float) -> Range:
-        value: Any = table.get(field)
-        is_range = isinstance(value, list) and len(value) == 2 and all(map(_is_number, value))
-        if not is_range or not low <= value[0] <= value[1] <= high:
-            raise self._error(
-                f"commands.{field}", "is missing" if value is None else f"is {value!r}",
-                f"Write [low, high] within {low:g} and {high:g}.",
-            )  # fmt: skip
-        return float(value[0]), float(value[1])
-
-    def _error(self, field: str, what: str, cure: str) -> RobotError:
-        return RobotError(f"{field} {what}", where=self.path, cure=cure)
+class _TermRow:
+    term: str = setting(choices=tuple(_TERMS))
+    scale: float | tuple[float, ...] = 1.0
+    clip: float = setting(math.inf, low=0.0)
+    period_s: float | None = setting(None, low=0.05, high=60.0)
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+@dataclass(frozen=True)
+class _History:
+    length: int = setting(1, low=1, high=_MAX_HISTORY)
+    order: str = setting(PER_TERM, choices=(PER_TERM, PER_STEP))
+    start: str = setting("first", choices=("first", "zeros"))
+
+
+@dataclass(frozen=True)
+class _Action:
+    scale: float | tuple[float, ...] = setting()
+    joints: tuple[str, ...] | None = None
+    clip: float = setting(math.inf, low=0.0)
+
+
+@dataclass(frozen=True)
+class _Commands:
+    vx_m_s: Range = setting(low=-20.0, high=20.0)
+    vy_m_s: Range = setting(low=-20.0, high=20.0)
+    yaw_rate_rad_s: Range = setting(low=-20.0, high=20.0)
+    base_height_m: Range | None = setting(None, low=0.05, high=5.0)
+    walking_height_m: float | None = None
+    slowest_m_s: float = 0.0
+    slowest_turn_rad_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class _File:
+    """The tables of a layout's file, each checked for itself."""
+
+    name: str
+    rate_hz: float = setting(low=1.0, high=1000.0)
+    step_s: float = setting(low=1e-4, high=0.02)
+    joints: tuple[_JointRow, ...] = setting(form=_JOINT)
+    observation: tuple[_TermRow, ...] = setting(form='Write rows { term = "base_ang_vel", scale = 1 }.')
+    action: _Action = setting()
+    commands: _Commands = setting()
+    held: tuple[_JointRow, ...] = setting((), form=_JOINT)
+    upper_body: tuple[tuple[str, float], ...] = setting((), form="Write rows [one of the joints, angle].")
+    history: _History = _History()
+
+
+def _layout(reader: Reader, data: Mapping[str, Any]) -> PolicyLayout:
+    """The layout that a file's tables say, checked for what they have to keep to together."""
+    file = reader.table(_File, {"name": reader.where.stem, **data})
+    names = [row[0] for row in file.joints]
+    every = names + [row[0] for row in file.held]
+    if not names:
+        raise reader.wrong("joints", "are none", "Name the policy's joints in its order.")
+    if repeated := next((name for name in every if every.count(name) > 1), None):
+        raise reader.wrong("joints", f"name {repeated} twice", "Name each joint once.")
+    if any(name not in names for name, _ in file.upper_body):
+        raise reader.wrong("upper_body", "is not understood", "Write rows [one of the joints, angle].")
+    acting = names if file.action.joints is None else file.action.joints
+    if not acting or any(name not in names for name in acting):
+        raise reader.wrong("action.joints", "are not all among the joints", "Name some of them.")
+    ratio = 1.0 / (file.rate_hz * file.step_s)
+    if abs(ratio - round(ratio)) > 1e-3 or round(ratio) < 1:
+        raise reader.wrong("step_s", f"is {file.step_s:g}", "The policy's period is a whole number of steps.")
+    sizes = {_JOINTS: len(names), _ACTIONS: len(acting), _UPPER_BODY: len(file.upper_body)}
+    if not file.observation:
+        raise reader.wrong("observation", "has no terms", "Write what the policy observes.")
+    terms = tuple(_term(reader, f"observation[{i}]", row, sizes) for i, row in enumerate(file.observation))
+    return PolicyLayout(
+        name=file.name,
+        where=str(reader.where),
+        rate_hz=file.rate_hz,
+        step_s=file.step_s,
+        joints=_joints(reader, "joints", file.joints),
+        held=_joints(reader, "held", file.held),
+        actions=np.array([names.index(name) for name in acting]),
+        action_scale=_each(reader, "action.scale", file.action.scale, len(acting)),
+        action_clip=file.action.clip,
+        upper_body=file.upper_body,
+        history=file.history.length,
+        history_order=file.history.order,
+        history_start=file.history.start,
+        terms=terms,
+        commands=_commands(reader, file.commands, {term.name for term in terms}),
+    )
+
+
+def _joints(reader: Reader, field: str, rows: Sequence[_JointRow]) -> tuple[PolicyJoint, ...]:
+    for index, row in enumerate(rows):
+        if min(row[2:]) < 0.0:
+            raise reader.wrong(f"{field}[{index}]", f"is {list(row)}", _JOINT)
+    return tuple(PolicyJoint(name, angle, Servo(*servo)) for name, angle, *servo in rows)
+
+
+def _term(reader: Reader, place: str, row: _TermRow, sizes: Mapping[str, int]) -> Term:
+    given = _TERMS[row.term]
+    size = given if isinstance(given, int) else sizes[given]
+    if size == 0:
+        raise reader.wrong(place, f"is {row.term} of no joints", f"Declare the {given}.")
+    if row.term == "gait_phase" and row.period_s is None:
+        raise reader.wrong(f"{place}.period_s", "is missing", "Write seconds.")
+    if row.term != "gait_phase" and row.period_s is not None:
+        raise reader.wrong(f"{place}.period_s", "is no field of this term", "Remove it.")
+    period_s = math.nan if row.period_s is None else row.period_s
+    return Term(row.term, size, _each(reader, f"{place}.scale", row.scale, size), row.clip, period_s)
+
+
+def _each(reader: Reader, place: str, value: float | tuple[float, ...], count: int) -> np.ndarray:
+    """One number for all, or one each: (count,) float64."""
+    numbers = value if isinstance(value, tuple) else (value,) * count
+    if len(numbers) != count:
+        raise reader.wrong(place, f"is {list(numbers)}", f"Write one finite number, or a list of {count}.")
+    return np.array(numbers, np.float64)
+
+
+def _commands(reader: Reader, table: _Commands, terms: set[str]) -> Commands:
+    moves = {"vx_m_s": table.vx_m_s, "vy_m_s": table.vy_m_s, "yaw_rate_rad_s": table.yaw_rate_rad_s}
+    for field, (low, high) in moves.items():
+        if not low <= 0.0 <= high:
+            raise reader.wrong(f"commands.{field}", "leaves out 0", "A policy has to stand, too.")
+    if table.vx_m_s[1] <= 0.0:
+        raise reader.wrong("commands.vx_m_s", "is never positive", "The robot has to walk ahead.")
+    slowest = {
+        "slowest_m_s": (0.0, table.vx_m_s[1]),
+        "slowest_turn_rad_s": (0.0, table.yaw_rate_rad_s[1]),
+    }
+    height = table.base_height_m
+    if "base_height_command" not in terms and height is not None:
+        raise reader.wrong("commands.base_height_m", "is not observed", "Remove it, or add the term.")
+    limits = slowest if height is None else slowest | {"walking_height_m": height}
+    if "base_height_command" in terms and height is None:
+        raise reader.wrong("commands.base_height_m", "is missing", "Write a range [low, high].")
+    for field, (low, high) in limits.items():
+        value = getattr(table, field)
+        if value is None or not low <= value <= high:
+            shown = "is missing" if value is None else f"is {value!r}"
+            raise reader.wrong(f"commands.{field}", shown, f"It lies from {low:g} to {high:g}.")
+    walking = math.nan if height is None else table.walking_height_m
+    return Commands(*moves.values(), height, walking, table.slowest_m_s, table.slowest_turn_rad_s)

@@ -14,17 +14,17 @@ from scipy import ndimage
 
 from ...config.settings import RolloutSettings
 from ...core.errors import RobotError
-from ..behaviours.free_floor import FreeFloor
-from ..behaviours.gait import Gait
-from ..behaviours.navigation import RATE_HZ
-from ..behaviours.seats import Seat, find_seats
+from ..behaviours.trajectory import RATE_HZ, Seat
 from ..model.composition import Composition, compose
 from ..model.model import RobotModel
 from ..motion.dynamics import inverse_dynamics
 from ..motion.foot_locking import foot_places
+from ..motion.gait import Gait
 from ..motion.motion import ReferenceMotion
 from ..motion.recorded_motion import HumanRecording, read_recording, robot_motion
 from ..motion.retargeting import retarget
+from ..planning.free_floor import FreeFloor
+from ..planning.seats import find_seats
 from ..scope.scope import BehaviourScope
 from .motion_placement import placed_on_floor, placed_on_seat, seated_span
 from .tracking import TrackingDrive

@@ -16,13 +16,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...config.settings import RolloutSettings
-from ...core.errors import RobotError
-from ..behaviours.free_floor import FreeFloor
-from ..behaviours.navigation import RATE_HZ
-from ..behaviours.seats import find_seats
+from ..behaviours.trajectory import RATE_HZ
 from ..model.composition import Composition, compose
 from ..model.model import RobotModel
 from ..motion.motion import ReferenceMotion, plan_motion
+from ..planning.course import require_legs
+from ..planning.free_floor import FreeFloor
+from ..planning.seats import find_seats
 from ..scope.scope import BehaviourScope
 
 
@@ -36,12 +36,7 @@ class TrackingController:
         settings: RolloutSettings,
     ) -> None:  # fmt: skip
         self._robot, self._floor, self._scope = robot, floor, scope
-        for name in ("squat", "sit_on"):
-            if robot.is_wheeled and getattr(scope.behaviours, name) > 0.0:
-                raise RobotError(
-                    f"behaviours.{name} takes legs, and {robot.source} has none", where=scope.name,
-                    cure="Set it to 0, or give a robot with legs.",
-                )  # fmt: skip
+        require_legs(robot, scope)
         sits = scope.behaviours.sit_on > 0.0
         self._seats = find_seats(robot.half_width_m, floor, scope.sit_on, collision_mjcf) if sits else ()
         self.composition = compose(robot, collision_mjcf, settings)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..behaviours.free_floor import CELL_M
+from ..planning.free_floor import CELL_M
 from .policy_layout import Commands
 from .policy_observation import Command
 

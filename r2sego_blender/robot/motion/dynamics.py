@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 from scipy import ndimage
 
-from ..behaviours.gait import Gait
-from ..behaviours.navigation import RATE_HZ
+from ..behaviours.trajectory import RATE_HZ
 from ..model.model import RobotModel
+from ..motion.gait import Gait
 
 # Accelerations are smoothed over this many frames: footsteps begin and end abruptly.
 _SMOOTHING = 1.5

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from scipy import ndimage
 
-from ..behaviours.navigation import RATE_HZ
+from ..behaviours.trajectory import RATE_HZ
 from ..model.collision_shapes import colliding, lowest_m
 from ..model.model import RobotModel
 from ..model.structure import Leg

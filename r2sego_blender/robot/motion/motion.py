@@ -7,19 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..behaviours.behaviours import RootTrajectory, draw, plan_root
-from ..behaviours.free_floor import FreeFloor
-from ..behaviours.gait import Gait, plan_gait
-from ..behaviours.rolling import roll_wheels
-from ..behaviours.seats import STAND_OFF_M, Seat
-from ..behaviours.sitting import seated_height
-from ..behaviours.upper_body import upper_body
+from ..behaviours.trajectory import RATE_HZ, STAND_OFF_M, RootTrajectory, Seat
 from ..model.composition import Composition
 from ..model.kinematics import LegSolver
 from ..model.model import RobotModel
 from ..model.mount import CameraMount
+from ..planning.course import draw, plan_root
+from ..planning.free_floor import FreeFloor
 from ..scope.scope import BehaviourScope
 from .dynamics import inverse_dynamics
+from .gait import Gait, plan_gait
+from .sitting import seated_height
+from .upper_body import upper_body
 
 # The seat begins to carry the weight at this part of the way down.
 _TOUCHES = 0.97
@@ -76,7 +75,7 @@ def plan_motion(
             return None
         qpos[:, 2] -= root.sit * (standing_z_m - seated_m)
     LegSolver(robot).solve(qpos, soles)
-    roll_wheels(robot, qpos, root.yaw)
+    _roll_wheels(robot, qpos, root.yaw)
     seat_load = np.clip((root.sit - _TOUCHES) / (1.0 - _TOUCHES), 0.0, 1.0)
     qvel, torque = inverse_dynamics(robot, qpos, gait, floor.floor_z_m, seat_load)
     return ReferenceMotion(root.behaviour, qpos, qvel, torque, root.goal, mount, root.seat)
@@ -111,3 +110,18 @@ def _sit(
         if height_m is not None:
             return height_m
     return None
+
+
+def _roll_wheels(robot: RobotModel, qpos: np.ndarray, yaw: np.ndarray) -> None:
+    """Write the wheels' angles into ``qpos`` (T, nq) in place, for the base's path in it.
+
+    ``yaw`` (T,) radians is the base's heading, not wrapped. Only motion along the heading
+    turns a wheel: what goes sideways slips.
+    """
+    velocity = np.gradient(qpos[:, :2], 1.0 / RATE_HZ, axis=0)
+    forward_m_s = velocity[:, 0] * np.cos(yaw) + velocity[:, 1] * np.sin(yaw)
+    rate = np.gradient(yaw, 1.0 / RATE_HZ)
+    for wheel in robot.wheels:
+        rim_m_s = forward_m_s - rate * wheel.offset_m[1]
+        rolled_m = np.concatenate([[0.0], np.cumsum(0.5 * (rim_m_s[1:] + rim_m_s[:-1])) / RATE_HZ])
+        qpos[:, robot.model.jnt_qposadr[wheel.joint]] += wheel.forward * rolled_m / wheel.radius_m

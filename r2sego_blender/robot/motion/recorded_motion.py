@@ -18,7 +18,7 @@ from scipy import ndimage
 from scipy.spatial.transform import Rotation, Slerp
 
 from ...core.errors import RobotError
-from ..behaviours.navigation import RATE_HZ
+from ..behaviours.trajectory import RATE_HZ
 from ..model.model import RobotModel
 from .foot_locking import foot_places, plant_feet
 

@@ -16,7 +16,7 @@ from scipy import ndimage
 from scipy.spatial.transform import Rotation, Slerp
 
 from ...core.errors import RobotError
-from ..behaviours.navigation import RATE_HZ
+from ..behaviours.trajectory import RATE_HZ
 from ..model.model import RobotModel
 from ..model.structure import Leg, ancestors, fixed_to, is_hinge, joints_of
 from .foot_locking import planted, stances

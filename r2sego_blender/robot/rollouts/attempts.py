@@ -23,11 +23,11 @@ import numpy as np
 from ...config.settings import RolloutSettings
 from ...core.errors import NativeError
 from ...core.resources import available_cores
-from ..behaviours.free_floor import FreeFloor
 from ..controllers.controller import Controller, make_controller
 from ..model.model import RobotModel
 from ..model.mount import CameraMount
 from ..model.mujoco_warnings import mujoco_warnings
+from ..planning.free_floor import FreeFloor
 from ..scope.scope import BehaviourScope
 from .failures import Judge, Reason
 from .quality import Quality

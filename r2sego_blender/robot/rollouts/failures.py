@@ -8,10 +8,10 @@ from enum import StrEnum
 import mujoco
 import numpy as np
 
-from ..behaviours.free_floor import FLATNESS_M, FreeFloor
-from ..behaviours.seats import Seat
+from ..behaviours.trajectory import Seat
 from ..model.composition import Composition, geom_bounds
 from ..model.contacts import Contacts
+from ..planning.free_floor import FLATNESS_M, FreeFloor
 from ..scope.scope import BehaviourScope
 from .quality import Meter
 

@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ..behaviours.seats import Seat
+from ..behaviours.trajectory import Seat
 from ..model.composition import Composition
 from ..model.contacts import Contacts
 

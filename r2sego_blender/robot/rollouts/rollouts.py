@@ -15,9 +15,9 @@ from ...core.arrays import opened_arrays, require_shapes, save_arrays
 from ...core.errors import RobotError
 from ...core.progress import SILENT, Progress
 from ...core.text_files import opened_json, write_json
-from ..behaviours.free_floor import free_floor
 from ..model.model import RobotModel
 from ..model.mujoco_warnings import described
+from ..planning.free_floor import free_floor
 from ..scope.scope import BehaviourScope
 from .attempts import Attempts, Rollout, in_order
 from .failures import Reason

@@ -9,10 +9,11 @@ import numpy as np
 
 from ...config.settings import RolloutSettings
 from ...core.errors import RobotError
-from ..behaviours.free_floor import FreeFloor, free_floor
+from ..behaviours.look_around import LookAround
 from ..controllers.tracking import TrackingController
 from ..model.model import RobotModel
-from ..scope.scope import Behaviours, BehaviourScope, Episode, Look, LookAround, Start
+from ..planning.free_floor import FreeFloor, free_floor
+from ..scope.scope import Behaviours, BehaviourScope, Episode, Look, Start
 from .failures import Judge
 from .simulation import simulate
 

@@ -1,4 +1,4 @@
 """The behaviour scope B: what a person declared of motions, views and initial conditions.
 
-Begin with ``scope``.
+Uses ``behaviours``. Begin with ``scope``.
 """

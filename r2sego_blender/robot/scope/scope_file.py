@@ -1,17 +1,18 @@
-"""Writing behaviour scopes: as TOML that ``BehaviourScope.load`` reads back, and with fields changed."""
+"""Writing behaviour scopes: as TOML that is read back, with fields changed, in another frame."""
 
 from __future__ import annotations
 
 import copy
 import dataclasses
 import re
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomli_w
 
+from ...config.declared_files import parse_toml
 from ...core.errors import RobotError
 from ...core.text_files import write_text
 from .scope import BehaviourScope
@@ -59,6 +60,20 @@ def changed_scope(scope: BehaviourScope, changes: Mapping[str, Any], where: Path
     return BehaviourScope.from_tables(tables, where)
 
 
+def moved_scope(scope: BehaviourScope, similarity: np.ndarray, where: Path) -> BehaviourScope:
+    """The scope after a (4, 4) similarity of the world; the same where it names no place.
+
+    Places are on the floor: what the similarity lifts off it is dropped. Raises RobotError,
+    naming ``where``, when the moved region is none.
+    """
+    changes = {}
+    if not isinstance(scope.region.within, str):
+        changes["region.within"] = _moved(scope.region.within, similarity)
+    if not isinstance(scope.sit_on.target, str):
+        (changes["sit_on.target"],) = _moved([scope.sit_on.target], similarity)
+    return changed_scope(scope, changes, where) if changes else scope
+
+
 def value_of(text: str) -> Any:
     """A value as written in TOML; what is no TOML is a text, and nothing is None.
 
@@ -67,8 +82,8 @@ def value_of(text: str) -> Any:
     if not text:
         return None
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        return parse_toml(f"value = {text}")["value"]
+    except (ValueError, RecursionError) as error:
         if text.lstrip()[:1] in ("[", "{"):
             raise RobotError(
                 f"'{text}' is no TOML value: {error}", where="--set",
@@ -86,3 +101,8 @@ def _plain(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [_plain(one) for one in value]
     return value
+
+
+def _moved(places, similarity: np.ndarray) -> list[list[float]]:
+    points = np.asarray(places, np.float64)
+    return (points @ similarity[:2, :2].T + similarity[:2, 3]).tolist()

@@ -39,9 +39,16 @@ class CpuBackend:
         return self._rasterizer.gradient_planes
 
     def step(
-        self, rates: np.ndarray, opacity_pull: float, scale_pull: float, with_alpha: bool, with_depth: bool
+        self,
+        rates: np.ndarray,
+        opacity_regularization: float,
+        scale_regularization: float,
+        with_alpha: bool,
+        with_depth: bool,
     ) -> None:
-        self._rasterizer.step(self._state, rates, opacity_pull, scale_pull, with_alpha, with_depth)
+        self._rasterizer.step(
+            self._state, rates, opacity_regularization, scale_regularization, with_alpha, with_depth
+        )
 
     def pose_gradient(self) -> np.ndarray:
         return self._rasterizer.pose_gradient()

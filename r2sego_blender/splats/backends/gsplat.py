@@ -120,7 +120,12 @@ class GsplatBackend:
         return self._gradients
 
     def step(
-        self, rates: np.ndarray, opacity_pull: float, scale_pull: float, with_alpha: bool, with_depth: bool
+        self,
+        rates: np.ndarray,
+        opacity_regularization: float,
+        scale_regularization: float,
+        with_alpha: bool,
+        with_depth: bool,
     ) -> None:
         used = [0, 1, 2, *([TRANSMITTANCE_PLANE] * with_alpha), *([DEPTH_PLANE] * with_depth)]
         upstream = self._tensor(self._gradients[used, : self._camera.height, : self._camera.width])
@@ -128,8 +133,8 @@ class GsplatBackend:
         rows, gradient = self._rows.detach(), self._rows.grad
         blended = (gradient != 0.0).any(dim=1, keepdim=True)
         opacity, scales = torch.sigmoid(rows[:, LOGIT_OPACITY]), rows[:, LOG_SCALE:QUATERNION].exp()
-        gradient[:, LOGIT_OPACITY] += opacity_pull * opacity * (1.0 - opacity)
-        gradient[:, LOG_SCALE:QUATERNION] += scale_pull * scales
+        gradient[:, LOGIT_OPACITY] += opacity_regularization * opacity * (1.0 - opacity)
+        gradient[:, LOG_SCALE:QUATERNION] += scale_regularization * scales
         half_image = self._tensor([0.5 * self._camera.width, 0.5 * self._camera.height])
         shift = (self._meta["means2d"].grad[0] * half_image).norm(dim=1)
         self._statistics += blended * torch.stack([shift, torch.ones_like(shift)], dim=1)

@@ -42,7 +42,12 @@ class SplatBackend(Protocol):
         """For the loss' gradients in colour, alpha and the depth sum; 0 outside the camera's image."""
 
     def step(
-        self, rates: np.ndarray, opacity_pull: float, scale_pull: float, with_alpha: bool, with_depth: bool
+        self,
+        rates: np.ndarray,
+        opacity_regularization: float,
+        scale_regularization: float,
+        with_alpha: bool,
+        with_depth: bool,
     ) -> None:
         """Move the Gaussians along ``gradient_planes``; see ``Rasterizer.step``."""
 

@@ -75,11 +75,11 @@ class Correction:
         by_gain = np.einsum("chw,chw->c", gradient, planes, dtype=np.float64)
         by_offset = gradient.sum(axis=(1, 2), dtype=np.float64)
         gradient *= self.exposure[0][:, None, None]
-        self._exposure.step(np.stack([by_gain, by_offset]), self._settings.exposure_rate)
+        self._exposure.step(np.stack([by_gain, by_offset]), self._settings.exposure_learning_rate)
 
     def learn_pose(self, gradient: np.ndarray) -> None:
         """One step from the pose's gradient (6,), see ``rasterizer.Gradients``."""
-        self._twist.step(gradient, self._settings.pose_rate)
+        self._twist.step(gradient, self._settings.pose_learning_rate)
         turn, shift = self._twist.values[:3], self._twist.values[3:]
         for part, largest in ((turn, _LARGEST_TURN_RAD), (shift, _LARGEST_SHIFT_M)):
             part *= min(1.0, largest / max(float(np.linalg.norm(part)), 1e-30))

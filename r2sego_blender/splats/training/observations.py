@@ -33,7 +33,8 @@ class Observation:
     and ``normals`` (H, W, 3) float32 the surface's unit normals in the camera frame, 0
     unknown; ``depth_confidence`` (H, W) float32 in [0, 1] weighs both. ``refines_exposure``
     and ``refines_pose`` let training correct the image's brightness and the camera's pose, at
-    the settings' ``exposure_rate`` and ``pose_rate``: for generated frames, never for captures.
+    the settings' ``exposure_learning_rate`` and ``pose_learning_rate``: for generated frames,
+    never for captures.
     """
 
     camera: Camera

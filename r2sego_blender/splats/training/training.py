@@ -129,7 +129,8 @@ class _Schedule:
         settings, done = self._settings, step / self._steps
         raises = settings.sh_degree - self._first_degree
         degree = self._first_degree + step * (raises + 1) // self._steps
-        rates = self._rates(settings.position_decay**done) * settings.rate_swing ** (1.0 - 2.0 * done)
+        annealing = settings.learning_rate_annealing ** (1.0 - 2.0 * done)
+        rates = self._rates(settings.position_decay**done) * annealing
         return _Stage(self._stride(done), degree, rates.astype(np.float32))
 
     def _stride(self, done: float) -> int:
@@ -141,12 +142,12 @@ class _Schedule:
     def _rates(self, decay: float) -> np.ndarray:
         settings = self._settings
         rates = np.empty(rows_of((settings.sh_degree + 1) ** 2), np.float32)
-        rates[MEAN:LOG_SCALE] = settings.position_rate * self._position_scale * decay
-        rates[LOG_SCALE:QUATERNION] = settings.scale_rate
-        rates[QUATERNION:LOGIT_OPACITY] = settings.rotation_rate
-        rates[LOGIT_OPACITY] = settings.opacity_rate
-        rates[HARMONICS : HARMONICS + 3] = settings.colour_rate
-        rates[HARMONICS + 3 :] = settings.colour_rate * settings.harmonics_rate_ratio
+        rates[MEAN:LOG_SCALE] = settings.position_learning_rate * self._position_scale * decay
+        rates[LOG_SCALE:QUATERNION] = settings.scale_learning_rate
+        rates[QUATERNION:LOGIT_OPACITY] = settings.rotation_learning_rate
+        rates[LOGIT_OPACITY] = settings.opacity_learning_rate
+        rates[HARMONICS : HARMONICS + 3] = settings.colour_learning_rate
+        rates[HARMONICS + 3 :] = settings.colour_learning_rate * settings.harmonics_learning_rate_ratio
         return rates
 
 
@@ -180,8 +181,9 @@ class _Trainer:
         with_alpha = self._supervise(target, self._observations[index].weight, geometry)
         count = max(len(engine), 1)
         engine.step(
-            stage.rates, settings.opacity_pull / count, settings.scale_pull / count, with_alpha, geometry
-        )
+            stage.rates, settings.opacity_regularization / count, settings.scale_regularization / count,
+            with_alpha, geometry,
+        )  # fmt: skip
         if correction is not None and correction.refines_pose:
             correction.learn_pose(engine.pose_gradient())
         return loss

@@ -53,11 +53,11 @@ def test_a_box_is_deleted_rendered_written_and_restored(run, bundle_path, tmp_pa
     done = run("--restore", "floaters")
     assert done.returncode == 0, done.stderr
     assert (load_ply(bundle_path / "asset.ply").means == before.means).all()
-    assert load_edits(bundle_path) == ()
+    assert load_edits(bundle_path / "asset_edits") == ()
 
 
 def test_a_round_is_shown_with_a_lasso_and_a_selection(run, bundle_path):
     done = run("--round", "0", "--lasso", "1.8", "--fainter", "0.35", "--format", ".ply")
     assert done.returncode == 0, done.stderr
     assert f"Round 0: {fake_asset.SPLATS} splats" in done.stdout and "deleted in edit_001" in done.stdout
-    assert len(load_edits(bundle_path)) == 1
+    assert len(load_edits(bundle_path / "asset_edits")) == 1

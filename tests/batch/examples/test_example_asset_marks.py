@@ -61,4 +61,4 @@ def test_without_a_name_it_only_counts(bundle_path, blender_environment):
     done = run(blender_environment, bundle_path, "--round", 0, "--distance", 0.3)
     assert done.returncode == 0, done.stderr + done.stdout
     assert "0 splats are marked in 0 regions" in done.stdout
-    assert load_edits(bundle_path) == ()
+    assert load_edits(bundle_path / "asset_edits") == ()

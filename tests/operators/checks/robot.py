@@ -81,6 +81,9 @@ def check_choosing_robot_and_scope_asks_the_engine():
         "--set", "behaviours.walk_to=0.25", "--set", "behaviours.look_around=0",
         "--set", "behaviours.step_around=0", "--set", "behaviours.squat=0", "--set", "behaviours.sit_on=1",
     ]  # fmt: skip
+    weights = ops.set_behaviours.get_rna_type().properties
+    assert (weights["walk_to"].name, weights["walk_to"].hard_max) == ("Walk To", 1000.0)
+    assert weights["squat"].description == "Stand, lower the body and look down, as for reaching; takes legs"
 
 
 def check_the_dialog_of_the_scope_begins_with_what_is_declared():
@@ -104,7 +107,9 @@ def check_the_clearance_that_cures_name_is_a_field():
     open_bundle()
     set_clearance = bpy.ops.r2sego.set_clearance
     assert declared(set_clearance, clearance=0.04) == ["--set", "region.clearance_m=0.04"]
-    assert set_clearance.get_rna_type().properties["clearance"].name == "Clearance"
+    clearance = set_clearance.get_rna_type().properties["clearance"]
+    assert (clearance.name, clearance.hard_min, clearance.hard_max) == ("Clearance", 0.0, 1.0)
+    assert abs(clearance.default - 0.08) < 1e-6
     assert bpy.types.R2SEGO_PT_region.bl_label == "Behaviour Region"
 
 

@@ -4,7 +4,7 @@ import fake_bundle
 import numpy as np
 import pytest
 
-from r2sego_blender.core.errors import R2SEgoError, SceneError
+from r2sego_blender.core.errors import CaptureError, R2SEgoError, SceneError
 from r2sego_blender.results.panels.bundle import Bundle
 
 
@@ -59,7 +59,7 @@ def test_a_folder_that_is_no_bundle_is_refused(tmp_path):
 def test_damaged_cameras_are_an_error_that_names_the_file_and_the_cure(tmp_path, content):
     path = fake_bundle.write_bundle(tmp_path / "damaged.r2s")
     (path / "captures" / "cameras.json").write_text(content)
-    with pytest.raises(SceneError, match=r"cameras\.json.*r2sego new"):
+    with pytest.raises(CaptureError, match=r"cameras\.json.*r2sego new"):
         Bundle.open(path).captures()
 
 

@@ -2,10 +2,12 @@
 
 import os
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from r2sego_blender.captures.sparse_points import SPARSE
 from r2sego_blender.core.errors import SceneError
 from r2sego_blender.results.panels.bundle import Bundle
 from r2sego_blender.results.panels.capture_list import horizontal_view_deg, listed_captures, overlap_counts
@@ -48,7 +50,8 @@ def test_without_sparse_points_there_are_no_counts(copy):
 
 
 def test_points_of_other_captures_are_refused(copy):
-    np.savez(copy.sparse_file, visibility=np.ones((5, 2), bool))
+    sparse = copy.read(SPARSE)
+    replace(sparse, visibility=sparse.visibility[:, :2], pixels=sparse.pixels[:, :2]).save(copy.sparse_file)
     with pytest.raises(SceneError, match=r"sparse\.npz"):
         listed_captures(copy)
 

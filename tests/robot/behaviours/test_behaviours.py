@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from r2sego_blender.robot.behaviours.behaviours import RootTrajectory, eased, plan_root
-from r2sego_blender.robot.behaviours.free_floor import FreeFloor, free_floor
-from r2sego_blender.robot.behaviours.navigation import RATE_HZ
-from r2sego_blender.robot.behaviours.seats import STAND_OFF_M, Seat
+from r2sego_blender.robot.behaviours.trajectory import RATE_HZ, STAND_OFF_M, RootTrajectory, Seat, eased
+from r2sego_blender.robot.planning.course import plan_root
+from r2sego_blender.robot.planning.free_floor import FreeFloor, free_floor
 from r2sego_blender.robot.scope.scope import Behaviours, BehaviourScope
 
 SCOPE = BehaviourScope.load("walk_and_look")

@@ -14,13 +14,13 @@ from tiny_policies import onnx_policy, torchscript_policy
 
 from r2sego_blender.config.settings import RolloutSettings
 from r2sego_blender.core.errors import RobotError
-from r2sego_blender.robot.behaviours.free_floor import free_floor
 from r2sego_blender.robot.controllers.controller import check_controller
 from r2sego_blender.robot.controllers.policy import PolicyDrive
 from r2sego_blender.robot.controllers.policy_layout import PolicyLayout
 from r2sego_blender.robot.controllers.policy_observation import Command, Observer
 from r2sego_blender.robot.controllers.policy_runtime import PolicyFile
 from r2sego_blender.robot.model.model import RobotModel
+from r2sego_blender.robot.planning.free_floor import free_floor
 from r2sego_blender.robot.rollouts.attempts import Attempts, Rollout
 from r2sego_blender.robot.scope.scope import BehaviourScope, Control, Episode, Failures
 

@@ -110,7 +110,7 @@ def test_a_small_layout_says_what_its_file_says(tmp_path):
         (
             "rate_hz = 50.0",
             "rate_h = 50.0",
-            r"rate_h is not a field of an observation layout. Did you mean rate_hz",
+            r"rate_h is not a field of this observation layout. Did you mean rate_hz",
         ),
         ("rate_hz = 50.0", "", "rate_hz is missing"),
         ("rate_hz = 50.0", 'rate_hz = "50"', r"rate_hz is '50'"),

@@ -11,9 +11,9 @@ import pytest
 from policy_controllers import SCOPE, controller, only
 
 from r2sego_blender.config.settings import RolloutSettings
-from r2sego_blender.robot.behaviours.free_floor import free_floor
 from r2sego_blender.robot.controllers.policy_observation import Command
 from r2sego_blender.robot.model.model import RobotModel
+from r2sego_blender.robot.planning.free_floor import free_floor
 from r2sego_blender.robot.rollouts.attempts import Attempts, Rollout
 from r2sego_blender.robot.scope.scope import Control, Failures
 

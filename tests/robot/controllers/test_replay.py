@@ -15,14 +15,14 @@ from scipy.spatial.transform import Rotation
 
 from r2sego_blender.config.settings import RolloutSettings
 from r2sego_blender.core.errors import RobotError
-from r2sego_blender.robot.behaviours.free_floor import CELL_M, FreeFloor, free_floor
-from r2sego_blender.robot.behaviours.navigation import RATE_HZ
-from r2sego_blender.robot.behaviours.seats import find_seats
+from r2sego_blender.robot.behaviours.trajectory import RATE_HZ
 from r2sego_blender.robot.controllers.motion_placement import moved, placed_on_floor, seated_span
 from r2sego_blender.robot.controllers.replay import ReplayController, gait_of, load_take
 from r2sego_blender.robot.model.composition import compose
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.motion.motion import plan_motion
+from r2sego_blender.robot.planning.free_floor import CELL_M, FreeFloor, free_floor
+from r2sego_blender.robot.planning.seats import find_seats
 from r2sego_blender.robot.rollouts.attempts import Attempts, Rollout
 from r2sego_blender.robot.scope.scope import Behaviours, BehaviourScope, Control, Episode, Failures
 

@@ -11,9 +11,10 @@ from progress_recorder import ProgressRecorder
 
 from r2sego_blender.config.settings import RolloutSettings
 from r2sego_blender.core.errors import RobotError
+from r2sego_blender.robot.behaviours.walk_to import WalkTo
 from r2sego_blender.robot.model.mujoco_warnings import described, mujoco_warnings
 from r2sego_blender.robot.rollouts.rollouts import load_rollouts, save_rollouts, successful_rollouts
-from r2sego_blender.robot.scope.scope import BehaviourScope, Episode, WalkTo
+from r2sego_blender.robot.scope.scope import BehaviourScope, Episode
 
 SCOPE = replace(
     BehaviourScope.load("walk_and_look"),

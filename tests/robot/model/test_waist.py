@@ -9,11 +9,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from r2sego_blender.robot.behaviours.behaviours import RootTrajectory
-from r2sego_blender.robot.behaviours.gait import plan_gait
-from r2sego_blender.robot.behaviours.upper_body import upper_body
+from r2sego_blender.robot.behaviours.trajectory import RootTrajectory
 from r2sego_blender.robot.model.humanoid import humanoid_mjcf
 from r2sego_blender.robot.model.model import RobotModel
+from r2sego_blender.robot.motion.gait import plan_gait
+from r2sego_blender.robot.motion.upper_body import upper_body
 from r2sego_blender.robot.scope.scope import BehaviourScope, Look
 
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from r2sego_blender.robot.behaviours.behaviours import RootTrajectory, plan_root
-from r2sego_blender.robot.behaviours.free_floor import FreeFloor, free_floor
-from r2sego_blender.robot.behaviours.navigation import RATE_HZ
+from r2sego_blender.robot.behaviours.trajectory import RATE_HZ, RootTrajectory
 from r2sego_blender.robot.motion.motion import plan_motion
+from r2sego_blender.robot.planning.course import plan_root
+from r2sego_blender.robot.planning.free_floor import FreeFloor, free_floor
 from r2sego_blender.robot.scope.scope import BehaviourScope
 
 SCOPE = BehaviourScope.load("walk_and_look")

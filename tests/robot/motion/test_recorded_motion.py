@@ -13,7 +13,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from r2sego_blender.core.errors import RobotError
-from r2sego_blender.robot.behaviours.navigation import RATE_HZ
+from r2sego_blender.robot.behaviours.trajectory import RATE_HZ
 from r2sego_blender.robot.model.kinematics import LegSolver
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.motion.foot_locking import foot_places, plant_feet, planted, spans, stances

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from r2sego_blender.core.errors import RobotError
-from r2sego_blender.robot.behaviours.navigation import RATE_HZ
+from r2sego_blender.robot.behaviours.trajectory import RATE_HZ
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.motion.foot_locking import foot_places, spans
 from r2sego_blender.robot.motion.recorded_motion import HUMAN_BODIES, HumanRecording, read_recording

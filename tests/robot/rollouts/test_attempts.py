@@ -13,11 +13,12 @@ import pytest
 
 from r2sego_blender.config.settings import RolloutSettings
 from r2sego_blender.core.errors import NativeError, RobotError
-from r2sego_blender.robot.behaviours.free_floor import free_floor
+from r2sego_blender.robot.behaviours.walk_to import WalkTo
+from r2sego_blender.robot.planning.free_floor import free_floor
 from r2sego_blender.robot.rollouts.attempts import Attempts, _processes, in_order
 from r2sego_blender.robot.rollouts.candidates import candidate_stream
 from r2sego_blender.robot.rollouts.rollouts import successful_rollouts
-from r2sego_blender.robot.scope.scope import BehaviourScope, Episode, WalkTo
+from r2sego_blender.robot.scope.scope import BehaviourScope, Episode
 
 SCOPE = replace(
     BehaviourScope.load("walk_and_look"),
@@ -74,7 +75,8 @@ from pathlib import Path
 
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.rollouts.rollouts import successful_rollouts
-from r2sego_blender.robot.scope.scope import BehaviourScope, Episode, WalkTo
+from r2sego_blender.robot.behaviours.walk_to import WalkTo
+from r2sego_blender.robot.scope.scope import BehaviourScope, Episode
 from r2sego_blender.config.settings import RolloutSettings
 
 print("started", file=sys.stderr)

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from r2sego_blender.config.settings import RolloutSettings
-from r2sego_blender.robot.behaviours.free_floor import free_floor
-from r2sego_blender.robot.behaviours.seats import Seat
+from r2sego_blender.robot.behaviours.trajectory import Seat
 from r2sego_blender.robot.controllers.tracking import TrackingController
 from r2sego_blender.robot.model.composition import Composition, compose
 from r2sego_blender.robot.model.contacts import scene_contacts
@@ -19,6 +18,7 @@ from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.model.mount import CameraMount
 from r2sego_blender.robot.model.mujoco_warnings import mujoco_warnings
 from r2sego_blender.robot.model.structure import posed
+from r2sego_blender.robot.planning.free_floor import free_floor
 from r2sego_blender.robot.rollouts.failures import SUCCESS, Judge, Reason
 from r2sego_blender.robot.rollouts.quality import Meter
 from r2sego_blender.robot.rollouts.simulation import simulate

@@ -10,7 +10,8 @@ import pytest
 
 from r2sego_blender.config.settings import RolloutSettings
 from r2sego_blender.core.errors import RobotError
-from r2sego_blender.robot.behaviours.free_floor import free_floor
+from r2sego_blender.robot.behaviours.walk_to import WalkTo
+from r2sego_blender.robot.planning.free_floor import free_floor
 from r2sego_blender.robot.rollouts.candidates import candidate_stream
 from r2sego_blender.robot.rollouts.rollouts import (
     Rollout,
@@ -18,7 +19,7 @@ from r2sego_blender.robot.rollouts.rollouts import (
     save_rollouts,
     successful_rollouts,
 )
-from r2sego_blender.robot.scope.scope import BehaviourScope, Episode, Failures, Start, WalkTo
+from r2sego_blender.robot.scope.scope import BehaviourScope, Episode, Failures, Start
 
 SCOPE = BehaviourScope.load("walk_and_look")
 FEW = RolloutSettings(successes=5, max_attempts=15)

@@ -5,7 +5,7 @@ import pytest
 
 from r2sego_blender.config.settings import RolloutSettings
 from r2sego_blender.core.errors import RobotError
-from r2sego_blender.robot.behaviours.free_floor import free_floor
+from r2sego_blender.robot.planning.free_floor import free_floor
 from r2sego_blender.robot.rollouts.standing import stand
 from r2sego_blender.robot.scope.scope import BehaviourScope
 

@@ -6,13 +6,17 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from r2sego_blender.core.errors import RobotError
+from r2sego_blender.robot.behaviours.sit_on import SitOn
 from r2sego_blender.robot.model.mount import parse_mount
-from r2sego_blender.robot.scope.scope import BehaviourScope, Region, Robot, SitOn, shipped_scopes
-from r2sego_blender.robot.scope.scope_file import changed_scope, save_scope, value_of
+from r2sego_blender.robot.scope.scope import BehaviourScope, Region, Robot, shipped_scopes
+from r2sego_blender.robot.scope.scope_file import changed_scope, moved_scope, save_scope, value_of
 
+CORNERS = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.5], [0.0, 1.5]]
 SQUARE = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.5), (-0.25, 1.5))
 
 
@@ -89,3 +93,27 @@ def test_the_mount_that_the_page_shows_is_read(tmp_path):
     mount = BehaviourScope.load(tmp_path / "own.toml").robot.mount
     assert parse_mount(mount, "page").pitch_down_deg == pytest.approx(47.6, abs=0.05)
     assert parse_mount(value_of(shown), "page").fov_deg == 69.0
+
+
+@pytest.fixture
+def similarity():
+    similarity = np.eye(4)
+    similarity[:3, :3] = 2.0 * Rotation.from_euler("z", 90, degrees=True).as_matrix()
+    similarity[:3, 3] = 0.5, -0.25, 0.1
+    return similarity
+
+
+def test_region_and_target_are_moved(similarity):
+    scope = BehaviourScope.load("sit_down")
+    scope = changed_scope(scope, {"region.within": CORNERS, "sit_on.target": [1.0, 0.5]}, Path("scope.toml"))
+    moved = moved_scope(scope, similarity, Path("scope.toml"))
+    np.testing.assert_allclose(moved.region.within[1], [0.5, 3.75], atol=1e-12)
+    np.testing.assert_allclose(moved.sit_on.target, [-0.5, 1.75], atol=1e-12)
+    back = moved_scope(moved, np.linalg.inv(similarity), Path("scope.toml"))
+    np.testing.assert_allclose(back.region.within, CORNERS, atol=1e-12)
+    assert back.walk_to == scope.walk_to and back.behaviours == scope.behaviours
+
+
+def test_a_scope_without_places_stays_the_same(similarity):
+    scope = BehaviourScope.load("sit_down")
+    assert moved_scope(scope, similarity, Path("scope.toml")) is scope

@@ -205,7 +205,7 @@ def trained_db(
 
 SETTINGS = dataclasses.replace(
     TrainingSettings(**UNREGULARISED), sh_degree=1, every_third_pixel_share=0.2, every_second_pixel_share=0.2,
-    depth_weight=0.05, exposure_rate=1e-3, pose_rate=1e-4,
+    depth_weight=0.05, exposure_learning_rate=1e-3, pose_learning_rate=1e-4,
 )  # fmt: skip
 
 
@@ -213,7 +213,12 @@ SETTINGS = dataclasses.replace(
     "changes",
     [
         {},
-        {"dropout_share": 0.2, "max_scale_m": 0.3, "opacity_pull": 0.01, "scale_pull": 0.01},
+        {
+            "dropout_share": 0.2,
+            "max_scale_m": 0.3,
+            "opacity_regularization": 0.01,
+            "scale_regularization": 0.01,
+        },
         {"densification": "growth", "max_gaussians": 1000, "densify_every_steps": 10},
         {"densification": "relocation", "max_gaussians": 1000, "densify_every_steps": 10},
     ],

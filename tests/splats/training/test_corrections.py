@@ -17,7 +17,7 @@ from r2sego_blender.splats.training.observations import Observation
 from r2sego_blender.splats.training.training import train
 
 PLAIN = TrainingSettings(**EVERY_PIXEL, **UNREGULARISED)
-SETTINGS = dataclasses.replace(PLAIN, sh_degree=0, exposure_rate=5e-3, pose_rate=1e-3)
+SETTINGS = dataclasses.replace(PLAIN, sh_degree=0, exposure_learning_rate=5e-3, pose_learning_rate=1e-3)
 
 
 def test_a_wrong_pose_is_found_from_the_image() -> None:
@@ -49,7 +49,7 @@ def test_a_darker_frame_is_exposed_not_learnt() -> None:
     dark = (0.8 * image + 0.02).astype(np.float32)
     views = [Observation(camera, image), Observation(camera, dark, refines_exposure=True)]
     plain = [views[0], Observation(camera, dark)]
-    rates = dataclasses.replace(SETTINGS, colour_rate=5e-3)
+    rates = dataclasses.replace(SETTINGS, colour_learning_rate=5e-3)
     with_exposure = render(train(asset, views, 300, rates, np.random.default_rng(0)), camera).colour
     without = render(train(asset, plain, 300, rates, np.random.default_rng(0)), camera).colour
     assert np.abs(with_exposure - image).mean() < 0.6 * np.abs(without - image).mean()
@@ -77,7 +77,7 @@ def test_the_exposure_gradient_is_the_chain_rule() -> None:
 @pytest.mark.parametrize("gradient", [1e6, -1e6])
 def test_a_pose_never_runs_away(gradient: float) -> None:
     camera = small_camera()
-    correction = Correction(dataclasses.replace(SETTINGS, pose_rate=0.5), False, refines_pose=True)
+    correction = Correction(dataclasses.replace(SETTINGS, pose_learning_rate=0.5), False, refines_pose=True)
     for _ in range(50):
         correction.learn_pose(np.full(6, gradient))
     moved = correction.camera(camera)

@@ -177,9 +177,10 @@ def test_the_same_seed_gives_the_same_asset() -> None:
 def test_vanilla_3dgs_is_a_configuration_of_the_same_trainer() -> None:
     settings = dataclasses.replace(TrainingSettings(), **VANILLA_3DGS)
     assert settings.densification == "original"
-    assert (settings.scale_rate, settings.rotation_rate, settings.colour_rate) == (0.005, 0.001, 0.0025)
-    assert (settings.position_rate, settings.opacity_rate, settings.ssim_weight) == (1.6e-4, 0.05, 0.2)
-    assert settings.harmonics_rate_ratio == 1 / 20
+    rates = {"position": 1.6e-4, "scale": 0.005, "rotation": 0.001, "opacity": 0.05, "colour": 0.0025}
+    assert {name: getattr(settings, f"{name}_learning_rate") for name in rates} == rates
+    assert settings.ssim_weight == 0.2
+    assert settings.harmonics_learning_rate_ratio == 1 / 20
     assert (settings.gradient_threshold, settings.split_scale, settings.dead_opacity) == (2e-4, 0.01, 0.005)
     assert (settings.densify_every_steps, settings.opacity_reset_steps) == (100, 3000)
     assert round(settings.densify_from_share * 30000) == 500

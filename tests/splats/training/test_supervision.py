@@ -86,7 +86,7 @@ def test_training_with_depth_puts_the_surface_where_it_is() -> None:
     depth, normals = slanted_plane(lens)
     grey = np.full((*lens.shape, 3), 0.5, np.float32)  # no texture: colour says nothing of depth
     points = lens.unproject(depth).reshape(-1, 3)[::5] * 1.15
-    settings = dataclasses.replace(BOTH, depth_weight=1.0, position_rate=2e-2)
+    settings = dataclasses.replace(BOTH, depth_weight=1.0, position_learning_rate=2e-2)
     start = from_points(points, np.full(points.shape, 0.5), settings, np.random.default_rng(0))
     view = Observation(lens, grey, depth=depth, normals=normals)
 

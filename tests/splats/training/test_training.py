@@ -153,11 +153,11 @@ def test_an_observation_is_drawn_as_often_as_it_says() -> None:
 def test_rates_swing_around_what_is_set_and_the_means_decay_besides() -> None:
     from r2sego_blender.splats.training.training import _Schedule
 
-    settings = dataclasses.replace(SETTINGS, position_decay=0.04, rate_swing=1.0)
+    settings = dataclasses.replace(SETTINGS, position_decay=0.04, learning_rate_annealing=1.0)
     first, middle = (_Schedule(settings, 100, 0, 2.0).at(step).rates for step in (0, 50))
-    assert first[0] == np.float32(2.0 * settings.position_rate)
+    assert first[0] == np.float32(2.0 * settings.position_learning_rate)
     np.testing.assert_allclose(middle / first, [0.2] * 3 + [1.0] * (len(first) - 3), rtol=1e-5)
-    swinging = _Schedule(dataclasses.replace(settings, rate_swing=3.0), 100, 0, 2.0)
+    swinging = _Schedule(dataclasses.replace(settings, learning_rate_annealing=3.0), 100, 0, 2.0)
     np.testing.assert_allclose(swinging.at(0).rates, 3.0 * first, rtol=1e-5)
     np.testing.assert_allclose(swinging.at(50).rates, middle, rtol=1e-5)
     assert swinging.at(100).rates[-1] == pytest.approx(first[-1] / 3.0)

@@ -11,8 +11,9 @@ import numpy as np
 from scipy import ndimage
 
 from ...core.errors import RobotError
+from ..behaviours.sit_on import ANY_SEAT, SitOn
+from ..behaviours.trajectory import Seat
 from ..model.composition import compile_scene, scene_spec
-from ..scope.scope import ANY_SEAT, SitOn
 from .free_floor import CELL_M, FreeFloor
 
 _CELL_M = 0.025
@@ -34,43 +35,10 @@ _RIM_M = 0.1
 _FLOOR_M = 0.06
 # A backrest rises by this much within this distance behind the seated pelvis.
 _BACK_RISE_M, _BACK_REACH_M = 0.15, 0.55
-STAND_OFF_M = 0.14
-"""From the seat's front edge to the pelvis that stands before it, about to sit down."""
 # From here a robot turns and steps back to a seat.
 _APPROACH_M = (0.2, 1.0)
-_HOLDS_M, _HOLDS_ABOVE_M = 0.45, 0.08
 TARGET_M = 0.8
 """A target named by a place means a seat no farther away than this."""
-
-
-@dataclass(frozen=True)
-class Seat:
-    """A place to sit, looking along ``yaw_rad``, away from the backrest where there is one.
-
-    ``edge_m`` (2,) is the point of the front edge in the middle before the seated robot,
-    world x and y, metres; ``height_m`` the world z of the surface; ``approach_m`` how far
-    before the edge the free floor begins, where a robot can turn; ``surface`` numbers the
-    surfaces: a sofa is one, with many places.
-    """
-
-    edge_m: tuple[float, float]
-    height_m: float
-    yaw_rad: float
-    approach_m: float
-    surface: int = 0
-
-    def ahead(self, distance_m: float) -> np.ndarray:
-        """(2,) the point ``distance_m`` before the front edge; negative: on the seat."""
-        return np.array(self.edge_m) + distance_m * np.array([np.cos(self.yaw_rad), np.sin(self.yaw_rad)])
-
-    def holds(self, points: np.ndarray) -> np.ndarray:
-        """(n,) bool: which contact points (n, 3) belong to sitting here."""
-        near = np.linalg.norm(points[:, :2] - self.ahead(-0.1), axis=1) < _HOLDS_M
-        return near & (points[:, 2] < self.height_m + _HOLDS_ABOVE_M)
-
-    def is_near(self, point: np.ndarray) -> bool:
-        """Whether (2,) is on the seat or on the last step towards it."""
-        return bool(np.linalg.norm(np.asarray(point) - self.edge_m) < self.approach_m + 0.1)
 
 
 def find_seats(

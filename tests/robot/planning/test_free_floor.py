@@ -10,9 +10,9 @@ import pytest
 from scipy import ndimage
 
 from r2sego_blender.core.errors import RobotError
-from r2sego_blender.robot.behaviours.free_floor import CELL_M, FLATNESS_M, free_floor
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.model.wheeled_base import CAMERA_HEIGHT_M, wheeled_base_mjcf
+from r2sego_blender.robot.planning.free_floor import CELL_M, FLATNESS_M, free_floor
 from r2sego_blender.robot.scope.scope import BehaviourScope, Region
 
 SCOPE = BehaviourScope("test")

@@ -1,62 +1,32 @@
-"""r2sego render and edit-asset: what they write, and that an edit outlives a refinement."""
+"""``edit-asset``: what it deletes, and that an edit outlives a refinement."""
 
 import json
-import subprocess
-import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from refined_asset import BACKDROP, CAMERA, ROOM, publish, refined_scene
+from refined_asset import r2sego as run
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
-from r2sego_blender.bundle.layout import of_round
-from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
-from r2sego_blender.commands import cli
 from r2sego_blender.core.errors import AssetError
-from r2sego_blender.core.images import load_image_uint8, to_uint8
-from r2sego_blender.core.progress import SILENT
-from r2sego_blender.refine.steps import Steps
 from r2sego_blender.splats.asset import SplatAsset
-from r2sego_blender.splats.asset_edits import AssetEdit, deleted_by, load_edits, move_edits, save_edit
+from r2sego_blender.splats.asset_edits import ASSET_EDITS, AssetEdit, deleted_by, move_edits, save_edit
 from r2sego_blender.splats.formats.ply import load_ply, save_ply
 from r2sego_blender.splats.regions import Box, Cells, Lasso
-from r2sego_blender.splats.rendering.rasterizer import render
-from tools.benchmarks.workloads import made_up_room
 
-IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
-ROOM = made_up_room(900, (64, 48))
-CAMERA = ROOM.views[0].camera
-BACKDROP = ROOM.asset.subset(np.arange(0, 900, 10)).with_degree(0)
 FIELDS = ("means", "log_scales", "quaternions", "logit_opacities", "sh")
 
 
-@pytest.fixture(autouse=True)
-def signals_stay_the_tests_own(monkeypatch):
-    monkeypatch.setattr(cli, "cancel_at_once", lambda _: None)
-
-
-def r2sego(*arguments):
-    return CliRunner().invoke(cli.main, list(map(str, arguments)))
+@pytest.fixture
+def r2sego(monkeypatch):
+    return partial(run, monkeypatch)
 
 
 @pytest.fixture
 def scene(tmp_path) -> Scene:
-    """As much of a refined scene as publishing its asset reads."""
-
-    def fill(folder: Path) -> None:
-        for name in ("geometry", "rounds/0", "captures"):
-            (folder / name).mkdir(parents=True)
-        save_ply(folder / "rounds/0/asset.ply", ROOM.asset)
-        save_ply(folder / "geometry/backdrop.ply", BACKDROP)
-        save_ply(folder / "geometry/initial_asset.ply", ROOM.asset.subset(np.arange(100)))
-
-    declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
-    made = create_bundle(tmp_path / "room.r2s", declaration, fill)
-    Steps(Runner(made), declaration.settings, SILENT).publish_asset(of_round(0, "asset.ply"))
-    return made
+    return refined_scene(tmp_path)
 
 
 def published(scene: Scene) -> SplatAsset:
@@ -74,11 +44,11 @@ def box_file(folder: Path, half: float = 0.8) -> Path:
     return file
 
 
-def test_a_box_is_deleted_at_once_and_the_rest_kept_to_the_bit(scene, tmp_path):
+def test_a_box_is_deleted_at_once_and_the_rest_kept_to_the_bit(r2sego, scene, tmp_path):
     whole = published(scene)
     done = r2sego("edit-asset", scene.path, "--box", box_file(tmp_path), "--json")
     assert done.exit_code == 0, done.output
-    (edit,) = load_edits(scene.path)
+    (edit,) = scene.read(ASSET_EDITS)
     gone = edit.deletes(whole.means)
     assert 0 < gone.sum() < len(whole) and edit.name == "edit_001"
     left = published(scene)
@@ -89,12 +59,12 @@ def test_a_box_is_deleted_at_once_and_the_rest_kept_to_the_bit(scene, tmp_path):
     assert (told["gaussians"], told["before"]) == (len(left), len(whole))
 
 
-def test_an_edit_shows_at_once_where_a_refinement_was_cut_off(scene, tmp_path):
+def test_an_edit_shows_at_once_where_a_refinement_was_cut_off(r2sego, scene, tmp_path):
     whole = published(scene)
     scene.asset_file.unlink()  # it is published after the last round alone
     done = r2sego("edit-asset", scene.path, "--box", box_file(tmp_path), "--json")
     assert done.exit_code == 0, done.output
-    (edit,) = load_edits(scene.path)
+    (edit,) = scene.read(ASSET_EDITS)
     left, gone = published(scene), edit.deletes(whole.means)
     assert left.degree == ROOM.asset.degree > 0
     for name in FIELDS:
@@ -102,7 +72,7 @@ def test_an_edit_shows_at_once_where_a_refinement_was_cut_off(scene, tmp_path):
 
 
 def test_an_edit_killed_before_its_asset_is_told_and_made_whole_when_it_is_given_again(
-    scene, tmp_path, monkeypatch
+    r2sego, scene, tmp_path, monkeypatch
 ):
     def killed(*_):
         raise KeyboardInterrupt
@@ -111,58 +81,58 @@ def test_an_edit_killed_before_its_asset_is_told_and_made_whole_when_it_is_given
     with monkeypatch.context() as patch:
         patch.setattr("r2sego_blender.editing.asset_edits._publish_again", killed)
         assert r2sego("edit-asset", scene.path, "--box", box).exit_code != 0
-    (edit,) = load_edits(scene.path)
+    (edit,) = scene.read(ASSET_EDITS)
     listed = r2sego("edit-asset", scene.path, "--list").stdout
     assert f"it still holds {len(whole)}: `r2sego refine`" in listed
     again = r2sego("edit-asset", scene.path, "--box", box)
     assert again.exit_code == 1 and "edit_001: the same regions are deleted already" in again.stderr
     assert "still holds" not in r2sego("edit-asset", scene.path, "--list").stdout
-    assert [one.name for one in load_edits(scene.path)] == [edit.name]
+    assert [one.name for one in scene.read(ASSET_EDITS)] == [edit.name]
     assert len(published(scene)) == len(whole) - edit.deletes(whole.means).sum()
 
 
-def test_a_box_that_can_hold_nothing_is_refused(scene, tmp_path):
+def test_a_box_that_can_hold_nothing_is_refused(r2sego, scene, tmp_path):
     done = r2sego("edit-asset", scene.path, "--box", box_file(tmp_path, half=-0.8))
     assert done.exit_code == 1 and "box.json: half_extents are negative. Give half" in done.output
-    assert load_edits(scene.path) == ()
+    assert scene.read(ASSET_EDITS) == ()
 
 
-def test_a_cut_off_edit_is_no_edit(scene, tmp_path):
+def test_a_cut_off_edit_is_no_edit(r2sego, scene, tmp_path):
     done = r2sego("edit-asset", scene.path, "--box", box_file(tmp_path), "--json")
     assert done.exit_code == 0
     (scene.path / "asset_edits" / ".unfinished-edit_002.json").write_text("{")
-    assert [edit.name for edit in load_edits(scene.path)] == ["edit_001"]
+    assert [edit.name for edit in scene.read(ASSET_EDITS)] == ["edit_001"]
 
 
-def test_an_edit_before_the_first_round_is_kept_for_it(scene, tmp_path):
+def test_an_edit_before_the_first_round_is_kept_for_it(r2sego, scene, tmp_path):
     for file in (scene.asset_file, scene.path / "rounds/0/asset.ply"):
         file.unlink()
     done = r2sego("edit-asset", scene.path, "--box", box_file(tmp_path), "--json")
     assert done.exit_code == 0 and "gaussians" not in json.loads(done.stdout)
-    assert len(load_edits(scene.path)) == 1 and not scene.asset_file.exists()
+    assert len(scene.read(ASSET_EDITS)) == 1 and not scene.asset_file.exists()
 
 
-def test_an_edit_outlives_a_new_refinement_and_can_be_taken_back(scene, tmp_path):
+def test_an_edit_outlives_a_new_refinement_and_can_be_taken_back(r2sego, scene, tmp_path):
     before = scene.asset_file.read_bytes()
     assert r2sego("edit-asset", scene.path, "--box", box_file(tmp_path), "--name", "floaters").exit_code == 0
     moved = ROOM.asset.subset(np.arange(len(ROOM.asset))[::-1])  # as a refinement leaves others
     save_ply(scene.path / "rounds/0/asset.ply", moved)
-    Steps(Runner(scene), scene.declaration.settings, SILENT).publish_asset(of_round(0, "asset.ply"))
-    assert not deleted_by(load_edits(scene.path), published(scene).means).any()
+    publish(scene)
+    assert not deleted_by(scene.read(ASSET_EDITS), published(scene).means).any()
     save_ply(scene.path / "rounds/0/asset.ply", ROOM.asset)
     done = r2sego("edit-asset", scene.path, "--remove", "floaters")
-    assert done.exit_code == 0 and load_edits(scene.path) == ()
+    assert done.exit_code == 0 and scene.read(ASSET_EDITS) == ()
     assert scene.asset_file.read_bytes() == before
 
 
-def test_several_regions_of_one_call_are_one_edit(scene, tmp_path):
+def test_several_regions_of_one_call_are_one_edit(r2sego, scene, tmp_path):
     polygon = np.array([[0.0, 0.0], [32.0, 0.0], [32.0, 48.0], [0.0, 48.0]])
     lasso, cells = tmp_path / "lasso.json", tmp_path / "cells.json"
     lasso.write_text(json.dumps(Lasso(CAMERA, polygon, 0.0, 2.5).to_json()))
     cells.write_text(json.dumps(Cells.around(ROOM.asset.means[:5], 0.05).to_json()))
     done = r2sego("edit-asset", scene.path, "--lasso", lasso, "--cells", cells)
     assert done.exit_code == 0 and "lasso, cells" in done.stdout
-    (edit,) = load_edits(scene.path)
+    (edit,) = scene.read(ASSET_EDITS)
     left = published(scene).means
     assert not edit.deletes(left).any() and len(left) < len(ROOM.asset) + len(BACKDROP)
 
@@ -179,49 +149,36 @@ def test_several_regions_of_one_call_are_one_edit(scene, tmp_path):
         (["--lasso", "BOX"], "polygon_px"),
     ],
 )
-def test_a_refused_edit_changes_nothing(scene, tmp_path, arguments, words):
+def test_a_refused_edit_changes_nothing(r2sego, scene, tmp_path, arguments, words):
     given = [box_file(tmp_path) if a == "BOX" else a for a in arguments]
     before = scene.asset_file.read_bytes()
     done = r2sego("edit-asset", scene.path, *given)
     assert done.exit_code == 1 and words in done.stderr, done.output
-    assert scene.asset_file.read_bytes() == before and load_edits(scene.path) == ()
+    assert scene.asset_file.read_bytes() == before and scene.read(ASSET_EDITS) == ()
 
 
 @pytest.mark.parametrize("damaged", ["geometry/backdrop.ply", "rounds/0/asset.ply"])
-def test_an_edit_of_a_damaged_asset_changes_nothing(scene, tmp_path, damaged):
+def test_an_edit_of_a_damaged_asset_changes_nothing(r2sego, scene, tmp_path, damaged):
     file, before = scene.path / damaged, scene.asset_file.read_bytes()
     file.write_bytes(file.read_bytes()[:3000])
     done = r2sego("edit-asset", scene.path, "--box", box_file(tmp_path))
     assert done.exit_code == 1 and damaged in done.stderr, done.output
     assert done.stderr.strip().endswith("Run `r2sego refine` again."), done.stderr
-    assert scene.asset_file.read_bytes() == before and load_edits(scene.path) == ()
+    assert scene.asset_file.read_bytes() == before and scene.read(ASSET_EDITS) == ()
 
 
-@pytest.mark.parametrize("what", ["a folder", "gone"])
-def test_a_round_is_not_rendered_without_its_backdrop(scene, tmp_path, what):
-    with (scene.path / "journal.jsonl").open("a") as journal:  # as the step that makes it notes it
-        journal.write(json.dumps({"step": "geometry/backdrop.ply", "inputs": "", "output": "0"}) + "\n")
-    (scene.path / "geometry/backdrop.ply").unlink()
-    if what == "a folder":
-        (scene.path / "geometry/backdrop.ply").mkdir()
-    options = ["--cameras", cameras_file(tmp_path), "--to", tmp_path / "out", "--round", 0]
-    done = r2sego("render", scene.path, *options)
-    assert done.exit_code == 1, done.output
-    assert "backdrop.ply: the splat file cannot be read. Run `r2sego refine` again." in done.stderr
-
-
-def test_an_edit_takes_the_name_of_one_that_goes(scene, tmp_path):
+def test_an_edit_takes_the_name_of_one_that_goes(r2sego, scene, tmp_path):
     box = box_file(tmp_path)
     assert r2sego("edit-asset", scene.path, "--box", box, "--name", "floaters").exit_code == 0
     wider = box_file(tmp_path, half=1.2)
     done = r2sego("edit-asset", scene.path, "--remove", "floaters", "--box", wider, "--name", "floaters")
     assert done.exit_code == 0, done.output
-    (edit,) = load_edits(scene.path)
+    (edit,) = scene.read(ASSET_EDITS)
     assert edit.name == "floaters" and edit.regions[0].half_extents.tolist() == [1.2] * 3
     assert not edit.deletes(published(scene).means).any()
 
 
-def test_a_region_is_not_deleted_twice(scene, tmp_path):
+def test_a_region_is_not_deleted_twice(r2sego, scene, tmp_path):
     box = box_file(tmp_path)
     assert r2sego("edit-asset", scene.path, "--box", box, "--name", "floaters").exit_code == 0
     done = r2sego("edit-asset", scene.path, "--box", box)
@@ -231,7 +188,7 @@ def test_a_region_is_not_deleted_twice(scene, tmp_path):
     cells = tmp_path / "cells.json"
     cells.write_text(json.dumps(Cells.around(ROOM.asset.means[:5], 0.05).to_json()))
     assert r2sego("edit-asset", scene.path, "--box", box, "--cells", cells).exit_code == 0
-    kinds = {edit.name: [one.to_json()["kind"] for one in edit.regions] for edit in load_edits(scene.path)}
+    kinds = {edit.name: [one.to_json()["kind"] for one in edit.regions] for edit in scene.read(ASSET_EDITS)}
     assert kinds == {"edit_001": ["cells"], "floaters": ["box"]}
 
 
@@ -239,7 +196,7 @@ def test_edits_move_with_the_world(scene):
     similarity = np.diag([2.0, 2.0, 2.0, 1.0])
     save_edit(scene, AssetEdit("a", (Box(np.eye(4), np.ones(3)),)))
     move_edits(scene, similarity)
-    (edit,) = load_edits(scene.path)
+    (edit,) = scene.read(ASSET_EDITS)
     assert edit.deletes(np.array([[1.9, 0.0, 0.0], [2.1, 0.0, 0.0]])).tolist() == [True, False]
 
 
@@ -247,40 +204,4 @@ def test_a_damaged_edit_is_named(scene):
     (scene.path / "asset_edits").mkdir()
     (scene.path / "asset_edits" / "a.json").write_text('{"regions": 3}')
     with pytest.raises(AssetError, match=r"a\.json"):
-        load_edits(scene.path)
-
-
-def cameras_file(folder: Path) -> Path:
-    file = folder / "cameras.json"
-    file.write_text(json.dumps({"cameras": [{"name": "here", **CAMERA.to_json()}]}))
-    return file
-
-
-@pytest.mark.parametrize("stage", ["initial", "0", "final"])
-def test_a_scene_is_rendered_at_every_stage_with_its_backdrop(scene, tmp_path, stage):
-    done = r2sego("render", scene.path, "--cameras", cameras_file(tmp_path), "--to", tmp_path / "out",
-                  "--round", stage)  # fmt: skip
-    assert done.exit_code == 0, done.output
-    whole = ROOM.asset.concatenated(BACKDROP.with_degree(ROOM.asset.degree))
-    asset = ROOM.asset.subset(np.arange(100)) if stage == "initial" else whole
-    picture = load_image_uint8(tmp_path / "out" / "here.png")
-    np.testing.assert_array_equal(picture, to_uint8(render(asset, CAMERA).colour))
-
-
-def test_a_file_is_rendered_and_the_result_told(scene, tmp_path):
-    file = scene.path / "rounds/0/asset.ply"
-    command = ["render", file, "--cameras", cameras_file(tmp_path), "--to", tmp_path / "out"]
-    done = subprocess.run(
-        [sys.executable, "-m", "r2sego_blender", *command, "--pass", "depth", "--json-progress"],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    told = json.loads(done.stdout.splitlines()[-1])
-    assert told["event"] == "result" and told["gaussians"] == 900
-    assert [Path(f).name for f in told["files"]] == ["here_depth.png", "here.npz"]
-
-
-def test_rendering_names_what_is_missing(scene, tmp_path):
-    options = ["--cameras", cameras_file(tmp_path), "--to", tmp_path / "out"]
-    assert "0, final" in r2sego("render", scene.path, *options, "--round", 7).stderr
-    assert "none.ply" in r2sego("render", tmp_path / "none.ply", *options).stderr
-    assert not (tmp_path / "out").exists()
+        scene.read(ASSET_EDITS)

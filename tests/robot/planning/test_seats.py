@@ -10,8 +10,9 @@ import pytest
 
 from r2sego_blender.config.settings import RolloutSettings
 from r2sego_blender.core.errors import RobotError
-from r2sego_blender.robot.behaviours.free_floor import FreeFloor, free_floor
-from r2sego_blender.robot.behaviours.seats import Seat, find_seats
+from r2sego_blender.robot.behaviours.trajectory import Seat
+from r2sego_blender.robot.planning.free_floor import FreeFloor, free_floor
+from r2sego_blender.robot.planning.seats import find_seats
 from r2sego_blender.robot.rollouts.rollouts import successful_rollouts
 from r2sego_blender.robot.scope.scope import BehaviourScope
 

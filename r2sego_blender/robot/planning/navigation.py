@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
 from skimage.graph import MCP_Geometric
 
+from ..behaviours.trajectory import RATE_HZ, Pursuit
 from ..scope.scope import BehaviourScope
 from .free_floor import CELL_M, FreeFloor
-
-RATE_HZ = 50.0
-"""Rate of reference motions."""
 
 _ACCELERATION_M_S2 = 0.7
 _TURN_ACCELERATION_RAD_S2 = 4.0
@@ -28,21 +25,6 @@ _WALKING_SHARE = 0.8
 # A cell at the edge of the free floor costs this much more than one in the open.
 _EDGE_COST = 2.0
 _EDGE_REACH_M = 0.25
-
-
-@dataclass(frozen=True)
-class Pursuit:
-    """A way as it is walked, at ``RATE_HZ``.
-
-    ``xy`` (T, 2) metres, ``yaw`` (T,) radians, not wrapped, ``speed`` (T,) m/s along the
-    heading; ``arrived`` is the first frame at which the goal and the final heading are
-    reached, None where time does not suffice.
-    """
-
-    xy: np.ndarray
-    yaw: np.ndarray
-    speed: np.ndarray
-    arrived: int | None
 
 
 def draw_cell(free: np.ndarray, rng: np.random.Generator) -> tuple[int, int]:

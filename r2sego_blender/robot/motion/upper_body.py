@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
+from ..behaviours.trajectory import RATE_HZ, RootTrajectory, eased
 from ..model.model import RobotModel
 from ..model.structure import axes_in_base, posed
+from ..planning.course import draw
 from ..scope.scope import BehaviourScope
-from .behaviours import RootTrajectory, draw, eased
 from .gait import Gait
-from .navigation import RATE_HZ
 
 _ARM_SWING_RAD = 0.3
 # Fastest gaze: the camera turns no quicker than an unhurried person's head.

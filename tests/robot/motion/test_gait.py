@@ -8,10 +8,9 @@ from dataclasses import MISSING, fields
 import numpy as np
 import pytest
 
-from r2sego_blender.robot.behaviours.behaviours import RootTrajectory
-from r2sego_blender.robot.behaviours.gait import Gait, plan_gait
-from r2sego_blender.robot.behaviours.navigation import RATE_HZ
+from r2sego_blender.robot.behaviours.trajectory import RATE_HZ, RootTrajectory
 from r2sego_blender.robot.model.model import RobotModel
+from r2sego_blender.robot.motion.gait import Gait, plan_gait
 
 ROBOTS = ("humanoid", "quadruped", "hexapod")
 

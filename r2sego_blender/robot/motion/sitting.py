@@ -5,11 +5,11 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from ..behaviours.trajectory import Seat
 from ..model.composition import Composition
 from ..model.contacts import scene_contacts
 from ..model.kinematics import LegSolver
 from ..model.model import RobotModel
-from .seats import Seat
 
 # References press this far into the seat, so that it carries the weight.
 _PRESS_M = 0.006

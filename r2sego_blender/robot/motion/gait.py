@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..behaviours.trajectory import RATE_HZ, RootTrajectory, eased
 from ..model.model import RobotModel
-from .behaviours import RootTrajectory, eased
-from .navigation import RATE_HZ
 
 # The slowest rhythm; small robots at speed take quicker steps, so that a foot strays from the
 # middle of its stance by no more than this share of its leg.
