@@ -13,7 +13,7 @@ from typing import Any, Generic, TypeVar
 
 from .layout import of_round
 
-Held = TypeVar("Held")
+Held = TypeVar("Held", covariant=True)
 
 
 @dataclass(frozen=True)

@@ -50,9 +50,9 @@ class Journal:
             os.fsync(file.fileno())
 
     def _last(self, field: str) -> dict[str, str]:
-        last = {}
+        last: dict[str, str] = {}
         for record in self._records():
-            last.pop(record.get("publishing"), None)
+            last.pop(record.get("publishing", ""), None)
             if "step" in record and field in record:
                 last[record["step"]] = record[field]
         return last

@@ -40,6 +40,7 @@ def counted_pixels(capture: Capture) -> np.ndarray:
 
     Raises CaptureError when the mask cannot be read or is not of the photograph's shape.
     """
+    assert capture.mask_path is not None, "asked for a capture with a mask"
     shown = load_image_uint8(capture.mask_path).max(axis=2) > 0
     width, height = capture.photograph_size
     if abs(shown.shape[1] / shown.shape[0] / (width / height) - 1.0) > _ASPECT_TOLERANCE:

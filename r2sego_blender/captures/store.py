@@ -29,7 +29,8 @@ def save_captures(
     captures as ``load_captures`` would. The same captures give the same bytes.
     """
     (folder / "images").mkdir(parents=True, exist_ok=True)
-    stored, taken, listed = [], set(), []
+    stored, listed = [], []
+    taken: set[str] = set()
     for capture in captures:
         path = folder / "images" / _file_name(capture.name, taken)
         save_image(path, capture.image())

@@ -7,6 +7,7 @@ at once.
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from typing import Any
@@ -68,7 +69,8 @@ def main(context: click.Context) -> None:
     """
     context.obj = {}
     require_addresses()
-    if getattr(sys.stdout, "errors", "") in ("strict", "surrogateescape"):  # as in a file, on Windows
+    # As in a file, on Windows.
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors in ("strict", "surrogateescape"):
         sys.stdout.reconfigure(errors="backslashreplace")  # a name that it cannot write ends no command
     if "numba" not in sys.modules:  # Numba knows no containers; once it is there it would forget its cache
         os.environ.setdefault("NUMBA_NUM_THREADS", str(available_cores()))

@@ -155,9 +155,8 @@ def scale_of(
         return None
     try:
         photo, first, second, metres = known_length.rsplit(":", 3)
-        pixels = [tuple(map(float, pixel.split(","))) for pixel in (first, second)]
-        (_, _), (_, _) = pixels
-        return Scale.known_length(photo, *pixels, float(metres))
+        (x_a, y_a), (x_b, y_b) = (map(float, pixel.split(",")) for pixel in (first, second))
+        return Scale.known_length(photo, (x_a, y_a), (x_b, y_b), float(metres))
     except ValueError as error:
         raise SettingsError(
             f"'{known_length}' is not PHOTO:X,Y:X,Y:METRES", where="--known-length",

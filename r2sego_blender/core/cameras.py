@@ -6,6 +6,7 @@ pixel centres at half-integers, depth is planar z.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -162,7 +163,9 @@ class Camera:
         return camera
 
 
-def look_at(centre: np.ndarray, target: np.ndarray, up: np.ndarray = (0.0, 0.0, 1.0)) -> np.ndarray:
+def look_at(
+    centre: np.ndarray, target: np.ndarray, up: np.ndarray | Sequence[float] = (0.0, 0.0, 1.0)
+) -> np.ndarray:
     """``world_from_camera`` (4, 4) of an upright camera at ``centre`` looking at ``target``."""
     forward = np.asarray(target, np.float64) - np.asarray(centre, np.float64)
     forward /= np.linalg.norm(forward)

@@ -14,7 +14,9 @@ import hashlib
 import os
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, Protocol, TypeVar, cast, overload
 
 import numba
 from llvmlite import binding as llvm
@@ -118,16 +120,30 @@ if not os.environ.get("NUMBA_CACHE_DIR"):
 # No 'nnan' and 'ninf': the kernels test for NaN, which full fastmath folds away.
 FAST = {"nsz", "arcp", "contract", "afn", "reassoc"}
 
-kernel = functools.partial(numba.njit, cache=True, fastmath=FAST, nogil=True)
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+class KernelDecorator(Protocol):
+    """To a type checker: a kernel is called as the function that is written."""
+
+    @overload
+    def __call__(self, function: _Function, /) -> _Function: ...
+    @overload
+    def __call__(self, /, **options: Any) -> Callable[[_Function], _Function]: ...
+
+
+kernel: KernelDecorator = functools.partial(numba.njit, cache=True, fastmath=FAST, nogil=True)
 """``numba.njit`` with this project's cache and floating-point rules, one thread.
 
 Kernels release the interpreter, so that a cancelled run ends while one is at work.
 """
 
-parallel_kernel = functools.partial(numba.njit, cache=True, fastmath=FAST, parallel=True, nogil=True)
+parallel_kernel: KernelDecorator = functools.partial(
+    numba.njit, cache=True, fastmath=FAST, parallel=True, nogil=True
+)
 """The same over ``prange``. A kernel must give the same bits for any number of threads."""
 
-inlined = functools.partial(numba.njit, cache=True, fastmath=FAST, inline="always")
+inlined: KernelDecorator = functools.partial(numba.njit, cache=True, fastmath=FAST, inline="always")
 """A helper that is always inlined into the kernels that call it."""
 
-prange = numba.prange
+prange = cast("type[range]", numba.prange)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import errno
-import os
+import sys
 from typing import IO
 
 from .errors import SceneError
@@ -15,7 +15,7 @@ def try_lock(file: IO) -> bool:
     Raises SceneError where the disk knows no locks, as some network disks.
     """
     try:
-        if os.name == "nt":
+        if sys.platform == "win32":
             import msvcrt
 
             msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)

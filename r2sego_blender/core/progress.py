@@ -58,8 +58,10 @@ class Progress:
 
     def track(self, items: Iterable[T], title: str, total: int | None = None) -> Iterator[T]:
         """Iterate over ``items`` as a task with one unit each."""
-        items = list(items) if total is None else items
-        with self.task(title, len(items) if total is None else total) as task:
+        if total is None:
+            items = list(items)
+            total = len(items)
+        with self.task(title, total) as task:
             for item in items:
                 yield item
                 task.advance()

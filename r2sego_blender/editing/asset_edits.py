@@ -61,7 +61,9 @@ def edit_asset(
 def describe_edits(scene: Scene) -> dict[str, Any]:
     """The edits, and what they delete of the final asset, JSON-ready."""
     edits = scene.read(ASSET_EDITS)
-    listed = [{"name": e.name, "regions": [r.to_json()["kind"] for r in e.regions]} for e in edits]
+    listed: list[dict[str, Any]] = [
+        {"name": e.name, "regions": [r.to_json()["kind"] for r in e.regions]} for e in edits
+    ]
     last = scene.rounds_of_result() - 1
     if last < 0:
         return {"edits": listed}

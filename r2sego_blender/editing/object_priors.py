@@ -99,8 +99,8 @@ def declare_objects(
         for names, decision in ((accept, ACCEPT), (reject, REJECT), (reconsider, "")):
             for name in names:
                 objects[name] = replace(_known(objects, name, scene), decision=decision)
-        with scene.publishing(layout.OBJECTS) as place:
-            save_objects(place, list(objects.values()), [capture.name for capture in captures])
+        with scene.publishing(layout.OBJECTS) as folder:
+            save_objects(folder, list(objects.values()), [capture.name for capture in captures])
         return scene if library is None else scene.declare(mesh_library=str(found))
 
 

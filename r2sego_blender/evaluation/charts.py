@@ -45,26 +45,26 @@ def candidate_chart(curves: CandidateCurves) -> Markup:
 
 def round_chart(rounds: Sequence[ScoredRound]) -> Markup:
     """PSNR by round as a line; a round with a mark is drawn apart. Nothing for a single one."""
-    scored = [one for one in rounds if one.psnr is not None and math.isfinite(one.psnr)]
+    scored = [(one, one.psnr) for one in rounds if one.psnr is not None and math.isfinite(one.psnr)]
     if len(scored) < 2:
         return Markup("")
-    values = [one.psnr for one in scored]
+    values = [psnr for _, psnr in scored]
     middle, span = (min(values) + max(values)) / 2, max(max(values) - min(values), _LEAST_SPAN_DB)
     step = (_ROUNDS_WIDTH - 2 * _LEFT) / (rounds[-1].number - rounds[0].number)
     places = [
         (
             _LEFT + step * (one.number - rounds[0].number),
-            _ROUNDS_HEIGHT * (0.48 - 0.5 * (one.psnr - middle) / span),
+            _ROUNDS_HEIGHT * (0.48 - 0.5 * (psnr - middle) / span),
         )
-        for one in scored
+        for one, psnr in scored
     ]
     parts = [f'<polyline class="curve s" points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in places)}"/>']
-    for one, (x, y) in zip(scored, places, strict=True):
+    for (one, psnr), (x, y) in zip(scored, places, strict=True):
         kind = "point fell" if one.mark else "point"
         parts.append(f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="5"/>')
-        parts.append(_tick(x, y - 11.0, f"{one.psnr:.2f}"))
+        parts.append(_tick(x, y - 11.0, f"{psnr:.2f}"))
         parts.append(_tick(x, _ROUNDS_HEIGHT - 6.0, f"round {one.number}"))
-    told = ", ".join(f"round {one.number} {one.psnr:.2f}" for one in scored)
+    told = ", ".join(f"round {one.number} {psnr:.2f}" for one, psnr in scored)
     return Markup(
         f'<svg class="chart" viewBox="0 0 {_ROUNDS_WIDTH} {_ROUNDS_HEIGHT}" role="img" '
         f'aria-label="PSNR in dB by round: {told}.">{"".join(parts)}</svg>'

@@ -73,7 +73,7 @@ def score(
     reason = ""
     if lpips is None:
         lpips, reason = find_lpips()
-    scores = []
+    scores, distances = [], []
     for view in progress.track(views, title):
         truth = view.image()
         rendering = to_uint8(asset_renderer(view.camera)).astype(np.float32) / 255.0
@@ -83,13 +83,14 @@ def score(
                 where=view.image_path, cure="Render at the frozen camera's size.",
             )  # fmt: skip
         distance = None if lpips is None else lpips.distance(rendering, truth)
+        distances += [distance] if distance is not None else []
         scores.append(ViewScore(view.name, psnr(rendering, truth), ssim(rendering, truth), distance))
         if keep is not None:
             keep(view.name, rendering)
     return ArmScore(
         psnr=float(np.mean([view.psnr for view in scores])),
         ssim=float(np.mean([view.ssim for view in scores])),
-        lpips_alex=None if lpips is None else float(np.mean([view.lpips_alex for view in scores])),
+        lpips_alex=None if lpips is None else float(np.mean(distances)),
         views=tuple(scores),
         lpips_reason=reason,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -51,11 +52,12 @@ def score_rounds(
 def below(rounds: Sequence[RoundScore]) -> tuple[str, ...]:
     """A line for each round: "" or "0.21 dB below round 0", its PSNR against that of the last
     round before it that has one."""
-    lines, before = [], None
+    lines: list[str] = []
+    before: tuple[float, int] = -math.inf, 0  # psnr and number of the last round that has one
     for one in rounds:
-        loss_db = 0.0 if before is None or one.psnr is None else before.psnr - one.psnr
-        lines.append(f"{loss_db:.2f} dB below round {before.round}" if loss_db >= 0.005 else "")
-        before = before if one.psnr is None else one
+        loss_db = 0.0 if one.psnr is None else before[0] - one.psnr
+        lines.append(f"{loss_db:.2f} dB below round {before[1]}" if loss_db >= 0.005 else "")
+        before = before if one.psnr is None else (one.psnr, one.round)
     return tuple(lines)
 
 
@@ -63,7 +65,7 @@ def as_entries(rounds: Sequence[RoundScore]) -> list[dict[str, Any]]:
     """The rounds as ``metrics.json`` has them: a round that falls back says so as ``mark``."""
     entries = []
     for one, mark in zip(rounds, below(rounds), strict=True):
-        entry = {"round": one.round, "psnr": rounded(one.psnr), "ssim": rounded(one.ssim)}
+        entry: dict[str, Any] = {"round": one.round, "psnr": rounded(one.psnr), "ssim": rounded(one.ssim)}
         if one.lpips_alex is not None:
             entry["lpips_alex"] = rounded(one.lpips_alex)
         entry |= {"mark": mark} if mark else {}

@@ -94,9 +94,9 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress) -> dict[str, Any]
         scene.metrics_file, scores,
         rounds=round_scores.as_entries(rounds), causes=scene_causes.as_entry(causes), assets=_scored(scene),
     )  # fmt: skip
-    pictures = _pictures(views, scores, renderings)
-    split = report_causes(causes, scores[REFINED], pictures)
-    write_scene_report(scene, scores, pictures, rounds, split)
+    shown = _pictures(views, scores, renderings)
+    split = report_causes(causes, scores[REFINED], shown)
+    write_scene_report(scene, scores, shown, rounds, split)
     return metrics
 
 

@@ -183,7 +183,7 @@ def _collision(scene: Scene) -> Collision | None:
     mesh_file = scene.collision_folder / "mesh.stl"
     if not mesh_file.is_file():
         return None
-    mesh = trimesh.load(mesh_file, process=False)
+    mesh: Any = trimesh.load(mesh_file, process=False)
     pieces = len(list((scene.collision_folder / "hulls").glob("*.obj")))
     return Collision(len(mesh.faces), pieces)
 

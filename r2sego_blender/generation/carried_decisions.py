@@ -32,7 +32,8 @@ def carry_decisions(before: Path, after: Path) -> list[str]:
         except GenerationError:
             dropped.append(f"view {int(view.name)}: what was decided of it by hand is damaged and dropped")
             continue
-        now = made.get(_what_it_shows(view))
+        shown = _what_it_shows(view)
+        now = made.get(shown) if shown is not None else None
         if now is not None and not (decided and _record(now)["estimate"] is None):
             save_decision(now, decided)
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -98,7 +99,7 @@ def ego_video_reg(
                 accepted += 1
                 task.advance()
                 kept = folder / f"{rank:03d}" / "frame.png"
-                progress.picture("Generated view", lambda kept=kept: load_image(kept))
+                progress.picture("Generated view", functools.partial(load_image, kept))
             else:
                 progress.message(f"target view of rank {rank + 1}, {reason}")
     if accepted < wanted:
@@ -176,7 +177,7 @@ def _generate(
     """Make and write one view; None when it is accepted, else the reason why not."""
     folder.mkdir(parents=True, exist_ok=True)
     way = None if space is None else space.way(reference.centre, target.centre)
-    path = camera_path(reference, target, settings.generation.clip_frames, way and way.points)
+    path = camera_path(reference, target, settings.generation.clip_frames, way.points if way else None)
     path = (*(camera.scaled(settings.generation.clip_scale) for camera in path[:-1]), path[-1])
     _write_path(folder / "path.json", view, reference, path, way.note if way else "")
     why = hopeless(target, reference, landmarks, settings.registration)
@@ -233,9 +234,9 @@ def _write_clip(folder: Path, clip: Sequence[Frame]) -> None:
     save_image(folder / "frame.png", clip[-1].image)
     save_image(folder / "confidence.png", clip[-1].confidence)
     height, width = clip[0].image.shape[:2]
-    shown = [to_uint8(frame.image) for frame in clip]
+    images = [to_uint8(frame.image) for frame in clip]
     shown = [
-        Image.fromarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)) for image in shown
+        Image.fromarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)) for image in images
     ]
     shown[0].save(
         folder / "clip.webp", save_all=True, append_images=shown[1:], loop=0, quality=_CLIP_QUALITY, method=0,

@@ -85,7 +85,7 @@ def create_scene(
 
 def _look_over(scale: Scale, folder: Path, solved: bool) -> None:
     """Raise CaptureError where ``scale`` names what is not there: solving poses takes minutes."""
-    if scale.kind == "depth":
+    if scale.kind == "depth" and scale.folder is not None:
         SensorDepth.beside(scale.folder)
     if scale.kind == "marker" and solved:
         require_marker(image_files(folder), scale)

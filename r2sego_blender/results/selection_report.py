@@ -98,7 +98,7 @@ def _seen(target: dict[str, Any]) -> str:
 
 def _candidate(selection: Selection, index: int, names: list[str]) -> dict[str, Any]:
     """A candidate's entries; its reference by name, and the captures' overlaps where known."""
-    entry = selection.described(index)
+    entry: dict[str, Any] = selection.described(index)
     reference, overlaps = entry.pop("reference"), entry.pop("overlaps")
     if reference < 0:
         return entry

@@ -35,7 +35,7 @@ class SplatAsset:
         for name in ("means", "log_scales", "quaternions", "logit_opacities", "sh"):
             object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), np.float32))
         count = len(self.means)
-        shapes = {name: (count, width) for name, width in _WIDTHS.items()}
+        shapes: dict[str, tuple[int, ...]] = {name: (count, width) for name, width in _WIDTHS.items()}
         shapes |= {"logit_opacities": (count,), "sh": (count, *self.sh.shape[1:2], 3)}
         for name, expected in shapes.items():
             found = getattr(self, name).shape
@@ -100,8 +100,8 @@ class SplatAsset:
             sh=np.concatenate([a.sh, b.sh]),
         )
 
-    def subset(self, chosen: np.ndarray) -> SplatAsset:
-        """The Gaussians of an index array or (N,) bool mask, in that order."""
+    def subset(self, chosen: np.ndarray | slice) -> SplatAsset:
+        """The Gaussians of a slice, an index array or a (N,) bool mask, in that order."""
         return SplatAsset(
             means=self.means[chosen],
             log_scales=self.log_scales[chosen],

@@ -47,7 +47,7 @@ class BlenderWorker:
         self._blender = blender
         self._frame_limit_s = frame_limit_s
         self._lock = threading.Lock()
-        self._process: subprocess.Popen | None = None
+        self._process: subprocess.Popen[str] | None = None
         self._version = ""
 
     @property
@@ -60,8 +60,7 @@ class BlenderWorker:
     @property
     def process_id(self) -> int | None:
         """The running Blender's process, None while there is none."""
-        running = self._process is not None and self._process.poll() is None
-        return self._process.pid if running else None
+        return self._process.pid if self._process is not None and self._process.poll() is None else None
 
     def render(
         self, proxy_file: Path, path: Sequence[Camera], engine: str, folder: Path,
@@ -138,6 +137,7 @@ class BlenderWorker:
         self._version = hello["blender"]
 
     def _ask(self, request: Mapping[str, Any]) -> None:
+        assert self._process is not None and self._process.stdin is not None
         with contextlib.suppress(OSError):  # one that has died is told by its missing answer
             self._process.stdin.write(json.dumps(request) + "\n")
             self._process.stdin.flush()
@@ -151,6 +151,7 @@ class BlenderWorker:
                 cure=f"Use smaller images, or another Blender.{self._last_words()}",
             ) from None  # fmt: skip
         if answer is None:
+            assert self._process is not None
             status = self._process.wait()
             self._listeners[1].join(1.0)
             raise NativeError(
@@ -167,6 +168,7 @@ class BlenderWorker:
             return
         self._process.kill()
         self._process.wait()
+        assert self._process.stdin is not None
         with contextlib.suppress(OSError):  # a request that was never read
             self._process.stdin.close()
         for listener in self._listeners:
@@ -212,6 +214,7 @@ def _environment() -> dict[str, str]:
 
 
 def _read_answers(process: subprocess.Popen, lines: SimpleQueue[Mapping[str, Any] | None]) -> None:
+    assert process.stdout is not None
     for line in process.stdout:
         with contextlib.suppress(json.JSONDecodeError):  # Blender greets before the service begins
             answer = json.loads(line)
@@ -221,6 +224,7 @@ def _read_answers(process: subprocess.Popen, lines: SimpleQueue[Mapping[str, Any
 
 
 def _read_words(process: subprocess.Popen, words: deque[str]) -> None:
+    assert process.stderr is not None
     words.extend(line.strip() for line in process.stderr if line.strip())
 
 

@@ -33,7 +33,7 @@ def cancel_at_once(kept: str = "") -> None:
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:  # not so under nohup
         signal.signal(signal.SIGHUP, lambda *_: None)
 
-    def wait() -> None:
+    def wait(writer: socket.socket) -> None:  # its argument stays open as long as the thread lives
         number = reader.recv(1)[0]
         kill_children(for_good=True)
         remove_scratch(for_good=True)
@@ -43,8 +43,7 @@ def cancel_at_once(kept: str = "") -> None:
             os.write(2, (shown_again + said).encode())
         os._exit(128 + number)
 
-    wait.writer = writer  # keeps the socket open as long as the thread lives
-    threading.Thread(target=wait, name="cancel", daemon=True).start()
+    threading.Thread(target=wait, args=(writer,), name="cancel", daemon=True).start()
 
 
 def _hush_resource_tracker() -> None:

@@ -245,6 +245,7 @@ def _run(
 
 
 def _read(process: subprocess.Popen, lines: list[str]) -> None:
+    assert process.stdout is not None
     for line in process.stdout:
         if line.strip():
             lines.append(line.strip())

@@ -69,6 +69,7 @@ class GeneratorProgram:
         """End the program and what it started, if it runs."""
         if self._process is None:
             return
+        assert self._process.stdin is not None and self._said is not None
         with contextlib.suppress(OSError):  # a folder that was never read
             self._process.stdin.close()
         self._process.kill()
@@ -79,6 +80,7 @@ class GeneratorProgram:
 
     def _ask(self, folder: Path) -> None:
         if self._process is not None and self._process.poll() is None:
+            assert self._process.stdin is not None
             with contextlib.suppress(OSError):  # one that has died is told by its missing answer
                 self._process.stdin.write(f"{folder}\n".encode())
                 self._process.stdin.flush()
@@ -102,6 +104,7 @@ class GeneratorProgram:
 
     def _await(self, file: Path) -> tuple[dict[str, Any], int | None]:
         """What ``file`` says in the end, {} for nothing, and the exit status, None if it waits."""
+        assert self._process is not None
         deadline_s = time.monotonic() + self._limit_s
         while True:
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -137,6 +140,7 @@ class GeneratorProgram:
         return NativeError(f"the generator {how}", where=self._name, cure=cure)
 
     def _last_words(self) -> str:
+        assert self._said is not None
         self._said.seek(0)
         lines = [line for line in self._said.read().decode(errors="replace").splitlines() if line.strip()]
         return f" Its last words: {lines[-1].strip()[:300]}" if lines else ""

@@ -32,7 +32,7 @@ def end_tree(process: subprocess.Popen) -> None:
     On Windows, where those of a parent that has ended are found no more, only after
     ``take_children_along`` all of them, and then all that this process started.
     """
-    if os.name == "nt":
+    if sys.platform == "win32":
         if _JOB:
             _end_others_in(_JOB)
         else:
@@ -46,7 +46,7 @@ def end_tree(process: subprocess.Popen) -> None:
 def interrupt_group(process: subprocess.Popen) -> None:
     """Ask a process started with ``group_of_its_own`` to end, as Ctrl-C does."""
     with contextlib.suppress(OSError):
-        if os.name == "nt":
+        if sys.platform == "win32":
             process.send_signal(signal.CTRL_BREAK_EVENT)
         else:
             os.killpg(process.pid, signal.SIGINT)
@@ -57,7 +57,7 @@ def group_of_its_own(window: bool = True) -> dict[str, Any]:
 
     ``window`` False also gives it no console on Windows.
     """
-    if os.name == "nt":
+    if sys.platform == "win32":
         flags = subprocess.CREATE_NEW_PROCESS_GROUP
         return {"creationflags": flags if window else flags | subprocess.CREATE_NO_WINDOW}
     return {"start_new_session": True}
@@ -72,12 +72,14 @@ def die_with_parent() -> None:
 def take_children_along() -> None:
     """However this process ends, all it starts from now on ends with it, where it can (Windows)."""
     global _JOB
-    if os.name == "nt":
+    if sys.platform == "win32":
         _JOB = _job_of_this_process()
 
 
-NO_WINDOW: dict[str, Any] = {"creationflags": subprocess.CREATE_NO_WINDOW} if os.name == "nt" else {}
+NO_WINDOW: dict[str, Any] = {}
 """Arguments of Popen for a process that opens no console on Windows, also from a Blender without one."""
+if sys.platform == "win32":
+    NO_WINDOW["creationflags"] = subprocess.CREATE_NO_WINDOW
 
 _JOB: int | None = None
 _SET_DEATH_SIGNAL = 1
@@ -101,7 +103,7 @@ if sys.platform.startswith("linux"):
             return Path("/proc/sys/kernel/random/boot_id").read_text().strip()
         return ""
 
-elif os.name == "nt":
+elif sys.platform == "win32":
     _ASK, _STILL_RUNS = 0x1000, 259
     _LIST, _LIMITS, _KILL_ON_CLOSE, _MOST = 3, 9, 0x2000, 4096
 

@@ -99,7 +99,7 @@ def _segment(request: dict[str, Any]) -> dict[str, Any]:
     except ImportError as error:
         raise MachineError(f"{_NAME} is not there: {error}", where=PYTHON_VARIABLE, cure=_CURE) from error
     require_gpu(torch, _NAME, PYTHON_VARIABLE, _CURE)
-    masks = []
+    masks: list[dict[str, Any]] = []
     with torch.inference_mode(), torch.autocast("cuda", dtype=torch.bfloat16):
         processor = Sam3Processor(build_sam3_image_model(), confidence_threshold=request["least_score"])
         for name, file in request["photographs"].items():

@@ -69,8 +69,8 @@ class ViewCrafter:
         height, width = frames.shape[1:3]
         channels = self._model.model.diffusion_model.out_channels
         noise = [1, channels, FRAMES, height // _LATENT_STRIDE, width // _LATENT_STRIDE]
-        video = np.ascontiguousarray((frames * 2.0 - 1.0).transpose(3, 0, 1, 2)[None], np.float32)
-        video = self._torch.from_numpy(video).to("cuda:0")
+        shown = np.ascontiguousarray((frames * 2.0 - 1.0).transpose(3, 0, 1, 2)[None], np.float32)
+        video = self._torch.from_numpy(shown).to("cuda:0")
         self._seed(seed)
         with self._torch.no_grad(), self._torch.cuda.amp.autocast():
             made = self._synthesis(self._model, [_PROMPT], video, noise, **_SAMPLING)

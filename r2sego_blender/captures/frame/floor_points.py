@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
 
 from ...core.errors import CaptureError
 from ...core.progress import SILENT, Progress
 from .ground import Ground
-from .lifting import intersection, intersection_covariance, lifted, pointed_at
+from .lifting import Sparse, View, intersection, intersection_covariance, lifted, pointed_at
 
 if TYPE_CHECKING:
     from ..capture import Capture
-    from ..sparse_points import SparsePoints
 
 _UP = np.array([0.0, 0.0, 1.0])
 # Three points must span this share of their distance from the cameras across their longest line.
@@ -28,6 +27,14 @@ _WHERE = "floor points"
 _SHOWN_SIGMA_PX, _LIFTED_SIGMA, _FLOOR_SIGMA_M = 1.0, 0.02, 0.003
 _FITS = 5
 _UNSURE_DEG = 1.0
+
+Seen = TypeVar("Seen", bound=View, contravariant=True)
+
+
+class Placeable(Protocol[Seen]):
+    """A point that ``ground_through`` can place in captures of a kind."""
+
+    def place(self, captures: Sequence[Seen], sparse: Sparse) -> tuple[np.ndarray, np.ndarray]: ...
 
 
 @dataclass(frozen=True)
@@ -55,7 +62,7 @@ class FloorPoint:
             ) from error  # fmt: skip
         return FloorPoint(tuple(views))
 
-    def place(self, captures: Sequence[Capture], sparse: SparsePoints) -> tuple[np.ndarray, np.ndarray]:
+    def place(self, captures: Sequence[Capture], sparse: Sparse) -> tuple[np.ndarray, np.ndarray]:
         """Where the point is (3,), in the captures' frame, and its (3, 3) covariance.
 
         From one photograph it lies on the surface that the nearest sparse points span, from
@@ -63,8 +70,8 @@ class FloorPoint:
         """
         shown = [pointed_at(captures, photo, [pixel], _WHERE) for photo, pixel in self.views]
         if len(shown) == 1:
-            index, pixels = shown[0]
-            point = lifted(captures[index], sparse, index, pixels[0])
+            index, (pixel,) = shown[0]
+            point = lifted(captures[index], sparse, index, pixel)
             distance = float(np.linalg.norm(point - captures[index].camera.centre))
             return point, (_LIFTED_SIGMA * distance) ** 2 * np.eye(3)
         cameras = [captures[index].camera for index, _ in shown]
@@ -85,7 +92,7 @@ class FloorPoint:
 
 
 def ground_through(
-    captures: Sequence[Capture], sparse: SparsePoints, shown: Sequence[FloorPoint],
+    captures: Sequence[Seen], sparse: Sparse, shown: Sequence[Placeable[Seen]],
     progress: Progress = SILENT,
 ) -> Ground:  # fmt: skip
     """The ground through floor points, for captures in the world frame.
@@ -154,7 +161,7 @@ def ground_of(captures: Sequence[Capture], up: Sequence[float] | None, height_m:
     return _below(captures, Ground(normal, height_m * normal[2], 0, True, what))
 
 
-def _below(captures: Sequence[Capture], ground: Ground) -> Ground:
+def _below(captures: Sequence[View], ground: Ground) -> Ground:
     lowest = min(captures, key=lambda capture: float(ground.height(capture.camera.centre)))
     if not ground.height(lowest.camera.centre) > 0:
         raise CaptureError(

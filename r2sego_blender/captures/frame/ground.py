@@ -78,7 +78,7 @@ def find_ground(
     points = np.asarray(points, np.float64)
     points = points[np.isfinite(points).all(axis=1)]
     measured = up is not None
-    up = up / np.linalg.norm(up) if measured else up_guess(cameras)
+    up = up / np.linalg.norm(up) if up is not None else up_guess(cameras)
     centres = np.array([camera.centre for camera in cameras])
     solid, level = [], up
     if len(points) >= _MIN_SUPPORT:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -13,11 +13,28 @@ from ...core.errors import CaptureError
 
 if TYPE_CHECKING:
     from ..capture import Capture
-    from ..sparse_points import SparsePoints
 
 _NEAREST_POINTS = 12
 _LIFT_RADIUS = 0.12  # of the image's longest side
 _WORST_CONDITION = 1e8
+
+
+class View(Protocol):
+    """What is asked of a capture: ``Capture`` and ``RegisteredView`` have it."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def camera(self) -> Camera: ...
+
+
+class Sparse(Protocol):
+    """What is asked of ``SparsePoints``."""
+
+    @property
+    def points(self) -> np.ndarray: ...
+    @property
+    def visibility(self) -> np.ndarray: ...
 
 
 def pointed_at(
@@ -60,7 +77,7 @@ def in_photograph(
     return named[0], given, (height, width)
 
 
-def lifted(capture: Capture, sparse: SparsePoints, index: int, pixel: np.ndarray) -> np.ndarray:
+def lifted(capture: View, sparse: Sparse, index: int, pixel: np.ndarray) -> np.ndarray:
     """The point (3,) seen at a pixel, from the surface that the nearest sparse points span."""
     camera = capture.camera
     places, depth = camera.project(sparse.points)

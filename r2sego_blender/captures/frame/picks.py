@@ -133,7 +133,7 @@ class Picks:
                     f"a length goes from '{one.start}' to '{one.end}'", where=where,
                     cure=f"Name two of the points {', '.join(names) or '(none is picked)'}.",
                 )  # fmt: skip
-        for metres in [one.metres for one in (*self.lengths, *self.heights)]:
+        for metres in [*(one.metres for one in self.lengths), *(one.metres for one in self.heights)]:
             if not (np.isfinite(metres) and metres > 0):
                 raise CaptureError(
                     f"{metres} is no length in metres", where=where, cure="Give a positive one."

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ...core.errors import CaptureError
 from ...core.progress import SILENT, Progress
 from .floor_points import ground_through
 from .ground import Ground
-from .lifting import intersection, lifted
+from .lifting import Sparse, View, intersection, lifted
 from .picks import WHERE, CameraHeight, Pick, PickedPoint, Picks
 
 # How surely a person clicks and measures, and a single photograph places a point (share of its distance).
@@ -27,18 +27,6 @@ _HEIGHT_SIGMA_M = 0.01
 _FARTHEST_PICKED = 0.01  # of the image's longest side
 _WORST_LENGTH = 0.1  # of the length
 _REFINEMENTS = 5
-
-
-class _View(Protocol):
-    """What is asked of a capture: ``Capture`` and ``RegisteredView`` have it."""
-
-    name: str
-    camera: Camera
-
-
-class _Sparse(Protocol):
-    points: np.ndarray
-    visibility: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -56,7 +44,7 @@ class PlacedPoint:
     off_px: np.ndarray
     off_share: np.ndarray
 
-    def place(self, captures: Sequence[_View], sparse: _Sparse) -> tuple[np.ndarray, np.ndarray]:
+    def place(self, captures: Sequence[View], sparse: Sparse) -> tuple[np.ndarray, np.ndarray]:
         """As a floor point of ``ground_through``."""
         return self.position, self.covariance
 
@@ -160,7 +148,7 @@ def in_centimetres(length_m: float) -> str:
 
 
 def fit_picks(
-    picks: Picks, captures: Sequence[_View], sparse: _Sparse, progress: Progress = SILENT
+    picks: Picks, captures: Sequence[View], sparse: Sparse, progress: Progress = SILENT
 ) -> PicksFit:  # fmt: skip
     """The least squares fit of ground and scale to picks, for captures in the world of now.
 
@@ -174,7 +162,7 @@ def fit_picks(
     on_floor = [one for one in placed if one.point.floor]
     ground = ground_through(captures, sparse, on_floor, progress) if on_floor else None
     found, sigma = _measured(picks, {one.point.name: one for one in placed}, captures, ground)
-    given = np.array([one.metres for one in (*picks.lengths, *picks.heights)])
+    given = np.array([*(one.metres for one in picks.lengths), *(one.metres for one in picks.heights)])
     factor = None
     if len(given):
         if not found.min() > 0.0:
@@ -191,7 +179,7 @@ def fit_picks(
     return PicksFit(picks, placed, ground, factor, after[:count], after[count:], off)
 
 
-def placed_point(point: PickedPoint, captures: Sequence[_View], sparse: _Sparse) -> PlacedPoint:
+def placed_point(point: PickedPoint, captures: Sequence[View], sparse: Sparse) -> PlacedPoint:
     """Where a picked point lies: of all points the one seen nearest to its picks, in pixels.
 
     Picked in one capture alone it lies on the surface that the nearest sparse points span.
@@ -204,7 +192,7 @@ def placed_point(point: PickedPoint, captures: Sequence[_View], sparse: _Sparse)
         distance = float(np.linalg.norm(position - captures[index].camera.centre))
         sure = (_LIFTED_SIGMA * distance) ** 2 * np.eye(3)
         return PlacedPoint(point, position, sure, np.full(1, np.nan), np.zeros(1))
-    cameras, pixels = [captures[index].camera for index, _ in views], np.array([xy for _, xy in views])
+    cameras, pixels = [captures[index].camera for index, _ in views], [xy for _, xy in views]
     position = intersection(cameras, pixels)
     for _ in range(_REFINEMENTS):
         jacobian, off = _reprojection(cameras, pixels, position)
@@ -218,7 +206,7 @@ def placed_point(point: PickedPoint, captures: Sequence[_View], sparse: _Sparse)
 
 
 def _reprojection(
-    cameras: Sequence[Camera], pixels: np.ndarray, position: np.ndarray
+    cameras: Sequence[Camera], pixels: Sequence[np.ndarray], position: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """The (2 n, 3) Jacobian of a point's pixels, and how far they lie off those picked (2 n,)."""
     rows, off = [], []
@@ -233,7 +221,7 @@ def _reprojection(
 
 
 def _measured(
-    picks: Picks, placed: Mapping[str, PlacedPoint], captures: Sequence[_View], ground: Ground | None
+    picks: Picks, placed: Mapping[str, PlacedPoint], captures: Sequence[View], ground: Ground | None
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Each length and camera height in metres of now (L + H,), and how sure it is."""
     found, sigma = [], []
@@ -245,14 +233,14 @@ def _measured(
         variance = float(along @ (start.covariance + end.covariance) @ along)
         found.append(length)
         sigma.append(np.sqrt(variance + _TAPE_SIGMA_M**2))
-    for one in picks.heights:
-        centre = captures[_index(one, captures)].camera.centre
+    for held in picks.heights:
+        centre = captures[_index(held, captures)].camera.centre
         found.append(float(centre[2] if ground is None else ground.height(centre)))
         sigma.append(_HEIGHT_SIGMA_M)
     return np.array(found, np.float64), np.array(sigma, np.float64)
 
 
-def _index(named: Pick | CameraHeight, captures: Sequence[_View]) -> int:
+def _index(named: Pick | CameraHeight, captures: Sequence[View]) -> int:
     """The capture that a pick or a height names. Raises CaptureError, also for a pixel outside it."""
     index = next((i for i, capture in enumerate(captures) if capture.name == named.capture), None)
     if index is None:
@@ -261,10 +249,9 @@ def _index(named: Pick | CameraHeight, captures: Sequence[_View]) -> int:
             cure=f"Name one of {', '.join(capture.name for capture in captures)}.",
         )  # fmt: skip
     camera = captures[index].camera
-    inside = not isinstance(named, Pick) or (
+    if isinstance(named, Pick) and not (
         0.0 <= named.x_px <= camera.width and 0.0 <= named.y_px <= camera.height
-    )
-    if not inside:
+    ):
         raise CaptureError(
             f"pixel ({named.x_px:.0f}, {named.y_px:.0f}) lies outside the {camera.width}x{camera.height} "
             "image",

@@ -67,7 +67,8 @@ class Scale:
 
         Pixels are those of the upright photograph's file, at its full size.
         """
-        return Scale("known_length", photo, tuple(pixel_a), tuple(pixel_b), metres)
+        (x_a, y_a), (x_b, y_b) = pixel_a, pixel_b
+        return Scale("known_length", photo, (x_a, y_a), (x_b, y_b), metres)
 
     @staticmethod
     def marker(side_m: float, marker_id: int | None = None) -> Scale:
@@ -153,5 +154,6 @@ def _markers(photograph: Path) -> tuple[list[tuple[int, np.ndarray]], tuple[int,
     detector = cv2.aruco.ArucoDetector(dictionary, parameters)
     corners, identities, _ = detector.detectMarkers(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
     found = () if identities is None else zip(identities.ravel(), corners, strict=True)
+    height, width = image.shape[:2]
     # OpenCV counts pixel centres from zero.
-    return [(int(identity), quad.reshape(4, 2) + 0.5) for identity, quad in found], image.shape[:2]
+    return [(int(identity), quad.reshape(4, 2) + 0.5) for identity, quad in found], (height, width)

@@ -107,9 +107,10 @@ def corrected(
                 "height again, or another scale", level="warning",
             )  # fmt: skip
     else:
-        known, source = _scale_before_ground(Imported(tuple(captures), "", False), sparse, scale, progress)
-        if known is None:
-            known, source = _scale_from_height(captures, ground, scale)
+        told, source = _scale_before_ground(Imported(tuple(captures), "", False), sparse, scale, progress)
+        if told is None:
+            told, source = _scale_from_height(captures, ground, scale)
+        known = told
     turn_deg = np.degrees(np.arccos(np.clip(ground.normal[2], -1.0, 1.0)))
     moved_m = known * float(ground.height(captures[0].camera.centre)) - captures[0].camera.centre[2]
     progress.message(
@@ -134,8 +135,10 @@ def _scale_before_ground(
     if scale.kind == "metric":
         return 1.0, "poses declared to be metric"
     if scale.kind == "depth":
-        own = imported.depth is not None and imported.depth.folder.resolve() == scale.folder.resolve()
-        depth = imported.depth if own else SensorDepth.beside(scale.folder)
+        assert scale.folder is not None
+        depth = imported.depth
+        if depth is None or depth.folder.resolve() != scale.folder.resolve():
+            depth = SensorDepth.beside(scale.folder)
         measured = depth_scale(imported.captures, sparse, depth)
         return measured.metres_per_unit, str(measured)
     if scale.kind == "automatic" and imported.metric:

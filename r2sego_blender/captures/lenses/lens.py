@@ -160,9 +160,9 @@ class Lens:
     def from_json(data: dict[str, Any]) -> Lens:
         """The lens of ``to_json``. Raises KeyError or ValueError for anything else."""
         model = "opencv_fisheye" if data.get("fisheye") else "opencv"  # bundles before distortion_model
-        numbers = (float(data[key]) for key in ("fx", "fy", "cx", "cy"))
+        fx, fy, cx, cy = (float(data[key]) for key in ("fx", "fy", "cx", "cy"))
         return Lens(
-            int(data["width"]), int(data["height"]), *numbers,
+            int(data["width"]), int(data["height"]), fx, fy, cx, cy,
             tuple(float(k) for k in data.get("distortion", ())), str(data.get("distortion_model", model)),
             float(data.get("border_px", 0.0)),
         )  # fmt: skip

@@ -177,18 +177,16 @@ def save_colmap_model(folder: Path, captures: Sequence[Capture], sparse: SparseP
     cameras, images = ["# CAMERA_ID MODEL WIDTH HEIGHT fx fy cx cy"], ["# IMAGE_ID QW QX QY QZ TX TY TZ"]
     cameras[0] += " (PINHOLE)"
     images[0] += " CAMERA_ID NAME, then X Y POINT3D_ID of each measurement"
-    rows = [] if sparse is None else [np.flatnonzero(sparse.visibility[:, i]) for i in range(len(captures))]
     for index, capture in enumerate(captures):
         c, identity = capture.camera, index + 1
         cameras.append(f"{identity} PINHOLE {c.width} {c.height} {c.fx!r} {c.fy!r} {c.cx!r} {c.cy!r}")
         numbers = " ".join(repr(float(v)) for v in (*_quaternion(c.camera_from_world[:3, :3]),
                                                      *c.camera_from_world[:3, 3]))  # fmt: skip
         images.append(f"{identity} {numbers} {identity} {capture.image_path.name}")
-        measured = rows[index] if rows else ()
-        images.append(
-            " ".join(f"{float(x)!r} {float(y)!r} {row + 1}" for row in measured
-                     for x, y in [sparse.pixels[row, index]])
-        )  # fmt: skip
+        measured = [] if sparse is None else [
+            (*sparse.pixels[row, index], row) for row in np.flatnonzero(sparse.visibility[:, index])
+        ]  # fmt: skip
+        images.append(" ".join(f"{float(x)!r} {float(y)!r} {row + 1}" for x, y, row in measured))
     points = ["# POINT3D_ID X Y Z R G B ERROR, then IMAGE_ID POINT2D_IDX of each measurement"]
     if sparse is not None:
         column = np.cumsum(sparse.visibility, axis=0) - 1

@@ -62,7 +62,7 @@ def _field(data: np.ndarray, places: np.ndarray, offset: int, kind: str) -> np.n
 @kernel
 def _find_points(data, places):
     """Fill ``places`` with the first bytes of the points; False when the data end too early."""
-    place = _COUNT_BYTES
+    place: int | np.int64 = _COUNT_BYTES
     for point in range(len(places)):
         if place + _POINT_BYTES > len(data):
             return False

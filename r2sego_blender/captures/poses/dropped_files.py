@@ -58,8 +58,9 @@ def capture_files(dropped: Sequence[Path], suffix: str) -> CaptureFiles:
             "the photographs lie in more than one folder", where=folders[1], cure="Put them into one folder."
         )
     base = poses if poses is not None and poses.is_dir() else (poses.parent if poses is not None else None)
-    photographs = folders[0] if folders else _photographs_near(base)
+    photographs = folders[0] if folders else _photographs_near(base) if base is not None else None
     room = photographs if photographs is not None else base
+    assert room is not None
     while room.name.lower() in _WITHIN_ROOMS and room.parent != room:
         room = room.parent
     return CaptureFiles(photographs, poses, room.parent / ((room.name or "room") + suffix))

@@ -51,7 +51,7 @@ def number(
     positive: bool = False,
 ) -> float:  # fmt: skip
     """The finite number under ``key`` in the first of ``places`` that has it."""
-    value = next((place[key] for place in places if key in place), default)
+    value: Any = next((place[key] for place in places if key in place), default)
     good = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     if not good or (positive and value <= 0):
         missing = value is None

@@ -48,7 +48,8 @@ def plain_photographs(folder: Path, progress: Progress) -> list[Path]:
 def _distinct(paths: Sequence[Path]) -> tuple[list[Path], list[Path]]:
     """The files without those of the same bytes as one before, and these."""
     known: set[bytes] = set()
-    found, copies = [], []
+    found: list[Path] = []
+    copies: list[Path] = []
     for path in sorted(paths, key=lambda path: (len(path.name), path.name)):  # "IMG_1 (1).jpg" is the copy
         digest = hashlib.sha256(path.read_bytes()).digest()
         (copies if digest in known else found).append(path)

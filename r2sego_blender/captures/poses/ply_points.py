@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ def read_ply_points(path: Path) -> tuple[np.ndarray, np.ndarray]:
     import trimesh
 
     try:
-        cloud = trimesh.load(path, file_type="ply", process=False)
+        cloud: Any = trimesh.load(path, file_type="ply", process=False)
         xyz = np.asarray(cloud.vertices, np.float64).reshape(-1, 3)
     except Exception as error:  # trimesh raises whatever its parser ran into
         raise CaptureError(

@@ -88,13 +88,13 @@ def _photograph(file: Path, path: Path, border_px: float) -> Photograph:
     data = fields.read_json(file)
     rows = [[fields.number(f"t_{i}{j}", file, "pose", data) for j in range(4)] for i in range(3)]
     pose = np.array([*rows, [0.0, 0.0, 0.0, 1.0]]) @ GL_FROM_CV
-    numbers = {
-        key: fields.number(key, file, "intrinsics", data, positive=True) for key in ("fx", "fy", "cx", "cy")
-    }
+    fx, fy, cx, cy = (
+        fields.number(key, file, "intrinsics", data, positive=True) for key in ("fx", "fy", "cx", "cy")
+    )
     width, height = upright_size(path)
     if "width" in data:
         width, height = (
             int(fields.number(key, file, "intrinsics", data, positive=True)) for key in ("width", "height")
         )
-    lens = Lens(width, height, **numbers, border_px=border_px)
+    lens = Lens(width, height, fx, fy, cx, cy, border_px=border_px)
     return Photograph(path.name, path, lens, pose, str(file))

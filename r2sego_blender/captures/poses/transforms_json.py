@@ -57,7 +57,8 @@ def _lens(places: tuple[Mapping[str, Any], ...], image_path: Path, path: Path, f
     width, height = _size(places, image_path, path, field)
     fx = _focal("x", width, places, path, field)
     fy = _focal("y", height, places, path, field)
-    if fx is None and fy is None:
+    fx, fy = fx or fy, fy or fx
+    if fx is None or fy is None:
         raise CaptureError(
             "neither 'fl_x' nor 'camera_angle_x' is given", where=f"{path}, {field}",
             cure="Add the focal length in pixels.",
@@ -65,7 +66,7 @@ def _lens(places: tuple[Mapping[str, Any], ...], image_path: Path, path: Path, f
     cx = fields.number("cx", path, field, *places, default=width / 2)
     cy = fields.number("cy", path, field, *places, default=height / 2)
     distortion, model = _distortion(places, path, field)
-    return Lens(width, height, fx or fy, fy or fx, cx, cy, distortion, model)
+    return Lens(width, height, fx, fy, cx, cy, distortion, model)
 
 
 def _size(places: tuple[Mapping[str, Any], ...], image_path: Path, path: Path, field: str) -> tuple[int, int]:

@@ -227,10 +227,12 @@ def _pinhole_view(image, features: Features) -> tuple[Camera, np.ndarray]:
     return camera, rays[:, :2] * focal + [cx, cy]
 
 
-def _cameras(paths: Sequence[str], sizes: Sequence[Sequence[int]]) -> tuple[list, list[int]]:
+def _cameras(paths: Sequence[str], sizes: Sequence[Sequence[int]]) -> tuple[list[Any], list[int]]:
     """One camera for photographs of the same size and EXIF focal length, and whose is whose."""
     pycolmap = load_pycolmap()
-    cameras, camera_of, known = [], [], {}
+    cameras: list[Any] = []
+    camera_of: list[int] = []
+    known: dict[tuple[int, int, bool, float], int] = {}
     for path, (width, height) in zip(paths, sizes, strict=True):
         told = focal_of_exif(path)
         prior, relative = told is not None, told or _FOCAL_GUESS

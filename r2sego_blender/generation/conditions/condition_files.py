@@ -45,7 +45,7 @@ def save_conditions(
     with points, ``Combined``, scene-linear.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    coloured = points or [None] * len(conditions)
+    coloured: Sequence[PointCondition | None] = points or [None] * len(conditions)
     for index, (condition, point) in enumerate(zip(conditions, coloured, strict=True)):
         _save_exr(folder / f"{index:03d}.exr", condition, point, derived)
         for name, image in _encoded(condition, point).items():

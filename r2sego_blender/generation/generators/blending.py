@@ -99,7 +99,7 @@ class BlendingGenerator:
             raise ValueError("each capture needs one depth map of its camera's size")
         images = [capture.image() for capture in captures]
         gains = exposure_gains(images, cameras, capture_depths, settings.depth_tolerance)
-        observed = observed_depths or [None] * len(captures)
+        observed: Sequence[np.ndarray | None] = observed_depths or [None] * len(captures)
         trusts = [
             capture_trust(depth, seen, settings) for depth, seen in zip(capture_depths, observed, strict=True)
         ]

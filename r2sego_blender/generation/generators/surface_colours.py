@@ -68,7 +68,8 @@ class SurfaceColours:
         overall = (weights[:, None] * colours).sum(axis=0) / max(weights.sum(), _SMALLEST)
         self._stacks = []
         for across in range(3):
-            axes = (*(a for a in range(3) if a != across), across)
+            u, v = (a for a in range(3) if a != across)
+            axes = (u, v, across)
             corners = np.ceil(size[list(axes)] / step).astype(int) + 1
             places = (points - self._low)[:, axes] / step
             for sign in (1.0, -1.0):

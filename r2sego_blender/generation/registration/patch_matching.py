@@ -42,8 +42,9 @@ def corners(image: np.ndarray, known: np.ndarray, cell_px: int) -> tuple[np.ndar
     """
     size = 2 * RADIUS_PX + 1
     inside = cv2.erode(
-        known.astype(np.uint8), np.ones((size, size), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0
-    )
+        known.astype(np.uint8), np.ones((size, size), np.uint8),
+        borderType=cv2.BORDER_CONSTANT, borderValue=(0,),
+    )  # fmt: skip
     strength = cv2.cornerMinEigenVal(cv2.GaussianBlur(image, (0, 0), 1.0), 9, ksize=1)
     strength[inside == 0] = 0.0
     height, width = (side // cell_px * cell_px for side in image.shape)
@@ -66,7 +67,7 @@ def match_patches(
     minus correlation) is below ``ratio`` times that of the second best place.
     """
     pad = reach_px + RADIUS_PX
-    padded = cv2.copyMakeBorder(other, pad, pad, pad, pad, cv2.BORDER_CONSTANT, value=0.0)
+    padded = cv2.copyMakeBorder(other, pad, pad, pad, pad, cv2.BORDER_CONSTANT, value=(0.0,))
     found = []
     for index, (column, row) in enumerate(zip(columns.tolist(), rows.tolist(), strict=True)):
         patch = image[row - RADIUS_PX : row + RADIUS_PX + 1, column - RADIUS_PX : column + RADIUS_PX + 1]

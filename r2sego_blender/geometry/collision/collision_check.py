@@ -212,14 +212,14 @@ def _starts(corners: np.ndarray, floor: np.ndarray) -> np.ndarray:
     """
     places = _grid(floor[0, 0], floor[0, 1] - floor[0, 0], floor[1, 2] - floor[0, 0])
     margin = SPHERE_RADIUS_M + _CLEARANCE_M
-    starts = []
+    found = []
     for place, (heights, upward) in zip(places, columns(corners, places), strict=True):
         above = np.append(heights[1:], np.inf)
         centre = np.minimum(_DROP_FROM_M, above - margin)
         free = upward & ~np.append(upward[1:], False) & (centre > heights + margin)
         if free.any():
-            starts.append((*place, centre[np.flatnonzero(free)[-1]]))
-    starts = np.array(starts).reshape(-1, 3)
+            found.append((*place, centre[np.flatnonzero(free)[-1]]))
+    starts = np.array(found).reshape(-1, 3)
     return starts[distances(corners, starts, margin) > margin]
 
 

@@ -219,6 +219,7 @@ def _halves(soup: Soup, piece: np.ndarray) -> list[np.ndarray]:
         unevenness = sum(_unevenness(centroids[s], areas[s]) for s in (left, ~left))
         if unevenness < best:
             best, chosen = unevenness, left
+    assert chosen is not None  # the longest axis is tried
     return [piece[~chosen], piece[chosen]]
 
 

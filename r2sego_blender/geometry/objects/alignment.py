@@ -221,7 +221,8 @@ def _steps(level: int, shrunk: int = 0) -> np.ndarray:
 def _parts(problem: Problem, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(3,) the energy's parts, and (V, 3, 4) the pixels counted for them."""
     counts = np.empty((len(problem.shown), 3, 4), np.int64)
-    return energy_parts(problem, pose, *scratch(problem.views.sizes, len(problem.vertices)), counts), counts
+    local, buffer = scratch(problem.views.sizes, len(problem.vertices))
+    return energy_parts(problem, pose, local, buffer, counts), counts
 
 
 def rated(shape: Shape, evidence: ObjectEvidence, world_from_own: np.ndarray) -> Alignment:
@@ -289,10 +290,9 @@ def _starts(shape: Shape, evidence: ObjectEvidence, headings: int, sizes: Sequen
 def _turned(shape: Shape, problem: Problem, pose: np.ndarray, count: int) -> np.ndarray:
     """The pose with the shape turned over in its box: what small images cannot tell apart."""
     linear = pose[:9].reshape(3, 3)
-    turns = [
+    turns = np.array([
         np.concatenate([(linear @ turn).ravel(), pose[9:]]) for turn in Rotation.create_group("O").as_matrix()
-    ]
-    turns = np.array(turns)
+    ])  # fmt: skip
     turns = turns[np.argsort(energies(problem, turns), kind="stable")]
     return _distinct(shape, turns, count)
 
@@ -385,10 +385,10 @@ def _surroundings(mask: np.ndarray, share: float) -> tuple[slice, slice]:
     """Rows and columns of a mask and of what lies around it; all of them for an empty one."""
     mask = mask > DRAWN
     if not mask.any():
-        return tuple(slice(0, n) for n in mask.shape)
+        return slice(0, mask.shape[0]), slice(0, mask.shape[1])
     cut = []
     for axis in range(2):
         used = np.flatnonzero(mask.any(1 - axis))
         margin = 4 + round(share * (used[-1] - used[0] + 1))
         cut.append(slice(max(0, used[0] - margin), min(mask.shape[axis], used[-1] + 1 + margin)))
-    return tuple(cut)
+    return cut[0], cut[1]

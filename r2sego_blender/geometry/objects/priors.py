@@ -162,15 +162,15 @@ def _decided(
     if not candidates:
         what = "there is no mesh for it and no library"
         return ObjectPrior(one.name, None, what, {"name": one.name, "refusal": what})
-    by_hand = one.placement is not None and one.mesh is not None
-    if not by_hand and (few := too_few_points(evidence, settings)):
+    by_hand = None if one.mesh is None else one.placement
+    if by_hand is None and (few := too_few_points(evidence, settings)):
         record = {"name": one.name, "refusal": few, "observed_points": len(evidence.points)}
         return ObjectPrior(one.name, None, few, record)
-    if by_hand:
-        place = rated if one.placement.locked else realigned
-        placed = place(candidates[0], evidence, one.placement.world_from_own)
+    if by_hand is not None:
+        place = rated if by_hand.locked else realigned
+        placed = place(candidates[0], evidence, by_hand.world_from_own)
         # What a person holds is not judged.
-        reason = "" if one.placement.locked else refusal(placed, evidence, settings)
+        reason = "" if by_hand.locked else refusal(placed, evidence, settings)
         retrieval = Retrieval(placed, {}, {}, reason)
     else:
         retrieval = retrieve(evidence, candidates, settings)
@@ -188,8 +188,8 @@ def _decided(
     }
     shape = next(shape for shape in candidates if shape.name == best.shape)
     world = shape.vertices @ best.world_from_own[:3, :3].T + best.world_from_own[:3, 3]
-    placed = AlignedPrior(one.name, world, shape.faces)
-    return ObjectPrior(one.name, None if verdict else placed, verdict, record, placed if verdict else None)
+    prior = AlignedPrior(one.name, world, shape.faces)
+    return ObjectPrior(one.name, None if verdict else prior, verdict, record, prior if verdict else None)
 
 
 def _completed_by_symmetry(refused: ObjectPrior, known: _Gathered, settings: PriorSettings) -> ObjectPrior:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -68,7 +69,7 @@ def load_shape(path: Path) -> Shape:
             f"'{path.suffix}' is no mesh format", where=path, cure=f"Use {', '.join(MESH_SUFFIXES)}."
         )
     try:
-        mesh = trimesh.load(path, force="mesh", process=False, skip_materials=True)
+        mesh: Any = trimesh.load(path, force="mesh", process=False, skip_materials=True)
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     except Exception as error:  # trimesh's readers raise anything on damaged files
         raise GeometryError(

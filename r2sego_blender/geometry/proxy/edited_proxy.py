@@ -131,7 +131,7 @@ def _in_box(samples: np.ndarray, cut: Cut) -> np.ndarray:
 def _same(corners: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """(F,) bool: the triangles (F, 3, 3) that are, bit by bit, among the ``wanted`` (K, 3, 3)."""
     row = np.dtype((np.void, 9 * 4))
-    rows = (
+    of_faces, of_wanted = (
         np.ascontiguousarray(part, np.float32).reshape(-1, 9).view(row).ravel() for part in (corners, wanted)
     )
-    return np.isin(*rows)
+    return np.isin(of_faces, of_wanted)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -88,7 +88,8 @@ class Edit:
     def save(self, folder: Path) -> None:
         """Write ``<name>.npz`` into the folder of the edits."""
         arrays = {f.name: np.asarray(getattr(self.change, f.name)) for f in fields(self.change)}
-        save_arrays(folder / f"{self.name}.npz", kind=self.change.kind, order=np.int64(self.order), **arrays)
+        order = np.array(self.order, np.int64)
+        save_arrays(folder / f"{self.name}.npz", kind=self.change.kind, order=order, **arrays)
 
 
 def load_proxy_edits(folder: Path) -> tuple[Edit, ...]:
@@ -113,7 +114,8 @@ def _load(path: Path) -> Edit:
     with opened_arrays(path, GeometryError, "this is no edit of the proxy", _CURE) as data:
         kind = {one.kind: one for one in (Cut, Drawn)}[str(data["kind"])]
         arrays = {field.name: data[field.name] for field in fields(kind)}
-        change = kind(**{name: value if value.ndim else float(value) for name, value in arrays.items()})
+        told: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in arrays.items()}
+        change = kind(**told)
         return Edit(path.stem, int(data["order"]), change)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -48,7 +49,7 @@ class GeometryProxy:
     provenance: np.ndarray
     support: np.ndarray
     confidence: np.ndarray
-    instance: np.ndarray | None = None
+    instance: np.ndarray = None  # type: ignore[assignment]  # until it is made
     instance_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -79,7 +80,8 @@ class GeometryProxy:
         """
         with opened_arrays(path, GeometryError, "this is not a geometry proxy") as data:
             names = [field.name for field in fields(GeometryProxy)]
-            arrays = {name: data[name] for name in names if name in data or name not in _INSTANCES}
+            kept = [name for name in names if name in data or name not in _INSTANCES]
+            arrays: dict[str, Any] = {name: data[name] for name in kept}
             if "instance_names" in arrays:
                 arrays["instance_names"] = tuple(arrays["instance_names"].tolist())
             proxy = GeometryProxy(**arrays)

@@ -9,6 +9,7 @@ that were seen, but not by enough captures for stereo, are added by ``bounds``.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -90,7 +91,7 @@ class RoomPlanes:
 
 def find_planes(
     observed: ObservedGeometry,
-    cameras: tuple[Camera, ...],
+    cameras: Sequence[Camera],
     settings: ProxySettings,
     rng: np.random.Generator,
 ) -> RoomPlanes:

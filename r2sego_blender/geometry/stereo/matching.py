@@ -10,12 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.compiled import KernelDecorator
 from ...core.compiled import kernel as plain_kernel
 
 # Divisions without Python's check for zero, which would keep the sums out of vectors.
 # Helpers are inlined by LLVM and take arrays, never tuples of them: Numba counts a
 # reference for each array of a tuple it passes on, which costs more than a matching cost.
-inner_kernel = functools.partial(plain_kernel, error_model="numpy", forceinline=True)
+inner_kernel: KernelDecorator = functools.partial(plain_kernel, error_model="numpy", forceinline=True)
 """A helper of the stereo kernels."""
 
 WORST_COST = np.float32(2.0)
@@ -75,7 +76,7 @@ class Sources(NamedTuple):
     to_source: np.ndarray
     to_reference: np.ndarray
     planes: np.ndarray
-    geometric_weight: float
+    geometric_weight: np.float32
 
 
 def window(radius_px: int, stride_px: int = 2) -> Window:
@@ -116,7 +117,7 @@ def weigh_patch(grey, offsets, spatial, tonal, x, y, patch):
         u, v = x + np.int32(offsets[0, k]), y + np.int32(offsets[1, k])
         row, column = min(max(v, 0), height - 1), min(max(u, 0), width - 1)
         value = grey[np.uint64(row), np.uint64(column)]
-        tone = np.uint64(min(np.int32(abs(value - centre) * np.float32(255.0) + np.float32(0.5)), 255))
+        tone = np.uint64(min(np.int32(abs(value - centre) * np.float32(255.0) + np.float32(0.5)), 255))  # type: ignore[arg-type]  # of a kernel
         weight = spatial[k] * tonal[tone] * np.float32((row == v) & (column == u))
         patch[0, k] = weight
         patch[1, k] = value

@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.compiled import KernelDecorator, prange
 from ...core.compiled import parallel_kernel as plain_parallel_kernel
-from ...core.compiled import prange
 from .matching import (
     WORST_COST,
     ZERO,
@@ -30,7 +30,7 @@ from .matching import (
     weigh_patch,
 )
 
-parallel_kernel = functools.partial(plain_parallel_kernel, error_model="numpy")
+parallel_kernel: KernelDecorator = functools.partial(plain_parallel_kernel, error_model="numpy")
 
 # The least cosine between a plane's normal and the viewing ray: 81 degrees.
 _MIN_COSINE = np.float32(0.16)

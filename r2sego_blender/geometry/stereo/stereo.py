@@ -72,8 +72,8 @@ class DepthMap:
     def load(path: Path) -> DepthMap:
         """Read what ``save`` wrote. Raises GeometryError when the file is no depth map."""
         with opened_arrays(path, GeometryError, "this is not a depth map") as data:
-            width, height, *lens = data["lens"].tolist()
-            camera = Camera(int(width), int(height), *lens, data["world_from_camera"])
+            width, height, fx, fy, cx, cy = data["lens"].tolist()
+            camera = Camera(int(width), int(height), fx, fy, cx, cy, data["world_from_camera"])
             maps = {name: data[name] for name in ("depth", "normal", "cost", "support")}
             size = f"{camera.height} {camera.width}"
             require_shapes(maps, depth=size, normal=f"{size} 3", cost=size, support=size)
@@ -115,9 +115,9 @@ def dense_stereo(
             "its depth is matched where the views should meet", "warning",
         )  # fmt: skip
         in_view = neighbours(cameras, guessed, settings.sources)
-        chosen = [
+        chosen = tuple(
             c or g or _nearest(cameras, i) for i, (c, g) in enumerate(zip(chosen, in_view, strict=True))
-        ]
+        )
 
     scales = _level_scales(cameras, settings.levels)
     rounds = len(scales) * (1 + settings.geometric_rounds)
@@ -165,7 +165,7 @@ def _check(captures: Sequence[Capture], depth_range_m: Sequence[tuple[float, flo
 
 def _nearest(cameras: Sequence[Camera], index: int) -> tuple[int, ...]:
     """The camera nearest to one, as its only source."""
-    distance = [np.linalg.norm(c.centre - cameras[index].centre) for c in cameras]
+    distance: list[float] = [float(np.linalg.norm(c.centre - cameras[index].centre)) for c in cameras]
     distance[index] = np.inf
     return (int(np.argmin(distance)),)
 
@@ -301,7 +301,7 @@ def _depth_and_normal(planes: np.ndarray, camera: Camera) -> tuple[np.ndarray, n
     u = np.arange(camera.width, dtype=np.float32) + 0.5
     v = np.arange(camera.height, dtype=np.float32)[:, None] + 0.5
     inverse_depth = planes[..., 0] * u + planes[..., 1] * v + planes[..., 2]
-    away = planes @ camera.matrix.astype(np.float32)
+    away: np.ndarray = planes @ camera.matrix.astype(np.float32)
     away /= np.linalg.norm(away, axis=-1, keepdims=True)
     normal = -away @ camera.world_from_camera[:3, :3].T.astype(np.float32)
     return np.float32(1.0) / inverse_depth, normal

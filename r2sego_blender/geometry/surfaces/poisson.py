@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -50,7 +51,7 @@ def poisson_surface(cloud: OrientedPoints, cell_m: float) -> tuple[np.ndarray, n
     with ScratchFolder() as folder:
         _write_ply(Path(folder, _CLOUD), points, normals)
         call_in_child(_reconstruct, {"folder": folder, "depth": depth})
-        mesh = trimesh.load(Path(folder, _SURFACE), process=False, force="mesh")
+        mesh: Any = trimesh.load(Path(folder, _SURFACE), process=False, force="mesh")
         vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)
     reach = max(_TRIMMED_CELLS * cell_m, 1.5 * _PADDING * extent / 2**depth)
     near = np.isfinite(cKDTree(points).query(vertices, distance_upper_bound=reach)[0])

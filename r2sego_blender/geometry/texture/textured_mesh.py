@@ -45,7 +45,7 @@ class TexturedMesh:
 
     def glb(self) -> bytes:
         """The mesh as binary glTF: Y up, one unlit material, since the light is in the texture."""
-        y_up = self.vertices[:, [0, 2, 1]] * np.float32([1, 1, -1])
+        y_up = self.vertices[:, [0, 2, 1]] * np.array([1, 1, -1], np.float32)
         picture = Image.open(io.BytesIO(self.png()))
         material = trimesh.visual.material.PBRMaterial(
             name="baked", baseColorTexture=picture, metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True

@@ -26,7 +26,7 @@ def write_textured_usd(path: Path, mesh: TexturedMesh, picture: str) -> None:
     places = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(
         _PLACE, Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex
     )
-    upwards = mesh.uvs * np.float32([1, -1]) + np.float32([0, 1])  # USD counts v upwards
+    upwards = mesh.uvs * np.array([1, -1], np.float32) + np.array([0, 1], np.float32)  # USD counts v upwards
     places.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(upwards, np.float32)))
     UsdShade.MaterialBindingAPI.Apply(prim.GetPrim()).Bind(_glowing(stage, picture))
     stage.GetRootLayer().Save()

@@ -189,8 +189,8 @@ def _numbered(cells: np.ndarray) -> np.ndarray:
 
 def filled(texture: np.ndarray, known: np.ndarray) -> np.ndarray:
     """(S, S, 3) float32: unknown texels by push-pull from the known ones around them."""
-    weight = known.astype(np.float32)
-    levels = [(texture * weight[..., None], weight)]
+    weight: np.ndarray = known.astype(np.float32)
+    levels: list[tuple[np.ndarray, np.ndarray]] = [(texture * weight[..., None], weight)]
     while min(levels[-1][1].shape) > 1:
         colour, weight = levels[-1]
         height, width = (weight.shape[0] + 1) // 2, (weight.shape[1] + 1) // 2
@@ -198,11 +198,12 @@ def filled(texture: np.ndarray, known: np.ndarray) -> np.ndarray:
             cv2.resize(v, (width, height), interpolation=cv2.INTER_AREA) for v in (colour, weight)
         )
         levels.append((colour, weight))
-    below = None
+    below: np.ndarray | None = None
     for colour, weight in reversed(levels):
         mean = colour / np.maximum(weight, 1e-9)[..., None]
         if below is not None:
             coarse = cv2.resize(below, weight.shape[::-1], interpolation=cv2.INTER_LINEAR)
             mean = np.where(weight[..., None] > 0, mean, coarse)
         below = mean
+    assert below is not None
     return np.where(known[..., None], texture, below)

@@ -84,7 +84,7 @@ def _run_xatlas(request: dict) -> dict:
     atlas.generate(charts, packing)
     source, faces, uvs = atlas[0]
     # The atlas comes out near the size asked for and not quite square; texels stay square.
-    uvs = uvs * np.float32([atlas.width, atlas.height]) / np.float32(max(atlas.width, atlas.height))
+    uvs = uvs * np.array([atlas.width, atlas.height], np.float32) / np.float32(max(atlas.width, atlas.height))
     np.savez(
         request["charts"], source=source.astype(np.int64), faces=faces.astype(np.int32),
         uvs=np.clip(uvs, 0.0, 1.0).astype(np.float32),

@@ -47,7 +47,8 @@ class Coverage:
         with opened_arrays(path, GeometryError, "this is no coverage of a proxy", cure) as data:
             arrays = {field.name: data[field.name] for field in fields(Coverage)}
             require_shapes(arrays, seen="F", support="F", area_m2="F", views="")
-        return Coverage(**arrays | {"views": int(arrays["views"])})
+        views = int(arrays.pop("views"))
+        return Coverage(**arrays, views=views)
 
     def areas_m2(self) -> dict[str, float]:
         """Sums of area: ``proxy``, ``supported`` by a capture, ``seen`` by the robot, and of the

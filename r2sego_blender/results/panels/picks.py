@@ -28,7 +28,7 @@ def picks_of(group: Any) -> Picks:
         if len(point.views)
     )
     lengths = tuple(PickedLength(one.start, one.end, one.metres) for one in group.lengths)
-    heights = ()
+    heights: tuple[CameraHeight, ...] = ()
     if group.use_camera_height:
         heights = (CameraHeight(group.height_capture, group.camera_height),)
     return Picks(points, lengths, heights)

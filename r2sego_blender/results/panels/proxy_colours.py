@@ -69,6 +69,7 @@ def _by_confidence(faces: ProxyFaces) -> Colouring:
 
 def _by_views(faces: ProxyFaces) -> Colouring:
     labels = ("Seen by no candidate", "Up to 1% of them", "1 to 5%", "5 to 20%", "More than 20%")
+    assert faces.seen is not None
     share = faces.seen / max(1, faces.views)
     slot = np.where(faces.seen > 0, 1 + np.searchsorted([0.01, 0.05, 0.2], share), 0)
     return Colouring(labels, (_DARK, *_ramp(4)), _slots(slot))
@@ -76,6 +77,7 @@ def _by_views(faces: ProxyFaces) -> Colouring:
 
 def _by_coverage(faces: ProxyFaces) -> Colouring:
     labels = ("Robot and captures", "Robot alone", "Captures alone", "Neither")
+    assert faces.seen is not None
     robot, captures = faces.seen > 0, faces.support > 0
     slot = np.where(robot, np.where(captures, 0, 1), np.where(captures, 2, 3))
     return Colouring(labels, (_GREEN, _RED, _BLUE, _DARK), _slots(slot))
@@ -85,6 +87,7 @@ def _by_gap(faces: ProxyFaces) -> Colouring:
     labels = (
         "Robot sees, no capture", "Robot sees, 1 capture", "Robot sees, 2 or more", "Robot does not see"
     )  # fmt: skip
+    assert faces.seen is not None
     slot = np.where(faces.seen > 0, np.minimum(faces.support, 2), 3)
     return Colouring(labels, (_RED, _ORANGE, _GREEN, _DARK), _slots(slot))
 
@@ -124,7 +127,8 @@ def _slots(values: np.ndarray) -> np.ndarray:
 
 
 def _ramp(steps: int) -> tuple[tuple[float, float, float], ...]:
-    return tuple(
-        tuple(float(low + (high - low) * k / (steps - 1)) for low, high in zip(_COLD, _WARM, strict=True))
-        for k in range(steps)
-    )
+    def blended(k: int, channel: int) -> float:
+        low, high = _COLD[channel], _WARM[channel]
+        return float(low + (high - low) * k / (steps - 1))
+
+    return tuple((blended(k, 0), blended(k, 1), blended(k, 2)) for k in range(steps))

@@ -13,7 +13,7 @@ from typing import Any
 from ...bundle.figures import ROBOT_FACTS
 from ...core.errors import SceneError
 from ...robot.scope.region import Polygon, area_m2
-from ...robot.scope.scope import FREE_FLOOR, BehaviourScope
+from ...robot.scope.scope import BehaviourScope
 from .bundle import Bundle
 
 
@@ -50,7 +50,7 @@ class RobotFacts:
     def region(self) -> Polygon:
         """The region's corners; none where it is all of the free floor."""
         within = self.scope.region.within
-        return () if within == FREE_FLOOR else within
+        return () if isinstance(within, str) else within
 
     @property
     def seats(self) -> tuple[Seat, ...]:

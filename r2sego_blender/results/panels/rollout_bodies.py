@@ -47,8 +47,8 @@ class RobotBodies:
             told = _description(folder)
             with opened_arrays(folder / "shapes.npz", SceneError, "it cannot be read", _CURE) as arrays:
                 shapes = tuple(
-                    tuple(arrays[f"{name}_{index:04d}"] for name in ("vertices", "faces", "colours"))
-                    for index in range(len(told["bodies"]))
+                    (arrays[f"vertices_{body}"], arrays[f"faces_{body}"], arrays[f"colours_{body}"])
+                    for body in (f"{index:04d}" for index in range(len(told["bodies"])))
                 )
             camera = Camera.from_json({**told["camera"], "world_from_camera": np.eye(4)})
             return RobotBodies(

@@ -75,4 +75,5 @@ def depth_range_m(levels: np.ndarray) -> tuple[float, float]:
     seen = levels[levels > 0]
     if not len(seen):
         return 0.0, 0.0
-    return tuple(float(value) * _MILLIMETRE_LEVELS / 1000.0 for value in (seen.min(), seen.max()))
+    near, far = (float(value) * _MILLIMETRE_LEVELS / 1000.0 for value in (seen.min(), seen.max()))
+    return near, far

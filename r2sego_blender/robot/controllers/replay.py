@@ -145,6 +145,7 @@ class ReplayController:
     def _drawn_on_seat(self, rng: np.random.Generator) -> ReferenceMotion | None:
         take = self._seated[int(rng.integers(len(self._seated)))]
         seated = round((self._scope.sit_on.hold_s + _SEATED_MARGIN_S) * RATE_HZ)
+        assert take.seated is not None  # else it is not among those that sit
         end, shortest = take.seated[0] + seated, seated + round(_APPROACH_S * RATE_HZ)
         start = max(0, end - round(self._scope.episode.duration_s * RATE_HZ))
         for _ in range(_TRIED_SEATS):

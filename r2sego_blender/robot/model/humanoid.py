@@ -233,10 +233,11 @@ def _add_shapes(body: ElementTree.Element, shapes: tuple[_Shape, ...], mass_kg: 
     volume = sum(shape.volume for shape in shapes)
     for shape in shapes:
         ends = "fromto" if shape.kind == "capsule" else "pos"
-        ElementTree.SubElement(
+        geom = ElementTree.SubElement(
             body, "geom", type=shape.kind, size=_text(shape.size),
-            mass=f"{mass_kg * shape.volume / volume:.9f}", **{ends: _text(shape.at)},
+            mass=f"{mass_kg * shape.volume / volume:.9f}",
         )  # fmt: skip
+        geom.set(ends, _text(shape.at))
 
 
 def _add_camera(torso: ElementTree.Element) -> None:

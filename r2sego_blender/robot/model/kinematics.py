@@ -25,10 +25,14 @@ _LIMIT_MARGIN_RAD = 0.02
 class Legged(Protocol):
     """What the solver asks of a robot; see ``model.RobotModel``."""
 
-    model: mujoco.MjModel
-    base: int
-    legs: tuple[Leg, ...]
-    rest_qpos: np.ndarray
+    @property
+    def model(self) -> mujoco.MjModel: ...
+    @property
+    def base(self) -> int: ...
+    @property
+    def legs(self) -> tuple[Leg, ...]: ...
+    @property
+    def rest_qpos(self) -> np.ndarray: ...
 
 
 class LegSolver:

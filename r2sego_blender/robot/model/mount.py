@@ -81,9 +81,10 @@ def parse_mount(value: Mapping[str, Any] | Sequence[Any], where: object) -> Came
     forward, y left, z up); ``fov`` is ``{"hfov_deg": ..}``, ``{"fovy_deg": ..}`` or a number,
     which is the vertical field of view as in MJCF. Raises RobotError naming the field.
     """
+    fov: Any
     if isinstance(value, Mapping):
         fov = {key: value[key] for key in ("hfov_deg", "fovy_deg") if key in value}
-        parts = [value.get("parent"), value.get("xyz"), value.get("rpy"), fov]
+        parts: list[Any] = [value.get("parent"), value.get("xyz"), value.get("rpy"), fov]
         unknown = set(value) - {"parent", "xyz", "rpy", "hfov_deg", "fovy_deg"}
         if unknown:
             raise RobotError(f"the mount has no field '{min(unknown)}'", where=where, cure=_CURE)

@@ -129,7 +129,7 @@ def _lever_m(data: mujoco.MjData, hip: int, knee: int, foot: np.ndarray) -> floa
     axis = data.xaxis[hip]
     across = np.eye(3) - np.outer(axis, axis)
     to_knee, to_foot = across @ (data.xanchor[knee] - data.xanchor[hip]), across @ (foot - data.xanchor[hip])
-    return float(np.linalg.norm(np.cross(to_knee, to_foot)) / max(np.linalg.norm(to_foot), 1e-9))
+    return float(np.linalg.norm(np.cross(to_knee, to_foot)) / max(float(np.linalg.norm(to_foot)), 1e-9))
 
 
 def _solutions(

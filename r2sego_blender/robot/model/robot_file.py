@@ -120,8 +120,8 @@ def gather_robot(path: Path) -> tuple[Element, dict[str, bytes]]:
     for element in root.iter():
         for attribute in element.keys() & _REFUSED_ATTRIBUTES.keys():
             raise _refused(element, attribute, _REFUSED_ATTRIBUTES[attribute])
-        if element.tag == "geom" and element.get("type") in _REFUSED_SHAPES:
-            raise _refused(element, "type", _REFUSED_SHAPES[element.get("type")])
+        if element.tag == "geom" and (shape := element.get("type", "")) in _REFUSED_SHAPES:
+            raise _refused(element, "type", _REFUSED_SHAPES[shape])
     return root, _take_meshes(folder, root)
 
 
@@ -185,7 +185,7 @@ def _check_names(folder: RobotFolder, root: Element) -> None:
                 base = folders.get(
                     "texturedir" if element.tag == "texture" else "meshdir", folder.main.parent
                 )
-                folder.check(element.get(attribute), base, element.at(attribute))
+                folder.check(element.attrib[attribute], base, element.at(attribute))
 
 
 def _folders(folder: RobotFolder, root: Element) -> dict[str, Path]:
@@ -194,7 +194,7 @@ def _folders(folder: RobotFolder, root: Element) -> dict[str, Path]:
     for compiler in root.iter("compiler"):
         for attribute in ("assetdir", "meshdir", "texturedir"):
             if attribute in compiler.attrib:
-                place = folder.check(compiler.get(attribute), folder.main.parent, compiler.at(attribute))
+                place = folder.check(compiler.attrib[attribute], folder.main.parent, compiler.at(attribute))
                 found[attribute] = place
     both = found.pop("assetdir", None)
     return ({"meshdir": both, "texturedir": both} if both else {}) | found
@@ -224,7 +224,7 @@ def _leave_out(root: Element) -> None:
             key.attrib.pop(attribute, None)
 
 
-def _moves(body: Element) -> bool:
+def _moves(body: ElementTree.Element) -> bool:
     """Whether a body of the world, or one below it, has a joint."""
     return any(element.tag in {"joint", "freejoint"} for element in body.iter())
 
@@ -263,7 +263,8 @@ def _take_meshes(folder: RobotFolder, root: Element) -> dict[str, bytes]:
     attribute = "filename" if is_urdf else "file"
     strip = [value for e in root.iter("compiler") if (value := e.get("strippath"))]
     base = _folders(folder, root).get("meshdir")
-    files, names = {}, {}
+    files: dict[str, bytes] = {}
+    names: dict[Path, str] = {}
     for element in root.iter("mesh"):
         name = element.get(attribute)
         if name is None:

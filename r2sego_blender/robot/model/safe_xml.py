@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Generator
 from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 from xml.parsers import expat
 
@@ -20,6 +22,12 @@ class Element(ElementTree.Element):
 
     source: Path
     line: int
+
+    if TYPE_CHECKING:  # its children are of its own kind, as ``parse_xml`` made them
+
+        def __iter__(self) -> Generator[Element, None, None]: ...
+        def iter(self, tag: str | None = None) -> Generator[Element, None, None]: ...
+        def find(self, path: str, namespaces: dict[str, str] | None = None) -> Element | None: ...
 
     def at(self, attribute: str = "") -> str:
         """Where it stands, in words."""
@@ -52,6 +60,7 @@ class _Reader:
         except expat.ExpatError as error:
             words = expat.errors.messages[error.code]
             raise self._refusal(f"this is no XML: {words}", "Give an MJCF or a URDF.") from error
+        assert self._root is not None  # expat refuses a text without an element
         return self._root
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:

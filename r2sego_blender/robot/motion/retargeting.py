@@ -163,8 +163,8 @@ def _solve(
             target = np.eye(4)
             target[:3, :3], target[:3, 3] = turn, foot[frame]
             task.set_target(mink.SE3.from_matrix(target))
-        for task, direction in zip(limbs, directions, strict=True):
-            task.set_target(direction[frame])
+        for limb, direction in zip(limbs, directions, strict=True):
+            limb.set_target(direction[frame])
         if frame == 0:
             start = robot.rest_qpos.copy()
             start[:3] = base[0, :3, 3]

@@ -70,7 +70,7 @@ def body_shapes(model: mujoco.MjModel) -> tuple[BodyShape, ...]:
     return tuple(shapes)
 
 
-def body_poses(model: mujoco.MjModel, qpos: np.ndarray, bodies: Sequence[int]) -> np.ndarray:
+def body_poses(model: mujoco.MjModel, qpos: np.ndarray, bodies: Sequence[int] | np.ndarray) -> np.ndarray:
     """``world_from_body`` (T, B, 4, 4) float64 of configurations ``qpos`` (T, nq): forward kinematics."""
     data = mujoco.MjData(model)
     bodies = np.asarray(bodies, int)

@@ -39,7 +39,7 @@ class Quality:
     @staticmethod
     def from_json(values: dict[str, Any]) -> Quality:
         """The quality of its fields as JSON has them. Raises TypeError or ValueError for what is none."""
-        fields = {}
+        fields: dict[str, Any] = {}
         for key, value in values.items():
             if key.startswith("camera_"):
                 low, high = map(float, value)

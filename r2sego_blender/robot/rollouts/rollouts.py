@@ -111,7 +111,7 @@ def load_rollouts(folder: Path) -> tuple[Rollout, ...]:
     """Read what ``save_rollouts`` wrote. Raises RobotError where that is not there whole."""
     what = "these rollouts cannot be read"
     with opened_json(folder / _REASONS, RobotError, what) as words:
-        records = [
+        records: list[dict[str, Any]] = [
             {
                 **{name: _of(kind, record[name]) for name, kind in _TOLD.items()},
                 "seed": tuple(record["seed"]),
@@ -125,7 +125,7 @@ def load_rollouts(folder: Path) -> tuple[Rollout, ...]:
         for index, record in enumerate(records):
             arrays = {name: data[f"{name}_{index:04d}"] for name in _FRAMES}
             require_shapes(arrays, qpos="T Q", times_s="T", camera_poses="T 4 4")
-            rollouts.append(Rollout(**record, **arrays))
+            rollouts.append(Rollout(**{**record, **arrays}))
     return tuple(rollouts)
 
 

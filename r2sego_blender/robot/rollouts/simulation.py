@@ -38,7 +38,9 @@ def simulate(composition: Composition, drive: Drive, judge: Judge, camera_rate_h
     frame_steps = 1.0 / (camera_rate_hz * step_s)
     check_steps = max(1, round(_CHECK_S / step_s))
     meter = Meter(composition, drive.seat, check_steps * step_s)
-    qpos, times, (reason, detail) = [], [], SUCCESS
+    qpos: list[np.ndarray] = []
+    times: list[float] = []
+    reason, detail = SUCCESS
     for step in range(steps + 1):
         if step >= len(qpos) * frame_steps - 1e-9:
             qpos.append(data.qpos.copy())

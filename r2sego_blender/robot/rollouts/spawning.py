@@ -15,16 +15,17 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from multiprocessing import context, resource_tracker
+from multiprocessing import context, process, resource_tracker
+from typing import Any
 
 _one_at_a_time = threading.Lock()
 
 
 class _Process(context.SpawnProcess):
     @staticmethod
-    def _Popen(process: context.SpawnProcess):  # noqa: N802  (multiprocessing's name)
+    def _Popen(process_obj: process.BaseProcess) -> Any:  # noqa: N802  (multiprocessing's name)
         with _main_script_hidden(), _safe_path():
-            return context.SpawnProcess._Popen(process)
+            return context.SpawnProcess._Popen(process_obj)
 
 
 class SpawnContext(context.SpawnContext):
@@ -43,7 +44,7 @@ def _main_script_hidden() -> Iterator[None]:
     """``__main__`` without what ``multiprocessing.spawn.get_preparation_data`` finds it by."""
     main = vars(sys.modules["__main__"])
     with _one_at_a_time:
-        told = {name: main[name] for name in ("__spec__", "__file__") if name in main}
+        told: dict[str, Any] = {name: main[name] for name in ("__spec__", "__file__") if name in main}
         main.update(dict.fromkeys(told))
         try:
             yield

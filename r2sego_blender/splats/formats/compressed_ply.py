@@ -90,13 +90,14 @@ def _rotations(packed: np.ndarray) -> np.ndarray:
 def _harmonics(rows: np.ndarray | None, count: int, path: Path) -> np.ndarray:
     """(N, K, 3) float32 of the bytes of ``f_rest``, the middle of what rounds to them."""
     stored = 0 if rows is None else len(rows.dtype.names or ())
-    if stored not in _DEGREES or (stored and len(rows) != count):
+    if stored not in _DEGREES or (rows is not None and stored and len(rows) != count):
         raise AssetError(
             f"the element 'sh' has {stored} properties of {0 if rows is None else len(rows)} Gaussians",
             where=path, cure="Export it again.",
         )  # fmt: skip
     harmonics = np.empty((count, stored // 3, 3), np.float32)
     for k in range(stored):
+        assert rows is not None
         values = _column(rows, f"f_rest_{k}", path)
         share = np.where(values == 0.0, 0.0, np.where(values == 255.0, 1.0, (values + 0.5) / 256.0))
         channel, coefficient = divmod(k, stored // 3)

@@ -148,7 +148,9 @@ def _document(attributes: dict[str, np.ndarray], size: int) -> dict[str, Any]:
     }
     if not attributes:  # glTF knows no accessor of zero elements
         return document | {"scenes": [{}]}
-    views, accessors, offset = [], [], 0
+    views: list[dict[str, Any]] = []
+    accessors: list[dict[str, Any]] = []
+    offset = 0
     kinds = {width: kind for kind, width in _WIDTHS.items()}
     for values in attributes.values():
         views.append({
@@ -187,7 +189,8 @@ def _opened(data: bytes, path: Path) -> tuple[dict[str, Any], bytes]:
     _, version, length = _GLB_HEADER.unpack_from(data)
     if version != _GLB_VERSION:
         raise AssetError(f"glTF {version} is unknown", where=path, cure="Export it as glTF 2.0.")
-    chunks, start = {}, _GLB_HEADER.size
+    chunks: dict[bytes, bytes] = {}
+    start = _GLB_HEADER.size
     while start < min(length, len(data)):
         size, kind = _GLB_CHUNK.unpack_from(data, start)
         start += _GLB_CHUNK.size + size
@@ -297,7 +300,7 @@ class _Scene:
         buffer = self._buffers[view["buffer"]]
         if end > view["byteLength"] or start + view["byteLength"] > len(buffer):
             raise _cut_short(self._path)
-        raw = np.ndarray((count, width), kind, buffer, start + offset, (stride, kind.itemsize))
+        raw: np.ndarray = np.ndarray((count, width), kind, buffer, start + offset, (stride, kind.itemsize))
         values = raw.astype(np.float32)
         if accessor.get("normalized", False) and kind.kind != "f":
             values = np.maximum(values / np.iinfo(kind).max, -1.0)

@@ -117,9 +117,9 @@ def _sums_after(
         gradient, weight, upstream = _pixel_gradients(code, splat, channels, held, place, alpha, exponent)
         code.store(place_of_next.get(), gradient)
         place_of_next.add(code.long(VECTOR_BYTES))
-        upstream = [code.cut(g, lanes) for g in upstream]
+        cuts = [code.cut(g, lanes) for g in upstream]
         for k, part in enumerate(code.cut(weight, lanes)):
-            _add_products(code, colours, [(part, g[k]) for g in upstream])
+            _add_products(code, colours, [(part, g[k]) for g in cuts])
 
     splat.visit(blocks, blend, with_small=True)
     moments = [code.variable(nothing) for _ in range(6)]

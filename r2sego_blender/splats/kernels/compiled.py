@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import functools
 
-from ...core.compiled import FAST, inlined, prange
+from ...core.compiled import FAST, KernelDecorator, inlined, prange
 from ...core.compiled import kernel as _kernel
 from ...core.compiled import parallel_kernel as _parallel_kernel
 
 _OPTIONS = {"error_model": "numpy", "fastmath": FAST}
 
-kernel = functools.partial(_kernel, **_OPTIONS)
-parallel_kernel = functools.partial(_parallel_kernel, **_OPTIONS)
+kernel: KernelDecorator = functools.partial(_kernel, **_OPTIONS)
+parallel_kernel: KernelDecorator = functools.partial(_parallel_kernel, **_OPTIONS)
 
 
 @inlined

@@ -254,8 +254,8 @@ def project_chunk(
             fields = [u, v, a, b, c, eighth, *colour, at.point[2], extent_y, skew, 1.0 / a]
             fields += [_tiles(code, u, extent_x, lens[WIDTH]), _tiles(code, v, extent_y, lens[HEIGHT])]
             rows = fields + [code.vector(0.0)] * (16 - len(fields))
-            for lane, row in enumerate(transposed(rows)):
-                code.store(records + RECORD_BYTES * lane, row)
+            for lane, record in enumerate(transposed(rows)):
+                code.store(records + RECORD_BYTES * lane, record)
     return visible.get()
 
 

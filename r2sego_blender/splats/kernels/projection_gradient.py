@@ -174,9 +174,9 @@ def _write_gradients(
             for k in range(band**2, (band + 1) ** 2):
                 weight = dot(shown, [parameter(code, chunk, HARMONICS + 3 * k + j) for j in range(3)])
                 weight = code.select(code.absolute(weight) < _LARGEST_TURN, weight, 0.0)
-                for turn, slope in zip(turns, slopes[k], strict=True):
+                for total, slope in zip(turns, slopes[k], strict=True):
                     if slope is not None:
-                        turn.add(weight * slope)
+                        total.add(weight * slope)
                 for j in range(3):
                     emit(HARMONICS + 3 * k + j, shown[j] * basis[k])
     turn = [t.get() for t in turns]

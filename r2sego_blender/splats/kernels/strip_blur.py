@@ -83,8 +83,8 @@ def blur_across(code: Code, blur: Value, row: Value, image: Value | int) -> None
     place = row & (_RING_ROWS - 1)
     again = code.select(place < _TAPS - 1, place + _RING_ROWS, place)
     for target in (ring + place * ROW_BYTES, ring + again * ROW_BYTES):
-        for k, vector in enumerate(blurred):
-            code.store(target + k * VECTOR_BYTES, vector)
+        for k, blurred_vector in enumerate(blurred):
+            code.store(target + k * VECTOR_BYTES, blurred_vector)
 
 
 def blurred_down(code: Code, blur: Value, images: int, row: Value, vector: Value | int) -> list[Value]:

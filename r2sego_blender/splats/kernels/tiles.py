@@ -131,8 +131,8 @@ def store_tile(
         for k in range(3):
             behind = group.rows(background + background_plane_bytes * k, background_pitch, background_step)
             targets = group.rows(planes + plane_bytes * k, pitch)
-            for row, colour in enumerate(group.load_blocks(SUMS + k)):
-                code.store(targets[row], code.fma(transmittance[row], code.load(behind[row]), colour))
+            for index, colour in enumerate(group.load_blocks(SUMS + k)):
+                code.store(targets[index], code.fma(transmittance[index], code.load(behind[index]), colour))
         for at, row in zip(
             group.rows(planes + plane_bytes * TRANSMITTANCE_PLANE, pitch), transmittance, strict=True
         ):

@@ -47,7 +47,8 @@ class _Rasterize(torch.autograd.Function):
         ctx.rasterizer = Rasterizer()
         ctx.rasterizer.forward(PackedGaussians.of(SplatAsset(*arrays)), camera)
         rendering = ctx.rasterizer.rendering()
-        return tuple(map(torch.from_numpy, (rendering.colour, rendering.alpha, rendering.depth)))
+        colour, alpha, depth = map(torch.from_numpy, (rendering.colour, rendering.alpha, rendering.depth))
+        return colour, alpha, depth
 
     @staticmethod
     @torch.autograd.function.once_differentiable

@@ -345,7 +345,7 @@ class Rasterizer:
             self._reserve_entries(max(self._capacity, 4 * chunks * LANES // SEGMENTS + LANES))
         if shape != self._shape:
             self._shape = shape
-            self._frame = self._frames.pop(shape, None) or _Frame.of(shape)
+            self._frame = self._frames.pop(shape) if shape in self._frames else _Frame.of(shape)
             self._frames[shape] = self._frame
             if len(self._frames) > _MOST_SIZES:
                 self._frames.pop(next(iter(self._frames)))

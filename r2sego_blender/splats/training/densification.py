@@ -174,7 +174,7 @@ def _largest_scale(population: Population) -> np.ndarray:
     return np.exp(population.columns(LOG_SCALE, QUATERNION)).max(axis=1)
 
 
-def _logit(opacity: np.ndarray) -> np.ndarray:
+def _logit(opacity: np.ndarray | np.float64) -> np.ndarray:
     return np.log(opacity / (1.0 - opacity))
 
 

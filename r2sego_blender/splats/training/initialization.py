@@ -95,9 +95,10 @@ def from_points(
         sigmas_m[:, 0] *= _POINT_DISC_THICKNESS
         quaternions = from_rotation(axes)
         clear = np.clip(1.0 - thickness / _NO_PLANE, 0.0, 1.0)
-        opacity = _POINT_OPACITY + (_PLANE_OPACITY - _POINT_OPACITY) * clear
+        opacity: np.ndarray | float = _POINT_OPACITY + (_PLANE_OPACITY - _POINT_OPACITY) * clear
     else:
-        quaternions, opacity = rng.normal(size=(len(points), 4)), _POINT_OPACITY
+        quaternions = rng.normal(size=(len(points), 4))
+        opacity = _POINT_OPACITY
     return gaussians(points, sigmas_m, quaternions, opacity, colours).with_degree(settings.sh_degree)
 
 

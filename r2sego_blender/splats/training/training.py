@@ -193,9 +193,9 @@ class _Trainer:
         engine, (height, width) = self._engine, target.camera.shape
         if target.camera.shape not in self._losses:
             self._losses[target.camera.shape] = PhotometricLoss(height, width)
-        exposes = correction is not None and correction.refines_exposure
+        exposure = correction if correction is not None and correction.refines_exposure else None
         image = engine.planes[:3]
-        shown = aligned_copy(correction.expose(image)) if exposes else image
+        shown = image if exposure is None else aligned_copy(exposure.expose(image))
         loss = self._losses[target.camera.shape](
             shown,
             target.image,
@@ -204,9 +204,9 @@ class _Trainer:
             target.weights,
             weight,
         )
-        if exposes:
+        if exposure is not None:
             inside = (slice(None), slice(height), slice(width))
-            correction.learn_exposure(image[inside], engine.gradient_planes[:3][inside])
+            exposure.learn_exposure(image[inside], engine.gradient_planes[:3][inside])
         return loss
 
     def _supervise(self, target: Target, weight: float, geometry: bool) -> bool:
@@ -214,6 +214,7 @@ class _Trainer:
         height, width = target.camera.shape
         image, planes = (x[:, :height, :width] for x in (self._engine.planes, self._engine.gradient_planes))
         if geometry:
+            assert target.depth is not None and target.depth_weight is not None
             _, planes[DEPTH_PLANE], planes[TRANSMITTANCE_PLANE] = depth_gradients(
                 image[DEPTH_PLANE], 1.0 - image[TRANSMITTANCE_PLANE], target.camera, target.depth,
                 weight * target.depth_weight, target.normals, self._settings,

@@ -28,8 +28,10 @@ def shown_from(observations: Sequence[Observation], title: str, progress: Progre
         observation = next(turns)
         camera = observation.camera.scaled(min(1.0, _WIDTH_PX / observation.camera.width))
         behind = observation.background
-        behind = (0.0, 0.0, 0.0) if behind is None else resize(behind, camera.width, camera.height)
-        rasterizer.forward(gaussians, camera, behind)
+        rasterizer.forward(
+            gaussians, camera,
+            (0.0, 0.0, 0.0) if behind is None else resize(behind, camera.width, camera.height),
+        )  # fmt: skip
         return np.clip(rasterizer.rendering().colour, 0.0, 1.0)
 
     def watch(step: int, gaussians: Callable[[], PackedGaussians]) -> bool:

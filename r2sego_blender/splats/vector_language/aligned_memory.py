@@ -41,6 +41,7 @@ def _huge_pages(count: int) -> np.ndarray:
     """Zeros (count,) uint8, in huge pages if the system has some left."""
     try:
         pages = mmap.mmap(-1, count, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+        assert _HUGE_PAGES is not None
         pages.madvise(_HUGE_PAGES)
     except OSError:  # a kernel without them; or no memory, which NumPy tells in its own words
         return np.zeros(count, np.uint8)
