@@ -13,9 +13,8 @@ from ..captures.store import CAPTURES
 from ..core.errors import SceneError
 from ..refine.behaviour import DeclaredBehaviour
 from ..robot.model.robot_file import robot_digest
-from ..robot.rollouts.attempts import Rollout
 from ..robot.rollouts.bodies import save_bodies
-from ..robot.rollouts.rollouts import ROLLOUTS
+from ..robot.rollouts.rollout import ROLLOUTS, Rollout
 
 
 def export_bodies(scene: Scene, round_index: int) -> Path:
