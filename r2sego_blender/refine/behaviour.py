@@ -73,7 +73,7 @@ class DeclaredBehaviour:
         target = scope.sit_on.target
         if isinstance(target, str) and self.names_object and scope.behaviours.sit_on > 0.0:
             target = object_place(priors, target)
-        return replace(
+        return replace(  # type: ignore[call-arg]  # of a behaviour
             scope, region=replace(scope.region, within=self.outline(captures, proxy)),
             sit_on=replace(scope.sit_on, target=target),
         )  # fmt: skip

@@ -65,6 +65,10 @@ class GsplatBackend:
     ``rasterization`` has the signature and conventions of gsplat's.
     """
 
+    _rows: torch.Tensor
+    _first: torch.Tensor
+    _second: torch.Tensor
+
     def __init__(
         self,
         gaussians: PackedGaussians,
