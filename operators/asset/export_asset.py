@@ -7,20 +7,10 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ...r2sego_blender.bundle.asset_stages import stage_named
 from ...r2sego_blender.core.errors import AssetError, R2SEgoError
+from ...r2sego_blender.splats.formats.registry import MENU
 from .. import state
 from ..base import EngineOperator, needs_idle_engine, told
 from .polls import needs_asset
-
-_FORMATS = (
-    (".ply", "PLY", "All attributes, to the bit: the layout of the original 3D Gaussian splatting"),
-    (".spz", "SPZ", "Small: a fifth of the PLY, quantised"),
-    (".splat", "SPLAT", "Small, without colours that depend on the viewing direction"),
-    (".glb", "glTF Binary", "All attributes, KHR_gaussian_splatting"),
-    (".gltf", "glTF", "All attributes, as text"),
-    (".usdc", "USD", "All attributes, ParticleField3DGaussianSplat"),
-    (".usda", "USD as Text", "All attributes, ParticleField3DGaussianSplat as text"),
-    (".usdz", "USD Package", "All attributes, ParticleField3DGaussianSplat in one file to hand on"),
-)
 
 
 class R2SEGO_OT_export_asset(EngineOperator, bpy.types.Operator):
@@ -34,8 +24,8 @@ class R2SEGO_OT_export_asset(EngineOperator, bpy.types.Operator):
         name="File", description="The file to write", subtype="FILE_PATH", options={"SKIP_SAVE"}
     )
     check_existing: BoolProperty(default=True, options={"HIDDEN"})
-    filter_glob: StringProperty(default=";".join(f"*{suffix}" for suffix, *_ in _FORMATS), options={"HIDDEN"})
-    file_format: EnumProperty(name="Format", description="Gives the file its suffix", items=_FORMATS)
+    filter_glob: StringProperty(default=";".join(f"*{suffix}" for suffix, *_ in MENU), options={"HIDDEN"})
+    file_format: EnumProperty(name="Format", description="Gives the file its suffix", items=MENU)
     stage: StringProperty(
         name="Asset", description="initial, a round's number, or final; empty = the final one",
         options={"SKIP_SAVE"},
@@ -77,5 +67,5 @@ class R2SEGO_OT_export_asset(EngineOperator, bpy.types.Operator):
 
     def _file(self) -> Path:
         file = Path(bpy.path.abspath(self.filepath))
-        known = file.suffix.lower() in (suffix for suffix, *_ in _FORMATS)
+        known = file.suffix.lower() in (suffix for suffix, *_ in MENU)
         return file.with_suffix(self.file_format) if known else file.with_name(file.name + self.file_format)

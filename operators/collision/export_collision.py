@@ -4,18 +4,15 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ...r2sego_blender.core.errors import SceneError
+from ...r2sego_blender.splats.formats.registry import MENU
 from .. import state
 from ..base import EngineOperator, needs_idle_engine
 from .polls import needs_collision
 
-_SPLATS = (
-    (".spz", "SPZ", "The asset as .spz too: a fifth of the PLY, quantised"),
-    (".splat", "SPLAT", "The asset as .splat too"),
-    (".glb", "glTF Binary", "The asset as .glb too, KHR_gaussian_splatting"),
-    (".gltf", "glTF", "The asset as .gltf too"),
-    (".usdc", "USD", "The asset as .usdc too"),
-    (".usda", "USD as Text", "The asset as .usda too"),
-    (".usdz", "USD Package", "The asset as .usdz too"),
+_SPLATS = tuple(
+    (suffix, label, f"The asset as {suffix} too. {keeps}")
+    for suffix, label, keeps in MENU
+    if suffix != ".ply"
 )
 
 

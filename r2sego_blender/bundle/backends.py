@@ -8,13 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..config.settings import Settings
-from ..config.slots import GENERATORS, RENDERERS, SURFACES
-
-TRAINER_BACKENDS: Mapping[str, str] = {
-    "cpu": "embedded: 3DGS on the CPU",
-    "gsplat": "gsplat on CUDA",
-}
-"""What trains the splats, by the setting ``training.backend``."""
+from ..config.slots import GENERATORS, RENDERERS, SURFACES, TRAINERS
 
 BACKENDS: Mapping[str, str] = {
     "initial_asset": "embedded: dense stereo to splats",
@@ -24,7 +18,7 @@ BACKENDS: Mapping[str, str] = {
     "conditions": RENDERERS.labels["z-buffer"],
     "generator": GENERATORS.labels["blending"],
     "registration": "embedded: patches of the captures and PnP",
-    "splat_trainer": TRAINER_BACKENDS["cpu"],
+    "splat_trainer": TRAINERS.labels["cpu"],
 }
 """The backend of each slot of the paper; none of the defaults is a learned model."""
 
@@ -35,7 +29,7 @@ def chosen_backends(settings: Settings) -> dict[str, str]:
         "surface": SURFACES.labels[settings.proxy.surface],
         "conditions": RENDERERS.labels[settings.generation.renderer],
         "generator": GENERATORS.labels[settings.generation.generator],
-        "splat_trainer": TRAINER_BACKENDS[settings.training.backend],
+        "splat_trainer": TRAINERS.labels[settings.training.backend],
     }
 
 

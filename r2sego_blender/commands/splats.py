@@ -51,19 +51,29 @@ def train(overrides: tuple[str, ...], vanilla: bool, output: Output, **given: An
     output.show(trained.to_json(), lambda _: [trained.line()])
 
 
-@click.command()
+class _OfFormats(click.Command):
+    """Its help ends with the formats' suffixes, which are looked for when it is asked for."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        from ..splats.formats.registry import SUFFIXES
+
+        formatter.write_paragraph()
+        formatter.write_text(f"Suffixes: {', '.join(SUFFIXES)}.")
+
+
+@click.command(cls=_OfFormats)
 @click.argument("source", metavar="IN", type=ANY_PATH)
 @click.argument("target", metavar="OUT", type=ANY_PATH)
 def convert(source: Path, target: Path) -> None:
     """Write the splats of the file IN as OUT; the suffixes say the formats.
 
-    .ply (SuperSplat's compressed one is read too), .splat, .spz, .glb, .gltf, .usd, .usda, .usdc, .usdz.
+    Of .ply SuperSplat's compressed one is read too.
     """
-    from ..splats.formats.registry import load_asset, save_asset
+    from ..splats.formats.registry import format_of, load_asset, save_asset
 
     asset = load_asset(source)
     save_asset(target, asset)
-    degree = 0 if target.suffix.lower() == ".splat" else asset.degree
+    degree = min(asset.degree, format_of(target).degree)
     click.echo(f"{target}: {len(asset)} Gaussians of degree {degree}")
 
 

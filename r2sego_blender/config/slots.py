@@ -56,3 +56,6 @@ RENDERERS = Slot("generation/conditions")
 
 GENERATORS = Slot("generation/generators")
 """What makes the clips, ``generation.generator``."""
+
+TRAINERS = Slot("splats/backends")
+"""What renders and moves the Gaussians in training, ``training.backend``."""

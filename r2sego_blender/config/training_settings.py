@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from .fields import setting
+from .slots import TRAINERS
 
 
 @dataclass(frozen=True)
@@ -14,7 +15,7 @@ class TrainingSettings:
     backend: str = setting(
         "cpu",
         "What renders and moves the Gaussians: the embedded CPU kernels, or gsplat on an NVIDIA GPU.",
-        choices=("cpu", "gsplat"), added=True,
+        choices=tuple(TRAINERS.labels), added=True,
     )  # fmt: skip
     steps_per_round: int = setting(5000, "Optimisation steps a round.", 1, 200000)
     max_gaussians: int = setting(150000, "Hard budget of Gaussians, the backdrop not counted.", 1000, 5000000)

@@ -22,6 +22,7 @@ import numba
 from llvmlite import binding as llvm
 from numba.core import codegen, event
 
+from .errors import R2SEgoError
 from .scratch import ScratchFolder
 
 _LIBRARY = Path(__file__).resolve().parents[1]
@@ -78,6 +79,11 @@ class _SelfContainedLibrary(codegen.JITCodeLibrary):
     the process that compiles, a call by name finds the earlier part; in one that loads the
     kernel from the cache, the later one, which rounds otherwise: the first run on a machine
     would differ from all others. Parts that are linked get no name outside their kernel here.
+
+    Numba has no public hook there. A compiler pass of our own (``pipeline_class``) does not reach
+    the bodies of parallel loops, which Numba compiles by passes of its own, and loading from the cache
+    at once finds the earlier parts too, by their names. So the class attribute by which
+    Numba's code generators name their library is set, for the one version that is pinned and checked.
     """
 
     def finalize(self) -> None:
@@ -91,7 +97,19 @@ class _SelfContainedLibrary(codegen.JITCodeLibrary):
         super()._optimize_final_module()
 
 
-codegen.JITCPUCodegen._library_class = _SelfContainedLibrary
+def _make_kernels_self_contained() -> None:
+    """Raises R2SEgoError when Numba links kernels otherwise than ``_SelfContainedLibrary`` expects."""
+    known = getattr(codegen.JITCPUCodegen, "_library_class", None)  # or that of another copy of this library
+    steps = ("finalize", "_optimize_final_module", "get_defined_functions")
+    if not issubclass(known or object, codegen.JITCodeLibrary) or not all(hasattr(known, s) for s in steps):
+        raise R2SEgoError(
+            f"Numba {numba.__version__} compiles otherwise than this library knows", where="numba",
+            cure="Install the version of Numba that pyproject.toml names.",
+        )  # fmt: skip
+    codegen.JITCPUCodegen._library_class = _SelfContainedLibrary
+
+
+_make_kernels_self_contained()
 
 # Waiting threads give their core back: Blender, torch or another scene may want it.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")

@@ -24,7 +24,7 @@ from ..core.resources import cpu_s, peak_memory_mb
 from ..refine.splat_start import Start, prepare
 from ..splats.asset import SplatAsset
 from ..splats.backends.slot import require_backend
-from ..splats.formats.registry import SUFFIXES, save_asset
+from ..splats.formats.registry import format_of, save_asset
 from ..splats.kernels.packing import PackedGaussians
 from ..splats.metrics import psnr
 from ..splats.rendering.rasterizer import Rasterizer, render
@@ -144,10 +144,7 @@ def unfinished_file(out: Path) -> Path:
 
 def check_output(path: Path) -> None:
     """Raise AssetError when an asset cannot be written to ``path``: its suffix or its folder."""
-    if path.suffix.lower() not in SUFFIXES:
-        raise AssetError(
-            f"'{path.suffix}' is no format of splats", where=path, cure=f"Use one of {', '.join(SUFFIXES)}."
-        )
+    format_of(path)
     if not path.parent.is_dir():
         raise AssetError("there is no such folder", where=path.parent, cure="Make it first.")
     if path.is_dir():

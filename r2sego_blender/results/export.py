@@ -23,7 +23,7 @@ from ..geometry.objects.objects import read_backends
 from ..geometry.proxy.proxy import PROXY, GeometryProxy
 from ..geometry.texture.textured_obj import obj_files
 from ..geometry.texture.textured_usd import write_textured_usd
-from ..splats.formats.registry import SUFFIXES, load_asset, save_asset
+from ..splats.formats.registry import SUFFIXES, format_of, load_asset, save_asset
 from .plan import parts_outdated
 from .status import robot_in_use
 from .texture import textured_room
@@ -44,7 +44,6 @@ _FILES = {
 _EXPORTED_PARTS = ("proxy", "collision", "asset")  # as the plan calls them
 _TEXTURED_USD = "room.usdc"
 _USD = {".usd", ".usda", ".usdc", ".usdz"}
-_Y_UP = {".glb", ".gltf", ".spz"}
 _WIDTH = 14  # of the column of names
 _ABOUT_CAMERAS = (
     "world_from_camera is 4 x 4, of a camera with x right, y down and z forward. "
@@ -231,7 +230,7 @@ def _about(
         "",
     ]
     for name in names:
-        text = _FILES.get(name, f"asset.ply in another format{', Y up' * (Path(name).suffix in _Y_UP)}")
+        text = _FILES.get(name) or f"asset.ply in another format{', Y up' * format_of(name).is_y_up}"
         first, *more = text.split("\n")
         lines += [f"{name:<{_WIDTH}}{first}", *(" " * _WIDTH + line for line in more)]
     lines += [f"{name:<{_WIDTH}}was there before, and is not of this export" for name in others]

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 
 def from_rotation(rotations: np.ndarray) -> np.ndarray:
     """Unit quaternions wxyz (..., 4) float64 of rotation matrices (..., 3, 3)."""
+    from scipy.spatial.transform import Rotation  # Blender's Python lists the formats without it
+
     rotations = np.asarray(rotations, np.float64)
     xyzw = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat()
     return np.roll(xyzw, 1, axis=-1).reshape(*rotations.shape[:-2], 4)
@@ -15,6 +16,8 @@ def from_rotation(rotations: np.ndarray) -> np.ndarray:
 
 def to_rotation(quaternions: np.ndarray) -> np.ndarray:
     """Rotation matrices (N, 3, 3) float64 of quaternions wxyz (N, 4), not all zero."""
+    from scipy.spatial.transform import Rotation
+
     return Rotation.from_quat(np.roll(np.asarray(quaternions, np.float64), -1, axis=-1)).as_matrix()
 
 

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 import tomli_w
 
-from r2sego_blender.bundle.backends import TRAINER_BACKENDS
 from r2sego_blender.bundle.creating import create_bundle, require_place
 from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.journal import Journal
@@ -22,7 +21,7 @@ from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.config.presets import entries
 from r2sego_blender.config.settings import Settings, setting
-from r2sego_blender.config.slots import GENERATORS, RENDERERS, SURFACES
+from r2sego_blender.config.slots import GENERATORS, RENDERERS, SURFACES, TRAINERS
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import SceneError, SettingsError
 from r2sego_blender.core.scratch import remove_scratch
@@ -71,7 +70,7 @@ def test_another_preset_begins_without_the_overrides_of_before():
         ("surface", "proxy.surface", SURFACES.labels),
         ("conditions", "generation.renderer", RENDERERS.labels),
         ("generator", "generation.generator", GENERATORS.labels),
-        ("splat_trainer", "training.backend", TRAINER_BACKENDS),
+        ("splat_trainer", "training.backend", TRAINERS.labels),
     ],
 )
 def test_the_list_of_backends_follows_the_settings(tmp_path, slot, key, known):

@@ -10,7 +10,7 @@ import pytest
 
 import r2sego_blender
 from r2sego_blender.config.presets import entries
-from r2sego_blender.config.slots import GENERATORS, LIBRARY, RENDERERS, SURFACES, Slot
+from r2sego_blender.config.slots import GENERATORS, LIBRARY, RENDERERS, SURFACES, TRAINERS, Slot
 
 CHOICES = {entry.key: entry.choices for entry in entries()}
 NEW_FILES = {
@@ -36,6 +36,13 @@ BACKENDS = {"hull": "embedded: convex hull"}
 def surface(views, field):
     return views, field
 """,
+    "splats/backends/metal.py": """
+BACKENDS = {"metal": "embedded: Metal"}
+def require():
+    pass
+def make(gaussians, state):
+    return gaussians, state
+""",
 }
 USE = """
 import types
@@ -44,18 +51,24 @@ from r2sego_blender.config.presets import entries, with_overrides
 from r2sego_blender.generation.conditions.renderers import make_renderer
 from r2sego_blender.generation.generators.registry import installation_of, open_generator
 from r2sego_blender.geometry.surfaces.backends import surface_backend
+from r2sego_blender.splats.backends.slot import make_backend
 chosen = with_overrides(
-    {"generation.generator": "noise", "generation.renderer": "flat", "proxy.surface": "hull"}
+    {
+        "generation.generator": "noise", "generation.renderer": "flat", "proxy.surface": "hull",
+        "training.backend": "metal",
+    }
 )
 told = chosen_backends(chosen)
-assert told["surface"] == "embedded: convex hull" and told["generator"] == "embedded: noise"
-assert told["conditions"] == "embedded: nothing but walls"
+assert [told[slot] for slot in ("surface", "conditions", "generator", "splat_trainer")] == [
+    "embedded: convex hull", "embedded: nothing but walls", "embedded: noise", "embedded: Metal",
+]
 installed = installation_of(chosen)
 assert installed.identity == {"colour": "white"}
 with open_generator(installed, types.SimpleNamespace(settings=chosen)) as generator:
     assert generator == "white"
 assert make_renderer("a proxy", chosen.generation) == "flat of a proxy"
 assert surface_backend("hull").surface(1, 2) == (1, 2)
+assert make_backend("metal", 1, 2) == (1, 2)
 last = {entry.key: entry.choices[-1] for entry in entries() if entry.choices}
 assert (last["generation.generator"], last["proxy.surface"]) == ("noise", "hull")
 """
@@ -67,9 +80,10 @@ def test_the_choices_keep_their_places():
     assert CHOICES["generation.renderer"] == tuple(RENDERERS.labels) == ("z-buffer", "cycles", "eevee")
     assert CHOICES["generation.generator"] == tuple(GENERATORS.labels)
     assert tuple(GENERATORS.labels) == ("blending", "viewcrafter", "viewcrafter_512", "command")
+    assert CHOICES["training.backend"] == tuple(TRAINERS.labels) == ("cpu", "gsplat")
 
 
-@pytest.mark.parametrize("slot", [SURFACES, RENDERERS, GENERATORS])
+@pytest.mark.parametrize("slot", [SURFACES, RENDERERS, GENERATORS, TRAINERS])
 def test_a_backend_is_in_the_module_that_tells_of_it(slot):
     package = f"{r2sego_blender.__name__}.{slot.folder.replace('/', '.')}"
     for name, label in slot.labels.items():

@@ -4,8 +4,15 @@ import os
 import shutil
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 
+import numba
+import numpy as np
 import pytest
+
+from r2sego_blender.core import compiled
+from r2sego_blender.core.errors import R2SEgoError
 
 _RUN = (
     "import numpy as np\n"
@@ -16,8 +23,8 @@ _RUN = (
 _SWEEPS = """
 from hashlib import sha256
 import numpy as np
-from r2sego_blender.geometry import matching, patchmatch
-from tests.geometry.test_patchmatch import random_pair
+from r2sego_blender.geometry.stereo import matching, patchmatch
+from tests.geometry.stereo.test_patchmatch import random_pair
 *_, reference, sources, field = random_pair()
 sources = sources._replace(geometric_weight=np.float32(0.2))
 window, regions = matching.window(4), patchmatch.sampling_regions()
@@ -48,6 +55,32 @@ def test_first_use_says_that_it_compiles_and_later_use_does_not(tmp_path):
     assert told == [1, 0]
     (folder,) = (tmp_path / "r2sego").iterdir()
     assert folder.name.startswith("kernels-")
+
+
+def test_numba_still_links_kernels_as_this_library_makes_them_self_contained():
+    """What another Numba could do otherwise: the parts of a kernel have no name outside; it is pinned."""
+
+    @numba.njit(parallel=True)
+    def total(values):
+        result = 0.0
+        for k in numba.prange(len(values)):
+            result += values[k]
+        return result
+
+    assert total(np.ones(5)) == 5.0
+    library = total.overloads[total.signatures[0]].library
+    assert isinstance(library, compiled._SelfContainedLibrary)
+    linkages = {function.name: function.linkage.name for function in library.get_defined_functions()}
+    parts = {name: linkage for name, linkage in linkages.items() if name not in library._own}
+    assert parts and set(parts.values()) == {"internal"}
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    assert f"numba=={numba.__version__}" in project["dependencies"]
+
+
+def test_another_numba_is_refused(monkeypatch):
+    monkeypatch.setattr(compiled.codegen.JITCPUCodegen, "_library_class", None)
+    with pytest.raises(R2SEgoError, match=numba.__version__):
+        compiled._make_kernels_self_contained()
 
 
 def test_a_kernel_from_the_cache_gives_the_bits_of_the_process_that_compiled_it(tmp_path):

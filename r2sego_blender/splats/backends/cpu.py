@@ -12,6 +12,13 @@ from ..kernels.adam import AdamState
 from ..kernels.packing import LOG_SCALE, LOGIT_OPACITY, NOWHERE, QUATERNION, PackedGaussians
 from ..rendering.rasterizer import Background, Rasterizer
 
+BACKENDS = {"cpu": "embedded: 3DGS on the CPU"}
+ORDER = 0
+
+
+def require() -> None:
+    """It runs everywhere."""
+
 
 class CpuBackend:
     """See ``SplatBackend``."""
@@ -73,3 +80,6 @@ class CpuBackend:
 
     def lent(self) -> contextlib.AbstractContextManager[None]:
         return contextlib.nullcontext()
+
+
+make = CpuBackend

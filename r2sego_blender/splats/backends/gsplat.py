@@ -34,6 +34,9 @@ from ..kernels.tiles import DEPTH_PLANE, IMAGE_PLANES, TILE_PX, TRANSMITTANCE_PL
 from ..rendering.rasterizer import Background
 from ..vector_language.aligned_memory import aligned
 
+BACKENDS = {"gsplat": "gsplat on CUDA"}
+ORDER = 1
+
 _CURE = (
     "Install R2S-EGO with its extra `cuda` on a machine with an NVIDIA GPU and nvcc, or set "
     "training.backend to cpu."
@@ -57,6 +60,16 @@ def cuda_rasterization() -> tuple[Callable[..., Any], torch.device]:
     except (ImportError, OSError, RuntimeError) as error:
         raise SettingsError(f"gsplat cannot run: {error}", where="training.backend", cure=_CURE) from error
     return gsplat.rasterization, torch.device("cuda")
+
+
+def require() -> None:
+    """Raises SettingsError where gsplat cannot run."""
+    cuda_rasterization()
+
+
+def make(gaussians: PackedGaussians, state: AdamState) -> GsplatBackend:
+    """The engine on this machine's GPU. Raises SettingsError where it cannot run."""
+    return GsplatBackend(gaussians, state, *cuda_rasterization())
 
 
 class GsplatBackend:

@@ -1,18 +1,22 @@
 """What training asks of an engine: an image, a step along the image's gradient, and its Gaussians back.
 
 Losses, corrections, schedules and densification stand outside, once for every engine: they read
-and write image planes, and the packed Gaussians while an engine lends them.
+and write image planes, and the packed Gaussians while an engine lends them. An engine is a file of
+this folder: its ``BACKENDS`` and ``ORDER`` (see ``config.slots``), ``make``, and ``require``, which
+raises SettingsError where it cannot run.
 """
 
 from __future__ import annotations
 
 import contextlib
-from typing import Protocol
+import importlib
+from types import ModuleType
+from typing import Protocol, cast
 
 import numpy as np
 
+from ...config.slots import TRAINERS
 from ...core.cameras import Camera
-from ...core.errors import SettingsError
 from ..kernels.adam import AdamState
 from ..kernels.packing import PackedGaussians
 from ..rendering.rasterizer import Background
@@ -71,23 +75,13 @@ class SplatBackend(Protocol):
 
 def require_backend(name: str) -> None:
     """Raise SettingsError, with a cure, when the engine of ``training.backend`` cannot run here."""
-    if name == "gsplat":
-        from .gsplat import cuda_rasterization
-
-        cuda_rasterization()
-    elif name != "cpu":
-        raise SettingsError(
-            f"there is no training backend '{name}'", where="training.backend", cure="Use cpu or gsplat."
-        )
+    _module(name).require()
 
 
 def make_backend(name: str, gaussians: PackedGaussians, state: AdamState) -> SplatBackend:
     """The engine of ``training.backend``. Raises as ``require_backend``; another is never taken instead."""
-    require_backend(name)
-    if name == "gsplat":
-        from .gsplat import GsplatBackend, cuda_rasterization
+    return cast(SplatBackend, _module(name).make(gaussians, state))
 
-        return GsplatBackend(gaussians, state, *cuda_rasterization())
-    from .cpu import CpuBackend
 
-    return CpuBackend(gaussians, state)
+def _module(name: str) -> ModuleType:
+    return importlib.import_module(f".{TRAINERS.module(name)}", __package__)

@@ -19,6 +19,7 @@ from ...core.errors import AssetError
 from ..asset import SplatAsset
 from ..quaternions import to_rotation
 from .files import content, publishing
+from .record import SplatFormat
 from .values import (
     WORLD_FROM_Y_UP,
     Y_UP_FROM_WORLD,
@@ -333,3 +334,17 @@ def _parent_from_node(node: dict[str, Any]) -> np.ndarray:
     transform[:3, :3] = to_rotation(np.roll(xyzw, 1)[None])[0] * np.array(node.get("scale", (1.0, 1.0, 1.0)))
     transform[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
     return transform
+
+
+FORMAT = SplatFormat(
+    suffixes=(".glb", ".gltf"),
+    menu=(
+        (".glb", "glTF Binary", "All attributes, KHR_gaussian_splatting"),
+        (".gltf", "glTF", "All attributes, as text"),
+    ),
+    rank=3,
+    magic=(_GLB_MAGIC,),
+    load=load_gltf,
+    save=save_gltf,
+    is_y_up=True,
+)

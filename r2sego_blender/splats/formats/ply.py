@@ -9,7 +9,10 @@ import numpy as np
 
 from ...core.errors import AssetError
 from ..asset import SplatAsset
-from .ply_vertices import read_vertices
+from .compressed_ply import ELEMENTS, is_compressed, unpacked
+from .files import publishing
+from .ply_vertices import read_elements, read_vertices
+from .record import SplatFormat
 
 _ROWS_AT_ONCE = 1 << 14
 """Few enough to stay in the processor's cache, where columns become rows and rows columns."""
@@ -128,3 +131,24 @@ def _property_names(rest_count: int) -> list[str]:
     names = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"]
     names += [f"f_rest_{k}" for k in range(rest_count)]
     return [*names, "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
+
+
+def _load(path: Path) -> SplatAsset:
+    """Ours, or the compressed one of SuperSplat."""
+    elements = read_elements(path, ELEMENTS)
+    return unpacked(elements, path) if is_compressed(elements) else from_vertices(elements["vertex"], path)
+
+
+def _save(path: Path, asset: SplatAsset) -> None:
+    with publishing(path) as staging:
+        save_ply(staging, asset.finite())
+
+
+FORMAT = SplatFormat(
+    suffixes=(".ply",),
+    menu=((".ply", "PLY", "All attributes, to the bit: the layout of the original 3D Gaussian splatting"),),
+    rank=0,
+    magic=(b"ply\n", b"ply\r"),
+    load=_load,
+    save=_save,
+)

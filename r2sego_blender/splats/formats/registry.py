@@ -1,21 +1,46 @@
-"""Files of splat assets that other programs read, brought back into our world (docs/splat_formats.md)."""
+"""Files of splat assets that other programs read, brought back into our world (docs/splat_formats.md).
+
+The formats are found: every file of this folder that has a ``FORMAT`` (see ``record``) is one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import importlib
+import pkgutil
 from pathlib import Path
 
 import numpy as np
 
 from ...core.errors import AssetError
 from ..asset import SplatAsset
-from .compressed_ply import ELEMENTS, is_compressed, unpacked
-from .files import publishing
-from .ply import from_vertices, save_ply
-from .ply_vertices import read_elements
+from . import __path__
+from .files import content
+from .record import SplatFormat
 
-SUFFIXES = (".ply", ".splat", ".spz", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
+_FILES = (importlib.import_module(f".{file.name}", __package__) for file in pkgutil.iter_modules(__path__))
+FORMATS: tuple[SplatFormat, ...] = tuple(
+    sorted((file.FORMAT for file in _FILES if hasattr(file, "FORMAT")), key=lambda found: found.rank)
+)
+"""The usual one first."""
+
+SUFFIXES = tuple(suffix for found in FORMATS for suffix in found.suffixes)
 """What an asset's file may end in; the suffix chooses the format."""
+
+MENU = tuple(choice for found in FORMATS for choice in found.menu)
+"""Suffix, label and description of what is offered where a format is chosen, the usual first."""
+
+_MAGIC = tuple(magic for found in FORMATS for magic in found.magic)
+
+
+def format_of(path: Path | str) -> SplatFormat:
+    """The format of a file's suffix. Raises AssetError for a suffix of none."""
+    suffix = Path(path).suffix
+    for found in FORMATS:
+        if suffix.lower() in found.suffixes:
+            return found
+    raise AssetError(
+        f"'{suffix}' is no format of splats", where=path, cure=f"Use one of {', '.join(SUFFIXES)}."
+    )
 
 
 def load_asset(path: Path | str) -> SplatAsset:
@@ -26,9 +51,14 @@ def load_asset(path: Path | str) -> SplatAsset:
     format.
     """
     path = Path(path)
-    load, _ = _functions(path)
+    found = format_of(path)
+    if not found.magic and content(path, max(map(len, _MAGIC))).startswith(_MAGIC):
+        raise AssetError(
+            f"the file is not a {found.suffixes[0]} but another format", where=path,
+            cure="Give it its own suffix.",
+        )  # fmt: skip
     with np.errstate(over="ignore", invalid="ignore"):  # of values that are dropped
-        return load(path)
+        return found.load(path)
 
 
 def save_asset(path: Path | str, asset: SplatAsset) -> None:
@@ -38,43 +68,4 @@ def save_asset(path: Path | str, asset: SplatAsset) -> None:
     out. Raises AssetError when the format cannot hold the asset, or the disk refuses.
     """
     path = Path(path)
-    _, save = _functions(path)
-    save(path, asset)
-
-
-def _load_ply(path: Path) -> SplatAsset:
-    elements = read_elements(path, ELEMENTS)
-    return unpacked(elements, path) if is_compressed(elements) else from_vertices(elements["vertex"], path)
-
-
-def _save_ply(path: Path, asset: SplatAsset) -> None:
-    with publishing(path) as staging:
-        save_ply(staging, asset.finite())
-
-
-def _functions(
-    path: Path,
-) -> tuple[Callable[[Path], SplatAsset], Callable[[Path, SplatAsset], None]]:
-    """Load and save of a format; its libraries are imported only when it is asked for."""
-    match path.suffix.lower():
-        case ".ply":
-            return _load_ply, _save_ply
-        case ".splat":
-            from .splat import load_splat, save_splat
-
-            return load_splat, save_splat
-        case ".spz":
-            from .spz import load_spz, save_spz
-
-            return load_spz, save_spz
-        case ".glb" | ".gltf":
-            from .gltf import load_gltf, save_gltf
-
-            return load_gltf, save_gltf
-        case ".usd" | ".usda" | ".usdc" | ".usdz":
-            from .usd import load_usd, save_usd
-
-            return load_usd, save_usd
-    raise AssetError(
-        f"'{path.suffix}' is no format of splats", where=path, cure=f"Use one of {', '.join(SUFFIXES)}."
-    )
+    format_of(path).save(path, asset)

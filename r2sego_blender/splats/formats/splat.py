@@ -9,6 +9,7 @@ import numpy as np
 from ...core.errors import AssetError
 from ..asset import SH_BAND_0, SplatAsset
 from .files import content, publishing
+from .record import SplatFormat
 from .values import (
     linear_scales,
     log_scales,
@@ -20,9 +21,6 @@ from .values import (
 _RECORD = np.dtype(
     [("mean", "<f4", 3), ("scale", "<f4", 3), ("colour", "u1", 4), ("quaternion", "u1", 4)]
 )  # fmt: skip
-
-_OTHER_FORMATS = (b"ply\n", b"ply\r", b"NGSP", b"\x1f\x8b\x08", b"glTF", b"PXR-USDC", b"#usda")
-"""How files of the other formats begin; a ``.splat`` itself has no mark."""
 
 
 def save_splat(path: Path, asset: SplatAsset) -> None:
@@ -45,13 +43,9 @@ def save_splat(path: Path, asset: SplatAsset) -> None:
 def load_splat(path: Path) -> SplatAsset:
     """Read a ``.splat`` file: degree 0, axes as they stand in the file.
 
-    Raises AssetError when it is cut short or plainly of another format.
+    Raises AssetError when it is cut short.
     """
     data = content(path)
-    if data.startswith(_OTHER_FORMATS):
-        raise AssetError(
-            "the file is not a .splat but another format", where=path, cure="Give it its own suffix."
-        )
     if len(data) % _RECORD.itemsize:
         raise AssetError(
             f"the file is cut short: {len(data)} bytes are not a multiple of {_RECORD.itemsize}",
@@ -67,3 +61,14 @@ def load_splat(path: Path) -> SplatAsset:
         sh=((colours - 0.5) / SH_BAND_0)[:, None],
     )
     return asset.finite(path)
+
+
+FORMAT = SplatFormat(
+    suffixes=(".splat",),
+    menu=((".splat", "SPLAT", "Small, without colours that depend on the viewing direction"),),
+    rank=2,
+    magic=(),
+    load=load_splat,
+    save=save_splat,
+    degree=0,
+)

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import zstandard
 
 from ...core.errors import AssetError
 from ..asset import SplatAsset
 from .files import content, publishing
+from .record import SplatFormat
 from .values import (
     Y_UP_FROM_WORLD,
     in_world,
@@ -213,6 +213,8 @@ def _opened_v4(data: bytes, path: Path) -> _Packed:
 
 def _unzstd(stream: bytes, size: int, path: Path) -> bytes:
     """``size`` bytes out of a ZSTD frame, whatever size the frame itself claims."""
+    import zstandard
+
     try:
         claimed = zstandard.get_frame_parameters(stream).content_size
         if claimed in (size, zstandard.CONTENTSIZE_UNKNOWN):
@@ -292,3 +294,14 @@ def _first_three(raw: np.ndarray) -> np.ndarray:
 def _missing_component(others: np.ndarray) -> np.ndarray:
     """(N, 1), what a unit quaternion has beside three components (N, 3)."""
     return np.sqrt(np.maximum(1.0 - (others**2).sum(axis=1, keepdims=True), 0.0))
+
+
+FORMAT = SplatFormat(
+    suffixes=(".spz",),
+    menu=((".spz", "SPZ", "Small: a fifth of the PLY, quantised"),),
+    rank=1,
+    magic=(_MAGIC, _GZIP_MAGIC + b"\x08"),
+    load=load_spz,
+    save=save_spz,
+    is_y_up=True,
+)

@@ -6,9 +6,9 @@ import subprocess
 import sys
 from functools import reduce
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pxr import Sdf, Tf, Usd, UsdGeom, UsdVol, Vt
 
 from ...core.arrays import opened_arrays
 from ...core.errors import AssetError
@@ -17,6 +17,7 @@ from ..asset import SplatAsset
 from ..quaternions import to_rotation
 from . import usd_stage
 from .files import content, publishing
+from .record import SplatFormat
 from .values import (
     WORLD_FROM_Y_UP,
     in_world,
@@ -25,6 +26,9 @@ from .values import (
     logits,
     unit_quaternions,
 )
+
+if TYPE_CHECKING:
+    from pxr import Usd
 
 _EXTENT_SIGMAS = 3.0
 """As far as the schema says a Gaussian reaches."""
@@ -38,6 +42,8 @@ def save_usd(path: Path, asset: SplatAsset) -> None:
 
     ``.usdc`` and ``.usd`` are binary, ``.usda`` is text, ``.usdz`` a package of one ``.usdc``.
     """
+    from pxr import Tf, Usd, UsdGeom, UsdVol, Vt
+
     asset = asset.finite()
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
@@ -108,6 +114,8 @@ def load_usd(path: Path) -> SplatAsset:
 
 
 def _write_package(path: Path, stage: Usd.Stage) -> None:
+    from pxr import Sdf
+
     with ScratchFolder() as folder:
         layer = str(Path(folder, _PACKAGED))
         stage.GetRootLayer().Export(layer)
@@ -120,3 +128,17 @@ def _extent(asset: SplatAsset, quaternions: np.ndarray) -> np.ndarray:
     axes = to_rotation(quaternions) * linear_scales(asset)[:, None, :]
     reach = _EXTENT_SIGMAS * np.linalg.norm(axes, axis=2)
     return np.stack([(asset.means - reach).min(axis=0), (asset.means + reach).max(axis=0)]).astype(np.float32)
+
+
+FORMAT = SplatFormat(
+    suffixes=(".usd", ".usda", ".usdc", ".usdz"),
+    menu=(
+        (".usdc", "USD", "All attributes, ParticleField3DGaussianSplat"),
+        (".usda", "USD as Text", "All attributes, ParticleField3DGaussianSplat as text"),
+        (".usdz", "USD Package", "All attributes, ParticleField3DGaussianSplat in one file to hand on"),
+    ),
+    rank=4,
+    magic=(b"PXR-USDC", b"#usda"),
+    load=load_usd,
+    save=save_usd,
+)

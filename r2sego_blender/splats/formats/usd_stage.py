@@ -7,21 +7,26 @@ damaged binary file, and then ends this one alone.
 from __future__ import annotations
 
 import sys
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pxr import Usd, UsdGeom
+
+if TYPE_CHECKING:
+    from pxr import Usd
 
 PRIM_TYPE = "ParticleField3DGaussianSplat"
 _HIGHEST_DEGREE = 4
 _COEFFICIENTS = 16
 """Of the degrees up to 3; what a higher degree adds is left out."""
-_FIRST = Usd.TimeCode.EarliestTime()
 
 
 def main(stage_path: str, arrays_path: str) -> None:
     """Write, for the k-th prim of splats, its arrays as ``k.name``, and what the stage says of its frame."""
+    from pxr import Usd, UsdGeom
+
+    first = Usd.TimeCode.EarliestTime()
     stage = Usd.Stage.Open(stage_path)
-    transforms = UsdGeom.XformCache(_FIRST)
+    transforms = UsdGeom.XformCache(first)
     arrays = {
         "y_up": UsdGeom.GetStageUpAxis(stage) != UsdGeom.Tokens.z,
         "metres_per_unit": UsdGeom.GetStageMetersPerUnit(stage),
@@ -29,17 +34,17 @@ def main(stage_path: str, arrays_path: str) -> None:
     prims = [p for p in stage.Traverse(Usd.TraverseInstanceProxies()) if p.GetTypeName() == PRIM_TYPE]
     for k, prim in enumerate(prims):
         stage_from_prim = np.array(transforms.GetLocalToWorldTransform(prim)).T
-        for name, values in {"stage_from_prim": stage_from_prim, **_gaussians(prim)}.items():
+        for name, values in {"stage_from_prim": stage_from_prim, **_gaussians(prim, first)}.items():
             arrays[f"{k}.{name}"] = values
     np.savez(arrays_path, count=len(prims), **arrays)
 
 
-def _gaussians(prim: Usd.Prim) -> dict[str, np.ndarray]:
+def _gaussians(prim: Usd.Prim, first: Usd.TimeCode) -> dict[str, np.ndarray]:
     """Float32 arrays of one prim in its own frame; what is absent or too short has the schema's default."""
 
     def values(name: str, rows: int | None, default: np.ndarray) -> np.ndarray:
         for attribute in (name, f"{name}h"):  # the schema prefers float to half
-            value = prim.GetAttribute(attribute).Get(_FIRST)
+            value = prim.GetAttribute(attribute).Get(first)
             if value is not None and (rows is None or len(value) >= rows):
                 return np.array(value, np.float32).reshape(len(value), *default.shape)[:rows]
         return np.broadcast_to(default, (rows or 0, *default.shape))

@@ -35,7 +35,6 @@ from .strip_blur import (
     dealt_row,
     store_line,
 )
-from .tiles import planes_of
 
 _CHANNELS = 3
 _DERIVATIVES = 3
@@ -316,11 +315,3 @@ class PhotometricLoss:
         )  # fmt: skip
         loss = (1.0 - ssim_weight) * difference.sum() / samples
         return float(loss + ssim_weight * (1.0 - similarity.sum() / samples))
-
-
-def photometric_loss(image: np.ndarray, target: np.ndarray, ssim_weight: float) -> tuple[float, np.ndarray]:
-    """The loss of two images (H, W, 3) float32, and its gradient in the first, of its shape."""
-    height, width = image.shape[:2]
-    gradient = planes_of(np.zeros_like(image))
-    loss = PhotometricLoss(height, width)(planes_of(image), planes_of(target), ssim_weight, gradient)
-    return loss, np.ascontiguousarray(np.moveaxis(gradient[:, :height, :width], 0, 2))

@@ -108,17 +108,6 @@ def render_batch(
         yield rasterizer.rendering()
 
 
-def visibility_counts(asset: SplatAsset, cameras: Iterable[Camera]) -> np.ndarray:
-    """(N,) int32: in how many of the cameras' images each Gaussian counts in some pixel."""
-    packed, rasterizer = PackedGaussians.of(asset), Rasterizer()
-    views = np.zeros(len(asset), np.int32)
-    for camera in cameras:
-        rasterizer.forward(packed, camera, with_depth=False)
-        _, _, pixels = _identify(rasterizer.tile_entries, packed, camera, None)
-        views += pixels > 0
-    return views
-
-
 def facing_normals(asset: SplatAsset, camera: Camera) -> np.ndarray:
     """(N, 3) float32: each Gaussian's shortest axis in the world, turned to the camera."""
     quaternions = asset.quaternions.astype(np.float64)

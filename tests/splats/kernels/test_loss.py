@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from photometric import photometric_loss
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
-from r2sego_blender.splats.kernels.loss import photometric_loss
 from r2sego_blender.splats.metrics import psnr, ssim, ssim_window
 
 

@@ -17,7 +17,6 @@ from r2sego_blender.splats.rendering.outputs import (
     facing_normals,
     render_batch,
     render_outputs,
-    visibility_counts,
 )
 from r2sego_blender.splats.rendering.rasterizer import Rasterizer, render
 
@@ -170,7 +169,6 @@ def test_nothing_is_seen_of_nothing() -> None:
     outputs = render_outputs(SplatAsset.empty(2), camera, np.zeros(0, np.int32))
     assert (outputs.gaussian == NONE).all() and (outputs.instance == NONE).all()
     assert not outputs.normals.any() and outputs.visibility.shape == (0,)
-    assert visibility_counts(SplatAsset.empty(2), [camera]).shape == (0,)
 
 
 def test_instances_of_another_number_are_refused() -> None:
@@ -208,15 +206,6 @@ def test_a_batch_has_each_cameras_rendering_when_it_is_asked_for() -> None:
         expected = render(asset, camera)
         for name in ("colour", "alpha", "depth"):
             np.testing.assert_array_equal(getattr(rendering, name), getattr(expected, name))
-
-
-def test_visibility_counts_the_views_that_see_a_gaussian() -> None:
-    asset = random_asset(np.random.default_rng(0), 300)
-    asset.means[:5] = 0.0, 0.0, -50.0
-    expected = sum((render_outputs(asset, camera).visibility > 0).astype(int) for camera in views(4))
-    found = visibility_counts(asset, views(4))
-    np.testing.assert_array_equal(found, expected)
-    assert not found[:5].any() and found.max() == 4
 
 
 def test_colours_stand_in_for_the_gaussians_own() -> None:

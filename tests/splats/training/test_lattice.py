@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from photometric import photometric_loss
 
 from r2sego_blender.core.cameras import Camera, look_at
-from r2sego_blender.splats.kernels.loss import photometric_loss
 from r2sego_blender.splats.kernels.packing import PackedGaussians
 from r2sego_blender.splats.rendering.rasterizer import Rasterizer
 from r2sego_blender.splats.training.lattice import Lattice
