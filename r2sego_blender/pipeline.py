@@ -13,7 +13,7 @@ from .bundle.runner import Runner
 from .bundle.scene import Scene
 from .core.progress import SILENT, Progress
 from .refine.capture_steps import Reached
-from .refine.steps import Steps
+from .refine.steps import Steps, Views
 
 
 def refine(
@@ -37,7 +37,7 @@ def _algorithm_1(step: Steps) -> None:
     captures, asset = step.register_inputs()  # 1
     observed, priors = step.observed_and_prior_geometry(captures)  # 2
     aligned_priors = step.align_priors(captures, observed, priors)  # 3, fixed in all rounds
-    pseudo_observations = ()  # 4
+    pseudo_observations: tuple[Views, ...] = ()  # 4
     for l in range(step.h.rounds):  # 5
         step.progress.message(f"Round {l} ({step.h.rounds} in all)")
         proxy = step.geometry_proxy(l, captures, observed, aligned_priors, asset)  # 6

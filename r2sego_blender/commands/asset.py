@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -46,7 +47,8 @@ def render(
     passes = tuple(dict.fromkeys(passes)) or ("colour",)
     files = list(map(str, save_pictures(asset, seen_from, folder, passes, output.progress)))
     seconds = round(time.monotonic() - started, 3)
-    output.show({"files": files, "gaussians": len(asset), "seconds": seconds}, lambda told: told["files"])
+    told: dict[str, Any] = {"files": files, "gaussians": len(asset), "seconds": seconds}
+    output.show(told, lambda told: told["files"])
 
 
 @click.command("edit-asset")

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import click
 
@@ -17,6 +17,8 @@ from ..core.progress import JsonProgress, Progress, TerminalProgress
 FOLDER = click.Path(file_okay=False, path_type=Path)
 ANY_PATH = click.Path(path_type=Path)
 FIRST_NOT_DONE = "the first that is not done, else the last"
+Result = TypeVar("Result")
+
 _EVENTS = "Tell progress and result as JSON lines."
 _WHOLE = 1000  # characters; no command's first sentence has as many
 
@@ -43,9 +45,10 @@ class Output:
         """Where it tells how far it is: on the terminal, or as JSON lines."""
         return JsonProgress() if self.as_events else TerminalProgress()
 
-    def show(self, result: dict[str, Any], lines: Callable[[dict[str, Any]], list[str]]) -> None:
+    def show(self, result: Result, lines: Callable[[Result], list[str]]) -> None:
         """A result as an event, as one JSON object, or in the ``lines`` made of it."""
         if self.as_events:
+            assert isinstance(result, dict)
             self.tell(**result)
         else:
             click.echo(json.dumps(result, indent=1) if self.as_object else "\n".join(lines(result)))

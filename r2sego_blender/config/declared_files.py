@@ -200,7 +200,11 @@ def _form(kind: Any, field: Field) -> str:
     """How a field is written, as a cure."""
     if field.form or field.choices:
         return field.form or f"Give one of: {', '.join(field.choices)}."
-    known = {bool: "Write true or false.", int: "Write a whole number.", float: "Write a finite number."}
+    known: dict[Any, str] = {
+        bool: "Write true or false.",
+        int: "Write a whole number.",
+        float: "Write a finite number.",
+    }
     known |= {str: "Write a text in quotes.", Range: "Write a range [low, high]."}
     return known.get(kind, "Write a table." if dataclasses.is_dataclass(kind) else "Write a list.")
 

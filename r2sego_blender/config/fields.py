@@ -53,14 +53,18 @@ class Field:
     read: Callable[[Any, Path], Any] | None = None
 
 
-@functools.cache
 def fields_of(declared: type) -> Mapping[str, Field]:
     """The fields of a dataclass by their names, in their order."""
+    return _fields_of(declared)
+
+
+@functools.cache
+def _fields_of(declared: type) -> Mapping[str, Field]:
     kinds = typing.get_type_hints(declared)
     found = {}
     for one in dataclasses.fields(declared):
-        made = one.default_factory is not dataclasses.MISSING
-        default = one.default_factory() if made else one.default  # type: ignore[misc]
+        made = one.default_factory
+        default = made() if made is not dataclasses.MISSING else one.default
         # A class made at run time cannot be named as a type.
         kind = type(default) if dataclasses.is_dataclass(default) else kinds[one.name]
         found[one.name] = Field(**{**one.metadata, "key": one.name, "kind": kind, "default": default})

@@ -224,7 +224,7 @@ def _with_what_is_known(
 
 def _mesh_of_last_run(one: DeclaredObject, scene: Scene, library: Path | None) -> Path:
     """The mesh of the library that the last run took for an object. Raises GeometryError: none."""
-    shape = _records(scene).get(one.name, {}).get("shape")
+    shape = _records(scene).get(one.name, {}).get("shape", "")
     mesh = library_files(library).get(shape) if library is not None else None
     if mesh is None:
         raise GeometryError(

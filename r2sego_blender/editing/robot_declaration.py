@@ -27,7 +27,7 @@ from ..robot.model.robot_file import EMBEDDED_WHEELED
 from ..robot.planning.free_floor import free_floor
 from ..robot.planning.seats import TARGET_M, find_seats
 from ..robot.scope.region import area_m2
-from ..robot.scope.scope import FREE_FLOOR, BehaviourScope, shipped_scopes
+from ..robot.scope.scope import BehaviourScope, shipped_scopes
 from ..robot.scope.scope_file import changed_scope, save_scope
 from .trial_rollouts import newest_surface
 
@@ -132,7 +132,7 @@ def describe_robot(scene: Scene, seats: bool = False) -> dict[str, Any]:
         "controller": scope.controller.kind,
         "scope": scope.name,
         "behaviours": {name: weight for name, weight in vars(scope.behaviours).items() if weight > 0.0},
-        "region_m2": None if within == FREE_FLOOR else abs(area_m2(within)),
+        "region_m2": None if isinstance(within, str) else abs(area_m2(within)),
         "target": scope.sit_on.target if scope.behaviours.sit_on > 0.0 else None,
         "camera_pitch_deg": scope.look.camera_pitch_deg,
         "duration_s": scope.episode.duration_s,
@@ -242,7 +242,7 @@ def _described(places: list[Seat], objects: Mapping[str, tuple[float, float]]) -
     middle = [sum(seat.edge_m[axis] for seat in places) / len(places) for axis in (0, 1)]
     seat = min(places, key=lambda one: math.dist(one.edge_m, middle))
     near = {name: min(math.dist(at, one.edge_m) for one in places) for name, at in objects.items()}
-    name = min(near, key=near.get, default="")
+    name = min(near, key=near.__getitem__, default="")
     return {
         "place_m": list(seat.edge_m),
         "height_m": seat.height_m,

@@ -63,6 +63,7 @@ def report_causes(causes: SceneCauses | str, refined: ArmScore, frozen: Sequence
     for scored in sorted(refined.views, key=lambda view: view.psnr)[:_WORST_VIEWS]:
         view = shown[scored.name]
         image = next(r.picture for r in view.renderings if r.arm == REFINED)
+        assert isinstance(image, np.ndarray) and isinstance(view.truth, np.ndarray)
         coloured = cause_picture(found[view.name].labels, image, view.truth)
         worst.append(
             CausesOfView(view.name, view.truth, image, coloured, scored.psnr, _summary(found[view.name]))

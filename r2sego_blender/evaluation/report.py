@@ -97,12 +97,9 @@ def _headline(report: ReportData) -> dict | None:
     best, baseline = (report.arms[-1] if report.arms else None), by_key.get(report.baseline)
     if best is None or best.psnr is None:
         return None
-    compared = baseline is not None and baseline.psnr is not None and baseline is not best
-    return {
-        "arm": best,
-        "baseline": baseline if compared else None,
-        "gain_db": best.psnr - baseline.psnr if compared else None,
-    }
+    if baseline is None or baseline.psnr is None or baseline is best:
+        return {"arm": best, "baseline": None, "gain_db": None}
+    return {"arm": best, "baseline": baseline, "gain_db": best.psnr - baseline.psnr}
 
 
 def _decimals(value: float | None, places: int = 2) -> str:

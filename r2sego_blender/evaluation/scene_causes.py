@@ -201,7 +201,7 @@ def lines(entry: Mapping[str, Any]) -> list[str]:
     return [*text, entry["note"]] if "note" in entry else text
 
 
-def _apart(depth: np.ndarray, surface: np.ndarray, tolerance_m: np.ndarray) -> np.ndarray:
+def _apart(depth: np.ndarray, surface: np.ndarray, tolerance_m: np.ndarray | np.float32) -> np.ndarray:
     """(H, W) bool: whose depth lies outside all that the surface has within ``EDGE_PX``."""
     square = np.ones((2 * EDGE_PX + 1, 2 * EDGE_PX + 1), np.uint8)
     depth, surface = (np.where(d > 0.0, d, _NOTHING_M).astype(np.float32) for d in (depth, surface))

@@ -37,6 +37,7 @@ def carry_decisions(before: Path, after: Path) -> list[str]:
         if now is not None and not (decided and _record(now)["estimate"] is None):
             save_decision(now, decided)
             continue
+        assert decided is not None  # of a decision that is there
         why = "no view shows the same now" if now is None else "no pose could be estimated for it now"
         dropped.append(f"view {int(view.name)}: that it was {_WORDS[decided]} by hand is dropped, {why}")
     return dropped

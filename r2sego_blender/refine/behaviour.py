@@ -16,7 +16,7 @@ from ..robot.behaviours.sit_on import ANY_SEAT
 from ..robot.model.model import RobotModel
 from ..robot.model.robot_file import robot_digest
 from ..robot.rollouts.candidates import ego_camera
-from ..robot.scope.scope import FREE_FLOOR, BehaviourScope
+from ..robot.scope.scope import BehaviourScope
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,9 @@ class DeclaredBehaviour:
         self, captures: Sequence[Capture], proxy: GeometryProxy
     ) -> tuple[tuple[float, float], ...]:  # fmt: skip
         """Corners of the region where the robot may be; of the free floor, what captures vouch for."""
-        if self.scope.region.within != FREE_FLOOR:
-            return self.scope.region.within
+        within = self.scope.region.within
+        if not isinstance(within, str):
+            return within
         return tuple(map(tuple, seen_floor(proxy, [capture.camera for capture in captures]).tolist()))
 
     def placed(
@@ -70,9 +71,9 @@ class DeclaredBehaviour:
         object's place. Raises GeometryError when no such object is aligned."""
         scope = self.scope
         target = scope.sit_on.target
-        if self.names_object and scope.behaviours.sit_on > 0.0:
+        if isinstance(target, str) and self.names_object and scope.behaviours.sit_on > 0.0:
             target = object_place(priors, target)
-        return replace(
+        return replace(  # type: ignore[call-arg]  # of a behaviour
             scope, region=replace(scope.region, within=self.outline(captures, proxy)),
             sit_on=replace(scope.sit_on, target=target),
         )  # fmt: skip

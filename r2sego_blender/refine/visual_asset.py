@@ -9,6 +9,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -119,8 +120,8 @@ def settings_of_round(settings: TrainingSettings, index: int) -> TrainingSetting
     if index == 0:
         return settings
     share = settings.later_rounds_learning_rate_ratio ** min(index, _SLOWEST_ROUND)
-    slower = {name: getattr(settings, name) * share for name in _RATES}
-    return dataclasses.replace(settings, **EVERY_PIXEL, **slower)
+    slower: dict[str, Any] = {name: getattr(settings, name) * share for name in _RATES}
+    return dataclasses.replace(settings, **{**EVERY_PIXEL, **slower})
 
 
 def update_visual_asset(

@@ -179,6 +179,7 @@ def _write(scene: Scene, folder: Path, proxy: GeometryProxy, splats: Sequence[st
     asset = load_asset(scene.asset_file) if splats else None
     for suffix in splats:
         if (name := f"asset{suffix}") not in names:
+            assert asset is not None
             save_asset(folder / name, asset)
             names.append(name)
     return names

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -56,8 +56,7 @@ _DEPTH_PENALTY = np.float32(0.2)
 _GUESS = np.float32(0.1)
 
 
-@dataclass(frozen=True)
-class _Photographs:
+class _Photographs(NamedTuple):
     """The captures as the kernels read them, pixels of all in one row.
 
     ``pose`` (N, 3, 4) float32 camera_from_world; ``centre`` (N, 3) float32; ``lens``
@@ -99,7 +98,7 @@ class BlendingGenerator:
             raise ValueError("each capture needs one depth map of its camera's size")
         images = [capture.image() for capture in captures]
         gains = exposure_gains(images, cameras, capture_depths, settings.depth_tolerance)
-        observed: Sequence[np.ndarray | None] = observed_depths or [None] * len(captures)
+        observed = observed_depths or list[np.ndarray | None]([None] * len(captures))
         trusts = [
             capture_trust(depth, seen, settings) for depth, seen in zip(capture_depths, observed, strict=True)
         ]
@@ -129,7 +128,7 @@ class BlendingGenerator:
         pose = camera.world_from_camera.astype(np.float32)
         image, confidence = _blend(
             condition.depth, pose, np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32),
-            *vars(self._photographs).values(),
+            *self._photographs,
             settings.best_captures, np.float32(settings.depth_tolerance), np.float32(settings.border_px),
         )  # fmt: skip
         known = confidence > 0.0

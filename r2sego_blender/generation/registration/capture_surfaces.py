@@ -66,7 +66,9 @@ class CaptureSurface:
         area = across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0]
         depth = np.where(area * _LARGEST_STRETCH**2 > 1.0, depth, np.float32(0.0))
         place = pixels - np.float32(0.5)
-        grey = cv2.remap(self._grey, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        grey = cv2.remap(  # type: ignore[call-overload]  # whose types know no single map
+            self._grey, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
         return MovedCapture(grey, depth, pixels)
 
     def _pixels(self, camera: Camera, depth: np.ndarray) -> np.ndarray:

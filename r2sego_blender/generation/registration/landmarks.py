@@ -52,7 +52,7 @@ class Landmarks:
         ``completed_depths`` are taken, as less certain, where the observed are unknown.
         Raises GenerationError when no capture has any depth.
         """
-        completed: Sequence[np.ndarray | None] = completed_depths or [None] * len(captures)
+        completed = completed_depths or list[np.ndarray | None]([None] * len(captures))
         maps = [*observed_depths, *(depth for depth in completed if depth is not None)]
         shapes = [one.camera.shape for one in captures] * (1 if completed_depths is None else 2)
         if [depth.shape for depth in maps] != shapes:

@@ -42,9 +42,11 @@ def write_collision(surface: CollisionSurface, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
     write_text(folder / MESH_OBJ, _obj(surface.vertices, surface.faces))
-    (folder / MESH_STL).write_bytes(mesh.export(file_type="stl"))
     y_up = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
-    (folder / MESH_GLB).write_bytes(mesh.copy().apply_transform(y_up).export(file_type="glb"))
+    for name, one in ((MESH_STL, mesh), (MESH_GLB, mesh.copy().apply_transform(y_up))):
+        written = one.export(file_type=Path(name).suffix[1:])
+        assert isinstance(written, bytes)
+        (folder / name).write_bytes(written)
     hulls = folder / HULLS
     if hulls.exists():
         shutil.rmtree(hulls)

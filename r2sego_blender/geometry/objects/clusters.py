@@ -94,7 +94,7 @@ def _objects(
     captures: Sequence[Capture], images: Sequence[np.ndarray], count: int
 ) -> tuple[DeclaredObject, ...]:
     square = np.ones((5, 5), np.uint8)
-    objects: list[np.ndarray] = []
+    objects: list[DeclaredObject] = []
     for number in range(1, count + 1):
         masks = {}
         for capture, image in zip(captures, images, strict=True):

@@ -70,7 +70,9 @@ class GeometryProxy:
             self.vertices, self.faces, face_colors=palette[self.provenance], process=False
         )  # fmt: skip
         mesh.face_attributes["instance"] = self.instance
-        path.write_bytes(mesh.export(file_type="ply"))
+        written = mesh.export(file_type="ply")
+        assert isinstance(written, bytes)
+        path.write_bytes(written)
 
     @staticmethod
     def load(path: Path) -> GeometryProxy:

@@ -213,13 +213,17 @@ def _plane_cost(view, moments, others, depth, row, anchor):
     second = first.copy()
     contradictions = np.zeros((height, width), np.float32)
     mean, variance = moments
-    warp = {"dsize": (width, height), "borderMode": cv2.BORDER_CONSTANT}
+    outside = cv2.BORDER_CONSTANT
     linear = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     exact = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
     for other, slope, shift in others:
         homography = _homography(view.camera, other.camera, row)
-        grey = cv2.warpPerspective(other.grey, homography, flags=linear, borderValue=-1, **warp)
-        known = cv2.warpPerspective(other.known, homography, flags=exact, borderValue=0, **warp)
+        grey = cv2.warpPerspective(
+            other.grey, homography, (width, height), flags=linear, borderMode=outside, borderValue=(-1,)
+        )
+        known = cv2.warpPerspective(
+            other.known, homography, (width, height), flags=exact, borderMode=outside, borderValue=(0,)
+        )
         reached = depth * slope + shift
         there = (grey >= 0) & (reached > 0)
         occluded = (known > 0) & (known < reached * (1 - FREE_MARGIN))

@@ -55,7 +55,9 @@ def unwrapped(
     return UnwrappedMesh(*boxes, "boxes, since xatlas gave no charts")
 
 
-def _by_xatlas(vertices, faces, settings, seconds):
+def _by_xatlas(
+    vertices: np.ndarray, faces: np.ndarray, settings: TextureSettings, seconds: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     with ScratchFolder() as folder:
         mesh, charts = Path(folder, "mesh.npz"), Path(folder, "charts.npz")
         save_arrays(mesh, vertices=vertices, faces=faces)

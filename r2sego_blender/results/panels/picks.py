@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
@@ -88,7 +88,7 @@ def fit_of(picks: Picks, bundle: Bundle) -> PickFacts:
     )  # fmt: skip
 
 
-def _points_alone(picks: Picks, captures: list[RegisteredView], sparse: Any, problem: str) -> PickFacts:
+def _points_alone(picks: Picks, captures: Sequence[RegisteredView], sparse: Any, problem: str) -> PickFacts:
     """Residuals of single points, where the whole makes no floor or scale yet."""
     placed: dict[str, PlacedPick] = {}
     for point in picks.points:

@@ -83,7 +83,8 @@ class PolicyController:
         self.name = f"policy {self._file.path.name}"
         layout = self._layout
         speed = _within(scope.walk_to.speed_m_s, layout.commands.vx_m_s[1])
-        self._scope = replace(scope, walk_to=replace(scope.walk_to, speed_m_s=speed))
+        walk_to = replace(scope.walk_to, speed_m_s=speed)
+        self._scope = replace(scope, walk_to=walk_to)  # type: ignore[call-arg]  # of a behaviour
         self.composition = compose(
             robot, collision_mjcf, settings, servos=policy.servos, wrench=False, step_s=layout.step_s
         )

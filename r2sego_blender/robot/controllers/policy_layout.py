@@ -280,4 +280,8 @@ def _commands(reader: Reader, table: _Commands, terms: set[str]) -> Commands:
             shown = "is missing" if value is None else f"is {value!r}"
             raise reader.wrong(f"commands.{field}", shown, f"It lies from {low:g} to {high:g}.")
     walking = math.nan if height is None else table.walking_height_m
-    return Commands(*moves.values(), height, walking, table.slowest_m_s, table.slowest_turn_rad_s)
+    assert walking is not None  # as looked at above
+    return Commands(
+        table.vx_m_s, table.vy_m_s, table.yaw_rate_rad_s, height, walking,
+        table.slowest_m_s, table.slowest_turn_rad_s,
+    )  # fmt: skip

@@ -55,7 +55,7 @@ def stand(
     Raises RobotError where the scene does not compile or has no free floor.
     """
     floor = _nearest_to_origin(free_floor(robot, scope, collision_mjcf))
-    still = replace(
+    still = replace(  # type: ignore[call-arg]  # of a behaviour
         scope,
         behaviours=Behaviours(walk_to=0.0, look_around=1.0),
         start=Start(heading_offset_deg=_STILL, pelvis_height=(_STANDING, _STANDING)),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...config.declared_files import Reader, is_number, shipped_names
 from ...config.fields import Range, setting
@@ -174,12 +174,22 @@ class _Common:
     start: Start = Start()
 
 
-_WithRanges: Any = dataclasses.make_dataclass(
-    "_WithRanges",
-    [(one.name, one.parameters, setting(one.parameters(), added=one.place is None)) for one in BEHAVIOURS],
-    bases=(_Common,),
-    frozen=True,
-)
+if TYPE_CHECKING:  # which knows no behaviours: those are Any
+
+    @dataclass(frozen=True)
+    class _WithRanges(_Common):
+        def __getattr__(self, name: str) -> Any: ...
+
+else:
+    _WithRanges = dataclasses.make_dataclass(
+        "_WithRanges",
+        [
+            (one.name, one.parameters, setting(one.parameters(), added=one.place is None))
+            for one in BEHAVIOURS
+        ],
+        bases=(_Common,),
+        frozen=True,
+    )
 
 
 @dataclass(frozen=True)

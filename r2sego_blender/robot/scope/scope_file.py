@@ -66,7 +66,7 @@ def moved_scope(scope: BehaviourScope, similarity: np.ndarray, where: Path) -> B
     Places are on the floor: what the similarity lifts off it is dropped. Raises RobotError,
     naming ``where``, when the moved region is none.
     """
-    changes = {}
+    changes: dict[str, Any] = {}
     if not isinstance(scope.region.within, str):
         changes["region.within"] = _moved(scope.region.within, similarity)
     if not isinstance(scope.sit_on.target, str):

@@ -78,6 +78,10 @@ class GsplatBackend:
     ``rasterization`` has the signature and conventions of gsplat's.
     """
 
+    _rows: torch.Tensor
+    _first: torch.Tensor
+    _second: torch.Tensor
+
     def __init__(
         self,
         gaussians: PackedGaussians,
@@ -144,6 +148,7 @@ class GsplatBackend:
         upstream = self._tensor(self._gradients[used, : self._camera.height, : self._camera.width])
         torch.autograd.backward([self._output[plane] for plane in used], list(upstream))
         rows, gradient = self._rows.detach(), self._rows.grad
+        assert gradient is not None
         blended = (gradient != 0.0).any(dim=1, keepdim=True)
         opacity, scales = torch.sigmoid(rows[:, LOGIT_OPACITY]), rows[:, LOG_SCALE:QUATERNION].exp()
         gradient[:, LOGIT_OPACITY] += opacity_regularization * opacity * (1.0 - opacity)
@@ -168,6 +173,7 @@ class GsplatBackend:
         return torch.where(blended, moved, rows)
 
     def pose_gradient(self) -> np.ndarray:
+        assert self._view.grad is not None
         gradient, view = (
             x.cpu().numpy()[:3].astype(np.float64) for x in (self._view.grad, self._view.detach())
         )
@@ -212,12 +218,12 @@ class GsplatBackend:
 
     def _load(self) -> None:
         state = self._state
-        self._rows, self._first, self._second, self._statistics, self._steps = (
-            self._tensor(unpack(chunks, len(self._packed)))
-            for chunks in (
-                self._packed.chunks, state.first, state.second, state.statistics, state.steps[:, None]
-            )
-        )  # fmt: skip
+        self._rows = self._unpacked(self._packed.chunks)
+        self._first, self._second = self._unpacked(state.first), self._unpacked(state.second)
+        self._statistics, self._steps = self._unpacked(state.statistics), self._unpacked(state.steps[:, None])
+
+    def _unpacked(self, chunks: np.ndarray) -> torch.Tensor:
+        return self._tensor(unpack(chunks, len(self._packed)))
 
     def _fetch(self, chunks: np.ndarray, rows: torch.Tensor) -> None:
         """Write the device's rows (N, C) into the host's chunks."""

@@ -301,13 +301,15 @@ class Rasterizer:
             with_alpha, with_depth, numba.get_num_threads(),
         )  # fmt: skip
 
-    def _sorted_entries(self) -> tuple:
+    def _sorted_entries(self) -> tuple[int, int, int, np.ndarray, np.ndarray, int]:
         return (
             self._records.ctypes.data, self._entries.ctypes.data, self._order.ctypes.data,
             self._frame.tile_starts, self._frame.tile_stops, self._frame.tiles_x,
         )  # fmt: skip
 
-    def _backward_arguments(self) -> tuple:
+    def _backward_arguments(
+        self,
+    ) -> tuple[int, int, int, int, int, np.ndarray, np.ndarray, np.ndarray, int, int]:
         values = self._gaussians.values
         return (
             values.ctypes.data, len(values), values.strides[0], self._degree, self._lens.ctypes.data,

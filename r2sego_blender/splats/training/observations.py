@@ -125,7 +125,7 @@ class Target:
 
         return Target(
             camera=lattice.camera(view.camera),
-            image=planes(image),
+            image=planes_of(lattice.pixels(image)),
             weights=planes(confidence),
             background=planes(view.background),
             opaque=pixels(view.opaque),
@@ -136,6 +136,7 @@ class Target:
 
 
 def _depth_weight(view: Observation, lattice: Lattice) -> np.ndarray:
+    assert view.depth is not None
     known = (lattice.pixels(view.depth) > 0.0).astype(np.float32)
     return known if view.depth_confidence is None else known * lattice.pixels(view.depth_confidence)
 
@@ -172,9 +173,9 @@ class Targets:
             self._kept.move_to_end(index)
             return self._kept[index]
         image = _in_8_bits(view.loaded()) if callable(view.image) else view.image
-        confidence = view.confidence
-        if callable(confidence):
-            confidence = _in_8_bits(view.loaded_confidence())
+        confidence = view.loaded_confidence()
+        if callable(view.confidence) and confidence is not None:
+            confidence = _in_8_bits(confidence)
         loaded = image, confidence
         if callable(view.image) or callable(view.confidence):
             self._kept[index] = loaded

@@ -122,6 +122,7 @@ class Value:
         a, b = self.code.matched(self, other)
         build = self.code.builder
         if a.is_float():
+            assert on_floats is not None, "floats have no such operation"
             return Value(self.code, getattr(build, on_floats)(a.llvm, b.llvm, flags=_FAST))
         return Value(self.code, getattr(build, on_integers)(a.llvm, b.llvm))
 
@@ -160,12 +161,12 @@ class Code:
 
     def vector(self, values: float | Sequence[float]) -> Value:
         """A constant vector of floats: one number in every lane, or sixteen."""
-        lanes = [values] * LANES if np.isscalar(values) else values
+        lanes: Any = [values] * LANES if np.isscalar(values) else values
         return Value(self, ir.Constant(_FLOATS, [float(np.float32(v)) for v in lanes]))
 
     def integers(self, values: int | Sequence[int]) -> Value:
         """A constant vector of int32."""
-        lanes = [values] * LANES if np.isscalar(values) else values
+        lanes: Any = [values] * LANES if np.isscalar(values) else values
         return Value(self, ir.Constant(_INTS, [int(v) for v in lanes]))
 
     def long(self, value: int) -> Value:
@@ -422,7 +423,8 @@ def vector_kernel(signature: Any) -> Callable[[Callable[..., Value | None]], Any
         # Numba asks for the parameters one by one, not as a tuple.
         names = ("typing", *list(inspect.signature(write).parameters)[1:])
         positional = inspect.Parameter.POSITIONAL_OR_KEYWORD
-        definition.__signature__ = inspect.Signature([inspect.Parameter(n, positional) for n in names])
+        parameters = [inspect.Parameter(n, positional) for n in names]
+        vars(definition)["__signature__"] = inspect.Signature(parameters)
         definition.__name__ = definition.__qualname__ = write.__name__
         definition.__doc__ = write.__doc__
         return intrinsic(definition)
