@@ -268,7 +268,7 @@ READERS = {"np.load", "opened_arrays", "opened_json", "json.load", "tomllib.load
 
 def test_a_bundle_is_read_in_one_place():
     """By the artifacts' own modules and ``bundle/``: all above them ask ``Scene.read``."""
-    known = {**sources("r2sego_blender", *DOORS), **sources("tools")}
+    known = sources("r2sego_blender", "operators", "panels", "tools")
     kept = {name for name, file in known.items() if _calls(file) & {"Artifact", "each_capture"}}
     classes = {
         node.name

@@ -107,7 +107,7 @@ def describe_robot(scene: Scene, seats: bool = False) -> dict[str, Any]:
     declared = scene.declaration
     behaviour = DeclaredBehaviour.of(scene)
     scope, robot = behaviour.scope, behaviour.model
-    source, mount = scope.robot_for(declared.robot)
+    source, _ = scope.robot_for(declared.robot)
     within = scope.region.within
     described = {
         "scene": str(scene.path),

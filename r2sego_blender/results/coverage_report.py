@@ -10,12 +10,13 @@ from ..bundle.figures import read_table
 from ..bundle.layout import of_round
 from ..bundle.runner import Runner
 from ..bundle.scene import Scene
+from ..core.cameras import Camera
 from ..core.errors import SceneError
 from ..core.progress import SILENT, Progress
 from ..core.text_files import write_json
 from ..geometry.proxy.proxy import PROXY, GeometryProxy
 from ..geometry.visibility.coverage import COVERAGE, COVERAGE_FILE, Coverage, count_seen, face_areas
-from ..views.selection import SELECTION, SelectedViews
+from ..views.selection import CANDIDATES
 
 _FIGURES = "coverage.json"
 
@@ -43,9 +44,9 @@ def measure_coverage(
             cure="Run `r2sego refine`, or choose another round.",
         )  # fmt: skip
 
-    def compute(folder: Path, mesh: GeometryProxy, selected: SelectedViews) -> None:
-        seen = count_seen(mesh.vertices, mesh.faces, selected.candidates, progress)
-        areas_m2, views = face_areas(mesh.vertices, mesh.faces), len(selected.candidates)
+    def compute(folder: Path, mesh: GeometryProxy, cameras: list[Camera]) -> None:
+        seen = count_seen(mesh.vertices, mesh.faces, cameras, progress)
+        areas_m2, views = face_areas(mesh.vertices, mesh.faces), len(cameras)
         coverage = Coverage(seen, mesh.support, areas_m2, views)
         coverage.save(folder / COVERAGE_FILE)
         areas = {name: round(area, 4) for name, area in coverage.areas_m2().items()}
@@ -53,7 +54,7 @@ def measure_coverage(
         write_json(folder / _FIGURES, figures)
 
     made = _FIGURES_OF_IT.of_round(index)
-    Runner(scene).make(made, compute, PROXY.of_round(index), SELECTION.of_round(index))
+    Runner(scene).make(made, compute, PROXY.of_round(index), CANDIDATES.of_round(index))
     return scene.read(made)
 
 

@@ -331,3 +331,6 @@ CHOICE = Artifact("selection", Selection.load)
 
 CANDIDATE_POSES = Artifact("selection", load_candidate_poses)
 """Where a round's candidates look from."""
+
+CANDIDATES = Artifact("selection", load_candidates)
+"""The cameras of a round's candidates."""
