@@ -71,7 +71,7 @@ def declare_robot(
             changes = {"robot.model": None, "robot.mount": None} | changes
         own = (scene.path / SCOPE_FILE).absolute()
         changed = changed_scope(given, changes, own) if changes else given
-        _check(scene, changed, RobotModel.load(*changed.robot_for(robot)))
+        _check(scene, changed, DeclaredBehaviour(changed, robot).model)
         if changed != given:
             with scene.publishing(SCOPE_FILE) as file:
                 save_scope(changed, file)
@@ -105,9 +105,9 @@ def describe_robot(scene: Scene, seats: bool = False) -> dict[str, Any]:
     scope cannot be read.
     """
     declared = scene.declaration
-    scope = BehaviourScope.load(declared.scope)
+    behaviour = DeclaredBehaviour.of(scene)
+    scope, robot = behaviour.scope, behaviour.model
     source, mount = scope.robot_for(declared.robot)
-    robot = RobotModel.load(source, mount)
     within = scope.region.within
     described = {
         "scene": str(scene.path),

@@ -16,9 +16,10 @@ from ..geometry.objects.prior_files import PRIORS
 from ..geometry.proxy.proxy import PROXY
 from ..refine.behaviour import DeclaredBehaviour
 from ..robot.planning.free_floor import free_floor
-from ..robot.rollouts.attempts import Attempts, Rollout, in_order
+from ..robot.rollouts.attempts import Attempts, in_order
 from ..robot.rollouts.bodies import save_bodies
-from ..robot.rollouts.rollouts import save_rollouts, tell_warnings
+from ..robot.rollouts.rollout import Rollout, save_rollouts
+from ..robot.rollouts.rollouts import tell_warnings
 
 TRIAL = "robot/trial"
 """Rollouts and the robot's bodies of the last trial, as a round has them in two folders."""

@@ -17,7 +17,7 @@ from ..generation.conditions.condition_files import load_conditions
 from ..generation.view_records import ViewRecord, read_views
 from ..geometry.proxy.proxy import PROXY, GeometryProxy, Provenance
 from ..results.status import robot_in_use, scores_hold
-from ..robot.rollouts.rollouts import ROLLOUTS
+from ..robot.rollouts.rollout import ROLLOUTS
 from ..views.selection import SELECTION, Selection
 from .arms import ARMS
 from .figures import camera_map, depth_picture, top_view

@@ -39,10 +39,10 @@ from ..geometry.room.completed_depth import CompletedDepth
 from ..geometry.room.planes import RoomPlanes
 from ..geometry.stereo.observed_geometry import ObservedGeometry
 from ..geometry.stereo.stereo import DepthMap
-from ..robot.rollouts.attempts import Rollout
 from ..robot.rollouts.camera_flight import FreeSpace, camera_flights
 from ..robot.rollouts.candidates import candidate_stream
-from ..robot.rollouts.rollouts import ROLLOUTS, successful_rollouts
+from ..robot.rollouts.rollout import ROLLOUTS, Rollout
+from ..robot.rollouts.rollouts import successful_rollouts
 from ..splats.artifacts import ASSET, BACKDROP, REFINED_ASSET
 from ..splats.asset import SplatAsset
 from ..splats.asset_edits import ASSET_EDITS, AssetEdit, deleted_by

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..bundle.scene import Scene
-from ..robot.rollouts.rollouts import ROLLOUTS
+from ..robot.rollouts.rollout import ROLLOUTS
 from ..views.selection import ablations
 
 

@@ -20,7 +20,7 @@ from r2sego_blender.geometry.proxy.proxy import PROXY
 from r2sego_blender.refine.capture_steps import AlignedPriors, RegisteredCaptures
 from r2sego_blender.refine.steps import Steps
 from r2sego_blender.results.robot_bodies import export_bodies
-from r2sego_blender.robot.rollouts.rollouts import load_rollouts
+from r2sego_blender.robot.rollouts.rollout import load_rollouts
 
 ROOT = Path(__file__).parents[2]
 SHORT = {"episode.duration_s": 1.0, "walk_to.distance_m": [0.1, 0.6]}

@@ -14,7 +14,8 @@ from r2sego_blender.config.settings import SelectionSettings
 from r2sego_blender.evaluation.scene_report import renew_scene_report, write_scene_report
 from r2sego_blender.generation.conditions.condition_files import save_conditions
 from r2sego_blender.generation.conditions.conditions import Condition
-from r2sego_blender.robot.rollouts.rollouts import Rollout, save_rollouts
+from r2sego_blender.robot.rollouts.rollout import save_rollouts
+from r2sego_blender.robot.rollouts.rollouts import Rollout
 from r2sego_blender.views.references import with_references
 from r2sego_blender.views.selection import save_candidates, select_targets
 

@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from r2sego_blender.robot.model.model import RobotModel
-from r2sego_blender.robot.rollouts.attempts import Rollout
 from r2sego_blender.robot.rollouts.bodies import save_bodies
-from r2sego_blender.robot.rollouts.rollouts import save_rollouts
+from r2sego_blender.robot.rollouts.rollout import Rollout, save_rollouts
 
 ROBOT = "embedded:wheeled"
 FRAMES = (11, 5, 0, 8)

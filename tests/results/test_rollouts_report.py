@@ -10,9 +10,7 @@ from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.core.errors import RobotError
 from r2sego_blender.results.rollouts_report import describe_rollouts, lines
-from r2sego_blender.robot.rollouts.attempts import Rollout
-from r2sego_blender.robot.rollouts.quality import Quality
-from r2sego_blender.robot.rollouts.rollouts import save_rollouts
+from r2sego_blender.robot.rollouts.rollout import Quality, Rollout, save_rollouts
 
 IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
 

@@ -12,7 +12,7 @@ from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.rollouts.bodies import save_bodies
 from r2sego_blender.robot.rollouts.candidates import ego_camera as head_camera
-from r2sego_blender.robot.rollouts.rollouts import save_rollouts
+from r2sego_blender.robot.rollouts.rollout import save_rollouts
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.formats.ply import save_ply
 from r2sego_blender.views.selection import Selection, save_candidates

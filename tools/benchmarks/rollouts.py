@@ -34,7 +34,7 @@ from r2sego_blender.pipeline import refine
 from r2sego_blender.refine.capture_steps import AlignedPriors, RegisteredCaptures
 from r2sego_blender.refine.creation import create_scene
 from r2sego_blender.refine.steps import Steps
-from r2sego_blender.robot.rollouts.attempts import Rollout
+from r2sego_blender.robot.rollouts.rollout import Rollout
 from r2sego_blender.robot.scope.scope import BehaviourScope
 from r2sego_blender.views.scoring.scores import support_scores
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...bundle.artifacts import Artifact
 from ...core.arrays import opened_arrays
 from ...core.cameras import Camera
 from ...core.digests import content_digest
@@ -95,3 +96,7 @@ def _description(folder: Path) -> Mapping[str, Any]:
 def _digest(file: Path, _changed_ns: int, _size: int) -> str:
     """The content's digest, computed once for a file that has not changed."""
     return content_digest(file)
+
+
+BODIES = Artifact("bodies", load=lambda folder: folder, editable=False)
+"""The robot's shapes and their poses along a round's rollouts; ``RobotBodies`` reads them."""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from ...core.arrays import opened_arrays
 from ...core.errors import SceneError
+from ...robot.rollouts.rollout import ROLLOUTS, Rollout
 from .bundle import Bundle
 
 TRIAL = -1
@@ -58,30 +57,30 @@ def has_rollouts(bundle: Bundle, round_index: int) -> bool:
 
 
 def attempts(bundle: Bundle, round_index: int) -> list[Attempt]:
-    """Every attempt in order. Raises SceneError when there are none, or their files are damaged."""
+    """Every attempt in order. Raises SceneError when there are none, RobotError when their files
+    are damaged."""
     folder = rollouts_folder(bundle, round_index)
     if not has_rollouts(bundle, round_index):
         what = "nothing was tried yet" if round_index == TRIAL else f"round {round_index} has no rollouts"
         raise SceneError(what, where=folder, cure=_CURE)
-    try:
-        records = json.loads((folder / "rollouts.json").read_text(encoding="utf-8"))["rollouts"]
-        keys = [f"times_s_{index:04d}" for index in range(len(records))]
-        with opened_arrays(folder / "rollouts.npz", SceneError, "it cannot be read", _CURE) as arrays:
-            times_s = [arrays[key] for key in keys]
-        return [
-            Attempt(
-                index, record["behaviour"], record["success"], record["reason"], record["detail"],
-                record["frame"], record["frames"], float(times_s[index][-1]) if len(times_s[index]) else 0.0,
-            )
-            for index, record in enumerate(records)
-        ]  # fmt: skip
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        what = f"it is damaged: {error!r:.200}"
-        raise SceneError(what, where=folder / "rollouts.json", cure=_CURE) from error
+    return [
+        Attempt(
+            number, told.behaviour, told.success, told.reason, told.detail, told.frame, len(told.qpos),
+            float(told.times_s[-1]) if len(told.times_s) else 0.0,
+        )
+        for number, told in enumerate(_rollouts(bundle, round_index))
+    ]  # fmt: skip
 
 
 def camera_poses(bundle: Bundle, round_index: int, number: int) -> np.ndarray:
     """``world_from_camera`` (T, 4, 4) float64 of the head camera along an attempt."""
-    file = rollouts_folder(bundle, round_index) / "rollouts.npz"
-    with opened_arrays(file, SceneError, "it cannot be read", _CURE) as arrays:
-        return arrays[f"camera_poses_{number:04d}"].astype(np.float64)
+    return _rollouts(bundle, round_index)[number].camera_poses
+
+
+def _rollouts(bundle: Bundle, round_index: int) -> tuple[Rollout, ...]:
+    """Raises RobotError where their files are damaged."""
+    return bundle.read(TRIAL_ROLLOUTS if round_index == TRIAL else ROLLOUTS.of_round(round_index))
+
+
+TRIAL_ROLLOUTS = replace(ROLLOUTS, name="robot/trial")
+"""The attempts of the last trial."""

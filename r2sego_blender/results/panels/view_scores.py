@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from ...core.errors import SceneError
+from ...robot.rollouts.rollout import REASONS, ROLLOUTS
 from ...views.selection import Selection
 from .bundle import Bundle, CandidateViews
 from .selection_reasons import why
@@ -144,21 +143,14 @@ class RoundScores:
 def _origins(bundle: Bundle, round_index: int) -> tuple[str, ...]:
     """The successful attempts in words, in their order: candidates count those alone.
 
-    Raises SceneError when ``rollouts.json`` is damaged.
+    Raises RobotError when they are damaged.
     """
-    if bundle.scene.declaration.settings.selection.candidates != "rollouts":
+    made = ROLLOUTS.of_round(round_index)
+    declared = bundle.scene.declaration.settings.selection.candidates
+    if declared != "rollouts" or not (bundle.path / made.name / REASONS).is_file():
         return ()
-    file = bundle.scene.round_folder(round_index) / "rollouts" / "rollouts.json"
-    try:
-        attempts = json.loads(file.read_text(encoding="utf-8"))["rollouts"]
-        return tuple(
-            f"Attempt {number}, {attempt['behaviour']}"
-            for number, attempt in enumerate(attempts)
-            if attempt["success"]
-        )
-    except FileNotFoundError:
-        return ()
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise SceneError(
-            f"it is damaged: {error!r}", where=file, cure="Run the round again (`r2sego refine`)."
-        ) from error
+    return tuple(
+        f"Attempt {number}, {attempt.behaviour}"
+        for number, attempt in enumerate(bundle.read(made))
+        if attempt.success
+    )

@@ -30,35 +30,9 @@ from ..model.mujoco_warnings import mujoco_warnings
 from ..planning.free_floor import FreeFloor
 from ..scope.scope import BehaviourScope
 from .failures import Judge, Reason
-from .quality import Quality
+from .rollout import Rollout
 from .simulation import simulate
 from .spawning import SpawnContext
-
-
-@dataclass(frozen=True)
-class Rollout:
-    """One attempt at the behaviour.
-
-    ``qpos`` (T, nq) float64, ``times_s`` (T,) float64 and ``camera_poses`` (T, 4, 4) float64
-    ``world_from_camera`` are at the scope's camera rate. A failed one carries its ``reason``,
-    what happened in ``detail``, and ends at ``frame``, the last before the failure.
-    ``seed`` is (the round's seed, the attempt): the rollout depends on nothing else.
-    ``controller`` names what drove it; ``quality`` is what the simulation measured;
-    ``warnings`` are MuJoCo's own, in the order they came.
-    """
-
-    success: bool
-    reason: str
-    frame: int
-    qpos: np.ndarray
-    times_s: np.ndarray
-    camera_poses: np.ndarray
-    seed: tuple[int, int]
-    behaviour: str = ""
-    detail: str = ""
-    controller: str = ""
-    quality: Quality = Quality()
-    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from ...core.digests import content_digest
 from ...core.errors import RobotError
 from ...core.text_files import write_json
 from ..model.model import RobotModel
-from .attempts import Rollout
+from .rollout import Rollout
 
 SHAPES, POSES, DESCRIPTION = "shapes.npz", "poses.npz", "bodies.json"
 """The files of a folder that ``save_bodies`` writes."""

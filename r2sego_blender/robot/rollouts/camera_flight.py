@@ -16,8 +16,7 @@ from scipy.spatial import cKDTree
 from ...core.cameras import look_at
 from ...core.errors import RobotError
 from ..scope.scope import BehaviourScope
-from .attempts import Rollout
-from .quality import Quality
+from .rollout import Quality, Rollout
 
 NAME = "camera_flight"
 """The behaviour, and the controller, of a flight."""

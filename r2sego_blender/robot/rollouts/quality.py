@@ -2,51 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 import mujoco
 import numpy as np
 
 from ..behaviours.trajectory import Seat
 from ..model.composition import Composition
 from ..model.contacts import Contacts
+from .rollout import Quality
 
 # Shares of the robot's weight: more on a foot is stance, more on a seat is sitting.
 _STANCE_LOAD = 0.1
 _SEATED_LOAD = 0.3
-
-
-@dataclass(frozen=True)
-class Quality:
-    """What a simulation measured of a rollout.
-
-    ``foot_slide_m``: the farthest a foot moved along the floor while it carried a tenth of
-    the weight or more; ``penetration_m``: the deepest the robot sank into the scene;
-    ``seated_s``: how long, to the end, a seat carried three tenths of the weight or more;
-    ``assist_n``: mean size of the helping force on the base, 0 without one;
-    ``camera_height_m`` and ``camera_pitch_deg``: lowest and highest, the pitch below the
-    horizon.
-    """
-
-    foot_slide_m: float = 0.0
-    penetration_m: float = 0.0
-    seated_s: float = 0.0
-    assist_n: float = 0.0
-    camera_height_m: tuple[float, float] = (0.0, 0.0)
-    camera_pitch_deg: tuple[float, float] = (0.0, 0.0)
-
-    @staticmethod
-    def from_json(values: dict[str, Any]) -> Quality:
-        """The quality of its fields as JSON has them. Raises TypeError or ValueError for what is none."""
-        fields: dict[str, Any] = {}
-        for key, value in values.items():
-            if key.startswith("camera_"):
-                low, high = map(float, value)
-                fields[key] = (low, high)
-            else:
-                fields[key] = float(value)
-        return Quality(**fields)
 
 
 class Meter:

@@ -2,30 +2,21 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import Counter
 from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
-from ...bundle.artifacts import Artifact
 from ...config.settings import RolloutSettings
-from ...core.arrays import opened_arrays, require_shapes, save_arrays
 from ...core.errors import RobotError
 from ...core.progress import SILENT, Progress
-from ...core.text_files import opened_json, write_json
 from ..model.model import RobotModel
 from ..model.mujoco_warnings import described
 from ..planning.free_floor import free_floor
 from ..scope.scope import BehaviourScope
-from .attempts import Attempts, Rollout, in_order
+from .attempts import Attempts, in_order
 from .failures import Reason
-from .quality import Quality
-
-_ARRAYS, _REASONS = "rollouts.npz", "rollouts.json"
-_FRAMES = ("qpos", "times_s", "camera_poses")
-_TOLD = {"success": bool, "reason": str, "frame": int, "behaviour": str, "detail": str, "controller": str}
+from .rollout import Rollout
 
 _CURES = {
     Reason.NO_GOAL: "Give the behaviour scope shorter walk_to.distance_m, or a larger region.",
@@ -81,60 +72,6 @@ def tell_warnings(attempts: Sequence[Rollout], progress: Progress) -> None:
         progress.message(f"MuJoCo warned in {len(warned)} of {len(attempts)} attempts: {words}", "warning")
 
 
-def save_rollouts(folder: Path, rollouts: Sequence[Rollout]) -> None:
-    """Write ``rollouts.npz`` (the arrays) and ``rollouts.json`` (reasons, for people)."""
-    arrays, records = {}, []
-    for index, rollout in enumerate(rollouts):
-        for name in _FRAMES:
-            arrays[f"{name}_{index:04d}"] = getattr(rollout, name)
-        records.append(
-            {
-                "success": rollout.success,
-                "reason": rollout.reason,
-                "detail": rollout.detail,
-                "frame": rollout.frame,
-                "frames": len(rollout.qpos),
-                "behaviour": rollout.behaviour,
-                "controller": rollout.controller,
-                "seed": list(rollout.seed),
-                "quality": dataclasses.asdict(rollout.quality),
-                "warnings": list(rollout.warnings),
-            }
-        )
-    save_arrays(folder / _ARRAYS, **arrays)
-    failures = Counter(rollout.reason for rollout in rollouts if not rollout.success)
-    summary = {"attempts": len(rollouts), "failures": dict(failures), "rollouts": records}
-    write_json(folder / _REASONS, summary)
-
-
-def load_rollouts(folder: Path) -> tuple[Rollout, ...]:
-    """Read what ``save_rollouts`` wrote. Raises RobotError where that is not there whole."""
-    what = "these rollouts cannot be read"
-    with opened_json(folder / _REASONS, RobotError, what) as words:
-        records: list[dict[str, Any]] = [
-            {
-                **{name: _of(kind, record[name]) for name, kind in _TOLD.items()},
-                "seed": tuple(record["seed"]),
-                "quality": Quality.from_json(record["quality"]),
-                "warnings": tuple(record.get("warnings", ())),  # bundles of before 2026-11-22 have none
-            }
-            for record in words["rollouts"]
-        ]
-    rollouts = []
-    with opened_arrays(folder / _ARRAYS, RobotError, what) as data:
-        for index, record in enumerate(records):
-            arrays = {name: data[f"{name}_{index:04d}"] for name in _FRAMES}
-            require_shapes(arrays, qpos="T Q", times_s="T", camera_poses="T 4 4")
-            rollouts.append(Rollout(**{**record, **arrays}))
-    return tuple(rollouts)
-
-
-def _of(kind: type, value: object) -> Any:
-    if not isinstance(value, kind):
-        raise TypeError(f"{value!r} is no {kind.__name__}")
-    return value
-
-
 def _too_few(
     attempts: Sequence[Rollout], successes: int, settings: RolloutSettings, collision_mjcf: Path
 ) -> RobotError:
@@ -146,11 +83,3 @@ def _too_few(
         f"{count} failed by {reason} ({example})",
         where=collision_mjcf, cure=_CURES[Reason(reason)],
     )  # fmt: skip
-
-
-def _save(rollouts: Sequence[Rollout], folder: Path) -> None:
-    save_rollouts(folder, rollouts)
-
-
-ROLLOUTS = Artifact("rollouts", load_rollouts, _save)
-"""Every attempt of a round: ``ROLLOUTS.of_round(l)``."""

@@ -70,13 +70,13 @@ def test_bodies_of_other_rollouts_are_not_taken(copied):
 def test_a_damaged_list_is_told(copied, text):
     file = copied.path / "rounds/0/rollouts/rollouts.json"
     file.write_text(text)
-    with pytest.raises(SceneError, match=r"rollouts\.json: it is damaged"):
+    with pytest.raises(RobotError, match=r"rollouts\.json: these rollouts"):
         attempts(copied, 0)
 
 
 def test_what_is_told_of_a_list_that_is_no_text_does_not_hold_all_of_it(copied):
     (copied.path / "rounds/0/rollouts/rollouts.json").write_bytes(b"\xff" + b"a" * 5000)
-    with pytest.raises(SceneError, match=r"rollouts\.json: it is damaged") as told:
+    with pytest.raises(RobotError, match=r"rollouts\.json: these rollouts") as told:
         attempts(copied, 0)
     assert len(str(told.value)) < 1000
 

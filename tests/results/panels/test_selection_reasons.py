@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from r2sego_blender.config.settings import SelectionSettings
-from r2sego_blender.core.errors import GenerationError, SceneError
+from r2sego_blender.core.errors import GenerationError, RobotError
 from r2sego_blender.results.panels.bundle import Bundle
 from r2sego_blender.results.panels.selection_reasons import suppressor_of
 from r2sego_blender.results.panels.view_scores import RoundScores
@@ -82,7 +82,7 @@ def test_a_rollout_says_which_attempt_it_is(bundle):
 def test_damaged_attempts_are_an_error_and_missing_ones_are_not(told):
     file = told / "rounds" / "0" / "rollouts" / "rollouts.json"
     file.write_text('{"rollouts": [1]}')
-    with pytest.raises(SceneError, match=r"rollouts\.json"):
+    with pytest.raises(RobotError, match=r"rollouts\.json"):
         RoundScores.read(Bundle.open(told), 0)
     file.unlink()
     assert RoundScores.read(Bundle.open(told), 0).origin(0) == ""

@@ -21,7 +21,8 @@ from r2sego_blender.robot.controllers.policy_observation import Command, Observe
 from r2sego_blender.robot.controllers.policy_runtime import PolicyFile
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.planning.free_floor import free_floor
-from r2sego_blender.robot.rollouts.attempts import Attempts, Rollout
+from r2sego_blender.robot.rollouts.attempts import Attempts
+from r2sego_blender.robot.rollouts.rollout import Rollout
 from r2sego_blender.robot.scope.scope import BehaviourScope, Control, Episode, Failures
 
 KNEES = """

@@ -14,7 +14,8 @@ from r2sego_blender.config.settings import RolloutSettings
 from r2sego_blender.robot.controllers.policy_observation import Command
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.planning.free_floor import free_floor
-from r2sego_blender.robot.rollouts.attempts import Attempts, Rollout
+from r2sego_blender.robot.rollouts.attempts import Attempts
+from r2sego_blender.robot.rollouts.rollout import Rollout
 from r2sego_blender.robot.scope.scope import Control, Failures
 
 G1 = "g1/unitree_mujoco_g1/g1_29dof.xml"

@@ -23,7 +23,8 @@ from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.motion.motion import plan_motion
 from r2sego_blender.robot.planning.free_floor import CELL_M, FreeFloor, free_floor
 from r2sego_blender.robot.planning.seats import find_seats
-from r2sego_blender.robot.rollouts.attempts import Attempts, Rollout
+from r2sego_blender.robot.rollouts.attempts import Attempts
+from r2sego_blender.robot.rollouts.rollout import Rollout
 from r2sego_blender.robot.scope.scope import Behaviours, BehaviourScope, Control, Episode, Failures
 
 SCOPE = BehaviourScope.load("walk_and_look")

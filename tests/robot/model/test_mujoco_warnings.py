@@ -13,7 +13,8 @@ from r2sego_blender.config.settings import RolloutSettings
 from r2sego_blender.core.errors import RobotError
 from r2sego_blender.robot.behaviours.walk_to import WalkTo
 from r2sego_blender.robot.model.mujoco_warnings import described, mujoco_warnings
-from r2sego_blender.robot.rollouts.rollouts import load_rollouts, save_rollouts, successful_rollouts
+from r2sego_blender.robot.rollouts.rollout import load_rollouts, save_rollouts
+from r2sego_blender.robot.rollouts.rollouts import successful_rollouts
 from r2sego_blender.robot.scope.scope import BehaviourScope, Episode
 
 SCOPE = replace(

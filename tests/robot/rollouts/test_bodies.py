@@ -19,7 +19,6 @@ from r2sego_blender.refine.behaviour import DeclaredBehaviour
 from r2sego_blender.results.robot_bodies import export_bodies
 from r2sego_blender.robot.model.collision_shapes import colliding
 from r2sego_blender.robot.model.model import RobotModel
-from r2sego_blender.robot.rollouts.attempts import Rollout
 from r2sego_blender.robot.rollouts.bodies import (
     DESCRIPTION,
     POSES,
@@ -28,7 +27,7 @@ from r2sego_blender.robot.rollouts.bodies import (
     body_shapes,
     save_bodies,
 )
-from r2sego_blender.robot.rollouts.rollouts import save_rollouts
+from r2sego_blender.robot.rollouts.rollout import Rollout, save_rollouts
 
 PRIMITIVES = """<mujoco><worldbody><body name="b" pos="0 0 1"><freejoint/>
 <geom type="sphere" size="0.1"/>

@@ -13,12 +13,8 @@ from r2sego_blender.core.errors import RobotError
 from r2sego_blender.robot.behaviours.walk_to import WalkTo
 from r2sego_blender.robot.planning.free_floor import free_floor
 from r2sego_blender.robot.rollouts.candidates import candidate_stream
-from r2sego_blender.robot.rollouts.rollouts import (
-    Rollout,
-    load_rollouts,
-    save_rollouts,
-    successful_rollouts,
-)
+from r2sego_blender.robot.rollouts.rollout import load_rollouts, save_rollouts
+from r2sego_blender.robot.rollouts.rollouts import Rollout, successful_rollouts
 from r2sego_blender.robot.scope.scope import BehaviourScope, Episode, Failures, Start
 
 SCOPE = BehaviourScope.load("walk_and_look")

@@ -12,8 +12,7 @@ from r2sego_blender.config.settings import SelectionSettings
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import SettingsError
 from r2sego_blender.geometry.collision.collision_files import write_collision
-from r2sego_blender.robot.rollouts.attempts import Rollout
-from r2sego_blender.robot.rollouts.quality import Quality
+from r2sego_blender.robot.rollouts.rollout import Quality, Rollout
 from r2sego_blender.views.scoring.scores import support_scores
 from tools.benchmarks import rollouts as bench
 from tools.benchmarks.workloads import made_up_collision, made_up_path, made_up_proxy, made_up_room
