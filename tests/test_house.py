@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import io
+import re
 import subprocess
 import sys
 import tokenize
@@ -198,6 +199,16 @@ def code_lines(source: str) -> int:
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             lines -= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
     return len(lines)
+
+
+@pytest.mark.parametrize("name", sources("r2sego_blender"))
+def test_what_is_not_annotated_is_a_kernel(name):
+    """Numba infers the types of kernels; of all other functions mypy is to see them."""
+    kernels = {"kernel", "parallel_kernel", "inlined", "inner_kernel", "vector_kernel"}
+    for node in ast.walk(ast.parse(sources("r2sego_blender")[name].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.FunctionDef) and part_of(name) != "bridge" and node.returns is None:
+            made = {word for line in node.decorator_list for word in re.findall(r"\w+", ast.unparse(line))}
+            assert made & kernels, f"{name}:{node.lineno}: annotate {node.name}, or make it a kernel"
 
 
 @pytest.mark.parametrize("folder", sorted({file.parent for file in sources("r2sego_blender").values()}))

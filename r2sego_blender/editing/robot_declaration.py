@@ -22,8 +22,8 @@ from ..refine.behaviour import DeclaredBehaviour
 from ..robot.behaviours.sit_on import ANY_SEAT
 from ..robot.behaviours.trajectory import Seat
 from ..robot.controllers.controller import check_controller
-from ..robot.model.model import EMBEDDED_HUMANOID, RobotModel
-from ..robot.model.robot_file import EMBEDDED_WHEELED
+from ..robot.model.model import RobotModel
+from ..robot.model.robot_file import EMBEDDED_HUMANOID, EMBEDDED_WHEELED
 from ..robot.planning.free_floor import free_floor
 from ..robot.planning.seats import TARGET_M, find_seats
 from ..robot.scope.region import area_m2

@@ -22,7 +22,7 @@ from ..core.errors import CaptureError
 from ..core.images import image_files
 from ..core.progress import SILENT, Progress
 from ..robot.controllers.controller import check_controller
-from ..robot.model.model import EMBEDDED_HUMANOID
+from ..robot.model.robot_file import EMBEDDED_HUMANOID
 from ..robot.scope.scope import BehaviourScope, shipped_scopes
 from .behaviour import DeclaredBehaviour
 

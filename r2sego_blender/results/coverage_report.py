@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ..bundle.artifacts import Artifact
 from ..bundle.figures import read_table
 from ..bundle.layout import of_round
 from ..bundle.runner import Runner
@@ -25,7 +25,7 @@ def _read(folder: Path) -> dict[str, Any]:
     return read_table(folder / _FIGURES)
 
 
-_FIGURES_OF_IT = replace(COVERAGE, load=_read)
+_FIGURES_OF_IT = Artifact(COVERAGE.name, _read, editable=COVERAGE.editable)
 
 
 def measure_coverage(

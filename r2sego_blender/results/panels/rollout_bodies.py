@@ -75,7 +75,7 @@ def are_written(bundle: Bundle, round_index: int) -> bool:
         told = _description(bodies_folder(bundle, round_index))
     except (OSError, ValueError):
         return False
-    return told.get("rollouts", "") == digest_of(bundle, round_index) != ""
+    return bool(told.get("rollouts", "") == digest_of(bundle, round_index) != "")
 
 
 def digest_of(bundle: Bundle, round_index: int) -> str:
@@ -88,7 +88,8 @@ def digest_of(bundle: Bundle, round_index: int) -> str:
 
 
 def _description(folder: Path) -> Mapping[str, Any]:
-    return json.loads((folder / "bodies.json").read_text(encoding="utf-8"))
+    told: dict[str, Any] = json.loads((folder / "bodies.json").read_text(encoding="utf-8"))
+    return told
 
 
 @functools.lru_cache(maxsize=16)
