@@ -17,19 +17,31 @@ from r2sego_blender.commands.cli import main
 def room(tmp_path):
     """A bundle with one round of two views, the second of which the gate rejected."""
     declaration = Declaration(
-        captures_source="cameras.json", world_from_capture=tuple(map(tuple, np.eye(4).tolist())),
-        ground="floor plane", scale_source="metric poses", overrides={"selection.target_views": 2},
-    )  # fmt: skip
+        captures_source="cameras.json",
+        world_from_capture=tuple(map(tuple, np.eye(4).tolist())),
+        ground="floor plane",
+        scale_source="metric poses",
+        overrides={"selection.target_views": 2},
+    )
 
     def fill(folder):
         for rank, accepted in enumerate((True, False)):
             view = folder / "rounds" / "0" / "views" / f"{rank:03d}"
             view.mkdir(parents=True)
             record = {
-                "accepted": accepted, "reason": "registered: 9 of 10 patches agree", "rank": rank,
-                "generator": "blending", "candidate": 3, "rollout": 1, "frame": 4, "reference": 0,
-                "reference_name": "a.png", "overlap": 0.5, "query": {}, "estimate": None if rank else {},
-            }  # fmt: skip
+                "accepted": accepted,
+                "reason": "registered: 9 of 10 patches agree",
+                "rank": rank,
+                "generator": "blending",
+                "candidate": 3,
+                "rollout": 1,
+                "frame": 4,
+                "reference": 0,
+                "reference_name": "a.png",
+                "overlap": 0.5,
+                "query": {},
+                "estimate": None if rank else {},
+            }
             (view / "pose.json").write_text(json.dumps(record))
 
     return create_bundle(tmp_path / "room.r2s", declaration, fill).path

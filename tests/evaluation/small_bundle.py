@@ -22,9 +22,7 @@ from r2sego_blender.splats.training.initialization import from_depth
 
 WIDTH, HEIGHT = 64, 48
 PHOTOGRAPH = 0.5
-VERTICES = np.array(
-    [(-4, 2, 0), (4, 2, 0), (4, 2, 4), (-4, 2, 4), (-4, -3, 0), (4, -3, 0)], np.float64
-)  # fmt: skip
+VERTICES = np.array([(-4, 2, 0), (4, 2, 0), (4, 2, 4), (-4, 2, 4), (-4, -3, 0), (4, -3, 0)], np.float64)
 FACES = np.array([(0, 1, 2), (0, 2, 3), (4, 5, 1), (4, 1, 0)], np.int32)
 
 
@@ -36,9 +34,12 @@ def camera(x: float = 0.0) -> Camera:
 def proxy_of(vertices: np.ndarray = VERTICES, faces: np.ndarray = FACES) -> GeometryProxy:
     count = len(faces)
     return GeometryProxy(
-        vertices.astype(np.float32), faces.astype(np.int32), np.zeros(count, np.uint8),
-        np.ones(count, np.uint16), np.ones(count, np.float32),
-    )  # fmt: skip
+        vertices.astype(np.float32),
+        faces.astype(np.int32),
+        np.zeros(count, np.uint8),
+        np.ones(count, np.uint16),
+        np.ones(count, np.float32),
+    )
 
 
 def splats(grey: float, at: Camera | None = None, columns: slice = slice(None)) -> SplatAsset:
@@ -85,7 +86,10 @@ def bundle(
 
     similarity = np.eye(4) if world_from_capture is None else world_from_capture
     declaration = Declaration(
-        "photographs", tuple(map(tuple, similarity.tolist())), ground="floor", scale_source="metric",
+        "photographs",
+        tuple(map(tuple, similarity.tolist())),
+        ground="floor",
+        scale_source="metric",
         overrides={"rounds": len(assets)},
-    )  # fmt: skip
+    )
     return create_bundle(folder / "room.r2s", declaration, fill)

@@ -33,14 +33,10 @@ def proxy() -> GeometryProxy:
         (quad(-2, -1, 2, 1, 2.5), Provenance.OBSERVED),
     ]
     vertices = np.concatenate([corners for corners, _ in parts])
-    faces = np.array(
-        [(4 * i + a, 4 * i + b, 4 * i + c) for i in range(4) for a, b, c in ((0, 1, 2), (0, 2, 3))]
-    )
+    faces = np.array([(4 * i + a, 4 * i + b, 4 * i + c) for i in range(4) for a, b, c in ((0, 1, 2), (0, 2, 3))])
     provenance = np.repeat([kind for _, kind in parts], 2).astype(np.uint8)
     ones = np.ones(len(faces))
-    return GeometryProxy(
-        vertices, faces.astype(np.int32), provenance, ones.astype(np.uint16), ones.astype(np.float32)
-    )
+    return GeometryProxy(vertices, faces.astype(np.int32), provenance, ones.astype(np.uint16), ones.astype(np.float32))
 
 
 def colour_at(view, point) -> np.ndarray:
@@ -89,9 +85,12 @@ def test_the_camera_map_marks_captures_and_targets(proxy):
 
 def test_an_empty_proxy_has_an_empty_plan():
     nothing = GeometryProxy(
-        np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), np.zeros(0, np.uint8),
-        np.zeros(0, np.uint16), np.zeros(0, np.float32),
-    )  # fmt: skip
+        np.zeros((0, 3), np.float32),
+        np.zeros((0, 3), np.int32),
+        np.zeros(0, np.uint8),
+        np.zeros(0, np.uint16),
+        np.zeros(0, np.float32),
+    )
     assert np.ptp(top_view(nothing, 120).image, axis=(0, 1)).max() == 0.0
 
 

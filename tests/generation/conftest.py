@@ -42,10 +42,7 @@ def room_a():
         entries = about[key]
         cameras = [Camera.from_json(size | entry) for entry in entries]
         captures = [Capture(e["file"], ROOM_A / e["file"], c) for e, c in zip(entries, cameras, strict=True)]
-        depths = [
-            np.load(ROOM_A / f"depth/{prefix}{i:02d}.npz")["z"].astype(np.float32)
-            for i in range(len(entries))
-        ]
+        depths = [np.load(ROOM_A / f"depth/{prefix}{i:02d}.npz")["z"].astype(np.float32) for i in range(len(entries))]
         return captures, depths
 
     captures, depths = views("captures", "cap")
@@ -53,10 +50,12 @@ def room_a():
     mesh = np.load(ROOM_A / "room.npz")
     count = len(mesh["F"])
     proxy = GeometryProxy(
-        mesh["V"].astype(np.float32), mesh["F"].astype(np.int32), np.zeros(count, np.uint8),
-        np.ones(count, np.uint16), np.ones(count, np.float32),
-    )  # fmt: skip
+        mesh["V"].astype(np.float32),
+        mesh["F"].astype(np.int32),
+        np.zeros(count, np.uint8),
+        np.ones(count, np.uint16),
+        np.ones(count, np.float32),
+    )
     return SimpleNamespace(
-        captures=captures, depths=depths, frozen=frozen, frozen_depths=frozen_depths,
-        renderer=ZBufferRenderer(proxy),
-    )  # fmt: skip
+        captures=captures, depths=depths, frozen=frozen, frozen_depths=frozen_depths, renderer=ZBufferRenderer(proxy)
+    )

@@ -32,11 +32,7 @@ from tools.benchmarks.workloads import made_up_room
 IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 PLAIN = ["asset.ply", "collision", "proxy.ply", "cameras.json"]
 ABOUT = "about.txt"
-ENTRY = {
-    "file": "images/a.png",
-    "name": "a.png",
-    **Camera(64, 48, 50.0, 50.0, 32.0, 24.0, np.eye(4)).to_json(),
-}
+ENTRY = {"file": "images/a.png", "name": "a.png", **Camera(64, 48, 50.0, 50.0, 32.0, 24.0, np.eye(4)).to_json()}
 
 
 @pytest.fixture
@@ -51,9 +47,12 @@ def scene(tmp_path) -> Scene:
         for name in ("asset.ply", "rounds/0/asset.ply"):
             save_asset(folder / name, made_up_room(200, (64, 48)).asset)
         proxy = GeometryProxy(
-            np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32), np.zeros(1, np.uint8),
-            np.ones(1, np.uint16), np.ones(1, np.float32),
-        )  # fmt: skip
+            np.eye(3, dtype=np.float32),
+            np.array([[0, 1, 2]], np.int32),
+            np.zeros(1, np.uint8),
+            np.ones(1, np.uint16),
+            np.ones(1, np.float32),
+        )
         proxy.save(folder / "rounds/0/proxy/proxy.npz")
 
     declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
@@ -158,9 +157,12 @@ def _add_captured_wall(scene: Scene) -> None:
     save_captures(scene.captures_folder, [Capture("wall", picture, camera)])
     corners = np.float32([(-1, 2, 0), (1, 2, 0), (1, 2, 2), (-1, 2, 2)])
     proxy = GeometryProxy(
-        corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), np.zeros(2, np.uint8),
-        np.ones(2, np.uint16), np.ones(2, np.float32),
-    )  # fmt: skip
+        corners,
+        np.array([[0, 1, 2], [0, 2, 3]], np.int32),
+        np.zeros(2, np.uint8),
+        np.ones(2, np.uint16),
+        np.ones(2, np.float32),
+    )
     proxy.save(scene.round_folder(0) / "proxy" / "proxy.npz")
 
 
@@ -274,9 +276,7 @@ def test_a_folder_collision_that_no_export_made_is_left_alone(scene, tmp_path):
     mine.write_text("mine")
     with pytest.raises(SceneError, match=r"package.collision: it is there already, and no export made it"):
         export_scene(scene, tmp_path / "package")
-    assert mine.read_text() == "mine" and [one.name for one in (tmp_path / "package").iterdir()] == [
-        "collision"
-    ]
+    assert mine.read_text() == "mine" and [one.name for one in (tmp_path / "package").iterdir()] == ["collision"]
 
 
 def test_nothing_appears_when_a_part_is_damaged(scene, tmp_path):
@@ -309,9 +309,7 @@ def test_a_result_that_was_cut_off_since_is_neither_exported_nor_called_refined(
     assert not told["refined"] and f"not as it was made: {result}" in lines(told)
 
 
-@pytest.mark.parametrize(
-    "wrong", [{}, {"captures": []}, {"captures": 5}, {"captures": [ENTRY | {"fx": np.nan}]}]
-)
+@pytest.mark.parametrize("wrong", [{}, {"captures": []}, {"captures": 5}, {"captures": [ENTRY | {"fx": np.nan}]}])
 def test_cameras_that_are_damaged_are_not_exported(scene, tmp_path, wrong):
     (scene.captures_folder / "cameras.json").write_text(json.dumps(wrong))
     with pytest.raises(CaptureError, match=r"cameras\.json.* Make the scene"):

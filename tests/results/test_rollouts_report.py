@@ -17,22 +17,30 @@ IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
 
 def attempt(number, frames, reason="", detail="", height=(1.2, 1.3), pitch=(20.0, 40.0)):
     return Rollout(
-        success=not reason, reason=reason, frame=max(frames - 1, 0), qpos=np.zeros((frames, 7)),
-        times_s=np.arange(frames) / 5.0, camera_poses=np.tile(np.eye(4), (frames, 1, 1)), seed=(3, number),
-        behaviour="walk_to" if frames else "", detail=detail, controller="reference motions",
+        success=not reason,
+        reason=reason,
+        frame=max(frames - 1, 0),
+        qpos=np.zeros((frames, 7)),
+        times_s=np.arange(frames) / 5.0,
+        camera_poses=np.tile(np.eye(4), (frames, 1, 1)),
+        seed=(3, number),
+        behaviour="walk_to" if frames else "",
+        detail=detail,
+        controller="reference motions",
         quality=Quality(foot_slide_m=0.004, camera_height_m=height, camera_pitch_deg=pitch),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture
 def scene(tmp_path) -> Scene:
     declaration = Declaration(
-        "photographs", IDENTITY, ground="floor", scale_source="metric",
+        "photographs",
+        IDENTITY,
+        ground="floor",
+        scale_source="metric",
         overrides={"rollouts.successes": 2, "selection.ranking": "random"},
-    )  # fmt: skip
-    scene = create_bundle(
-        tmp_path / "room.r2s", declaration, lambda f: (f / "rounds/0/rollouts").mkdir(parents=True)
     )
+    scene = create_bundle(tmp_path / "room.r2s", declaration, lambda f: (f / "rounds/0/rollouts").mkdir(parents=True))
     attempts = [
         attempt(0, 41),
         attempt(1, 13, "body_contact", "left_hand touched table", height=(0.5, 1.9), pitch=(-10.0, 80.0)),

@@ -18,9 +18,11 @@ from r2sego_blender.results.status import _quoted, describe, lines
 def scene(tmp_path):
     """A bundle of two captures that was not refined yet."""
     declaration = Declaration(
-        captures_source="cameras.json", world_from_capture=tuple(map(tuple, np.eye(4).tolist())),
-        ground="floor plane", scale_source="metric poses",
-    )  # fmt: skip
+        captures_source="cameras.json",
+        world_from_capture=tuple(map(tuple, np.eye(4).tolist())),
+        ground="floor plane",
+        scale_source="metric poses",
+    )
 
     def fill(folder):
         (folder / "captures").mkdir()
@@ -36,10 +38,7 @@ def test_equal_images_have_a_psnr_without_end(scene):
     metrics = {"arms": {"refined": scores}, "rounds": [{"round": 0, **scores, "mark": "as before"}]}
     scene.metrics_file.write_text(json.dumps(metrics))
     told = [line for line in lines(describe(scene)) if "PSNR" in line]
-    assert told == [
-        "  refined        PSNR inf dB, SSIM 1.000",
-        "  round 0        PSNR inf dB, SSIM 1.000, as before",
-    ]
+    assert told == ["  refined        PSNR inf dB, SSIM 1.000", "  round 0        PSNR inf dB, SSIM 1.000, as before"]
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"captures": 3}'])
@@ -94,9 +93,7 @@ def test_scores_of_an_asset_that_changed_are_not_told(scene):
 
 
 def test_rounds_beyond_those_that_are_declared_are_not_counted(scene):
-    counts = dict.fromkeys(
-        ("rollouts_succeeded", "rollouts_failed", "candidates", "targets", "views_kept"), 1
-    )
+    counts = dict.fromkeys(("rollouts_succeeded", "rollouts_failed", "candidates", "targets", "views_kept"), 1)
     for index in range(2):
         folder = scene.round_folder(index)
         folder.mkdir(parents=True)

@@ -29,9 +29,8 @@ def ground(height_m: float = 0.0) -> GeometryProxy:
     corners = np.array([[-9, -9, height_m], [9, -9, height_m], [9, 9, height_m], [-9, 9, height_m]])
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     return GeometryProxy(
-        corners.astype(np.float32), faces, np.zeros(2, np.uint8), np.ones(2, np.uint16),
-        np.ones(2, np.float32),
-    )  # fmt: skip
+        corners.astype(np.float32), faces, np.zeros(2, np.uint8), np.ones(2, np.uint16), np.ones(2, np.float32)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -64,9 +63,7 @@ def stand_in(tmp_path):
     def make(body: str, frame_limit_s: float = 20.0) -> BlenderWorker:
         program = tmp_path / "blender"
         ready = "print('Blender 4.5.15 (hash)'); print(json.dumps({'ready': 1, 'blender': '4.5.15'}))"
-        program.write_text(
-            f"#!{sys.executable} -u\nimport json, os, sys, time\n{ready}\n{body}\nsys.stdin.read()\n"
-        )
+        program.write_text(f"#!{sys.executable} -u\nimport json, os, sys, time\n{ready}\n{body}\nsys.stdin.read()\n")
         program.chmod(program.stat().st_mode | stat.S_IXUSR)
         started.append(BlenderWorker(str(program), frame_limit_s))
         return started[-1]
@@ -97,9 +94,7 @@ def test_one_process_renders_one_proxy_after_the_other(blender, tmp_path):
     pids = set()
     for height_m in (0.0, 0.4):
         renderer = BlenderRenderer(ground(height_m), "cycles", blender)
-        for found, wanted in zip(
-            renderer.render(path), ZBufferRenderer(ground(height_m)).render(path), strict=True
-        ):
+        for found, wanted in zip(renderer.render(path), ZBufferRenderer(ground(height_m)).render(path), strict=True):
             # At this flat angle a thousandth of a pixel is so much.
             np.testing.assert_allclose(found.depth, wanted.depth, rtol=3e-4)
             np.testing.assert_array_equal(found.validity, wanted.validity)

@@ -20,9 +20,8 @@ def scene(tmp_path):
     (tmp_path / "proxy").mkdir()
     corners = np.array([[-9, -9, 0], [9, -9, 0], [0, 9, 0]], np.float32)
     GeometryProxy(
-        corners, np.array([[0, 1, 2]], np.int32), np.zeros(1, np.uint8), np.ones(1, np.uint16),
-        np.ones(1, np.float32),
-    ).save(tmp_path / "proxy" / "proxy.npz")  # fmt: skip
+        corners, np.array([[0, 1, 2]], np.int32), np.zeros(1, np.uint8), np.ones(1, np.uint16), np.ones(1, np.float32)
+    ).save(tmp_path / "proxy" / "proxy.npz")
     (tmp_path / "cameras.json").write_text(json.dumps([CAMERA.to_json()] * 2))
     return tmp_path
 

@@ -18,9 +18,12 @@ def floor_proxy(support: list[int], height_m: float = 0.0) -> GeometryProxy:
         faces += [(start, start + 1, start + 2), (start, start + 2, start + 3)]
     count = len(faces)
     return GeometryProxy(
-        np.array(vertices, np.float32), np.array(faces, np.int32), np.zeros(count, np.uint8),
-        np.repeat(support, 2).astype(np.uint16), np.ones(count, np.float32),
-    )  # fmt: skip
+        np.array(vertices, np.float32),
+        np.array(faces, np.int32),
+        np.zeros(count, np.uint8),
+        np.repeat(support, 2).astype(np.uint16),
+        np.ones(count, np.float32),
+    )
 
 
 def camera_at(x: float, y: float) -> Camera:

@@ -15,9 +15,12 @@ LENS = Camera(94, 67, 70.0, 72.0, 46.0, 35.5, np.eye(4))
 def proxy_of(vertices, faces, support):
     count = len(faces)
     return GeometryProxy(
-        np.asarray(vertices, np.float32), np.asarray(faces, np.int32), np.zeros(count, np.uint8),
-        np.asarray(support, np.uint16), np.ones(count, np.float32),
-    )  # fmt: skip
+        np.asarray(vertices, np.float32),
+        np.asarray(faces, np.int32),
+        np.zeros(count, np.uint8),
+        np.asarray(support, np.uint16),
+        np.ones(count, np.float32),
+    )
 
 
 def triangle_soup(rng, count, size):
@@ -107,11 +110,7 @@ def test_an_empty_proxy_is_available_nowhere():
 
 @pytest.mark.parametrize(
     ("vertices", "faces"),
-    [
-        ([[0, 0, np.nan], [1, 0, 1], [0, 1, 1]], [[0, 1, 2]]),
-        (np.eye(3), [[0, 1, 3]]),
-        (np.eye(3), [[0, 1, -1]]),
-    ],
+    [([[0, 0, np.nan], [1, 0, 1], [0, 1, 1]], [[0, 1, 2]]), (np.eye(3), [[0, 1, 3]]), (np.eye(3), [[0, 1, -1]])],
 )
 def test_meshes_that_cannot_be_drawn_are_refused(vertices, faces):
     with pytest.raises(GeometryError, match="proxy"):
