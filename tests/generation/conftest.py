@@ -1,14 +1,11 @@
 """The synthetic box room beside the tests, and the furnished room with ground truth."""
 
 import json
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 ROOM_A = Path(__file__).resolve().parents[2] / "../shared/scenes/room_a"
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,8 +14,6 @@ from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.images import save_image
 from r2sego_blender.geometry.stereo.stereo import DepthMap
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 SIZE_M = np.array([4.0, 3.0, 2.4])
 BOX_LOW, BOX_HIGH = np.array([0.4, 0.5, 0.0]), np.array([1.4, 1.1, 0.7])
