@@ -4,13 +4,11 @@ import json
 import threading
 import time
 
-import numpy as np
 import pytest
+from bundles import new_bundle
 
 from r2sego_blender.bundle import damage
-from r2sego_blender.bundle.creating import create_bundle
 from r2sego_blender.bundle.damage import damaged_results
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.journal import Journal
 from r2sego_blender.bundle.layout import REFINED_ASSET
 from r2sego_blender.bundle.reading import read_beside_jobs
@@ -22,8 +20,6 @@ from r2sego_blender.core.errors import SceneError
 from r2sego_blender.results.plan import describe_plan
 from r2sego_blender.results.status import describe, lines
 
-IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
-
 
 def fill(folder):
     (folder / "captures").mkdir(exist_ok=True)
@@ -32,7 +28,7 @@ def fill(folder):
 
 @pytest.fixture
 def scene(tmp_path) -> Scene:
-    return create_bundle(tmp_path / "room.r2s", Declaration("photos", IDENTITY, "floor", "metric"), fill)
+    return new_bundle(tmp_path / "room.r2s", fill)
 
 
 def status(scene):

@@ -25,10 +25,11 @@ def box_room(tmp_path_factory):
 @pytest.fixture(scope="session")
 def room_a():
     """The furnished room: captures and frozen views with their true depths, and its mesh."""
+    from room_meshes import observed_proxy
+
     from r2sego_blender.captures.capture import Capture
     from r2sego_blender.core.cameras import Camera
     from r2sego_blender.generation.conditions.conditions import ZBufferRenderer
-    from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 
     if not (ROOM_A / "cameras.json").is_file():
         pytest.skip(f"no ground truth at {ROOM_A}")
@@ -48,12 +49,7 @@ def room_a():
     captures, depths = views("captures", "cap")
     frozen, frozen_depths = views("frozen", "ego")
     mesh = np.load(ROOM_A / "room.npz")
-    count = len(mesh["F"])
-    proxy = GeometryProxy(
-        mesh["V"].astype(np.float32), mesh["F"].astype(np.int32), np.zeros(count, np.uint8),
-        np.ones(count, np.uint16), np.ones(count, np.float32),
-    )  # fmt: skip
     return SimpleNamespace(
         captures=captures, depths=depths, frozen=frozen, frozen_depths=frozen_depths,
-        renderer=ZBufferRenderer(proxy),
+        renderer=ZBufferRenderer(observed_proxy(mesh["V"], mesh["F"])),
     )  # fmt: skip

@@ -6,12 +6,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from bundles import new_bundle
 from PIL import Image
 from progress_recorder import ProgressRecorder
 from pxr import Usd, UsdGeom, UsdPhysics, UsdVol
+from room_meshes import observed_proxy
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.capture import Capture
@@ -23,13 +23,11 @@ from r2sego_blender.core.errors import AssetError, CaptureError, R2SEgoError, Sc
 from r2sego_blender.geometry.collision.collision import CollisionSurface
 from r2sego_blender.geometry.collision.collision_files import write_collision
 from r2sego_blender.geometry.collision.convex import convex_hull
-from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 from r2sego_blender.results.export import export_scene
 from r2sego_blender.results.status import describe, lines
 from r2sego_blender.splats.formats.registry import load_asset, save_asset
 from tools.benchmarks.workloads import made_up_room
 
-IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 PLAIN = ["asset.ply", "collision", "proxy.ply", "cameras.json"]
 ABOUT = "about.txt"
 ENTRY = {
@@ -50,14 +48,9 @@ def scene(tmp_path) -> Scene:
         (folder / "collision" / "mesh.obj").write_text("v 0 0 0\n")
         for name in ("asset.ply", "rounds/0/asset.ply"):
             save_asset(folder / name, made_up_room(200, (64, 48)).asset)
-        proxy = GeometryProxy(
-            np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32), np.zeros(1, np.uint8),
-            np.ones(1, np.uint16), np.ones(1, np.float32),
-        )  # fmt: skip
-        proxy.save(folder / "rounds/0/proxy/proxy.npz")
+        observed_proxy(np.eye(3), [[0, 1, 2]]).save(folder / "rounds/0/proxy/proxy.npz")
 
-    declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
-    return create_bundle(tmp_path / "room.r2s", declaration, fill)
+    return new_bundle(tmp_path / "room.r2s", fill)
 
 
 def test_a_scene_is_exported_as_before_when_no_format_is_named(scene, tmp_path):
@@ -157,11 +150,7 @@ def _add_captured_wall(scene: Scene) -> None:
     camera = Camera(64, 48, 60.0, 60.0, 32.0, 24.0, look_at((0.0, 0.0, 1.0), (0.0, 2.0, 1.0)))
     save_captures(scene.captures_folder, [Capture("wall", picture, camera)])
     corners = np.float32([(-1, 2, 0), (1, 2, 0), (1, 2, 2), (-1, 2, 2)])
-    proxy = GeometryProxy(
-        corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), np.zeros(2, np.uint8),
-        np.ones(2, np.uint16), np.ones(2, np.float32),
-    )  # fmt: skip
-    proxy.save(scene.round_folder(0) / "proxy" / "proxy.npz")
+    observed_proxy(corners, [[0, 1, 2], [0, 2, 3]]).save(scene.round_folder(0) / "proxy" / "proxy.npz")
 
 
 def _seen(stage: Usd.Stage) -> list[str]:

@@ -3,11 +3,9 @@
 import json
 import shlex
 
-import numpy as np
 import pytest
+from bundles import new_bundle
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.core.errors import SceneError
@@ -17,16 +15,12 @@ from r2sego_blender.results.status import _quoted, describe, lines
 @pytest.fixture
 def scene(tmp_path):
     """A bundle of two captures that was not refined yet."""
-    declaration = Declaration(
-        captures_source="cameras.json", world_from_capture=tuple(map(tuple, np.eye(4).tolist())),
-        ground="floor plane", scale_source="metric poses",
-    )  # fmt: skip
 
     def fill(folder):
         (folder / "captures").mkdir()
         (folder / "captures" / "cameras.json").write_text(json.dumps({"captures": [{}, {}]}))
 
-    return create_bundle(tmp_path / "room.r2s", declaration, fill)
+    return new_bundle(tmp_path / "room.r2s", fill)
 
 
 def test_equal_images_have_a_psnr_without_end(scene):
