@@ -48,6 +48,7 @@ demo: install
 test: system install-tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/mypy
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 window: install-tests
@@ -56,9 +57,11 @@ window: install-tests
 measure: install-tests
 	$(BIN)/python tests/window/measure.py build/measured-$$(date +%Y%m%d-%H%M%S)
 
+# What ruff can put right it does; what mypy finds is told, by the rules of pyproject.toml.
 lint: install-tests
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+	$(BIN)/mypy
 
 extension: system install-tests
 	$(BIN)/python batch/build_extension.py --out dist

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from r2sego_blender.bundle.runner import Runner
+from r2sego_blender.bundle.runner import Runner, Step
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.config.fields import Field
 from r2sego_blender.config.settings import Settings
@@ -34,15 +34,15 @@ class WatchedRunner(Runner):
         self.settings: dict[str, set[str]] = {}
         self.variables: dict[str, set[str]] = {}
 
-    def step(self, target, compute, *, inputs=(), parameters=None, read=None):
+    def do(self, step: Step) -> None:
         def watched(place: Path) -> None:
             with _noting(self.scene.path, place) as (files, settings), _environment() as variables:
-                compute(place)
-            self.files[target], self.settings[target] = files, settings
-            self.variables[target] = variables
+                step.compute(place)
+            self.files[step.target], self.settings[step.target] = files, settings
+            self.variables[step.target] = variables
 
-        self.inputs[target] = list(inputs)
-        return super().step(target, watched, inputs=inputs, parameters=parameters, read=read)
+        self.inputs[step.target] = list(step.inputs)
+        super().do(dataclasses.replace(step, compute=watched))
 
 
 class KeysOnly(Runner):
@@ -54,8 +54,8 @@ class KeysOnly(Runner):
         super().__init__(Scene(scene.path, whole))
         self.keys: dict[str, tuple[list[str], str]] = {}
 
-    def step(self, target, compute, *, inputs=(), parameters=None, read=None):
-        self.keys[target] = list(inputs), self.key((), parameters)
+    def do(self, step: Step) -> None:
+        self.keys[step.target] = list(step.inputs), self.key((), step.parameters)
 
     def redone(self, before: KeysOnly) -> set[str]:
         """The steps whose parameters differ, and those that read what such a step makes."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import io
+import re
 import subprocess
 import sys
 import tokenize
@@ -200,6 +201,16 @@ def code_lines(source: str) -> int:
     return len(lines)
 
 
+@pytest.mark.parametrize("name", sources("r2sego_blender"))
+def test_what_is_not_annotated_is_a_kernel(name):
+    """Numba infers the types of kernels; of all other functions mypy is to see them."""
+    kernels = {"kernel", "parallel_kernel", "inlined", "inner_kernel", "vector_kernel"}
+    for node in ast.walk(ast.parse(sources("r2sego_blender")[name].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.FunctionDef) and part_of(name) != "bridge" and node.returns is None:
+            made = {word for line in node.decorator_list for word in re.findall(r"\w+", ast.unparse(line))}
+            assert made & kernels, f"{name}:{node.lineno}: annotate {node.name}, or make it a kernel"
+
+
 @pytest.mark.parametrize("folder", sorted({file.parent for file in sources("r2sego_blender").values()}))
 def test_every_folder_says_what_it_is_for(folder):
     assert len(ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or "") > 40
@@ -254,3 +265,41 @@ def test_blender_reads_bundles_with_numpy_alone():
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+GIVEN = {
+    "r2sego_blender.editing.proxy_edits": "a cut or a drawn surface that a person or Blender hands over",
+    "r2sego_blender.evaluation.ground_truth": "the truth of a made-up room, which no bundle holds",
+    "r2sego_blender.bridge.generation.render_service": "the proxy that the engine hands to a renderer",
+}
+"""Modules above the artifacts that read files of their own, and what these are."""
+
+READERS = {"np.load", "opened_arrays", "opened_json", "json.load", "tomllib.load", "tomllib.loads"}
+
+
+def test_a_bundle_is_read_in_one_place():
+    """By the artifacts' own modules and ``bundle/``: all above them ask ``Scene.read``."""
+    known = sources("r2sego_blender", "operators", "panels", "tools")
+    kept = {name for name, file in known.items() if _calls(file) & {"Artifact", "each_capture"}}
+    classes = {
+        node.name
+        for name in kept - set(sources("r2sego_blender/results"))
+        for node in ast.parse(known[name].read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef) and any(_method(one) == "load" for one in node.body)
+    }
+    assert {"GeometryProxy", "SparsePoints", "Selection", "ObservedGeometry"} <= classes
+    reading = READERS | {f"{name}.load" for name in classes}
+    above = ("results", "editing", "evaluation", "refine", "commands", "bridge", "pipeline")
+    for name, file in known.items():
+        is_above = part_of(name) in above if name.startswith("r2sego_blender") else True
+        if is_above and name not in kept and name not in GIVEN and not name.startswith("tools.benchmarks"):
+            assert not _calls(file) & reading, f"{file}: {_calls(file) & reading}"
+
+
+def _method(node: ast.stmt) -> str:
+    return node.name if isinstance(node, ast.FunctionDef) else ""
+
+
+def _calls(file: Path) -> set[str]:
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    return {ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}

@@ -24,8 +24,26 @@ from .scene import Scene
 from .stale import of_old_frame
 
 
+@dataclass(frozen=True)
+class Step:
+    """A step by names.
+
+    ``target`` is a path inside the bundle, a file when it has a suffix, else a folder; ``compute``
+    writes it at the path it is given. ``inputs`` are files and folders, inside the bundle when
+    relative; ``parameters`` are dataclasses or JSON values. ``read`` reads the result as later steps
+    do: one that is not as it was published is kept as a person's edit where that succeeds. Without it
+    any change is damage.
+    """
+
+    target: str
+    compute: Callable[[Path], object]
+    inputs: Sequence[str] = ()
+    parameters: Any = None
+    read: Callable[[], object] | None = None
+
+
 class Runner:
-    """Runs steps on a scene. Another strategy, as ``Plan``, looks at ``step`` in another way."""
+    """Runs steps on a scene. Another strategy, as ``Plan``, does something else in ``do``."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -67,42 +85,31 @@ class Runner:
         self.step(made.name, write, inputs=inputs, parameters=settings, read=read if made.editable else None)
         return made
 
-    def step(
-        self,
-        target: str,
-        compute: Callable[[Path], None],
-        *,
-        inputs: Sequence[str] = (),
-        parameters: Any = None,
-        read: Callable[[], object] | None = None,
-    ) -> Path:
-        """Make ``target`` by ``compute`` unless it is there and nothing it reads has changed.
+    def step(self, target: str, compute: Callable[[Path], object], **known: Any) -> Path:
+        """``do`` a ``Step``; its place."""
+        self.do(Step(target, compute, **known))
+        return self.scene.path / target
 
-        ``target`` is a path inside the bundle, a file when it has a suffix, else a folder;
-        ``compute`` writes it at the path it is given. ``inputs`` are files and folders,
-        inside the bundle when relative; ``parameters`` are dataclasses or JSON values.
-        ``read`` reads the result as later steps do: one that is not as it was published is
-        kept as a person's edit where that succeeds. Without it any change is damage.
-        """
-        scene, place = self.scene, self.scene.path / target
-        key = self.key(inputs, parameters)
+    def do(self, step: Step) -> None:
+        """Make the target unless it is there and nothing that the step reads has changed."""
+        scene, target, place = self.scene, step.target, self.scene.path / step.target
+        key = self.key(step.inputs, step.parameters)
         before = scene.recorded().get(target)
-        if place.exists() and before == key and not is_damaged(scene, target, read):
-            return place
+        if place.exists() and before == key and not is_damaged(scene, target, step.read):
+            return
         started, started_s = time.time(), time.monotonic()
         with disk_errors(place), scene.publishing(target) as staging:
-            compute(staging)
+            step.compute(staging)
             if before is not None:
                 # Killed from here on, the old record is no longer true.
                 scene.note(publishing=target)
         record = {
             "step": target, "inputs": key, "output": content_digest(place),
             "started": round(started, 3), "seconds": round(time.monotonic() - started_s, 3),
-            "frame": frame_of_output(scene.declaration.world_from_capture, inputs, scene.journal()),
+            "frame": frame_of_output(scene.declaration.world_from_capture, step.inputs, scene.journal()),
         }  # fmt: skip
         with disk_errors(scene.path):
             scene.note(**record)
-        return place
 
     def key(self, inputs: Sequence[str], parameters: Any) -> str:
         """The key of a step on this scene as it is now."""
@@ -137,29 +144,20 @@ class Plan(Runner):
         """Nothing: nothing is written."""
         return contextlib.nullcontext()
 
-    def step(
-        self,
-        target: str,
-        compute: Callable[[Path], None],
-        *,
-        inputs: Sequence[str] = (),
-        parameters: Any = None,
-        read: Callable[[], object] | None = None,
-    ) -> Path:
-        """Note whether ``Runner.step`` would run ``compute``, if what it reads is as it seems."""
-        redone = {step.target for step in self.steps if step.why}
-        first = next((name for name in inputs if name in redone), None)
-        if not (self.scene.path / target).exists():
+    def do(self, step: Step) -> None:
+        """Note whether ``Runner.do`` would make the target, if what the step reads is as it seems."""
+        redone = {planned.target for planned in self.steps if planned.why}
+        first = next((name for name in step.inputs if name in redone), None)
+        if not (self.scene.path / step.target).exists():
             why = "it is not there yet"
         elif first is not None:
             why = f"{first} is redone"
-        elif self._last.get(target) != self.key(inputs, parameters):
-            corrected = target in self._of_old_frame
+        elif self._last.get(step.target) != self.key(step.inputs, step.parameters):
+            corrected = step.target in self._of_old_frame
             why = "the world frame was corrected" if corrected else "what it reads or a setting has changed"
         else:
-            why = "it is damaged" if is_damaged(self.scene, target, read) else ""
-        self.steps.append(PlannedStep(target, why))
-        return self.scene.path / target
+            why = "it is damaged" if is_damaged(self.scene, step.target, step.read) else ""
+        self.steps.append(PlannedStep(step.target, why))
 
     def _digest_of(self, name: str) -> str:
         if name not in self._digests:

@@ -144,7 +144,7 @@ def triangulate_in_child(request: dict[str, Any]) -> dict[str, Any]:
     return {"points": len(points)}
 
 
-def _points_of(model, features, column: dict[int, int]) -> tuple[np.ndarray, ...]:
+def _points_of(model: Any, features: Sequence[Features], column: dict[int, int]) -> tuple[np.ndarray, ...]:
     """Points (P, 3), mean errors (P,) and pixels (P, N, 2) of a model, in the order of their ids."""
     tracks = [(model.points3D[key].xyz, model.points3D[key]) for key in sorted(model.points3D.keys())]
     points = np.array([xyz for xyz, _ in tracks], np.float64).reshape(-1, 3)
@@ -157,7 +157,7 @@ def _points_of(model, features, column: dict[int, int]) -> tuple[np.ndarray, ...
     return points, error_px, pixels
 
 
-def _colours(images, pixels: np.ndarray, visibility: np.ndarray) -> np.ndarray:
+def _colours(images: Sequence[np.ndarray], pixels: np.ndarray, visibility: np.ndarray) -> np.ndarray:
     """(P, 3) uint8: the mean colour at a point's measurements."""
     total = np.zeros((len(pixels), 3))
     for index, image in enumerate(images):

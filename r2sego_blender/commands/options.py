@@ -147,10 +147,10 @@ def scale_of(
     if depth is not None:
         return Scale.depth(depth)
     if camera_height == "robot":
-        from ..robot.model.model import RobotModel
+        from ..refine.behaviour import DeclaredBehaviour
         from ..robot.scope.scope import BehaviourScope
 
-        eye = RobotModel.load(*BehaviourScope.load(scope).robot_for(robot))
+        eye = DeclaredBehaviour(BehaviourScope.load(scope), robot).model
         return Scale.camera_height(eye.eye_height_m, "robot's eye")
     if camera_height is not None:
         return Scale.camera_height(_number(camera_height, "--camera-height"))

@@ -117,8 +117,9 @@ class Camera:
 
     def unproject(self, depth: np.ndarray) -> np.ndarray:
         """World points (H, W, 3) float64 of a planar depth map (H, W) in metres."""
-        points = self.rays() * np.asarray(depth, np.float64)[..., None]
-        return points @ self.world_from_camera[:3, :3].T + self.centre
+        local = self.rays() * np.asarray(depth, np.float64)[..., None]
+        points: np.ndarray = local @ self.world_from_camera[:3, :3].T + self.centre
+        return points
 
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Pixels (..., 2) and planar depth (...,) of world points (..., 3), float64.

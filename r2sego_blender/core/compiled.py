@@ -54,7 +54,7 @@ def _package(source: Path) -> str:
     return source.relative_to(_LIBRARY).parts[0]
 
 
-class _Announcement(event.Listener):
+class _Announcement(event.Listener):  # type: ignore[misc]  # Numba has no types
     """Says, once a process, that kernels are being compiled: first use takes its time."""
 
     _said = False
@@ -71,7 +71,7 @@ class _Announcement(event.Listener):
 event.register("numba:compile", _Announcement())
 
 
-class _SelfContainedLibrary(codegen.JITCodeLibrary):
+class _SelfContainedLibrary(codegen.JITCodeLibrary):  # type: ignore[misc]
     """A kernel's machine code, which calls no code of another kernel's.
 
     Numba links the parts of a kernel, such as the body of its parallel loop, by name, and

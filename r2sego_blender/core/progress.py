@@ -141,7 +141,7 @@ class TerminalProgress(Progress):
 
 
 class _BarTask(Task):
-    def __init__(self, title: str, total: int, on_advance) -> None:
+    def __init__(self, title: str, total: int, on_advance: Callable[[int], object]) -> None:
         super().__init__(title, total)
         self._on_advance = on_advance
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from ..captures.capture import Capture
 from ..core.errors import GeometryError
-from ..geometry.objects.objects import DeclaredObject, plain_name, told_apart
+from ..core.file_names import plain_name
+from ..geometry.objects.objects import DeclaredObject, told_apart
 from ..geometry.objects.shapes import load_shape
 from ..geometry.objects.shared_masks import joined_masks
 from ..geometry.stereo.observed_geometry import ObservedGeometry

@@ -22,8 +22,8 @@ from ..refine.behaviour import DeclaredBehaviour
 from ..robot.behaviours.sit_on import ANY_SEAT
 from ..robot.behaviours.trajectory import Seat
 from ..robot.controllers.controller import check_controller
-from ..robot.model.model import EMBEDDED_HUMANOID, RobotModel
-from ..robot.model.robot_file import EMBEDDED_WHEELED
+from ..robot.model.model import RobotModel
+from ..robot.model.robot_file import EMBEDDED_HUMANOID, EMBEDDED_WHEELED
 from ..robot.planning.free_floor import free_floor
 from ..robot.planning.seats import TARGET_M, find_seats
 from ..robot.scope.region import area_m2
@@ -71,7 +71,7 @@ def declare_robot(
             changes = {"robot.model": None, "robot.mount": None} | changes
         own = (scene.path / SCOPE_FILE).absolute()
         changed = changed_scope(given, changes, own) if changes else given
-        _check(scene, changed, RobotModel.load(*changed.robot_for(robot)))
+        _check(scene, changed, DeclaredBehaviour(changed, robot).model)
         if changed != given:
             with scene.publishing(SCOPE_FILE) as file:
                 save_scope(changed, file)
@@ -105,9 +105,9 @@ def describe_robot(scene: Scene, seats: bool = False) -> dict[str, Any]:
     scope cannot be read.
     """
     declared = scene.declaration
-    scope = BehaviourScope.load(declared.scope)
-    source, mount = scope.robot_for(declared.robot)
-    robot = RobotModel.load(source, mount)
+    behaviour = DeclaredBehaviour.of(scene)
+    scope, robot = behaviour.scope, behaviour.model
+    source, _ = scope.robot_for(declared.robot)
     within = scope.region.within
     described = {
         "scene": str(scene.path),

@@ -170,7 +170,9 @@ def _height_shade(depth: np.ndarray) -> np.ndarray:
     return shade
 
 
-def _frustum(draw: ImageDraw.ImageDraw, plan: TopView, pose: np.ndarray, length_m: float, ink) -> None:
+def _frustum(
+    draw: ImageDraw.ImageDraw, plan: TopView, pose: np.ndarray, length_m: float, ink: tuple[int, int, int]
+) -> None:
     """A camera on the plan: its centre, and a triangle that opens where it looks."""
     forward, right = pose[:2, 2], pose[:2, 0]
     heading = np.append(forward / max(np.linalg.norm(forward), 1e-9), 0.0)

@@ -22,8 +22,10 @@ def refine_with_report(
         asked = scene.declaration.with_settings(preset, overrides)
         scene = scene.declare(preset=asked.preset, overrides=asked.overrides)
         from ..pipeline import refine  # takes seconds: what is refused is refused before
+        from ..splats.backends.slot import require_backend
         from .scene_report import renew_scene_report
 
+        require_backend(scene.declaration.settings.training.backend)  # not after an hour of other steps
         before = scene.journal()
         refine(scene, progress)
         return scene, renew_scene_report(scene, before)

@@ -11,8 +11,9 @@ import numpy as np
 
 from ..bundle.layout import REPORT_PAGE
 from ..core.atomic_files import UNFINISHED, rename, write_whole
+from ..geometry.proxy.proxy import PROVENANCE_COLOURS
 from .charts import candidate_chart, round_chart
-from .figures import PROVENANCE_COLOURS, save_figure
+from .figures import save_figure
 from .report_data import Picture, ReportData
 
 _TEMPLATES = Path(__file__).with_name("templates")

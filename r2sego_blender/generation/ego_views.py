@@ -30,7 +30,8 @@ from .decisions import is_accepted
 from .generators.slot import Frame, Generator
 from .paths.detours import ClearSpace
 from .paths.paths import camera_path, reference_from_frame
-from .registration.frame_registration import Landmarks, RegisteredFrame, hopeless, register_frame
+from .registration.frame_registration import RegisteredFrame, hopeless, register_frame
+from .registration.landmarks import Landmarks
 
 _CLIP_FRAME_MS = 80
 _CLIP_LAST_MS = 1200  # the kept frame rests before the clip starts again

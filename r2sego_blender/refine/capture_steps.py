@@ -207,11 +207,9 @@ class CaptureSteps:
         made: Artifact[Held],
         compute: Callable[..., Any],
         *takes: Artifact[Any],
-        settings: Any = None,
-        fits: Callable[..., object] | None = None,
-        also: Sequence[str] = (),
+        **known: Any,
     ) -> Artifact[Held]:
-        self.runner.make(made, compute, *takes, settings=settings, fits=fits, also=also)
+        self.runner.make(made, compute, *takes, **known)
         if made.name == self.until:
             raise Reached
         return made

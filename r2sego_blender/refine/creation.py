@@ -22,8 +22,9 @@ from ..core.errors import CaptureError
 from ..core.images import image_files
 from ..core.progress import SILENT, Progress
 from ..robot.controllers.controller import check_controller
-from ..robot.model.model import EMBEDDED_HUMANOID, RobotModel
+from ..robot.model.robot_file import EMBEDDED_HUMANOID
 from ..robot.scope.scope import BehaviourScope, shipped_scopes
+from .behaviour import DeclaredBehaviour
 
 
 def create_scene(
@@ -48,8 +49,8 @@ def create_scene(
         raise CaptureError("there is no such folder", where=captures, cure="Give the folder of photographs.")
     robot = robot if robot.startswith("embedded:") else str(Path(robot).resolve())
     scope = scope if scope in shipped_scopes() else str(Path(scope).resolve())
-    behaviour = BehaviourScope.load(scope)
-    check_controller(RobotModel.load(*behaviour.robot_for(robot)), behaviour)
+    behaviour = DeclaredBehaviour(BehaviourScope.load(scope), robot)
+    check_controller(behaviour.model, behaviour.scope)
 
     _look_over(scale, captures, solved=poses is None and find_export(captures) is None)
     for masks in (captures / MASKS, captures.absolute().parent / MASKS):

@@ -27,7 +27,7 @@ from ..generation.ego_views import VIEWS, PseudoObservation, ego_video_reg
 from ..generation.generators.registry import installation_of, open_generator
 from ..generation.generators.slot import ClipInputs
 from ..generation.paths.detours import ClearSpace
-from ..generation.registration.frame_registration import Landmarks
+from ..generation.registration.landmarks import Landmarks
 from ..geometry.collision.collision import CollisionSurface, collision_surface
 from ..geometry.collision.collision_files import COLLISION, REFINED_COLLISION
 from ..geometry.objects.prior_files import AlignedPrior

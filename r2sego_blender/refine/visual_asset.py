@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from ..config.presets import EVERY_PIXEL
-from ..config.settings import TrainingSettings
+from ..config.training_settings import TrainingSettings
 from ..core.cameras import Camera
 from ..core.progress import SILENT, Progress
 from ..splats.asset import SplatAsset

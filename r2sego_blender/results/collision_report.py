@@ -21,10 +21,9 @@ from ..geometry.collision.collision_check import (
     gap_in_words,
 )
 from ..geometry.proxy.proxy import PROXY
-from ..robot.model.model import RobotModel
+from ..refine.behaviour import DeclaredBehaviour
 from ..robot.model.mujoco_warnings import described, mujoco_warnings
 from ..robot.rollouts.standing import Standing, stand
-from ..robot.scope.scope import BehaviourScope
 
 _MOST_LINES = 10  # of places off the surface; all are in the JSON
 _SAME_PLACE_M = 0.005
@@ -90,13 +89,12 @@ def _checked(scene: Scene, progress: Progress) -> CollisionReport:
     require_present_frame(scene, [COLLISION, of_round(rounds - 1, "proxy")], "checked")
     require_as_made(scene, COLLISION)
     proxy = scene.read(PROXY.of_round(rounds - 1))
-    declared = scene.declaration
-    scope = BehaviourScope.load(declared.scope)
+    behaviour = DeclaredBehaviour.of(scene)
     with mujoco_warnings() as heard:
         surface = check_collision(scene.collision_folder, (proxy.vertices, proxy.faces), progress)
         standing = stand(
-            RobotModel.load(*scope.robot_for(declared.robot)), scope,
-            scene.collision_folder / "scene.xml", declared.settings.rollouts,
+            behaviour.model, behaviour.scope, scene.collision_folder / "scene.xml",
+            scene.declaration.settings.rollouts,
         )  # fmt: skip
     if heard:
         progress.message(f"MuJoCo warned: {described(heard)}", "warning")

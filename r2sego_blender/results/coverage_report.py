@@ -6,26 +6,26 @@ from pathlib import Path
 from typing import Any
 
 from ..bundle.artifacts import Artifact
+from ..bundle.figures import read_table
 from ..bundle.layout import of_round
 from ..bundle.runner import Runner
 from ..bundle.scene import Scene
+from ..core.cameras import Camera
 from ..core.errors import SceneError
 from ..core.progress import SILENT, Progress
-from ..core.text_files import opened_json, write_json
+from ..core.text_files import write_json
 from ..geometry.proxy.proxy import PROXY, GeometryProxy
-from ..geometry.visibility.coverage import Coverage, count_seen, face_areas
-from ..views.selection import SELECTION, SelectedViews
+from ..geometry.visibility.coverage import COVERAGE, COVERAGE_FILE, Coverage, count_seen, face_areas
+from ..views.selection import CANDIDATES
 
-_ARRAYS, _FIGURES = "coverage.npz", "coverage.json"
+_FIGURES = "coverage.json"
 
 
 def _read(folder: Path) -> dict[str, Any]:
-    with opened_json(folder / _FIGURES, SceneError, "this is no coverage of a proxy") as figures:
-        return dict(figures)
+    return read_table(folder / _FIGURES)
 
 
-COVERAGE = Artifact("coverage", _read, editable=False)
-"""A round's: its figures. Blender reads how many views see each face beside them."""
+_FIGURES_OF_IT = Artifact(COVERAGE.name, _read, editable=COVERAGE.editable)
 
 
 def measure_coverage(
@@ -44,17 +44,17 @@ def measure_coverage(
             cure="Run `r2sego refine`, or choose another round.",
         )  # fmt: skip
 
-    def compute(folder: Path, mesh: GeometryProxy, selected: SelectedViews) -> None:
-        seen = count_seen(mesh.vertices, mesh.faces, selected.candidates, progress)
-        areas_m2, views = face_areas(mesh.vertices, mesh.faces), len(selected.candidates)
+    def compute(folder: Path, mesh: GeometryProxy, cameras: list[Camera]) -> None:
+        seen = count_seen(mesh.vertices, mesh.faces, cameras, progress)
+        areas_m2, views = face_areas(mesh.vertices, mesh.faces), len(cameras)
         coverage = Coverage(seen, mesh.support, areas_m2, views)
-        coverage.save(folder / _ARRAYS)
+        coverage.save(folder / COVERAGE_FILE)
         areas = {name: round(area, 4) for name, area in coverage.areas_m2().items()}
         figures = {"round": index, "views": coverage.views, "faces": len(mesh.faces), "areas_m2": areas}
         write_json(folder / _FIGURES, figures)
 
-    made = COVERAGE.of_round(index)
-    Runner(scene).make(made, compute, PROXY.of_round(index), SELECTION.of_round(index))
+    made = _FIGURES_OF_IT.of_round(index)
+    Runner(scene).make(made, compute, PROXY.of_round(index), CANDIDATES.of_round(index))
     return scene.read(made)
 
 

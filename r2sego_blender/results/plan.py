@@ -51,7 +51,8 @@ def parts_outdated(scene: Scene) -> list[str]:
     if scene.recorded():
         with contextlib.suppress(R2SEgoError):
             there = [step for step in plan_refinement(scene) if (scene.path / step.target).exists()]
-    return describe_plan(there)["redone"]
+    redone: list[str] = describe_plan(there)["redone"]
+    return redone
 
 
 def describe_plan(steps: Sequence[PlannedStep], half_corrected: bool = False) -> dict[str, Any]:

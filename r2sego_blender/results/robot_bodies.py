@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..bundle.artifacts import Artifact
 from ..bundle.runner import Runner
 from ..bundle.scene import Scene
 from ..captures.capture import Capture
@@ -15,6 +14,7 @@ from ..refine.behaviour import DeclaredBehaviour
 from ..robot.model.robot_file import robot_digest
 from ..robot.rollouts.bodies import save_bodies
 from ..robot.rollouts.rollout import ROLLOUTS, Rollout
+from .panels.rollout_bodies import BODIES
 
 
 def export_bodies(scene: Scene, round_index: int) -> Path:
@@ -41,7 +41,3 @@ def export_bodies(scene: Scene, round_index: int) -> Path:
         known = [source, mount, robot_digest(source), eye.width, eye.height]
         Runner(scene).make(bodies, compute, CAPTURES, rollouts, settings=known)
     return scene.read(bodies)
-
-
-BODIES = Artifact("bodies", load=lambda folder: folder, editable=False)
-"""The robot's shapes and their poses along a round's rollouts; Blender opens the files."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..core.errors import AssetError
@@ -19,7 +21,7 @@ def degree_of(coefficients: int) -> int:
     return round(coefficients**0.5) - 1
 
 
-def basis_values(x, y, z):
+def basis_values(x: Any, y: Any, z: Any) -> list[Any]:
     """The sixteen harmonics of a unit direction, for anything that has Python's operators."""
     xx, yy, zz = x * x, y * y, z * z
     return [
@@ -42,7 +44,7 @@ def basis_values(x, y, z):
     ]
 
 
-def basis_gradients(x, y, z):
+def basis_gradients(x: Any, y: Any, z: Any) -> list[tuple[Any, Any, Any]]:
     """For each harmonic its derivatives in x, y and z, None where it has none."""
     xx, yy, zz = x * x, y * y, z * z
     xy, yz, xz = x * y, y * z, x * z

@@ -325,3 +325,12 @@ class SelectedViews(NamedTuple):
 
 SELECTION = Artifact("selection", SelectedViews.load, SelectedViews.save)
 """A round's: ``SELECTION.of_round(l)``."""
+
+CHOICE = Artifact("selection", Selection.load)
+"""What became of a round's candidates, without their cameras."""
+
+CANDIDATE_POSES = Artifact("selection", load_candidate_poses)
+"""Where a round's candidates look from."""
+
+CANDIDATES = Artifact("selection", load_candidates)
+"""The cameras of a round's candidates."""

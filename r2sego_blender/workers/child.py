@@ -95,7 +95,9 @@ def call_in_child(
             process.kill()
             process.wait()
             forget(process)
-        outcome = json.loads(manifest.read_text(encoding="utf-8")) if manifest.is_file() else {}
+        outcome: dict[str, Any] = (
+            json.loads(manifest.read_text(encoding="utf-8")) if manifest.is_file() else {}
+        )
         if "error" in outcome:
             raise _error_class(outcome["error"])(
                 outcome["what"], where=outcome["where"], cure=outcome["cure"]
@@ -107,7 +109,8 @@ def call_in_child(
                 f"{name} ended without a result (exit status {process.returncode})",
                 cure=f"Its input is probably damaged.{last}",
             )
-        return outcome["result"]
+        result: dict[str, Any] = outcome["result"]
+        return result
 
 
 def _environment(python: str, folder: str) -> dict[str, str]:

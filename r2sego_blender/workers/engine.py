@@ -55,7 +55,7 @@ def ask(arguments: Iterable[str], interpreter: str, timeout_s: float = 60.0) -> 
     """
     command = [interpreter, "-m", LIBRARY.name, *arguments]
     try:
-        done = subprocess.run(
+        done: subprocess.CompletedProcess[str] = subprocess.run(
             command, env=engine_environment(), stdin=subprocess.DEVNULL,
             capture_output=True, text=True, encoding="utf-8", errors="replace", timeout=timeout_s,
             **NO_WINDOW,

@@ -1,6 +1,7 @@
 """The commands for the proxy: edits, coverage and what the next refine redoes."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -201,13 +202,13 @@ def demo(tmp_path):
     made = new_bundle(tmp_path / "demo.r2s", fill, overrides={"rounds": 1})
 
     class StandIn(Plan):
-        def step(self, target, compute, *, inputs=(), parameters=None, read=None):
+        def do(self, step):
             def write(place: Path) -> None:
-                (place / "file.txt" if not place.suffix else place).write_text(target)
-                if target == "rounds/0/proxy":
+                (place / "file.txt" if not place.suffix else place).write_text(step.target)
+                if step.target == "rounds/0/proxy":
                     grid().save(place / "proxy.npz")
 
-            return Runner.step(self, target, write, inputs=inputs, parameters=parameters)
+            Runner.do(self, replace(step, compute=write, read=None))
 
     refine(made, runner=StandIn(made))
     return made

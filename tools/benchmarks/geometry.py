@@ -10,7 +10,7 @@ import contextlib
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -20,7 +20,7 @@ import numpy as np
 
 from r2sego_blender.bundle import layout
 from r2sego_blender.bundle.layout import of_round
-from r2sego_blender.bundle.runner import Runner
+from r2sego_blender.bundle.runner import Runner, Step
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.store import CAPTURES
 from r2sego_blender.core.errors import GeometryError
@@ -221,20 +221,8 @@ class _CostedRunner(Runner):
         super().__init__(scene)
         self.costs: dict[str, Cost] = {}
 
-    def step(
-        self,
-        target: str,
-        compute: Callable[[Path], None],
-        *,
-        inputs: Sequence[str] = (),
-        parameters: Any = None,
-        read: Callable[[], object] | None = None,
-    ) -> Path:
-        make = super().step
-        place, self.costs[target] = _costing(
-            lambda: make(target, compute, inputs=inputs, parameters=parameters, read=read)
-        )
-        return place
+    def do(self, step: Step) -> None:
+        _, self.costs[step.target] = _costing(lambda: super(_CostedRunner, self).do(step))
 
 
 def _bundle(path: Path, captures: Path, seed: int, progress: Progress) -> Scene:

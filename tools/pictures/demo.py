@@ -17,7 +17,7 @@ from r2sego_blender.core.images import resize
 from r2sego_blender.evaluation.arms import ARMS
 from r2sego_blender.evaluation.figures import save_figure, strip, top_view
 from r2sego_blender.evaluation.scene_evaluation import frozen_views
-from r2sego_blender.geometry.proxy.proxy import GeometryProxy
+from r2sego_blender.geometry.proxy.proxy import PROXY
 from r2sego_blender.splats.formats.ply import load_ply
 from r2sego_blender.splats.rendering.rasterizer import render
 
@@ -37,8 +37,8 @@ def main(scene: Scene) -> None:
         pictures = [views[index].image(), *(np.clip(render(a, camera).colour, 0, 1) for a in assets)]
         rows.append(strip([resize(p, 480, HEIGHT_PX) for p in pictures]))
     save_figure(PICTURES / "demo.jpg", np.concatenate(rows))
-    last = scene.round_folder(scene.rounds_done() - 1)
-    save_figure(PICTURES / "proxy.jpg", top_view(GeometryProxy.load(last / "proxy" / "proxy.npz")).image)
+    proxy = scene.read(PROXY.of_round(scene.rounds_done() - 1))
+    save_figure(PICTURES / "proxy.jpg", top_view(proxy).image)
 
 
 if __name__ == "__main__":

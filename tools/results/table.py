@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import argparse
 import datetime
-import json
 import os
 import re
 from pathlib import Path
 
+from r2sego_blender.bundle.figures import CAMERAS, METRICS
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.core.errors import R2SEgoError
 from tools.benchmarks.machine import processor
@@ -26,8 +26,8 @@ BEGIN, END = "<!-- results: made by tools/results/table.py -->", "<!-- end of re
 
 def row(scene: Scene) -> str:
     """One scene as a line of the Markdown table."""
-    arms = json.loads(scene.metrics_file.read_text())["arms"]
-    captures = json.loads((scene.captures_folder / "cameras.json").read_text())["captures"]
+    arms = scene.read(METRICS)["arms"]
+    captures = scene.read(CAMERAS)["captures"]
     scores = [
         f"{arms[a]['psnr']:.2f} / {arms[a]['ssim']:.3f}" for a in ("initial", "vanilla_3dgs", "refined")
     ]

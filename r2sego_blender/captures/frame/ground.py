@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -121,7 +121,7 @@ def find_ground(
     return Ground(normal, offset, 0, False, f"{how}, height from the lowest points")
 
 
-def _holds_the_room(points, plane, tolerance: float) -> bool:
+def _holds_the_room(points: np.ndarray, plane: tuple[np.ndarray, float, float], tolerance: float) -> bool:
     """Whether next to nothing lies below the plane."""
     heights = points @ plane[0] - plane[1]
     support = (np.abs(heights) <= tolerance).sum()
@@ -130,8 +130,10 @@ def _holds_the_room(points, plane, tolerance: float) -> bool:
 
 
 def _best_planes(
-    points, centres, normals, offsets, contrast_of, tolerance, up, max_tilt_deg
-) -> list[tuple[np.ndarray, float, float]]:
+    points: np.ndarray, centres: np.ndarray, normals: np.ndarray, offsets: np.ndarray,
+    contrast_of: Callable[[np.ndarray, np.ndarray, np.ndarray, float], np.ndarray], tolerance: float,
+    up: np.ndarray, max_tilt_deg: float,
+) -> list[tuple[np.ndarray, float, float]]:  # fmt: skip
     """Refined planes (normal, offset, contrast) below the cameras, the best of every height."""
     below = (normals @ centres.T - offsets[:, None]).min(axis=1) > 4.0 * tolerance
     normals, offsets = normals[below], offsets[below]
@@ -177,7 +179,7 @@ def _sampled_planes(points: np.ndarray, up: np.ndarray) -> tuple[np.ndarray, np.
     return normals, np.einsum("ij,ij->i", normals, through)
 
 
-def _contrast(points, normals, offsets, tolerance) -> np.ndarray:
+def _contrast(points: np.ndarray, normals: np.ndarray, offsets: np.ndarray, tolerance: float) -> np.ndarray:
     """(K,): points on each plane, less what the slabs just above and below would predict.
 
     A slice through a wall or clutter has as many points above and below as within.
@@ -192,7 +194,9 @@ def _contrast(points, normals, offsets, tolerance) -> np.ndarray:
     return contrast
 
 
-def _contrast_of_parallels(points, normals, offsets, tolerance) -> np.ndarray:
+def _contrast_of_parallels(
+    points: np.ndarray, normals: np.ndarray, offsets: np.ndarray, tolerance: float
+) -> np.ndarray:
     """The same of planes that share a normal, by the points' order along it."""
     heights = np.sort(points @ normals[0])
 
@@ -204,7 +208,10 @@ def _contrast_of_parallels(points, normals, offsets, tolerance) -> np.ndarray:
     return on - 0.5 * (within(_SLAB * tolerance) - on)
 
 
-def _refined(points, normal, offset, up, tolerance, max_tilt_deg) -> tuple[np.ndarray, float, float] | None:
+def _refined(
+    points: np.ndarray, normal: np.ndarray, offset: float, up: np.ndarray, tolerance: float,
+    max_tilt_deg: float,
+) -> tuple[np.ndarray, float, float] | None:  # fmt: skip
     """The plane fitted to its own points, or None when they hold none up."""
     on = np.zeros(len(points), bool)
     for share in _REFINEMENT:

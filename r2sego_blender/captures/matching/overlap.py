@@ -208,5 +208,5 @@ def load_matches(path: Path) -> tuple[list[Features], Pairs]:
     return features, pairs
 
 
-def _listed(names) -> str:
+def _listed(names: Iterable[str]) -> str:
     return ", ".join(names)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -73,18 +73,18 @@ def _photographs(
     return with_unique_names(photographs)
 
 
-def _size(places, image_path: Path, path: Path, field: str) -> tuple[int, int]:
+def _size(places: Sequence[Mapping[str, Any]], image_path: Path, path: Path, field: str) -> tuple[int, int]:
     if not _says_size(places):
         return upright_size(image_path)
     width, height = (fields.number(key, path, field, *places, positive=True) for key in _INTRINSICS[:2])
     return int(width), int(height)
 
 
-def _says_size(places) -> bool:
+def _says_size(places: Sequence[Mapping[str, Any]]) -> bool:
     return any("width" in place or "height" in place for place in places)
 
 
-def _distortion(places, path: Path, field: str) -> tuple[tuple[float, ...], str]:
+def _distortion(places: Sequence[Mapping[str, Any]], path: Path, field: str) -> tuple[tuple[float, ...], str]:
     """The coefficients and the model of the distortion."""
     fisheye = next((place["fisheye"] for place in places if "fisheye" in place), False)
     default = "opencv_fisheye" if fisheye else "opencv"

@@ -138,7 +138,7 @@ def read_in_child(request: dict[str, Any]) -> dict[str, Any]:
     return {"images": images}
 
 
-def camera_to_json(camera) -> dict[str, Any]:
+def camera_to_json(camera: Any) -> dict[str, Any]:
     """A pycolmap camera as a JSON-ready dict."""
     data = {
         "id": camera.camera_id, "model": camera.model.name, "width": camera.width, "height": camera.height,

@@ -176,7 +176,7 @@ def _solved(
     return best
 
 
-def _map(database: Path, output: Path, thresholds: tuple, min_matches: int) -> list:
+def _map(database: Path, output: Path, thresholds: tuple[int, float, int], min_matches: int) -> list[Any]:
     pycolmap = load_pycolmap()
     inliers, angle_deg, next_inliers = thresholds
 
@@ -195,7 +195,9 @@ def _map(database: Path, output: Path, thresholds: tuple, min_matches: int) -> l
     return list(pycolmap.incremental_mapping(database, output, output, options).values())
 
 
-def _trustworthy(model, index_of: dict[int, int], features, pairs) -> list[dict[str, Any]]:
+def _trustworthy(
+    model: Any, index_of: dict[int, int], features: Sequence[Features], pairs: Pairs
+) -> list[dict[str, Any]]:
     """The images of a model whose matches agree with its poses, as JSON-ready dicts."""
     images = {index_of[image_id]: model.images[image_id] for image_id in model.reg_image_ids()}
     views = {index: _pinhole_view(image, features[index]) for index, image in images.items()}
@@ -217,7 +219,7 @@ def _trustworthy(model, index_of: dict[int, int], features, pairs) -> list[dict[
     ]  # fmt: skip
 
 
-def _pinhole_view(image, features: Features) -> tuple[Camera, np.ndarray]:
+def _pinhole_view(image: Any, features: Features) -> tuple[Camera, np.ndarray]:
     """An image's pose as a pinhole camera, and its keypoints (n, 2) freed of distortion."""
     lens = image.camera
     focal, cx, cy = lens.mean_focal_length(), lens.principal_point_x, lens.principal_point_y

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 
@@ -65,6 +67,6 @@ def capture_trust(depth: np.ndarray, observed: np.ndarray | None, settings: Gene
     return trust
 
 
-def _extreme_nearby(values: np.ndarray, radius_px: int, operation) -> np.ndarray:
+def _extreme_nearby(values: np.ndarray, radius_px: int, operation: Callable[..., np.ndarray]) -> np.ndarray:
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius_px + 1, 2 * radius_px + 1))
     return operation(values.astype(np.float32), disc, borderType=cv2.BORDER_REPLICATE)

@@ -120,7 +120,9 @@ def _proper_faces(faces: np.ndarray) -> np.ndarray:
     return np.unique(turned, axis=0).astype(np.int32)
 
 
-def _without_crumbs(vertices, faces, smallest_m):
+def _without_crumbs(
+    vertices: np.ndarray, faces: np.ndarray, smallest_m: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Without connected components whose bounding box is smaller than this across."""
     if not len(faces):
         return vertices, faces
@@ -133,7 +135,9 @@ def _without_crumbs(vertices, faces, smallest_m):
     return compacted(vertices, faces[large[component[faces[:, 0]]]])
 
 
-def _floor_laid_flat(vertices, faces, tolerance_m):
+def _floor_laid_flat(
+    vertices: np.ndarray, faces: np.ndarray, tolerance_m: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The vertices, the floor's in z = 0; the faces; and (F,) bool, which lie in z = 0.
 
     Level faces near z = 0 are the floor. What hangs on them may come to lie in z = 0 with them, and
@@ -149,7 +153,7 @@ def _floor_laid_flat(vertices, faces, tolerance_m):
     return vertices, faces[kept], on_floor[kept]
 
 
-def _floor_rectangle(vertices, faces):
+def _floor_rectangle(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(4, 3) corners of the smallest rectangle around the floor, in z = 0."""
     points = vertices[np.unique(faces)][:, :2] if len(faces) else np.zeros((0, 2))
     if len(points) < 3:

@@ -117,7 +117,10 @@ def gather_evidence(
     return ObjectEvidence.of(one.name, known.cameras, known.masks, known.depths, known.points, bounds)
 
 
-def _gathered(one, captures, observed, reliable, completed, anything) -> _Gathered:
+def _gathered(
+    one: DeclaredObject, captures: Sequence[Capture], observed: ObservedGeometry,
+    reliable: Sequence[np.ndarray], completed: Sequence[np.ndarray], anything: Sequence[np.ndarray],
+) -> _Gathered:  # fmt: skip
     shown = [k for k, capture in enumerate(captures) if capture.name in one.masks]
     masks = [one.masks[captures[k].name] for k in shown]
     depths = []

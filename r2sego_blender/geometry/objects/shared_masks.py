@@ -45,7 +45,9 @@ def joined_masks(
     return sorted(found, key=lambda members: (-len(members), members))
 
 
-def _points(masks, views, cameras, observed) -> tuple[list[np.ndarray], list[np.ndarray]]:
+def _points(
+    masks: Sequence[np.ndarray], views: Sequence[int], cameras: Sequence[Camera], observed: ObservedGeometry
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """(P,) bool of each mask, the points it shows, and of each camera, those it sees."""
     pixels, seen = [], []
     for k, camera in enumerate(cameras):

@@ -92,7 +92,10 @@ def compose_proxy(
     return proxy
 
 
-def _empty_field(completed, observed, envelope, settings) -> DistanceField:
+def _empty_field(
+    completed: Sequence[CompletedDepth], observed: ObservedGeometry, envelope: RoomPlanes,
+    settings: ProxySettings,
+) -> DistanceField:  # fmt: skip
     """A field that covers what was seen, less outliers, and what the envelope lets through.
 
     Pixels of the envelope count where they are no farther off than what is sure: on an open
@@ -125,7 +128,11 @@ def _empty_field(completed, observed, envelope, settings) -> DistanceField:
     return DistanceField.covering(low, high, voxel_m, max(settings.truncation_m, 2 * voxel_m))
 
 
-def _weighted(completed, asset_depths, settings) -> list[WeightedDepth]:
+def _weighted(
+    completed: Sequence[CompletedDepth],
+    asset_depths: Sequence[tuple[Camera, np.ndarray, np.ndarray]],
+    settings: ProxySettings,
+) -> list[WeightedDepth]:
     """The captures' completed depth and the asset's, with the evidence for every pixel."""
     filled = settings.completed_weight
     of_source = np.zeros(len(DepthSource), np.float32)
@@ -162,7 +169,9 @@ def _without_priors(views: list[WeightedDepth], priors: Sequence[AlignedPrior]) 
     return left
 
 
-def _carved(vertices, faces, trusted, settings):
+def _carved(
+    vertices: np.ndarray, faces: np.ndarray, trusted: Sequence[KnownDepth], settings: ProxySettings
+) -> tuple[np.ndarray, np.ndarray]:
     """Without the faces that captures saw through, and without loose crumbs.
 
     A face counts as seen through only where a capture's trusted depth is farther all around
@@ -179,7 +188,10 @@ def _carved(vertices, faces, trusted, settings):
     return compacted(vertices, faces)
 
 
-def _outside_priors(vertices, faces, priors, envelope, trusted, settings):
+def _outside_priors(
+    vertices: np.ndarray, faces: np.ndarray, priors: Sequence[AlignedPrior], envelope: RoomPlanes,
+    trusted: Sequence[KnownDepth], settings: ProxySettings,
+) -> np.ndarray:  # fmt: skip
     """The faces left once the priors take their object regions.
 
     A region is the prior's surface within half the truncation; within all of it and in its
@@ -204,7 +216,7 @@ def _outside_priors(vertices, faces, priors, envelope, trusted, settings):
     return faces[kept]
 
 
-def _in_hull(points, vertices):
+def _in_hull(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """(P,) bool: which points lie in the vertices' convex hull; none where those are flat, as a rug's."""
     try:
         hull = ConvexHull(vertices).equations
@@ -213,7 +225,10 @@ def _in_hull(points, vertices):
     return (points @ hull[:, :3].T + hull[:, 3] < 0).all(1)
 
 
-def _closed(vertices, faces, field, envelope, trusted):
+def _closed(
+    vertices: np.ndarray, faces: np.ndarray, field: DistanceField, envelope: RoomPlanes,
+    trusted: Sequence[KnownDepth],
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """With the envelope added where it is not covered yet and no capture saw an opening."""
     high = field.origin + (np.array(field.distance.shape) - 1) * field.voxel_m
     centroids, normals = vertices[faces].mean(1), normals_and_areas(vertices, faces)[0]
@@ -260,7 +275,10 @@ def _trusted(completed: Sequence[CompletedDepth]) -> list[KnownDepth]:
     return [KnownDepth(c.camera, np.where(c.source == DepthSource.OBSERVED, c.depth, 0)) for c in completed]
 
 
-def _with_evidence(vertices, faces, instance, names, completed) -> GeometryProxy:
+def _with_evidence(
+    vertices: np.ndarray, faces: np.ndarray, instance: np.ndarray, names: tuple[str, ...],
+    completed: Sequence[CompletedDepth],
+) -> GeometryProxy:  # fmt: skip
     support, observed, confidence = face_evidence(vertices, faces, MeshRasterizer(vertices, faces), completed)
     provenance = np.where(observed > 0, Provenance.OBSERVED, Provenance.COMPLETED).astype(np.uint8)
     provenance[instance > 0] = Provenance.PRIOR

@@ -106,7 +106,12 @@ def _directions(envelope: RoomPlanes) -> list[np.ndarray]:
     return directions
 
 
-def _with_bound(planes, normal, offset, points, tolerance_m):
+_Compared = Sequence[tuple[_View, Sequence[_View]]]
+
+
+def _with_bound(
+    planes: RoomPlanes, normal: np.ndarray, offset: float, points: np.ndarray, tolerance_m: float
+) -> RoomPlanes:
     on = int((np.abs(points @ normal - offset) < tolerance_m).sum())
     return RoomPlanes(
         np.concatenate([planes.normals, normal[None]]), np.append(planes.offsets, offset),
@@ -114,7 +119,9 @@ def _with_bound(planes, normal, offset, points, tolerance_m):
     )  # fmt: skip
 
 
-def _swept(compared, envelope, normal, nearest, extent) -> float | None:
+def _swept(
+    compared: _Compared, envelope: RoomPlanes, normal: np.ndarray, nearest: float, extent: float
+) -> float | None:
     """The offset n.x = d, from ``nearest`` outwards, that convinces; None when none does."""
     offsets = nearest - _STEP_M * np.arange(int(extent / _STEP_M) + 1)
     evidence, through = _evidence(compared, envelope, normal, offsets)
@@ -130,7 +137,10 @@ def _swept(compared, envelope, normal, nearest, extent) -> float | None:
     return float(fine[np.argmax(_evidence(compared, envelope, normal, fine, same_pixels=True)[0])])
 
 
-def _evidence(compared, envelope, normal, offsets, same_pixels=False) -> tuple[np.ndarray, np.ndarray]:
+def _evidence(
+    compared: _Compared, envelope: RoomPlanes, normal: np.ndarray, offsets: np.ndarray,
+    same_pixels: bool = False,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """For each offset (D,) how much more alike captures look on the plane than on the bounds
     known behind it, or than ``_ALIKE``, summed over pixels; and the (D,) number of pixels
     for which a capture's trusted depth lies beyond the plane. With ``same_pixels`` only those
@@ -152,7 +162,10 @@ def _evidence(compared, envelope, normal, offsets, same_pixels=False) -> tuple[n
     return evidence, through
 
 
-def _likeness_on(view, others, pixels, envelope, normals, offsets) -> tuple[np.ndarray, np.ndarray]:
+def _likeness_on(
+    view: _View, others: Sequence[_View], pixels: np.ndarray, envelope: RoomPlanes, normals: np.ndarray,
+    offsets: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """For planes (D, 3), (D,) and pixels (N, 2): the best correlation (D, N) with another
     capture, -2 without one, and whether some capture looks through, bool."""
     axes = view.camera.world_from_camera[:3, :3] @ np.linalg.inv(view.camera.matrix)

@@ -205,7 +205,11 @@ def _anchor(index: int, views: Sequence[_View]) -> np.ndarray:
     return np.where(view.known > 0, view.known, np.where(visible, seen, 0)).astype(np.float32)
 
 
-def _plane_cost(view, moments, others, depth, row, anchor):
+def _plane_cost(
+    view: _View, moments: tuple[np.ndarray, np.ndarray],
+    others: Sequence[tuple[_View, np.ndarray, np.float32]],
+    depth: np.ndarray, row: np.ndarray, anchor: np.ndarray,
+) -> np.ndarray:  # fmt: skip
     """(H, W) float32 evidence against one plane, 0 (certain) and up; ``others`` are views
     with what ``_depth_in`` says of them."""
     width, height = view.camera.width, view.camera.height
@@ -265,7 +269,7 @@ def _moments(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return mean, np.maximum(_box(image * image, _NCC_RADIUS_PX) - mean * mean, 0)
 
 
-def _correlation(image, mean, variance, other):
+def _correlation(image: np.ndarray, mean: np.ndarray, variance: np.ndarray, other: np.ndarray) -> np.ndarray:
     other_mean, other_variance = _moments(other)
     covariance = _box(image * other, _NCC_RADIUS_PX) - mean * other_mean
     noise = 4e-6  # grey-level variance of quantisation: bare patches correlate with nothing

@@ -130,7 +130,9 @@ def find_planes(
     return planes
 
 
-def _best_hypothesis(points, normals, tolerance, rng):
+def _best_hypothesis(
+    points: np.ndarray, normals: np.ndarray, tolerance: float, rng: np.random.Generator
+) -> tuple[np.ndarray, float]:
     scored = rng.integers(0, len(points), _SCORED_POINTS)
     tried = rng.integers(0, len(points), _HYPOTHESES)
     candidates = normals[tried].astype(np.float32)
@@ -143,11 +145,13 @@ def _best_hypothesis(points, normals, tolerance, rng):
     return normals[tried[best]], float(offsets[best])
 
 
-def _on_plane(points, normals, normal, offset, tolerance):
+def _on_plane(
+    points: np.ndarray, normals: np.ndarray, normal: np.ndarray, offset: float, tolerance: float
+) -> np.ndarray:
     return (np.abs(points @ normal - offset) < tolerance) & (normals @ normal > _NORMAL_AGREEMENT)
 
 
-def _fitted(points, towards):
+def _fitted(points: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, float]:
     """The least-squares plane of the points, its normal on the side of ``towards``."""
     centre = points.mean(0)
     normal = np.linalg.eigh(np.cov((points - centre).T))[1][:, 0]
@@ -159,7 +163,9 @@ def _fitted(points, towards):
     return normal, float(normal @ centre)
 
 
-def _bounding(planes, points, centres, settings):
+def _bounding(
+    planes: RoomPlanes, points: np.ndarray, centres: np.ndarray, settings: ProxySettings
+) -> np.ndarray:
     """(P,) bool: all cameras and almost all points on the free side; of parallel planes close
     together (a wall, its skirting, its pictures) only the outermost that is well supported."""
     slack = 3 * settings.plane_tolerance_m

@@ -88,7 +88,9 @@ def _octant(normals: np.ndarray) -> np.ndarray:
     return 2 * axis + (np.take_along_axis(normals, axis[:, None], 1)[:, 0] > 0)
 
 
-def _agreed(points, normals, weights, reach_m):
+def _agreed(
+    points: np.ndarray, normals: np.ndarray, weights: np.ndarray, reach_m: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Points and normals after one step of weighted moving planes."""
     count = min(_NEIGHBOURS, len(points))
     distance, near = cKDTree(points).query(points, k=[*range(1, count + 1)], distance_upper_bound=reach_m)

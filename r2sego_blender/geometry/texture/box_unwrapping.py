@@ -41,7 +41,7 @@ def box_unwrapped(
         chart = np.unique(chart, return_inverse=True)[1].ravel()
 
 
-def _components(faces, direction):
+def _components(faces: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """(F,) number of the connected faces of one direction that each face belongs to."""
     edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     face = np.repeat(np.arange(len(faces)), 3)
@@ -50,7 +50,10 @@ def _components(faces, direction):
     return connected(np.column_stack([face, edge]), int(edge.max()) + 1)[: len(faces)]
 
 
-def _laid_out(vertices, faces, axis, chart, size_px, padding_px):
+def _laid_out(
+    vertices: np.ndarray, faces: np.ndarray, axis: np.ndarray, chart: np.ndarray,
+    size_px: int, padding_px: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
     """Every chart projected and packed: (vertices, faces, uvs)."""
     corners = np.column_stack([np.repeat(chart, 3), faces.ravel()])
     split, index = np.unique(corners, axis=0, return_inverse=True)
@@ -69,7 +72,7 @@ def _laid_out(vertices, faces, axis, chart, size_px, padding_px):
     return vertices[split[:, 1]], new_faces, np.clip(uvs, 0.0, 1.0).astype(np.float32)
 
 
-def _packed(extents, size_px, padding_px):
+def _packed(extents: np.ndarray, size_px: int, padding_px: int) -> tuple[float, np.ndarray]:
     """Texels per metre, the most that fits, and each chart's first column and row, texels."""
     longest = float(extents.max())
     low, best = 0.0, _shelves(extents, 0.0, size_px, padding_px)
@@ -89,7 +92,7 @@ def _packed(extents, size_px, padding_px):
     return low, best
 
 
-def _shelves(extents, scale, size_px, padding_px):
+def _shelves(extents: np.ndarray, scale: float, size_px: int, padding_px: int) -> np.ndarray | None:
     """(C, 2) origins of charts set in rows, the highest first, or None when they do not fit."""
     sizes = np.ceil(extents * scale) + 2 * padding_px
     order = np.lexsort((-sizes[:, 0], -sizes[:, 1]))

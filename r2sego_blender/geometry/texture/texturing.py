@@ -152,7 +152,7 @@ def _insert(i, value, image, u, v, quality, colour):
         colour[i, place, c] = upper * (1 - fb) + lower * fb
 
 
-def _blended(quality, colour, best):
+def _blended(quality: np.ndarray, colour: np.ndarray, best: int) -> np.ndarray:
     """The best captures' mean; the one after them fades to nothing, so no seam shows where they change."""
     weight = np.maximum(quality[:, :best] - quality[:, best:], 0) / np.maximum(quality[:, :1], 1e-12)
     weight = weight**_BEST_POWER
@@ -161,7 +161,7 @@ def _blended(quality, colour, best):
     return np.einsum("ij,ijk->ik", weight, colour[:, :best])
 
 
-def _continued(points, normals, colours, seen):
+def _continued(points: np.ndarray, normals: np.ndarray, colours: np.ndarray, seen: np.ndarray) -> np.ndarray:
     """Colours for the unseen points: those of the nearest seen surface that faces the same way."""
     place = np.concatenate([points, _FILL_TURN_M * normals], axis=1)
     cell = _numbered(np.floor(place[seen] / _FILL_CELL_M).astype(np.int64))

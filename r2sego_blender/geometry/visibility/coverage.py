@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...bundle.artifacts import Artifact
 from ...core.arrays import opened_arrays, require_shapes, save_arrays
 from ...core.cameras import Camera
 from ...core.errors import GeometryError
@@ -100,3 +101,13 @@ def count_seen(
             seen += count_views(poses, lens, small.width, small.height, vertices, faces)
             task.advance(len(part))
     return seen
+
+
+def _load(folder: Path) -> Coverage:
+    return Coverage.load(folder / COVERAGE_FILE)
+
+
+COVERAGE_FILE = "coverage.npz"
+
+COVERAGE = Artifact("coverage", _load, editable=False)
+"""How many of a round's views see each face: ``COVERAGE.of_round(l)``."""

@@ -18,7 +18,7 @@ from ...core.cameras import Camera
 from ...core.errors import SceneError
 from ...generation.view_records import read_camera_path
 from ...geometry.proxy.proxy import PROXY, GeometryProxy
-from ...views.selection import Selection, load_candidate_poses
+from ...views.selection import CANDIDATE_POSES, CHOICE, Selection
 
 SUFFIX = ".r2s"
 _CURE = "Run the step that makes it again (`r2sego refine`)."
@@ -105,7 +105,8 @@ class Bundle:
         when the selection is damaged."""
         folder = self.selection_folder(round_index)
         _require(folder / "selection.npz", f"round {round_index} has no candidate views")
-        selection, (camera, poses) = Selection.load(folder), load_candidate_poses(folder)
+        selection = self.read(CHOICE.of_round(round_index))
+        camera, poses = self.read(CANDIDATE_POSES.of_round(round_index))
         if len(selection.score) != len(poses):
             raise SceneError(
                 "selection.npz and candidates.npz do not belong together", where=folder, cure=_CURE

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...geometry.visibility.coverage import Coverage
+from ...geometry.visibility.coverage import COVERAGE, COVERAGE_FILE, Coverage
 from .bundle import Bundle
 
 
@@ -11,10 +11,10 @@ def read_coverage(bundle: Bundle, round_index: int, faces: int | None = None) ->
 
     ``faces``: how many the proxy has, if that is known. Raises GeometryError for a damaged file.
     """
-    file = bundle.scene.round_folder(round_index) / "coverage" / "coverage.npz"
-    if not file.is_file() or not _is_newer(bundle, round_index):
+    made = COVERAGE.of_round(round_index)
+    if not (bundle.path / made.name / COVERAGE_FILE).is_file() or not _is_newer(bundle, round_index):
         return None
-    coverage = Coverage.load(file)
+    coverage = bundle.read(made)
     return coverage if faces in (None, len(coverage.seen)) else None
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...bundle.figures import read_table
 from ...core.errors import GeometryError
 from ...geometry.objects.prior_files import PRIOR_RECORDS, REFUSED, load_prior
 from .bundle import Bundle
@@ -81,9 +81,9 @@ def mask_files(bundle: Bundle, name: str) -> dict[str, Path]:
 
 def _object(bundle: Bundle, place: Path, record: Mapping[str, Any]) -> KnownObject:
     placement = place / "placement.json"
-    held = _json(placement) if placement.is_file() else {}
+    held = read_table(placement) if placement.is_file() else {}
     decision = place / "decision.json"
-    decided = _json(decision).get("decision", "") if decision.is_file() else ""
+    decided = read_table(decision).get("decision", "") if decision.is_file() else ""
     locked = bool(held.get("locked", False))
     pose = record.get("world_from_own")
     return KnownObject(
@@ -113,10 +113,3 @@ def _state(record: Mapping[str, Any], decided: str, locked: bool, placed: bool) 
 
 def _number(value: Any) -> float:
     return -1.0 if value is None else float(value)
-
-
-def _json(file: Path) -> Any:
-    try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise GeometryError("it cannot be read", where=file, cure=_CURE) from error

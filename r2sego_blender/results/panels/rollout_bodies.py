@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...bundle.artifacts import Artifact
 from ...core.arrays import opened_arrays
 from ...core.cameras import Camera
 from ...core.digests import content_digest
@@ -74,7 +75,7 @@ def are_written(bundle: Bundle, round_index: int) -> bool:
         told = _description(bodies_folder(bundle, round_index))
     except (OSError, ValueError):
         return False
-    return told.get("rollouts", "") == digest_of(bundle, round_index) != ""
+    return bool(told.get("rollouts", "") == digest_of(bundle, round_index) != "")
 
 
 def digest_of(bundle: Bundle, round_index: int) -> str:
@@ -87,10 +88,15 @@ def digest_of(bundle: Bundle, round_index: int) -> str:
 
 
 def _description(folder: Path) -> Mapping[str, Any]:
-    return json.loads((folder / "bodies.json").read_text(encoding="utf-8"))
+    told: dict[str, Any] = json.loads((folder / "bodies.json").read_text(encoding="utf-8"))
+    return told
 
 
 @functools.lru_cache(maxsize=16)
 def _digest(file: Path, _changed_ns: int, _size: int) -> str:
     """The content's digest, computed once for a file that has not changed."""
     return content_digest(file)
+
+
+BODIES = Artifact("bodies", load=lambda folder: folder, editable=False)
+"""The robot's shapes and their poses along a round's rollouts; ``RobotBodies`` reads them."""

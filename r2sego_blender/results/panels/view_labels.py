@@ -29,7 +29,7 @@ def text_mask(text: str, scale: int) -> np.ndarray:
     return np.kron(line, np.ones((scale, scale), np.int64)).astype(bool)
 
 
-def draw_text(image: np.ndarray, text: str, left: int, top: int, scale: int, colour) -> None:
+def draw_text(image: np.ndarray, text: str, left: int, top: int, scale: int, colour: int) -> None:
     """Write a line into ``image`` (H, W, 3); what does not fit is cut off."""
     place = image[max(0, top) : top + _ROWS * scale, max(0, left) :]
     mask = text_mask(text, scale)[: place.shape[0], : place.shape[1]]

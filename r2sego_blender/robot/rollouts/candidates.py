@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from ...core.cameras import Camera
 from ..model.model import RobotModel
-from .rollouts import Rollout
+from .rollout import Rollout
 
 
 @dataclass(frozen=True)

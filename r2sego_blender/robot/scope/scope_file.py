@@ -103,6 +103,6 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _moved(places, similarity: np.ndarray) -> list[list[float]]:
+def _moved(places: Any, similarity: np.ndarray) -> list[list[float]]:
     points = np.asarray(places, np.float64)
     return (points @ similarity[:2, :2].T + similarity[:2, 3]).tolist()

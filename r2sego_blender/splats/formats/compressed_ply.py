@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from ...core.errors import AssetError
-from ..asset import SH_BAND_0, SplatAsset
+from ..asset import SplatAsset
+from ..harmonics import SH_BAND_0
 from .values import logits_of_bytes
 
 ELEMENTS = ("chunk", "vertex", "sh")

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..vector_language.aligned_memory import aligned
-from .packing import LANES, PackedGaussians
+from ..vector_language.vectors import LANES
+from .packing import PackedGaussians
 
 
 @dataclass

@@ -11,9 +11,8 @@ import numpy as np
 from numba.core.types import int64
 
 from ..vector_language.denormals import flush_denormals, restore_denormals
-from ..vector_language.vectors import Code, Value, vector_kernel
+from ..vector_language.vectors import LANES, Code, Value, vector_kernel
 from .compiled import dealt, kernel, parallel_kernel, prange, turns
-from .packing import LANES
 from .projection import (
     BLOCK,
     DEPTH,

@@ -20,11 +20,11 @@ from ..harmonics import basis_gradients, basis_values
 from ..vector_language.denormals import flush_denormals, restore_denormals
 from ..vector_language.exponentials import exp2
 from ..vector_language.lanes import lane_sums, transposed
-from ..vector_language.vectors import VECTOR_BYTES, Code, Value, vector_kernel
+from ..vector_language.vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
 from .batches import SLOT_BYTES
 from .blending_gradient import BLENDED
 from .compiled import dealt, kernel, parallel_kernel, prange, turns
-from .packing import HARMONICS, LANES, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION
+from .packing import HARMONICS, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION
 from .projection import (
     BLOCK,
     FORM_SCALE,

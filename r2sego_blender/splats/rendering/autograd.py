@@ -40,8 +40,9 @@ def rasterize(
 class _Rasterize(torch.autograd.Function):
     @staticmethod
     def forward(
-        ctx: Any, means, log_scales, quaternions, logit_opacities, sh, camera: Camera
-    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        ctx: Any, means: torch.Tensor, log_scales: torch.Tensor, quaternions: torch.Tensor,
+        logit_opacities: torch.Tensor, sh: torch.Tensor, camera: Camera,
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:  # fmt: skip
         arrays = [t.detach().numpy() for t in (means, log_scales, quaternions, logit_opacities, sh)]
         ctx.save_for_backward(means, log_scales, quaternions, logit_opacities, sh)
         ctx.rasterizer = Rasterizer()

@@ -17,7 +17,7 @@ from ...core.errors import AssetError
 from ..asset import SplatAsset
 from ..kernels.blending import FINISHED
 from ..kernels.compiled import kernel, parallel_kernel, prange
-from ..kernels.packing import LANES, PackedGaussians
+from ..kernels.packing import PackedGaussians
 from ..kernels.projection import (
     EIGHTH,
     EIGHTH_SMALLEST,
@@ -31,6 +31,7 @@ from ..kernels.projection import (
 from ..kernels.tiles import BLOCK_PX, BLOCKS, BLOCKS_A_SIDE, TILE_PX
 from ..quaternions import to_rotation
 from ..vector_language.exponentials import EXP2_COEFFICIENTS_BELOW_0
+from ..vector_language.vectors import LANES
 from .rasterizer import SMALLEST_ALPHA, Background, Rasterizer, Rendering, TileEntries
 
 NONE = -1

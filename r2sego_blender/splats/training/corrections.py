@@ -14,7 +14,7 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ...config.settings import TrainingSettings
+from ...config.training_settings import TrainingSettings
 from ...core.cameras import Camera
 
 _BETA_1, _BETA_2 = 0.9, 0.999

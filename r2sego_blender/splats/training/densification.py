@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from ...config.settings import TrainingSettings
+from ...config.training_settings import TrainingSettings
 from ..kernels.packing import LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION
 from ..quaternions import to_rotation
 from .population import Population

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels.packing import LANES
+from ..vector_language.vectors import LANES
 
 
 class Dropout:

@@ -9,10 +9,11 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...config.settings import TrainingSettings
+from ...config.training_settings import TrainingSettings
 from ...core.cameras import Camera
 from ...core.errors import AssetError
-from ..asset import SH_BAND_0, SplatAsset
+from ..asset import SplatAsset
+from ..harmonics import SH_BAND_0
 from ..quaternions import from_rotation, principal_axes
 from .local_planes import local_planes
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...config.settings import TrainingSettings
+from ...config.training_settings import TrainingSettings
 from ...core.cameras import Camera
 
 _SMALLEST_ALPHA = 0.5

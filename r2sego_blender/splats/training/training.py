@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...config.settings import TrainingSettings
+from ...config.training_settings import TrainingSettings
 from ...core.cameras import Camera
 from ...core.errors import AssetError
 from ...core.progress import SILENT, Progress

@@ -16,7 +16,7 @@ from numba.core.types import float32, int64, void
 from ...core.cameras import Camera
 from ...splats.asset import SplatAsset
 from ...splats.kernels.compiled import parallel_kernel, prange
-from ...splats.kernels.packing import LANES, PackedGaussians
+from ...splats.kernels.packing import PackedGaussians
 from ...splats.kernels.projection import (
     DILATION_PX2,
     EIGHTH,
@@ -38,7 +38,7 @@ from ...splats.kernels.tiles import BLOCK_PX
 from ...splats.vector_language.aligned_memory import aligned
 from ...splats.vector_language.denormals import flush_denormals, restore_denormals
 from ...splats.vector_language.exponentials import EXP2_OF_EIGHTHS, exp2_of_eighths
-from ...splats.vector_language.vectors import VECTOR_BYTES, Code, Value, vector_kernel
+from ...splats.vector_language.vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
 
 _LENS_FLOATS = 2 * LANES
 _SETTLED_MARGIN = 1e-3
