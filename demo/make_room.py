@@ -121,9 +121,7 @@ def require_free_standing(views: list[cameras.View]) -> None:
                 local = world_from_part.inverted() @ Vector((x, y, height))
                 _, _, _, distance = tree.find_nearest(local, ROBOT_RADIUS_M)
                 if distance is not None:
-                    raise SystemExit(
-                        f"{view.name}: {part.name} is {distance:.2f} m away at {height:.2f} m height"
-                    )
+                    raise SystemExit(f"{view.name}: {part.name} is {distance:.2f} m away at {height:.2f} m height")
 
 
 def render_all(folder: Path, only: list[str] | None) -> None:

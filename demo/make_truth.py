@@ -65,9 +65,7 @@ def true_surface() -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[str, ...]]
     return np.concatenate(vertices), np.concatenate(faces), np.concatenate(instances), tuple(names)
 
 
-def true_views(
-    folder: Path, vertices: np.ndarray, faces: np.ndarray, instances: np.ndarray
-) -> tuple[TrueView, ...]:
+def true_views(folder: Path, vertices: np.ndarray, faces: np.ndarray, instances: np.ndarray) -> tuple[TrueView, ...]:
     """What each capture of the folder's ``cameras.json`` sees of the surface."""
     photographs, _ = read_cameras_json(folder / "cameras.json", folder)
     room = MeshRasterizer(vertices, faces)

@@ -115,9 +115,10 @@ class EngineOperator:
     """
 
     job_folder: StringProperty(
-        name="Job", description="A job that was started before, whose result is taken over",
+        name="Job",
+        description="A job that was started before, whose result is taken over",
         options={"HIDDEN", "SKIP_SAVE"},
-    )  # fmt: skip
+    )
 
     def arguments(self, context) -> list[str]:
         """The command line after ``r2sego``, with absolute paths."""

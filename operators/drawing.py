@@ -73,9 +73,7 @@ class Drawing(ViewTool):
     def _ended(self, event) -> bool:
         if self.clicks:
             closed = event.type in {"RET", "NUMPAD_ENTER"} and event.value == "PRESS"
-            return bool(self._points) and (
-                closed or (event.type == "LEFTMOUSE" and event.value == "DOUBLE_CLICK")
-            )
+            return bool(self._points) and (closed or (event.type == "LEFTMOUSE" and event.value == "DOUBLE_CLICK"))
         return event.type == "LEFTMOUSE" and event.value == "RELEASE" and self._pressed
 
     def _add(self, at) -> None:

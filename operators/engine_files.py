@@ -33,6 +33,7 @@ def hand_over(name: str, text: str) -> Path:
 
 def _not_written(where: Path | str, error: OSError) -> SceneError:
     return SceneError(
-        f"what the engine needs cannot be written: {error.strerror}", where=where,
+        f"what the engine needs cannot be written: {error.strerror}",
+        where=where,
         cure="Make room there, or choose another temporary folder in Blender's preferences.",
-    )  # fmt: skip
+    )

@@ -50,9 +50,8 @@ def started_from(job: Job) -> int | None:
 
 
 def start(
-    operator: bpy.types.Operator, arguments: Iterable[str], python: str = "", module: str = "",
-    *, of_scene: bool = True,
-) -> Job:  # fmt: skip
+    operator: bpy.types.Operator, arguments: Iterable[str], python: str = "", module: str = "", *, of_scene: bool = True
+) -> Job:
     """Start the engine's command ``arguments`` for ``operator``, and follow it.
 
     It stands in the bundle it works on, where there is one. ``python`` and ``module`` replace
@@ -65,9 +64,12 @@ def start(
     bundle = next(filter(_is_bundle, arguments), "")
     scene = bpy.context.scene
     notes = {
-        "operator": type(operator).bl_idname, "properties": given_properties(operator), "bundle": bundle,
-        "scene": scene.name if of_scene else "", "open": state.bundle_path(scene),
-    }  # fmt: skip
+        "operator": type(operator).bl_idname,
+        "properties": given_properties(operator),
+        "bundle": bundle,
+        "scene": scene.name if of_scene else "",
+        "open": state.bundle_path(scene),
+    }
     folder = Path(bundle, JOBS_FOLDER) if bundle and os.access(bundle, os.W_OK) else own_folder()
     started = start_job(arguments, python or interpreter(), operator.bl_label, folder, module, notes)
     _started_from[started.folder] = scene.session_uid

@@ -16,9 +16,11 @@ class Lasso(Drawing):
     """An operator on what lies inside a polygon; a script gives the polygon and the view itself."""
 
     path: CollectionProperty(
-        type=bpy.types.OperatorMousePath, name="Path", description="The corners, pixels from the lower left",
+        type=bpy.types.OperatorMousePath,
+        name="Path",
+        description="The corners, pixels from the lower left",
         options=_HIDDEN,
-    )  # fmt: skip
+    )
     view_matrix: FloatVectorProperty(
         name="View Matrix", description="The 3D view's view_matrix, row by row", size=16, options=_HIDDEN
     )
@@ -29,9 +31,11 @@ class Lasso(Drawing):
         name="Region Size", description="Width and height of the 3D view, pixels", size=2, options=_HIDDEN
     )
     clip_planes: FloatVectorProperty(
-        name="Clip Planes", description="The Clipping Region's planes, row by row; zeros: none", size=24,
+        name="Clip Planes",
+        description="The Clipping Region's planes, row by row; zeros: none",
+        size=24,
         options=_HIDDEN,
-    )  # fmt: skip
+    )
 
     def drawn(self) -> tuple[Camera, np.ndarray, bool]:
         """The view's camera, the polygon (N, 2) in its pixels from the upper left, and whether the

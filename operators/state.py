@@ -31,10 +31,7 @@ from ..r2sego_blender.results.panels.bundle import Bundle
 from ..r2sego_blender.results.status import describe
 
 _DAMAGE = (R2SEgoError, OSError, ValueError, KeyError, TypeError)
-_PRESET_DOCS = {
-    "paper": "The paper's own settings",
-    "preview": "A first look in minutes, at a lower quality",
-}
+_PRESET_DOCS = {"paper": "The paper's own settings", "preview": "A first look in minutes, at a lower quality"}
 PRESET_ITEMS = [(name, name.capitalize(), _PRESET_DOCS.get(name, name)) for name in PRESETS]
 """The named presets as a Blender property offers them."""
 
@@ -112,16 +109,17 @@ def _other_round(group: bpy.types.PropertyGroup, context: bpy.types.Context) -> 
 class R2SEGO_PG_scene(bpy.types.PropertyGroup):
     """The bundle this Blender scene shows."""
 
-    bundle: StringProperty(
-        name="Bundle", description="The scene bundle (.r2s folder) shown here", subtype="DIR_PATH"
-    )
+    bundle: StringProperty(name="Bundle", description="The scene bundle (.r2s folder) shown here", subtype="DIR_PATH")
     kept_of: StringProperty(description="The bundle in which what the rooms keep was begun")
     way_to_bundle: StringProperty(description="The bundle's place as seen from the saved .blend")
     preset: EnumProperty(name="Preset", description="Named settings of the refinement", items=PRESET_ITEMS)
     round_index: IntProperty(
-        name="Round", description="The refinement round whose proxy and views are shown, from 0",
-        min=0, default=0, update=_other_round,
-    )  # fmt: skip
+        name="Round",
+        description="The refinement round whose proxy and views are shown, from 0",
+        min=0,
+        default=0,
+        update=_other_round,
+    )
     settings: PointerProperty(type=SettingsGroup)
     kept_captures: StringProperty(description="That bundle's captures, by which it is known where it moved")
     rounds_begun, rounds_done, rounds_declared = Fact(SceneFacts), Fact(SceneFacts), Fact(SceneFacts)
@@ -160,9 +158,10 @@ def bundle_of(scene: bpy.types.Scene) -> Bundle | None:
     name = bundle_path(scene)
     if name and not Path(name).is_dir():
         raise SceneError(
-            "this scene is no longer there", where=name,
+            "this scene is no longer there",
+            where=name,
             cure="Put its folder back, or open it where it is now with Open Scene.",
-        )  # fmt: skip
+        )
     return Bundle.open(name) if name else None
 
 
@@ -317,10 +316,13 @@ def _was_moved(scene: bpy.types.Scene, before: str, bundle: Bundle) -> bool:
 
 def _read_facts(_scene: bpy.types.Scene, bundle: Bundle) -> SceneFacts:
     return SceneFacts(
-        tuple(Line(*fact) for fact in _facts(bundle)), bundle.rounds(), bundle.scene.rounds_done(),
-        bundle.scene.declaration.settings.rounds, bundle.collision_mesh.is_file(),
+        tuple(Line(*fact) for fact in _facts(bundle)),
+        bundle.rounds(),
+        bundle.scene.rounds_done(),
+        bundle.scene.declaration.settings.rounds,
+        bundle.collision_mesh.is_file(),
         bundle.report_page.is_file(),
-    )  # fmt: skip
+    )
 
 
 def _facts(bundle: Bundle) -> Iterator[tuple[str, str, str]]:
@@ -342,9 +344,10 @@ def _facts(bundle: Bundle) -> Iterator[tuple[str, str, str]]:
         succeeded, failed = done["rollouts_succeeded"], done["rollouts_failed"]
         yield "robot", f"Round {index}", f"{succeeded} succeeded, {failed} failed"
         yield (
-            "views", f"Round {index}",
+            "views",
+            f"Round {index}",
             f"{done['views_kept']} of {done['targets']} kept, {done['candidates']} candidates",
-        )  # fmt: skip
+        )
     if bundle.asset_file.is_file():
         yield "asset", "asset.ply", f"{bundle.asset_file.stat().st_size / 1e6:.1f} MB"
     hulls = len(bundle.collision_hulls)

@@ -23,9 +23,20 @@ from . import (
 )
 
 _PARTS = (
-    preferences, sidebar, engine, scene, settings, captures, proxy, robot, views, generation, asset,
-    collision, report,
-)  # fmt: skip
+    preferences,
+    sidebar,
+    engine,
+    scene,
+    settings,
+    captures,
+    proxy,
+    robot,
+    views,
+    generation,
+    asset,
+    collision,
+    report,
+)
 
 
 def register() -> None:

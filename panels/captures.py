@@ -83,9 +83,7 @@ class R2SEGO_PT_captures(Step, bpy.types.Panel):
         column = self.layout.column(align=True)
         column.active = False
         column.label(text=f"{capture.width} x {capture.height} px, {capture.view_deg:.1f}\u00b0 wide")
-        column.label(
-            text=f"{counted(capture.points, 'point')}, overlaps {counted(capture.overlaps, 'capture')}"
-        )
+        column.label(text=f"{counted(capture.points, 'point')}, overlaps {counted(capture.overlaps, 'capture')}")
 
 
 class R2SEGO_PT_registration(Step, bpy.types.Panel):
@@ -121,9 +119,7 @@ class R2SEGO_PT_registration(Step, bpy.types.Panel):
 
     def _draw_points(self, layout, shown):
         row = layout.row()
-        row.template_list(
-            R2SEGO_UL_picked_points.bl_idname, "", shown, "points", shown, "active_point", rows=3
-        )
+        row.template_list(R2SEGO_UL_picked_points.bl_idname, "", shown, "points", shown, "active_point", rows=3)
         column = row.column(align=True)
         column.operator("r2sego.remove_pick", text="", icon="REMOVE")
         column.operator("r2sego.remove_pick", text="", icon="TRASH").everything = True

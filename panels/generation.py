@@ -42,8 +42,10 @@ class R2SEGO_PT_generation(Step, bpy.types.Panel):
         view = group.views[group.active]
         row = layout.row(align=True)
         for decision, text, icon in (
-            ("ACCEPT", "Accept", "CHECKMARK"), ("REJECT", "Reject", "X"), ("UNDECIDED", "", "LOOP_BACK"),
-        ):  # fmt: skip
+            ("ACCEPT", "Accept", "CHECKMARK"),
+            ("REJECT", "Reject", "X"),
+            ("UNDECIDED", "", "LOOP_BACK"),
+        ):
             button = row.operator("r2sego.decide_view", text=text, icon=icon)
             button.view, button.decision = view.rank, decision
         write_wrapped(context, layout, f"{view.name}: {view.fate}")
@@ -65,9 +67,13 @@ class R2SEGO_PT_generation_view(Sidebar, bpy.types.Panel):
     def draw(self, context):
         view = _active_view(context)
         for label, value in (
-            ("Reference", view.reference), ("Agreement", view.registration), ("Residual", view.residual),
-            ("Uncertainty", view.uncertainty), ("Replacement", view.replacement), ("Path", view.note),
-        ):  # fmt: skip
+            ("Reference", view.reference),
+            ("Agreement", view.registration),
+            ("Residual", view.residual),
+            ("Uncertainty", view.uncertainty),
+            ("Replacement", view.replacement),
+            ("Path", view.note),
+        ):
             if value:
                 write_wrapped(context, self.layout, f"{label}: {value}")
 
@@ -107,9 +113,4 @@ def _active_view(context):
     return group.views[group.active] if 0 <= group.active < len(group.views) else None
 
 
-CLASSES = (
-    R2SEGO_UL_generated_views,
-    R2SEGO_PT_generation,
-    R2SEGO_PT_generation_view,
-    R2SEGO_PT_generation_pictures,
-)
+CLASSES = (R2SEGO_UL_generated_views, R2SEGO_PT_generation, R2SEGO_PT_generation_view, R2SEGO_PT_generation_pictures)

@@ -22,15 +22,21 @@ class R2SEGO_AP_preferences(bpy.types.AddonPreferences):
     bl_idname = ROOT
 
     engine_python: StringProperty(
-        name="Engine Python", subtype="FILE_PATH", update=_is_another,
-        description="The python of the environment that has the engine's packages; "
-        "empty = the variable R2SEGO_PYTHON",
-    )  # fmt: skip
+        name="Engine Python",
+        subtype="FILE_PATH",
+        update=_is_another,
+        description="The python of the environment that has the engine's packages; empty = the variable R2SEGO_PYTHON",
+    )
     drawn_faces: IntProperty(
-        name="Faces Drawn", default=0, min=0, soft_max=200_000, step=1000, update=_draw_so_many,
+        name="Faces Drawn",
+        default=0,
+        min=0,
+        soft_max=200_000,
+        step=1000,
+        update=_draw_so_many,
         description="The most faces of a geometry proxy that 3D views draw outside Edit Mode, and twice as "
         "many as of a robot and of the candidates' frusta; 0 = all",
-    )  # fmt: skip
+    )
 
     def draw(self, context):
         layout = self.layout

@@ -8,9 +8,15 @@ from .overlays import placement_overlay, proxy_legend
 from .sidebar import Sidebar, Step, write_wrapped
 
 _STATE_ICONS = {
-    "aligned": "CHECKMARK", "accepted": "CHECKMARK", "by symmetry": "MOD_MIRROR", "locked": "LOCKED",
-    "refused": "ERROR", "rejected": "X", "drawn": "GREASEPENCIL", "placed": "OBJECT_ORIGIN",
-}  # fmt: skip
+    "aligned": "CHECKMARK",
+    "accepted": "CHECKMARK",
+    "by symmetry": "MOD_MIRROR",
+    "locked": "LOCKED",
+    "refused": "ERROR",
+    "rejected": "X",
+    "drawn": "GREASEPENCIL",
+    "placed": "OBJECT_ORIGIN",
+}
 
 
 class R2SEGO_PT_proxy(Step, bpy.types.Panel):
@@ -109,9 +115,7 @@ class R2SEGO_PT_proxy_priors(_Part, bpy.types.Panel):
         row.operator("r2sego.save_placement", text="Save", icon="FILE_TICK")
         if group.fit_object == chosen.name:
             box = layout.box().column(align=True)
-            residual = (
-                f", points {100.0 * group.fit_residual:.1f} cm off" if group.fit_residual >= 0.0 else ""
-            )
+            residual = f", points {100.0 * group.fit_residual:.1f} cm off" if group.fit_residual >= 0.0 else ""
             box.label(text=f"Now: overlap {group.fit_iou:.2f}{residual}")
             write_wrapped(context, box, group.fit_views)
         row = layout.row(align=True)

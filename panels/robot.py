@@ -143,10 +143,7 @@ class R2SEGO_PT_rollouts(_Part, bpy.types.Panel):
         row = layout.row(align=True)
         one = row.row(align=True)
         one.enabled = chosen.frames > 0
-        for part, text, icon, every in (
-            (one, "Show", "ARMATURE_DATA", False),
-            (row, "All", "COMMUNITY", True),
-        ):
+        for part, text, icon, every in ((one, "Show", "ARMATURE_DATA", False), (row, "All", "COMMUNITY", True)):
             show = part.operator("r2sego.show_rollout", text=text, icon=icon)
             show.attempt, show.trial, show.every = chosen.number, trial, every
 

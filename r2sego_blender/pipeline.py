@@ -16,9 +16,7 @@ from .refine.capture_steps import Reached
 from .refine.steps import Steps, Views
 
 
-def refine(
-    scene: Scene, progress: Progress = SILENT, until: str = "", runner: Runner | None = None
-) -> None:  # fmt: skip
+def refine(scene: Scene, progress: Progress = SILENT, until: str = "", runner: Runner | None = None) -> None:
     """R2S-EGO dual-proxy scene refinement: the refined asset and collision surface of a scene.
 
     The captures were registered in the world frame when the bundle was made; the rounds

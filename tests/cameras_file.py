@@ -11,9 +11,14 @@ from r2sego_blender.captures.capture import Capture
 
 
 def save_cameras_json(
-    path: Path, captures: Iterable[Capture], *, frozen: Iterable[Capture] = (), metric: bool = True,
-    about: str = "", folder: Path | None = None,
-) -> None:  # fmt: skip
+    path: Path,
+    captures: Iterable[Capture],
+    *,
+    frozen: Iterable[Capture] = (),
+    metric: bool = True,
+    about: str = "",
+    folder: Path | None = None,
+) -> None:
     """Write captures, and held-out views if any, as a ``cameras.json``.
 
     File names are relative to ``folder`` (default: the file's own folder) where the images

@@ -23,6 +23,4 @@ def measured(
     visibility = np.isfinite(pixels[..., 0])
     kept = visibility.sum(axis=1) >= least_views
     count = kept.sum()
-    return SparsePoints(
-        points[kept], np.zeros((count, 3), np.uint8), visibility[kept], np.zeros(count), pixels[kept]
-    )
+    return SparsePoints(points[kept], np.zeros((count, 3), np.uint8), visibility[kept], np.zeros(count), pixels[kept])

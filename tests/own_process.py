@@ -65,9 +65,8 @@ class Asking:
         except ProcessDiedError as died:
             self.pytest_unconfigure()
             yield pytest.TestReport(
-                item.nodeid, item.location, dict.fromkeys(item.keywords, 1), "failed",
-                f"{item.nodeid}: {died}", "call",
-            )  # fmt: skip
+                item.nodeid, item.location, dict.fromkeys(item.keywords, 1), "failed", f"{item.nodeid}: {died}", "call"
+            )
 
 
 class ProcessDiedError(Exception):
@@ -82,9 +81,7 @@ class Beside:
         self._log = Path(self._folder.name, "log")
         own = ("PYTEST_ADDOPTS", "PYTEST_CURRENT_TEST")  # of the run that asks
         environment = {
-            name: value
-            for name, value in os.environ.items()
-            if name not in own and not name.startswith("PYTEST_XDIST")
+            name: value for name, value in os.environ.items() if name not in own and not name.startswith("PYTEST_XDIST")
         }
         options = [f"--rootdir={item.config.rootpath}", f"--basetemp={Path(self._folder.name, 'tests')}"]
         if item.config.inipath:
@@ -92,9 +89,13 @@ class Beside:
         # Without pytest's capture all that is said is in the log, even that of a process that dies.
         self._process = subprocess.Popen(
             [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-s", *options, str(item.path)],
-            env=environment | {ASKED: "1"}, cwd=item.config.invocation_params.dir, encoding="utf-8",
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log.open("wb"),
-        )  # fmt: skip
+            env=environment | {ASKED: "1"},
+            cwd=item.config.invocation_params.dir,
+            encoding="utf-8",
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._log.open("wb"),
+        )
         self._lines = queue.SimpleQueue()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()

@@ -17,9 +17,7 @@ from r2sego_blender.config.fields import Field
 from r2sego_blender.config.settings import Settings
 
 SECTIONS = {
-    type(field.default): field.name
-    for field in dataclasses.fields(Settings)
-    if dataclasses.is_dataclass(field.default)
+    type(field.default): field.name for field in dataclasses.fields(Settings) if dataclasses.is_dataclass(field.default)
 }
 
 
@@ -68,9 +66,7 @@ class KeysOnly(Runner):
 
 def another(entry: Field) -> object:
     """A value that the setting may have, and does not."""
-    return next(
-        value for value in (*entry.choices, entry.low, entry.high) if value not in (None, entry.default)
-    )
+    return next(value for value in (*entry.choices, entry.low, entry.high) if value not in (None, entry.default))
 
 
 @contextlib.contextmanager

@@ -29,9 +29,12 @@ def run(tmp_path):
         environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
         done = subprocess.run(
             [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *options, str(tmp_path)],
-            env=environment | {"PYTHONPATH": str(Path(__file__).parent)}, cwd=tmp_path,
-            capture_output=True, text=True, timeout=4 * WITHIN_S,
-        )  # fmt: skip
+            env=environment | {"PYTHONPATH": str(Path(__file__).parent)},
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            timeout=4 * WITHIN_S,
+        )
         return done.stdout, done.returncode
 
     return go
@@ -110,16 +113,15 @@ def test_a_death_in_a_process_of_its_own_fails_one_test_only(run, options, monke
     assert status == 1
     assert "3 failed, 5 passed, 1 skipped" in said
     for how, name in (("abort", "SIGABRT"), ("kill", "SIGKILL")):
-        assert (
-            f"test_a.py::test_dies[{how}]: the process of this test ended in the midst of it, signal {name}"
-            in said
-        )
+        assert f"test_a.py::test_dies[{how}]: the process of this test ended in the midst of it, signal {name}" in said
     assert "Couldn't open libEGL.so.1" in said  # what it said last
     assert "FAILED test_a.py::test_fails - " in said
 
 
 def test_a_test_that_never_ends_in_its_own_process_is_ended(run):
-    files = {"test_a.py": "import time, pytest, own_process\nown_process.LIMIT_S = 5.0\n"
-             "@pytest.mark.own_process\ndef test_hangs(): time.sleep(300)\n"}  # fmt: skip
+    files = {
+        "test_a.py": "import time, pytest, own_process\nown_process.LIMIT_S = 5.0\n"
+        "@pytest.mark.own_process\ndef test_hangs(): time.sleep(300)\n"
+    }
     said, status = run(files)
     assert status == 1 and "test_a.py::test_hangs: the process of this test did not end within 5 s" in said

@@ -72,9 +72,7 @@ def imports(file: Path) -> tuple[tuple[int, str, bool], ...]:
             base = package[: len(package) - node.level + 1] if node.level else ()
             module = ".".join([*base, *(node.module.split(".") if node.module else [])])
             names = [f"{module}.{alias.name}" for alias in node.names]
-            found += [
-                (node.lineno, name if name in known else module, id(node) not in late) for name in names
-            ]
+            found += [(node.lineno, name if name in known else module, id(node) not in late) for name in names]
     return tuple(dict.fromkeys(found))
 
 
@@ -96,9 +94,7 @@ def test_a_library_file_imports_only_parts_below_its_own(name):
         other = part_of(target)
         if other in ("", part) or part == "bridge":
             continue
-        assert other != "bridge" and RANK[part] < RANK[other], (
-            f"{file}:{line}: {part} must not import {other}"
-        )
+        assert other != "bridge" and RANK[part] < RANK[other], f"{file}:{line}: {part} must not import {other}"
 
 
 @pytest.mark.parametrize("name", sources("r2sego_blender"))
@@ -141,9 +137,7 @@ def circles(graph: Mapping[str, Iterable[str]]) -> list[set[str]]:
                     seen.add(other)
                     left.append(other)
         reach[start] = seen
-    found = {
-        frozenset({one, *(other for other in reach[one] if one in reach.get(other, ()))}) for one in graph
-    }
+    found = {frozenset({one, *(other for other in reach[one] if one in reach.get(other, ()))}) for one in graph}
     return [set(circle) for circle in found if len(circle) > 1]
 
 
@@ -234,11 +228,7 @@ def blender_reads() -> list[str]:
     known = sources("r2sego_blender")
     side = sources("r2sego_blender/bridge", *DOORS)
     left = [*(file for name, file in side.items() if not name.startswith("batch.examples"))]
-    found = {
-        name
-        for name in known
-        if part_of(name) == "bundle" or name.startswith("r2sego_blender.results.panels")
-    }
+    found = {name for name in known if part_of(name) == "bundle" or name.startswith("r2sego_blender.results.panels")}
     left += [known[name] for name in found]
     while left:
         for _, target, at_once in imports(left.pop()):

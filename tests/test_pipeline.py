@@ -52,9 +52,11 @@ SMALL = {
 def watched(tmp_path_factory) -> WatchedRunner:
     """The demo room, refined for two rounds at a quarter of the images' size, and what its steps read."""
     scene = create_scene(
-        tmp_path_factory.mktemp("pipeline") / "room.r2s", ROOM / "captures", ROOM / "cameras.json",
+        tmp_path_factory.mktemp("pipeline") / "room.r2s",
+        ROOM / "captures",
+        ROOM / "cameras.json",
         settings=CaptureSettings(max_side_px=240),
-    )  # fmt: skip
+    )
     runner = WatchedRunner(scene.declare(overrides=SMALL))
     refine(runner.scene, runner=runner)
     return runner
@@ -120,9 +122,7 @@ def test_the_report_tells_what_was_decided_by_hand(small_room, tmp_path):
 
 
 def test_the_room_of_a_later_round_has_other_rollouts(small_room):
-    first, second = (
-        content_digest(small_room.round_folder(index) / "rollouts" / "rollouts.npz") for index in range(2)
-    )
+    first, second = (content_digest(small_room.round_folder(index) / "rollouts" / "rollouts.npz") for index in range(2))
     assert first != second
 
 
@@ -162,12 +162,22 @@ def test_refining_again_does_nothing_and_an_edit_redoes_what_depends_on_it(small
 def test_a_damaged_result_is_made_again_as_it_was(small_room, tmp_path):
     scene = Scene.open(shutil.copytree(small_room.path, tmp_path / "copy.r2s"))
     for target in (
-        "geometry/depth/*.npz", "geometry/initial_asset.ply", "geometry/observed.npz", "geometry/planes.npz",
-        "geometry/completed/*.npz", "geometry/backdrop.ply", "geometry/priors/priors.json",
-        "rounds/1/proxy/proxy.npz", "rounds/1/collision/mesh.obj", "rounds/1/rollouts/*.npz",
-        "rounds/1/selection/candidates.json", "rounds/1/views/*/pose.json", "rounds/1/asset.ply",
-        "asset.ply", "collision/scene.urdf",
-    ):  # fmt: skip
+        "geometry/depth/*.npz",
+        "geometry/initial_asset.ply",
+        "geometry/observed.npz",
+        "geometry/planes.npz",
+        "geometry/completed/*.npz",
+        "geometry/backdrop.ply",
+        "geometry/priors/priors.json",
+        "rounds/1/proxy/proxy.npz",
+        "rounds/1/collision/mesh.obj",
+        "rounds/1/rollouts/*.npz",
+        "rounds/1/selection/candidates.json",
+        "rounds/1/views/*/pose.json",
+        "rounds/1/asset.ply",
+        "asset.ply",
+        "collision/scene.urdf",
+    ):
         file = sorted(scene.path.glob(target))[0]
         whole = file.read_bytes()
         file.write_bytes(whole[: len(whole) // 2])
@@ -193,9 +203,8 @@ def test_the_commands_of_a_round_stop_there_and_do_nothing_twice(small_room, tmp
         assert json.loads(said.output[said.output.index("{\n") :])["round"] == 0
     assert len(small_room.journal()) == ran
     again = create_scene(
-        tmp_path / "room.r2s", ROOM / "captures", ROOM / "cameras.json",
-        settings=CaptureSettings(max_side_px=240),
-    ).declare(overrides=SMALL)  # fmt: skip
+        tmp_path / "room.r2s", ROOM / "captures", ROOM / "cameras.json", settings=CaptureSettings(max_side_px=240)
+    ).declare(overrides=SMALL)
     refine(again, until="rounds/0/selection")
     assert [record["step"] for record in again.journal()][-2:] == ["rounds/0/rollouts", "rounds/0/selection"]
     for name in ("rollouts", "selection"):
@@ -205,11 +214,7 @@ def test_the_commands_of_a_round_stop_there_and_do_nothing_twice(small_room, tmp
 
 def test_the_ablations_stand_in_the_bundle(small_room, tmp_path):
     scene = Scene.open(shutil.copytree(small_room.path, tmp_path / "copy.r2s"))
-    switches = {
-        "selection.candidates": "flight",
-        "selection.ranking": "random",
-        "selection.geometry": "ignored",
-    }
+    switches = {"selection.candidates": "flight", "selection.ranking": "random", "selection.geometry": "ignored"}
     scene = scene.declare(overrides=SMALL | switches)
     refine(scene, until="rounds/0/selection")
     rollouts = json.loads((scene.round_folder(0) / "rollouts" / "rollouts.json").read_text())["rollouts"]
@@ -225,9 +230,8 @@ def test_the_ablations_stand_in_the_bundle(small_room, tmp_path):
 
 def test_the_same_seed_gives_the_same_bundle(small_room, tmp_path):
     again = create_scene(
-        tmp_path / "room.r2s", ROOM / "captures", ROOM / "cameras.json",
-        settings=CaptureSettings(max_side_px=240),
-    ).declare(overrides=SMALL)  # fmt: skip
+        tmp_path / "room.r2s", ROOM / "captures", ROOM / "cameras.json", settings=CaptureSettings(max_side_px=240)
+    ).declare(overrides=SMALL)
     refine(again)
     for name in ("scene.toml", "captures", "geometry", "rounds", "collision", "asset.ply"):
         assert content_digest(again.path / name) == content_digest(small_room.path / name), name

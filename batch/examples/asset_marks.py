@@ -27,8 +27,15 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--fewest", type=int, default=0, help="mark splats with fewer than these around")
     parser.add_argument("--faint", type=float, default=0.0, help="mark splats less opaque than this")
     parser.add_argument("--large", type=float, default=0.0, help="mark splats of a larger radius, metres")
-    parser.add_argument("--box", type=float, nargs=6, action="append", default=[],
-                        metavar="M", help="mark a box: its middle, and from there to its sides")  # fmt: skip
+    parser.add_argument(
+        "--box",
+        type=float,
+        nargs=6,
+        action="append",
+        default=[],
+        metavar="M",
+        help="mark a box: its middle, and from there to its sides",
+    )
     parser.add_argument("--delete", metavar="NAME", help="delete what is marked, under this name")
     options = parser.parse_args(arguments)
     with enabled_addon():
@@ -36,8 +43,10 @@ def main(arguments: list[str]) -> int:
         r2sego.open_scene(directory=str(options.scene.absolute()))
         r2sego.show_asset(stage=options.round)
         for fewest in (2, 5, 10):
-            print(f"{floaters(distance=options.distance, fewest=fewest)} splats have fewer than {fewest} "
-                  f"within {options.distance:g} m")  # fmt: skip
+            print(
+                f"{floaters(distance=options.distance, fewest=fewest)} splats have fewer than {fewest} "
+                f"within {options.distance:g} m"
+            )
             if len(scene.r2sego_asset.marks):
                 r2sego.clear_splat_marks()
         if options.fewest or options.faint or options.large:

@@ -15,9 +15,12 @@ def lasso_through(capture: str, corners: list[tuple[float, float]]) -> dict:
     render = bpy.context.scene.render
     size = render.resolution_x, render.resolution_y
     window = camera.calc_matrix_camera(
-        bpy.context.evaluated_depsgraph_get(), x=size[0], y=size[1], scale_x=render.pixel_aspect_x,
+        bpy.context.evaluated_depsgraph_get(),
+        x=size[0],
+        y=size[1],
+        scale_x=render.pixel_aspect_x,
         scale_y=render.pixel_aspect_y,
-    )  # fmt: skip
+    )
     view = camera.matrix_world.normalized().inverted()
     return {
         "path": [{"name": "", "loc": (x, size[1] - y), "time": 0.0} for x, y in corners],

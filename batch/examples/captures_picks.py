@@ -28,8 +28,13 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="captures_picks.py", description=__doc__.splitlines()[0])
     parser.add_argument("scene", type=Path)
     parser.add_argument("--picks", type=Path, required=True, help="points, lengths and camera heights")
-    parser.add_argument("--without", action="append", default=[], metavar="POINT[:CAPTURE]|FROM-TO",
-                        help="leave out a point, its pick in a capture, or a length")  # fmt: skip
+    parser.add_argument(
+        "--without",
+        action="append",
+        default=[],
+        metavar="POINT[:CAPTURE]|FROM-TO",
+        help="leave out a point, its pick in a capture, or a length",
+    )
     parser.add_argument("--correct", action="store_true", help="move the scene as the others say")
     parser.add_argument("--to", type=Path, help="save a .blend that looks through the worst pick's capture")
     options = parser.parse_args(arguments)

@@ -45,8 +45,10 @@ def show(options: argparse.Namespace) -> None:
     r2sego.import_captures()
     shown = bpy.context.scene.r2sego_captures
     for one in shown.captures:
-        print(f"{one.name}: {one.width}x{one.height}, {one.view_deg:.1f} degrees wide, "
-              f"{one.points} points, overlaps {one.overlaps}")  # fmt: skip
+        print(
+            f"{one.name}: {one.width}x{one.height}, {one.view_deg:.1f} degrees wide, "
+            f"{one.points} points, overlaps {one.overlaps}"
+        )
         r2sego.look_through_next()
     if options.picks is not None:
         pick(json.loads(options.picks.read_text(encoding="utf-8")))

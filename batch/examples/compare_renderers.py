@@ -61,9 +61,7 @@ def main(arguments: list[str]) -> int:
     worker = BlenderWorker(options.blender)
     renderer, z_buffer = BlenderRenderer(proxy, options.renderer, worker), ZBufferRenderer(proxy)
     print(f"{renderer.name}, {len(proxy.faces)} faces")
-    print(
-        f"{'lens':>10} {'depth':>9} {'normal':>9} " + " ".join(f"{name:>10}" for name in EQUAL) + "  seconds"
-    )
+    print(f"{'lens':>10} {'depth':>9} {'normal':>9} " + " ".join(f"{name:>10}" for name in EQUAL) + "  seconds")
     rows = []
     for camera in path:
         begun = time.perf_counter()

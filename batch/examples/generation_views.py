@@ -29,9 +29,7 @@ def main(arguments: list[str]) -> int:
     for decision in ("accept", "reject", "undecided"):
         parser.add_argument(f"--{decision}", type=int, action="append", default=[], metavar="K")
     parser.add_argument("--render", action="store_true", help="render the asset from the views first")
-    parser.add_argument(
-        "--conditions", type=int, metavar="PERCENT", help="render them along each clip's path"
-    )
+    parser.add_argument("--conditions", type=int, metavar="PERCENT", help="render them along each clip's path")
     parser.add_argument("--truth", type=Path, help="cameras.json with frozen views to stand beside")
     options = parser.parse_args(arguments)
     with enabled_addon():

@@ -28,9 +28,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--coverage", action="store_true", help="have the engine measure it")
     parser.add_argument("--mask", metavar="CAPTURE:X,Y X,Y X,Y", help="a polygon around an object, in pixels")
     parser.add_argument("--cut-box", metavar="X,Y,Z:SIDE", help="cut the faces in this cube, metres")
-    parser.add_argument(
-        "--keep", action="store_true", help="leave the edits and the new object in the bundle"
-    )
+    parser.add_argument("--keep", action="store_true", help="leave the edits and the new object in the bundle")
     options = parser.parse_args(arguments)
     with enabled_addon():
         r2sego = bpy.ops.r2sego

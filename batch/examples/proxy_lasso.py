@@ -44,9 +44,7 @@ def main(arguments: list[str]) -> int:
             if capture not in scene.r2sego_captures.captures:
                 raise CaptureError(f"there is no capture '{capture}'", cure="Name one of the bundle.")
             drawn = lasso_through(capture, [tuple(map(float, pair.split(","))) for pair in corners.split()])
-            r2sego.select_proxy_lasso(
-                **drawn, farthest=options.farthest, facing=not options.behind, extend=True
-            )
+            r2sego.select_proxy_lasso(**drawn, farthest=options.farthest, facing=not options.behind, extend=True)
         proxy = bpy.data.objects[f"Proxy, round {scene.r2sego.round_index}"].data
         print(f"{sum(face.select for face in proxy.polygons)} of {len(proxy.polygons)} faces are selected")
         if options.name:

@@ -26,10 +26,13 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--move", action="append", default=[], metavar="OBJECT=X,Y,Z")
     parser.add_argument("--start", action="store_true", help="begin the alignment there, and do not lock it")
     parser.add_argument("--mesh", action="append", default=[], metavar="OBJECT=FILE.obj", help="its shape")
-    parser.add_argument("--place", choices=("search", "start", "lock"), default="search",
-                        help="where that goes: looked for, from where the file has it, or there")  # fmt: skip
-    parser.add_argument("--decide", action="append", default=[],
-                        metavar="OBJECT=accept|reject|reconsider|lock|unlock")  # fmt: skip
+    parser.add_argument(
+        "--place",
+        choices=("search", "start", "lock"),
+        default="search",
+        help="where that goes: looked for, from where the file has it, or there",
+    )
+    parser.add_argument("--decide", action="append", default=[], metavar="OBJECT=accept|reject|reconsider|lock|unlock")
     options = parser.parse_args(arguments)
     with enabled_addon():
         r2sego = bpy.ops.r2sego
@@ -57,9 +60,7 @@ def move(name: str, metres: list[float], *, locked: bool) -> None:
     prior.location = [here + by for here, by in zip(prior.location, metres, strict=True)]
     bpy.context.view_layer.update()  # the fit follows
     r2sego.save_placement(object_name=name, locked=locked)
-    apart = (
-        f"{group.fit_residual * 1000:.1f} mm from its points" if group.fit_residual >= 0.0 else "no points"
-    )
+    apart = f"{group.fit_residual * 1000:.1f} mm from its points" if group.fit_residual >= 0.0 else "no points"
     print(f"{name}: overlap {before:.2f} before, {group.fit_iou:.2f} after, {apart}")
 
 

@@ -30,9 +30,12 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--round", type=int, default=None, help="from 0; the last one when left out")
     parser.add_argument("--view", type=int, default=None, help="from 0; every clip when left out")
     parser.add_argument(
-        "--frames", type=int, nargs=2, metavar=("FIRST", "LAST"),
+        "--frames",
+        type=int,
+        nargs=2,
+        metavar=("FIRST", "LAST"),
         help="these alone of each clip, the last included, into a folder that several machines share",
-    )  # fmt: skip
+    )
     parser.add_argument("--engine", choices=("cycles", "eevee"), default="cycles")
     parser.add_argument("--scale", type=float, default=1.0, help="image scale, from 0.05 to 1")
     options = parser.parse_args(arguments)

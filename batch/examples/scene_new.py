@@ -35,8 +35,11 @@ def main(arguments: list[str]) -> int:
     given |= {"poses": str(options.poses.absolute())} if options.poses else {}
     for choice in ("robot", "scope"):
         given |= {choice: value} if (value := getattr(options, choice)) else {}
-    for choice, kind in (("camera_height", "CAMERA_HEIGHT"), ("marker_side", "MARKER"),
-                         ("known_length", "KNOWN_LENGTH")):  # fmt: skip
+    for choice, kind in (
+        ("camera_height", "CAMERA_HEIGHT"),
+        ("marker_side", "MARKER"),
+        ("known_length", "KNOWN_LENGTH"),
+    ):
         given |= {choice: value, "scale": kind} if (value := getattr(options, choice)) else {}
     given |= {"depth": str(options.depth.absolute()), "scale": "DEPTH"} if options.depth else {}
     with enabled_addon():

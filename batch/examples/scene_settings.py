@@ -44,9 +44,7 @@ def show(options: argparse.Namespace) -> None:
     """Press the room's buttons one after the other."""
     r2sego, state = bpy.ops.r2sego, bpy.context.scene.r2sego
     if options.photographs is not None:
-        r2sego.new_scene_from_files(
-            directory=str(options.photographs.absolute()), scene=str(options.scene.absolute())
-        )
+        r2sego.new_scene_from_files(directory=str(options.photographs.absolute()), scene=str(options.scene.absolute()))
     else:
         r2sego.open_scene(directory=str(options.scene.absolute()))
     if options.reset:

@@ -23,9 +23,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("scene", type=Path)
     parser.add_argument("--round", type=int, default=None, help="from 0; the last one when left out")
     parser.add_argument("--candidate", type=int, default=None, help="looked through; the best when left out")
-    parser.add_argument(
-        "--colour", choices=("s", "u", "g"), default="s", help="what the frusta's colours mean"
-    )
+    parser.add_argument("--colour", choices=("s", "u", "g"), default="s", help="what the frusta's colours mean")
     parser.add_argument("--blend", type=Path, help="save what is shown here")
     options = parser.parse_args(arguments)
     with enabled_addon():

@@ -19,12 +19,8 @@ def add_shell(palette: Palette) -> None:
     shell = Piece("shell")
     shell.box((0, 0, -0.05), (WIDTH_M, DEPTH_M, 0.1), palette.floor, bevel=0)
     shell.box((0, 0, HEIGHT_M + 0.05), (WIDTH_M + 0.3, DEPTH_M + 0.3, 0.1), palette.ceiling, bevel=0)
-    shell.box(
-        (0, NORTH_M + WALL_M / 2, HEIGHT_M / 2), (WIDTH_M, WALL_M, HEIGHT_M), palette.accent_wall, bevel=0
-    )
-    shell.box(
-        (EAST_M + WALL_M / 2, 0, HEIGHT_M / 2), (WALL_M, DEPTH_M + 0.3, HEIGHT_M), palette.wall, bevel=0
-    )
+    shell.box((0, NORTH_M + WALL_M / 2, HEIGHT_M / 2), (WIDTH_M, WALL_M, HEIGHT_M), palette.accent_wall, bevel=0)
+    shell.box((EAST_M + WALL_M / 2, 0, HEIGHT_M / 2), (WALL_M, DEPTH_M + 0.3, HEIGHT_M), palette.wall, bevel=0)
     _wall_with_window("south wall", (0, -NORTH_M, 0), 0.0, WIDTH_M, (-1.5, 1.1, 0.75, 2.25), palette)
     _wall_with_window("west wall", (-EAST_M, 0, 0), -90.0, DEPTH_M, (-0.95, 0.55, 0.85, 2.2), palette)
     for centre, size in (
@@ -65,14 +61,10 @@ def _wall_with_window(
 def add_west_curtain(palette: Palette) -> None:
     """A pleated sheer curtain that covers the west window and glows in the daylight."""
     curtain = Piece("curtain", (-EAST_M + 0.11, 0.2))
-    curtain.add(
-        _pleats(width_m=1.95, height_m=2.33, pleat_m=0.13, depth_m=0.028), (0, 0, 0.03), palette.curtain
-    )
+    curtain.add(_pleats(width_m=1.95, height_m=2.33, pleat_m=0.13, depth_m=0.028), (0, 0, 0.03), palette.curtain)
     curtain.beam((0, -1.08, 2.4), (0, 1.08, 2.4), (0.014, 0.014), palette.brass)
     for end in (-1.1, 1.1):
-        curtain.turned(
-            (0, end, 2.37), [(0, 0), (0.028, 0.01), (0.034, 0.03), (0.02, 0.055), (0, 0.06)], palette.brass
-        )
+        curtain.turned((0, end, 2.37), [(0, 0), (0.028, 0.01), (0.034, 0.03), (0.02, 0.055), (0, 0.06)], palette.brass)
 
 
 def _pleats(width_m: float, height_m: float, pleat_m: float, depth_m: float):

@@ -38,11 +38,15 @@ def kilim(rng: np.random.Generator, width: int = 1200, height: int = 880) -> np.
     image = np.empty((height, width, 3))
     image[:] = cream
     bands = [
-        ("diamonds", 0.00, 0.26, cream, rust, navy), ("zigzag", 0.26, 0.34, navy, ochre, cream),
-        ("combs", 0.34, 0.44, rust, cream, navy), ("diamonds", 0.44, 0.66, sage, cream, brown),
-        ("zigzag", 0.66, 0.74, rust, cream, ochre), ("combs", 0.74, 0.83, cream, navy, rust),
-        ("zigzag", 0.83, 0.90, brown, ochre, cream), ("plain", 0.90, 1.01, cream, cream, cream),
-    ]  # fmt: skip
+        ("diamonds", 0.00, 0.26, cream, rust, navy),
+        ("zigzag", 0.26, 0.34, navy, ochre, cream),
+        ("combs", 0.34, 0.44, rust, cream, navy),
+        ("diamonds", 0.44, 0.66, sage, cream, brown),
+        ("zigzag", 0.66, 0.74, rust, cream, ochre),
+        ("combs", 0.74, 0.83, cream, navy, rust),
+        ("zigzag", 0.83, 0.90, brown, ochre, cream),
+        ("plain", 0.90, 1.01, cream, cream, cream),
+    ]
     for motif, start, end, ground, figure, accent in bands:
         across = (u - start) / (end - start)
         inside = (across >= 0) & (across < 1)

@@ -32,11 +32,7 @@ class Piece:
         bpy.context.scene.collection.objects.link(self.frame)
 
     def add(
-        self,
-        mesh: bpy.types.Mesh,
-        centre: Sequence[float],
-        material: bpy.types.Material,
-        tilt_deg: Vector3 = UPRIGHT,
+        self, mesh: bpy.types.Mesh, centre: Sequence[float], material: bpy.types.Material, tilt_deg: Vector3 = UPRIGHT
     ) -> bpy.types.Object:
         """Place a mesh at ``centre`` in this piece's frame, turned by XYZ Euler angles."""
         part = bpy.data.objects.new(f"{self.name}.{mesh.name}", mesh)
@@ -68,20 +64,14 @@ class Piece:
         return part
 
     def beam(
-        self,
-        start: Sequence[float],
-        end: Sequence[float],
-        radii: tuple[float, float],
-        material: bpy.types.Material,
+        self, start: Sequence[float], end: Sequence[float], radii: tuple[float, float], material: bpy.types.Material
     ) -> bpy.types.Object:
         """A round bar from ``start`` to ``end``, tapering from the first to the second radius."""
         start, end = Vector(start), Vector(end)
         length = (end - start).length
         mesh = turned_mesh([(0.0, 0.0), (radii[0], 0.0), (radii[1], length), (0.0, length)], sides=20)
         part = self.add(mesh, start, material)
-        part.matrix_local = (
-            Matrix.Translation(start) @ (end - start).to_track_quat("Z", "Y").to_matrix().to_4x4()
-        )
+        part.matrix_local = Matrix.Translation(start) @ (end - start).to_track_quat("Z", "Y").to_matrix().to_4x4()
         return part
 
     def turned(
@@ -107,11 +97,7 @@ class Piece:
         return self.add(cushion_mesh(np.array(size), radius, crown), centre, material, tilt_deg)
 
     def pillow(
-        self,
-        centre: Sequence[float],
-        size: Sequence[float],
-        material: bpy.types.Material,
-        tilt_deg: Vector3 = UPRIGHT,
+        self, centre: Sequence[float], size: Sequence[float], material: bpy.types.Material, tilt_deg: Vector3 = UPRIGHT
     ) -> bpy.types.Object:
         """A throw pillow: two swelling squares sewn together at the rim, broad side up."""
         return self.add(pillow_mesh(*size), centre, material, tilt_deg)

@@ -82,11 +82,16 @@ def _upright(x: float, y: float, z: float, heading_deg: float, down_deg: float) 
 def write_cameras(path: Path, capture_files: dict[str, View], frozen_files: dict[str, View]) -> None:
     """The project's cameras.json beside the pictures; keys are the files' paths in its folder."""
     document = {
-        "about": ABOUT, "width": WIDTH_PX, "height": HEIGHT_PX,
-        "fx": FOCAL_PX, "fy": FOCAL_PX, "cx": WIDTH_PX / 2, "cy": HEIGHT_PX / 2,
+        "about": ABOUT,
+        "width": WIDTH_PX,
+        "height": HEIGHT_PX,
+        "fx": FOCAL_PX,
+        "fy": FOCAL_PX,
+        "cx": WIDTH_PX / 2,
+        "cy": HEIGHT_PX / 2,
         "captures": [_entry(file, view) for file, view in capture_files.items()],
         "frozen": [_entry(file, view) for file, view in frozen_files.items()],
-    }  # fmt: skip
+    }
     path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 
 

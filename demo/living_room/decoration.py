@@ -36,9 +36,7 @@ def add_pictures(palette: Palette, rng: np.random.Generator) -> None:
     _framed(canvas, "colour field", artworks.colour_field(rng), (1.05, 0.7), 1.62, palette.walnut, palette)
 
 
-def _framed(
-    piece: Piece, name: str, pixels, size: tuple[float, float], z: float, frame, palette: Palette
-) -> None:
+def _framed(piece: Piece, name: str, pixels, size: tuple[float, float], z: float, frame, palette: Palette) -> None:
     """A picture with a passe-partout in a frame, hanging on the piece's back plane (y = 0)."""
     width, height = size
     bar, depth = 0.028, 0.03
@@ -61,23 +59,10 @@ def add_floor_lamp(palette: Palette) -> None:
 def add_plant(palette: Palette, rng: np.random.Generator) -> None:
     """A rubber fig in a terracotta pot, in the north-west corner."""
     plant = Piece("plant", (-2.08, NORTH_M - 0.42))
-    pot = [
-        (0, 0),
-        (0.14, 0),
-        (0.19, 0.3),
-        (0.205, 0.3),
-        (0.205, 0.35),
-        (0.185, 0.35),
-        (0.175, 0.31),
-        (0, 0.31),
-    ]
+    pot = [(0, 0), (0.14, 0), (0.19, 0.3), (0.205, 0.3), (0.205, 0.35), (0.185, 0.35), (0.175, 0.31), (0, 0.31)]
     plant.turned((0, 0, 0), pot, palette.terracotta)
     plant.turned((0, 0, 0.3), [(0.175, 0.0), (0.1, 0.02), (0, 0.025)], palette.soil)
-    stems = (
-        ((0.0, 0.0), (0.04, -0.03), 1.5),
-        ((0.05, -0.02), (0.2, -0.14), 1.2),
-        ((-0.03, -0.04), (-0.1, -0.2), 1.05),
-    )
+    stems = (((0.0, 0.0), (0.04, -0.03), 1.5), ((0.05, -0.02), (0.2, -0.14), 1.2), ((-0.03, -0.04), (-0.1, -0.2), 1.05))
     leaf_mesh = _leaf_mesh()
     for stem, (foot, head, height) in enumerate(stems):
         plant.beam((*foot, 0.3), (*head, height), (0.013, 0.006), palette.bark)
@@ -122,22 +107,8 @@ def add_sideboard_things(palette: Palette) -> None:
 def add_basket(palette: Palette) -> None:
     """A wicker basket with blankets south of the sideboard."""
     basket = Piece("basket", (2.2, -0.62))
-    profile = [
-        (0, 0),
-        (0.17, 0),
-        (0.21, 0.15),
-        (0.2, 0.32),
-        (0.185, 0.32),
-        (0.19, 0.15),
-        (0.15, 0.03),
-        (0, 0.02),
-    ]
+    profile = [(0, 0), (0.17, 0), (0.21, 0.15), (0.2, 0.32), (0.185, 0.32), (0.19, 0.15), (0.15, 0.03), (0, 0.02)]
     basket.turned((0, 0, 0), profile, palette.basket, sides=48)
     basket.cushion(
-        (0.02, 0.01, 0.27),
-        (0.26, 0.24, 0.16),
-        palette.cream_cloth,
-        radius=0.07,
-        crown=0.02,
-        tilt_deg=(8, 6, 20),
+        (0.02, 0.01, 0.27), (0.26, 0.24, 0.16), palette.cream_cloth, radius=0.07, crown=0.02, tilt_deg=(8, 6, 20)
     )

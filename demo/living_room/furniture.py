@@ -75,9 +75,7 @@ def add_low_table(palette: Palette, rng: np.random.Generator) -> None:
     table.box((0, 0, 0.17), (0.95, 0.42, 0.02), palette.walnut, bevel=0.006)
     for x in (-1, 1):
         for y in (-1, 1):
-            table.beam(
-                (x * 0.47, y * 0.2, 0.4), (x * 0.53, y * 0.25, 0.0), (0.024, 0.014), palette.walnut_upright
-            )
+            table.beam((x * 0.47, y * 0.2, 0.4), (x * 0.53, y * 0.25, 0.0), (0.024, 0.014), palette.walnut_upright)
     top = 0.4325
     for index, turn in enumerate((6.0, -5.0, 14.0)):
         size = (0.25 - 0.02 * index, 0.19 - 0.012 * index, 0.028)
@@ -96,16 +94,7 @@ def add_low_table(palette: Palette, rng: np.random.Generator) -> None:
     for x, y in ((0.05, -0.12), (0.12, -0.07), (0.07, -0.05), (0.11, -0.13)):
         orange = [(0, 0), (0.022, 0.006), (0.034, 0.028), (0.03, 0.048), (0.012, 0.062), (0, 0.064)]
         table.turned((x, y, top + 0.035), orange, palette.terracotta, sides=20)
-    vase = [
-        (0, 0),
-        (0.05, 0),
-        (0.075, 0.05),
-        (0.07, 0.12),
-        (0.035, 0.18),
-        (0.032, 0.21),
-        (0.042, 0.23),
-        (0.03, 0.225),
-    ]
+    vase = [(0, 0), (0.05, 0), (0.075, 0.05), (0.07, 0.12), (0.035, 0.18), (0.032, 0.21), (0.042, 0.23), (0.03, 0.225)]
     table.turned((0.38, 0.1, top), vase, palette.stoneware)
     for _ in range(9):
         lean = rng.uniform(-0.16, 0.16, 2)
@@ -188,9 +177,7 @@ def add_sideboard(palette: Palette) -> None:
     board.box((0, 0, 0.44), (1.5, 0.42, 0.52), palette.walnut, bevel=0.008)
     for index in range(3):
         board.box((0, -0.212, 0.27 + 0.17 * index), (0.46, 0.016, 0.155), palette.oak, bevel=0.005)
-        board.beam(
-            (0, -0.215, 0.27 + 0.17 * index), (0, -0.245, 0.27 + 0.17 * index), (0.012, 0.014), palette.brass
-        )
+        board.beam((0, -0.215, 0.27 + 0.17 * index), (0, -0.245, 0.27 + 0.17 * index), (0.012, 0.014), palette.brass)
     for side in (-1, 1):
         board.box((side * 0.49, -0.212, 0.44), (0.47, 0.016, 0.495), palette.walnut_upright, bevel=0.005)
         board.beam((side * 0.3, -0.215, 0.5), (side * 0.3, -0.245, 0.5), (0.012, 0.014), palette.brass)
@@ -201,14 +188,5 @@ def add_sideboard(palette: Palette) -> None:
 def add_pouf(palette: Palette) -> None:
     """A round knitted seat beside the rug."""
     pouf = Piece("pouf", (1.15, 1.12))
-    profile = [
-        (0, 0),
-        (0.2, 0.0),
-        (0.26, 0.05),
-        (0.285, 0.15),
-        (0.27, 0.27),
-        (0.2, 0.345),
-        (0.08, 0.365),
-        (0, 0.368),
-    ]
+    profile = [(0, 0), (0.2, 0.0), (0.26, 0.05), (0.285, 0.15), (0.27, 0.27), (0.2, 0.345), (0.08, 0.365), (0, 0.368)]
     pouf.turned((0, 0, 0), profile, palette.basket, sides=48)

@@ -135,10 +135,18 @@ def planks(name: str) -> bpy.types.Material:
     """Oak floor boards, 13 cm wide."""
     shader = Shader(name, roughness=0.42)
     boards = shader.node(
-        "TexBrick", Vector=shader.node("TexCoord").outputs["Object"], Scale=1.0,
-        Color1=colour("#bd9160"), Color2=colour("#93673b"), Mortar=colour("#2e1c10"),
-        Mortar_Size=0.0022, Mortar_Smooth=0.3, Bias=-0.1, Brick_Width=1.35, Row_Height=0.13,
-    )  # fmt: skip
+        "TexBrick",
+        Vector=shader.node("TexCoord").outputs["Object"],
+        Scale=1.0,
+        Color1=colour("#bd9160"),
+        Color2=colour("#93673b"),
+        Mortar=colour("#2e1c10"),
+        Mortar_Size=0.0022,
+        Mortar_Smooth=0.3,
+        Bias=-0.1,
+        Brick_Width=1.35,
+        Row_Height=0.13,
+    )
     boards.offset = 0.37
     grain = shader.texture("strokes", shader.place((1.0, 9.0, 1.0)), 0.55)
     stained = shader.texture("clouds", shader.place((1.0, 3.0, 1.0)), 0.4)
@@ -148,9 +156,7 @@ def planks(name: str) -> bpy.types.Material:
     return shader.finish(shader.mix(0.8, wood, stains, "MULTIPLY"))
 
 
-def wood(
-    name: str, dark: str, light: str, grain: Sequence[float], roughness: float = 0.42
-) -> bpy.types.Material:
+def wood(name: str, dark: str, light: str, grain: Sequence[float], roughness: float = 0.42) -> bpy.types.Material:
     """Solid wood; ``grain`` is 1 along the fibres and large across them."""
     shader = Shader(name, roughness)
     fibres = shader.texture("strokes", shader.place(grain), 0.75)
@@ -189,12 +195,9 @@ def leaf(name: str) -> bpy.types.Material:
     shader = Shader(name, roughness=0.4)
     uv = shader.node("SeparateXYZ", Vector=shader.node("TexCoord").outputs["UV"])
     across = shader.ramp(
-        uv.outputs["X"],
-        [(0.0, "#2f5a2a"), (0.46, "#3f7434"), (0.5, "#a9c07a"), (0.54, "#3f7434"), (1.0, "#2a5226")],
+        uv.outputs["X"], [(0.0, "#2f5a2a"), (0.46, "#3f7434"), (0.5, "#a9c07a"), (0.54, "#3f7434"), (1.0, "#2a5226")]
     )
-    patches = shader.ramp(
-        shader.texture("clouds", shader.place(), 1.8), [(0.35, "#8fa58c"), (0.65, "#ffffff")]
-    )
+    patches = shader.ramp(shader.texture("clouds", shader.place(), 1.8), [(0.35, "#8fa58c"), (0.65, "#ffffff")])
     return shader.finish(shader.mix(0.85, across, patches, "MULTIPLY"))
 
 
@@ -207,9 +210,7 @@ def book_covers(name: str) -> bpy.types.Material:
     height = shader.node("SeparateXYZ", Vector=shader.node("TexCoord").outputs["Generated"]).outputs["Z"]
     off, on = "#000000", "#ffffff"
     bands = shader.ramp(
-        height,
-        [(0.0, off), (0.12, on), (0.15, off), (0.66, on), (0.8, off), (0.86, on), (0.88, off)],
-        stepped=True,
+        height, [(0.0, off), (0.12, on), (0.15, off), (0.66, on), (0.8, off), (0.86, on), (0.88, off)], stepped=True
     )
     worn = shader.ramp(shader.texture("clouds", shader.place(), 5.0), [(0.35, "#b9b2a8"), (0.6, "#ffffff")])
     titled = shader.mix(bands, covers, colour("#d8b871"))
@@ -287,11 +288,7 @@ class Palette:
 def make_palette(seed: int) -> Palette:
     """All materials; ``seed`` draws the rug's and the cloths' patterns."""
     rng = np.random.default_rng(seed)
-    for name, draw in (
-        ("clouds", textures.fractal),
-        ("strokes", textures.strokes),
-        ("yarns", textures.yarns),
-    ):
+    for name, draw in (("clouds", textures.fractal), ("strokes", textures.strokes), ("yarns", textures.yarns)):
         new_image(name, draw(rng), is_data=True)
     made = {
         "wall": plaster("wall", "#cfc3ae", "#ece3d2"),

@@ -19,9 +19,7 @@ class R2SEGO_OT_delete_splats(EngineOperator, bpy.types.Operator):
     bl_label = "Delete Marked"
     bl_options = {"REGISTER"}
 
-    name: StringProperty(
-        name="Name", description="What the bundle calls this deletion; empty = the next edit_001"
-    )
+    name: StringProperty(name="Name", description="What the bundle calls this deletion; empty = the next edit_001")
 
     @classmethod
     def poll(cls, context):

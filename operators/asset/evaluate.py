@@ -16,9 +16,10 @@ class R2SEGO_OT_evaluate(EngineOperator, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     filepath: StringProperty(
-        name="Frozen Views", subtype="FILE_PATH",
+        name="Frozen Views",
+        subtype="FILE_PATH",
         description="cameras.json with a 'frozen' list, or a folder of held-out photographs",
-    )  # fmt: skip
+    )
     filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
 
     @classmethod

@@ -20,16 +20,13 @@ class R2SEGO_OT_export_asset(EngineOperator, bpy.types.Operator):
     bl_label = "Export Asset"
     bl_options = {"REGISTER"}
 
-    filepath: StringProperty(
-        name="File", description="The file to write", subtype="FILE_PATH", options={"SKIP_SAVE"}
-    )
+    filepath: StringProperty(name="File", description="The file to write", subtype="FILE_PATH", options={"SKIP_SAVE"})
     check_existing: BoolProperty(default=True, options={"HIDDEN"})
     filter_glob: StringProperty(default=";".join(f"*{suffix}" for suffix, *_ in MENU), options={"HIDDEN"})
     file_format: EnumProperty(name="Format", description="Gives the file its suffix", items=MENU)
     stage: StringProperty(
-        name="Asset", description="initial, a round's number, or final; empty = the final one",
-        options={"SKIP_SAVE"},
-    )  # fmt: skip
+        name="Asset", description="initial, a round's number, or final; empty = the final one", options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def poll(cls, context):

@@ -23,21 +23,35 @@ class R2SEGO_OT_mark_floaters(ReportingOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     distance: FloatProperty(
-        name="Distance", description="How far around a splat others are counted",
-        subtype="DISTANCE", unit="LENGTH", min=0.001, default=0.1,
-    )  # fmt: skip
+        name="Distance",
+        description="How far around a splat others are counted",
+        subtype="DISTANCE",
+        unit="LENGTH",
+        min=0.001,
+        default=0.1,
+    )
     fewest: IntProperty(
-        name="Fewest", description="A splat with fewer than these around it is marked; 0 marks none for it",
-        min=0, default=5,
-    )  # fmt: skip
+        name="Fewest",
+        description="A splat with fewer than these around it is marked; 0 marks none for it",
+        min=0,
+        default=5,
+    )
     faint: FloatProperty(
-        name="Fainter Than", description="Splats less opaque than this are marked; 0 marks none for it",
-        subtype="FACTOR", min=0.0, max=1.0, default=0.0,
-    )  # fmt: skip
+        name="Fainter Than",
+        description="Splats less opaque than this are marked; 0 marks none for it",
+        subtype="FACTOR",
+        min=0.0,
+        max=1.0,
+        default=0.0,
+    )
     large: FloatProperty(
-        name="Larger Than", description="Splats of a larger radius are marked; 0 marks none for it",
-        subtype="DISTANCE", unit="LENGTH", min=0.0, default=0.0,
-    )  # fmt: skip
+        name="Larger Than",
+        description="Splats of a larger radius are marked; 0 marks none for it",
+        subtype="DISTANCE",
+        unit="LENGTH",
+        min=0.0,
+        default=0.0,
+    )
 
     @classmethod
     def poll(cls, context):
@@ -47,9 +61,7 @@ class R2SEGO_OT_mark_floaters(ReportingOperator, bpy.types.Operator):
         shown = context.scene.r2sego_asset.shown
         splats = None if shown.mode == "EDIT" else drawn_splats(shown.data)
         if splats is None:
-            raise AssetError(
-                "the splats cannot be read", where=shown.name, cure="Leave Edit Mode, or show them anew."
-            )
+            raise AssetError("the splats cannot be read", where=shown.name, cure="Leave Edit Mode, or show them anew.")
         centres, near = world_centres(shown), ~splats.backdrop
         floating = near & (splats.opacities < self.faint)
         if self.large:

@@ -19,9 +19,14 @@ class R2SEGO_OT_mark_selected_splats(ReportingOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     cell: FloatProperty(
-        name="Cell", description="Side of the cells; splats in the same cell go together",
-        subtype="DISTANCE", unit="LENGTH", min=0.001, max=1.0, default=0.01,
-    )  # fmt: skip
+        name="Cell",
+        description="Side of the cells; splats in the same cell go together",
+        subtype="DISTANCE",
+        unit="LENGTH",
+        min=0.001,
+        max=1.0,
+        default=0.01,
+    )
 
     @classmethod
     def poll(cls, context):

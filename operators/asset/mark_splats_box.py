@@ -21,13 +21,21 @@ class R2SEGO_OT_mark_splats_box(ReportingOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     lowest: FloatVectorProperty(
-        name="Lowest Corner", description="In the world; equal corners mean the active object's box",
-        subtype="XYZ_LENGTH", unit="LENGTH", size=3, options={"SKIP_SAVE"},
-    )  # fmt: skip
+        name="Lowest Corner",
+        description="In the world; equal corners mean the active object's box",
+        subtype="XYZ_LENGTH",
+        unit="LENGTH",
+        size=3,
+        options={"SKIP_SAVE"},
+    )
     highest: FloatVectorProperty(
-        name="Highest Corner", description="In the world; equal corners mean the active object's box",
-        subtype="XYZ_LENGTH", unit="LENGTH", size=3, options={"SKIP_SAVE"},
-    )  # fmt: skip
+        name="Highest Corner",
+        description="In the world; equal corners mean the active object's box",
+        subtype="XYZ_LENGTH",
+        unit="LENGTH",
+        size=3,
+        options={"SKIP_SAVE"},
+    )
 
     @classmethod
     def poll(cls, context):
@@ -54,9 +62,14 @@ class R2SEGO_OT_add_splat_box(ReportingOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     half_extents: FloatVectorProperty(
-        name="Half Size", description="From the box's middle to its sides", subtype="XYZ_LENGTH",
-        unit="LENGTH", size=3, min=0.001, default=(0.3, 0.3, 0.3),
-    )  # fmt: skip
+        name="Half Size",
+        description="From the box's middle to its sides",
+        subtype="XYZ_LENGTH",
+        unit="LENGTH",
+        size=3,
+        min=0.001,
+        default=(0.3, 0.3, 0.3),
+    )
 
     @classmethod
     def poll(cls, context):

@@ -18,13 +18,21 @@ class R2SEGO_OT_mark_splats_lasso(Lasso, ReportingOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     near: FloatProperty(
-        name="Nearest", description="Splats nearer to the view than this are not marked",
-        subtype="DISTANCE", unit="LENGTH", min=0.0, default=0.0,
-    )  # fmt: skip
+        name="Nearest",
+        description="Splats nearer to the view than this are not marked",
+        subtype="DISTANCE",
+        unit="LENGTH",
+        min=0.0,
+        default=0.0,
+    )
     far: FloatProperty(
-        name="Farthest", description="Splats farther from the view than this are not marked",
-        subtype="DISTANCE", unit="LENGTH", min=0.0, default=100.0,
-    )  # fmt: skip
+        name="Farthest",
+        description="Splats farther from the view than this are not marked",
+        subtype="DISTANCE",
+        unit="LENGTH",
+        min=0.0,
+        default=100.0,
+    )
 
     hint = "Lasso: drag around splats, release to mark (ESC cancels)"
 

@@ -11,13 +11,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from ...r2sego_blender.bridge.asset.show_asset import (
-    is_current,
-    is_deleted,
-    shown_stage,
-    shows_another,
-    shows_bundle,
-)
+from ...r2sego_blender.bridge.asset.show_asset import is_current, is_deleted, shown_stage, shows_another, shows_bundle
 from ...r2sego_blender.bridge.shared.panel_facts import Fact
 from ...r2sego_blender.bridge.shared.views_3d import redraw_views
 from ...r2sego_blender.bundle.asset_stages import PASSES
@@ -68,71 +62,109 @@ class R2SEGO_PG_asset(bpy.types.PropertyGroup):
     stages, edits = Fact(AssetFacts), Fact(AssetFacts)
     chosen_stage: StringProperty(description="The name of the chosen asset; empty = the newest")
     stage: IntProperty(
-        name="Shown", description="Which asset is shown: initial, after each round, final", min=0,
-        get=_stage, set=_choose_stage,
-    )  # fmt: skip
+        name="Shown",
+        description="Which asset is shown: initial, after each round, final",
+        min=0,
+        get=_stage,
+        set=_choose_stage,
+    )
     shown: PointerProperty(type=bpy.types.Object)
-    preview: BoolProperty(
-        name="Preview", description="Draw the splats in the 3D views", default=True, update=_redraw,
-    )  # fmt: skip
+    preview: BoolProperty(name="Preview", description="Draw the splats in the 3D views", default=True, update=_redraw)
     style: EnumProperty(
-        name="Style", description="How the splats are drawn", update=_redraw,
+        name="Style",
+        description="How the splats are drawn",
+        update=_redraw,
         items=[
             ("GAUSSIANS", "Gaussians", "Blended as trained; where there is no graphics card, at rest only"),
             ("DISCS", "Discs", "Round and opaque: quick, and each splat can be told from its neighbours"),
         ],
-    )  # fmt: skip
+    )
     share: FloatProperty(
-        name="Share", description="How many of the splats are drawn", subtype="FACTOR",
-        min=0.01, max=1.0, default=1.0, update=_redraw,
-    )  # fmt: skip
+        name="Share",
+        description="How many of the splats are drawn",
+        subtype="FACTOR",
+        min=0.01,
+        max=1.0,
+        default=1.0,
+        update=_redraw,
+    )
     moving_share: FloatProperty(
-        name="While Moving", description="How many of those are drawn while the view moves",
-        subtype="FACTOR", min=0.01, max=1.0, default=0.25, update=_redraw,
-    )  # fmt: skip
+        name="While Moving",
+        description="How many of those are drawn while the view moves",
+        subtype="FACTOR",
+        min=0.01,
+        max=1.0,
+        default=0.25,
+        update=_redraw,
+    )
     size: FloatProperty(
-        name="Size", description="Radius of a disc in standard deviations of its splat",
-        min=0.1, max=5.0, soft_max=3.0, default=1.3, update=_redraw,
-    )  # fmt: skip
+        name="Size",
+        description="Radius of a disc in standard deviations of its splat",
+        min=0.1,
+        max=5.0,
+        soft_max=3.0,
+        default=1.3,
+        update=_redraw,
+    )
     opacity: FloatProperty(
-        name="Opacity", description="How opaque the splats are; less shows what is behind",
-        subtype="FACTOR", min=0.0, max=1.0, default=1.0, update=_redraw,
-    )  # fmt: skip
+        name="Opacity",
+        description="How opaque the splats are; less shows what is behind",
+        subtype="FACTOR",
+        min=0.0,
+        max=1.0,
+        default=1.0,
+        update=_redraw,
+    )
     backdrop: BoolProperty(
-        name="Backdrop", default=False, update=_redraw,
+        name="Backdrop",
+        default=False,
+        update=_redraw,
         description="Draw also what stands far behind the room, where no photograph shows anything",
-    )  # fmt: skip
+    )
     marks: CollectionProperty(type=R2SEGO_PG_asset_mark)
     marked: IntProperty()
     near: FloatProperty(
-        name="Nearest", description="A lasso takes no splat nearer to the view than this",
-        subtype="DISTANCE", unit="LENGTH", min=0.0, default=0.0,
-    )  # fmt: skip
+        name="Nearest",
+        description="A lasso takes no splat nearer to the view than this",
+        subtype="DISTANCE",
+        unit="LENGTH",
+        min=0.0,
+        default=0.0,
+    )
     far: FloatProperty(
-        name="Farthest", description="A lasso takes no splat farther from the view than this",
-        subtype="DISTANCE", unit="LENGTH", min=0.0, default=100.0,
-    )  # fmt: skip
+        name="Farthest",
+        description="A lasso takes no splat farther from the view than this",
+        subtype="DISTANCE",
+        unit="LENGTH",
+        min=0.0,
+        default=100.0,
+    )
     edit_index: IntProperty(name="Edit", description="The deletion that Restore takes back")
     render_pass: EnumProperty(
-        name="Pass", description="What the panel's buttons render",
+        name="Pass",
+        description="What the panel's buttons render",
         items=[(name, name.capitalize(), f"The {name} of each pixel") for name in PASSES],
-    )  # fmt: skip
+    )
     compare: BoolProperty(
-        name="Compare", description="Show two pictures in the camera's frame, divided where the wipe stands",
+        name="Compare",
+        description="Show two pictures in the camera's frame, divided where the wipe stands",
         update=_redraw,
-    )  # fmt: skip
+    )
     wipe: FloatProperty(
-        name="Wipe", description="Where the left picture ends and the right one begins",
-        subtype="FACTOR", min=0.0, max=1.0, default=0.5, update=_redraw,
-    )  # fmt: skip
+        name="Wipe",
+        description="Where the left picture ends and the right one begins",
+        subtype="FACTOR",
+        min=0.0,
+        max=1.0,
+        default=0.5,
+        update=_redraw,
+    )
     wipe_left: PointerProperty(
-        name="Left", description="The picture on the left of the divider", type=bpy.types.Image,
-        update=_redraw,
-    )  # fmt: skip
+        name="Left", description="The picture on the left of the divider", type=bpy.types.Image, update=_redraw
+    )
     wipe_right: PointerProperty(
-        name="Right", description="The picture on the right of the divider", type=bpy.types.Image,
-        update=_redraw,
-    )  # fmt: skip
+        name="Right", description="The picture on the right of the divider", type=bpy.types.Image, update=_redraw
+    )
 
     @property
     def older(self) -> bool:

@@ -35,9 +35,7 @@ class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     camera: StringProperty(
-        name="Camera",
-        description="The camera object; empty = the active one, else the scene's",
-        options={"SKIP_SAVE"},
+        name="Camera", description="The camera object; empty = the active one, else the scene's", options={"SKIP_SAVE"}
     )
     stage: StringProperty(
         name="Asset",
@@ -45,9 +43,10 @@ class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
     render_pass: EnumProperty(
-        name="Pass", description="What is rendered",
+        name="Pass",
+        description="What is rendered",
         items=[(name, name.capitalize(), f"The {name} of each pixel") for name in PASSES],
-    )  # fmt: skip
+    )
     place: EnumProperty(name="Show", description="Where the picture is shown", items=_PLACES)
     seen_from: FloatVectorProperty(size=16, options={"HIDDEN", "SKIP_SAVE"})
 
@@ -67,7 +66,7 @@ class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
             raise SceneError(
                 f"there is no camera '{self.camera}'" if self.camera else "no camera is chosen",
                 cure="Select a camera, or make one the scene's active camera.",
-            )  # fmt: skip
+            )
         context.view_layer.update()
         camera = {"name": "picture", **exact_camera(seen_from, context.scene).to_json()}
         stage = stage_named(bundle.scene, self.stage or group.stages[group.stage].name)
@@ -76,9 +75,18 @@ class R2SEGO_OT_render_asset(EngineOperator, bpy.types.Operator):
         cameras = hand_over("cameras.json", json.dumps({"cameras": [camera]}))
         folder = camera_folder(bundle, stage, camera)
         return [
-            "render", str(bundle.path), "--cameras", str(cameras), "--to", str(folder),
-            "--round", stage.name, "--pass", self.render_pass, "--json-progress",
-        ]  # fmt: skip
+            "render",
+            str(bundle.path),
+            "--cameras",
+            str(cameras),
+            "--to",
+            str(folder),
+            "--round",
+            stage.name,
+            "--pass",
+            self.render_pass,
+            "--json-progress",
+        ]
 
     def finish(self, context, result):
         if not result.get("files"):

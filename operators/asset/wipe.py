@@ -19,9 +19,10 @@ class R2SEGO_OT_compare_photograph(ReportingOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     side: EnumProperty(
-        name="Side", description="Where the photograph is shown",
+        name="Side",
+        description="Where the photograph is shown",
         items=[("LEFT", "Left", "On the left of the divider"), ("RIGHT", "Right", "On the right of it")],
-    )  # fmt: skip
+    )
 
     @classmethod
     def poll(cls, context):
@@ -34,9 +35,10 @@ class R2SEGO_OT_compare_photograph(ReportingOperator, bpy.types.Operator):
         photograph = photograph_of(context.scene.camera)
         if photograph is None:
             raise SceneError(
-                "this camera has no photograph", where=context.scene.camera.name,
+                "this camera has no photograph",
+                where=context.scene.camera.name,
                 cure="Look through a camera that Import Captures made.",
-            )  # fmt: skip
+            )
         note_pose(photograph, pose_values(context.scene.camera))
         group = context.scene.r2sego_asset
         if self.side == "LEFT":
@@ -55,9 +57,13 @@ class R2SEGO_OT_move_wipe(ViewTool, ReportingOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     factor: FloatProperty(
-        name="Wipe", description="Where the left picture ends, as a share of the width",
-        subtype="FACTOR", min=0.0, max=1.0, default=0.5,
-    )  # fmt: skip
+        name="Wipe",
+        description="Where the left picture ends, as a share of the width",
+        subtype="FACTOR",
+        min=0.0,
+        max=1.0,
+        default=0.5,
+    )
 
     hint = "Wipe: move the mouse, click to keep (ESC cancels)"
 

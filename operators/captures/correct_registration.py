@@ -25,9 +25,12 @@ def show_corrected(context, residuals):
     shown = scene.r2sego_captures
     if find_collection(scene, bundle.path, CAPTURES_PART) is not None:
         show_captures(
-            scene, bundle, photographs=shown.show_photographs, points=shows_points(scene, bundle.path),
+            scene,
+            bundle,
+            photographs=shown.show_photographs,
+            points=shows_points(scene, bundle.path),
             photograph_alpha=shown.photograph_opacity,
-        )  # fmt: skip
+        )
     remove_frame(scene, bundle.path)
     shown.residuals.clear()
     for line in residual_lines(residuals):
@@ -46,12 +49,13 @@ class R2SEGO_OT_correct_registration(EngineOperator, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     by: EnumProperty(
-        name="By", description="What says where the world shall be",
+        name="By",
+        description="What says where the world shall be",
         items=[
             ("PICKS", "Picks", "Picked floor points, known lengths and the camera's height"),
             ("FRAME", "Frame", "The arrows of Place Frame"),
         ],
-    )  # fmt: skip
+    )
 
     @classmethod
     def poll(cls, context):
@@ -71,7 +75,7 @@ class R2SEGO_OT_correct_registration(EngineOperator, bpy.types.Operator):
             raise CaptureError(
                 "nothing tells the floor or the scale yet",
                 cure="Pick points of the floor, or add a length between two points, or a camera's height.",
-            )  # fmt: skip
+            )
         file = hand_over("picks.json", json.dumps(picks.to_json()))
         return [*command, "--picks", str(file)]
 

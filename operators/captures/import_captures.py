@@ -16,21 +16,24 @@ class R2SEGO_OT_import_captures(ReportingOperator, bpy.types.Operator):
     bl_label = "Import Captures"
     bl_options = {"REGISTER", "UNDO"}
 
-    photographs: BoolProperty(
-        name="Photographs", description="Photographs as the cameras' backgrounds", default=True
-    )
+    photographs: BoolProperty(name="Photographs", description="Photographs as the cameras' backgrounds", default=True)
     alpha: FloatProperty(
-        name="Opacity", description="Opacity of the photographs", default=0.6, min=0.0, max=1.0,
-        subtype="FACTOR",
-    )  # fmt: skip
+        name="Opacity", description="Opacity of the photographs", default=0.6, min=0.0, max=1.0, subtype="FACTOR"
+    )
     points: BoolProperty(
-        name="Points as Object", default=False,
+        name="Points as Object",
+        default=False,
         description="The triangulated points as an object that renders too; the overlay draws them anyway",
-    )  # fmt: skip
+    )
     point_radius: FloatProperty(
-        name="Point Radius", description="Radius of a point of that object",
-        default=0.006, min=0.0005, max=0.5, subtype="DISTANCE", unit="LENGTH",
-    )  # fmt: skip
+        name="Point Radius",
+        description="Radius of a point of that object",
+        default=0.006,
+        min=0.0005,
+        max=0.5,
+        subtype="DISTANCE",
+        unit="LENGTH",
+    )
 
     @classmethod
     def poll(cls, context):
@@ -43,9 +46,13 @@ class R2SEGO_OT_import_captures(ReportingOperator, bpy.types.Operator):
 
     def perform(self, context):
         cameras = show_captures(
-            context.scene, state.opened_bundle(context), photographs=self.photographs,
-            points=self.points, point_radius_m=self.point_radius, photograph_alpha=self.alpha,
-        )  # fmt: skip
+            context.scene,
+            state.opened_bundle(context),
+            photographs=self.photographs,
+            points=self.points,
+            point_radius_m=self.point_radius,
+            photograph_alpha=self.alpha,
+        )
         shown = context.scene.r2sego_captures
         shown.show_photographs, shown.photograph_opacity = self.photographs, self.alpha
         hint = hint_if_hidden(context, cameras[0]) if cameras else ""

@@ -18,9 +18,15 @@ class R2SEGO_OT_add_length(ReportingOperator, bpy.types.Operator):
     start: StringProperty(name="From", description="The one point", options={"SKIP_SAVE"})
     end: StringProperty(name="To", description="The other point", options={"SKIP_SAVE"})
     metres: FloatProperty(
-        name="Length", description="How far apart they are", default=1.0, min=0.01, max=100.0,
-        subtype="DISTANCE", unit="LENGTH", precision=3,
-    )  # fmt: skip
+        name="Length",
+        description="How far apart they are",
+        default=1.0,
+        min=0.01,
+        max=100.0,
+        subtype="DISTANCE",
+        unit="LENGTH",
+        precision=3,
+    )
 
     @classmethod
     def poll(cls, context):
@@ -49,7 +55,7 @@ class R2SEGO_OT_add_length(ReportingOperator, bpy.types.Operator):
             raise CaptureError(
                 f"a length from '{self.start}' to '{self.end}' is none: it needs two picked points",
                 cure=f"Name two of {', '.join(names)}.",
-            )  # fmt: skip
+            )
         ends = {self.start, self.end}
         length = next((one for one in shown.lengths if {one.start, one.end} == ends), None)
         if length is None:

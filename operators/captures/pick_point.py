@@ -30,16 +30,10 @@ class R2SEGO_OT_pick_point(ViewTool, ReportingOperator, bpy.types.Operator):
     )
     bl_options = {"REGISTER", "UNDO"}
 
-    point: StringProperty(
-        name="Point", description="Name of the point; empty = a new point", options={"SKIP_SAVE"}
-    )
+    point: StringProperty(name="Point", description="Name of the point; empty = a new point", options={"SKIP_SAVE"})
     capture: StringProperty(name="Capture", description="The capture it is picked in", options={"SKIP_SAVE"})
-    x_px: FloatProperty(
-        name="X", description="Pixels from the left of the capture's image", subtype="PIXEL", min=0.0
-    )
-    y_px: FloatProperty(
-        name="Y", description="Pixels from the top of the capture's image", subtype="PIXEL", min=0.0
-    )
+    x_px: FloatProperty(name="X", description="Pixels from the left of the capture's image", subtype="PIXEL", min=0.0)
+    y_px: FloatProperty(name="Y", description="Pixels from the top of the capture's image", subtype="PIXEL", min=0.0)
     floor: BoolProperty(name="Floor", description="A new point lies on the floor")
 
     hint = "Click the point    Page Up, Page Down: other photograph    Enter, ESC: end"
@@ -84,15 +78,14 @@ class R2SEGO_OT_pick_point(ViewTool, ReportingOperator, bpy.types.Operator):
         shown = context.scene.r2sego_captures
         captures = {one.name: one for one in shown.captures}
         if self.capture not in captures:
-            raise CaptureError(
-                f"there is no capture '{self.capture}'", cure=f"Name one of {', '.join(captures)}."
-            )
+            raise CaptureError(f"there is no capture '{self.capture}'", cure=f"Name one of {', '.join(captures)}.")
         width, height = captures[self.capture].width, captures[self.capture].height
         if not (self.x_px <= width and self.y_px <= height):
             raise CaptureError(
                 f"pixel ({self.x_px:.0f}, {self.y_px:.0f}) lies outside the {width}x{height} image",
-                where=self.capture, cure="Pick in the photograph.",
-            )  # fmt: skip
+                where=self.capture,
+                cure="Pick in the photograph.",
+            )
         point = shown.points.get(self.point) if self.point else None
         if point is None:
             point = shown.points.add()

@@ -3,19 +3,9 @@
 import contextlib
 
 import bpy
-from bpy.props import (
-    BoolProperty,
-    CollectionProperty,
-    FloatProperty,
-    IntProperty,
-    StringProperty,
-)
+from bpy.props import BoolProperty, CollectionProperty, FloatProperty, IntProperty, StringProperty
 
-from ...r2sego_blender.bridge.captures.show_captures import (
-    capture_camera,
-    show_photographs,
-    shows_older_captures,
-)
+from ...r2sego_blender.bridge.captures.show_captures import capture_camera, show_photographs, shows_older_captures
 from ...r2sego_blender.bridge.shared.panel_facts import Fact, facts_of
 from ...r2sego_blender.bridge.shared.views_3d import redraw_views
 from ...r2sego_blender.core.errors import SceneError
@@ -61,9 +51,7 @@ def _capture_names(group, context, text):
 
 
 def _photographs_changed(group, context):
-    show_photographs(
-        group.id_data, state.bundle_path(group.id_data), group.show_photographs, group.photograph_opacity
-    )
+    show_photographs(group.id_data, state.bundle_path(group.id_data), group.show_photographs, group.photograph_opacity)
 
 
 def _drawing_changed(group, context):
@@ -97,9 +85,16 @@ class R2SEGO_PG_picked_length(bpy.types.PropertyGroup):
     start: StringProperty()
     end: StringProperty()
     metres: FloatProperty(
-        name="Length", description="How far apart the two points are", default=1.0, min=0.01, max=100.0,
-        subtype="DISTANCE", unit="LENGTH", precision=3, update=_picks_changed,
-    )  # fmt: skip
+        name="Length",
+        description="How far apart the two points are",
+        default=1.0,
+        min=0.01,
+        max=100.0,
+        subtype="DISTANCE",
+        unit="LENGTH",
+        precision=3,
+        update=_picks_changed,
+    )
 
     @property
     def error_m(self):
@@ -120,48 +115,74 @@ class R2SEGO_PG_captures(bpy.types.PropertyGroup):
     fit_problem, fit_said, fit_warning = Fact(PickFacts), Fact(PickFacts), Fact(PickFacts)
     height_error_m = Fact(PickFacts)
     active_capture: IntProperty(
-        name="Capture", description="The chosen capture; choosing one selects its camera",
-        update=_capture_chosen,
-    )  # fmt: skip
+        name="Capture", description="The chosen capture; choosing one selects its camera", update=_capture_chosen
+    )
     show_photographs: BoolProperty(
-        name="Photographs", description="Photographs as the cameras' backgrounds", default=True,
+        name="Photographs",
+        description="Photographs as the cameras' backgrounds",
+        default=True,
         update=_photographs_changed,
-    )  # fmt: skip
+    )
     photograph_opacity: FloatProperty(
-        name="Opacity", description="Opacity of the photographs", default=0.6, min=0.0, max=1.0,
-        subtype="FACTOR", update=_photographs_changed,
-    )  # fmt: skip
+        name="Opacity",
+        description="Opacity of the photographs",
+        default=0.6,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+        update=_photographs_changed,
+    )
     show_cloud: BoolProperty(
-        name="Points", description="Draw the triangulated points over the 3D view", default=True,
+        name="Points",
+        description="Draw the triangulated points over the 3D view",
+        default=True,
         update=_drawing_changed,
-    )  # fmt: skip
+    )
     point_size_px: FloatProperty(
-        name="Point Size", description="Size of a drawn point", default=3.0, min=1.0, max=20.0,
-        subtype="PIXEL", update=_drawing_changed,
-    )  # fmt: skip
+        name="Point Size",
+        description="Size of a drawn point",
+        default=3.0,
+        min=1.0,
+        max=20.0,
+        subtype="PIXEL",
+        update=_drawing_changed,
+    )
     show_labels: BoolProperty(
-        name="Names", description="Write the captures' names beside their cameras", default=True,
+        name="Names",
+        description="Write the captures' names beside their cameras",
+        default=True,
         update=_drawing_changed,
-    )  # fmt: skip
+    )
     show_picks: BoolProperty(
-        name="Picks", description="Draw picked points, their misses and known lengths", default=True,
+        name="Picks",
+        description="Draw picked points, their misses and known lengths",
+        default=True,
         update=_drawing_changed,
-    )  # fmt: skip
+    )
     points: CollectionProperty(type=R2SEGO_PG_picked_point)
     active_point: IntProperty(name="Point", description="The chosen picked point")
     lengths: CollectionProperty(type=R2SEGO_PG_picked_length)
     use_camera_height: BoolProperty(
-        name="Camera Height", description="A capture's height above the floor is known",
-        update=_picks_changed,
-    )  # fmt: skip
+        name="Camera Height", description="A capture's height above the floor is known", update=_picks_changed
+    )
     height_capture: StringProperty(
-        name="Of", description="The capture whose height is known", update=_picks_changed,
-        search=_capture_names, search_options=set(),
-    )  # fmt: skip
+        name="Of",
+        description="The capture whose height is known",
+        update=_picks_changed,
+        search=_capture_names,
+        search_options=set(),
+    )
     camera_height: FloatProperty(
-        name="Height", description="Height of that capture's camera above the floor", default=1.5,
-        min=0.05, max=10.0, subtype="DISTANCE", unit="LENGTH", precision=3, update=_picks_changed,
-    )  # fmt: skip
+        name="Height",
+        description="Height of that capture's camera above the floor",
+        default=1.5,
+        min=0.05,
+        max=10.0,
+        subtype="DISTANCE",
+        unit="LENGTH",
+        precision=3,
+        update=_picks_changed,
+    )
     residuals: CollectionProperty(type=R2SEGO_PG_residual)
 
     @property

@@ -15,17 +15,11 @@ class R2SEGO_OT_remove_pick(ReportingOperator, bpy.types.Operator):
     bl_label = "Remove Point"
     bl_options = {"REGISTER", "UNDO"}
 
-    point: StringProperty(
-        name="Point", description="Name of the point; empty = the chosen one", options={"SKIP_SAVE"}
-    )
+    point: StringProperty(name="Point", description="Name of the point; empty = the chosen one", options={"SKIP_SAVE"})
     capture: StringProperty(
-        name="Capture",
-        description="Only its pick in this capture; empty = the whole point",
-        options={"SKIP_SAVE"},
+        name="Capture", description="Only its pick in this capture; empty = the whole point", options={"SKIP_SAVE"}
     )
-    everything: BoolProperty(
-        name="Everything", description="Every picked point and length", options={"SKIP_SAVE"}
-    )
+    everything: BoolProperty(name="Everything", description="Every picked point and length", options={"SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context):
@@ -55,9 +49,7 @@ class R2SEGO_OT_remove_pick(ReportingOperator, bpy.types.Operator):
         if self.capture:
             place = next((i for i, view in enumerate(point.views) if view.capture == self.capture), None)
             if place is None:
-                raise CaptureError(
-                    f"'{name}' is not picked in '{self.capture}'", cure="Choose another capture."
-                )
+                raise CaptureError(f"'{name}' is not picked in '{self.capture}'", cure="Choose another capture.")
             point.views.remove(place)
         if not self.capture or not len(point.views):
             shown.points.remove(index)

@@ -32,9 +32,7 @@ class R2SEGO_OT_check_collision(EngineOperator, bpy.types.Operator):
         group.check_passed = bool(result.get("passed"))
         tell(group.check_lines, _facts(result))
         off = show_off_surface(context.scene, bundle, result.get("off_surface", ()))
-        verdict = (
-            "The collision surface passed" if group.check_passed else "The collision surface did not pass"
-        )
+        verdict = "The collision surface passed" if group.check_passed else "The collision surface did not pass"
         return f"{verdict}; spheres off it are marked at {counted(len(off), 'place')}" if off else verdict
 
 

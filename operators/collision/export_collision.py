@@ -10,9 +10,7 @@ from ..base import EngineOperator, needs_idle_engine
 from .polls import needs_collision
 
 _SPLATS = tuple(
-    (suffix, label, f"The asset as {suffix} too. {keeps}")
-    for suffix, label, keeps in MENU
-    if suffix != ".ply"
+    (suffix, label, f"The asset as {suffix} too. {keeps}") for suffix, label, keeps in MENU if suffix != ".ply"
 )
 
 
@@ -28,9 +26,12 @@ class R2SEGO_OT_export_collision(EngineOperator, bpy.types.Operator):
     )
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
     splats: EnumProperty(
-        name="Splats", description="Formats of the asset beside its PLY", items=_SPLATS,
-        options={"ENUM_FLAG"}, default=set(),
-    )  # fmt: skip
+        name="Splats",
+        description="Formats of the asset beside its PLY",
+        items=_SPLATS,
+        options={"ENUM_FLAG"},
+        default=set(),
+    )
     textured: BoolProperty(
         name="Textured",
         description="The proxy with baked colours too, for cameras in MuJoCo and Isaac Sim; takes minutes",

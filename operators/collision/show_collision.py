@@ -17,9 +17,7 @@ class R2SEGO_OT_show_collision(ReportingOperator, bpy.types.Operator):
     bl_label = "Show Collision"
     bl_options = {"REGISTER", "UNDO"}
 
-    pieces: BoolProperty(
-        name="Convex Pieces", description="The convex pieces as the simulator sees them", default=True
-    )
+    pieces: BoolProperty(name="Convex Pieces", description="The convex pieces as the simulator sees them", default=True)
 
     @classmethod
     def poll(cls, context):

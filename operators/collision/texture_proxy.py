@@ -43,9 +43,14 @@ class R2SEGO_OT_texture_proxy(EngineOperator, bpy.types.Operator):
 
     def arguments(self, context):
         command = [
-            "texture", str(state.opened_bundle(context).path), "--faces", str(self.faces),
-            "--size", str(self.size), "--json-progress",
-        ]  # fmt: skip
+            "texture",
+            str(state.opened_bundle(context).path),
+            "--faces",
+            str(self.faces),
+            "--size",
+            str(self.size),
+            "--json-progress",
+        ]
         return [*command, "--to", bpy.path.abspath(self.filepath)] if self.filepath else command
 
     def finish(self, context, result):

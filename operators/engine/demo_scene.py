@@ -24,13 +24,11 @@ class R2SEGO_OT_demo_scene(EngineOperator, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     directory: StringProperty(
-        name="Folder", subtype="DIR_PATH",
-        description="Where the scene bundle is made; empty = your documents folder",
-    )  # fmt: skip
+        name="Folder", subtype="DIR_PATH", description="Where the scene bundle is made; empty = your documents folder"
+    )
     preset: EnumProperty(
-        name="Preset", description="Named settings of the refinement", default="preview",
-        items=state.PRESET_ITEMS,
-    )  # fmt: skip
+        name="Preset", description="Named settings of the refinement", default="preview", items=state.PRESET_ITEMS
+    )
 
     @classmethod
     def poll(cls, context):

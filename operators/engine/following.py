@@ -43,9 +43,10 @@ def unfollowed_jobs(context) -> list[Job]:
     """
     name = state.bundle_path(context.scene)
     in_bundle = [
-        found for found in (find_jobs(f"{name}/{JOBS_FOLDER}") if name else [])
+        found
+        for found in (find_jobs(f"{name}/{JOBS_FOLDER}") if name else [])
         if found.running() or not found.followed_elsewhere
-    ]  # fmt: skip
+    ]
     others = [found for found in find_jobs(job.own_folder()) if not found.followed_elsewhere]
     return [found for found in in_bundle + others if found.folder not in _given_up]
 

@@ -25,9 +25,10 @@ class R2SEGO_OT_set_up_engine(EngineOperator, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     wheels: StringProperty(
-        name="Wheel Folder", subtype="DIR_PATH",
+        name="Wheel Folder",
+        subtype="DIR_PATH",
         description="Folder of downloaded wheels, for a machine without a network; empty = the package index",
-    )  # fmt: skip
+    )
 
     @classmethod
     def poll(cls, context):
@@ -58,9 +59,10 @@ class R2SEGO_OT_set_up_engine(EngineOperator, bpy.types.Operator):
     def start(self, context):
         if not (self.wheels or bpy.app.online_access):
             raise MachineError(
-                "online access is not allowed", where="Preferences > System",
+                "online access is not allowed",
+                where="Preferences > System",
                 cure="Allow it there, or choose a folder of wheels.",
-            )  # fmt: skip
+            )
         if _TRANSLOCATED in sys.executable:
             raise MachineError(
                 "macOS runs this Blender from a place that is gone when it ends, and the engine needs it",

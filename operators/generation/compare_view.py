@@ -25,9 +25,12 @@ class R2SEGO_OT_compare_view(OfOneView, ReportingOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}  # else the next Ctrl-Z of anything takes the picture away
 
     parts: EnumProperty(
-        name="Parts", description="What stands side by side; what is missing is left out", items=PARTS,
-        options={"ENUM_FLAG"}, default=DEFAULT_PARTS,
-    )  # fmt: skip
+        name="Parts",
+        description="What stands side by side; what is missing is left out",
+        items=PARTS,
+        options={"ENUM_FLAG"},
+        default=DEFAULT_PARTS,
+    )
     clip_frame: IntProperty(
         name="Clip Frame",
         description="Which frame of the clip; -1 takes the middle one",
@@ -36,9 +39,10 @@ class R2SEGO_OT_compare_view(OfOneView, ReportingOperator, bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
     truth: StringProperty(
-        name="Ground Truth", subtype="FILE_PATH",
+        name="Ground Truth",
+        subtype="FILE_PATH",
         description="A cameras.json whose nearest frozen view is shown; empty = the panel's",
-    )  # fmt: skip
+    )
 
     def perform(self, context):
         bundle, shown, record = self.chosen(context)
@@ -47,13 +51,18 @@ class R2SEGO_OT_compare_view(OfOneView, ReportingOperator, bpy.types.Operator):
         if file and "TRUTH" in self.parts:
             candidates = bundle.candidates(shown)
             truth = nearest_truth(
-                Path(bpy.path.abspath(file)), np.array(bundle.scene.declaration.world_from_capture),
+                Path(bpy.path.abspath(file)),
+                np.array(bundle.scene.declaration.world_from_capture),
                 candidates.poses[record.candidate],
-            )  # fmt: skip
+            )
         parts = view_parts(
-            bundle, record, {part.lower() for part in self.parts}, clip_frame=self.clip_frame,
-            asset=renderings_of_view(bundle, shown, record.rank), truth=truth,
-        )  # fmt: skip
+            bundle,
+            record,
+            {part.lower() for part in self.parts},
+            clip_frame=self.clip_frame,
+            asset=renderings_of_view(bundle, shown, record.rank),
+            truth=truth,
+        )
         image = compare_picture(IMAGE, parts)
         image["view"], image["round"] = record.rank, shown
         show_image(image)

@@ -37,9 +37,14 @@ class R2SEGO_OT_decide_view(OfOneView, EngineOperator, bpy.types.Operator):
         bundle, shown, record = self.chosen(context)
         self.view = record.rank  # what is meant stays so until the engine has ended
         return [
-            "views", str(bundle.path), "--round", str(shown), f"--{self.decision.lower()}", str(record.rank),
+            "views",
+            str(bundle.path),
+            "--round",
+            str(shown),
+            f"--{self.decision.lower()}",
+            str(record.rank),
             "--json-progress",
-        ]  # fmt: skip
+        ]
 
     def finish(self, context, result):
         state.refresh(context.scene)

@@ -72,8 +72,7 @@ def _told(record: ViewRecord) -> GeneratedView:
     registration = residual = uncertainty = replacement = ""
     if "inliers" in figures:
         registration = (
-            f"{figures['inliers']:.0f} of {figures['expected']:.0f} patches, "
-            f"over {figures['spread']:.0%} of the image"
+            f"{figures['inliers']:.0f} of {figures['expected']:.0f} patches, over {figures['spread']:.0%} of the image"
         )
     if record.has_estimate and "offset_m" in figures:
         residual = f"{1000 * figures['offset_m']:.1f} mm, {figures['turn_deg']:.2f} deg off"
@@ -83,10 +82,18 @@ def _told(record: ViewRecord) -> GeneratedView:
     if record.replaced_by >= 0:
         replacement += ", " * bool(replacement) + f"replaced by view {record.replaced_by}"
     return GeneratedView(
-        name=f"View {record.rank:03d}", rank=record.rank, candidate=record.candidate,
+        name=f"View {record.rank:03d}",
+        rank=record.rank,
+        candidate=record.candidate,
         title=f"Rollout {record.rollout}, frame {record.frame}",
-        reference=f"{record.reference}, sees {record.overlap:.0%}", accepted=record.accepted,
-        by_hand=record.by_hand is not None, fate=record.fate, note=record.note,
-        has_clip=bool(clip_files(record.folder)), registration=registration, residual=residual,
-        uncertainty=uncertainty, replacement=replacement,
-    )  # fmt: skip
+        reference=f"{record.reference}, sees {record.overlap:.0%}",
+        accepted=record.accepted,
+        by_hand=record.by_hand is not None,
+        fate=record.fate,
+        note=record.note,
+        has_clip=bool(clip_files(record.folder)),
+        registration=registration,
+        residual=residual,
+        uncertainty=uncertainty,
+        replacement=replacement,
+    )

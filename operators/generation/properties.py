@@ -29,10 +29,10 @@ class R2SEGO_PG_generation(bpy.types.PropertyGroup):
     views, accepted = Fact(GenerationFacts), Fact(GenerationFacts)
     active: IntProperty(name="View", description="The row of the active generated view", update=_view_changed)
     parts: EnumProperty(
-        name="Parts", description="What stands side by side", items=PARTS, options={"ENUM_FLAG"},
-        default=DEFAULT_PARTS,
-    )  # fmt: skip
+        name="Parts", description="What stands side by side", items=PARTS, options={"ENUM_FLAG"}, default=DEFAULT_PARTS
+    )
     truth: StringProperty(
-        name="Ground Truth", subtype="FILE_PATH",
+        name="Ground Truth",
+        subtype="FILE_PATH",
         description="A cameras.json with frozen views: the nearest one is shown beside, and nothing reads it",
-    )  # fmt: skip
+    )

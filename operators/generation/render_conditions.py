@@ -25,9 +25,13 @@ class R2SEGO_OT_render_conditions(EngineOperator, bpy.types.Operator):
     )
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
     scale: IntProperty(
-        name="Scale", description="Size of the images in percent of the lens", default=100, min=5, max=100,
+        name="Scale",
+        description="Size of the images in percent of the lens",
+        default=100,
+        min=5,
+        max=100,
         subtype="PERCENTAGE",
-    )  # fmt: skip
+    )
 
     @classmethod
     def poll(cls, context):

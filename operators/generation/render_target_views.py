@@ -36,18 +36,22 @@ class R2SEGO_OT_render_target_views(EngineOperator, bpy.types.Operator):
         stage = stage_beside(bundle, shown, self.when)
         candidates = bundle.candidates(shown)
         cameras = [
-            {
-                "name": f"{record.rank:03d}",
-                **candidates.camera.at(candidates.poses[record.candidate]).to_json(),
-            }
+            {"name": f"{record.rank:03d}", **candidates.camera.at(candidates.poses[record.candidate]).to_json()}
             for record in views_of_round(bundle, shown)
         ]
         file = hand_over("cameras.json", json.dumps({"cameras": cameras}))
         folder = views_folder(bundle, shown, stage)
         return [
-            "render", str(bundle.path), "--cameras", str(file), "--to", str(folder), "--round", stage.name,
+            "render",
+            str(bundle.path),
+            "--cameras",
+            str(file),
+            "--to",
+            str(folder),
+            "--round",
+            stage.name,
             "--json-progress",
-        ]  # fmt: skip
+        ]
 
     def finish(self, context, result):
         prune(state.opened_bundle(context))

@@ -15,9 +15,12 @@ class OfOneView:
     """An operator on one generated view, by its rank; -1 means the list's active one."""
 
     view: IntProperty(
-        name="View", description="The view's rank, from 0; -1 takes the list's active one", default=-1,
-        min=-1, options={"SKIP_SAVE"},
-    )  # fmt: skip
+        name="View",
+        description="The view's rank, from 0; -1 takes the list's active one",
+        default=-1,
+        min=-1,
+        options={"SKIP_SAVE"},
+    )
 
     @classmethod
     def poll(cls, context):
@@ -43,8 +46,6 @@ def needs_views(cls, context) -> bool:
     if not needs_round(cls, context):
         return False
     if not len(context.scene.r2sego_generation.views):
-        cls.poll_message_set(
-            "This round has no generated views yet: run Refine, which goes on where it ended"
-        )
+        cls.poll_message_set("This round has no generated views yet: run Refine, which goes on where it ended")
         return False
     return True

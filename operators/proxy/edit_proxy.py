@@ -17,12 +17,7 @@ class _Edit(EngineOperator):
     """An operator that changes the edits by ``r2sego edit-proxy``."""
 
     def arguments(self, context):
-        return [
-            "edit-proxy",
-            str(state.opened_bundle(context).path),
-            *self.change(context),
-            "--json-progress",
-        ]
+        return ["edit-proxy", str(state.opened_bundle(context).path), *self.change(context), "--json-progress"]
 
     def change(self, context) -> list[str]:
         """The options that say what is changed."""
@@ -71,9 +66,7 @@ class R2SEGO_OT_draw_proxy_surface(_Edit, bpy.types.Operator):
         return needs_bundle(cls, context) and needs_idle_engine(cls)
 
     def change(self, context):
-        drawn = (
-            bpy.data.objects.get(self.object_name) if self.object_name else context.view_layer.objects.active
-        )
+        drawn = bpy.data.objects.get(self.object_name) if self.object_name else context.view_layer.objects.active
         if drawn is None or drawn.type != "MESH":
             raise GeometryError("no mesh object is chosen", cure="Select the surface you drew.")
         file = handed_over("surface.npz")
@@ -92,9 +85,7 @@ class R2SEGO_OT_remove_proxy_edit(_Edit, bpy.types.Operator):
     bl_label = "Remove Edit"
     bl_options = {"REGISTER"}
 
-    name: StringProperty(
-        name="Name", description="The edit; empty = the one chosen in the list", options={"SKIP_SAVE"}
-    )
+    name: StringProperty(name="Name", description="The edit; empty = the one chosen in the list", options={"SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context):

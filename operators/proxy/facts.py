@@ -44,10 +44,11 @@ def read(scene: bpy.types.Scene, bundle: Bundle) -> ProxyFacts:
         for edit in bundle.read(PROXY_EDITS)
     )
     return ProxyFacts(
-        Facts(read_objects(bundle)), Facts(edits),
+        Facts(read_objects(bundle)),
+        Facts(edits),
         tuple(when_written(bundle.proxy_file(index)) for index in range(bundle.rounds())),
         read_coverage(bundle, scene.r2sego.round_index) is not None,
-    )  # fmt: skip
+    )
 
 
 def chosen_round(scene: bpy.types.Scene) -> Hashable:

@@ -41,7 +41,7 @@ def captured_view(context, capture: str):
         raise GeometryError(
             f"there is no capture '{name}'" if name else "no capture is looked through",
             cure="Import the captures, and look through one.",
-        )  # fmt: skip
+        )
     return found
 
 
@@ -62,9 +62,7 @@ class R2SEGO_OT_new_object(ReportingOperator, bpy.types.Operator):
     bl_label = "New Object"
     bl_options = {"REGISTER", "UNDO"}
 
-    name: StringProperty(
-        name="Name", description="What the object is called, such as chair", default="object"
-    )
+    name: StringProperty(name="Name", description="What the object is called, such as chair", default="object")
 
     @classmethod
     def poll(cls, context):
@@ -89,9 +87,7 @@ class R2SEGO_OT_remove_object(ReportingOperator, bpy.types.Operator):
     bl_label = "Remove Object"
     bl_options = {"REGISTER", "UNDO"}
 
-    name: StringProperty(
-        name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"}
-    )
+    name: StringProperty(name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context):
@@ -117,28 +113,31 @@ class R2SEGO_OT_draw_mask(Drawing, ReportingOperator, bpy.types.Operator):
     bl_label = "Draw Mask"
     bl_options = {"REGISTER", "UNDO"}
 
-    object_name: StringProperty(
-        name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"}
-    )
+    object_name: StringProperty(name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"})
     capture: StringProperty(
         name="Capture", description="The capture; empty = the one looked through", options={"SKIP_SAVE"}
     )
     points: StringProperty(
-        name="Points", options={"SKIP_SAVE"},
+        name="Points",
+        options={"SKIP_SAVE"},
         description="Pixels of the photograph from its top left corner, such as 10,20 30,20 30,40",
-    )  # fmt: skip
+    )
     tool: EnumProperty(
-        name="Tool", description="What the points mean",
+        name="Tool",
+        description="What the points mean",
         items=[
             ("LASSO", "Lasso", "The points go around the object"),
             ("POLYGON", "Polygon", "The points are the corners around the object"),
             ("BRUSH", "Brush", "The points are the brush's way"),
         ],
-    )  # fmt: skip
+    )
     radius: FloatProperty(
-        name="Radius", description="Radius of the brush, in pixels of the photograph", default=12.0, min=0.5,
+        name="Radius",
+        description="Radius of the brush, in pixels of the photograph",
+        default=12.0,
+        min=0.5,
         subtype="PIXEL",
-    )  # fmt: skip
+    )
     subtract: BoolProperty(name="Subtract", description="Take away from the mask", options={"SKIP_SAVE"})
 
     hint = "Mask: drag, or click corners and press Enter (ESC cancels)"
@@ -204,9 +203,7 @@ class R2SEGO_OT_paint_mask(ReportingOperator, bpy.types.Operator):
     bl_label = "Paint Mask"
     bl_options = {"REGISTER", "UNDO"}
 
-    object_name: StringProperty(
-        name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"}
-    )
+    object_name: StringProperty(name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"})
     capture: StringProperty(
         name="Capture", description="The capture; empty = the one looked through", options={"SKIP_SAVE"}
     )

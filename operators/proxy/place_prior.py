@@ -146,9 +146,7 @@ class R2SEGO_OT_place_prior(ReportingOperator, bpy.types.Operator):
     bl_label = "Place Prior"
     bl_options = {"REGISTER", "UNDO"}
 
-    object_name: StringProperty(
-        name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"}
-    )
+    object_name: StringProperty(name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context):
@@ -173,13 +171,13 @@ class R2SEGO_OT_save_placement(EngineOperator, bpy.types.Operator):
     bl_label = "Save Placement"
     bl_options = {"REGISTER"}
 
-    object_name: StringProperty(
-        name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"}
-    )
+    object_name: StringProperty(name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"})
     locked: BoolProperty(
-        name="Lock", default=True, description="Keep it exactly there; else the alignment begins there",
+        name="Lock",
+        default=True,
+        description="Keep it exactly there; else the alignment begins there",
         options={"SKIP_SAVE"},
-    )  # fmt: skip
+    )
 
     @classmethod
     def poll(cls, context):
@@ -207,20 +205,17 @@ class R2SEGO_OT_use_mesh_as_prior(EngineOperator, bpy.types.Operator):
     bl_label = "Use Active Mesh"
     bl_options = {"REGISTER"}
 
-    object_name: StringProperty(
-        name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"}
-    )
-    mesh: StringProperty(
-        name="Mesh", description="The mesh object; empty = the active one", options={"SKIP_SAVE"}
-    )
+    object_name: StringProperty(name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"})
+    mesh: StringProperty(name="Mesh", description="The mesh object; empty = the active one", options={"SKIP_SAVE"})
     place: bpy.props.EnumProperty(
-        name="Pose", description="Where the shape goes",
+        name="Pose",
+        description="Where the shape goes",
         items=[
             ("SEARCH", "Search", "The next Refine looks for the pose that fits"),
             ("START", "Begin Here", "The search begins where the mesh stands"),
             ("LOCK", "Keep Here", "The mesh stays exactly where it stands"),
         ],
-    )  # fmt: skip
+    )
 
     @classmethod
     def poll(cls, context):
@@ -238,9 +233,7 @@ class R2SEGO_OT_use_mesh_as_prior(EngineOperator, bpy.types.Operator):
             return command
         # The file is in the world already.
         pose = [[float(row == column) for column in range(4)] for row in range(4)]
-        placement = hand_over(
-            "placement.json", json.dumps({"world_from_own": pose, "locked": self.place == "LOCK"})
-        )
+        placement = hand_over("placement.json", json.dumps({"world_from_own": pose, "locked": self.place == "LOCK"}))
         return [*command, "--place", f"{name}={placement}"]
 
     def finish(self, context, result):
@@ -255,11 +248,10 @@ class R2SEGO_OT_decide_prior(EngineOperator, bpy.types.Operator):
     bl_label = "Decide on Prior"
     bl_options = {"REGISTER"}
 
-    object_name: StringProperty(
-        name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"}
-    )
+    object_name: StringProperty(name="Object", description="The object; empty = the chosen one", options={"SKIP_SAVE"})
     decision: bpy.props.EnumProperty(
-        name="Decision", description="What becomes of the prior in the next Refine",
+        name="Decision",
+        description="What becomes of the prior in the next Refine",
         items=[
             ("accept", "Accept", "Take the prior whatever its figures"),
             ("reject", "Reject", "Take no prior for this object"),
@@ -267,7 +259,7 @@ class R2SEGO_OT_decide_prior(EngineOperator, bpy.types.Operator):
             ("lock", "Lock", "Hold the last alignment as it is"),
             ("unlock", "Unlock", "Align it again"),
         ],
-    )  # fmt: skip
+    )
 
     @classmethod
     def poll(cls, context):

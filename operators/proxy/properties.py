@@ -3,14 +3,7 @@
 from dataclasses import replace
 
 import bpy
-from bpy.props import (
-    BoolProperty,
-    CollectionProperty,
-    EnumProperty,
-    FloatProperty,
-    IntProperty,
-    StringProperty,
-)
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from ...r2sego_blender.bridge.proxy import placement_live
 from ...r2sego_blender.bridge.proxy.object_masks import masked_objects
@@ -60,9 +53,11 @@ class R2SEGO_PG_proxy(bpy.types.PropertyGroup):
     """The room Geometry Proxy."""
 
     colour_by: EnumProperty(
-        name="Colour By", description="What the colours of the shown proxy mean", update=_recolour,
+        name="Colour By",
+        description="What the colours of the shown proxy mean",
+        update=_recolour,
         items=[(name, kind.name, kind.description) for name, kind in COLOURINGS.items()],
-    )  # fmt: skip
+    )
     has_coverage, edits, plan = Fact(ProxyFacts), Fact(ProxyFacts), Fact(ProxyFacts)
     declared = Fact(ProxyFacts)
     drawn: CollectionProperty(type=R2SEGO_PG_drawn_object)
@@ -70,34 +65,46 @@ class R2SEGO_PG_proxy(bpy.types.PropertyGroup):
     chosen_object: StringProperty()
     chosen_place: IntProperty()
     object_index: IntProperty(
-        name="Object", description="The object that masks and priors are edited of",
-        get=_chosen_index, set=_choose_index,
-    )  # fmt: skip
+        name="Object",
+        description="The object that masks and priors are edited of",
+        get=_chosen_index,
+        set=_choose_index,
+    )
     mask_tool: EnumProperty(
-        name="Tool", description="How a mask is drawn in a capture's camera view",
+        name="Tool",
+        description="How a mask is drawn in a capture's camera view",
         items=[
             ("LASSO", "Lasso", "Drag around the object"),
             ("POLYGON", "Polygon", "Click corner by corner; Enter or a double click closes"),
             ("BRUSH", "Brush", "Paint along the mouse's way"),
         ],
-    )  # fmt: skip
+    )
     brush_radius: IntProperty(
-        name="Radius", description="Radius of the brush, in pixels of the photograph", default=12, min=1,
-        max=500, subtype="PIXEL",
-    )  # fmt: skip
+        name="Radius",
+        description="Radius of the brush, in pixels of the photograph",
+        default=12,
+        min=1,
+        max=500,
+        subtype="PIXEL",
+    )
     show_outlines: BoolProperty(
-        name="Outlines", default=True,
+        name="Outlines",
+        default=True,
         description="Draw the outlines of masks and of the shown prior in the captures' camera views",
-    )  # fmt: skip
+    )
     fit_object: StringProperty()
     fit_iou: FloatProperty(default=-1.0)
     fit_residual: FloatProperty(default=-1.0, unit="LENGTH")
     fit_views: StringProperty()
     edit_index: IntProperty(name="Edit", description="The edit that Remove takes back")
     farthest: FloatProperty(
-        name="Farthest", description="The lasso takes no face farther from the view than this",
-        subtype="DISTANCE", unit="LENGTH", min=0.0, default=20.0,
-    )  # fmt: skip
+        name="Farthest",
+        description="The lasso takes no face farther from the view than this",
+        subtype="DISTANCE",
+        unit="LENGTH",
+        min=0.0,
+        default=20.0,
+    )
 
     @property
     def objects(self) -> Facts:

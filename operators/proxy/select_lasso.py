@@ -18,9 +18,13 @@ class R2SEGO_OT_select_proxy_lasso(Lasso, ReportingOperator, bpy.types.Operator)
     bl_options = {"REGISTER", "UNDO"}
 
     farthest: FloatProperty(
-        name="Farthest", description="Faces farther from the view than this are not selected",
-        subtype="DISTANCE", unit="LENGTH", min=0.0, default=20.0,
-    )  # fmt: skip
+        name="Farthest",
+        description="Faces farther from the view than this are not selected",
+        subtype="DISTANCE",
+        unit="LENGTH",
+        min=0.0,
+        default=20.0,
+    )
     facing: BoolProperty(name="Facing Only", default=True, description="Only faces whose free side is seen")
     extend: BoolProperty(name="Extend", description="Keep what is selected already")
 
@@ -36,9 +40,14 @@ class R2SEGO_OT_select_proxy_lasso(Lasso, ReportingOperator, bpy.types.Operator)
         in_object_mode(context, shown)
         context.view_layer.update()
         faces = faces_in_lasso(
-            world_corners(shown), camera, polygon, parallel=parallel, farthest_m=self.farthest,
-            facing=self.facing, kept_sides=self.kept_sides(),
-        )  # fmt: skip
+            world_corners(shown),
+            camera,
+            polygon,
+            parallel=parallel,
+            farthest_m=self.farthest,
+            facing=self.facing,
+            kept_sides=self.kept_sides(),
+        )
         count = select_faces(shown, faces, extend=self.extend)
         show_selection(context, shown)
         return f"{counted(count, 'face')} selected"

@@ -18,9 +18,10 @@ class R2SEGO_OT_show_proxy(ReportingOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     look_inside: BoolProperty(
-        name="Look Inside", default=True,
+        name="Look Inside",
+        default=True,
         description="Hide faces seen from behind in this 3D view, so that the room's walls do not hide it",
-    )  # fmt: skip
+    )
 
     @classmethod
     def poll(cls, context):

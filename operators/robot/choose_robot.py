@@ -19,17 +19,16 @@ class R2SEGO_OT_choose_robot(DeclaringOperator, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     robot: EnumProperty(
-        name="Robot", description="The robot",
+        name="Robot",
+        description="The robot",
         items=[
             ("HUMANOID", "Humanoid", "The embedded humanoid, in the published size of the Unitree G1"),
             ("WHEELED", "Wheeled", "The embedded wheeled base with a camera on a mast"),
             ("FILE", "File", "An MJCF or URDF file"),
         ],
-    )  # fmt: skip
+    )
     filepath: StringProperty(
-        name="File",
-        description="An MJCF or URDF file with one free base, legs or wheels",
-        subtype="FILE_PATH",
+        name="File", description="An MJCF or URDF file with one free base, legs or wheels", subtype="FILE_PATH"
     )
 
     def invoke(self, context, event):

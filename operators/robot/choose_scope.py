@@ -28,12 +28,13 @@ class R2SEGO_OT_choose_scope(DeclaringOperator, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     scope: EnumProperty(
-        name="Scope", description="The behaviour scope",
+        name="Scope",
+        description="The behaviour scope",
         items=[
             *((name, _title(name), _DOCS.get(name, name)) for name in shipped_scopes()),
             ("FILE", "File", "A TOML file, as docs/behaviour-scope.md describes"),
         ],
-    )  # fmt: skip
+    )
     filepath: StringProperty(name="File", description="The behaviour scope's TOML file", subtype="FILE_PATH")
 
     def invoke(self, context, event):

@@ -21,9 +21,7 @@ class R2SEGO_OT_draw_region(ViewTool, DeclaringOperator, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     polygon: StringProperty(name="Polygon", description="The corners in metres, in the world: x,y x,y x,y")
-    from_above: BoolProperty(
-        name="From Above", description="Turn the view to look straight down first", default=True
-    )
+    from_above: BoolProperty(name="From Above", description="Turn the view to look straight down first", default=True)
 
     hint = "Click: corner · Backspace, Ctrl Z: take one back · Enter or the first corner: done · ESC: cancel"
 

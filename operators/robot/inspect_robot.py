@@ -13,9 +13,7 @@ class R2SEGO_OT_inspect_robot(DeclaringOperator, bpy.types.Operator):
     bl_label = "Inspect Robot"
     bl_options = {"REGISTER"}
 
-    seats: BoolProperty(
-        name="Seats", description="List the seats on the newest collision surface too", default=False
-    )
+    seats: BoolProperty(name="Seats", description="List the seats on the newest collision surface too", default=False)
 
     def changes(self, context):
         return ["--seats"] if self.seats else []

@@ -19,9 +19,7 @@ class R2SEGO_OT_jump_to_attempt(ShowingOperator, bpy.types.Operator):
         scene = context.scene
         listed = attempts(bundle, round_index)
         if self.attempt >= len(listed):
-            raise SceneError(
-                f"there is no attempt {self.attempt}", where=bundle.path, cure="Choose one of the list."
-            )
+            raise SceneError(f"there is no attempt {self.attempt}", where=bundle.path, cure="Choose one of the list.")
         attempt = listed[self.attempt]
         if not attempt.frames:
             scene.r2sego_robot.attempt_index = self.attempt

@@ -18,9 +18,8 @@ class R2SEGO_OT_pick_target(ViewTool, DeclaringOperator, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     target: StringProperty(
-        name="Target", description="An object's name, a place x,y in metres, or any: every seat",
-        options={"SKIP_SAVE"},
-    )  # fmt: skip
+        name="Target", description="An object's name, a place x,y in metres, or any: every seat", options={"SKIP_SAVE"}
+    )
 
     hint = "Click: the object, or the place, to sit on · ESC: cancel"
     cursor = "EYEDROPPER"

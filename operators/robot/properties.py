@@ -13,32 +13,36 @@ class R2SEGO_PG_robot(bpy.types.PropertyGroup):
     """The room Robot."""
 
     source: EnumProperty(
-        name="Attempts", description="Which attempts are listed and shown",
+        name="Attempts",
+        description="Which attempts are listed and shown",
         items=[
             ("ROUND", "Round", "Those of the round that is shown"),
             ("TRIAL", "Trial", "Those of the last Try Rollouts"),
         ],
         update=lambda group, context: state.catch_up(group.id_data),
-    )  # fmt: skip
+    )
     listed: EnumProperty(
-        name="Listed", description="Which attempts stand in the list",
+        name="Listed",
+        description="Which attempts stand in the list",
         items=[
             ("ALL", "All", "Every attempt"),
             ("SUCCEEDED", "Succeeded", "Those that give candidate views"),
             ("FAILED", "Failed", "Those that were discarded, with the reason"),
         ],
-    )  # fmt: skip
+    )
     attempts, succeeded = Fact(AttemptFacts), Fact(AttemptFacts)
     region, seats = Fact(ScopeFacts), Fact(ScopeFacts)
     attempt_index: IntProperty(name="Attempt", description="The attempt whose particulars are shown", min=0)
     seat_index: IntProperty(name="Seat", description="The chosen seat", min=0)
     trial_attempts: IntProperty(
-        name="Attempts", description="How many attempts a trial makes", default=6, min=1, max=1000,
-    )  # fmt: skip
+        name="Attempts", description="How many attempts a trial makes", default=6, min=1, max=1000
+    )
     show_region: BoolProperty(
-        name="Show Region", description="Draw the behaviour region on the floor of the 3D view",
-        default=True, update=lambda group, context: redraw_views(),
-    )  # fmt: skip
+        name="Show Region",
+        description="Draw the behaviour region on the floor of the 3D view",
+        default=True,
+        update=lambda group, context: redraw_views(),
+    )
     drawing: StringProperty(options={"HIDDEN", "SKIP_SAVE"})
 
     @property

@@ -19,9 +19,7 @@ class R2SEGO_OT_set_clearance(DeclaringOperator, bpy.types.Operator):
     bl_label = "Set Clearance"
     bl_options = {"REGISTER"}
 
-    clearance: declared_property(
-        fields_of(Region)["clearance_m"], name="Clearance", subtype="DISTANCE", unit="LENGTH"
-    )
+    clearance: declared_property(fields_of(Region)["clearance_m"], name="Clearance", subtype="DISTANCE", unit="LENGTH")
 
     def invoke(self, context, event):
         try:

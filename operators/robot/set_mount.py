@@ -28,48 +28,70 @@ class R2SEGO_OT_set_mount(DeclaringOperator, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     mount: EnumProperty(
-        name="Mount", description="Where the camera sits",
+        name="Mount",
+        description="Where the camera sits",
         items=[
             ("OWN", "Robot's Own", "The robot file's only camera, or its head_camera"),
             ("CAMERA", "Named Camera", "Another camera of the robot's file"),
             ("PLACE", "Place", "A place on one of the robot's bodies"),
         ],
-    )  # fmt: skip
-    camera: StringProperty(
-        name="Camera", description="The name of a camera in the robot's file", default="head_camera"
     )
+    camera: StringProperty(name="Camera", description="The name of a camera in the robot's file", default="head_camera")
     body: StringProperty(name="Body", description="The body that carries the camera", default="torso_link")
     place: FloatVectorProperty(
-        name="Place", description="The camera in the body's frame: x forward, y left, z up", size=3,
-        default=(0.0576235, 0.01753, 0.42987), subtype="TRANSLATION", unit="LENGTH",
-    )  # fmt: skip
+        name="Place",
+        description="The camera in the body's frame: x forward, y left, z up",
+        size=3,
+        default=(0.0576235, 0.01753, 0.42987),
+        subtype="TRANSLATION",
+        unit="LENGTH",
+    )
     turn: FloatVectorProperty(
-        name="Turn", description="Roll, pitch (positive looks down) and yaw of the camera", size=3,
-        default=(0.0, 0.8307767, 0.0), subtype="EULER", unit="ROTATION",
-    )  # fmt: skip
+        name="Turn",
+        description="Roll, pitch (positive looks down) and yaw of the camera",
+        size=3,
+        default=(0.0, 0.8307767, 0.0),
+        subtype="EULER",
+        unit="ROTATION",
+    )
     field_of_view: FloatProperty(
-        name="Field of View", description="The angle that the image shows", default=math.radians(69.0),
-        min=math.radians(1.0), max=math.radians(170.0), subtype="ANGLE", unit="ROTATION",
-    )  # fmt: skip
+        name="Field of View",
+        description="The angle that the image shows",
+        default=math.radians(69.0),
+        min=math.radians(1.0),
+        max=math.radians(170.0),
+        subtype="ANGLE",
+        unit="ROTATION",
+    )
     across: EnumProperty(
-        name="Across", description="Which side of the image the field of view is measured along",
+        name="Across",
+        description="Which side of the image the field of view is measured along",
         items=[("WIDTH", "Width", "From left to right"), ("HEIGHT", "Height", "From top to bottom")],
-    )  # fmt: skip
+    )
     pitch: EnumProperty(
-        name="Pitch", description="How far down the camera looks",
+        name="Pitch",
+        description="How far down the camera looks",
         items=[
             ("MOUNTED", "As Mounted", "The mount as it is, in every rollout"),
             ("DRAWN", "Drawn", "The bracket is set before each rollout, between two angles"),
         ],
-    )  # fmt: skip
+    )
     pitch_low: FloatProperty(
-        name="From", description="The least pitch below the horizon", default=math.radians(22.0),
-        **_PITCH_LIMITS, subtype="ANGLE", unit="ROTATION",
-    )  # fmt: skip
+        name="From",
+        description="The least pitch below the horizon",
+        default=math.radians(22.0),
+        **_PITCH_LIMITS,
+        subtype="ANGLE",
+        unit="ROTATION",
+    )
     pitch_high: FloatProperty(
-        name="To", description="The greatest pitch below the horizon", default=math.radians(46.0),
-        **_PITCH_LIMITS, subtype="ANGLE", unit="ROTATION",
-    )  # fmt: skip
+        name="To",
+        description="The greatest pitch below the horizon",
+        default=math.radians(46.0),
+        **_PITCH_LIMITS,
+        subtype="ANGLE",
+        unit="ROTATION",
+    )
 
     def invoke(self, context, event):
         try:
@@ -87,11 +109,7 @@ class R2SEGO_OT_set_mount(DeclaringOperator, bpy.types.Operator):
         layout.use_property_split = True
         layout.use_property_decorate = False
         layout.prop(self, "mount")
-        shown = {
-            "OWN": (),
-            "CAMERA": ("camera",),
-            "PLACE": ("body", "place", "turn", "field_of_view", "across"),
-        }
+        shown = {"OWN": (), "CAMERA": ("camera",), "PLACE": ("body", "place", "turn", "field_of_view", "across")}
         for name in shown[self.mount]:
             layout.prop(self, name)
         layout.prop(self, "pitch")
@@ -104,9 +122,7 @@ class R2SEGO_OT_set_mount(DeclaringOperator, bpy.types.Operator):
         if self.pitch == "DRAWN":
             if self.pitch_low > self.pitch_high:
                 low, high = (math.degrees(angle) for angle in (self.pitch_low, self.pitch_high))
-                raise RobotError(
-                    f"the pitch goes from {low:g}° to {high:g}°", cure="Set the smaller angle as From."
-                )
+                raise RobotError(f"the pitch goes from {low:g}° to {high:g}°", cure="Set the smaller angle as From.")
             pitch = _numbers(map(math.degrees, (self.pitch_low, self.pitch_high)))
         return ["--set", f"robot.mount={self._mount()}", "--set", f"look.camera_pitch_deg={pitch}"]
 
@@ -157,9 +173,13 @@ def _properties_of(mount: Any) -> dict[str, Any]:
     x, y, z = map(float, place)
     roll, pitch, yaw = map(float, turn)
     return {
-        "mount": "PLACE", "body": str(body), "place": (x, y, z), "turn": (roll, pitch, yaw),
-        "field_of_view": math.radians(angle_deg), "across": "WIDTH" if axis == "hfov_deg" else "HEIGHT",
-    }  # fmt: skip
+        "mount": "PLACE",
+        "body": str(body),
+        "place": (x, y, z),
+        "turn": (roll, pitch, yaw),
+        "field_of_view": math.radians(angle_deg),
+        "across": "WIDTH" if axis == "hfov_deg" else "HEIGHT",
+    }
 
 
 def _numbers(values):

@@ -25,9 +25,8 @@ class R2SEGO_OT_show_rollout(ShowingOperator, bpy.types.Operator):
 
     def show(self, context, bundle, round_index):
         chosen = [
-            one for one in attempts(bundle, round_index)
-            if (one.success if self.every else one.number == self.attempt)
-        ]  # fmt: skip
+            one for one in attempts(bundle, round_index) if (one.success if self.every else one.number == self.attempt)
+        ]
         numbers = [one.number for one in chosen] or [self.attempt]
         if self.every and not chosen:
             raise SceneError("no attempt succeeded", where=bundle.path, cure="Look at the failures.")

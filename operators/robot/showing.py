@@ -16,9 +16,7 @@ class ShowingOperator(EngineOperator):
     round_index: IntProperty(
         name="Round", description="The round, from 0; -1 is the one that is shown", default=-1, min=-1
     )
-    trial: BoolProperty(
-        name="Trial", description="The attempts of the last Try Rollouts, not a round's", default=False
-    )
+    trial: BoolProperty(name="Trial", description="The attempts of the last Try Rollouts, not a round's", default=False)
     attempt: IntProperty(name="Attempt", description="The attempt's number, from 0", default=0, min=0)
 
     @classmethod

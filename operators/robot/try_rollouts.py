@@ -14,9 +14,7 @@ class R2SEGO_OT_try_rollouts(EngineOperator, bpy.types.Operator):
     bl_label = "Try Rollouts"
     bl_options = {"REGISTER"}
 
-    attempts: IntProperty(
-        name="Attempts", description="How many attempts are made", default=6, min=1, max=1000
-    )
+    attempts: IntProperty(name="Attempts", description="How many attempts are made", default=6, min=1, max=1000)
 
     @classmethod
     def poll(cls, context):

@@ -5,12 +5,7 @@ from bpy.props import EnumProperty, StringProperty
 
 from ...r2sego_blender.bridge.engine.user_folder import user_folder
 from ...r2sego_blender.bridge.scene.settings_properties import overrides, show_settings
-from ...r2sego_blender.config.kept_settings import (
-    keep_settings,
-    kept_settings,
-    read_settings,
-    remove_settings,
-)
+from ...r2sego_blender.config.kept_settings import keep_settings, kept_settings, read_settings, remove_settings
 from ...r2sego_blender.config.presets import preset, with_overrides
 from ..base import ReportingOperator
 

@@ -29,28 +29,35 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
     )
     filter_glob: StringProperty(default=f"*{SUFFIX}", options={"HIDDEN"})
     captures: StringProperty(
-        name="Photographs", description="Folder of photographs of the room, three at least",
+        name="Photographs",
+        description="Folder of photographs of the room, three at least",
         subtype="DIR_PATH",
         options={"SKIP_SAVE"},
-    )  # fmt: skip
+    )
     poses: StringProperty(
-        name="Poses", subtype="FILE_PATH",
+        name="Poses",
+        subtype="FILE_PATH",
         description="transforms.json, cameras.json or a file of a COLMAP model; empty = those of a Polycam "
         "export, else they are solved",
         options={"SKIP_SAVE"},
-    )  # fmt: skip
+    )
     robot: StringProperty(
-        name="Robot", default="embedded:humanoid", search=_matching(robot_choices),
+        name="Robot",
+        default="embedded:humanoid",
+        search=_matching(robot_choices),
         search_options={"SUGGESTION"},
         description="The robot: embedded:humanoid, embedded:wheeled, or an MJCF or URDF file",
-    )  # fmt: skip
+    )
     scope: StringProperty(
-        name="Behaviour Scope", default="walk_and_look", search=_matching(scope_choices),
+        name="Behaviour Scope",
+        default="walk_and_look",
+        search=_matching(scope_choices),
         search_options={"SUGGESTION"},
         description="What the robot may do: the name of a shipped scope, or a TOML file",
-    )  # fmt: skip
+    )
     scale: EnumProperty(
-        name="Scale", description="What says how large the room is",
+        name="Scale",
+        description="What says how large the room is",
         items=[
             ("POSES", "From the Poses", "Poses in metres as they are; else a usual camera height is assumed"),
             ("CAMERA_HEIGHT", "Camera Height", "Height of the first photograph's camera above the floor"),
@@ -58,22 +65,33 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
             ("KNOWN_LENGTH", "Known Length", "Two pixels of one photograph and their distance"),
             ("DEPTH", "Depth Maps", "What a depth sensor measured, a map for each photograph"),
         ],
-    )  # fmt: skip
+    )
     camera_height: FloatProperty(
-        name="Camera Height", description="Height of the first camera above the floor",
-        default=1.5, min=0.05, max=10.0, subtype="DISTANCE", unit="LENGTH",
-    )  # fmt: skip
+        name="Camera Height",
+        description="Height of the first camera above the floor",
+        default=1.5,
+        min=0.05,
+        max=10.0,
+        subtype="DISTANCE",
+        unit="LENGTH",
+    )
     marker_side: FloatProperty(
-        name="Marker Side", description="Side of the printed black square",
-        default=0.15, min=0.01, max=2.0, subtype="DISTANCE", unit="LENGTH",
-    )  # fmt: skip
+        name="Marker Side",
+        description="Side of the printed black square",
+        default=0.15,
+        min=0.01,
+        max=2.0,
+        subtype="DISTANCE",
+        unit="LENGTH",
+    )
     known_length: StringProperty(name="Known Length", description="photo:x,y:x,y:metres")
     depth: StringProperty(
-        name="Depth Maps", subtype="DIR_PATH",
+        name="Depth Maps",
+        subtype="DIR_PATH",
         description="Folder of depth maps called as the photographs are: 16-bit PNG in millimetres, or EXR "
         "or NPY in metres",
         options={"SKIP_SAVE"},
-    )  # fmt: skip
+    )
 
     @classmethod
     def poll(cls, context):
@@ -98,10 +116,16 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
         if not self.captures:
             raise CaptureError("no folder of photographs is chosen", cure="Choose one in the side bar.")
         command = [
-            "new", str(self._bundle_path()), "--json-progress",
-            "--captures", str(self._photographs()),
-            "--robot", self.robot, "--scope", self.scope,
-        ]  # fmt: skip
+            "new",
+            str(self._bundle_path()),
+            "--json-progress",
+            "--captures",
+            str(self._photographs()),
+            "--robot",
+            self.robot,
+            "--scope",
+            self.scope,
+        ]
         if self.poses:
             command += ["--poses", bpy.path.abspath(self.poses)]
         if self.scale == "CAMERA_HEIGHT":

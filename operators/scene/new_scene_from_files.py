@@ -19,17 +19,23 @@ class R2SEGO_OT_new_scene_from_files(bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     directory: StringProperty(
-        name="Folder", description="The folder of the files, or of the photographs",
-        subtype="DIR_PATH", options={"SKIP_SAVE"},
-    )  # fmt: skip
+        name="Folder",
+        description="The folder of the files, or of the photographs",
+        subtype="DIR_PATH",
+        options={"SKIP_SAVE"},
+    )
     files: CollectionProperty(
-        name="Files", description="Photographs or poses in that folder; none = the folder itself",
-        type=bpy.types.OperatorFileListElement, options={"SKIP_SAVE", "HIDDEN"},
-    )  # fmt: skip
+        name="Files",
+        description="Photographs or poses in that folder; none = the folder itself",
+        type=bpy.types.OperatorFileListElement,
+        options={"SKIP_SAVE", "HIDDEN"},
+    )
     scene: StringProperty(
-        name="Scene", description="The bundle to make; empty = beside the photographs",
-        subtype="FILE_PATH", options={"SKIP_SAVE"},
-    )  # fmt: skip
+        name="Scene",
+        description="The bundle to make; empty = beside the photographs",
+        subtype="FILE_PATH",
+        options={"SKIP_SAVE"},
+    )
 
     @classmethod
     def poll(cls, context):

@@ -20,9 +20,8 @@ class R2SEGO_OT_open_scene(ReportingOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     directory: StringProperty(
-        name="Bundle", description="The bundle, a folder that ends in .r2s", subtype="DIR_PATH",
-        options={"SKIP_SAVE"},
-    )  # fmt: skip
+        name="Bundle", description="The bundle, a folder that ends in .r2s", subtype="DIR_PATH", options={"SKIP_SAVE"}
+    )
     filter_folder: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
 
     @classmethod
@@ -49,9 +48,10 @@ def _bundle_at(chosen: Path) -> Path:
         if (folder / DECLARATION).is_file():
             return folder
     raise SceneError(
-        "this is not a scene bundle", where=chosen,
+        "this is not a scene bundle",
+        where=chosen,
         cure="Choose a folder that ends in .r2s, or make one with New Scene.",
-    )  # fmt: skip
+    )
 
 
 class R2SEGO_FH_scene(bpy.types.FileHandler):

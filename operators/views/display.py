@@ -16,9 +16,13 @@ def show(scene: bpy.types.Scene, bundle: Bundle) -> tuple[bpy.types.Object, list
     """Show the candidates as the properties ask; see ``show_candidates``."""
     group = scene.r2sego_views
     swarm, targets = show_candidates(
-        scene, bundle, scene.r2sego.round_index, frustum_m=group.frustum_size, shown=group.shown.lower(),
+        scene,
+        bundle,
+        scene.r2sego.round_index,
+        frustum_m=group.frustum_size,
+        shown=group.shown.lower(),
         colour_by=group.colour_by.lower(),
-    )  # fmt: skip
+    )
     scores = group.scores
     if scores is not None:
         swarm["stamp"] = scores.stamp

@@ -5,11 +5,7 @@ from bpy.props import IntProperty
 from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
 
 from ...r2sego_blender.bridge.shared.scope_rays import is_over
-from ...r2sego_blender.bridge.views.show_candidates import (
-    candidate_of_selection,
-    candidate_on_ray,
-    shown_candidates,
-)
+from ...r2sego_blender.bridge.views.show_candidates import candidate_of_selection, candidate_on_ray, shown_candidates
 from ...r2sego_blender.core.errors import SceneError
 from ...r2sego_blender.results.panels.view_chart import chart_in, covered_margins
 from ..base import ReportingOperator
@@ -27,10 +23,12 @@ class R2SEGO_OT_pick_candidate(ViewTool, ReportingOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     candidate: IntProperty(
-        name="Candidate", default=-1, min=-1,
+        name="Candidate",
+        default=-1,
+        min=-1,
         description="The candidate's number; -1 takes the one of the face chosen in Edit Mode",
         options={"SKIP_SAVE"},
-    )  # fmt: skip
+    )
 
     hint = "Click a frustum, or the curves at the bottom (drag to go along them); ESC ends"
     cursor = "EYEDROPPER"
@@ -54,9 +52,7 @@ class R2SEGO_OT_pick_candidate(ViewTool, ReportingOperator, bpy.types.Operator):
                 "no candidate is named", cure="Give its number, or choose a face of the frusta in Edit Mode."
             )
         if candidate >= len(scores):
-            raise SceneError(
-                f"there is no candidate {candidate}", cure=f"The round has 0 to {len(scores) - 1}."
-            )
+            raise SceneError(f"there is no candidate {candidate}", cure=f"The round has 0 to {len(scores) - 1}.")
         group.active = candidate
         if group.set_frame:
             scene.frame_set(group.active_frame)
@@ -107,9 +103,8 @@ class R2SEGO_OT_pick_candidate(ViewTool, ReportingOperator, bpy.types.Operator):
         frames = scores.selection.frame[scores.of_rollout(group.rollout)]
         others = [other for other in context.area.regions if other.type != "WINDOW"]
         chart = chart_in(
-            (region.width, region.height), covered_margins(region, others),
-            context.preferences.system.ui_scale, frames,
-        )  # fmt: skip
+            (region.width, region.height), covered_margins(region, others), context.preferences.system.ui_scale, frames
+        )
         x, y = event.mouse_x - region.x, event.mouse_y - region.y
         if chart is None or not (outside or chart.contains(x, y, _SLACK_PX)):
             return -1

@@ -8,8 +8,6 @@ def needs_candidates(cls, context) -> bool:
     if not needs_round(cls, context):
         return False
     if context.scene.r2sego_views.candidates == 0:
-        cls.poll_message_set(
-            "This round has no candidate views yet: run Refine, which goes on where it ended"
-        )
+        cls.poll_message_set("This round has no candidate views yet: run Refine, which goes on where it ended")
         return False
     return True

@@ -75,30 +75,45 @@ class R2SEGO_PG_views(bpy.types.PropertyGroup):
     """The candidate views of the round."""
 
     colour_by: EnumProperty(
-        name="Colour", description="What the frusta's colours mean, dark blue 0 to yellow the best",
-        items=COLOURS, update=_display_changed,
-    )  # fmt: skip
+        name="Colour",
+        description="What the frusta's colours mean, dark blue 0 to yellow the best",
+        items=COLOURS,
+        update=_display_changed,
+    )
     shown: EnumProperty(
         name="Shown", description="Which candidate views are shown", items=SHOWN, update=_display_changed
     )
     frustum_size: FloatProperty(
-        name="Frustum Size", description="Depth of a candidate's frustum", default=0.08, min=0.005, max=5.0,
-        subtype="DISTANCE", unit="LENGTH", update=_display_changed,
-    )  # fmt: skip
+        name="Frustum Size",
+        description="Depth of a candidate's frustum",
+        default=0.08,
+        min=0.005,
+        max=5.0,
+        subtype="DISTANCE",
+        unit="LENGTH",
+        update=_display_changed,
+    )
     active: IntProperty(
-        name="Candidate", description="The active candidate's number in the candidate stream, -1 for none",
-        default=-1, min=-1, get=_active, set=_pick,
-    )  # fmt: skip
+        name="Candidate",
+        description="The active candidate's number in the candidate stream, -1 for none",
+        default=-1,
+        min=-1,
+        get=_active,
+        set=_pick,
+    )
     picked: IntProperty(default=-1)
     picked_of: StringProperty(description="The selection in which it was picked: in another it is none")
     rollout: IntProperty(
-        name="Rollout", description="The rollout whose scores are drawn over time, from 0", min=0,
+        name="Rollout",
+        description="The rollout whose scores are drawn over time, from 0",
+        min=0,
         update=_rollout_changed,
-    )  # fmt: skip
+    )
     curves: BoolProperty(
-        name="Scores over Time", update=_curves_changed,
+        name="Scores over Time",
+        update=_curves_changed,
         description="Draw u, g and s of the rollout's frames at the bottom of the 3D view",
-    )  # fmt: skip
+    )
     set_frame: BoolProperty(
         name="Set Timeline", description="Go to the frame of a candidate that is picked", default=True
     )

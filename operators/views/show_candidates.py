@@ -19,9 +19,14 @@ class R2SEGO_OT_show_candidates(ReportingOperator, bpy.types.Operator):
     colour_by: EnumProperty(name="Colour", description="What the frusta's colours mean", items=COLOURS)
     shown: EnumProperty(name="Shown", description="Which candidate views are shown", items=SHOWN)
     frustum_size: FloatProperty(
-        name="Frustum Size", description="Depth of a candidate's frustum", default=0.08, min=0.005, max=5.0,
-        subtype="DISTANCE", unit="LENGTH",
-    )  # fmt: skip
+        name="Frustum Size",
+        description="Depth of a candidate's frustum",
+        default=0.08,
+        min=0.005,
+        max=5.0,
+        subtype="DISTANCE",
+        unit="LENGTH",
+    )
 
     @classmethod
     def poll(cls, context):

@@ -196,9 +196,11 @@ class GaussianSplats:
         self._centres = np.ascontiguousarray(splats.means[chosen])
         covariances = splats.covariances(chosen)
         columns = {
-            "pos": self._centres, "color": colours[chosen],
-            "covarianceFirst": covariances[:, :3], "covarianceSecond": covariances[:, 3:],
-        }  # fmt: skip
+            "pos": self._centres,
+            "color": colours[chosen],
+            "covarianceFirst": covariances[:, :3],
+            "covarianceSecond": covariances[:, 3:],
+        }
         form = gpu.types.GPUVertFormat()
         for name, values in columns.items():
             form.attr_add(id=name, comp_type="F32", len=values.shape[1], fetch_mode="FLOAT")

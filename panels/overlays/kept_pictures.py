@@ -42,9 +42,11 @@ class KeptPicture:
 
 def _pixels_of(left: int, bottom: int, width: int, height: int) -> Matrix:
     """The projection that maps a rectangle of a region to all of what is drawn into."""
-    return Matrix((
-        (2.0 / width, 0.0, 0.0, -2.0 * left / width - 1.0),
-        (0.0, 2.0 / height, 0.0, -2.0 * bottom / height - 1.0),
-        (0.0, 0.0, -0.01, 0.0),
-        (0.0, 0.0, 0.0, 1.0),
-    ))  # fmt: skip
+    return Matrix(
+        (
+            (2.0 / width, 0.0, 0.0, -2.0 * left / width - 1.0),
+            (0.0, 2.0 / height, 0.0, -2.0 * bottom / height - 1.0),
+            (0.0, 0.0, -0.01, 0.0),
+            (0.0, 0.0, 0.0, 1.0),
+        )
+    )

@@ -31,11 +31,7 @@ def _draw(context):
         if place is None:
             continue
         _cross(place, _FLOOR if point.floor else _POINT, scale)
-        write(
-            _label(point.name, placed if point.name in picked else {}),
-            *(place + 7.0 * scale),
-            size_px=12.0 * scale,
-        )
+        write(_label(point.name, placed if point.name in picked else {}), *(place + 7.0 * scale), size_px=12.0 * scale)
         if point.name in picked and seen.get(point.name) is not None:
             segments(np.stack([place, seen[point.name]]), _MISS, 2.0 * scale)
     for length in shown.lengths:

@@ -50,9 +50,11 @@ class _Curves:
         chart, scale = self.chart, self._scale
         edge = 5.0 * scale
         picture = KeptPicture(
-            chart.left - edge, chart.bottom - edge, chart.width + 2 * edge,
+            chart.left - edge,
+            chart.bottom - edge,
+            chart.width + 2 * edge,
             chart.height + (_TEXT_PX + 8.0) * scale + edge,
-        )  # fmt: skip
+        )
         with picture.drawing():
             rectangle(*picture.place, _BACKGROUND)
             _draw_lines(chart, self._scores, self._rollout, scale)

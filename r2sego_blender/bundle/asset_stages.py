@@ -51,8 +51,7 @@ def stages(scene: Scene) -> tuple[Stage, ...]:
     rounds = {str(index): of_round(index, "asset.ply") for index in range(scene.rounds_done())}
     targets = {INITIAL: INITIAL_ASSET, **rounds, FINAL: REFINED_ASSET}
     all_ = (
-        Stage(name, target, scene.path / target, behind if name in rounds else None)
-        for name, target in targets.items()
+        Stage(name, target, scene.path / target, behind if name in rounds else None) for name, target in targets.items()
     )
     return tuple(stage for stage in all_ if stage.file.is_file())
 

@@ -62,9 +62,10 @@ def require_place(path: Path) -> None:
             pass
     except OSError as error:
         raise SceneError(
-            f"no scene can be written there: {error.strerror}", where=path,
+            f"no scene can be written there: {error.strerror}",
+            where=path,
             cure="Choose another folder, or allow writing.",
-        ) from error  # fmt: skip
+        ) from error
 
 
 def _remove_abandoned(folder: Path) -> None:

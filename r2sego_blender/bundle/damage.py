@@ -41,6 +41,7 @@ def require_as_made(scene: Scene, *results: str) -> None:
     for name in results:
         if is_damaged(scene, name):
             raise SceneError(
-                "it is not as it was made: cut off, or changed", where=scene.path / name,
+                "it is not as it was made: cut off, or changed",
+                where=scene.path / name,
                 cure=f"Keep a copy of what you changed; `r2sego refine {scene.path}` makes it again.",
-            )  # fmt: skip
+            )

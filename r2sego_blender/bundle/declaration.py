@@ -24,9 +24,7 @@ FORMAT = 1
 DECLARATION = "scene.toml"
 """The file in the bundle."""
 
-_FORM_OF_MATRIX = (
-    "Write the similarity's four rows of four numbers, or make the scene anew with `r2sego new`."
-)
+_FORM_OF_MATRIX = "Write the similarity's four rows of four numbers, or make the scene anew with `r2sego new`."
 
 
 @dataclass(frozen=True)
@@ -118,9 +116,7 @@ def read_declaration(path: Path) -> Declaration:
     try:
         data = reader.tables("Mend the line.")
     except (FileNotFoundError, NotADirectoryError) as error:
-        raise SceneError(
-            "this is not a scene bundle", where=file, cure="Make one with `r2sego new`."
-        ) from error
+        raise SceneError("this is not a scene bundle", where=file, cure="Make one with `r2sego new`.") from error
     if data.get("format") != FORMAT:
         raise SceneError(
             f"the bundle has format {data.get('format')!r}, this version reads {FORMAT}",

@@ -20,6 +20,5 @@ def disk_errors(place: Path, kept: str = ": finished steps are kept") -> Iterato
             raise
         reason = "the disk is full" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "it cannot be written"
         raise SceneError(
-            reason, where=place,
-            cure=f"Make room, allow writing, or close what has it open, then start again{kept}.",
-        ) from error  # fmt: skip
+            reason, where=place, cure=f"Make room, allow writing, or close what has it open, then start again{kept}."
+        ) from error

@@ -17,11 +17,7 @@ def step_key(inputs: Iterable[str], settings: Any, digest_of: Callable[[str], st
 
     ``settings`` are dataclasses (of which ``config.fields.in_keys`` says what counts), arrays or JSON values.
     """
-    state = {
-        "version": __version__,
-        "inputs": {name: digest_of(name) for name in inputs},
-        "parameters": settings,
-    }
+    state = {"version": __version__, "inputs": {name: digest_of(name) for name in inputs}, "parameters": settings}
     text = json.dumps(state, sort_keys=True, default=_as_json)
     return hashlib.sha256(text.encode()).hexdigest()
 

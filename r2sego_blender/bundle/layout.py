@@ -60,9 +60,7 @@ def mask_stems(names: Sequence[str]) -> dict[str, str]:
 
 def _stems(names: Sequence[str]) -> list[str]:
     """The names as they are, and plain ones for those that are paths or leave no room for a suffix."""
-    plain = [
-        Path(name).name == name and len(name.encode(errors="replace")) <= _LONGEST_NAME for name in names
-    ]
+    plain = [Path(name).name == name and len(name.encode(errors="replace")) <= _LONGEST_NAME for name in names]
     stems = [
         name if own else re.sub(r"[^A-Za-z0-9._-]", "_", name)[-_LONGEST:].lstrip("._")
         for name, own in zip(names, plain, strict=True)

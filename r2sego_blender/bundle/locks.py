@@ -34,13 +34,10 @@ def locked(bundle: Path) -> Iterator[None]:
     with lock as file:
         if not try_lock(file):
             raise SceneError(
-                "another process is working on this scene", where=bundle,
-                cure="Wait until it has ended, or cancel it.",
-            )  # fmt: skip
-        if finish_replacing(bundle):  # whoever holds the lock has read what was there before
-            raise SceneError(
-                "a correction had been cut off, and is finished now", where=bundle, cure="Start again."
+                "another process is working on this scene", where=bundle, cure="Wait until it has ended, or cancel it."
             )
+        if finish_replacing(bundle):  # whoever holds the lock has read what was there before
+            raise SceneError("a correction had been cut off, and is finished now", where=bundle, cure="Start again.")
         _HOLDERS[key] = thread
         try:
             yield

@@ -45,9 +45,10 @@ def read_beside_jobs(path: Path, read: Callable[[Scene], _Read]) -> _Read:
             if not is_half:
                 raise error
             raise SceneError(
-                "a correction was cut off before all of it was in its place", where=path,
+                "a correction was cut off before all of it was in its place",
+                where=path,
                 cure="Run `r2sego refine`, which finishes it, and look again.",
-            ) from error  # fmt: skip
+            ) from error
         failed = error is not None
         time.sleep(_PAUSE_S)
 

@@ -104,10 +104,13 @@ class Runner:
                 # Killed from here on, the old record is no longer true.
                 scene.note(publishing=target)
         record = {
-            "step": target, "inputs": key, "output": content_digest(place),
-            "started": round(started, 3), "seconds": round(time.monotonic() - started_s, 3),
+            "step": target,
+            "inputs": key,
+            "output": content_digest(place),
+            "started": round(started, 3),
+            "seconds": round(time.monotonic() - started_s, 3),
             "frame": frame_of_output(scene.declaration.world_from_capture, step.inputs, scene.journal()),
-        }  # fmt: skip
+        }
         with disk_errors(scene.path):
             scene.note(**record)
 

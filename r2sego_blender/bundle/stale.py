@@ -42,7 +42,7 @@ def require_present_frame(scene: Scene, targets: Iterable[str], purpose: str) ->
                 where=scene.path / target,
                 cure=f"Run `r2sego refine {scene.path}`, or take the correction back: "
                 f"`r2sego register {scene.path} --undo`.",
-            )  # fmt: skip
+            )
 
 
 def in_words(targets: Collection[str], declared: int) -> str:

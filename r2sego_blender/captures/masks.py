@@ -46,8 +46,10 @@ def counted_pixels(capture: Capture) -> np.ndarray:
     if abs(shown.shape[1] / shown.shape[0] / (width / height) - 1.0) > _ASPECT_TOLERANCE:
         raise CaptureError(
             f"the mask is {shown.shape[1]}x{shown.shape[0]}, its photograph {capture.name} is of the shape "
-            f"{width}x{height}", where=capture.mask_path, cure="Give a mask of the photograph's size.",
-        )  # fmt: skip
+            f"{width}x{height}",
+            where=capture.mask_path,
+            cure="Give a mask of the photograph's size.",
+        )
     if capture.lens is not None:
         shown = resize_nearest(shown.astype(np.uint8), height, width)
     return (capture.seen(shown.astype(np.float32)) > _WHOLE).astype(np.float32)

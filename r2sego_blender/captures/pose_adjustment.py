@@ -66,21 +66,21 @@ def _refined(
     if tracks < settings.min_matches * (len(given) - 1):
         progress.message(
             f"the given poses are kept as they are: {tracks} tracks are too few to refine those of "
-            f"{len(given)} captures", level="warning",
-        )  # fmt: skip
+            f"{len(given)} captures",
+            level="warning",
+        )
         return given, ""
     unit_m = 1.0 if imported.metric else USUAL_DEPTH_M / usual_depth(imported.captures, sparse)
     cameras, points = adjusted(
-        given, sparse.points, sparse.pixels, settings.pose_sigma_m / unit_m,
-        np.radians(settings.pose_sigma_deg),
-    )  # fmt: skip
+        given, sparse.points, sparse.pixels, settings.pose_sigma_m / unit_m, np.radians(settings.pose_sigma_deg)
+    )
     before_px = float(np.median(reprojection_errors(given, sparse.points, sparse.pixels)))
     after_px = float(np.median(reprojection_errors(cameras, points, sparse.pixels)))
     if settings.refine_poses == "auto" and after_px > _CLEARLY_LOWER * before_px:
         progress.message(
             f"the given poses are kept: {tracks} tracks agree with them to {before_px:.2f} px, and to "
             f"{after_px:.2f} px with refined ones"
-        )  # fmt: skip
+        )
         return given, ""
     return cameras, _told(tracks, given, cameras, unit_m, before_px, after_px)
 
@@ -92,9 +92,8 @@ def _deviation_px(cameras: Sequence[Camera], settings: CaptureSettings) -> float
 
 
 def _told(
-    tracks: int, given: Sequence[Camera], cameras: Sequence[Camera], unit_m: float,
-    before_px: float, after_px: float,
-) -> str:  # fmt: skip
+    tracks: int, given: Sequence[Camera], cameras: Sequence[Camera], unit_m: float, before_px: float, after_px: float
+) -> str:
     centres_m = [unit_m * np.array([camera.centre for camera in some]) for some in (given, cameras)]
     moved_cm = 100.0 * np.linalg.norm(centres_m[1] - centres_m[0], axis=1)
     turned_deg = [

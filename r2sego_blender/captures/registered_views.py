@@ -45,9 +45,7 @@ def read_registered_views(folder: Path) -> tuple[RegisteredView, ...]:
 
 def damaged_entry(path: Path, index: int, error: Exception) -> CaptureError:
     """The error of one entry of ``cameras.json``."""
-    return CaptureError(
-        f"the entry is damaged ({error!r})", where=f"{path}, captures[{index}]", cure=CURE
-    )  # fmt: skip
+    return CaptureError(f"the entry is damaged ({error!r})", where=f"{path}, captures[{index}]", cure=CURE)
 
 
 REGISTERED_VIEWS = Artifact(layout.CAPTURES, read_registered_views)

@@ -54,9 +54,7 @@ def detect(captures: Sequence[Capture], settings: CaptureSettings, progress: Pro
     return detected
 
 
-def triangulate(
-    captures: Sequence[Capture], settings: CaptureSettings, progress: Progress = SILENT
-) -> SparsePoints:
+def triangulate(captures: Sequence[Capture], settings: CaptureSettings, progress: Progress = SILENT) -> SparsePoints:
     """Triangulate what the posed captures see in common.
 
     Points are in the frame and unit of the captures' poses, which stay as they are.
@@ -70,19 +68,20 @@ def triangulate(
 
 
 def triangulate_matches(
-    cameras: Sequence[Camera], detected: Detected, pairs: Pairs, max_error_px: float,
-    settings: CaptureSettings, progress: Progress = SILENT,
-) -> SparsePoints:  # fmt: skip
+    cameras: Sequence[Camera],
+    detected: Detected,
+    pairs: Pairs,
+    max_error_px: float,
+    settings: CaptureSettings,
+    progress: Progress = SILENT,
+) -> SparsePoints:
     """The points of matched features, each within ``max_error_px`` of its measurements.
 
     Raises CaptureError when there are fewer than ``min_matches``.
     """
     with progress.task("Triangulating", total=1) as task, ScratchFolder() as folder:
         save_matches(Path(folder, "matches.npz"), detected.features, pairs)
-        request = {
-            "folder": folder, "cameras": [camera.to_json() for camera in cameras],
-            "max_error_px": max_error_px,
-        }  # fmt: skip
+        request = {"folder": folder, "cameras": [camera.to_json() for camera in cameras], "max_error_px": max_error_px}
         call_in_child(triangulate_in_child, request, timeout_s=_TIMEOUT_S)
         with np.load(Path(folder, "points.npz"), allow_pickle=False) as data:
             points, error_px, pixels = data["points"], data["error_px"], data["pixels"]
@@ -93,7 +92,7 @@ def triangulate_matches(
             where="camera poses",
             cure="Check the poses' axis convention (docs/formats.md), and photograph from places at "
             "least a step apart: turning on the spot measures nothing.",
-        )  # fmt: skip
+        )
     visibility = np.isfinite(pixels[..., 0])
     colours = _colours(detected.images, pixels, visibility)
     return SparsePoints(points, colours, visibility, error_px, pixels)
@@ -107,16 +106,12 @@ def triangulate_in_child(request: dict[str, Any]) -> dict[str, Any]:
     cameras = [Camera.from_json(camera) for camera in request["cameras"]]
     features, pairs = load_matches(folder / "matches.npz")
     lenses = [
-        pycolmap.Camera(
-            model="PINHOLE", width=c.width, height=c.height, params=[c.fx, c.fy, c.cx, c.cy]
-        )
+        pycolmap.Camera(model="PINHOLE", width=c.width, height=c.height, params=[c.fx, c.fy, c.cx, c.cy])
         for c in cameras
-    ]  # fmt: skip
+    ]
     database = folder / "database.db"
     names = [f"{index:06d}" for index in range(len(cameras))]
-    ids = write_database(
-        database, lenses, range(len(cameras)), names, features, pairs, verified=True
-    )  # fmt: skip
+    ids = write_database(database, lenses, range(len(cameras)), names, features, pairs, verified=True)
     model = pycolmap.Reconstruction()
     with pycolmap.Database.open(database) as opened:
         for image_id, camera in zip(ids, cameras, strict=True):
@@ -124,13 +119,9 @@ def triangulate_in_child(request: dict[str, Any]) -> dict[str, Any]:
             model.add_camera_with_trivial_rig(opened.read_camera(image.camera_id))
             pose = camera.camera_from_world
             image = pycolmap.Image(name=image.name, camera_id=image.camera_id, image_id=image_id)
-            model.add_image_with_trivial_frame(
-                image, pycolmap.Rigid3d(pycolmap.Rotation3d(pose[:3, :3]), pose[:3, 3])
-            )
+            model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(pycolmap.Rotation3d(pose[:3, :3]), pose[:3, 3]))
     pycolmap.set_random_seed(0)
-    options = pycolmap.IncrementalPipelineOptions(
-        num_threads=1, random_seed=0, extract_colors=False, min_num_matches=1
-    )
+    options = pycolmap.IncrementalPipelineOptions(num_threads=1, random_seed=0, extract_colors=False, min_num_matches=1)
     options.mapper.filter_max_reproj_error = float(request["max_error_px"])
     options.mapper.filter_min_tri_angle = _MIN_TRIANGULATION_ANGLE_DEG
     options.triangulation.min_angle = _MIN_TRIANGULATION_ANGLE_DEG

@@ -45,9 +45,7 @@ class SparsePoints:
         cure = "Make the scene anew with `r2sego new`."
         with opened_arrays(path, CaptureError, "these are no sparse points", cure) as data:
             arrays = {field.name: data[field.name] for field in fields(SparsePoints)}
-            require_shapes(
-                arrays, points="P 3", colours="P 3", visibility="P N", error_px="P", pixels="P N 2"
-            )  # fmt: skip
+            require_shapes(arrays, points="P 3", colours="P 3", visibility="P N", error_px="P", pixels="P N 2")
             require_finite(points=arrays["points"])
             return SparsePoints(**arrays)
 

@@ -19,9 +19,7 @@ from .registered_views import CURE, damaged_entry, read_registered_views
 from .sparse_points import SparsePoints
 
 
-def save_captures(
-    folder: Path, captures: Sequence[Capture], sparse: SparsePoints | None = None
-) -> tuple[Capture, ...]:  # fmt: skip
+def save_captures(folder: Path, captures: Sequence[Capture], sparse: SparsePoints | None = None) -> tuple[Capture, ...]:
     """Write world-frame captures, and their sparse points, under ``folder``.
 
     ``images/*.png`` (undistorted, working size), ``cameras.json`` (docs/formats.md),
@@ -65,9 +63,7 @@ def load_captures(folder: Path) -> tuple[Capture, ...]:
             raise damaged_entry(folder / "cameras.json", index, error) from error
         if not view.image_path.is_file():
             raise CaptureError("the capture's image is missing", where=view.image_path, cure=CURE)
-        captures.append(
-            Capture(view.name, view.image_path, view.camera, lens, lens is not None, quarter_turns=turns)
-        )
+        captures.append(Capture(view.name, view.image_path, view.camera, lens, lens is not None, quarter_turns=turns))
     return tuple(captures)
 
 

@@ -24,16 +24,16 @@ from .options import ANY_PATH, FOLDER, Output, output_options
 )
 @click.option("--to", "folder", required=True, type=FOLDER, help="Folder to write, made if missing.")
 @click.option(
-    "--round", "stage", default=FINAL, show_default=True, metavar="L",
+    "--round",
+    "stage",
+    default=FINAL,
+    show_default=True,
+    metavar="L",
     help="Which asset of SCENE: initial, a round's, from 0, or final.",
-)  # fmt: skip
-@click.option(
-    "--pass", "passes", type=click.Choice(PASSES), multiple=True, help="Repeatable; by default colour."
 )
+@click.option("--pass", "passes", type=click.Choice(PASSES), multiple=True, help="Repeatable; by default colour.")
 @output_options("--json-progress")
-def render(
-    source: Path, cameras: Path, folder: Path, stage: str, passes: tuple[str, ...], output: Output
-) -> None:
+def render(source: Path, cameras: Path, folder: Path, stage: str, passes: tuple[str, ...], output: Output) -> None:
     """Render a scene's asset, or a splat file, exactly from given cameras.
 
     Writes a PNG for each camera and pass; alpha, depth (metres, 0 where nothing is) and normals (in the
@@ -53,19 +53,10 @@ def render(
 
 @click.command("edit-asset")
 @click.argument("scene", type=ANY_PATH)
+@click.option("--box", "boxes", multiple=True, type=ANY_PATH, metavar="FILE", help="What to delete: a box; repeatable.")
+@click.option("--lasso", "lassos", multiple=True, type=ANY_PATH, metavar="FILE", help="What a lasso holds; repeatable.")
 @click.option(
-    "--box", "boxes", multiple=True, type=ANY_PATH, metavar="FILE", help="What to delete: a box; repeatable."
-)
-@click.option(
-    "--lasso", "lassos", multiple=True, type=ANY_PATH, metavar="FILE", help="What a lasso holds; repeatable."
-)
-@click.option(
-    "--cells",
-    "cells",
-    multiple=True,
-    type=ANY_PATH,
-    metavar="FILE",
-    help="What cells of a grid hold; repeatable.",
+    "--cells", "cells", multiple=True, type=ANY_PATH, metavar="FILE", help="What cells of a grid hold; repeatable."
 )
 @click.option("--name", help="The edit's name; by default the next edit_001.")
 @click.option("--remove", multiple=True, metavar="NAME", help="Take an edit back; repeatable.")

@@ -38,9 +38,10 @@ def _of_checkout(name: str) -> ModuleType:
     root = Path(__file__).resolve().parents[2]
     if not (root / "tools" / "benchmarks").is_dir():
         raise MachineError(
-            "the benchmarks are not installed with the library", where=root,
+            "the benchmarks are not installed with the library",
+            where=root,
             cure="Run `r2sego bench` from a checkout, after `make install`.",
-        )  # fmt: skip
+        )
     if str(root) not in sys.path:
         sys.path.insert(0, str(root))
     return importlib.import_module(f"tools.benchmarks.{name}")
@@ -55,15 +56,11 @@ def _number(name: str, default: int, words: str) -> Callable[[Any], Any]:
 
 
 @bench.command("splats")
-@click.option(
-    "--gaussians", type=int, help=f"Gaussians of a made-up room; {defaults.SPLATS_GAUSSIANS} by default."
-)
+@click.option("--gaussians", type=int, help=f"Gaussians of a made-up room; {defaults.SPLATS_GAUSSIANS} by default.")
 @click.option("--asset", type=ANY_PATH, help="Splats to measure in place of the room, with --cameras.")
 @click.option("--cameras", type=ANY_PATH, help="cameras.json: its frozen views, or its captures.")
 @click.option(
-    "--size",
-    metavar="WxH",
-    help=f"Size of the images; by default that of --cameras, or {defaults.SIZE} of the room.",
+    "--size", metavar="WxH", help=f"Size of the images; by default that of --cameras, or {defaults.SIZE} of the room."
 )
 @click.option("--threads", type=int, help="Threads to use; all by default.")
 @_number("--repeats", defaults.SPLATS_REPEATS, "Times each step is measured.")
@@ -77,13 +74,16 @@ def bench_splats(file: Path | None, **given: Any) -> None:
 @click.argument("captures", type=ANY_PATH)
 @click.option("--poses", type=ANY_PATH, help="As for train: by default what CAPTURES holds, else solved.")
 @click.option(
-    "--points", type=ANY_PATH,
-    help="PLY both trainings start from; else the points of the poses, or triangulated ones.",
-)  # fmt: skip
+    "--points", type=ANY_PATH, help="PLY both trainings start from; else the points of the poses, or triangulated ones."
+)
 @click.option(
-    "--hold-out", type=int, metavar="K", default=defaults.TRAINING_HOLD_OUT, show_default=True,
+    "--hold-out",
+    type=int,
+    metavar="K",
+    default=defaults.TRAINING_HOLD_OUT,
+    show_default=True,
     help="Score on every K-th image, and do not train on it.",
-)  # fmt: skip
+)
 @_number("--gaussians", defaults.TRAINING_GAUSSIANS, "Gaussians of the plain training.")
 @_number("--steps", defaults.TRAINING_STEPS, "Steps of the plain training.")
 @_figures_file
@@ -93,9 +93,7 @@ def bench_training(file: Path | None, **given: Any) -> None:
 
 
 @bench.command("geometry")
-@click.option(
-    "--scene", required=True, type=FOLDER, help="Folder with cameras.json, captures and their ground truth."
-)
+@click.option("--scene", required=True, type=FOLDER, help="Folder with cameras.json, captures and their ground truth.")
 @click.option("--library", type=ANY_PATH, help="Another scene's .glb: its meshes beside the true objects'.")
 @_figures_file
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the pipeline and the noise.")
@@ -118,9 +116,7 @@ def bench_conditions(file: Path | None, **given: Any) -> None:
 
 
 @bench.command("generation")
-@click.option(
-    "--scene", required=True, type=FOLDER, help="Folder with cameras.json, captures and their ground truth."
-)
+@click.option("--scene", required=True, type=FOLDER, help="Folder with cameras.json, captures and their ground truth.")
 @click.option("--bundle", type=FOLDER, help="A bundle of these captures with a proxy; else one is made.")
 @click.option("--library", type=ANY_PATH, help="Another scene's .glb: its meshes beside the true objects'.")
 @_figures_file
@@ -132,13 +128,12 @@ def bench_generation(file: Path | None, **given: Any) -> None:
 
 
 @bench.command("refinement")
+@click.option("--scene", required=True, type=FOLDER, help="Folder with cameras.json: captures and frozen views.")
 @click.option(
-    "--scene", required=True, type=FOLDER, help="Folder with cameras.json: captures and frozen views."
-)
-@click.option(
-    "--bundle", type=FOLDER,
+    "--bundle",
+    type=FOLDER,
     help="Where the bundle is made and stays, or goes on if it is there; by default a temporary one.",
-)  # fmt: skip
+)
 @click.option("--library", type=ANY_PATH, help="Another scene's .glb: its meshes beside the true objects'.")
 @click.option("--preset", type=click.Choice(list(PRESETS)), help="By default the bundle's: at first 'paper'.")
 @settings_option
@@ -150,13 +145,14 @@ def bench_refinement(overrides: tuple[str, ...], file: Path | None, **given: Any
 
 @bench.command("rollouts")
 @click.option("--scene", type=FOLDER, help="A bundle, or photographs and cameras.json; else a made-up room.")
+@click.option("--robot", help="embedded:humanoid, embedded:wheeled, or an MJCF or URDF file; else the scene's.")
 @click.option(
-    "--robot", help="embedded:humanoid, embedded:wheeled, or an MJCF or URDF file; else the scene's."
-)
-@click.option(
-    "--scope", "scopes", multiple=True, metavar="NAME|FILE",
+    "--scope",
+    "scopes",
+    multiple=True,
+    metavar="NAME|FILE",
     help="Behaviour scope; repeatable. By default walk_and_look and sit_down.",
-)  # fmt: skip
+)
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the rollouts.")
 @_number("--candidates", defaults.ROLLOUTS_CANDIDATES, "Views that are scored.")
 @_figures_file

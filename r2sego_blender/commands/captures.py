@@ -25,12 +25,8 @@ from .options import ANY_PATH, Output, direction_of, output_options, scale_of, s
 @click.option("--up", metavar="X,Y,Z", help="The direction up, as the world is now.")
 @click.option("--floor-at", type=float, metavar="METRES", help="Where the floor lies above the z = 0 of now.")
 @scale_options
-@click.option(
-    "--picks", type=ANY_PATH, metavar="FILE.json", help="Points, lengths and heights, fitted together."
-)
-@click.option(
-    "--frame", metavar="12 NUMBERS", help="The new world's pose in that of now: rows of a 3x4, with commas."
-)
+@click.option("--picks", type=ANY_PATH, metavar="FILE.json", help="Points, lengths and heights, fitted together.")
+@click.option("--frame", metavar="12 NUMBERS", help="The new world's pose in that of now: rows of a 3x4, with commas.")
 @click.option("--undo", is_flag=True, help="Take the last correction back.")
 @output_options("--json-progress")
 def register(
@@ -53,14 +49,13 @@ def register(
     from ..captures.frame.picks import Picks
     from ..editing.correction import correct_by_picks, correct_registration, correct_to_frame, undo_correction
 
-    single = (
-        bool(floor) or up is not None or floor_at is not None or any(v is not None for v in given.values())
-    )
+    single = bool(floor) or up is not None or floor_at is not None or any(v is not None for v in given.values())
     if single + (picks is not None) + (frame is not None) + undo > 1:
         raise SettingsError(
-            "the correction is given in two ways", where="r2sego register",
+            "the correction is given in two ways",
+            where="r2sego register",
             cure="Give --picks, or --frame, or --undo, or single options.",
-        )  # fmt: skip
+        )
     opened = Scene.open(scene)
     told: dict[str, Any] = {}
     if picks is not None:
@@ -78,9 +73,7 @@ def register(
             floor=[FloorPoint.parse(text) for text in floor],
             up=None if up is None else direction_of(up),
             floor_at_m=floor_at,
-            scale=scale_of(
-                **given, robot=opened.declaration.robot, scope=opened.declaration.scope, command="register"
-            ),
+            scale=scale_of(**given, robot=opened.declaration.robot, scope=opened.declaration.scope, command="register"),
             progress=output.progress,
         )
     declared = made.declaration
@@ -96,8 +89,6 @@ def _frame_of(text: str) -> np.ndarray:
         rows = np.array([float(number) for number in text.split(",")]).reshape(3, 4)
     except ValueError as error:
         raise SettingsError(
-            f"'{text}' is not 12 numbers",
-            where="--frame",
-            cure="For example --frame 1,0,0,0,0,1,0,0,0,0,1,-0.02.",
+            f"'{text}' is not 12 numbers", where="--frame", cure="For example --frame 1,0,0,0,0,1,0,0,0,0,1,-0.02."
         ) from error
     return np.vstack([rows, [0.0, 0.0, 0.0, 1.0]])

@@ -50,9 +50,7 @@ class _Commands(Commands):
             context.exit(1)
 
 
-@click.group(
-    cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}
-)
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="r2sego")
 @click.pass_context
 def main(context: click.Context) -> None:

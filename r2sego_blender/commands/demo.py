@@ -20,9 +20,7 @@ ROOM = Path(__file__).resolve().parents[2] / "demo" / "room"
 
 @click.command()
 @click.argument("scene", type=ANY_PATH)
-@click.option(
-    "--preset", type=click.Choice(list(PRESETS)), help="Named settings; preview, or what SCENE has declared."
-)
+@click.option("--preset", type=click.Choice(list(PRESETS)), help="Named settings; preview, or what SCENE has declared.")
 @settings_option
 @output_options("--json-progress")
 def demo(scene: Path, preset: str | None, overrides: tuple[str, ...], output: Output) -> None:
@@ -54,9 +52,10 @@ def make_demo_scene(
     cameras = room / "cameras.json"
     if not cameras.is_file():
         raise MachineError(
-            "the demo room is not here", where=room,
+            "the demo room is not here",
+            where=room,
             cure="It comes with the Blender extension and with a checkout, not with the Python package.",
-        )  # fmt: skip
+        )
     if path.exists():
         scene = Scene.open(path)
         _require_demo(scene, room)
@@ -74,6 +73,5 @@ def _require_demo(scene: Scene, room: Path) -> None:
     stored = scene.read(CAPTURES)
     if {capture.name for capture in stored} != {file.name for file in image_files(room / "captures")}:
         raise SceneError(
-            "this is a scene of other photographs", where=scene.path,
-            cure="Choose another place for the demo scene.",
-        )  # fmt: skip
+            "this is a scene of other photographs", where=scene.path, cure="Choose another place for the demo scene."
+        )

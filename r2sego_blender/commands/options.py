@@ -87,39 +87,46 @@ def output_options(*names: str, whole: str = "As one JSON object.") -> Callable[
 def settings_option(command: Callable) -> Callable:
     """The option ``--set``, given as ``overrides``."""
     return click.option(
-        "--set", "overrides", multiple=True, metavar="KEY=VALUE",
+        "--set",
+        "overrides",
+        multiple=True,
+        metavar="KEY=VALUE",
         help="One setting, as in docs/settings.md; repeatable.",
-    )(command)  # fmt: skip
+    )(command)
 
 
 def round_option(default: str = "the newest") -> Callable[[Callable], Callable]:
     """The option ``--round``, given as ``round_index``."""
     return click.option(
-        "--round", "round_index", type=int, metavar="L",
-        help=f"The round, from 0; by default {default}.",
-    )  # fmt: skip
+        "--round", "round_index", type=int, metavar="L", help=f"The round, from 0; by default {default}."
+    )
 
 
 def scale_options(command: Callable) -> Callable:
     """The options that say how large the scene is; ``scale_of`` reads them."""
     options = (
         click.option(
-            "--known-length", metavar="PHOTO:X,Y:X,Y:METRES",
+            "--known-length",
+            metavar="PHOTO:X,Y:X,Y:METRES",
             help="Scale: two pixels of one photograph and their distance.",
         ),
         click.option(
-            "--marker-side", type=float, metavar="METRES",
+            "--marker-side",
+            type=float,
+            metavar="METRES",
             help="Scale: side of a printed ArUco 4x4_50 marker in the photographs.",
         ),
         click.option(
-            "--camera-height", metavar="METRES|robot",
+            "--camera-height",
+            metavar="METRES|robot",
             help="Scale: height of the first photograph's camera above the floor, or of the robot's eye.",
         ),
         click.option(
-            "--depth", type=FOLDER,
+            "--depth",
+            type=FOLDER,
             help="Scale: depth maps called as the photographs are: 16-bit PNG in mm, or EXR, NPY in metres.",
         ),
-    )  # fmt: skip
+    )
     for option in reversed(options):
         command = option(command)
     return command
@@ -139,9 +146,7 @@ def scale_of(
 
     given = [option for option in (known_length, marker_side, camera_height, depth) if option is not None]
     if len(given) > 1:
-        raise SettingsError(
-            "the scale is given twice", where=f"r2sego {command}", cure="Give one of the options."
-        )
+        raise SettingsError("the scale is given twice", where=f"r2sego {command}", cure="Give one of the options.")
     if marker_side is not None:
         return Scale.marker(marker_side)
     if depth is not None:
@@ -162,18 +167,17 @@ def scale_of(
         return Scale.known_length(photo, (x_a, y_a), (x_b, y_b), float(metres))
     except ValueError as error:
         raise SettingsError(
-            f"'{known_length}' is not PHOTO:X,Y:X,Y:METRES", where="--known-length",
+            f"'{known_length}' is not PHOTO:X,Y:X,Y:METRES",
+            where="--known-length",
             cure="For example --known-length IMG_01:120,400:520,410:1.8",
-        ) from error  # fmt: skip
+        ) from error
 
 
 def _number(text: str, option: str) -> float:
     try:
         return float(text)
     except ValueError as error:
-        raise SettingsError(
-            f"'{text}' is no number of metres", where=option, cure="For example 1.5."
-        ) from error
+        raise SettingsError(f"'{text}' is no number of metres", where=option, cure="For example 1.5.") from error
 
 
 def direction_of(text: str) -> tuple[float, ...]:
@@ -181,9 +185,7 @@ def direction_of(text: str) -> tuple[float, ...]:
     try:
         x, y, z = map(float, text.split(","))
     except ValueError as error:
-        raise SettingsError(
-            f"'{text}' is not X,Y,Z", where="--up", cure="For example --up 0.02,-0.01,1."
-        ) from error
+        raise SettingsError(f"'{text}' is not X,Y,Z", where="--up", cure="For example --up 0.02,-0.01,1.") from error
     return x, y, z
 
 

@@ -14,31 +14,28 @@ from .options import ANY_PATH, FOLDER, Output, output_options, overrides_of, rou
 @click.command()
 @click.argument("scene", type=ANY_PATH)
 @click.option(
-    "--masks", type=FOLDER,
+    "--masks",
+    type=FOLDER,
     help="Masks of the objects, in place of those declared: a folder each, or numbered images. A name that "
     "is there already keeps its mesh, pose and decision.",
-)  # fmt: skip
+)
 @click.option("--find", is_flag=True, help="Take what stands free in the observed geometry for objects.")
 @click.option("--segment", metavar="WORDS", help="Let SAM 3 mask what WORDS, with commas between, name.")
 @click.option("--library", type=FOLDER, help="Folder of meshes that shapes are looked for in.")
-@click.option(
-    "--mesh", "meshes", multiple=True, metavar="NAME=FILE", help="An object's own mesh; repeatable."
-)
+@click.option("--mesh", "meshes", multiple=True, metavar="NAME=FILE", help="An object's own mesh; repeatable.")
 @click.option("--generate", multiple=True, metavar="NAME", help="Let SAM 3D make its mesh; repeatable.")
 @click.option(
-    "--place", multiple=True, metavar="NAME=FILE.json",
+    "--place",
+    multiple=True,
+    metavar="NAME=FILE.json",
     help="Its pose by hand: world_from_own, 4 x 4, and locked; repeatable.",
-)  # fmt: skip
+)
 @click.option("--lock", multiple=True, metavar="NAME", help="Hold an alignment as it is; repeatable.")
 @click.option("--unlock", multiple=True, metavar="NAME", help="Align it again; repeatable.")
-@click.option(
-    "--accept", multiple=True, metavar="NAME", help="Take its prior whatever its figures; repeatable."
-)
+@click.option("--accept", multiple=True, metavar="NAME", help="Take its prior whatever its figures; repeatable.")
 @click.option("--reject", multiple=True, metavar="NAME", help="Take no prior for it; repeatable.")
 @click.option("--reconsider", multiple=True, metavar="NAME", help="Let its figures decide again; repeatable.")
-@click.option(
-    "--remove", multiple=True, metavar="NAME", help="Take an object away, the last one too; repeatable."
-)
+@click.option("--remove", multiple=True, metavar="NAME", help="Take an object away, the last one too; repeatable.")
 @output_options("--json")
 def objects(scene: Path, output: Output, **given: Any) -> None:
     """Declare SCENE's objects for shape priors, and say what became of them.

@@ -40,10 +40,7 @@ def evaluate(scene: Path, frozen: Path, output: Output) -> None:
 @click.argument("scene", type=ANY_PATH)
 @click.option("--to", "folder", required=True, type=FOLDER, help="Folder to write, made if missing.")
 @click.option(
-    "--splats",
-    default="",
-    metavar=".SPZ,.GLB",
-    help="The asset in these formats too; `r2sego convert --help` has all.",
+    "--splats", default="", metavar=".SPZ,.GLB", help="The asset in these formats too; `r2sego convert --help` has all."
 )
 @click.option("--textured", is_flag=True, help="The proxy with baked colours too, for simulators.")
 @output_options("--json-progress")
@@ -63,26 +60,22 @@ def export(scene: Path, folder: Path, splats: str, textured: bool, output: Outpu
 @click.command()
 @click.argument("scene", type=ANY_PATH)
 @click.option(
-    "--to", "file", type=ANY_PATH, metavar="FILE",
+    "--to",
+    "file",
+    type=ANY_PATH,
+    metavar="FILE",
     help="A .glb, or an .obj with MuJoCo's scene beside it; by default textured_proxy.glb in SCENE.",
-)  # fmt: skip
+)
 @click.option(
-    "--faces", type=int, metavar="N",
-    help="Faces at most, by default 30000; short for --set texture.faces=N.",
-)  # fmt: skip
+    "--faces", type=int, metavar="N", help="Faces at most, by default 30000; short for --set texture.faces=N."
+)
 @click.option(
-    "--size", type=int, metavar="PX",
-    help="Side of the texture, by default 2048; short for --set texture.size_px=PX.",
-)  # fmt: skip
+    "--size", type=int, metavar="PX", help="Side of the texture, by default 2048; short for --set texture.size_px=PX."
+)
 @settings_option
 @output_options("--json-progress")
 def texture(
-    scene: Path,
-    file: Path | None,
-    faces: int | None,
-    size: int | None,
-    overrides: tuple[str, ...],
-    output: Output,
+    scene: Path, file: Path | None, faces: int | None, size: int | None, overrides: tuple[str, ...], output: Output
 ) -> None:
     """Write SCENE's proxy as one mesh with a texture baked from the captures."""
     from ..results.texture import texture_scene

@@ -17,19 +17,21 @@ from .options import ANY_PATH, FIRST_NOT_DONE, Output, output_options, overrides
 @click.option("--robot", "model", help="embedded:humanoid, embedded:wheeled, or an MJCF or URDF file.")
 @click.option("--scope", help="Behaviour scope: walk_and_look, sit_down or a TOML file.")
 @click.option(
-    "--region", metavar="POLYGON|free_floor",
+    "--region",
+    metavar="POLYGON|free_floor",
     help="Where the base may be: corners in metres, '0,0 2,0 2,1.5', or wherever the floor is free.",
-)  # fmt: skip
-@click.option(
-    "--target",
-    metavar="any|NAME|X,Y",
-    help="What to sit on from then on: any seat, an object or a place in metres.",
 )
 @click.option(
-    "--set", "fields", multiple=True, metavar="FIELD=VALUE",
+    "--target", metavar="any|NAME|X,Y", help="What to sit on from then on: any seat, an object or a place in metres."
+)
+@click.option(
+    "--set",
+    "fields",
+    multiple=True,
+    metavar="FIELD=VALUE",
     help="One field of the scope, as in docs/behaviour-scope.md, with a TOML value; no value: the default "
     "again. Repeatable.",
-)  # fmt: skip
+)
 @click.option("--seats", is_flag=True, help="List the seats on the newest collision surface too.")
 @output_options("--json", "--json-progress")
 def robot(
@@ -80,9 +82,7 @@ def robot_bodies(scene: Path, round_index: int | None, output: Output) -> None:
 
 @click.command("try-rollouts")
 @click.argument("scene", type=ANY_PATH)
-@click.option(
-    "--attempts", type=click.IntRange(1, 1000), default=6, show_default=True, help="How many are tried."
-)
+@click.option("--attempts", type=click.IntRange(1, 1000), default=6, show_default=True, help="How many are tried.")
 @output_options("--json-progress")
 def try_rollouts(scene: Path, attempts: int, output: Output) -> None:
     """Try the behaviour on SCENE's newest collision surface, and say what fails; no round changes.

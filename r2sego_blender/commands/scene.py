@@ -12,16 +12,7 @@ from ..bundle.reading import read_beside_jobs
 from ..bundle.scene import Scene
 from ..config.presets import PRESETS, with_overrides
 from ..core.atomic_files import is_replacing
-from .options import (
-    ANY_PATH,
-    FOLDER,
-    Output,
-    output_options,
-    overrides_of,
-    scale_of,
-    scale_options,
-    settings_option,
-)
+from .options import ANY_PATH, FOLDER, Output, output_options, overrides_of, scale_of, scale_options, settings_option
 
 
 @click.command()
@@ -82,14 +73,9 @@ def new(
     help="Named settings: 'preview' for a quick look; by default the scene's, at first 'paper'.",
 )
 @settings_option
-@click.option(
-    "--rounds", type=int,
-    help="Refinement rounds: 3 in 'paper', 2 in 'preview'. Short for --set rounds=L.",
-)  # fmt: skip
+@click.option("--rounds", type=int, help="Refinement rounds: 3 in 'paper', 2 in 'preview'. Short for --set rounds=L.")
 @output_options("--json-progress")
-def refine(
-    scene: Path, preset: str | None, overrides: tuple[str, ...], rounds: int | None, output: Output
-) -> None:
+def refine(scene: Path, preset: str | None, overrides: tuple[str, ...], rounds: int | None, output: Output) -> None:
     """Run Algorithm 1 on SCENE; started again, it goes on where it stopped.
 
     Writes asset.ply, collision/ and report/index.html in SCENE. Preset and settings that are given stay

@@ -27,9 +27,7 @@ from .options import ANY_PATH, Output, output_options, overrides_of, settings_op
 @settings_option
 @click.option("--vanilla", is_flag=True, help="The original 3DGS: its settings and densification.")
 @click.option(
-    "--frozen",
-    type=ANY_PATH,
-    help="Views to score on: transforms_test.json, or a cameras.json with a 'frozen' list.",
+    "--frozen", type=ANY_PATH, help="Views to score on: transforms_test.json, or a cameras.json with a 'frozen' list."
 )
 @click.option("--hold-out", type=int, metavar="K", help="Score on every K-th image, and do not train on it.")
 @output_options("--json", "--json-progress", whole="The result as one JSON object.")

@@ -89,9 +89,10 @@ class Reader:
             return reader, reader.tables(f"See {see}.")
         except OSError as failed:
             raise error(
-                f"this {what} cannot be read", where=reader.where,
+                f"this {what} cannot be read",
+                where=reader.where,
                 cure=f"Give a TOML file or one of: {', '.join(names)}.",
-            ) from failed  # fmt: skip
+            ) from failed
 
     def tables(self, cure: str) -> dict[str, Any]:
         """The tables of the file, not yet checked. Raises OSError, or the reader's error: no TOML."""
@@ -99,9 +100,7 @@ class Reader:
             with self.where.open("rb") as file:
                 return parse_toml(file.read(_MOST_BYTES + 1).decode("utf-8"))
         except (ValueError, RecursionError) as failed:
-            raise self.error(
-                f"this {self.what} is no TOML: {failed}", where=self.where, cure=cure
-            ) from failed
+            raise self.error(f"this {self.what} is no TOML: {failed}", where=self.where, cure=cure) from failed
 
     def table(self, declared: type[T], data: Any, place: str = "") -> T:
         """The dataclass ``declared`` of a table that stands at ``place`` in the file."""
@@ -140,9 +139,7 @@ class Reader:
             return self.table(kind, value, place)  # type: ignore[arg-type]
         if origin in (typing.Union, UnionType):
             # One that is written as a list, and one that is not; None is what is left out.
-            of_kind = [
-                part for part in parts if (typing.get_origin(part) is tuple) == isinstance(value, list)
-            ]
+            of_kind = [part for part in parts if (typing.get_origin(part) is tuple) == isinstance(value, list)]
             kind = next(part for part in (*of_kind, *parts) if part is not NoneType)
             return self._fitted(kind, value, place, field)
         if kind == Range:

@@ -16,10 +16,17 @@ Range = tuple[float, float]
 
 
 def setting(
-    default: Any = dataclasses.MISSING, doc: str = "", low: float | None = None, high: float | None = None,
-    choices: Sequence[str] = (), changes_result: bool = True, formerly: str = "", added: bool = False,
-    form: str = "", read: Callable[[Any, Path], Any] | None = None,
-) -> Any:  # fmt: skip
+    default: Any = dataclasses.MISSING,
+    doc: str = "",
+    low: float | None = None,
+    high: float | None = None,
+    choices: Sequence[str] = (),
+    changes_result: bool = True,
+    formerly: str = "",
+    added: bool = False,
+    form: str = "",
+    read: Callable[[Any, Path], Any] | None = None,
+) -> Any:
     """A dataclass field with its doc line and its inclusive range or, for names, its choices.
 
     Without a default it has to be given. Where it only changes how fast or in how much memory a
@@ -29,9 +36,7 @@ def setting(
     ``read`` makes it of a TOML value and the declaring file, where the type does not say how, and
     raises ValueError with the cure.
     """
-    said = Field(
-        "", None, default, doc, low, high, tuple(choices), changes_result, formerly, added, form, read
-    )
+    said = Field("", None, default, doc, low, high, tuple(choices), changes_result, formerly, added, form, read)
     return dataclasses.field(default=default, metadata=vars(said))
 
 

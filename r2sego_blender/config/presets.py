@@ -133,9 +133,7 @@ def with_overrides(overrides: Mapping[str, Any], base: Settings = Settings()) ->
 def preset(name: str) -> Settings:
     """The settings of a named preset. Raises SettingsError for an unknown name."""
     if name not in PRESETS:
-        raise SettingsError(
-            f"there is no preset '{name}'", where="settings", cure=f"Known: {', '.join(PRESETS)}."
-        )
+        raise SettingsError(f"there is no preset '{name}'", where="settings", cure=f"Known: {', '.join(PRESETS)}.")
     return with_overrides(PRESETS[name])
 
 

@@ -23,9 +23,7 @@ class CaptureSettings:
     min_matches: int = setting(15, "Matches two photographs need to count as overlapping.", 8, 1000)
     match_ratio: float = setting(0.75, "A match's distance over that of the second best.", 0.3, 0.99)
     max_error_px: float = setting(2.0, "Pixels a match may lie off its epipolar line.", 0.2, 20.0)
-    solve_max_side_px: int = setting(
-        1600, "Longest side at which photographs without poses are solved.", 200, 8192
-    )
+    solve_max_side_px: int = setting(1600, "Longest side at which photographs without poses are solved.", 200, 8192)
     max_keyframes: int = setting(
         40, "Photographs taken of a scan that has hundreds, the sharpest of neighbours.", 3, 100000
     )
@@ -63,8 +61,9 @@ class StereoSettings:
         if self.patch_stride_px > self.patch_radius_px:  # such a window may have no samples at all
             raise SettingsError(
                 f"{self.patch_stride_px} is above stereo.patch_radius_px, {self.patch_radius_px}",
-                where="setting stereo.patch_stride_px", cure="Lower it, or widen the window.",
-            )  # fmt: skip
+                where="setting stereo.patch_stride_px",
+                cure="Lower it, or widen the window.",
+            )
 
 
 @dataclass(frozen=True)
@@ -83,9 +82,7 @@ class PriorSettings:
         "Whether an object that no mesh fits is completed by its own mirror symmetry.",
         choices=("never", "unmatched"),
     )
-    max_mirror_energy: float = setting(
-        0.4, "Energy above which a mirror plane of an object is rejected.", 0.0, 1.0
-    )
+    max_mirror_energy: float = setting(0.4, "Energy above which a mirror plane of an object is rejected.", 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -128,16 +125,13 @@ class CollisionSettings:
     )
     min_component_m: float = setting(0.15, "Loose pieces smaller than this are dropped.", 0.0, 2.0)
     decomposition: str = setting(
-        "planes", "What cuts the surface into convex pieces: flat pieces, or CoACD.",
-        choices=("planes", "coacd"),
-    )  # fmt: skip
+        "planes", "What cuts the surface into convex pieces: flat pieces, or CoACD.", choices=("planes", "coacd")
+    )
     coacd_region_m: float = setting(1.0, "Side of the regions that CoACD gets one by one.", 0.2, 10.0)
     coacd_timeout_s: float = setting(
         120.0, "Time for a region; one that takes longer is cut into flat pieces.", 1.0, 3600.0
     )
-    max_pieces: int = setting(
-        2500, "Most convex pieces; the tolerance grows until they are few enough.", 10, 20000
-    )
+    max_pieces: int = setting(2500, "Most convex pieces; the tolerance grows until they are few enough.", 10, 20000)
 
 
 @dataclass(frozen=True)
@@ -184,13 +178,9 @@ class SelectionSettings:
     """Scoring and selection of target views (the paper's Eq. 2)."""
 
     target_views: int = setting(12, "Target views a round, the paper's K.", 1, 500)
-    nms_window: int = setting(
-        15, "Window of temporal suppression; a rollout's targets are more frames apart.", 1, 1000
-    )
+    nms_window: int = setting(15, "Window of temporal suppression; a rollout's targets are more frames apart.", 1, 1000)
     alpha_threshold: float = setting(0.8, "A pixel whose asset alpha is lower is missing.", 0.0, 1.0)
-    validity_threshold: float = setting(
-        0.8, "A pixel whose proxy validity is at least this is available.", 0.0, 1.0
-    )
+    validity_threshold: float = setting(0.8, "A pixel whose proxy validity is at least this is available.", 0.0, 1.0)
     scoring_scale: float = setting(
         1.0, "Candidates are scored on a sample of the pixels, this share a side.", 0.05, 1.0
     )
@@ -206,13 +196,11 @@ class SelectionSettings:
         choices=("rollouts", "flight"),
     )
     ranking: str = setting(
-        "score", "How targets are ranked: by their score, or at random (ablation).",
-        choices=("score", "random"),
-    )  # fmt: skip
+        "score", "How targets are ranked: by their score, or at random (ablation).", choices=("score", "random")
+    )
     geometry: str = setting(
-        "proxy", "Geometry availability: the proxy's, or 1 everywhere (ablation).",
-        choices=("proxy", "ignored"),
-    )  # fmt: skip
+        "proxy", "Geometry availability: the proxy's, or 1 everywhere (ablation).", choices=("proxy", "ignored")
+    )
 
 
 @dataclass(frozen=True)
@@ -233,12 +221,8 @@ class GenerationSettings:
         "Who renders the structural conditions: the library itself, or an engine of Blender.",
         choices=tuple(RENDERERS.labels),
     )
-    kept_conditions: str = setting(
-        "clip", "Structural conditions that stay in the bundle.", choices=("clip", "target")
-    )
-    max_replacements: int = setting(
-        12, "Rejected frames a round replaced by the next-ranked candidates.", 0, 500
-    )
+    kept_conditions: str = setting("clip", "Structural conditions that stay in the bundle.", choices=("clip", "target"))
+    max_replacements: int = setting(12, "Rejected frames a round replaced by the next-ranked candidates.", 0, 500)
     depth_tolerance: float = setting(
         0.02, "Relative depth difference at which a capture still sees a point.", 0.001, 0.2
     )
@@ -254,16 +238,12 @@ class GenerationSettings:
 class RegistrationSettings:
     """Estimation of a generated frame's pose from patches of the captures found in it."""
 
-    max_captures: int = setting(
-        6, "Captures a frame is compared with: its reference, then the best seen.", 1, 64
-    )
+    max_captures: int = setting(6, "Captures a frame is compared with: its reference, then the best seen.", 1, 64)
     search_radius_px: float = setting(
         48.0, "How far from where the query would see it a patch of a capture is looked for.", 8.0, 500.0
     )
     min_correlation: float = setting(0.6, "Correlation below which a patch is not found.", 0.1, 0.99)
-    match_ratio: float = setting(
-        0.85, "Distance of a patch to the best place and to the second best one.", 0.1, 1.0
-    )
+    match_ratio: float = setting(0.85, "Distance of a patch to the best place and to the second best one.", 0.1, 1.0)
     max_error_px: float = setting(4.0, "Reprojection error of an inlier.", 0.5, 20.0)
     focal_sigma: float = setting(
         0.005, "Relative standard deviation of a frame's focal length about the query's.", 1e-5, 1.0
@@ -279,12 +259,8 @@ class RegistrationSettings:
     max_sigma_deg: float = setting(
         1.0, "Standard deviation of its rotation beyond which a frame is rejected.", 0.001, 90.0
     )
-    max_offset_m: float = setting(
-        0.1, "Distance from the query pose beyond which a frame is rejected.", 0.001, 5.0
-    )
-    max_turn_deg: float = setting(
-        4.0, "Rotation from the query pose beyond which a frame is rejected.", 0.1, 90.0
-    )
+    max_offset_m: float = setting(0.1, "Distance from the query pose beyond which a frame is rejected.", 0.001, 5.0)
+    max_turn_deg: float = setting(4.0, "Rotation from the query pose beyond which a frame is rejected.", 0.1, 90.0)
     max_focal_error: float = setting(
         0.06, "Relative error of the estimated focal length beyond which a frame is rejected.", 0.001, 1.0
     )

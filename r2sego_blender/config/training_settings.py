@@ -15,8 +15,9 @@ class TrainingSettings:
     backend: str = setting(
         "cpu",
         "What renders and moves the Gaussians: the embedded CPU kernels, or gsplat on an NVIDIA GPU.",
-        choices=tuple(TRAINERS.labels), added=True,
-    )  # fmt: skip
+        choices=tuple(TRAINERS.labels),
+        added=True,
+    )
     steps_per_round: int = setting(5000, "Optimisation steps a round.", 1, 200000)
     max_gaussians: int = setting(150000, "Hard budget of Gaussians, the backdrop not counted.", 1000, 5000000)
     real_weight: float = setting(1.0, "Weight of a registered capture.", 0.0, 10.0)
@@ -37,12 +38,8 @@ class TrainingSettings:
     image_cache_mb: int = setting(
         1024, "Memory for prepared images, the rest is loaded anew.", 16, 65536, changes_result=False
     )
-    captures_first_share: float = setting(
-        0.25, "Share of a round's steps, at the start, on captures alone.", 0.0, 1.0
-    )
-    capture_oversampling: int = setting(
-        3, "How often a capture is drawn for each pseudo-observation.", 1, 100
-    )
+    captures_first_share: float = setting(0.25, "Share of a round's steps, at the start, on captures alone.", 0.0, 1.0)
+    capture_oversampling: int = setting(3, "How often a capture is drawn for each pseudo-observation.", 1, 100)
     sh_degree: int = setting(1, "Highest degree of the spherical harmonics.", 0, 3)
     disc_stride_px: int = setting(
         2, "Pixels a side that share one Gaussian lifted from depth, where there is detail.", 1, 32
@@ -56,15 +53,9 @@ class TrainingSettings:
         choices=("spheres", "discs"),
     )
     position_learning_rate: float = setting(
-        1.6e-4,
-        "Learning rate of the means at the start, times the scene's extent.",
-        0.0,
-        1.0,
-        formerly="position_rate",
+        1.6e-4, "Learning rate of the means at the start, times the scene's extent.", 0.0, 1.0, formerly="position_rate"
     )
-    position_decay: float = setting(
-        0.01, "Learning rate of the means at the end over that at the start.", 1e-6, 1.0
-    )
+    position_decay: float = setting(0.01, "Learning rate of the means at the end over that at the start.", 1e-6, 1.0)
     densification: str = setting(
         "none",
         "How Gaussians are added: the start is all, the worst of all views, dead ones moved, or as 3DGS did.",
@@ -76,26 +67,16 @@ class TrainingSettings:
     split_scale: float = setting(
         0.01, "Size over the scene's extent above which a Gaussian is split, not copied.", 0.0, 1.0
     )
-    gradient_threshold: float = setting(
-        2e-4, "Mean screen-space gradient above which 3DGS adds a Gaussian.", 0.0, 1.0
-    )
+    gradient_threshold: float = setting(2e-4, "Mean screen-space gradient above which 3DGS adds a Gaussian.", 0.0, 1.0)
     dead_opacity: float = setting(0.005, "Gaussians fainter than this are removed or moved.", 0.0, 1.0)
     opacity_reset_steps: int = setting(
         3000, "Steps between the resets of opacity that 3DGS does while it adds.", 10, 1000000
     )
     opacity_regularization: float = setting(
-        0.0,
-        "Weight of the mean opacity in the loss: what is not needed fades.",
-        0.0,
-        1.0,
-        formerly="opacity_pull",
+        0.0, "Weight of the mean opacity in the loss: what is not needed fades.", 0.0, 1.0, formerly="opacity_pull"
     )
     scale_regularization: float = setting(
-        0.0,
-        "Weight of the mean scale (m) in the loss: nothing grows that need not.",
-        0.0,
-        1.0,
-        formerly="scale_pull",
+        0.0, "Weight of the mean scale (m) in the loss: nothing grows that need not.", 0.0, 1.0, formerly="scale_pull"
     )
     max_scale_m: float = setting(
         0.15, "Largest standard deviation of a Gaussian, in any direction; 0: no limit.", 0.0, 1000.0
@@ -111,9 +92,7 @@ class TrainingSettings:
         formerly="later_rounds_rate",
     )
     depth_weight: float = setting(0.0, "Weight of relative depth errors against known depth.", 0.0, 10.0)
-    normal_weight: float = setting(
-        0.0, "Weight of the depth's slope errors against known normals.", 0.0, 10.0
-    )
+    normal_weight: float = setting(0.0, "Weight of the depth's slope errors against known normals.", 0.0, 10.0)
     exposure_learning_rate: float = setting(
         0.0,
         "Learning rate of a generated frame's brightness; 0: it is taken as it is.",
@@ -144,9 +123,7 @@ class TrainingSettings:
     opacity_learning_rate: float = setting(
         0.05, "Learning rate of the opacities' logits.", 0.0, 1.0, formerly="opacity_rate"
     )
-    colour_learning_rate: float = setting(
-        5e-3, "Learning rate of the colours.", 0.0, 1.0, formerly="colour_rate"
-    )
+    colour_learning_rate: float = setting(5e-3, "Learning rate of the colours.", 0.0, 1.0, formerly="colour_rate")
     harmonics_learning_rate_ratio: float = setting(
         0.05,
         "Learning rate of the higher harmonics over that of the colours.",

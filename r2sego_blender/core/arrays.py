@@ -53,8 +53,10 @@ def require_shapes(arrays: Mapping[str, np.ndarray], **axes: str) -> None:
     sizes: dict[str, int] = {}
     for name, letters in axes.items():
         shape, wanted = arrays[name].shape, letters.split()
-        known = [sizes.setdefault(axis, int(axis) if axis.isdigit() else size)
-                 for axis, size in zip(wanted, shape, strict=False)]  # fmt: skip
+        known = [
+            sizes.setdefault(axis, int(axis) if axis.isdigit() else size)
+            for axis, size in zip(wanted, shape, strict=False)
+        ]
         if len(shape) != len(wanted) or list(shape) != known:
             raise ValueError(f"{name} has the shape {shape}")
         if arrays[name].dtype.kind not in "biuf":

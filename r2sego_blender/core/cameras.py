@@ -90,9 +90,8 @@ class Camera:
         height = max(1, round(self.height * factor))
         sx, sy = width / self.width, height / self.height
         return replace(
-            self, width=width, height=height,
-            fx=self.fx * sx, fy=self.fy * sy, cx=self.cx * sx, cy=self.cy * sy,
-        )  # fmt: skip
+            self, width=width, height=height, fx=self.fx * sx, fy=self.fy * sy, cx=self.cx * sx, cy=self.cy * sy
+        )
 
     def fitted(self, max_side_px: int) -> Camera:
         """This camera, scaled down so that no side is longer than ``max_side_px``."""
@@ -144,29 +143,34 @@ class Camera:
     def to_json(self) -> dict[str, Any]:
         """A JSON-ready dict; ``from_json`` reads it back without loss."""
         return {
-            "width": self.width, "height": self.height,
-            "fx": self.fx, "fy": self.fy, "cx": self.cx, "cy": self.cy,
+            "width": self.width,
+            "height": self.height,
+            "fx": self.fx,
+            "fy": self.fy,
+            "cx": self.cx,
+            "cy": self.cy,
             "world_from_camera": self.world_from_camera.tolist(),
-        }  # fmt: skip
+        }
 
     @staticmethod
     def from_json(data: dict[str, Any]) -> Camera:
         """The camera of ``to_json``; extra keys are ignored. Raises ValueError where it can see nothing."""
         camera = Camera(
-            width=int(data["width"]), height=int(data["height"]),
-            fx=float(data["fx"]), fy=float(data["fy"]),
-            cx=float(data["cx"]), cy=float(data["cy"]),
+            width=int(data["width"]),
+            height=int(data["height"]),
+            fx=float(data["fx"]),
+            fy=float(data["fy"]),
+            cx=float(data["cx"]),
+            cy=float(data["cy"]),
             world_from_camera=np.array(data["world_from_camera"], np.float64),
-        )  # fmt: skip
+        )
         lens = (camera.fx, camera.fy, camera.cx, camera.cy)
         if min(camera.width, camera.height) < 1 or min(lens[:2]) <= 0.0 or not np.isfinite(lens).all():
             raise ValueError("a camera needs a size, focal lengths above 0 and a principal point")
         return camera
 
 
-def look_at(
-    centre: np.ndarray, target: np.ndarray, up: np.ndarray | Sequence[float] = (0.0, 0.0, 1.0)
-) -> np.ndarray:
+def look_at(centre: np.ndarray, target: np.ndarray, up: np.ndarray | Sequence[float] = (0.0, 0.0, 1.0)) -> np.ndarray:
     """``world_from_camera`` (4, 4) of an upright camera at ``centre`` looking at ``target``."""
     forward = np.asarray(target, np.float64) - np.asarray(centre, np.float64)
     forward /= np.linalg.norm(forward)

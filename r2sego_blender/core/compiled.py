@@ -103,9 +103,10 @@ def _make_kernels_self_contained() -> None:
     steps = ("finalize", "_optimize_final_module", "get_defined_functions")
     if not issubclass(known or object, codegen.JITCodeLibrary) or not all(hasattr(known, s) for s in steps):
         raise R2SEgoError(
-            f"Numba {numba.__version__} compiles otherwise than this library knows", where="numba",
+            f"Numba {numba.__version__} compiles otherwise than this library knows",
+            where="numba",
             cure="Install the version of Numba that pyproject.toml names.",
-        )  # fmt: skip
+        )
     codegen.JITCPUCodegen._library_class = _SelfContainedLibrary
 
 
@@ -138,9 +139,7 @@ kernel: KernelDecorator = functools.partial(numba.njit, cache=True, fastmath=FAS
 Kernels release the interpreter, so that a cancelled run ends while one is at work.
 """
 
-parallel_kernel: KernelDecorator = functools.partial(
-    numba.njit, cache=True, fastmath=FAST, parallel=True, nogil=True
-)
+parallel_kernel: KernelDecorator = functools.partial(numba.njit, cache=True, fastmath=FAST, parallel=True, nogil=True)
 """The same over ``prange``. A kernel must give the same bits for any number of threads."""
 
 inlined: KernelDecorator = functools.partial(numba.njit, cache=True, fastmath=FAST, inline="always")

@@ -80,4 +80,4 @@ def of_file(error: OSError) -> SceneError:
         f"it cannot be read or written: {error.strerror or error}",
         where=error.filename2 or error.filename,  # of a rename the place, not what is on its way there
         cure="Check that it is there, that you may write there, and that the disk has room.",
-    )  # fmt: skip
+    )

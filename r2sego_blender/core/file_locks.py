@@ -27,7 +27,8 @@ def try_lock(file: IO) -> bool:
         if error.errno in (errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES):
             return False
         raise SceneError(
-            f"this disk cannot lock a file: {error.strerror}", where=file.name,
+            f"this disk cannot lock a file: {error.strerror}",
+            where=file.name,
             cure="Work on a disk of this machine, or have the network disk mounted with locks.",
-        ) from error  # fmt: skip
+        ) from error
     return True

@@ -59,19 +59,16 @@ def load_image_uint8(path: Path) -> np.ndarray:
             if image.width * image.height > _LARGEST_PX:
                 raise CaptureError(
                     f"the image has {image.width}x{image.height} pixels, more than is sensible",
-                    where=path, cure="Scale it down.",
-                )  # fmt: skip
+                    where=path,
+                    cure="Scale it down.",
+                )
             return np.asarray(_srgb(ImageOps.exif_transpose(image), path))
     except Image.DecompressionBombError as error:
-        raise CaptureError(
-            "the image has more pixels than is sensible", where=path, cure="Scale it down."
-        ) from error
+        raise CaptureError("the image has more pixels than is sensible", where=path, cure="Scale it down.") from error
     except FileNotFoundError as error:
         raise CaptureError("the image is missing", where=path, cure="Check the path.") from error
     except DAMAGED as error:
-        raise unread(
-            path, "the image cannot be read", "Replace the file, or take it out of the folder."
-        ) from error
+        raise unread(path, "the image cannot be read", "Replace the file, or take it out of the folder.") from error
 
 
 def unread(path: Path, what: str, cure: str) -> CaptureError:
@@ -86,9 +83,10 @@ def _srgb(image: Image.Image, path: Path) -> Image.Image:
     """The image in 8 bits and the colours of sRGB."""
     if image.mode in ("F", "I"):  # Pillow would make them black or white
         raise CaptureError(
-            "the image has 32 bits a value, of which none says what is white", where=path,
+            "the image has 32 bits a value, of which none says what is white",
+            where=path,
             cure="Save it with 8 or 16 bits a channel.",
-        )  # fmt: skip
+        )
     if image.mode.startswith("I;16"):  # Pillow would cut grey values off at 255
         image = Image.fromarray((np.asarray(image) >> 8).astype(np.uint8))
     profile = image.info.get("icc_profile")

@@ -97,19 +97,17 @@ class TerminalProgress(Progress):
 
     @contextmanager
     def _bar(self, title: str, total: int) -> Iterator[Task]:
-        from rich.progress import (
-            BarColumn,
-            MofNCompleteColumn,
-            TextColumn,
-            TimeElapsedColumn,
-            TimeRemainingColumn,
-        )
+        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
         from rich.progress import Progress as Bars
 
         columns = (
-            TextColumn("{task.description:<34}"), BarColumn(bar_width=28), MofNCompleteColumn(),
-            TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
-        )  # fmt: skip
+            TextColumn("{task.description:<34}"),
+            BarColumn(bar_width=28),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+        )
         with Bars(*columns, console=self._console) as bars:
             bar = bars.add_task(title, total=total)
             yield _BarTask(title, total, lambda units: bars.advance(bar, units))
@@ -186,10 +184,13 @@ class JsonProgress(Progress):
             elapsed_s = now_s - started_s
             remaining_s = elapsed_s / task.done * (total - task.done) if task.done else None
             self.emit(
-                event="progress", task=title, done=task.done, total=total,
+                event="progress",
+                task=title,
+                done=task.done,
+                total=total,
                 elapsed_s=round(elapsed_s, 2),
                 remaining_s=None if remaining_s is None else round(remaining_s, 2),
-            )  # fmt: skip
+            )
 
         tell(force=True)
         yield task

@@ -26,9 +26,10 @@ def require_addresses() -> None:
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     if limit != resource.RLIM_INFINITY and limit < _LEAST_ADDRESSES:
         raise MachineError(
-            f"a process may use only {limit / 1e6:.0f} MB of addresses here", where="ulimit -v",
+            f"a process may use only {limit / 1e6:.0f} MB of addresses here",
+            where="ulimit -v",
             cure="Allow several GB, or limit the memory in another way.",
-        )  # fmt: skip
+        )
 
 
 def cpu_s() -> float:

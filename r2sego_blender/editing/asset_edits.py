@@ -13,15 +13,7 @@ from ..bundle.stale import require_present_frame
 from ..core.errors import AssetError
 from ..core.progress import SILENT, Progress
 from ..splats.artifacts import ASSET, load_stage
-from ..splats.asset_edits import (
-    ASSET_EDITS,
-    AssetEdit,
-    deleted_by,
-    edit_file,
-    next_name,
-    not_yet_deleted,
-    save_edit,
-)
+from ..splats.asset_edits import ASSET_EDITS, AssetEdit, deleted_by, edit_file, next_name, not_yet_deleted, save_edit
 from ..splats.formats.ply_vertices import vertex_count
 from ..splats.regions import Region
 

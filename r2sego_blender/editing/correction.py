@@ -60,9 +60,10 @@ def correct_registration(
     by_hand = up is not None or floor_at_m is not None
     if (floor and by_hand) or not (floor or by_hand or scale):
         raise CaptureError(
-            "the ground is given twice" if floor else "nothing is to be corrected", where=scene.path,
+            "the ground is given twice" if floor else "nothing is to be corrected",
+            where=scene.path,
             cure="Give points of the floor, or the direction up and where the floor lies, or a scale.",
-        )  # fmt: skip
+        )
     with scene.locked():
         scene, captures, sparse = _load(scene)
         ground = None
@@ -86,9 +87,10 @@ def correct_by_picks(scene: Scene, picks: Picks, progress: Progress = SILENT) ->
         fit.check()
         if fit.ground is None and fit.metres_per_unit is None:
             raise CaptureError(
-                "the picks tell neither the floor nor a scale", where=scene.path,
+                "the picks tell neither the floor nor a scale",
+                where=scene.path,
                 cure="Mark points as floor, or give the length between two points or a camera's height.",
-            )  # fmt: skip
+            )
         scale = None
         if fit.metres_per_unit is not None:
             scale = Scale.measured(fit.metres_per_unit, fit.scale_source)
@@ -113,9 +115,10 @@ def correct_to_frame(scene: Scene, world_from_frame: np.ndarray) -> Scene:
         lowest = min(captures, key=lambda capture: float(ground.height(capture.camera.centre)))
         if not ground.height(lowest.camera.centre) > 0:
             raise CaptureError(
-                f"the frame's plane would lie above the camera of {lowest.name}", where="frame",
+                f"the frame's plane would lie above the camera of {lowest.name}",
+                where="frame",
                 cure="Move the frame down onto the floor, its z-axis up.",
-            )  # fmt: skip
+            )
         before = _registration(scene)
         source = before.scale_source
         if abs(scale - 1.0) > 1e-6:
@@ -194,18 +197,23 @@ def _moved(
         with new.publishing(GROUND_PICTURES) as folder:
             save_ground_pictures(folder, new.read(CAPTURES))
         new.declare(
-            scope=source, world_from_capture=tuple(map(tuple, after.world_from_capture.tolist())),
-            ground=after.ground, scale_source=after.scale_source,
-        )  # fmt: skip
+            scope=source,
+            world_from_capture=tuple(map(tuple, after.world_from_capture.tolist())),
+            ground=after.ground,
+            scale_source=after.scale_source,
+        )
     return Scene.open(scene.path)
 
 
 def _remembered(before: Registration, similarity: np.ndarray, made: Mapping[str, str]) -> dict[str, Any]:
     """A correction as the history has it: the registration before it, and the digests of what it made."""
     return {
-        "new_from_old": similarity.tolist(), "world_from_capture": before.world_from_capture.tolist(),
-        "ground": before.ground, "scale_source": before.scale_source, "made": dict(made),
-    }  # fmt: skip
+        "new_from_old": similarity.tolist(),
+        "world_from_capture": before.world_from_capture.tolist(),
+        "ground": before.ground,
+        "scale_source": before.scale_source,
+        "made": dict(made),
+    }
 
 
 def _changed(old: Path, new: Path) -> dict[str, str]:
@@ -248,6 +256,7 @@ def _scale_of(frame: np.ndarray) -> float:
         if np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) and np.allclose(frame[3], [0, 0, 0, 1]):
             return scale
     raise CaptureError(
-        "the frame is no pose with one scale", where="frame",
+        "the frame is no pose with one scale",
+        where="frame",
         cure="Move, turn and scale it as a whole, without mirroring or shearing.",
-    )  # fmt: skip
+    )

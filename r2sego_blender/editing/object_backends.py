@@ -34,18 +34,17 @@ def segmented_objects(
     groups = joined_masks(masks, views, words, [one.camera for one in captures], observed)
     objects = [
         DeclaredObject(
-            plain_name(words[group[0]]),
-            {names[views[m]]: masks[m] for m in group},
-            backends={"masks": backend},
+            plain_name(words[group[0]]), {names[views[m]]: masks[m] for m in group}, backends={"masks": backend}
         )
         for group in groups
         if len(group) >= 2
     ]
     if not objects:
         raise GeometryError(
-            f"{backend} found nothing in two photographs", where=", ".join(vocabulary),
+            f"{backend} found nothing in two photographs",
+            where=", ".join(vocabulary),
             cure="Use other words, or draw masks and give them with --masks.",
-        )  # fmt: skip
+        )
     return told_apart(objects)
 
 
@@ -71,9 +70,7 @@ def generated_meshes(
     found = []
     for one in objects:
         if one.name not in meshes:
-            raise GeometryError(
-                f"{backend} made no mesh of it", where=one.name, cure=cure_without_mesh(one.name)
-            )
+            raise GeometryError(f"{backend} made no mesh of it", where=one.name, cure=cure_without_mesh(one.name))
         load_shape(meshes[one.name])  # what cannot be read is refused now, not in the next run
         backends = {**one.backends, "mesh": backend}
         found.append(replace(one, mesh=meshes[one.name], placement=None, backends=backends))

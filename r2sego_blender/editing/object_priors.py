@@ -121,13 +121,18 @@ def describe_objects(scene: Scene) -> list[dict[str, Any]]:
     """Every declared object with the number of its masks and, after a run, its alignment."""
     records = _records(scene)
     return [
-        {"name": one.name, "masks": sum(bool(mask.any()) for mask in one.masks.values()),
-         "own_mesh": one.mesh is not None, "backends": dict(one.backends),
-         "placed": one.placement is not None, "decision": one.decision,
-         "locked": one.placement is not None and one.placement.locked}
+        {
+            "name": one.name,
+            "masks": sum(bool(mask.any()) for mask in one.masks.values()),
+            "own_mesh": one.mesh is not None,
+            "backends": dict(one.backends),
+            "placed": one.placement is not None,
+            "decision": one.decision,
+            "locked": one.placement is not None and one.placement.locked,
+        }
         | records.get(one.name, {})
         for one in scene.read(OBJECTS).of(scene.read(CAPTURES))
-    ]  # fmt: skip
+    ]
 
 
 def lines(objects: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -161,25 +166,23 @@ def _observed(scene: Scene) -> ObservedGeometry:
     if not (scene.path / layout.OBSERVED).is_file():
         raise GeometryError(
             "nothing is observed yet, by which the photographs' masks could be joined",
-            where=scene.path, cure="Run `r2sego refine` first.",
-        )  # fmt: skip
+            where=scene.path,
+            cure="Run `r2sego refine` first.",
+        )
     require_present_frame(scene, [layout.OBSERVED], "used")
     return scene.read(OBSERVED)
 
 
 def _found(scene: Scene, captures: Sequence[Capture]) -> tuple[DeclaredObject, ...]:
     if not (scene.path / layout.COMPLETED).is_dir():
-        raise GeometryError(
-            "the captures have no depth yet", where=scene.path, cure="Run `r2sego refine` first."
-        )
+        raise GeometryError("the captures have no depth yet", where=scene.path, cure="Run `r2sego refine` first.")
     require_present_frame(scene, [layout.COMPLETED, layout.PLANES], "searched")
     completed = scene.read(COMPLETED).of(captures)
     found = find_objects(captures, completed, scene.read(PLANES).envelope)
     if not found:
         raise GeometryError(
-            "nothing stands free in what was observed", where=scene.path,
-            cure="Draw masks and give them with --masks.",
-        )  # fmt: skip
+            "nothing stands free in what was observed", where=scene.path, cure="Draw masks and give them with --masks."
+        )
     return found
 
 
@@ -193,9 +196,10 @@ def _records(scene: Scene) -> dict[str, dict[str, Any]]:
 def _known(objects: Mapping[str, DeclaredObject], name: str, scene: Scene) -> DeclaredObject:
     if name not in objects:
         raise GeometryError(
-            f"there is no object '{name}'", where=scene.path,
+            f"there is no object '{name}'",
+            where=scene.path,
             cure=f"Use one of {', '.join(sorted(objects))}." if objects else "Give its masks first.",
-        )  # fmt: skip
+        )
     return objects[name]
 
 
@@ -213,13 +217,16 @@ def _with_what_is_known(
     known = {one.name: one for one in before}
     return tuple(
         replace(
-            one, mesh=old.mesh, placement=old.placement, decision=old.decision,
+            one,
+            mesh=old.mesh,
+            placement=old.placement,
+            decision=old.decision,
             backends={part: name for part, name in old.backends.items() if part == "mesh"},
         )
         if (old := known.get(one.name)) is not None
         else one
         for one in masked
-    )  # fmt: skip
+    )
 
 
 def _mesh_of_last_run(one: DeclaredObject, scene: Scene, library: Path | None) -> Path:
@@ -227,10 +234,7 @@ def _mesh_of_last_run(one: DeclaredObject, scene: Scene, library: Path | None) -
     shape = _records(scene).get(one.name, {}).get("shape", "")
     mesh = library_files(library).get(shape) if library is not None else None
     if mesh is None:
-        raise GeometryError(
-            f"'{one.name}' has no mesh to place", where=scene.path,
-            cure=cure_without_mesh(one.name),
-        )  # fmt: skip
+        raise GeometryError(f"'{one.name}' has no mesh to place", where=scene.path, cure=cure_without_mesh(one.name))
     return mesh
 
 
@@ -238,13 +242,12 @@ def _locked(one: DeclaredObject, scene: Scene, library: Path | None) -> Declared
     record = _records(scene).get(one.name, {})
     if record.get("backend") == "symmetry":
         raise GeometryError(
-            f"'{one.name}' was completed by its symmetry and has no mesh to hold", where=scene.path,
+            f"'{one.name}' was completed by its symmetry and has no mesh to hold",
+            where=scene.path,
             cure=cure_without_mesh(one.name),
-        )  # fmt: skip
-    if "world_from_own" not in record:
-        raise GeometryError(
-            f"'{one.name}' has no alignment yet", where=scene.path, cure="Run `r2sego refine` first."
         )
+    if "world_from_own" not in record:
+        raise GeometryError(f"'{one.name}' has no alignment yet", where=scene.path, cure="Run `r2sego refine` first.")
     require_present_frame(scene, [layout.PRIORS], "held")
     mesh = one.mesh or _mesh_of_last_run(one, scene, library)
     return replace(one, mesh=mesh, placement=Placement(np.array(record["world_from_own"]), locked=True))

@@ -20,12 +20,7 @@ from ..geometry.proxy.proxy import PROXY, PROXY_FILE
 
 
 def edit_proxy(
-    scene: Scene,
-    *,
-    cut: Path | None = None,
-    draw: Path | None = None,
-    name: str = "",
-    remove: Sequence[str] = (),
+    scene: Scene, *, cut: Path | None = None, draw: Path | None = None, name: str = "", remove: Sequence[str] = ()
 ) -> tuple[Edit, ...]:
     """Change the edits of the scene's proxy; returns all there are then.
 
@@ -41,9 +36,8 @@ def edit_proxy(
             if gone not in {edit.name for edit in edits}:
                 known = ", ".join(edit.name for edit in edits) or "none"
                 raise GeometryError(
-                    f"there is no edit '{gone}'", where=scene.path / PROXY_EDITS.name,
-                    cure=f"There are: {known}.",
-                )  # fmt: skip
+                    f"there is no edit '{gone}'", where=scene.path / PROXY_EDITS.name, cure=f"There are: {known}."
+                )
             edits = [edit for edit in edits if edit.name != gone]
         for file, change_of in ((cut, _cut), (draw, _drawn)):
             if file is not None:
@@ -64,13 +58,10 @@ def describe_edits(scene: Scene) -> dict[str, Any]:
     """Every edit with its name, kind, faces and area, in their order."""
     return {
         "edits": [
-            {
-                "name": edit.name, "kind": edit.change.kind, "faces": edit.count,
-                "area_m2": round(edit.change.area_m2, 4),
-            }
+            {"name": edit.name, "kind": edit.change.kind, "faces": edit.count, "area_m2": round(edit.change.area_m2, 4)}
             for edit in scene.read(PROXY_EDITS)
         ]
-    }  # fmt: skip
+    }
 
 
 def lines(described: dict[str, Any]) -> list[str]:
@@ -87,9 +78,7 @@ def _cut(scene: Scene, file: Path, edits: Sequence[Edit]) -> Any:
         corners, round_index = data["corners"].astype(np.float32), int(data["round"])
     proxy = PROXY.of_round(round_index)
     if not (scene.path / proxy.name / PROXY_FILE).is_file():
-        raise GeometryError(
-            f"round {round_index} has no proxy", where=file, cure="Run `r2sego refine` first."
-        )
+        raise GeometryError(f"round {round_index} has no proxy", where=file, cure="Run `r2sego refine` first.")
     require_present_frame(scene, [proxy.name], "cut")
     return cut_of(scene.read(proxy), corners, edits)
 

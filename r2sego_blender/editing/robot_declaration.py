@@ -198,13 +198,15 @@ def _check(scene: Scene, scope: BehaviourScope, robot: RobotModel) -> None:
     if away_m > _FARTHEST_CAMERA_M:
         raise RobotError(
             f"the camera is {away_m:.0f} m from '{robot.mount.parent}', which it is fixed to",
-            where=f"scope {scope.name}, robot.mount", cure="Give its place in metres.",
-        )  # fmt: skip
+            where=f"scope {scope.name}, robot.mount",
+            cure="Give its place in metres.",
+        )
     if robot.eye_height_m <= 0.0:
         raise RobotError(
             f"the camera is {-robot.eye_height_m:.2f} m below the floor that the robot stands on",
-            where=f"scope {scope.name}, robot.mount", cure="Set its place higher: x forward, y left, z up.",
-        )  # fmt: skip
+            where=f"scope {scope.name}, robot.mount",
+            cure="Set its place higher: x forward, y left, z up.",
+        )
     target = scope.sit_on.target
     if scope.behaviours.sit_on > 0.0 and isinstance(target, str) and target != ANY_SEAT:
         known = _object_names(scene)

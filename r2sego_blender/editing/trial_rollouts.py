@@ -59,9 +59,7 @@ def try_rollouts(scene: Scene, attempts: int, progress: Progress = SILENT) -> tu
         floor = free_floor(robot, placed, surface.collision_mjcf)
         seed = settings.seed * 1000 + surface.round_index
         tried = in_order(
-            Attempts(
-                robot.source, robot.mount, placed, floor, surface.collision_mjcf, settings.rollouts, seed
-            )
+            Attempts(robot.source, robot.mount, placed, floor, surface.collision_mjcf, settings.rollouts, seed)
         )
         rollouts = tuple(progress.track(islice(tried, attempts), "Rollouts", attempts))
         tried.close()

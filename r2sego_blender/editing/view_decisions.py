@@ -39,14 +39,16 @@ def describe_views(scene: Scene, round_index: int) -> dict[str, Any]:
     records = read_views(folder, budget)
     if not records:
         raise GenerationError(
-            f"round {round_index} has no generated views", where=folder,
+            f"round {round_index} has no generated views",
+            where=folder,
             cure="Run `r2sego refine` first, or choose another round.",
-        )  # fmt: skip
+        )
     return {
-        "scene": str(scene.path), "round": round_index,
+        "scene": str(scene.path),
+        "round": round_index,
         "accepted": sum(record.accepted for record in records),
         "views": [record.to_json() for record in records],
-    }  # fmt: skip
+    }
 
 
 def lines(described: dict[str, Any]) -> list[str]:

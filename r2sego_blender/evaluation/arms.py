@@ -22,9 +22,7 @@ class ArmSource:
 
 ARMS: Mapping[str, ArmSource] = {
     "initial": ArmSource("initial asset", INITIAL_ASSET, "reliable stereo of the captures, untrained"),
-    "vanilla_3dgs": ArmSource(
-        "vanilla 3DGS", VANILLA_ASSET, "the same observed points, captures and number of steps"
-    ),
+    "vanilla_3dgs": ArmSource("vanilla 3DGS", VANILLA_ASSET, "the same observed points, captures and number of steps"),
     REFINED: ArmSource("refined", REFINED_ASSET, "Algorithm 1"),
 }
 """The arms in the order of the table; the key is the name in metrics.json."""

@@ -65,9 +65,7 @@ def report_causes(causes: SceneCauses | str, refined: ArmScore, frozen: Sequence
         image = next(r.picture for r in view.renderings if r.arm == REFINED)
         assert isinstance(image, np.ndarray) and isinstance(view.truth, np.ndarray)
         coloured = cause_picture(found[view.name].labels, image, view.truth)
-        worst.append(
-            CausesOfView(view.name, view.truth, image, coloured, scored.psnr, _summary(found[view.name]))
-        )
+        worst.append(CausesOfView(view.name, view.truth, image, coloured, scored.psnr, _summary(found[view.name])))
     return ErrorSplit(causes.told_by, tuple(rows), tuple(worst), causes.note)
 
 

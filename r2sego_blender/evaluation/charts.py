@@ -38,9 +38,7 @@ def candidate_chart(curves: CandidateCurves) -> Markup:
         f"{len(curves.chosen)} chosen, the best s is {float(curves.score.max()):.2f}."
     )
     body = "".join(parts)
-    return Markup(
-        f'<svg class="chart" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{label}">{body}</svg>'
-    )
+    return Markup(f'<svg class="chart" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{label}">{body}</svg>')
 
 
 def round_chart(rounds: Sequence[ScoredRound]) -> Markup:
@@ -52,10 +50,7 @@ def round_chart(rounds: Sequence[ScoredRound]) -> Markup:
     middle, span = (min(values) + max(values)) / 2, max(max(values) - min(values), _LEAST_SPAN_DB)
     step = (_ROUNDS_WIDTH - 2 * _LEFT) / (rounds[-1].number - rounds[0].number)
     places = [
-        (
-            _LEFT + step * (one.number - rounds[0].number),
-            _ROUNDS_HEIGHT * (0.48 - 0.5 * (psnr - middle) / span),
-        )
+        (_LEFT + step * (one.number - rounds[0].number), _ROUNDS_HEIGHT * (0.48 - 0.5 * (psnr - middle) / span))
         for one, psnr in scored
     ]
     parts = [f'<polyline class="curve s" points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in places)}"/>']

@@ -59,10 +59,7 @@ def causes(
 
 
 def seen_by_captures(
-    camera: Camera,
-    depth: np.ndarray,
-    capture_cameras: Sequence[Camera],
-    capture_depths: Sequence[np.ndarray],
+    camera: Camera, depth: np.ndarray, capture_cameras: Sequence[Camera], capture_depths: Sequence[np.ndarray]
 ) -> np.ndarray:
     """(H, W) bool: which surface points of a view some capture sees too.
 

@@ -97,9 +97,7 @@ def top_view(proxy: GeometryProxy, width_px: int = 960) -> TopView:
     return TopView(resize(image.astype(np.float32), camera.width, camera.height), camera)
 
 
-def camera_map(
-    plan: TopView, captures: Sequence[Camera], candidates: np.ndarray, chosen: np.ndarray
-) -> np.ndarray:
+def camera_map(plan: TopView, captures: Sequence[Camera], candidates: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     """The ``plan``, faded, with the captures' frusta, every candidate position and the target views' frusta.
 
     ``candidates`` (M, 4, 4) world_from_camera; ``chosen`` (<= M,) indices into them. Returns
@@ -178,11 +176,7 @@ def _frustum(
     heading = np.append(forward / max(np.linalg.norm(forward), 1e-9), 0.0)
     across = np.append(right, 0.0)
     centre = pose[:3, 3]
-    corners = [
-        centre,
-        centre + length_m * (heading - 0.6 * across),
-        centre + length_m * (heading + 0.6 * across),
-    ]
+    corners = [centre, centre + length_m * (heading - 0.6 * across), centre + length_m * (heading + 0.6 * across)]
     outline = [tuple(point) for point in plan.pixels(np.array(corners))]
     draw.line([*outline, outline[0]], fill=ink, width=4, joint="curve")
     x, y = outline[0]

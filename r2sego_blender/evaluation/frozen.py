@@ -80,8 +80,9 @@ def score(
         if rendering.shape != truth.shape:
             raise CaptureError(
                 f"the rendering has shape {rendering.shape}, the frozen view {truth.shape}",
-                where=view.image_path, cure="Render at the frozen camera's size.",
-            )  # fmt: skip
+                where=view.image_path,
+                cure="Render at the frozen camera's size.",
+            )
         distance = None if lpips is None else lpips.distance(rendering, truth)
         distances += [distance] if distance is not None else []
         scores.append(ViewScore(view.name, psnr(rendering, truth), ssim(rendering, truth), distance))

@@ -57,12 +57,9 @@ class GroundTruth:
         """The same scene after a (4, 4) similarity, depths scaled with it."""
         scale = np.cbrt(np.linalg.det(similarity[:3, :3]))
         views = tuple(
-            replace(
-                view, camera=view.camera.transformed(similarity),
-                depth=(view.depth * scale).astype(np.float32),
-            )
+            replace(view, camera=view.camera.transformed(similarity), depth=(view.depth * scale).astype(np.float32))
             for view in self.views
-        )  # fmt: skip
+        )
         vertices = self.vertices @ similarity[:3, :3].T + similarity[:3, 3]
         return replace(self, views=views, vertices=vertices)
 
@@ -98,9 +95,7 @@ def save_ground_truth(truth: GroundTruth, folder: Path) -> None:
     (folder / "depth").mkdir(exist_ok=True)
     for view in truth.views:
         save_arrays(folder / "depth" / f"{view.name}.npz", z=view.depth, ids=view.ids)
-    save_arrays(
-        folder / TRUE_MESH, V=truth.vertices, F=truth.faces, I=truth.instances, names=np.array(truth.names)
-    )
+    save_arrays(folder / TRUE_MESH, V=truth.vertices, F=truth.faces, I=truth.instances, names=np.array(truth.names))
 
 
 def load_true_mesh(file: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -134,9 +129,8 @@ def _views(
             ids = np.asarray(data["ids"], np.int16)
         if depth.shape != camera.shape or ids.shape != camera.shape:
             raise EvaluationError(
-                f"z has the shape {depth.shape}, ids {ids.shape}, the photograph {camera.shape}",
-                where=file, cure=_CURE,
-            )  # fmt: skip
+                f"z has the shape {depth.shape}, ids {ids.shape}, the photograph {camera.shape}", where=file, cure=_CURE
+            )
         if ids.size and ids.max() >= instances:
             raise EvaluationError(f"ids name an instance {ids.max()} of {instances}", where=file, cure=_CURE)
         known = np.isfinite(depth) & (depth > 0.0)
@@ -147,9 +141,8 @@ def _views(
 def _there(file: Path) -> Path:
     if not file.is_file():
         raise EvaluationError(
-            "there is no such file", where=file,
-            cure="Give a folder with cameras.json, depth/*.npz and room.npz.",
-        )  # fmt: skip
+            "there is no such file", where=file, cure="Give a folder with cameras.json, depth/*.npz and room.npz."
+        )
     return file
 
 

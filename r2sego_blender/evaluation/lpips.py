@@ -38,15 +38,7 @@ def find_lpips(folder: Path | None = None) -> tuple[Lpips | None, str]:
 
     try:
         return Lpips.load(backbone, heads), ""
-    except (
-        OSError,
-        EOFError,
-        KeyError,
-        RuntimeError,
-        ValueError,
-        TypeError,
-        pickle.UnpicklingError,
-    ) as error:
+    except (OSError, EOFError, KeyError, RuntimeError, ValueError, TypeError, pickle.UnpicklingError) as error:
         first_line = (str(error).splitlines() or [type(error).__name__])[0]
         return None, f"LPIPS weights in {folder} cannot be used: {first_line}"
 

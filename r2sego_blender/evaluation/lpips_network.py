@@ -8,8 +8,13 @@ import numpy as np
 import torch
 from torch import nn
 
-_CONVOLUTIONS = {0: (3, 64, 11, 4, 2), 3: (64, 192, 5, 1, 2), 6: (192, 384, 3, 1, 1),
-                 8: (384, 256, 3, 1, 1), 10: (256, 256, 3, 1, 1)}  # fmt: skip
+_CONVOLUTIONS = {
+    0: (3, 64, 11, 4, 2),
+    3: (64, 192, 5, 1, 2),
+    6: (192, 384, 3, 1, 1),
+    8: (384, 256, 3, 1, 1),
+    10: (256, 256, 3, 1, 1),
+}
 """AlexNet's layers by torchvision's index: channels in and out, kernel, stride, padding."""
 
 _POOLED_BEFORE = frozenset({3, 6})

@@ -48,6 +48,9 @@ def _arm(arm: ArmScore) -> dict[str, Any]:
             entry["lpips_alex"] = rounded(view.lpips_alex)
         views.append(entry)
     return {
-        "psnr": rounded(arm.psnr), "ssim": rounded(arm.ssim), "lpips_alex": rounded(arm.lpips_alex),
-        "lpips_reason": arm.lpips_reason, "views": views,
-    }  # fmt: skip
+        "psnr": rounded(arm.psnr),
+        "ssim": rounded(arm.ssim),
+        "lpips_alex": rounded(arm.lpips_alex),
+        "lpips_reason": arm.lpips_reason,
+        "views": views,
+    }

@@ -32,9 +32,7 @@ class RoundScore:
     missing: str = ""
 
 
-def score_rounds(
-    scene: Scene, views: Sequence[Capture], progress: Progress = SILENT
-) -> tuple[RoundScore, ...]:
+def score_rounds(scene: Scene, views: Sequence[Capture], progress: Progress = SILENT) -> tuple[RoundScore, ...]:
     """Score ``rounds/l/asset.ply`` of every declared round, in order.
 
     Each asset is put before the scene's backdrop, as the refined asset is. A round whose
@@ -87,16 +85,12 @@ def lines(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     return text
 
 
-def _score(
-    scene: Scene, index: int, backdrop: SplatAsset, views: Sequence[Capture], progress: Progress
-) -> RoundScore:
+def _score(scene: Scene, index: int, backdrop: SplatAsset, views: Sequence[Capture], progress: Progress) -> RoundScore:
     made = ASSET.of_round(index)
     try:
         asset = scene.read(made)
     except R2SEgoError as error:
         return RoundScore(index, None, None, missing=f"{made.name}: {error.what}")
     whole = asset.concatenated(backdrop.with_degree(asset.degree))
-    arm = score(
-        lambda camera: render(whole, camera).colour, views, progress=progress, title=f"Scoring round {index}"
-    )  # fmt: skip
+    arm = score(lambda camera: render(whole, camera).colour, views, progress=progress, title=f"Scoring round {index}")
     return RoundScore(index, arm.psnr, arm.ssim, arm.lpips_alex)

@@ -64,9 +64,7 @@ CAUSES: Mapping[str, Cause] = {
         "deleting floaters, a smaller training.max_scale_m, training.depth_weight above 0",
     ),
     "never_seen": Cause(
-        "never seen",
-        "no capture sees that surface: its colours are made up",
-        "more captures of that side",
+        "never seen", "no capture sees that surface: its colours are made up", "more captures of that side"
     ),
     "edges": Cause(
         "edges",
@@ -175,8 +173,7 @@ def as_entry(causes: SceneCauses | str) -> dict[str, Any]:
         shares.append({"cause": name, "label": cause.label, **figures, "mended_by": cause.mended_by})
     told = [name for name, share in causes.shares.items() if share is not None]
     views = [
-        {"name": view.name, "error": {name: rounded(view.shares[name].error) for name in told}}
-        for view in causes.views
+        {"name": view.name, "error": {name: rounded(view.shares[name].error) for name in told}} for view in causes.views
     ]
     note = {"note": causes.note} if causes.note else {}
     return {"told_by": causes.told_by, "shares": shares, "views": views, **note}
@@ -195,9 +192,7 @@ def lines(entry: Mapping[str, Any]) -> list[str]:
             text.append(f"{one['label']:<24}{'n/a':>6}{'n/a':>8}{'n/a':>9}  told by a true mesh alone")
             continue
         psnr = "n/a" if one["psnr"] is None else f"{one['psnr']:.2f}"
-        text.append(
-            f"{one['label']:<24}{one['error']:>6.0%}{one['pixels']:>8.0%}{psnr:>9}  {one['mended_by']}"
-        )
+        text.append(f"{one['label']:<24}{one['error']:>6.0%}{one['pixels']:>8.0%}{psnr:>9}  {one['mended_by']}")
     return [*text, entry["note"]] if "note" in entry else text
 
 
@@ -233,11 +228,7 @@ def _true_room(
 
 
 def _counted(
-    views: Sequence[Capture],
-    images: Sequence[np.ndarray],
-    labels: Sequence[np.ndarray],
-    told_by: str,
-    note: str,
+    views: Sequence[Capture], images: Sequence[np.ndarray], labels: Sequence[np.ndarray], told_by: str, note: str
 ) -> SceneCauses:
     photographs = [view.image() for view in views]
     shares: dict[str, CauseShares | None] = dict(split(images, photographs, labels, tuple(CAUSES)))

@@ -65,18 +65,15 @@ def evaluate_scene(scene: Scene, frozen: Path, progress: Progress = SILENT) -> d
 def _evaluated(scene: Scene, frozen: Path, progress: Progress) -> dict[str, Any]:
     if not scene.asset_file.is_file():
         raise SceneError(
-            "the scene has not been refined",
-            where=scene.path,
-            cure=f"Run `r2sego refine {scene.path}` first.",
-        )  # fmt: skip
+            "the scene has not been refined", where=scene.path, cure=f"Run `r2sego refine {scene.path}` first."
+        )
     require_present_frame(scene, [layout.REFINED_ASSET], "scored")
     require_as_made(scene, layout.REFINED_ASSET)
     views = tuple(map(DecodedCapture.of, frozen_views(scene, frozen, progress)))  # for all arms and rounds
     if seen := _seen_in_training(scene, views):
         progress.message(
-            f"{', '.join(seen)}: taken from where a capture was; scores of what was trained on say little",
-            "warning",
-        )  # fmt: skip
+            f"{', '.join(seen)}: taken from where a capture was; scores of what was trained on say little", "warning"
+        )
     train_vanilla(scene, progress)
     scores: dict[str, ArmScore] = {}
     renderings: dict[str, dict[str, np.ndarray]] = {}
@@ -85,15 +82,21 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress) -> dict[str, Any]
         pictures = renderings[arm] = {}
         asset = load_made(scene.path / source.asset)
         scores[arm] = score(
-            _renderer(asset, refined_depths if arm == REFINED else []), views,
-            keep=pictures.__setitem__, progress=progress, title=f"Scoring {source.label}",
-        )  # fmt: skip
+            _renderer(asset, refined_depths if arm == REFINED else []),
+            views,
+            keep=pictures.__setitem__,
+            progress=progress,
+            title=f"Scoring {source.label}",
+        )
     rounds = score_rounds(scene, views, progress)
     causes = _causes(scene, frozen, views, renderings[REFINED], refined_depths, progress)
     metrics = write_metrics(
-        scene.metrics_file, scores,
-        rounds=round_scores.as_entries(rounds), causes=scene_causes.as_entry(causes), assets=_scored(scene),
-    )  # fmt: skip
+        scene.metrics_file,
+        scores,
+        rounds=round_scores.as_entries(rounds),
+        causes=scene_causes.as_entry(causes),
+        assets=_scored(scene),
+    )
     shown = _pictures(views, scores, renderings)
     split = report_causes(causes, scores[REFINED], shown)
     write_scene_report(scene, scores, shown, rounds, split)
@@ -108,9 +111,7 @@ def frozen_views(scene: Scene, frozen: Path, progress: Progress = SILENT) -> tup
         h = scene.declaration.settings
         depths = [np.where(m.reliable(h.stereo), m.depth, 0.0) for m in maps]
         sparse = scene.read(SPARSE)
-        return locate_views(
-            frozen, captures, sparse, h.captures, depths=depths, seed=h.seed, progress=progress
-        )
+        return locate_views(frozen, captures, sparse, h.captures, depths=depths, seed=h.seed, progress=progress)
     world_from_capture = np.array(scene.declaration.world_from_capture)
     return tuple(view.transformed(world_from_capture) for view in load_frozen_views(frozen))
 
@@ -180,9 +181,13 @@ def _renderer(asset: SplatAsset, depths: list[np.ndarray]) -> Callable[[Camera],
 
 
 def _causes(
-    scene: Scene, frozen: Path, views: Sequence[Capture], images: Mapping[str, np.ndarray],
-    asset_depths: Sequence[np.ndarray], progress: Progress,
-) -> SceneCauses | str:  # fmt: skip
+    scene: Scene,
+    frozen: Path,
+    views: Sequence[Capture],
+    images: Mapping[str, np.ndarray],
+    asset_depths: Sequence[np.ndarray],
+    progress: Progress,
+) -> SceneCauses | str:
     """The causes of the refined asset's error, or why they cannot be told."""
     try:
         ordered = [images[view.name] for view in views]
@@ -192,9 +197,7 @@ def _causes(
 
 
 def _pictures(
-    views: Sequence[Capture],
-    scores: Mapping[str, ArmScore],
-    renderings: Mapping[str, Mapping[str, np.ndarray]],
+    views: Sequence[Capture], scores: Mapping[str, ArmScore], renderings: Mapping[str, Mapping[str, np.ndarray]]
 ) -> tuple[FrozenView, ...]:
     by_name = {arm: {view.name: view for view in scored.views} for arm, scored in scores.items()}
     return tuple(

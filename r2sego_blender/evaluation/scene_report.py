@@ -190,9 +190,7 @@ def _collision(scene: Scene) -> Collision | None:
 
 def _settings(scene: Scene) -> tuple[SettingUsed, ...]:
     used = {entry.key: entry.default for entry in entries(scene.declaration.settings)}
-    return tuple(
-        SettingUsed(entry.key, str(used[entry.key]), str(entry.default), entry.doc) for entry in entries()
-    )
+    return tuple(SettingUsed(entry.key, str(used[entry.key]), str(entry.default), entry.doc) for entry in entries())
 
 
 def _last_records(scene: Scene) -> list[dict[str, Any]]:

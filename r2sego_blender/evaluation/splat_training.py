@@ -89,9 +89,10 @@ def settings_of(overrides: Mapping[str, Any]) -> Settings:
         section = key.rpartition(".")[0]
         if section not in _SECTIONS and key != "seed":
             raise SettingsError(
-                f"'{key}' does nothing here", where="r2sego train",
+                f"'{key}' does nothing here",
+                where="r2sego train",
                 cure=f"Give {', '.join(f'{name}.*' for name in _SECTIONS)} or seed.",
-            )  # fmt: skip
+            )
     return with_overrides(overrides)
 
 
@@ -127,9 +128,14 @@ def train_on_photographs(
     rng = np.random.default_rng(settings.seed)
     steps = settings.training.steps_per_round
     asset = train(
-        start.asset(settings, rng), start.observations, steps, settings.training, rng, progress,
+        start.asset(settings, rng),
+        start.observations,
+        steps,
+        settings.training,
+        rng,
+        progress,
         watch=_telling(start, steps, unfinished_file(out), progress),
-    )  # fmt: skip
+    )
     save_asset(out, start.in_poses(asset))
     unfinished_file(out).unlink(missing_ok=True)
     taken_s, peak_mb = cpu_s() - started_s, peak_memory_mb()
@@ -191,7 +197,5 @@ def _scores(asset: SplatAsset, views: Sequence[Capture], progress: Progress) -> 
     """As ``r2sego evaluate`` scores."""
     from .frozen import score
 
-    found = score(
-        lambda camera: render(asset, camera).colour, views, progress=progress, title="Scoring held-out views"
-    )
+    found = score(lambda camera: render(asset, camera).colour, views, progress=progress, title="Scoring held-out views")
     return HeldOut(found.psnr, found.ssim, len(views))

@@ -88,14 +88,26 @@ def ego_video_reg(
             target = candidates[candidate]
             reference = int(selection.reference[candidate])
             view = _View(
-                rank, int(candidate), int(selection.rollout[candidate]), int(selection.frame[candidate]),
-                reference, captures[reference].name,
+                rank,
+                int(candidate),
+                int(selection.rollout[candidate]),
+                int(selection.frame[candidate]),
+                reference,
+                captures[reference].name,
                 float(selection.overlaps[candidate, reference]),
-            )  # fmt: skip
+            )
             reason = _generate(
-                view, target, cameras[reference], renderer, generator, landmarks, settings,
-                folder / f"{rank:03d}", space, colours,
-            )  # fmt: skip
+                view,
+                target,
+                cameras[reference],
+                renderer,
+                generator,
+                landmarks,
+                settings,
+                folder / f"{rank:03d}",
+                space,
+                colours,
+            )
             if reason is None:
                 accepted += 1
                 task.advance()
@@ -171,10 +183,17 @@ class _View:
 
 
 def _generate(
-    view: _View, target: Camera, reference: Camera, renderer: Renderer, generator: Generator,
-    landmarks: Landmarks, settings: Settings, folder: Path, space: ClearSpace | None,
+    view: _View,
+    target: Camera,
+    reference: Camera,
+    renderer: Renderer,
+    generator: Generator,
+    landmarks: Landmarks,
+    settings: Settings,
+    folder: Path,
+    space: ClearSpace | None,
     colours: PointConditions | None,
-) -> str | None:  # fmt: skip
+) -> str | None:
     """Make and write one view; None when it is accepted, else the reason why not."""
     folder.mkdir(parents=True, exist_ok=True)
     way = None if space is None else space.way(reference.centre, target.centre)
@@ -220,10 +239,12 @@ def _check_clip(clip: Sequence[Frame], conditions: Sequence[Condition], generato
 
 def _write_path(file: Path, view: _View, reference: Camera, path: Sequence[Camera], note: str) -> None:
     record = {
-        "reference": view.reference, "reference_name": view.reference_name, "note": note,
+        "reference": view.reference,
+        "reference_name": view.reference_name,
+        "note": note,
         "cameras": [camera.to_json() for camera in path],
         "reference_from_frame": reference_from_frame(reference, path).tolist(),
-    }  # fmt: skip
+    }
     write_json(file, record)
 
 
@@ -236,13 +257,16 @@ def _write_clip(folder: Path, clip: Sequence[Frame]) -> None:
     save_image(folder / "confidence.png", clip[-1].confidence)
     height, width = clip[0].image.shape[:2]
     images = [to_uint8(frame.image) for frame in clip]
-    shown = [
-        Image.fromarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)) for image in images
-    ]
+    shown = [Image.fromarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)) for image in images]
     shown[0].save(
-        folder / "clip.webp", save_all=True, append_images=shown[1:], loop=0, quality=_CLIP_QUALITY, method=0,
+        folder / "clip.webp",
+        save_all=True,
+        append_images=shown[1:],
+        loop=0,
+        quality=_CLIP_QUALITY,
+        method=0,
         duration=[_CLIP_FRAME_MS] * (len(shown) - 1) + [_CLIP_LAST_MS],
-    )  # fmt: skip
+    )
 
 
 def _write_pose(
@@ -250,20 +274,29 @@ def _write_pose(
 ) -> None:
     accepted = registered is not None and registered.camera is not None
     record = {
-        "accepted": accepted, "reason": reason, "generator": generator, **vars(view),
-        "query": query.to_json(), "estimate": None,
-    }  # fmt: skip
+        "accepted": accepted,
+        "reason": reason,
+        "generator": generator,
+        **vars(view),
+        "query": query.to_json(),
+        "estimate": None,
+    }
     if registered is not None:
         record |= {
-            "expected": registered.expected, "matches": registered.matches, "inliers": registered.inliers,
+            "expected": registered.expected,
+            "matches": registered.matches,
+            "inliers": registered.inliers,
             "spread": registered.spread,
-        }  # fmt: skip
+        }
     if registered is not None and registered.estimate is not None:
         record |= {
-            "estimate": registered.estimate.to_json(), "offset_m": registered.offset_m,
-            "turn_deg": registered.turn_deg, "focal_px": registered.focal_px,
-            "sigma_m": registered.sigma_m, "sigma_deg": registered.sigma_deg,
-        }  # fmt: skip
+            "estimate": registered.estimate.to_json(),
+            "offset_m": registered.offset_m,
+            "turn_deg": registered.turn_deg,
+            "focal_px": registered.focal_px,
+            "sigma_m": registered.sigma_m,
+            "sigma_deg": registered.sigma_deg,
+        }
     write_json(file, record)
 
 

@@ -91,15 +91,15 @@ def decide(folder: Path, decisions: dict[int, bool | None]) -> None:
         view = folder / f"{rank:03d}"
         if not (view / "pose.json").is_file():
             raise GenerationError(
-                f"there is no generated view {rank}", where=folder,
-                cure="Choose a view that `r2sego views` lists.",
-            )  # fmt: skip
+                f"there is no generated view {rank}", where=folder, cure="Choose a view that `r2sego views` lists."
+            )
         _, record, *_ = _read(view)
         if accepted and record["estimate"] is None:
             raise GenerationError(
                 f"view {rank} has no estimated pose, so nothing can be trained on it",
-                where=view, cure="Leave it rejected, or run the round again.",
-            )  # fmt: skip
+                where=view,
+                cure="Leave it rejected, or run the round again.",
+            )
     for rank, accepted in decisions.items():
         save_decision(folder / f"{rank:03d}", accepted)
 
@@ -127,20 +127,34 @@ def _note(file: Path) -> str:
 
 
 def _record(
-    view: Path, record: dict[str, Any], by_hand: bool | None, note: str,
-    stand_in: dict[int, int], stood_for: dict[int, int],
-) -> ViewRecord:  # fmt: skip
-    figures = ("expected", "matches", "inliers", "spread", "offset_m", "turn_deg", "focal_px", "sigma_m",
-               "sigma_deg")  # fmt: skip
+    view: Path,
+    record: dict[str, Any],
+    by_hand: bool | None,
+    note: str,
+    stand_in: dict[int, int],
+    stood_for: dict[int, int],
+) -> ViewRecord:
+    figures = ("expected", "matches", "inliers", "spread", "offset_m", "turn_deg", "focal_px", "sigma_m", "sigma_deg")
     try:
         rank = record["rank"]
         return ViewRecord(
-            view, rank, int(record["candidate"]), int(record["rollout"]), int(record["frame"]),
-            str(record["reference_name"]), float(record["overlap"]), str(record["generator"]),
-            record["accepted"], by_hand, str(record["reason"]), record["estimate"] is not None,
+            view,
+            rank,
+            int(record["candidate"]),
+            int(record["rollout"]),
+            int(record["frame"]),
+            str(record["reference_name"]),
+            float(record["overlap"]),
+            str(record["generator"]),
+            record["accepted"],
+            by_hand,
+            str(record["reason"]),
+            record["estimate"] is not None,
             {name: float(record[name]) for name in figures if name in record},
-            stood_for.get(rank, -1), stand_in.get(rank, -1), note,
-        )  # fmt: skip
+            stood_for.get(rank, -1),
+            stand_in.get(rank, -1),
+            note,
+        )
     except (KeyError, TypeError, ValueError) as error:
         raise _damaged(view / "pose.json", error) from error
 

@@ -55,9 +55,7 @@ class DeclaredBehaviour:
         """Whether the place to sit down is a declared object's."""
         return isinstance(self.scope.sit_on.target, str) and self.scope.sit_on.target != ANY_SEAT
 
-    def outline(
-        self, captures: Sequence[Capture], proxy: GeometryProxy
-    ) -> tuple[tuple[float, float], ...]:  # fmt: skip
+    def outline(self, captures: Sequence[Capture], proxy: GeometryProxy) -> tuple[tuple[float, float], ...]:
         """Corners of the region where the robot may be; of the free floor, what captures vouch for."""
         within = self.scope.region.within
         if not isinstance(within, str):
@@ -74,6 +72,7 @@ class DeclaredBehaviour:
         if isinstance(target, str) and self.names_object and scope.behaviours.sit_on > 0.0:
             target = object_place(priors, target)
         return replace(  # type: ignore[call-arg]  # of a behaviour
-            scope, region=replace(scope.region, within=self.outline(captures, proxy)),
+            scope,
+            region=replace(scope.region, within=self.outline(captures, proxy)),
             sit_on=replace(scope.sit_on, target=target),
-        )  # fmt: skip
+        )

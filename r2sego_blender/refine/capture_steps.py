@@ -85,22 +85,34 @@ class CaptureSteps:
 
         def stereo(captures: Captures, sparse: SparsePoints) -> dict[str, DepthMap]:
             maps = dense_stereo(
-                captures, depth_ranges(captures, sparse), sparse.points, self.h.stereo,
-                self.h.seed, self.progress, visibility=sparse.visibility,
-            )  # fmt: skip
+                captures,
+                depth_ranges(captures, sparse),
+                sparse.points,
+                self.h.stereo,
+                self.h.seed,
+                self.progress,
+                visibility=sparse.visibility,
+            )
             return by_file(captures, maps)
 
         def lift(captures: Captures, depth: PerCapture[DepthMap]) -> SplatAsset:
             return merge_views(self._lifted(captures, reliable_depths(captures, depth, self.h.stereo)))
 
         depth = self._make(
-            DEPTH, stereo, CAPTURES, SPARSE, settings=[self.h.stereo, self.h.seed],
+            DEPTH,
+            stereo,
+            CAPTURES,
+            SPARSE,
+            settings=[self.h.stereo, self.h.seed],
             fits=lambda maps, captures, _: maps.of(captures),
-        )  # fmt: skip
+        )
         asset = self._make(
-            INITIAL_ASSET, lift, CAPTURES, depth,
+            INITIAL_ASSET,
+            lift,
+            CAPTURES,
+            depth,
             settings=[self.h.stereo, self._stride_px, self.h.training.detailed_share],
-        )  # fmt: skip
+        )
         return RegisteredCaptures(CAPTURES, SPARSE, depth), asset
 
     def observed_and_prior_geometry(
@@ -108,14 +120,10 @@ class CaptureSteps:
     ) -> tuple[Artifact[ObservedGeometry], Artifact[RoomPlanes]]:
         """M_obs with its support record, and the embedded shape prior: the room's own planes."""
 
-        def fuse(
-            captures: Captures, sparse: SparsePoints, depth: PerCapture[DepthMap]
-        ) -> ObservedGeometry:  # fmt: skip
+        def fuse(captures: Captures, sparse: SparsePoints, depth: PerCapture[DepthMap]) -> ObservedGeometry:
             return observe(captures, depth.of(captures), sparse, self.h.stereo)
 
-        def find(
-            captures: Captures, depth: PerCapture[DepthMap], observed: ObservedGeometry
-        ) -> RoomPlanes:  # fmt: skip
+        def find(captures: Captures, depth: PerCapture[DepthMap], observed: ObservedGeometry) -> RoomPlanes:
             rng = np.random.default_rng([self.h.seed, 0])
             cameras = [capture.camera for capture in captures]
             found = find_planes(observed, cameras, self.h.proxy, rng)
@@ -123,16 +131,17 @@ class CaptureSteps:
 
         observed = self._make(OBSERVED, fuse, *captures, settings=self.h.stereo)
         planes = self._make(
-            PLANES, find, captures.photographs, captures.depth, observed,
+            PLANES,
+            find,
+            captures.photographs,
+            captures.depth,
+            observed,
             settings=[self.h.stereo, self.h.proxy, self.h.seed],
-        )  # fmt: skip
+        )
         return observed, planes
 
     def align_priors(
-        self,
-        captures: RegisteredCaptures,
-        observed: Artifact[ObservedGeometry],
-        planes: Artifact[RoomPlanes],
+        self, captures: RegisteredCaptures, observed: Artifact[ObservedGeometry], planes: Artifact[RoomPlanes]
     ) -> AlignedPriors:
         """Priors placed in the world and carried into the captures.
 
@@ -142,9 +151,7 @@ class CaptureSteps:
         The declared objects' shapes are retrieved and aligned beside them.
         """
 
-        def complete(
-            captures: Captures, depth: PerCapture[DepthMap], planes: RoomPlanes
-        ) -> dict[str, CompletedDepth]:
+        def complete(captures: Captures, depth: PerCapture[DepthMap], planes: RoomPlanes) -> dict[str, CompletedDepth]:
             found = complete_depth(captures, depth.of(captures), planes, self.h, self.progress)
             return by_file(captures, found)
 
@@ -154,31 +161,56 @@ class CaptureSteps:
 
         photographs, _, depth = captures
         completed = self._make(
-            COMPLETED, complete, photographs, depth, planes, settings=[self.h.stereo, self.h.proxy],
-            fits=lambda maps, captures, *_: maps.of(captures), also=[observed.key],
-        )  # fmt: skip
-        background = self._make(
-            BACKDROP, behind, photographs, completed, settings=self.h.training.backdrop_gaussians
+            COMPLETED,
+            complete,
+            photographs,
+            depth,
+            planes,
+            settings=[self.h.stereo, self.h.proxy],
+            fits=lambda maps, captures, *_: maps.of(captures),
+            also=[observed.key],
         )
+        background = self._make(BACKDROP, behind, photographs, completed, settings=self.h.training.backdrop_gaussians)
         library = [file_at(Path(folder)) for folder in [self.runner.scene.declaration.mesh_library] if folder]
         objects = self._make(
-            PRIORS, self._aligned, photographs, depth, observed, planes, completed, OBJECTS, *library,
+            PRIORS,
+            self._aligned,
+            photographs,
+            depth,
+            observed,
+            planes,
+            completed,
+            OBJECTS,
+            *library,
             settings=[self.h.priors, self.h.stereo],
-        )  # fmt: skip
+        )
         return AlignedPriors(planes, completed, background, objects)
 
     def _aligned(
-        self, captures: Captures, depth: PerCapture[DepthMap], observed: ObservedGeometry,
-        planes: RoomPlanes, completed: PerCapture[CompletedDepth], declared: ObjectsFolder, *library: Path,
-    ) -> tuple[ObjectPrior, ...]:  # fmt: skip
+        self,
+        captures: Captures,
+        depth: PerCapture[DepthMap],
+        observed: ObservedGeometry,
+        planes: RoomPlanes,
+        completed: PerCapture[CompletedDepth],
+        declared: ObjectsFolder,
+        *library: Path,
+    ) -> tuple[ObjectPrior, ...]:
         objects = declared.of(captures)
         if not objects:  # depth maps and meshes need not be read
             return ()
         shapes = [shape for folder in library for shape in load_library(folder, self.progress)]
         aligned = align_objects(
-            objects, shapes, captures, observed, reliable_depths(captures, depth, self.h.stereo),
-            completed_depths(captures, completed), planes.envelope, self.h.priors, self.progress,
-        )  # fmt: skip
+            objects,
+            shapes,
+            captures,
+            observed,
+            reliable_depths(captures, depth, self.h.stereo),
+            completed_depths(captures, completed),
+            planes.envelope,
+            self.h.priors,
+            self.progress,
+        )
         for one in aligned:
             if one.refusal:
                 self.progress.message(f"{one.name}: no prior, {one.refusal}", "warning")
@@ -203,11 +235,7 @@ class CaptureSteps:
         return DepthView(camera, depth, image, self._stride_px, detailed_share=share)
 
     def _make(
-        self,
-        made: Artifact[Held],
-        compute: Callable[..., Any],
-        *takes: Artifact[Any],
-        **known: Any,
+        self, made: Artifact[Held], compute: Callable[..., Any], *takes: Artifact[Any], **known: Any
     ) -> Artifact[Held]:
         self.runner.make(made, compute, *takes, **known)
         if made.name == self.until:

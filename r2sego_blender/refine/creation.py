@@ -75,9 +75,7 @@ def create_scene(
     def fill(folder: Path) -> None:
         (folder / "captures").mkdir()
         stored = save_captures(
-            folder / "captures",
-            registration.captures(imported.captures),
-            registration.sparse(sparse),
+            folder / "captures", registration.captures(imported.captures), registration.sparse(sparse)
         )
         save_ground_pictures(folder / GROUND_PICTURES, stored)
 

@@ -26,9 +26,7 @@ def reliable_depths(
     ]
 
 
-def completed_depths(
-    captures: Sequence[Capture], completed: PerCapture[CompletedDepth]
-) -> list[np.ndarray]:  # fmt: skip
+def completed_depths(captures: Sequence[Capture], completed: PerCapture[CompletedDepth]) -> list[np.ndarray]:
     """Each capture's depth without holes."""
     return [
         resize_nearest(one.depth, *capture.camera.shape)

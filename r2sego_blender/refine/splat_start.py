@@ -89,9 +89,7 @@ def prepare(
         )
     side_px, limit_px = max(max(c.camera.shape) for c in images), settings.captures.max_side_px
     limit = ", as captures.max_side_px says" if side_px == limit_px else ""
-    progress.message(
-        f"{len(images)} images to train on, up to {side_px} pixels a side{limit}: {imported.source}"
-    )
+    progress.message(f"{len(images)} images to train on, up to {side_px} pixels a side{limit}: {imported.source}")
     _tell_masks(images, held, poses, imported.masks, progress)
     xyz, colours = _first_points(images, poses, points, settings, progress)
     unit_m = _unit_m(imported, images, xyz, progress)
@@ -134,9 +132,7 @@ def _folder_and_poses(captures: Path, poses: Path | None) -> tuple[Path, Path | 
     return captures, only_one(found, captures) if found else None
 
 
-def _split(
-    captures: Sequence[Capture], hold_out: int | None
-) -> tuple[tuple[Capture, ...], tuple[Capture, ...]]:
+def _split(captures: Sequence[Capture], hold_out: int | None) -> tuple[tuple[Capture, ...], tuple[Capture, ...]]:
     """Training images and held-out ones: every ``hold_out``-th by name, beginning with the first."""
     if hold_out is None:
         return tuple(captures), ()
@@ -217,9 +213,7 @@ def _unit_m(imported: Imported, images: Sequence[Capture], xyz: np.ndarray, prog
         depths.append(depth[capture.camera.sees(pixels, depth)])
     seen = np.concatenate(depths)
     if not len(seen):
-        raise CaptureError(
-            "no image sees a point", where="points", cure="Give points in the frame of the poses."
-        )
+        raise CaptureError("no image sees a point", where="points", cure="Give points in the frame of the poses.")
     if imported.metric:
         return 1.0
     progress.message("the poses' unit is unknown: lengths are taken for those of a room while training")

@@ -67,35 +67,50 @@ class Steps(CaptureSteps):
     # ---- lines 6 to 13: every round
 
     def geometry_proxy(
-        self, l: int, captures: RegisteredCaptures, observed: Artifact[ObservedGeometry],
-        priors: AlignedPriors, asset: Artifact[SplatAsset],
-    ) -> Artifact[GeometryProxy]:  # fmt: skip
+        self,
+        l: int,
+        captures: RegisteredCaptures,
+        observed: Artifact[ObservedGeometry],
+        priors: AlignedPriors,
+        asset: Artifact[SplatAsset],
+    ) -> Artifact[GeometryProxy]:
         """M_scaf^l, Eq. 1: observed, prior and completed geometry fused with the asset's own.
 
         What a person cut away and drew comes last, so that every other face stays as it is.
         """
 
         def compose(
-            captures: Captures, observed: ObservedGeometry, planes: RoomPlanes,
-            completed: PerCapture[CompletedDepth], objects: Sequence[AlignedPrior], asset: SplatAsset,
+            captures: Captures,
+            observed: ObservedGeometry,
+            planes: RoomPlanes,
+            completed: PerCapture[CompletedDepth],
+            objects: Sequence[AlignedPrior],
+            asset: SplatAsset,
             edits: Sequence[Edit] = (),
-        ) -> GeometryProxy:  # fmt: skip
+        ) -> GeometryProxy:
             depths = completed.of(captures)
             asset_depths = []
             for one in depths:
                 rendering = render(asset, one.camera)
                 asset_depths.append((one.camera, rendering.depth, rendering.alpha))
             proxy = compose_proxy(
-                captures, depths, observed, planes.envelope, asset_depths, self.h.proxy, self.progress,
-                objects,
-            )  # fmt: skip
+                captures, depths, observed, planes.envelope, asset_depths, self.h.proxy, self.progress, objects
+            )
             return edited(proxy, edits, depths)
 
         edits = [PROXY_EDITS] if self.runner.scene.read(PROXY_EDITS) else []
         return self._make(
-            PROXY.of_round(l), compose, captures.photographs, observed, priors.planes, priors.completed,
-            priors.objects, asset, *edits, settings=self.h.proxy,
-        )  # fmt: skip
+            PROXY.of_round(l),
+            compose,
+            captures.photographs,
+            observed,
+            priors.planes,
+            priors.completed,
+            priors.objects,
+            asset,
+            *edits,
+            settings=self.h.proxy,
+        )
 
     def replace_collision_mesh(self, l: int, proxy: Artifact[GeometryProxy]) -> Artifact[Path]:
         """The simulator's collision surface, made of the current proxy."""
@@ -106,9 +121,13 @@ class Steps(CaptureSteps):
         return self._make(COLLISION.of_round(l), simplify, proxy, settings=self.h.collision)
 
     def successful_ego_poses(
-        self, l: int, captures: RegisteredCaptures, priors: AlignedPriors,
-        proxy: Artifact[GeometryProxy], collision: Artifact[Path],
-    ) -> Artifact[tuple[Rollout, ...]]:  # fmt: skip
+        self,
+        l: int,
+        captures: RegisteredCaptures,
+        priors: AlignedPriors,
+        proxy: Artifact[GeometryProxy],
+        collision: Artifact[Path],
+    ) -> Artifact[tuple[Rollout, ...]]:
         """V_0^l: rollouts resampled until enough succeed, every attempt kept with its reason.
 
         A scope that asks for the free floor gets the part of it that captures vouch for.
@@ -123,23 +142,35 @@ class Steps(CaptureSteps):
                 return self._flights(l, captures, proxy)
             placed = behaviour.placed(captures, proxy, seats_and_files[0] if seats else ())
             return successful_rollouts(
-                behaviour.model, placed, collision / "scene.xml", self.h.rollouts, self._seed_of(l),
-                self.progress,
-            )  # fmt: skip
+                behaviour.model, placed, collision / "scene.xml", self.h.rollouts, self._seed_of(l), self.progress
+            )
 
         return self._make(
-            ROLLOUTS.of_round(l), roll_out, captures.photographs, proxy, collision, *seats,
+            ROLLOUTS.of_round(l),
+            roll_out,
+            captures.photographs,
+            proxy,
+            collision,
+            *seats,
             *(file_at(file) for file in behaviour.scope.files),
             settings=[
-                self.h.rollouts, self.h.selection.candidates, self._seed_of(l), behaviour.robot,
-                behaviour.scope, *behaviour.robot_file,
+                self.h.rollouts,
+                self.h.selection.candidates,
+                self._seed_of(l),
+                behaviour.robot,
+                behaviour.scope,
+                *behaviour.robot_file,
             ],
-        )  # fmt: skip
+        )
 
     def robot_proxy(
-        self, l: int, captures: RegisteredCaptures, candidates: Artifact[tuple[Rollout, ...]],
-        proxy: Artifact[GeometryProxy], asset: Artifact[SplatAsset],
-    ) -> Artifact[SelectedViews]:  # fmt: skip
+        self,
+        l: int,
+        captures: RegisteredCaptures,
+        candidates: Artifact[tuple[Rollout, ...]],
+        proxy: Artifact[GeometryProxy],
+        asset: Artifact[SplatAsset],
+    ) -> Artifact[SelectedViews]:
         """V^l, Eq. 2: deficit times availability, temporal NMS and Top-K, with every reason, and
         the targets' references i(v): line 9 is done here, for the best ranked alone."""
         behaviour = self._behaviour
@@ -150,24 +181,45 @@ class Steps(CaptureSteps):
             stream = candidate_stream(rollouts, behaviour.scope.episode.max_turn_deg_s)
             eye = behaviour.ego_camera(captures)
             selection = allocate_views(
-                stream, eye, asset, proxy, [capture.camera for capture in captures], self.h.selection,
-                [self._seed_of(l), 1], self.h.generation.max_replacements, self.progress,
-            )  # fmt: skip
+                stream,
+                eye,
+                asset,
+                proxy,
+                [capture.camera for capture in captures],
+                self.h.selection,
+                [self._seed_of(l), 1],
+                self.h.generation.max_replacements,
+                self.progress,
+            )
             return SelectedViews(selection, [eye.at(pose) for pose in stream.poses])
 
         return self._make(
-            SELECTION.of_round(l), allocate, captures.photographs, candidates, proxy, asset,
+            SELECTION.of_round(l),
+            allocate,
+            captures.photographs,
+            candidates,
+            proxy,
+            asset,
             settings=[
-                self.h.selection, self._seed_of(l), self.h.generation.max_replacements,
-                behaviour.robot, behaviour.scope.robot, behaviour.scope.episode, *behaviour.robot_file,
+                self.h.selection,
+                self._seed_of(l),
+                self.h.generation.max_replacements,
+                behaviour.robot,
+                behaviour.scope.robot,
+                behaviour.scope.episode,
+                *behaviour.robot_file,
             ],
             fits=lambda selected, captures, *_: selected.require_captures(len(captures)),
-        )  # fmt: skip
+        )
 
     def ego_video_reg(
-        self, l: int, captures: RegisteredCaptures, priors: AlignedPriors,
-        proxy: Artifact[GeometryProxy], targets: Artifact[SelectedViews],
-    ) -> tuple[Views, ...]:  # fmt: skip
+        self,
+        l: int,
+        captures: RegisteredCaptures,
+        priors: AlignedPriors,
+        proxy: Artifact[GeometryProxy],
+        targets: Artifact[SelectedViews],
+    ) -> tuple[Views, ...]:
         """D_ego^l, Eq. 3: for each target a clip along the path from its reference i(v), whose
         last frame is kept and registered to the captures.
 
@@ -176,9 +228,13 @@ class Steps(CaptureSteps):
         installed = installation_of(self.h)
 
         def generate(
-            folder: Path, captures: Captures, depth: PerCapture[DepthMap],
-            completed: PerCapture[CompletedDepth], proxy: GeometryProxy, targets: SelectedViews,
-        ) -> None:  # fmt: skip
+            folder: Path,
+            captures: Captures,
+            depth: PerCapture[DepthMap],
+            completed: PerCapture[CompletedDepth],
+            proxy: GeometryProxy,
+            targets: SelectedViews,
+        ) -> None:
             depths = proxy_depths(captures, proxy)
             observed = reliable_depths(captures, depth, self.h.stereo)
             renderer = make_renderer(proxy, self.h.generation)
@@ -186,30 +242,50 @@ class Steps(CaptureSteps):
             inputs = ClipInputs(captures, depths, observed, renderer, colours, self.h, folder)
             # Before the landmarks: a program that is not there is told at once.
             with open_generator(installed, inputs) as generator:
-                landmarks = Landmarks.build(
-                    captures, observed, completed_depths(captures, completed), self.progress
-                )
+                landmarks = Landmarks.build(captures, observed, completed_depths(captures, completed), self.progress)
                 ego_video_reg(
-                    *targets.require_captures(len(captures)), captures, renderer, generator, landmarks,
-                    self.h, folder, self.progress, ClearSpace(proxy.vertices, proxy.faces), colours,
-                )  # fmt: skip
+                    *targets.require_captures(len(captures)),
+                    captures,
+                    renderer,
+                    generator,
+                    landmarks,
+                    self.h,
+                    folder,
+                    self.progress,
+                    ClearSpace(proxy.vertices, proxy.faces),
+                    colours,
+                )
             for dropped in carry_decisions(self.runner.scene.path / views.name, folder):
                 self.progress.message(f"round {l}, {dropped}", level="warning")
 
         views = VIEWS.of_round(l)
         self._make(
-            views, generate, captures.photographs, captures.depth, priors.completed, proxy, targets,
+            views,
+            generate,
+            captures.photographs,
+            captures.depth,
+            priors.completed,
+            proxy,
+            targets,
             settings=[
-                self.h.generation, self.h.registration, self.h.selection, self.h.seed,
+                self.h.generation,
+                self.h.registration,
+                self.h.selection,
+                self.h.seed,
                 *([installed.identity] if installed.identity else []),
             ],
-        )  # fmt: skip
+        )
         return (views,)
 
     def update_visual_asset(
-        self, l: int, asset: Artifact[SplatAsset], captures: RegisteredCaptures, priors: AlignedPriors,
-        proxy: Artifact[GeometryProxy], pseudo_observations: Sequence[Views],
-    ) -> Artifact[SplatAsset]:  # fmt: skip
+        self,
+        l: int,
+        asset: Artifact[SplatAsset],
+        captures: RegisteredCaptures,
+        priors: AlignedPriors,
+        proxy: Artifact[GeometryProxy],
+        pseudo_observations: Sequence[Views],
+    ) -> Artifact[SplatAsset]:
         """A^{l+1}: the asset refined on the captures and all pseudo-observations so far.
 
         The backdrop stands behind it in training and is kept apart: rounds look for what
@@ -218,10 +294,13 @@ class Steps(CaptureSteps):
         training = settings_of_round(self.h.training, l)
 
         def update(
-            asset: SplatAsset, backdrop: SplatAsset, captures: Captures,
-            completed: PerCapture[CompletedDepth], proxy: GeometryProxy,
+            asset: SplatAsset,
+            backdrop: SplatAsset,
+            captures: Captures,
+            completed: PerCapture[CompletedDepth],
+            proxy: GeometryProxy,
             *generated: Sequence[PseudoObservation],
-        ) -> SplatAsset:  # fmt: skip
+        ) -> SplatAsset:
             renderer = ZBufferRenderer(proxy)
             # Where a ray leaves the proxy, the completed depth: every photographed pixel is of something.
             pairs = zip(proxy_depths(captures, proxy), completed_depths(captures, completed), strict=True)
@@ -231,9 +310,16 @@ class Steps(CaptureSteps):
             return update_visual_asset(asset, backdrop, real, synthetic, training, rng, self.progress)
 
         refined = self._make(
-            ASSET.of_round(l), update, asset, priors.backdrop, captures.photographs, priors.completed, proxy,
-            *pseudo_observations, settings=[training, self.h.seed],
-        )  # fmt: skip
+            ASSET.of_round(l),
+            update,
+            asset,
+            priors.backdrop,
+            captures.photographs,
+            priors.completed,
+            proxy,
+            *pseudo_observations,
+            settings=[training, self.h.seed],
+        )
         made_of = (ROLLOUTS.of_round(l), SELECTION.of_round(l), VIEWS.of_round(l))
         self._make(COUNTS.of_round(l), _count, refined, *made_of)
         return refined
@@ -264,9 +350,7 @@ class Steps(CaptureSteps):
 
     def _pseudo_view(self, observation: PseudoObservation, renderer: ZBufferRenderer) -> PseudoView:
         depth = renderer.depth(observation.camera)
-        return PseudoView(
-            self._depth_view(observation.camera, depth, observation.image), observation.confidence
-        )
+        return PseudoView(self._depth_view(observation.camera, depth, observation.image), observation.confidence)
 
     def _flights(self, l: int, captures: Captures, proxy: GeometryProxy) -> tuple[Rollout, ...]:
         """As many free flights above the scope's region as there would be rollouts."""
@@ -281,9 +365,8 @@ class Steps(CaptureSteps):
 
 
 def _count(
-    asset: SplatAsset, rollouts: Sequence[Rollout], selected: SelectedViews,
-    views: Sequence[PseudoObservation],
-) -> dict[str, Any]:  # fmt: skip
+    asset: SplatAsset, rollouts: Sequence[Rollout], selected: SelectedViews, views: Sequence[PseudoObservation]
+) -> dict[str, Any]:
     selection = selected.selection
     return {
         "rollouts_succeeded": sum(rollout.success for rollout in rollouts),

@@ -155,24 +155,26 @@ def update_visual_asset(
             refines_pose=settings.pose_learning_rate > 0.0,
         )
         for p in pseudo_observations
-    ]  # fmt: skip
+    ]
     rest = settings.steps_per_round - first
     title, both = "Training on all views", [*anchors, *synthetic]
     return train(asset, both, rest, settings, rng, progress, title, shown_from(both, title, progress))
 
 
-def _observation(
-    view: DepthView, backdrop: SplatAsset, settings: TrainingSettings, weight: float
-) -> Observation:
+def _observation(view: DepthView, backdrop: SplatAsset, settings: TrainingSettings, weight: float) -> Observation:
     """The view as training sees it: with its depth, opaque where it has any, the backdrop behind."""
     normals = None
     if settings.normal_weight > 0.0:
         normals = surface_normals(view.camera, view.depth).astype(np.float32)
     return Observation(
-        view.camera, view.image, weight,
-        background=render(backdrop, view.camera).colour, opaque=(view.depth > 0.0).astype(np.float32),
-        depth=view.depth, normals=normals,
-    )  # fmt: skip
+        view.camera,
+        view.image,
+        weight,
+        background=render(backdrop, view.camera).colour,
+        opaque=(view.depth > 0.0).astype(np.float32),
+        depth=view.depth,
+        normals=normals,
+    )
 
 
 def vanilla_asset(

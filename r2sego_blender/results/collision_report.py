@@ -14,12 +14,7 @@ from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
 from ..core.errors import SceneError
 from ..core.progress import SILENT, Progress
-from ..geometry.collision.collision_check import (
-    WITHIN_M,
-    CollisionCheck,
-    check_collision,
-    gap_in_words,
-)
+from ..geometry.collision.collision_check import WITHIN_M, CollisionCheck, check_collision, gap_in_words
 from ..geometry.proxy.proxy import PROXY
 from ..refine.behaviour import DeclaredBehaviour
 from ..robot.model.mujoco_warnings import described, mujoco_warnings
@@ -54,9 +49,7 @@ class CollisionReport:
             "fell_through": int(surface.fell_through.sum()),
             "left_the_floor": int(surface.left.sum()),
             "rest_within_1_cm": int(surface.on_surface.sum()),
-            "rest_within_1_cm_of_proxy": int(
-                (surface.at_rest & (abs(surface.proxy_gap_m) <= WITHIN_M)).sum()
-            ),
+            "rest_within_1_cm_of_proxy": int((surface.at_rest & (abs(surface.proxy_gap_m) <= WITHIN_M)).sum()),
             "largest_gap_m": _largest(surface.gap_m[surface.at_rest]),
             "off_surface": _places_off_surface(surface),
             "simulated_s": round(surface.simulated_s, 3),
@@ -83,9 +76,8 @@ def _checked(scene: Scene, progress: Progress) -> CollisionReport:
     rounds = scene.rounds_of_result()
     if not scene.collision_folder.is_dir() or not rounds:
         raise SceneError(
-            "there is no collision surface yet", where=scene.path,
-            cure=f"Run `r2sego refine {scene.path}` first.",
-        )  # fmt: skip
+            "there is no collision surface yet", where=scene.path, cure=f"Run `r2sego refine {scene.path}` first."
+        )
     require_present_frame(scene, [COLLISION, of_round(rounds - 1, "proxy")], "checked")
     require_as_made(scene, COLLISION)
     proxy = scene.read(PROXY.of_round(rounds - 1))
@@ -93,9 +85,8 @@ def _checked(scene: Scene, progress: Progress) -> CollisionReport:
     with mujoco_warnings() as heard:
         surface = check_collision(scene.collision_folder, (proxy.vertices, proxy.faces), progress)
         standing = stand(
-            behaviour.model, behaviour.scope, scene.collision_folder / "scene.xml",
-            scene.declaration.settings.rollouts,
-        )  # fmt: skip
+            behaviour.model, behaviour.scope, scene.collision_folder / "scene.xml", scene.declaration.settings.rollouts
+        )
     if heard:
         progress.message(f"MuJoCo warned: {described(heard)}", "warning")
     return CollisionReport(surface, standing)
@@ -148,9 +139,10 @@ def _places_off_surface(surface: CollisionCheck) -> list[dict[str, Any]]:
     for index in surface.off_surface:
         one = _off_surface(surface, int(index))
         same = (
-            other for other in told
+            other
+            for other in told
             if other["what"] == one["what"] and math.dist(other["place_m"], one["place_m"]) < _SAME_PLACE_M
-        )  # fmt: skip
+        )
         if (before := next(same, None)) is None:
             told.append({**one, "spheres": 1})
         else:

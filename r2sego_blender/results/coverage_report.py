@@ -28,9 +28,7 @@ def _read(folder: Path) -> dict[str, Any]:
 _FIGURES_OF_IT = Artifact(COVERAGE.name, _read, editable=COVERAGE.editable)
 
 
-def measure_coverage(
-    scene: Scene, round_index: int | None = None, progress: Progress = SILENT
-) -> dict[str, Any]:
+def measure_coverage(scene: Scene, round_index: int | None = None, progress: Progress = SILENT) -> dict[str, Any]:
     """Publish the coverage of a round, the last by default, and return its figures.
 
     ``rounds/<l>/coverage/`` holds ``coverage.npz`` and ``coverage.json`` (areas in square
@@ -40,9 +38,10 @@ def measure_coverage(
     index = max(scene.newest_round("selection/selection.npz"), 0) if round_index is None else round_index
     if not (scene.path / of_round(index, "selection") / "candidates.npz").is_file():
         raise SceneError(
-            f"round {index} has no candidate views", where=scene.path,
+            f"round {index} has no candidate views",
+            where=scene.path,
             cure="Run `r2sego refine`, or choose another round.",
-        )  # fmt: skip
+        )
 
     def compute(folder: Path, mesh: GeometryProxy, cameras: list[Camera]) -> None:
         seen = count_seen(mesh.vertices, mesh.faces, cameras, progress)

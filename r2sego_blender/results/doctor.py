@@ -89,15 +89,11 @@ def lines(findings: dict[str, Any]) -> list[str]:
     for package in findings["packages"]:
         state = package["version"] or ("MISSING" if package["required"] else "not installed (optional)")
         text.append(f"  {package['name']:<24} {state:<26} {package['size_mb']:>4} MB  {package['purpose']}")
-    text += [
-        "",
-        f"free disk: {findings['free_disk_mb']} MB (a scene takes about {findings['scene_space_mb']} MB)",
-    ]
+    text += ["", f"free disk: {findings['free_disk_mb']} MB (a scene takes about {findings['scene_space_mb']} MB)"]
     wanted = [p["name"] for p in findings["packages"] if p["version"] is None and p["required"]]
     if wanted:
         text.append(
-            f"missing, about {findings['missing_mb']} MB: "
-            f"run `make install`, or pip install {' '.join(wanted)}"
+            f"missing, about {findings['missing_mb']} MB: run `make install`, or pip install {' '.join(wanted)}"
         )
     elif findings["ready"]:
         text.append("everything required is here")
@@ -114,6 +110,9 @@ def _examine_package(package: Package) -> dict[str, Any]:
         except importlib.metadata.PackageNotFoundError:
             version = "present"
     return {
-        "name": package.name, "version": version, "purpose": package.purpose,
-        "size_mb": package.size_mb, "required": package.required,
-    }  # fmt: skip
+        "name": package.name,
+        "version": version,
+        "purpose": package.purpose,
+        "size_mb": package.size_mb,
+        "required": package.required,
+    }

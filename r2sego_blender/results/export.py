@@ -52,11 +52,7 @@ _ABOUT_CAMERAS = (
 
 
 def export_scene(
-    scene: Scene,
-    folder: Path,
-    splats: Sequence[str] = (),
-    textured: bool = False,
-    progress: Progress = SILENT,
+    scene: Scene, folder: Path, splats: Sequence[str] = (), textured: bool = False, progress: Progress = SILENT
 ) -> list[Path]:
     """Write the asset, the collision surface and the coloured proxy; returns what was written.
 
@@ -76,27 +72,19 @@ def export_scene(
     """
     for suffix in splats:
         if suffix not in SUFFIXES:
-            raise AssetError(
-                f"'{suffix}' is no format of splats", where="--splats", cure=f"Use {', '.join(SUFFIXES)}."
-            )
+            raise AssetError(f"'{suffix}' is no format of splats", where="--splats", cure=f"Use {', '.join(SUFFIXES)}.")
     with scene.held_still():
         return _exported(scene, folder, splats, textured, progress)
 
 
-def _exported(
-    scene: Scene, folder: Path, splats: Sequence[str], textured: bool, progress: Progress
-) -> list[Path]:
+def _exported(scene: Scene, folder: Path, splats: Sequence[str], textured: bool, progress: Progress) -> list[Path]:
     rounds = scene.rounds_of_result()
     if not scene.asset_file.is_file() or not scene.collision_folder.is_dir() or not rounds:
         raise SceneError(
-            "there is nothing to export yet",
-            where=scene.path,
-            cure=f"Run `r2sego refine {scene.path}` first.",
+            "there is nothing to export yet", where=scene.path, cure=f"Run `r2sego refine {scene.path}` first."
         )
     if folder.resolve().is_relative_to(scene.path.resolve()):
-        raise SceneError(
-            "a scene is not exported into itself", where=folder, cure="Choose a folder outside the scene."
-        )
+        raise SceneError("a scene is not exported into itself", where=folder, cure="Choose a folder outside the scene.")
     require_present_frame(scene, [REFINED_ASSET, COLLISION, of_round(rounds - 1, "proxy")], "exported")
     require_as_made(scene, REFINED_ASSET, COLLISION)
     for name, made in (("collision", MESH_OBJ), *[(TEXTURED, "room.obj")] * textured):
@@ -133,9 +121,7 @@ def _exported(
     finally:
         shutil.rmtree(staging, ignore_errors=True)
     if others:
-        progress.message(
-            f"{folder}: {', '.join(others)} are there already, and not of this export", "warning"
-        )
+        progress.message(f"{folder}: {', '.join(others)} are there already, and not of this export", "warning")
     return [folder / name for name in names]
 
 
@@ -146,9 +132,8 @@ def _is_export(folder: Path) -> bool:
 
 def _not_of_an_export(place: Path) -> SceneError:
     return SceneError(
-        "it is there already, and no export made it", where=place,
-        cure="Choose another folder, or move it away.",
-    )  # fmt: skip
+        "it is there already, and no export made it", where=place, cure="Choose another folder, or move it away."
+    )
 
 
 def _own_files(before: Path, made: Path) -> list[Path]:
@@ -157,9 +142,10 @@ def _own_files(before: Path, made: Path) -> list[Path]:
         return []
     files = [file for file in sorted(before.rglob("*")) if not file.is_dir()]
     return [
-        file for file in files
+        file
+        for file in files
         if not (made / file.relative_to(before)).exists() and not file.match(f"{HULLS}/piece_*.obj")
-    ]  # fmt: skip
+    ]
 
 
 def _others(folder: Path, names: Sequence[str]) -> list[str]:
@@ -211,9 +197,7 @@ def _outdated_in_words(parts: Sequence[str]) -> str:
     )
 
 
-def _about(
-    scene: Scene, names: Sequence[str], rounds: int, others: Sequence[str], outdated: Sequence[str]
-) -> str:
+def _about(scene: Scene, names: Sequence[str], rounds: int, others: Sequence[str], outdated: Sequence[str]) -> str:
     """What the files ``names`` are, in which frame, and what made them.
 
     ``others`` were there before; ``outdated`` parts would be made anew.

@@ -67,9 +67,10 @@ def describe_plan(steps: Sequence[PlannedStep], half_corrected: bool = False) ->
         "kept": [name for key, name in PARTS.items() if key not in parts and key in map(_part_of, kept)],
     }
     return {
-        "line": _HALF if half_corrected else _line(words, redone), **words,
+        "line": _HALF if half_corrected else _line(words, redone),
+        **words,
         "steps": [{"step": step.target, "redone": bool(step.why), "why": step.why} for step in steps],
-    }  # fmt: skip
+    }
 
 
 def lines(described: Mapping[str, Any]) -> list[str]:

@@ -15,9 +15,7 @@ from ..splats.formats.registry import load_asset
 from ..splats.rendering.pictures import load_cameras
 
 
-def asset_and_cameras(
-    source: Path, cameras: Path, stage: str = FINAL
-) -> tuple[SplatAsset, dict[str, Camera]]:
+def asset_and_cameras(source: Path, cameras: Path, stage: str = FINAL) -> tuple[SplatAsset, dict[str, Camera]]:
     """The asset of a scene at a stage, or of a splat file, and the cameras in a file, by their names.
 
     Of a splat file the cameras may also be the poses of what it was trained on: a scene's world is another

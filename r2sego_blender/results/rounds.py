@@ -19,8 +19,9 @@ def advance(scene: Scene, round_index: int | None, step: str, progress: Progress
     index = min(scene.rounds_done(), rounds - 1) if round_index is None else round_index
     if not 0 <= index < rounds:
         raise SettingsError(
-            f"there is no round {index}", where="--round",
+            f"there is no round {index}",
+            where="--round",
             cure=f"Give 0 to {rounds - 1}; the scene declares {rounds} rounds.",
-        )  # fmt: skip
+        )
     refine(scene, progress, until=of_round(index, step))
     return index

@@ -94,8 +94,7 @@ def _renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer
         return mujoco.Renderer(model, height, width)
     except mujoco.FatalError as error:
         raise MachineError(
-            f"MuJoCo cannot draw here: {error}",
-            cure="Without a screen, set MUJOCO_GL=egl before Python starts.",
+            f"MuJoCo cannot draw here: {error}", cure="Without a screen, set MUJOCO_GL=egl before Python starts."
         ) from error
     finally:
         view.offwidth, view.offheight, quality.offsamples = before

@@ -173,6 +173,4 @@ def _largest_cause(causes: dict[str, Any]) -> list[str]:
     if not told:
         return []
     largest = max(told, key=lambda one: one["error"])
-    return [
-        f"  largest cause of error: {largest['label']}, {largest['error']:.0%} of it; {largest['mended_by']}"
-    ]
+    return [f"  largest cause of error: {largest['label']}, {largest['error']:.0%} of it; {largest['mended_by']}"]

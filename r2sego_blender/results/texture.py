@@ -85,9 +85,7 @@ def _textured(scene: Scene, settings: Settings, file: Path | None, progress: Pro
     started = time.monotonic()
     target = scene.path / FILE if file is None else Path(file)
     if target.suffix.lower() not in (".glb", ".obj"):
-        raise SettingsError(
-            f"'{target.name}' ends neither in .glb nor in .obj", where="--to", cure="Name it so."
-        )
+        raise SettingsError(f"'{target.name}' ends neither in .glb nor in .obj", where="--to", cure="Name it so.")
     if not target.parent.is_dir():
         raise AssetError("there is no such folder", where=target.parent, cure="Make it first.")
     textured, views = _baked(scene, _newest_proxy(scene), settings, progress)
@@ -116,9 +114,7 @@ def _textured(scene: Scene, settings: Settings, file: Path | None, progress: Pro
     )
 
 
-def textured_room(
-    scene: Scene, proxy: GeometryProxy, settings: Settings, progress: Progress = SILENT
-) -> TexturedMesh:
+def textured_room(scene: Scene, proxy: GeometryProxy, settings: Settings, progress: Progress = SILENT) -> TexturedMesh:
     """A proxy of ``scene`` with colours baked from its captures, small holes closed, and decimated.
 
     Raises GeometryError where no capture sees it.
@@ -143,8 +139,7 @@ def _baked(
     fewer = decimated(*whole, settings.texture.faces)
     if len(fewer[1]) > _TOO_MANY * settings.texture.faces:
         progress.message(
-            f"texture.faces {settings.texture.faces}: {len(fewer[1])} are left, in parts that lose no more",
-            "warning",
+            f"texture.faces {settings.texture.faces}: {len(fewer[1])} are left, in parts that lose no more", "warning"
         )
     mesh = unwrapped(*fewer, settings.texture, progress)
     cameras = [capture.camera for capture in captures]
@@ -176,8 +171,7 @@ def _newest_proxy(scene: Scene) -> GeometryProxy:
     index = scene.newest_round("proxy/proxy.npz")
     if index < 0:
         raise SceneError(
-            "there is no proxy to texture yet", where=scene.path,
-            cure=f"Run `r2sego refine {scene.path}` first.",
-        )  # fmt: skip
+            "there is no proxy to texture yet", where=scene.path, cure=f"Run `r2sego refine {scene.path}` first."
+        )
     require_present_frame(scene, [of_round(index, "proxy")], "textured")
     return scene.read(PROXY.of_round(index))

@@ -41,8 +41,7 @@ class SplatAsset:
             found = getattr(self, name).shape
             if found != expected:
                 raise AssetError(
-                    f"{name} has the shape {found}, not {expected}",
-                    cure="Give one row for each Gaussian.",
+                    f"{name} has the shape {found}, not {expected}", cure="Give one row for each Gaussian."
                 )
         if self.sh.shape[1] not in (1, 4, 9, 16):
             raise AssetError(
@@ -76,9 +75,7 @@ class SplatAsset:
         determinant = np.linalg.det(linear)
         scale = np.cbrt(determinant)
         if determinant <= 0 or not np.allclose(linear @ linear.T, scale**2 * np.eye(3), atol=1e-5 * scale**2):
-            raise AssetError(
-                "the transform is not a similarity", cure="Use a rotation, one scale and a translation."
-            )
+            raise AssetError("the transform is not a similarity", cure="Use a rotation, one scale and a translation.")
         rotation = linear / scale
         return SplatAsset(
             means=self.means.astype(np.float64) @ linear.T + np.asarray(similarity)[:3, 3],
@@ -120,9 +117,7 @@ class SplatAsset:
             keep &= np.isfinite(values).all(axis=1)
         keep &= np.isfinite(self.sh).all(axis=(1, 2))
         if file is not None and len(self) and not keep.any():
-            raise AssetError(
-                "no Gaussian of the file has finite values", where=file, cure="Copy or export it again."
-            )
+            raise AssetError("no Gaussian of the file has finite values", where=file, cure="Copy or export it again.")
         return self if keep.all() else self.subset(keep)
 
     def with_degree(self, degree: int) -> SplatAsset:

@@ -73,9 +73,7 @@ def not_yet_deleted(edits: Sequence[AssetEdit], regions: Sequence[Region]) -> tu
 def save_edit(scene: Scene, edit: AssetEdit) -> Path:
     """Write an edit into the bundle, in place of one of that name. Raises AssetError for a bad name."""
     if not _NAME.fullmatch(edit.name):
-        raise AssetError(
-            f"'{edit.name}' is no name of an edit", where="--name", cure="Use letters, digits, - and _."
-        )
+        raise AssetError(f"'{edit.name}' is no name of an edit", where="--name", cure="Use letters, digits, - and _.")
     content = {"regions": [region.to_json() for region in edit.regions]}
     with scene.publishing(f"{layout.ASSET_EDITS}/{edit.name}.json") as staging:
         write_json(staging, content)

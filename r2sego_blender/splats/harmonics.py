@@ -72,9 +72,7 @@ def basis(directions: np.ndarray, degree: int) -> np.ndarray:
     """(N, (degree+1)**2) float64, the harmonics at unit ``directions`` (N, 3)."""
     values = basis_values(*np.asarray(directions, np.float64).T)[: (degree + 1) ** 2]
     return (
-        np.stack(np.broadcast_arrays(*values), axis=1)
-        if len(values) > 1
-        else np.full((len(directions), 1), SH_BAND_0)
+        np.stack(np.broadcast_arrays(*values), axis=1) if len(values) > 1 else np.full((len(directions), 1), SH_BAND_0)
     )
 
 

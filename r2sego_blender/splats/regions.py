@@ -38,9 +38,10 @@ class Box:
     def to_json(self) -> dict[str, Any]:
         """As ``region_of`` reads it."""
         return {
-            "kind": "box", "world_from_box": self.world_from_box.tolist(),
+            "kind": "box",
+            "world_from_box": self.world_from_box.tolist(),
             "half_extents": self.half_extents.tolist(),
-        }  # fmt: skip
+        }
 
 
 @dataclass(frozen=True)
@@ -78,21 +79,34 @@ class Lasso:
         camera = self.camera.transformed(similarity)
         if self.orthographic:
             camera = Camera(
-                camera.width, camera.height, camera.fx / scale, camera.fy / scale,
-                camera.cx, camera.cy, camera.world_from_camera,
-            )  # fmt: skip
+                camera.width,
+                camera.height,
+                camera.fx / scale,
+                camera.fy / scale,
+                camera.cx,
+                camera.cy,
+                camera.world_from_camera,
+            )
         return Lasso(
-            camera, self.polygon_px, self.near_m * scale, self.far_m * scale, self.orthographic,
+            camera,
+            self.polygon_px,
+            self.near_m * scale,
+            self.far_m * scale,
+            self.orthographic,
             self.kept_sides @ np.linalg.inv(similarity),
-        )  # fmt: skip
+        )
 
     def to_json(self) -> dict[str, Any]:
         """As ``region_of`` reads it."""
         return {
-            "kind": "lasso", "camera": self.camera.to_json(), "polygon_px": self.polygon_px.tolist(),
-            "near_m": self.near_m, "far_m": self.far_m, "orthographic": self.orthographic,
+            "kind": "lasso",
+            "camera": self.camera.to_json(),
+            "polygon_px": self.polygon_px.tolist(),
+            "near_m": self.near_m,
+            "far_m": self.far_m,
+            "orthographic": self.orthographic,
             "kept_sides": self.kept_sides.tolist(),
-        }  # fmt: skip
+        }
 
 
 @dataclass(frozen=True)
@@ -121,9 +135,7 @@ class Cells:
 
     def to_json(self) -> dict[str, Any]:
         """As ``region_of`` reads it."""
-        return {
-            "kind": "cells", "grid_from_world": self.grid_from_world.tolist(), "cells": self.cells.tolist(),
-        }  # fmt: skip
+        return {"kind": "cells", "grid_from_world": self.grid_from_world.tolist(), "cells": self.cells.tolist()}
 
 
 Region = Box | Lasso | Cells
@@ -145,10 +157,13 @@ def region_of(data: Mapping[str, Any], where: object) -> Region:
                     raise ValueError("polygon_px has fewer than three corners")
                 sides = data.get("kept_sides", [])
                 return Lasso(
-                    Camera.from_json(data["camera"]), polygon,
-                    float(data["near_m"]), float(data["far_m"]), bool(data.get("orthographic", False)),
+                    Camera.from_json(data["camera"]),
+                    polygon,
+                    float(data["near_m"]),
+                    float(data["far_m"]),
+                    bool(data.get("orthographic", False)),
                     _numbers(np.reshape(sides, (-1, 4)), (len(sides), 4)),
-                )  # fmt: skip
+                )
             case "cells":
                 cells = np.asarray(data["cells"], np.int64).reshape(-1, 3)
                 return Cells(_numbers(data["grid_from_world"], (4, 4)), cells)

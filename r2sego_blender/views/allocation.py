@@ -38,11 +38,14 @@ def allocate_views(
     cameras = [lens.at(pose) for pose in candidates.poses]
     deficit, availability = support_scores(cameras, asset, proxy, settings, progress)
     selection = select_targets(
-        deficit, availability, candidates.rollout, candidates.frame, settings, progress,
-        np.random.default_rng(seed),
-    )  # fmt: skip
+        deficit, availability, candidates.rollout, candidates.frame, settings, progress, np.random.default_rng(seed)
+    )
     rasterizer = MeshRasterizer(proxy.vertices, proxy.faces)
     return with_references(
-        selection, cameras, captures, lambda camera: rasterizer.render(camera).depth, settings,
+        selection,
+        cameras,
+        captures,
+        lambda camera: rasterizer.render(camera).depth,
+        settings,
         settings.target_views + spares,
-    )  # fmt: skip
+    )

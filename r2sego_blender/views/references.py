@@ -31,9 +31,7 @@ def with_references(
     reference = selection.reference.copy()
     overlaps = np.zeros((len(reference), len(captures)))
     for index in selection.ranked[:count]:
-        reference[index], overlaps[index] = select_reference(
-            candidates[index], captures, depth_of, depths, settings
-        )
+        reference[index], overlaps[index] = select_reference(candidates[index], captures, depth_of, depths, settings)
     return replace(selection, reference=reference, overlaps=overlaps)
 
 

@@ -23,9 +23,17 @@ from ..core.progress import SILENT, Progress
 from ..core.text_files import opened_json, write_json
 
 _ARRAYS = (
-    "rollout", "frame", "deficit", "availability", "score", "survived", "rank", "chosen", "reference",
+    "rollout",
+    "frame",
+    "deficit",
+    "availability",
+    "score",
+    "survived",
+    "rank",
+    "chosen",
+    "reference",
     "overlaps",
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True)
@@ -74,11 +82,14 @@ class Selection:
         folder.mkdir(parents=True, exist_ok=True)
         save_arrays(folder / "selection.npz", **{name: getattr(self, name) for name in _ARRAYS})
         words = {
-            "budget": self.budget, "note": self.note, "ablations": list(self.ablations),
-            "candidates": len(self.score), "survived": int(self.survived.sum()),
+            "budget": self.budget,
+            "note": self.note,
+            "ablations": list(self.ablations),
+            "candidates": len(self.score),
+            "survived": int(self.survived.sum()),
             "targets": [self.described(index) for index in self.targets],
             "reasons": list(self.reason),
-        }  # fmt: skip
+        }
         write_json(folder / "selection.json", words)
 
     @staticmethod
@@ -96,19 +107,26 @@ class Selection:
         if {array.shape[:1] for array in arrays.values()} != {(len(reason),)}:
             raise GenerationError(
                 "selection.npz and selection.json do not belong together",
-                where=folder, cure="Run `r2sego refine` again.",
-            )  # fmt: skip
+                where=folder,
+                cure="Run `r2sego refine` again.",
+            )
         return Selection(**arrays, reason=reason, budget=budget, note=note, ablations=ablations)
 
     def described(self, index: int) -> dict[str, object]:
         """A candidate's entries, JSON-ready."""
         return {
-            "candidate": int(index), "rollout": int(self.rollout[index]), "frame": int(self.frame[index]),
-            "deficit": float(self.deficit[index]), "availability": float(self.availability[index]),
-            "score": float(self.score[index]), "rank": int(self.rank[index]),
-            "chosen": bool(self.chosen[index]), "reference": int(self.reference[index]),
-            "overlaps": self.overlaps[index].tolist(), "reason": self.reason[index],
-        }  # fmt: skip
+            "candidate": int(index),
+            "rollout": int(self.rollout[index]),
+            "frame": int(self.frame[index]),
+            "deficit": float(self.deficit[index]),
+            "availability": float(self.availability[index]),
+            "score": float(self.score[index]),
+            "rank": int(self.rank[index]),
+            "chosen": bool(self.chosen[index]),
+            "reference": int(self.reference[index]),
+            "overlaps": self.overlaps[index].tolist(),
+            "reason": self.reason[index],
+        }
 
 
 def _require_ranks(arrays: dict[str, np.ndarray]) -> None:
@@ -238,10 +256,21 @@ def select_targets(
         for index in range(len(score))
     )
     return Selection(
-        rollout, frame, deficit, availability, score, survived, rank, chosen,
-        reference=np.full(len(score), -1, np.int64), overlaps=np.zeros((len(score), 0)),
-        reason=reason, budget=settings.target_views, note=note, ablations=ablations(settings),
-    )  # fmt: skip
+        rollout,
+        frame,
+        deficit,
+        availability,
+        score,
+        survived,
+        rank,
+        chosen,
+        reference=np.full(len(score), -1, np.int64),
+        overlaps=np.zeros((len(score), 0)),
+        reason=reason,
+        budget=settings.target_views,
+        note=note,
+        ablations=ablations(settings),
+    )
 
 
 def ablations(settings: SelectionSettings) -> tuple[str, ...]:
@@ -249,9 +278,7 @@ def ablations(settings: SelectionSettings) -> tuple[str, ...]:
     whole = SelectionSettings()
     keys = ("candidates", "ranking", "geometry")
     return tuple(
-        f"selection.{key} = {getattr(settings, key)}"
-        for key in keys
-        if getattr(settings, key) != getattr(whole, key)
+        f"selection.{key} = {getattr(settings, key)}" for key in keys if getattr(settings, key) != getattr(whole, key)
     )
 
 
@@ -265,9 +292,15 @@ def _drawn(stream: np.ndarray, rng: np.random.Generator | None) -> np.ndarray:
 
 
 def _reason(
-    index: int, deficit: np.ndarray, availability: np.ndarray, priority: np.ndarray,
-    suppressor: np.ndarray, frame: np.ndarray, rank: np.ndarray, settings: SelectionSettings,
-) -> str:  # fmt: skip
+    index: int,
+    deficit: np.ndarray,
+    availability: np.ndarray,
+    priority: np.ndarray,
+    suppressor: np.ndarray,
+    frame: np.ndarray,
+    rank: np.ndarray,
+    settings: SelectionSettings,
+) -> str:
     better, budget, at_random = suppressor[index], settings.target_views, settings.ranking == "random"
     if better != index and at_random:
         return f"passed over: frame {frame[better]} of this rollout was drawn before"
@@ -319,8 +352,9 @@ class SelectedViews(NamedTuple):
         return GenerationError(
             f"it is of {len(self.selection.score)} candidates and {known} captures, and there are "
             f"{len(self.candidates)} and {captures}",
-            where=folder / "selection.npz", cure="Run `r2sego refine` again.",
-        )  # fmt: skip
+            where=folder / "selection.npz",
+            cure="Run `r2sego refine` again.",
+        )
 
 
 SELECTION = Artifact("selection", SelectedViews.load, SelectedViews.save)

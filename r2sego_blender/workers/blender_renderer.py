@@ -63,9 +63,13 @@ class BlenderWorker:
         return self._process.pid if self._process is not None and self._process.poll() is None else None
 
     def render(
-        self, proxy_file: Path, path: Sequence[Camera], engine: str, folder: Path,
+        self,
+        proxy_file: Path,
+        path: Sequence[Camera],
+        engine: str,
+        folder: Path,
         on_frame: Callable[[int], None] = lambda index: None,
-    ) -> list[Path]:  # fmt: skip
+    ) -> list[Path]:
         """Render the proxy of ``proxy_file`` from each camera with ``engine``, "cycles" or "eevee".
 
         The file must not change while this worker lives: Blender reads it once. Returns one
@@ -75,9 +79,12 @@ class BlenderWorker:
         died, hung or left no complete result.
         """
         request = {
-            "proxy": str(proxy_file), "engine": engine, "folder": str(folder),
-            "cameras": [camera.to_json() for camera in path], "frame_limit_s": self._frame_limit_s,
-        }  # fmt: skip
+            "proxy": str(proxy_file),
+            "engine": engine,
+            "folder": str(folder),
+            "cameras": [camera.to_json() for camera in path],
+            "frame_limit_s": self._frame_limit_s,
+        }
         with self._lock:
             self._start()
             try:
@@ -107,14 +114,19 @@ class BlenderWorker:
         try:
             # In this process's group, so that whoever ends the group ends Blender too.
             self._process = subprocess.Popen(
-                command, env=_environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE, text=True, encoding="utf-8", errors="replace",
-            )  # fmt: skip
+                command,
+                env=_environment(),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                encoding="utf-8",
+                errors="replace",
+            )
         except OSError as error:
             raise MachineError(
-                f"Blender could not be started: {error}", where=command[0],
-                cure=f"Name another in {BLENDER_VARIABLE}.",
-            ) from error  # fmt: skip
+                f"Blender could not be started: {error}", where=command[0], cure=f"Name another in {BLENDER_VARIABLE}."
+            ) from error
         RUNNING.add(self._process)
         self._lines: SimpleQueue[Mapping[str, Any] | None] = SimpleQueue()
         self._words: deque[str] = deque(maxlen=_REMEMBERED_LINES)
@@ -128,9 +140,10 @@ class BlenderWorker:
             hello = self._answer()
             if hello.get("ready") != _PROTOCOL:
                 raise MachineError(
-                    "this Blender answers another protocol", where=command[0],
+                    "this Blender answers another protocol",
+                    where=command[0],
                     cure="Let both sides use the same R2S-EGO.",
-                )  # fmt: skip
+                )
         except BaseException:
             self._kill()
             raise
@@ -147,17 +160,19 @@ class BlenderWorker:
             answer = self._lines.get(timeout=self._frame_limit_s)
         except Empty:
             raise NativeError(
-                f"Blender was silent for {self._frame_limit_s:.0f} s", where=self._blender or "bpy",
+                f"Blender was silent for {self._frame_limit_s:.0f} s",
+                where=self._blender or "bpy",
                 cure=f"Use smaller images, or another Blender.{self._last_words()}",
-            ) from None  # fmt: skip
+            ) from None
         if answer is None:
             assert self._process is not None
             status = self._process.wait()
             self._listeners[1].join(1.0)
             raise NativeError(
-                f"Blender ended without a result (exit status {status})", where=self._blender or "bpy",
+                f"Blender ended without a result (exit status {status})",
+                where=self._blender or "bpy",
                 cure=f"Start it by hand to see why.{self._last_words()}",
-            )  # fmt: skip
+            )
         return answer
 
     def _last_words(self) -> str:
@@ -189,22 +204,21 @@ def _command(blender: str) -> list[str]:
     if not blender:
         if importlib.util.find_spec("bpy") is None:
             raise MachineError(
-                "no Blender is chosen, and this Python has no bpy", where=BLENDER_VARIABLE,
+                "no Blender is chosen, and this Python has no bpy",
+                where=BLENDER_VARIABLE,
                 cure="Name a Blender 4.3 or later, or use the z-buffer.",
-            )  # fmt: skip
+            )
         return [sys.executable, "-c", serve]
     program = Path(blender).expanduser()
     named_safely = program.is_absolute() or len(program.parts) == 1
     found = shutil.which(str(program)) if named_safely else None
     if found is None:
         raise MachineError(
-            "this Blender is not there or cannot be run", where=blender,
+            "this Blender is not there or cannot be run",
+            where=blender,
             cure=f"Give its whole path in {BLENDER_VARIABLE}, or use the z-buffer.",
-        )  # fmt: skip
-    return [
-        found, "--background", "--factory-startup", "-noaudio",
-        "--python-exit-code", "1", "--python-expr", serve,
-    ]  # fmt: skip
+        )
+    return [found, "--background", "--factory-startup", "-noaudio", "--python-exit-code", "1", "--python-expr", serve]
 
 
 def _environment() -> dict[str, str]:

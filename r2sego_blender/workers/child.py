@@ -81,9 +81,14 @@ def call_in_child(
         write_text(request_file, json.dumps(request))
         command = [python, "-c", _CHILD, name, str(request_file), str(manifest)]
         process = subprocess.Popen(
-            command, env=_environment(python, folder), stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
-        )  # fmt: skip
+            command,
+            env=_environment(python, folder),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+        )
         RUNNING.add(process)
         try:
             printed, _ = process.communicate(timeout=timeout_s)
@@ -95,13 +100,9 @@ def call_in_child(
             process.kill()
             process.wait()
             forget(process)
-        outcome: dict[str, Any] = (
-            json.loads(manifest.read_text(encoding="utf-8")) if manifest.is_file() else {}
-        )
+        outcome: dict[str, Any] = json.loads(manifest.read_text(encoding="utf-8")) if manifest.is_file() else {}
         if "error" in outcome:
-            raise _error_class(outcome["error"])(
-                outcome["what"], where=outcome["where"], cure=outcome["cure"]
-            )
+            raise _error_class(outcome["error"])(outcome["what"], where=outcome["where"], cure=outcome["cure"])
         if process.returncode != 0 or not outcome.get("complete"):
             lines = [line for line in printed.splitlines() if line.strip()]
             last = f" Its last words: {lines[-1][:300]}" if lines else ""
@@ -135,10 +136,7 @@ def serve_call(function: str, request_file: str, manifest: str) -> None:
     try:
         outcome = {"complete": True, "result": getattr(module, name)(request)}
     except R2SEgoError as error:
-        outcome = {
-            "error": type(error).__name__, "what": error.what,
-            "where": error.where, "cure": error.cure,
-        }  # fmt: skip
+        outcome = {"error": type(error).__name__, "what": error.what, "where": error.where, "cure": error.cure}
     unfinished = Path(manifest + ".tmp")
     write_text(unfinished, json.dumps(outcome))
     unfinished.replace(manifest)

@@ -30,9 +30,7 @@ def render_frames(
     worker = BlenderWorker(blender)
     try:
         with progress.task("Conditions", total=len(path)) as task:
-            return worker.render(
-                proxy_file, path, "cycles", folder, lambda index: task.advance(index - task.done)
-            )
+            return worker.render(proxy_file, path, "cycles", folder, lambda index: task.advance(index - task.done))
     finally:
         worker.close()
 

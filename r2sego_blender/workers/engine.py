@@ -42,9 +42,10 @@ def find_interpreter(preferred: str = "", fallback: str = "") -> str:
     found = shutil.which(str(Path(chosen).expanduser()))
     if found is None:
         raise MachineError(
-            "the engine's Python is not there or cannot be run", where=chosen,
+            "the engine's Python is not there or cannot be run",
+            where=chosen,
             cure="Choose the python of the engine's environment in the add-on's preferences.",
-        )  # fmt: skip
+        )
     return found
 
 
@@ -56,21 +57,29 @@ def ask(arguments: Iterable[str], interpreter: str, timeout_s: float = 60.0) -> 
     command = [interpreter, "-m", LIBRARY.name, *arguments]
     try:
         done: subprocess.CompletedProcess[str] = subprocess.run(
-            command, env=engine_environment(), stdin=subprocess.DEVNULL,
-            capture_output=True, text=True, encoding="utf-8", errors="replace", timeout=timeout_s,
+            command,
+            env=engine_environment(),
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            encoding="utf-8",
+            errors="replace",
+            timeout=timeout_s,
             **NO_WINDOW,
-        )  # fmt: skip
+        )
     except (OSError, subprocess.TimeoutExpired) as error:
         raise MachineError(
-            f"the engine does not answer: {error}", where=interpreter,
+            f"the engine does not answer: {error}",
+            where=interpreter,
             cure="Choose another Python in the add-on's preferences.",
-        ) from error  # fmt: skip
+        ) from error
     if not done.stdout.strip():
         last = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
         raise MachineError(
-            f"this Python cannot run the engine: {last}", where=interpreter,
+            f"this Python cannot run the engine: {last}",
+            where=interpreter,
             cure="Install the engine's packages there, or choose another Python.",
-        )  # fmt: skip
+        )
     return done.stdout
 
 
@@ -109,9 +118,10 @@ def _passing_on(process: subprocess.Popen) -> Iterator[None]:
 
 def _not_started(interpreter: str, error: OSError) -> MachineError:
     return MachineError(
-        f"the engine could not be started: {error}", where=interpreter,
+        f"the engine could not be started: {error}",
+        where=interpreter,
         cure="Choose another Python in the add-on's preferences.",
-    )  # fmt: skip
+    )
 
 
 def engine_environment() -> dict[str, str]:

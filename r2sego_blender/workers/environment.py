@@ -42,9 +42,19 @@ OLDEST_MACOS = 14
 """For which the packages' wheels are built."""
 
 _OF_ENVIRONMENTS = {
-    "bin", "include", "lib", "lib64", "share", "Scripts", "Include", "Lib", "pyvenv.cfg", DOWNLOADS,
-    ".gitignore", ".DS_Store",
-}  # fmt: skip
+    "bin",
+    "include",
+    "lib",
+    "lib64",
+    "share",
+    "Scripts",
+    "Include",
+    "Lib",
+    "pyvenv.cfg",
+    DOWNLOADS,
+    ".gitignore",
+    ".DS_Store",
+}
 _WORTH_TELLING = ("Collecting", "Downloading", "Using cached", "Processing", "Installing")  # pip's steps
 _LOOK_S = 0.5
 
@@ -58,9 +68,8 @@ def required_packages(project_file: Path = PROJECT_FILE) -> list[str]:
         return list(tomllib.loads(project_file.read_text(encoding="utf-8"))["project"]["dependencies"])
     except (OSError, tomllib.TOMLDecodeError, KeyError) as error:
         raise MachineError(
-            "the list of the engine's packages cannot be read", where=project_file,
-            cure="Install the extension again.",
-        ) from error  # fmt: skip
+            "the list of the engine's packages cannot be read", where=project_file, cure="Install the extension again."
+        ) from error
 
 
 def python_of(folder: Path) -> Path:
@@ -84,11 +93,7 @@ def not_packaged(system: str = sysconfig.get_platform(), macos: str = platform.m
 
 
 def make_environment(
-    folder: Path,
-    requirements: Sequence[str],
-    wheels: Path | None,
-    progress: Progress,
-    needed_mb: int = 0,
+    folder: Path, requirements: Sequence[str], wheels: Path | None, progress: Progress, needed_mb: int = 0
 ) -> Path:
     """Make or complete the environment in ``folder``; returns its interpreter.
 
@@ -103,9 +108,10 @@ def make_environment(
         raise MachineError("there is no such folder of wheels", where=wheels, cure="Choose another.")
     if wheels is None and (reason := not_packaged()):
         raise MachineError(
-            reason, cure="Make scenes on such a machine: this Blender opens and edits them. Or give a folder "
+            reason,
+            cure="Make scenes on such a machine: this Blender opens and edits them. Or give a folder "
             "of wheels that you have built.",
-        )  # fmt: skip
+        )
     with progress.task("Making an environment", 1) as task:
         if not _has_pip(python):
             _require_no_others(folder)
@@ -120,17 +126,28 @@ def make_environment(
     (downloads / "unfinished").mkdir(parents=True, exist_ok=True)
     source = ["--no-index", "--find-links", str(wheels)] if wheels else _indices()
     command = [
-        str(python), "-m", "pip", "install", "--disable-pip-version-check", "--progress-bar=off",
-        "--cache-dir", str(downloads / "cache"), *source, *requirements,
-    ]  # fmt: skip
+        str(python),
+        "-m",
+        "pip",
+        "install",
+        "--disable-pip-version-check",
+        "--progress-bar=off",
+        "--cache-dir",
+        str(downloads / "cache"),
+        *source,
+        *requirements,
+    ]
     # One call, so that pip finds versions that agree with each other.
     told = _PipProgress(progress, downloads, folder, "Reading wheels" if wheels else "Downloading, MB")
     _run(
-        command, "the packages cannot be installed",
+        command,
+        "the packages cannot be installed",
         "Check the network and the room on disk, or give a folder of wheels; then try again: "
         "what was downloaded is kept.",
-        told.line, told.look, {"TMPDIR": str(downloads / "unfinished"), "PYTHONNOUSERSITE": "1"},
-    )  # fmt: skip
+        told.line,
+        told.look,
+        {"TMPDIR": str(downloads / "unfinished"), "PYTHONNOUSERSITE": "1"},
+    )
     told.close()
     shutil.rmtree(downloads, ignore_errors=True)
     return python
@@ -189,9 +206,10 @@ def _require_room(folder: Path, needed_mb: int) -> None:
     free_mb = shutil.disk_usage(place).free // 10**6
     if free_mb < needed_mb:
         raise MachineError(
-            f"the disk has {free_mb} MB left and {needed_mb} MB are needed", where=folder,
+            f"the disk has {free_mb} MB left and {needed_mb} MB are needed",
+            where=folder,
             cure="Make room, then try again.",
-        )  # fmt: skip
+        )
 
 
 def _require_no_others(folder: Path) -> None:
@@ -199,9 +217,10 @@ def _require_no_others(folder: Path) -> None:
     others = sorted({path.name for path in folder.iterdir()} - _OF_ENVIRONMENTS) if folder.is_dir() else ()
     if others:
         raise MachineError(
-            f"'{others[0]}' is in this folder, which would be emptied", where=folder,
+            f"'{others[0]}' is in this folder, which would be emptied",
+            where=folder,
             cure="Choose a new or an empty folder.",
-        )  # fmt: skip
+        )
 
 
 def _has_pip(python: Path) -> bool:
@@ -222,11 +241,16 @@ def _run(
 ) -> None:
     """Run ``command``; ``on_line`` hears its lines, ``look`` is called now and then."""
     process = subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
         env={**os.environ, "PYTHONUTF8": "1", **(variables or {})},
-        text=True, encoding="utf-8", errors="replace",
+        text=True,
+        encoding="utf-8",
+        errors="replace",
         **DYING_WITH_PARENT,
-    )  # fmt: skip
+    )
     lines: list[str] = []
     reader = threading.Thread(target=_read, args=(process, lines), daemon=True)
     reader.start()
@@ -260,9 +284,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     progress = JsonProgress()
     try:
-        python = make_environment(
-            options.folder, required_packages(), options.wheels, progress, options.needed_mb
-        )
+        python = make_environment(options.folder, required_packages(), options.wheels, progress, options.needed_mb)
     except (R2SEgoError, OSError) as error:
         progress.emit_error(of_file(error) if isinstance(error, OSError) else error)
         return 1

@@ -37,14 +37,13 @@ def accepted_version(package: str, series: Sequence[str], backend: str, variable
     try:
         version = importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError as error:
-        raise MachineError(
-            f"{backend} is not there: no package {package}", where=variable, cure=cure
-        ) from error
+        raise MachineError(f"{backend} is not there: no package {package}", where=variable, cure=cure) from error
     if ".".join(version.split(".")[:2]) not in series:
         raise MachineError(
             f"{backend} is of version {version}, and this adapter follows {' and '.join(series)}",
-            where=variable, cure=cure,
-        )  # fmt: skip
+            where=variable,
+            cure=cure,
+        )
     return version
 
 

@@ -92,9 +92,12 @@ class GeneratorProgram:
             self._process = _Tree(
                 [*self._command, str(folder)],
                 env=external_variables() | {"PYTHONUTF8": "1"},  # it reads names of folders
-                stdin=subprocess.PIPE, stdout=self._said, stderr=subprocess.STDOUT,
-                **DYING_WITH_PARENT, **group_of_its_own(window=False),
-            )  # fmt: skip
+                stdin=subprocess.PIPE,
+                stdout=self._said,
+                stderr=subprocess.STDOUT,
+                **DYING_WITH_PARENT,
+                **group_of_its_own(window=False),
+            )
         except OSError as error:
             self._said.close()
             raise MachineError(
@@ -118,9 +121,7 @@ class GeneratorProgram:
 
     def _check(self, result: dict[str, Any], status: int | None) -> None:
         if "error" in result:
-            raise MachineError(
-                str(result["error"]), where=self._name, cure=result.get("cure") or self._cure,
-            )  # fmt: skip
+            raise MachineError(str(result["error"]), where=self._name, cure=result.get("cure") or self._cure)
         if status:
             killed = f"was killed by signal {-status}"
             raise self._broken(killed if status < 0 else f"ended with exit status {status}")
@@ -131,9 +132,10 @@ class GeneratorProgram:
         if missing or result["protocol"] != PROTOCOL:
             what = f"lacks {', '.join(missing)}" if missing else f"follows protocol {result['protocol']}"
             raise NativeError(
-                f"the result.json of the generator {what}", where=self._name,
+                f"the result.json of the generator {what}",
+                where=self._name,
                 cure=f"This R2S-EGO follows protocol {PROTOCOL}, see docs/backends.md.",
-            )  # fmt: skip
+            )
 
     def _broken(self, how: str) -> NativeError:
         cure = f"{self._cure}{self._last_words()}"

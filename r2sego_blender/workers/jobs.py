@@ -37,16 +37,7 @@ from ..core.errors import MachineError, R2SEgoError, SceneError
 from ..core.progress import JOB_FOLDER_VARIABLE
 from .engine import COMMAND_NAME, GOING_ON, LIBRARY, engine_environment
 from .processes import birth, group_of_its_own
-from .supervisor import (
-    CANCEL_FILE,
-    END_FILE,
-    EVENTS_FILE,
-    GRACE_S,
-    JOB_FILE,
-    PROCESS_FILE,
-    WORDS_FILE,
-    write_record,
-)
+from .supervisor import CANCEL_FILE, END_FILE, EVENTS_FILE, GRACE_S, JOB_FILE, PROCESS_FILE, WORDS_FILE, write_record
 
 JOBS_FOLDER = ".jobs"
 """Where a scene bundle keeps its jobs."""
@@ -86,17 +77,22 @@ def start_job(
     """
     if shutil.which(interpreter) is None:
         raise MachineError(
-            "the engine could not be started: it is not there or cannot be run", where=interpreter,
+            "the engine could not be started: it is not there or cannot be run",
+            where=interpreter,
             cure="Choose another Python in the add-on's preferences.",
-        )  # fmt: skip
+        )
     name = f"{LIBRARY.name}.{module}" if module else LIBRARY.name
     now = datetime.datetime.now(datetime.UTC)
     place = Path(folder) / f"{now:%Y%m%d-%H%M%S}-{secrets.token_hex(3)}"
     record = {
-        "format": _FORMAT, "title": title, "command": [interpreter, "-m", name, *arguments],
-        "started": now.timestamp(), "machine": platform.node(), "notes": dict(notes or {}),
+        "format": _FORMAT,
+        "title": title,
+        "command": [interpreter, "-m", name, *arguments],
+        "started": now.timestamp(),
+        "machine": platform.node(),
+        "notes": dict(notes or {}),
         "starter": _this_process(),
-    }  # fmt: skip
+    }
     try:
         place.mkdir(parents=True)
         write_record(place / JOB_FILE, record)
@@ -105,15 +101,18 @@ def start_job(
         process = subprocess.Popen(
             [own_python, "-m", f"{LIBRARY.name}.workers.supervisor", str(place)],
             env=engine_environment() | {JOB_FOLDER_VARIABLE: str(place)},
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
             **group_of_its_own(window=False),
-        )  # fmt: skip
+        )
     except OSError as error:
         shutil.rmtree(place, ignore_errors=True)
         raise MachineError(
-            f"a job could not be started: {error}", where=place.parent,
+            f"a job could not be started: {error}",
+            where=place.parent,
             cure="Is there room on the disk, and may this folder be written?",
-        ) from error  # fmt: skip
+        ) from error
     _started_here.difference_update([one for one in _started_here if one.poll() is not None])
     _started_here.add(process)
     return Job(place, record, process)
@@ -137,9 +136,7 @@ def find_jobs(folder: Path) -> list[Job]:
 class Job:
     """One command of the engine; get one from ``start_job``, ``find_jobs`` or ``Job.open``."""
 
-    def __init__(
-        self, folder: Path, record: Mapping[str, Any], process: subprocess.Popen | None = None
-    ) -> None:
+    def __init__(self, folder: Path, record: Mapping[str, Any], process: subprocess.Popen | None = None) -> None:
         self.folder = folder
         self.title: str = record["title"]
         self.command: list[str] = record["command"]
@@ -159,9 +156,7 @@ class Job:
         """The job of a folder. Raises SceneError when it is missing or damaged."""
         file = Path(folder) / JOB_FILE
         record = _record(file)
-        kinds = {
-            "title": str, "command": list, "started": float, "machine": str, "notes": dict, "starter": dict
-        }  # fmt: skip
+        kinds = {"title": str, "command": list, "started": float, "machine": str, "notes": dict, "starter": dict}
         wrong = [key for key, kind in kinds.items() if not isinstance(record.get(key), kind)]
         if record.get("format") != _FORMAT or wrong:
             raise SceneError("this is no job, or a damaged one", where=file, cure="Remove the folder.")
@@ -247,8 +242,9 @@ class Job:
         if status is None:
             raise EngineError(
                 end.get("error") or "it ended without a word: killed, or the machine went down",
-                where=self.title, cure=self._way_on(),
-            )  # fmt: skip
+                where=self.title,
+                cure=self._way_on(),
+            )
         if status != 0 or self._error:
             words = self.words()
             last = words[-1] if words else self._last_line or f"exit status {status}"
@@ -256,9 +252,8 @@ class Job:
             raise EngineError(text.rstrip(". "))
         if self._result is None and _TELLS_RESULT in self.command:
             raise EngineError(
-                "it ended without a result: what ran is not the engine", where=self.title,
-                cure="Press Check Engine.",
-            )  # fmt: skip
+                "it ended without a result: what ran is not the engine", where=self.title, cure="Press Check Engine."
+            )
         return self._result or {}
 
     def words(self) -> list[str]:

@@ -128,17 +128,20 @@ elif sys.platform == "win32":
         """JOBOBJECT_EXTENDED_LIMIT_INFORMATION, of which the flags alone are set here."""
 
         _fields_ = (
-            ("times", ctypes.c_int64 * 2), ("flags", ctypes.c_uint32), ("set", ctypes.c_size_t * 2),
-            ("processes", ctypes.c_uint32), ("affinity", ctypes.c_size_t), ("priority", ctypes.c_uint32 * 2),
-            ("transfers", ctypes.c_uint64 * 6), ("memory", ctypes.c_size_t * 4),
-        )  # fmt: skip
+            ("times", ctypes.c_int64 * 2),
+            ("flags", ctypes.c_uint32),
+            ("set", ctypes.c_size_t * 2),
+            ("processes", ctypes.c_uint32),
+            ("affinity", ctypes.c_size_t),
+            ("priority", ctypes.c_uint32 * 2),
+            ("transfers", ctypes.c_uint64 * 6),
+            ("memory", ctypes.c_size_t * 4),
+        )
 
     class _Members(ctypes.Structure):
         """JOBOBJECT_BASIC_PROCESS_ID_LIST."""
 
-        _fields_ = (
-            ("assigned", ctypes.c_uint32), ("count", ctypes.c_uint32), ("pids", ctypes.c_size_t * _MOST)
-        )  # fmt: skip
+        _fields_ = (("assigned", ctypes.c_uint32), ("count", ctypes.c_uint32), ("pids", ctypes.c_size_t * _MOST))
 
     def _job_of_this_process() -> int | None:
         """A job object of this process and all it starts; the system ends them with its last handle."""
@@ -167,7 +170,7 @@ def _told_by_ps(pid: int) -> str:
     # Its date is written in the asker's language and time zone, which another asker need not share.
     variables = {**os.environ, "LC_ALL": "C", "TZ": "UTC"}
     command = ["ps", "-o", "stat=", "-o", "lstart=", "-p", str(pid)]
-    state, _, began = subprocess.run(
-        command, env=variables, capture_output=True, text=True
-    ).stdout.strip().partition(" ")  # fmt: skip
+    state, _, began = (
+        subprocess.run(command, env=variables, capture_output=True, text=True).stdout.strip().partition(" ")
+    )
     return "" if state.startswith("Z") else began.strip()

@@ -21,14 +21,7 @@ from typing import TYPE_CHECKING, Any
 from ..core.errors import MachineError, NativeError
 from ..core.scratch import ScratchFolder
 from .child import call_in_child
-from .external_environment import (
-    PROTOCOL,
-    accepted_version,
-    checked_request,
-    checked_result,
-    named_python,
-    require_gpu,
-)
+from .external_environment import PROTOCOL, accepted_version, checked_request, checked_result, named_python, require_gpu
 
 if TYPE_CHECKING:
     import numpy as np
@@ -69,9 +62,12 @@ def segment_externally(
         for name, image in photographs.items():
             save_image(files[name], image)
         request = {
-            "protocol": PROTOCOL, "photographs": {name: str(file) for name, file in files.items()},
-            "vocabulary": list(vocabulary), "least_score": least_score, "folder": folder,
-        }  # fmt: skip
+            "protocol": PROTOCOL,
+            "photographs": {name: str(file) for name, file in files.items()},
+            "vocabulary": list(vocabulary),
+            "least_score": least_score,
+            "folder": folder,
+        }
         result = call_in_child(_segment, request, python=python)
         checked_result(result, _NAME, ["masks"])
         found = []
@@ -79,9 +75,10 @@ def segment_externally(
             mask = load_image_uint8(Path(one["file"]))[..., 0] >= _WHITE
             if mask.shape != photographs[one["photograph"]].shape[:2]:
                 raise NativeError(
-                    f"a mask of {_NAME} has not the size of its photograph", where=one["photograph"],
+                    f"a mask of {_NAME} has not the size of its photograph",
+                    where=one["photograph"],
                     cure="Update the adapter's environment.",
-                )  # fmt: skip
+                )
             found.append(FoundMask(one["photograph"], one["word"], float(one["score"]), mask))
         return result["backend"], tuple(found)
 
@@ -113,7 +110,5 @@ def _segment(request: dict[str, Any]) -> dict[str, Any]:
                 for mask, score in zip(found, scores, strict=True):
                     path = Path(request["folder"], f"mask_{len(masks)}.png")
                     Image.fromarray(mask.astype(np.uint8) * 255).save(path)
-                    masks.append(
-                        {"photograph": name, "word": word, "score": float(score), "file": str(path)}
-                    )  # fmt: skip
+                    masks.append({"photograph": name, "word": word, "score": float(score), "file": str(path)})
     return {"protocol": PROTOCOL, "backend": f"{_NAME} {version}", "masks": masks}

@@ -22,14 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import MachineError, NativeError
 from .child import call_in_child
-from .external_environment import (
-    PROTOCOL,
-    accepted_version,
-    checked_request,
-    checked_result,
-    named_python,
-    require_gpu,
-)
+from .external_environment import PROTOCOL, accepted_version, checked_request, checked_result, named_python, require_gpu
 
 if TYPE_CHECKING:
     import numpy as np
@@ -71,9 +64,12 @@ def generate_shapes_externally(
         save_image(outline, mask.astype("uint8") * 255)
         objects.append({"name": name, "photograph": str(photograph), "mask": str(outline)})
     request = {
-        "protocol": PROTOCOL, "repository": str(repository.resolve()), "seed": seed, "folder": str(folder),
+        "protocol": PROTOCOL,
+        "repository": str(repository.resolve()),
+        "seed": seed,
+        "folder": str(folder),
         "objects": objects,
-    }  # fmt: skip
+    }
     result = call_in_child(_generate, request, python=python, timeout_s=_TIMEOUT_S)
     checked_result(result, _NAME, ["meshes"])
     meshes = {name: Path(file) for name, file in result["meshes"].items() if name in pictures}

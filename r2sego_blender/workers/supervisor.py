@@ -18,14 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.atomic_files import write_whole
-from .processes import (
-    DYING_WITH_PARENT,
-    birth,
-    end_tree,
-    group_of_its_own,
-    interrupt_group,
-    take_children_along,
-)
+from .processes import DYING_WITH_PARENT, birth, end_tree, group_of_its_own, interrupt_group, take_children_along
 
 JOB_FILE, PROCESS_FILE, END_FILE = "job.json", "process.json", "end.json"
 EVENTS_FILE, WORDS_FILE, CANCEL_FILE = "events.jsonl", "stderr.txt", "cancel"
@@ -51,9 +44,13 @@ def supervise(folder: Path) -> None:
     with (folder / EVENTS_FILE).open("ab") as events, (folder / WORDS_FILE).open("ab") as words:
         try:
             process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=events, stderr=words,
-                **DYING_WITH_PARENT, **group_of_its_own(),
-            )  # fmt: skip
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=events,
+                stderr=words,
+                **DYING_WITH_PARENT,
+                **group_of_its_own(),
+            )
         except OSError as error:
             write_record(folder / END_FILE, {"status": None, "error": str(error), "ended": time.time()})
             return

@@ -23,10 +23,18 @@ FRAMES = 25
 _CONFIGURATIONS = {(1024, 576): "inference_pvd_1024.yaml", (512, 320): "inference_pvd_512.yaml"}
 _PROMPT = "Rotating view of a scene"  # the one it was trained with
 _SAMPLING = {
-    "n_samples": 1, "ddim_steps": 50, "ddim_eta": 1.0, "unconditional_guidance_scale": 7.5, "cfg_img": None,
-    "fs": 10, "text_input": True, "multiple_cond_cfg": False, "timestep_spacing": "uniform_trailing",
-    "guidance_rescale": 0.7, "condition_index": [0],
-}  # fmt: skip
+    "n_samples": 1,
+    "ddim_steps": 50,
+    "ddim_eta": 1.0,
+    "unconditional_guidance_scale": 7.5,
+    "cfg_img": None,
+    "fs": 10,
+    "text_input": True,
+    "multiple_cond_cfg": False,
+    "timestep_spacing": "uniform_trailing",
+    "guidance_rescale": 0.7,
+    "condition_index": [0],
+}
 _LATENT_STRIDE = 8  # pixels a side that one latent stands for
 
 

@@ -24,9 +24,12 @@ def run(blender_environment, tmp_path):
     def run(script, *arguments, **environment):
         return subprocess.run(
             [sys.executable, str(BATCH / script), "--", *map(str, arguments)],
-            env={**blender_environment, **environment}, cwd=tmp_path,
-            capture_output=True, text=True, timeout=1200,
-        )  # fmt: skip
+            env={**blender_environment, **environment},
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            timeout=1200,
+        )
 
     return run
 
@@ -81,9 +84,7 @@ def test_a_script_that_is_terminated_leaves_what_it_runs():
         "    finally: print('left')\n"
         "run_script(main)\n"
     )
-    process = subprocess.Popen(
-        [sys.executable, "-c", waiting], stdout=subprocess.PIPE, text=True, cwd=BATCH.parent
-    )
+    process = subprocess.Popen([sys.executable, "-c", waiting], stdout=subprocess.PIPE, text=True, cwd=BATCH.parent)
     assert process.stdout.readline() == "begun\n"
     process.terminate()
     said, _ = process.communicate(timeout=30)

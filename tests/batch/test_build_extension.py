@@ -34,8 +34,14 @@ def test_blenders_builder_takes_it(package):
 def test_it_holds_the_add_on_and_the_library_and_nothing_else(package):
     with zipfile.ZipFile(package) as archive:
         names = set(archive.namelist())
-    for needed in ("__init__.py", "LICENSE", "r2sego_blender/commands/cli.py",
-                   "panels/sidebar.py", "operators/scene/refine.py", "batch/refine.py"):  # fmt: skip
+    for needed in (
+        "__init__.py",
+        "LICENSE",
+        "r2sego_blender/commands/cli.py",
+        "panels/sidebar.py",
+        "operators/scene/refine.py",
+        "batch/refine.py",
+    ):
         assert needed in names
     tops = {name.split("/")[0] for name in names}
     assert tops.isdisjoint({"tests", "tools", "docs", "dist", "build", "shared", "addon_manifest.toml"})

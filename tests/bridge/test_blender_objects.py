@@ -46,9 +46,9 @@ def test_blender_sees_a_point_at_the_same_pixel(scene, index):
     rng = np.random.default_rng(index)
     depth = rng.uniform(0.5, 5.0, 50)
     pixel = rng.uniform(0, 1, (50, 2)) * (camera.width, camera.height)
-    local = np.column_stack([
-        (pixel[:, 0] - camera.cx) / camera.fx * depth, (pixel[:, 1] - camera.cy) / camera.fy * depth, depth,
-    ])  # fmt: skip
+    local = np.column_stack(
+        [(pixel[:, 0] - camera.cx) / camera.fx * depth, (pixel[:, 1] - camera.cy) / camera.fy * depth, depth]
+    )
     points = local @ camera.world_from_camera[:3, :3].T + camera.centre
     expected, _ = camera.project(points)
     np.testing.assert_allclose(blender_pixels(scene, created, points), expected, atol=1e-3)

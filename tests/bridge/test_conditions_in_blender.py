@@ -30,9 +30,7 @@ def bumpy_room() -> GeometryProxy:
     x, y = np.meshgrid(np.linspace(-2, 2, side), np.linspace(-2, 2, side), indexing="ij")
     floor = np.stack([x, y, 0.15 * np.sin(3 * x) * np.cos(2 * y)], axis=-1).reshape(-1, 3)
     parts = [(floor, grid_faces(side, side))]
-    turn, tilt = np.meshgrid(
-        np.linspace(0, 2 * np.pi, 24), np.linspace(0.05, np.pi - 0.05, 12), indexing="ij"
-    )
+    turn, tilt = np.meshgrid(np.linspace(0, 2 * np.pi, 24), np.linspace(0.05, np.pi - 0.05, 12), indexing="ij")
     ball = np.stack([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)], axis=-1)
     for centre, radius in (((0.4, 0.3, 0.6), 0.35), ((-0.5, 0.6, 0.8), 0.25)):
         parts.append((ball.reshape(-1, 3) * radius + centre, grid_faces(24, 12)))
@@ -43,10 +41,13 @@ def bumpy_room() -> GeometryProxy:
     turned = rng.random(len(faces)) < 0.1
     faces[turned] = faces[turned][:, ::-1]
     return GeometryProxy(
-        np.concatenate([v for v, _ in parts]).astype(np.float32), faces.astype(np.int32),
-        rng.integers(0, 3, len(faces)).astype(np.uint8), rng.integers(0, 3, len(faces)).astype(np.uint16),
-        np.ones(len(faces), np.float32), np.array([0, 1, 700], np.int32)[part],
-    )  # fmt: skip
+        np.concatenate([v for v, _ in parts]).astype(np.float32),
+        faces.astype(np.int32),
+        rng.integers(0, 3, len(faces)).astype(np.uint8),
+        rng.integers(0, 3, len(faces)).astype(np.uint16),
+        np.ones(len(faces), np.float32),
+        np.array([0, 1, 700], np.int32)[part],
+    )
 
 
 def grid_faces(rows: int, columns: int) -> np.ndarray:

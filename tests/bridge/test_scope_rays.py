@@ -18,9 +18,13 @@ def parallel_view(world_from_view):
     view = world_from_view.inverted()
     window = Matrix.Diagonal((0.5, 1.0, -0.01, 1.0))
     return SimpleNamespace(
-        is_perspective=False, view_matrix=view, window_matrix=window, perspective_matrix=window @ view,
-        view_location=world_from_view.translation, view_perspective="ORTHO",
-    )  # fmt: skip
+        is_perspective=False,
+        view_matrix=view,
+        window_matrix=window,
+        perspective_matrix=window @ view,
+        view_location=world_from_view.translation,
+        view_perspective="ORTHO",
+    )
 
 
 class Region(SimpleNamespace):
@@ -33,9 +37,7 @@ class Region(SimpleNamespace):
 def quad_view():
     """An area whose lower left quarter looks down from 5 m, the upper right one along X from -5 m."""
     down = Matrix.Translation((0.0, 0.0, 5.0))
-    along_x = Matrix.Translation((-5.0, 0.0, 0.0)) @ Matrix(
-        ((0, 0, -1, 0), (-1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 0, 1))
-    )
+    along_x = Matrix.Translation((-5.0, 0.0, 0.0)) @ Matrix(((0, 0, -1, 0), (-1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 0, 1)))
     quarters = [
         Region(type="WINDOW", x=x, y=y, width=SIZE[0], height=SIZE[1], data=parallel_view(pose))
         for x, y, pose in ((0, 0, down), (0, 100, down), (200, 0, down), (200, 100, along_x))

@@ -92,8 +92,11 @@ def test_the_empty_goes_with_the_first_body(scene, bundle):
 
 def test_views_draw_fewer_faces_of_each_robot_if_asked_and_renders_all(scene, bundle):
     show_robot.show_rollouts(scene, bundle, 0, [0, 1])
-    robots = [[part for part in root.children if part.type == "MESH"]
-              for root in scene.objects if root.name.startswith("Rollout ")]  # fmt: skip
+    robots = [
+        [part for part in root.children if part.type == "MESH"]
+        for root in scene.objects
+        if root.name.startswith("Rollout ")
+    ]
     whole = sum(len(part.data.polygons) for part in robots[0])
     simplest = 32 * len(robots[0])
     most = 2 * max(simplest, whole // 3)

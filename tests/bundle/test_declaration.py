@@ -12,23 +12,25 @@ import tomli_w
 
 from r2sego_blender.bundle.declaration import Declaration, read_declaration, write_declaration
 from r2sego_blender.bundle.keys import _as_json
-from r2sego_blender.config.presets import (
-    MANY_PHOTOGRAPHS,
-    VANILLA_3DGS,
-    former_keys,
-    preset,
-    with_overrides,
-)
+from r2sego_blender.config.presets import MANY_PHOTOGRAPHS, VANILLA_3DGS, former_keys, preset, with_overrides
 from r2sego_blender.config.settings import TrainingSettings
 from r2sego_blender.robot.scope.scope import BehaviourScope
 
 IDENTITY = tuple(tuple(float(row == column) for column in range(4)) for row in range(4))
 OF_BEFORE = {
-    "training.opacity_pull": 0.01, "training.scale_pull": 0.02, "training.rate_swing": 2.0,
-    "training.later_rounds_rate": 0.5, "training.harmonics_rate_ratio": 0.1, "training.pose_rate": 0.001,
-    "training.exposure_rate": 0.001, "training.position_rate": 1e-4, "training.scale_rate": 0.02,
-    "training.rotation_rate": 1e-3, "training.opacity_rate": 0.04, "training.colour_rate": 4e-3,
-}  # fmt: skip
+    "training.opacity_pull": 0.01,
+    "training.scale_pull": 0.02,
+    "training.rate_swing": 2.0,
+    "training.later_rounds_rate": 0.5,
+    "training.harmonics_rate_ratio": 0.1,
+    "training.pose_rate": 0.001,
+    "training.exposure_rate": 0.001,
+    "training.position_rate": 1e-4,
+    "training.scale_rate": 0.02,
+    "training.rotation_rate": 1e-3,
+    "training.opacity_rate": 0.04,
+    "training.colour_rate": 4e-3,
+}
 CUSTOM = """
 name = "custom"
 [robot]
@@ -101,10 +103,7 @@ def test_keys_of_settings_are_those_of_before(name, expected):
             dataclasses.replace(TrainingSettings(), **MANY_PHOTOGRAPHS),
             "e1f96f906ecf21db80b0d3a62a1fc3c89bf570945fd266e09cb0a44bfc20a80f",
         ),
-        (
-            with_overrides(OF_BEFORE).training,
-            "312cb6393adad76b8f760f2dcd4c2a9e4f5fa62a2b9808392bfb34fcadd699f6",
-        ),
+        (with_overrides(OF_BEFORE).training, "312cb6393adad76b8f760f2dcd4c2a9e4f5fa62a2b9808392bfb34fcadd699f6"),
     ],
 )
 def test_keys_of_the_training_are_those_of_before(training, expected):

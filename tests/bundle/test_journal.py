@@ -46,10 +46,19 @@ def test_a_cut_off_line_is_passed_over(journal, tmp_path):
 
 @pytest.mark.parametrize(
     "line",
-    [b"\x93\xfe\x00garbage", b"7", b'["step"]', b'"step"', b"null", b'{"step": ["b"]}',
-     b'{"step": "b", "inputs": "", "output": 3}', b'{"step": "b", "frame": [[1, 0], [0, 1]]}',
-     b'{"step": "b", "frame": 7}', b'{"step": "b", "seconds": "7"}'],
-)  # fmt: skip
+    [
+        b"\x93\xfe\x00garbage",
+        b"7",
+        b'["step"]',
+        b'"step"',
+        b"null",
+        b'{"step": ["b"]}',
+        b'{"step": "b", "inputs": "", "output": 3}',
+        b'{"step": "b", "frame": [[1, 0], [0, 1]]}',
+        b'{"step": "b", "frame": 7}',
+        b'{"step": "b", "seconds": "7"}',
+    ],
+)
 def test_a_damaged_line_is_passed_over(journal, tmp_path, line):
     journal.write(step="a.txt", inputs="1", output="x")
     with (tmp_path / JOURNAL).open("ab") as file:
@@ -62,7 +71,4 @@ def test_each_record_is_a_line_of_json(journal, tmp_path):
     journal.write(step="a.txt", seconds=0.5)
     journal.write(step="b.txt", frame=None)
     lines = (tmp_path / JOURNAL).read_text().splitlines()
-    assert [json.loads(line) for line in lines] == [
-        {"step": "a.txt", "seconds": 0.5},
-        {"step": "b.txt", "frame": None},
-    ]
+    assert [json.loads(line) for line in lines] == [{"step": "a.txt", "seconds": 0.5}, {"step": "b.txt", "frame": None}]

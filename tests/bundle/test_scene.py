@@ -353,10 +353,13 @@ def test_what_a_killed_process_left_of_a_new_bundle_goes_with_the_next(tmp_path)
         "test_scene.create_bundle(pathlib.Path(sys.argv[1]), test_scene.DECLARATION, fill)\n"
     )
     with subprocess.Popen(
-        [sys.executable, "-c", script, tmp_path / "cut.r2s"], cwd=Path(__file__).parent,
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        [sys.executable, "-c", script, tmp_path / "cut.r2s"],
+        cwd=Path(__file__).parent,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
-    ) as making:  # fmt: skip
+    ) as making:
         left = tmp_path / making.stdout.readline().strip()
         first = make_scene(tmp_path)
         assert left.is_dir() and (left / "captures").is_dir()

@@ -30,13 +30,12 @@ def _as_if_refined(scene):
     for index in range(2):
         write(f"rounds/{index}/proxy", "geometry/depth")
         write(f"rounds/{index}/asset.ply", f"rounds/{index}/proxy")
-        counts = dict.fromkeys(
-            ("rollouts_succeeded", "rollouts_failed", "candidates", "targets", "views_kept"), 1
-        )
+        counts = dict.fromkeys(("rollouts_succeeded", "rollouts_failed", "candidates", "targets", "views_kept"), 1)
         Runner(scene).step(
-            f"rounds/{index}/metrics.json", lambda file, told=json.dumps(counts): file.write_text(told),
+            f"rounds/{index}/metrics.json",
+            lambda file, told=json.dumps(counts): file.write_text(told),
             inputs=[f"rounds/{index}/asset.ply"],
-        )  # fmt: skip
+        )
     write("asset.ply", "rounds/1/asset.ply")
     write("collision", "rounds/1/proxy")
 

@@ -35,8 +35,7 @@ def _photographs(tmp_path, blank_photograph, count=4, width=64, height=48):
 
 def _transforms(tmp_path, poses, top, frames=None):
     listed = [
-        {"file_path": f"images/p{i}.png", "transform_matrix": (pose @ GL).tolist()}
-        | (frames[i] if frames else {})
+        {"file_path": f"images/p{i}.png", "transform_matrix": (pose @ GL).tolist()} | (frames[i] if frames else {})
         for i, pose in enumerate(poses)
     ]
     path = tmp_path / "transforms.json"
@@ -47,9 +46,7 @@ def _transforms(tmp_path, poses, top, frames=None):
 def test_transforms_json_with_shared_intrinsics(tmp_path, rng, blank_photograph):
     _photographs(tmp_path, blank_photograph)
     poses = _poses(rng, 4)
-    path = _transforms(
-        tmp_path, poses, {"fl_x": 50.0, "fl_y": 55.0, "cx": 30.0, "cy": 25.5, "w": 64, "h": 48}
-    )
+    path = _transforms(tmp_path, poses, {"fl_x": 50.0, "fl_y": 55.0, "cx": 30.0, "cy": 25.5, "w": 64, "h": 48})
     imported = import_captures(tmp_path, path, SETTINGS)
     assert [c.name for c in imported.captures] == ["p0.png", "p1.png", "p2.png", "p3.png"]
     assert not imported.metric and imported.source == "transforms.json"
@@ -166,9 +163,7 @@ def test_cameras_json_round_trip_and_frozen_views(tmp_path, rng, blank_photograp
 def test_cameras_json_keeps_every_lens(tmp_path, rng, blank_photograph, model):
     paths = _photographs(tmp_path, blank_photograph, 3)
     lens = Lens(64, 48, 50.0, 55.0, 30.0, 25.0, tuple(rng.uniform(0, 0.01, COEFFICIENTS[model])), model, 2.0)
-    captures = [
-        Capture(p.name, p, lens.straight(pose), lens) for p, pose in zip(paths, _poses(rng, 3), strict=True)
-    ]
+    captures = [Capture(p.name, p, lens.straight(pose), lens) for p, pose in zip(paths, _poses(rng, 3), strict=True)]
     save_cameras_json(tmp_path / "cameras.json", captures)
     imported = import_captures(tmp_path, tmp_path / "cameras.json", SETTINGS)
     for found, capture in zip(imported.captures, captures, strict=True):
@@ -186,9 +181,7 @@ def test_cameras_json_may_say_fisheye(tmp_path, rng, blank_photograph, fisheye):
 
 def test_importing_never_looks_at_frozen_views(tmp_path, rng, blank_photograph):
     _photographs(tmp_path, blank_photograph, 3)
-    listed = [
-        {"file": f"images/p{i}.png", "world_from_camera": p.tolist()} for i, p in enumerate(_poses(rng, 3))
-    ]
+    listed = [{"file": f"images/p{i}.png", "world_from_camera": p.tolist()} for i, p in enumerate(_poses(rng, 3))]
     data = {"fx": 50.0, "captures": listed, "frozen": [{"file": "gone.png"}]}
     (tmp_path / "cameras.json").write_text(json.dumps(data))
     assert len(import_captures(tmp_path, tmp_path / "cameras.json", SETTINGS).captures) == 3
@@ -245,9 +238,7 @@ def test_poses_of_a_photograph_that_exif_turns_by_half(tmp_path, rng, told_by, s
         exif[274] = orientation
         Image.fromarray(pixels).save(tmp_path / name, exif=exif)
         lens = Lens(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy)
-        return Photograph(
-            name, tmp_path / name, lens, camera.world_from_camera, "test", stored_pixels=said_by_program
-        )
+        return Photograph(name, tmp_path / name, lens, camera.world_from_camera, "test", stored_pixels=said_by_program)
 
     said_by_program = told_by == "the program" and solved_on == "stored"
     photographs = [photograph("half.png", given, 3)]
@@ -266,9 +257,7 @@ def test_poses_of_a_photograph_that_exif_turns_by_half(tmp_path, rng, told_by, s
 
 def _valid(tmp_path, rng, blank_photograph):
     _photographs(tmp_path, blank_photograph, 4)
-    listed = [
-        {"file": f"images/p{i}.png", "world_from_camera": p.tolist()} for i, p in enumerate(_poses(rng, 4))
-    ]
+    listed = [{"file": f"images/p{i}.png", "world_from_camera": p.tolist()} for i, p in enumerate(_poses(rng, 4))]
     return {"width": 64, "height": 48, "fx": 50.0, "captures": listed}
 
 

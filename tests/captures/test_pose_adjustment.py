@@ -48,10 +48,12 @@ def _disturbed(captures, rng):
 
 def _turns_deg(captures, others) -> np.ndarray:
     """(N,) degrees between two sets of captures, less what turns one whole to the other."""
-    turns = Rotation.from_matrix([
-        b.camera.world_from_camera[:3, :3] @ a.camera.world_from_camera[:3, :3].T
-        for a, b in zip(captures, others, strict=True)
-    ])  # fmt: skip
+    turns = Rotation.from_matrix(
+        [
+            b.camera.world_from_camera[:3, :3] @ a.camera.world_from_camera[:3, :3].T
+            for a, b in zip(captures, others, strict=True)
+        ]
+    )
     return np.degrees((turns * turns.mean().inv()).magnitude())
 
 
@@ -128,8 +130,9 @@ def test_poses_of_another_unit_are_refined_alike(refined, disturbed):
     imported, _ = triangulate_refined(given, SETTINGS)
     metric = [capture.transformed(stretch) for capture in refined[0].captures]
     assert _turns_deg(imported.captures, metric).max() < 0.02
-    shift = np.mean([b.camera.centre - a.camera.centre
-                     for a, b in zip(given.captures, imported.captures, strict=True)], axis=0)  # fmt: skip
+    shift = np.mean(
+        [b.camera.centre - a.camera.centre for a, b in zip(given.captures, imported.captures, strict=True)], axis=0
+    )
     np.testing.assert_allclose(shift, 0.0, atol=1e-4)
 
 
@@ -145,9 +148,7 @@ def test_poses_move_no_farther_than_they_may_be_wrong(disturbed, refined):
 
 def test_too_few_tracks_leave_the_poses_as_they_are(disturbed, grey, messages):
     given = _imported([*disturbed[:2], *(replace(capture, image_path=grey) for capture in disturbed[2:])])
-    imported, sparse = triangulate_refined(
-        given, replace(SETTINGS, max_features=500, min_matches=200), messages
-    )
+    imported, sparse = triangulate_refined(given, replace(SETTINGS, max_features=500, min_matches=200), messages)
     assert imported is given and len(sparse.points) >= 200
     assert any("too few to refine" in warning for warning in messages.warnings)
 
@@ -219,9 +220,12 @@ def test_dense_stereo_of_disturbed_photographs_is_as_of_right_ones(tmp_path):
         given = import_captures(folder, folder / "cameras.json", captures)
         imported, sparse = triangulate_refined(given, captures)
         maps = dense_stereo(
-            imported.captures, depth_ranges(imported.captures, sparse), sparse.points, settings,
+            imported.captures,
+            depth_ranges(imported.captures, sparse),
+            sparse.points,
+            settings,
             visibility=sparse.visibility,
-        )  # fmt: skip
+        )
         return [np.where(one.reliable(settings), one.depth, 0.0) for one in maps]
 
     right, refined, kept = (

@@ -67,13 +67,11 @@ def test_depth_ranges_hold_what_each_capture_sees(sparse, room_captures, room):
 
 def test_poses_that_contradict_the_photographs_are_told_from_no_overlap(room_captures, tmp_path, rng):
     opengl = [
-        replace(c, camera=c.camera.at(c.camera.world_from_camera @ np.diag([1.0, -1, -1, 1])))
-        for c in room_captures
+        replace(c, camera=c.camera.at(c.camera.world_from_camera @ np.diag([1.0, -1, -1, 1]))) for c in room_captures
     ]
     with refused(CaptureError, "camera poses", cure="axis convention"):
         triangulate(opengl, SETTINGS)
-    swapped = [replace(room_captures[i], camera=room_captures[j].camera) for i, j in
-               ((0, 4), (2, 1), (4, 2))]  # fmt: skip
+    swapped = [replace(room_captures[i], camera=room_captures[j].camera) for i, j in ((0, 4), (2, 1), (4, 2))]
     with refused(CaptureError, "camera poses", cure="axis convention"):
         triangulate(swapped, SETTINGS)
     strangers = []

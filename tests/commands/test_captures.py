@@ -24,10 +24,21 @@ def test_the_command_line_corrects_with_the_robots_eye(tmp_path):
     scene, turn, cameras = wrong_scene(tmp_path, wrong_similarity())
     floor = []
     for point in shown_points(turn, cameras):
-        floor += ["--floor", "=".join(f"{photo}:{x!r},{y!r}" for photo, (x, y) in
-                                      ((p, map(float, xy)) for p, xy in point.views))]  # fmt: skip
-    command = [sys.executable, "-m", "r2sego_blender", "register", str(scene.path), *floor,
-               "--camera-height", "robot", "--json-progress"]  # fmt: skip
+        floor += [
+            "--floor",
+            "=".join(f"{photo}:{x!r},{y!r}" for photo, (x, y) in ((p, map(float, xy)) for p, xy in point.views)),
+        ]
+    command = [
+        sys.executable,
+        "-m",
+        "r2sego_blender",
+        "register",
+        str(scene.path),
+        *floor,
+        "--camera-height",
+        "robot",
+        "--json-progress",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout.splitlines()[-1])

@@ -281,9 +281,7 @@ def test_doctor_names_what_is_installed():
 def test_a_full_disk_is_said_and_nothing_is_left(tmp_path):
     disk = tmp_path / "disk"
     disk.mkdir()
-    if subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", disk], capture_output=True
-    ).returncode:
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", disk], capture_output=True).returncode:
         pytest.skip("mounting a small file system needs root")
     try:
         arguments = ["new", disk / "a.r2s", "--captures", ROOM / "captures"]

@@ -22,8 +22,10 @@ def test_counts_are_words_for_a_person_and_an_object_for_a_program(capsys, event
     person.tell(attempts=3, failures={"it fell": 2, "it is off its way": 1})
     person.tell(failures={})
     assert capsys.readouterr().out.splitlines() == [
-        "attempts: 3", "failures: it fell (2), it is off its way (1)", "failures: none"
-    ]  # fmt: skip
+        "attempts: 3",
+        "failures: it fell (2), it is off its way (1)",
+        "failures: none",
+    ]
     program.tell(failures={"it fell": 2})
     assert json.loads(events.getvalue()) == {"event": "result", "failures": {"it fell": 2}}
 

@@ -40,9 +40,7 @@ def grid() -> GeometryProxy:
     x, y = np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 9))
     vertices = np.stack([x.ravel(), y.ravel(), np.full(81, 2.0)], 1).astype(np.float32)
     first = (np.arange(8)[:, None] * 9 + np.arange(8)).ravel()
-    faces = np.concatenate(
-        [np.stack([first, first + 10, first + 1], 1), np.stack([first, first + 9, first + 10], 1)]
-    )
+    faces = np.concatenate([np.stack([first, first + 10, first + 1], 1), np.stack([first, first + 9, first + 10], 1)])
     support = (np.arange(128) % 3).astype(np.uint16)
     zeros = np.zeros(128, np.uint8)
     return GeometryProxy(vertices, faces.astype(np.int32), zeros, support, np.ones(128, np.float32))
@@ -77,8 +75,10 @@ def test_edits_are_made_listed_and_taken_back(scene, cut_file, tmp_path):
     run("edit-proxy", scene.path, "--cut", cut_file)
     told = json.loads(run("edit-proxy", scene.path, "--json").output)["edits"]
     assert [(one["name"], one["kind"]) for one in told] == [
-        ("window", "cut"), ("top_shelf", "draw"), ("window_2", "cut")
-    ]  # fmt: skip
+        ("window", "cut"),
+        ("top_shelf", "draw"),
+        ("window_2", "cut"),
+    ]
     assert told[0]["area_m2"] == pytest.approx(5 * 0.25**2 / 2, abs=1e-4)
     for name in ("window", "top_shelf", "window_2"):
         assert run("edit-proxy", scene.path, "--remove", name).exit_code == 0
@@ -140,9 +140,7 @@ def test_coverage_is_published_once_and_told(scene):
     figures = measure_coverage(scene)
     parts = figures["areas_m2"]
     assert parts["gap"] + parts["weak"] + parts["covered"] == pytest.approx(parts["seen"], abs=1e-3)
-    assert [record["step"] for record in scene.journal()] == [
-        "rounds/0/coverage"
-    ]  # the second was passed over
+    assert [record["step"] for record in scene.journal()] == ["rounds/0/coverage"]  # the second was passed over
     assert "round 4 has no candidate views" in run("coverage", scene.path, "--round", "4").output
 
 
@@ -163,9 +161,7 @@ def test_a_plan_follows_what_depends_on_what(scene, tmp_path):
     steps(Runner(scene), 1)
     before = content_digest(scene.path)
     assert set(planned().values()) == {""}
-    assert planned(2) == {
-        "a.txt": "what it reads or a setting has changed", "b.txt": "a.txt is redone", "c.txt": ""
-    }  # fmt: skip
+    assert planned(2) == {"a.txt": "what it reads or a setting has changed", "b.txt": "a.txt is redone", "c.txt": ""}
     assert content_digest(scene.path) == before
     (scene.path / "in").write_text("2")
     assert [bool(why) for why in planned().values()] == [True, True, False]

@@ -116,8 +116,20 @@ def test_train_names_a_folder_without_photographs(tmp_path):
 def test_a_signal_ends_training_and_leaves_nothing(tmp_path):
     save_cameras_json(tmp_path / "cameras.json", _views(tmp_path))
     save_asset(tmp_path / "points.ply", made_up_room(500, (64, 48)).asset)
-    command = [sys.executable, "-m", "r2sego_blender", "train", tmp_path, "--out", tmp_path / "asset.ply",
-               "--points", tmp_path / "points.ply", "--steps", "200000", "--json-progress"]  # fmt: skip
+    command = [
+        sys.executable,
+        "-m",
+        "r2sego_blender",
+        "train",
+        tmp_path,
+        "--out",
+        tmp_path / "asset.ply",
+        "--points",
+        tmp_path / "points.ply",
+        "--steps",
+        "200000",
+        "--json-progress",
+    ]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT)
     while b"Training" not in process.stdout.readline():
         assert process.poll() is None

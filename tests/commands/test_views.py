@@ -20,10 +20,19 @@ def room(tmp_path):
             view = folder / "rounds" / "0" / "views" / f"{rank:03d}"
             view.mkdir(parents=True)
             record = {
-                "accepted": accepted, "reason": "registered: 9 of 10 patches agree", "rank": rank,
-                "generator": "blending", "candidate": 3, "rollout": 1, "frame": 4, "reference": 0,
-                "reference_name": "a.png", "overlap": 0.5, "query": {}, "estimate": None if rank else {},
-            }  # fmt: skip
+                "accepted": accepted,
+                "reason": "registered: 9 of 10 patches agree",
+                "rank": rank,
+                "generator": "blending",
+                "candidate": 3,
+                "rollout": 1,
+                "frame": 4,
+                "reference": 0,
+                "reference_name": "a.png",
+                "overlap": 0.5,
+                "query": {},
+                "estimate": None if rank else {},
+            }
             (view / "pose.json").write_text(json.dumps(record))
 
     return new_bundle(tmp_path / "room.r2s", fill, overrides={"selection.target_views": 2}).path

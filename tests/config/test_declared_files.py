@@ -49,9 +49,8 @@ def test_what_is_given_has_its_type_and_what_is_left_out_its_default():
         parts = [{ scale = [1, 2] }, {}]
     """)
     assert whole == Whole(
-        "a", (("left", 1.0), ("right", 0.5)), (Part(scale=(1.0, 2.0)), Part()),
-        Part((0.0, 1.0), scale=2.0), True, 2.0,
-    )  # fmt: skip
+        "a", (("left", 1.0), ("right", 0.5)), (Part(scale=(1.0, 2.0)), Part()), Part((0.0, 1.0), scale=2.0), True, 2.0
+    )
     assert isinstance(whole.height_m, float) and isinstance(whole.rows[0][1], float)
 
 

@@ -101,7 +101,10 @@ def test_a_new_backend_is_one_file(tmp_path):
     for place, text in NEW_FILES.items():
         Path(library, place).write_text(text)
     done = subprocess.run(
-        [sys.executable, "-c", USE], cwd=tmp_path, capture_output=True, text=True,
+        [sys.executable, "-c", USE],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
         env=os.environ | {"PYTHONPATH": str(tmp_path)},
-    )  # fmt: skip
+    )
     assert done.returncode == 0, done.stderr

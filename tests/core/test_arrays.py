@@ -26,9 +26,11 @@ def test_a_file_keeps_its_name_and_its_numbers(tmp_path):
 def test_a_file_has_the_bytes_of_numpys_own(tmp_path):
     arrays = {
         "points": np.random.default_rng(0).normal(size=(40, 3)).astype(np.float32),
-        "across": np.arange(12).reshape(3, 4).T, "none": np.empty((0, 3)), "one": np.array(3),
+        "across": np.arange(12).reshape(3, 4).T,
+        "none": np.empty((0, 3)),
+        "one": np.array(3),
         "word": "küche",
-    }  # fmt: skip
+    }
     save_arrays(tmp_path / "own.npz", **arrays)
     np.savez(tmp_path / "numpy.npz", **arrays)
     assert (tmp_path / "own.npz").read_bytes() == (tmp_path / "numpy.npz").read_bytes()
@@ -81,8 +83,7 @@ def test_a_cut_off_file_never_raises_anything_else(tmp_path_factory, data):
 
 
 @pytest.mark.parametrize(
-    "wrong",
-    [{"points": (4, 3)}, {"colours": (5, 4)}, {"seen": (5, 2, 1)}, {"pixels": (5, 3, 2)}, {"seen": ()}],
+    "wrong", [{"points": (4, 3)}, {"colours": (5, 4)}, {"seen": (5, 2, 1)}, {"pixels": (5, 3, 2)}, {"seen": ()}]
 )
 def test_arrays_that_do_not_belong_together_are_damage(wrong):
     shapes = {"points": (5, 3), "colours": (5, 3), "seen": (5, 2), "pixels": (5, 2, 2)}

@@ -102,17 +102,24 @@ def test_a_folder_put_aside_by_who_was_killed_is_put_back(tmp_path, monkeypatch,
 def test_folders_that_who_was_killed_left_go(tmp_path):
     """Half a removed one, half a new one, a correction's copies with such within; files of others stay."""
     for name in (
-        "geometry/edits", "geometry/.unfinished-old-edits", "rounds/0/.unfinished-views/1",
+        "geometry/edits",
+        "geometry/.unfinished-old-edits",
+        "rounds/0/.unfinished-views/1",
         ".unfinished-changes/geometry/.unfinished-old-edits",
-    ):  # fmt: skip
+    ):
         (tmp_path / name).mkdir(parents=True)
         (tmp_path / name / "said").write_text(name)
     (tmp_path / ".unfinished-1-asset.spz").write_text("on its way")
     assert not whole_files.finish_replacing(tmp_path)
     left = sorted(file.relative_to(tmp_path).as_posix() for file in tmp_path.rglob("*"))
     assert left == [
-        ".unfinished-1-asset.spz", "geometry", "geometry/edits", "geometry/edits/said", "rounds", "rounds/0",
-    ]  # fmt: skip
+        ".unfinished-1-asset.spz",
+        "geometry",
+        "geometry/edits",
+        "geometry/edits/said",
+        "rounds",
+        "rounds/0",
+    ]
     assert (tmp_path / "geometry" / "edits" / "said").read_text() == "geometry/edits"
 
 

@@ -43,9 +43,7 @@ def _first_and_second_run(program, cache, without_privilege=(), **more):
     environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
     environment |= {"XDG_CACHE_HOME": str(cache), **more}
     command = [*without_privilege, sys.executable, "-c", program]
-    runs = [
-        subprocess.run(command, env=environment, capture_output=True, text=True, check=True) for _ in range(2)
-    ]
+    runs = [subprocess.run(command, env=environment, capture_output=True, text=True, check=True) for _ in range(2)]
     return [run.stdout.strip() for run in runs], [run.stderr.count("compiling kernels") for run in runs]
 
 
@@ -109,9 +107,7 @@ def test_a_cache_that_may_not_be_written_is_not_replaced_by_one_that_stays(tmp_p
 @pytest.mark.skipif(os.name == "nt", reason="pwd")
 def test_a_user_without_a_home_has_kernels(tmp_path):
     nobody = (
-        "import os, pwd, sys\n"
-        "os.environ.pop('HOME'), os.environ.pop('XDG_CACHE_HOME')\n"
-        "pwd.getpwuid = {}.__getitem__\n"
+        "import os, pwd, sys\nos.environ.pop('HOME'), os.environ.pop('XDG_CACHE_HOME')\npwd.getpwuid = {}.__getitem__\n"
     )
     found, told = _first_and_second_run(nobody + _RUN, tmp_path, TMPDIR=str(tmp_path))
     assert (found, told) == (["True", "True"], [1, 1])

@@ -26,9 +26,7 @@ def test_a_killed_process_leaves_no_lock(tmp_path):
         "print(try_lock(file), flush=True)\n"
         "time.sleep(60)\n"
     )
-    process = subprocess.Popen(
-        [sys.executable, "-c", holding, tmp_path / "lock"], stdout=subprocess.PIPE, text=True
-    )
+    process = subprocess.Popen([sys.executable, "-c", holding, tmp_path / "lock"], stdout=subprocess.PIPE, text=True)
     with process, (tmp_path / "lock").open("a+") as file:
         assert process.stdout.readline() == "True\n"
         assert not try_lock(file)

@@ -43,10 +43,17 @@ def test_a_view_that_is_hardly_too_uncertain_reads_so():
 def test_a_sphere_that_floats_hardly_too_high_reads_so():
     ends = np.array([[1.0, 2.0, 0.1]])
     found = CollisionCheck(
-        pieces=1, vertex_error_m=0.0, starts=ends + 1.0, ends=ends, at_rest=np.array([True]),
-        fell_through=np.zeros(1, bool), left=np.zeros(1, bool), gap_m=np.array([0.0302]),
-        proxy_gap_m=np.full(1, np.nan), simulated_s=1.0,
-    )  # fmt: skip
+        pieces=1,
+        vertex_error_m=0.0,
+        starts=ends + 1.0,
+        ends=ends,
+        at_rest=np.array([True]),
+        fell_through=np.zeros(1, bool),
+        left=np.zeros(1, bool),
+        gap_m=np.array([0.0302]),
+        proxy_gap_m=np.full(1, np.nan),
+        simulated_s=1.0,
+    )
     assert "one rests 3.02 cm off, 3 cm are allowed" in found.failures
 
 

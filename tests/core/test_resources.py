@@ -53,10 +53,12 @@ def test_too_small_a_limit_of_addresses_is_an_error_and_no_hang():
 
     def plan(mb: int) -> str:
         done = subprocess.run(
-            [sys.executable, "-m", "r2sego_blender", "plan", "nowhere.r2s"], timeout=60,
-            capture_output=True, text=True,
+            [sys.executable, "-m", "r2sego_blender", "plan", "nowhere.r2s"],
+            timeout=60,
+            capture_output=True,
+            text=True,
             preexec_fn=lambda: limits.setrlimit(limits.RLIMIT_AS, (mb * 10**6, limits.RLIM_INFINITY)),
-        )  # fmt: skip
+        )
         assert done.returncode == 1
         return done.stderr
 

@@ -67,9 +67,13 @@ def test_no_folder_is_made_while_a_process_ends():
     )
     with ScratchFolder() as folder:
         done = subprocess.run(
-            [sys.executable, "-c", code], cwd=ROOT, env={**os.environ, "TMPDIR": folder},
-            capture_output=True, text=True, check=True,
-        )  # fmt: skip
+            [sys.executable, "-c", code],
+            cwd=ROOT,
+            env={**os.environ, "TMPDIR": folder},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
     assert done.stdout.strip() == "[]"
 
 

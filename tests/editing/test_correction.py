@@ -25,12 +25,7 @@ from r2sego_blender.captures.store import load_captures
 from r2sego_blender.core import atomic_files
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import CaptureError, GeometryError, SceneError
-from r2sego_blender.editing.correction import (
-    correct_by_picks,
-    correct_registration,
-    correct_to_frame,
-    undo_correction,
-)
+from r2sego_blender.editing.correction import correct_by_picks, correct_registration, correct_to_frame, undo_correction
 from r2sego_blender.editing.robot_declaration import declare_robot
 from r2sego_blender.robot.scope.scope import BehaviourScope
 from r2sego_blender.splats.asset_edits import AssetEdit, save_edit
@@ -93,10 +88,7 @@ def test_a_correction_that_is_killed_is_finished_by_the_next_command(tmp_path, m
         patched.setattr(atomic_files, "swap_in", killed)
         correct_registration(scene, floor=shown)
     assert content_digest(scene.path) != content_digest(other.path)
-    with (
-        pytest.raises(SceneError, match="had been cut off, and is finished now"),
-        scene.locked(),
-    ):
+    with pytest.raises(SceneError, match="had been cut off, and is finished now"), scene.locked():
         pass
     assert content_digest(scene.path) == content_digest(other.path)
     with Scene.open(scene.path).locked():
@@ -128,8 +120,9 @@ def test_what_depends_on_the_captures_is_redone(tmp_path):
     runs = []
 
     def step(made):
-        Runner(made).step("geometry/heights.txt", lambda place: (runs.append(1), place.write_text("x")),
-                  inputs=["captures"])  # fmt: skip
+        Runner(made).step(
+            "geometry/heights.txt", lambda place: (runs.append(1), place.write_text("x")), inputs=["captures"]
+        )
 
     step(scene)
     step(scene)
@@ -162,9 +155,7 @@ def test_up_and_height_by_hand(tmp_path):
 
 
 def test_a_scale_is_corrected_without_moving_the_floor(tmp_path):
-    scene, _, cameras = wrong_scene(
-        tmp_path, np.diag([1.7, 1.7, 1.7, 1.0]), source="assumed: held 1.5 m high"
-    )
+    scene, _, cameras = wrong_scene(tmp_path, np.diag([1.7, 1.7, 1.7, 1.0]), source="assumed: held 1.5 m high")
     made = correct_registration(scene, scale=Scale.camera_height(float(cameras[0].centre[2]), "robot's eye"))
     assert_true(made, cameras)
     assert made.declaration.ground == "no floor seen"
@@ -172,11 +163,7 @@ def test_a_scale_is_corrected_without_moving_the_floor(tmp_path):
 
 
 def test_a_scale_that_hung_on_the_old_floor_is_pointed_out(tmp_path):
-    for source, warned in (
-        ("assumed: held 1.5 m", True),
-        ("camera height of 1.4 m", True),
-        ("metric", False),
-    ):
+    for source, warned in (("assumed: held 1.5 m", True), ("camera height of 1.4 m", True), ("metric", False)):
         folder = tmp_path / source[:5]
         folder.mkdir()
         scene, turn, cameras = wrong_scene(folder, wrong_similarity(), source=source)
@@ -277,12 +264,8 @@ def test_corrections_are_taken_back_one_by_one(tmp_path):
     undone = undo_correction(undone)
     assert undone.declaration == scene.declaration
     for capture, earlier in zip(load_captures(scene.captures_folder), before, strict=True):
-        np.testing.assert_allclose(
-            capture.camera.world_from_camera, earlier.camera.world_from_camera, atol=1e-9
-        )
-    np.testing.assert_allclose(
-        SparsePoints.load(scene.captures_folder / "sparse.npz").points, points, atol=1e-9
-    )
+        np.testing.assert_allclose(capture.camera.world_from_camera, earlier.camera.world_from_camera, atol=1e-9)
+    np.testing.assert_allclose(SparsePoints.load(scene.captures_folder / "sparse.npz").points, points, atol=1e-9)
     with pytest.raises(CaptureError, match="no correction to take back"):
         undo_correction(undone)
 

@@ -60,11 +60,7 @@ def test_words_become_objects_seen_in_several_captures(captures, observed, monke
     objects = segmented_objects(["arm chair", "lamp"], captures, observed)
     assert [one.name for one in objects] == ["arm_chair", "arm_chair_2"]
     for one, place in zip(objects, PLACES, strict=True):
-        assert dict(one.backends) == {"masks": "SAM 3 0.1.0"} and set(one.masks) == {
-            "p0.png",
-            "p1.png",
-            "p2.png",
-        }
+        assert dict(one.backends) == {"masks": "SAM 3 0.1.0"} and set(one.masks) == {"p0.png", "p1.png", "p2.png"}
         for capture in captures:
             np.testing.assert_array_equal(one.masks[capture.name], disc(capture, place))
 
@@ -97,9 +93,7 @@ def test_a_mesh_is_made_from_the_photograph_that_shows_most(captures, monkeypatc
 
 
 def test_no_mesh_or_no_mask_is_an_error(captures, monkeypatch, tmp_path):
-    monkeypatch.setattr(
-        object_backends, "generate_shapes_externally", lambda *_: ("SAM 3D Objects 0.0.1", {})
-    )
+    monkeypatch.setattr(object_backends, "generate_shapes_externally", lambda *_: ("SAM 3D Objects 0.0.1", {}))
     mask = np.ones((60, 80), bool)
     with pytest.raises(GeometryError, match="made no mesh of it"):
         generated_meshes([DeclaredObject("chair", {"p0.png": mask})], captures, tmp_path)

@@ -61,9 +61,7 @@ def library(tmp_path: Path) -> Path:
 
 
 def _objects(scene: Scene) -> dict:
-    return {
-        one.name: one for one in load_objects(scene.path / "objects", load_captures(scene.captures_folder))
-    }
+    return {one.name: one for one in load_objects(scene.path / "objects", load_captures(scene.captures_folder))}
 
 
 def _as_if_run(scene: Scene, pose: np.ndarray) -> None:
@@ -230,9 +228,7 @@ def test_decisions_are_kept_told_and_taken_back(scene, masks):
     command = ["objects", str(scene.path), "--reject", "chair", "--accept", "table"]
     told = CliRunner().invoke(main, command).output
     assert "rejected by a person" in told and "accepted by a person" in told
-    assert {name: one.decision for name, one in _objects(scene).items()} == {
-        "chair": "reject", "table": "accept"
-    }  # fmt: skip
+    assert {name: one.decision for name, one in _objects(scene).items()} == {"chair": "reject", "table": "accept"}
     declare_objects(Scene.open(scene.path), reconsider=["chair"])
     assert not (scene.path / "objects/chair/decision.json").exists()
     (scene.path / "objects/table/decision.json").write_text('{"decision": "perhaps"}')

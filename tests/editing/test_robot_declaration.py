@@ -216,10 +216,7 @@ def test_a_mount_that_looks_aside_or_is_rolled_is_told(scene, rpy, left_deg, rol
         (["--set", 'robot.mount=["torso_link", [0, 0, -5], [0, 0, 0], 60]'], r"4\.\d\d m below the floor"),
         (["--set", 'robot.mount=["torso_link", [0, 450, 0], [0, 0, 0], 60]'], "450 m from .*metres"),
         (["--set", "walk_to.speed_m_s=[0.1, 9]"], "from 0.05 to 1.2"),
-        (
-            ["--set", "controller.kind=policy", "--set", "controller.layout=falcon"],
-            "controller.file is missing",
-        ),
+        (["--set", "controller.kind=policy", "--set", "controller.layout=falcon"], "controller.file is missing"),
         (
             ["--set", "controller.kind=replay", "--set", 'controller.motions=["gone.csv"]'],
             r"robot.gone\.csv: this motion cannot be read. Check controller.motions",

@@ -56,9 +56,7 @@ def test_a_trial_is_the_first_of_a_round(scene, round_rollouts):
 
 def test_the_command_counts_what_failed(scene):
     command = ["try-rollouts", str(scene.path), "--attempts", "1", "--json-progress"]
-    done = subprocess.run(
-        [sys.executable, "-m", "r2sego_blender", *command], capture_output=True, text=True, cwd=ROOT
-    )
+    done = subprocess.run([sys.executable, "-m", "r2sego_blender", *command], capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout.strip().splitlines()[-1])
     assert result["attempts"] == 1

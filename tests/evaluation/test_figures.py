@@ -34,14 +34,10 @@ def proxy() -> GeometryProxy:
         (quad(-2, -1, 2, 1, 2.5), Provenance.OBSERVED),
     ]
     vertices = np.concatenate([corners for corners, _ in parts])
-    faces = np.array(
-        [(4 * i + a, 4 * i + b, 4 * i + c) for i in range(4) for a, b, c in ((0, 1, 2), (0, 2, 3))]
-    )
+    faces = np.array([(4 * i + a, 4 * i + b, 4 * i + c) for i in range(4) for a, b, c in ((0, 1, 2), (0, 2, 3))])
     provenance = np.repeat([kind for _, kind in parts], 2).astype(np.uint8)
     ones = np.ones(len(faces))
-    return GeometryProxy(
-        vertices, faces.astype(np.int32), provenance, ones.astype(np.uint16), ones.astype(np.float32)
-    )
+    return GeometryProxy(vertices, faces.astype(np.int32), provenance, ones.astype(np.uint16), ones.astype(np.float32))
 
 
 def colour_at(view, point) -> np.ndarray:

@@ -78,34 +78,12 @@ def report() -> ReportData:
     curves = CandidateCurves(u, g, u * g, np.repeat(np.arange(7), 100), np.array([5, 340]))
     targets = (
         Target(
-            "target_00",
-            True,
-            "registered",
-            "capture_00",
-            image(0.2),
-            image(0.4),
-            image(0.6),
-            0.31,
-            120,
-            0.012,
-            0.4,
+            "target_00", True, "registered", "capture_00", image(0.2), image(0.4), image(0.6), 0.31, 120, 0.012, 0.4
         ),
-        Target(
-            "target_01",
-            False,
-            "only 9 inliers, fewer than 30",
-            "capture_01",
-            image(0.2),
-            image(0.3),
-            None,
-            0.2,
-            9,
-        ),
+        Target("target_01", False, "only 9 inliers, fewer than 30", "capture_01", image(0.2), image(0.3), None, 0.2, 9),
     )
     rollouts = (RolloutSummary(7, True, "arrived", 8.5), RolloutSummary(8, False, "fell over"))
-    rounds = tuple(
-        Round(number, rollouts, curves, targets, image(0.7), image(0.8), "a note") for number in range(2)
-    )
+    rounds = tuple(Round(number, rollouts, curves, targets, image(0.7), image(0.8), "a note") for number in range(2))
     arms = (
         Arm("initial", "Initial asset", 22.314, 0.751),
         Arm("vanilla_3dgs", "Vanilla 3DGS", 21.447, 0.774, note="six captures"),
@@ -134,10 +112,7 @@ def report() -> ReportData:
             Backend("generator", "geometry-guided blending", False, "ViewCrafter"),
             Backend("registration", "VGGT at a GPU machine", True, "VGGT"),
         ),
-        frozen=(
-            FrozenView("frozen_00", image(0.1), renderings),
-            FrozenView("frozen_01", truth, renderings),
-        ),
+        frozen=(FrozenView("frozen_00", image(0.1), renderings), FrozenView("frozen_01", truth, renderings)),
         rounds=rounds,
         provenance={"observed": 0.6, "prior": 0.1, "completed": 0.3},
         collision=Collision(1234, 56),
@@ -191,8 +166,10 @@ def test_what_became_of_views_and_attempts_is_said_once(tmp_path, report):
     assert "1 kept of 2 views tried" in told(tmp_path / "plain", report)
     assert "stand-ins" not in told(tmp_path / "plain", report)
     refused = replace(one.targets[1], verdict="rejected: 20 of 20 patches agree, 30 are needed")
-    for count, said in ((1, "1 kept of 3 views tried (2 targets, 1 stand-in)"),
-                        (5, "1 kept of 7 views tried (2 targets, 5 stand-ins)")):  # fmt: skip
+    for count, said in (
+        (1, "1 kept of 3 views tried (2 targets, 1 stand-in)"),
+        (5, "1 kept of 7 views tried (2 targets, 5 stand-ins)"),
+    ):
         more = replace(one, targets=(*one.targets, *[refused] * count))
         text = told(tmp_path / "more", replace(report, rounds=(more,)))
         assert said in text
@@ -214,9 +191,7 @@ def test_pictures_lie_beside_the_page_and_have_alt_texts(tmp_path, report):
     for picture in shown:
         assert picture["alt"].strip()
         assert (tmp_path / picture["src"]).stat().st_size > 0
-    assert {picture["src"] for picture in shown} == {
-        f"figures/{p.name}" for p in (tmp_path / "figures").iterdir()
-    }
+    assert {picture["src"] for picture in shown} == {f"figures/{p.name}" for p in (tmp_path / "figures").iterdir()}
 
 
 def test_nothing_comes_from_a_network_and_links_lead_somewhere(tmp_path, report):
@@ -244,11 +219,7 @@ def test_names_cannot_become_html(tmp_path, report):
             (CausesOfView(NASTY, image(0.1), image(0.2), image(0.3), 20.0, NASTY),),
             NASTY,
         ),
-        rounds=(
-            Round(
-                0, (RolloutSummary(1, True, NASTY),), None, (Target(NASTY, False, NASTY, NASTY),), note=NASTY
-            ),
-        ),
+        rounds=(Round(0, (RolloutSummary(1, True, NASTY),), None, (Target(NASTY, False, NASTY, NASTY),), note=NASTY),),
         settings=(SettingUsed(NASTY, NASTY, NASTY, NASTY),),
         timings=((NASTY, 1.0),),
     )
@@ -299,9 +270,7 @@ def test_causes_that_cannot_be_told_are_said(tmp_path, report):
     split = ErrorSplit("the proxy alone", (unknown, *report.error_split.causes[1:]))
     page = Page(write_report(tmp_path, replace(report, error_split=split)).read_text(encoding="utf-8"))
     assert page.open == []
-    assert (
-        "cannot be told without the true room's mesh" in page.text and "Told by the proxy alone" in page.text
-    )
+    assert "cannot be told without the true room's mesh" in page.text and "Told by the proxy alone" in page.text
     lost = replace(report, error_split=ErrorSplit(unavailable="the proxy is missing"))
     page = Page(write_report(tmp_path, lost).read_text(encoding="utf-8"))
     assert "Not available: the proxy is missing" in page.text and page.open == []

@@ -8,17 +8,7 @@ import re
 import numpy as np
 import pytest
 from room_meshes import observed_proxy
-from small_bundle import (
-    FACES,
-    HEIGHT,
-    PHOTOGRAPH,
-    VERTICES,
-    WIDTH,
-    bundle,
-    camera,
-    photographs,
-    splats,
-)
+from small_bundle import FACES, HEIGHT, PHOTOGRAPH, VERTICES, WIDTH, bundle, camera, photographs, splats
 
 from r2sego_blender.config.presets import entries
 from r2sego_blender.evaluation.cause_figures import CAUSE_COLOURS, cause_picture, report_causes
@@ -139,9 +129,7 @@ def with_panel() -> tuple[np.ndarray, np.ndarray]:
 
 
 def save_truth(folder, vertices=VERTICES, faces=FACES):
-    np.savez(
-        folder / "room.npz", V=vertices, F=faces, I=np.zeros(len(faces), np.int64), names=np.array(["room"])
-    )  # fmt: skip
+    np.savez(folder / "room.npz", V=vertices, F=faces, I=np.zeros(len(faces), np.int64), names=np.array(["room"]))
 
 
 def split_of(tmp_path, frozen=None, **changes):
@@ -176,9 +164,7 @@ def test_the_true_room_tells_wrong_depth_and_shares_sum_to_one(tmp_path):
     truth = np.round(PHOTOGRAPH * 255) / 255
     high, low = (PHOTOGRAPH + 0.2 - truth) ** 2, (PHOTOGRAPH + 0.1 - truth) ** 2
     assert shares["wrong_depth"].pixels == pytest.approx(share)
-    assert shares["wrong_depth"].error == pytest.approx(
-        share * high / (share * high + (1 - share) * low), rel=1e-4
-    )
+    assert shares["wrong_depth"].error == pytest.approx(share * high / (share * high + (1 - share) * low), rel=1e-4)
     assert shares["wrong_depth"].psnr == pytest.approx(-10 * np.log10(high), abs=1e-3)
 
 
@@ -276,9 +262,7 @@ def test_the_report_shows_the_worst_views_first(tmp_path):
     kept = {}
     arm = score(lambda c: np.full((*SHAPE, 3), by_place[c.centre[0]]), views, keep=kept.__setitem__)
     frozen = tuple(
-        FrozenView(
-            view.name, view.image(), (Rendering("initial", None), Rendering("refined", kept[view.name]))
-        )
+        FrozenView(view.name, view.image(), (Rendering("initial", None), Rendering("refined", kept[view.name])))
         for view in views
     )
     shown = report_causes(causes, arm, frozen)

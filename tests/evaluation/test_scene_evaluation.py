@@ -37,9 +37,10 @@ def evaluated(tmp_path, monkeypatch):
     # The baseline is trained, and rollouts are described, elsewhere; neither is read here.
     (scene.path / "report").mkdir()
     monkeypatch.setattr(
-        scene_evaluation, "train_vanilla",
+        scene_evaluation,
+        "train_vanilla",
         lambda scene, progress: save_ply(scene.path / "report/vanilla_3dgs.ply", splats(0.9)),
-    )  # fmt: skip
+    )
     monkeypatch.setattr(scene_report, "_round", lambda scene, index: Round(index))
     return scene, tmp_path / "cameras.json"
 
@@ -87,9 +88,7 @@ def test_a_frozen_view_that_was_trained_on_is_told(evaluated):
     frozen.write_text(json.dumps(listed | {"frozen": apart}), encoding="utf-8")
     scene_evaluation.evaluate_scene(scene, frozen, recorder)
     (warning,) = [text for level, text in recorder.messages if level == "warning"]
-    assert warning.startswith(
-        f"{apart[0].get('name', Path(apart[0]['file']).name)}: taken from where a capture"
-    )
+    assert warning.startswith(f"{apart[0].get('name', Path(apart[0]['file']).name)}: taken from where a capture")
 
 
 def test_an_asset_that_was_changed_since_is_not_scored(evaluated):
@@ -125,13 +124,25 @@ def test_the_status_tells_rounds_and_the_largest_cause():
     ]
     arms = {"refined": {"psnr": 25.0, "ssim": 0.79}}
     state = {
-        "scene": "room.r2s", "captures": 6, "captures_source": "cameras.json", "ground": "floor",
-        "scale_source": "metric", "robot": "humanoid", "scope": "walk", "preset": "paper", "overrides": {},
-        "rounds": [], "rounds_declared": 3, "outdated": [], "refined": True, "of_old_frame": [],
-        "damaged": [], "half_corrected": False,
+        "scene": "room.r2s",
+        "captures": 6,
+        "captures_source": "cameras.json",
+        "ground": "floor",
+        "scale_source": "metric",
+        "robot": "humanoid",
+        "scope": "walk",
+        "preset": "paper",
+        "overrides": {},
+        "rounds": [],
+        "rounds_declared": 3,
+        "outdated": [],
+        "refined": True,
+        "of_old_frame": [],
+        "damaged": [],
+        "half_corrected": False,
         "metrics": {"arms": arms, "rounds": rounds, "causes": {"shares": [other, entry]}},
         "metrics_outdated": False,
-    }  # fmt: skip
+    }
     text = "\n".join(lines(state))
     assert "PSNR 25.00 dB, SSIM 0.790, 0.50 dB below round 0" in text
     assert "not scored: it is not there" in text

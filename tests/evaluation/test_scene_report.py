@@ -81,15 +81,27 @@ def test_the_page_shows_a_view_whose_reference_is_no_capture_any_more(tmp_path):
     with_references(chosen, cameras, seen, wall, settings, 2).save(folder / "selection")
     save_candidates(folder / "selection", cameras)
     record = {
-        "accepted": True, "reason": "registered", "rank": 0, "generator": "blending", "candidate": 0,
-        "rollout": 0, "frame": 0, "reference": 0, "reference_name": "removed.png", "overlap": 0.5,
+        "accepted": True,
+        "reason": "registered",
+        "rank": 0,
+        "generator": "blending",
+        "candidate": 0,
+        "rollout": 0,
+        "frame": 0,
+        "reference": 0,
+        "reference_name": "removed.png",
+        "overlap": 0.5,
         "estimate": None,
-    }  # fmt: skip
+    }
     views, shape = folder / "views/000", cameras[0].shape
     empty = Condition(
-        cameras[0], np.zeros(shape, np.float32), np.zeros((*shape, 3), np.float32), np.zeros(shape, np.uint8),
-        np.zeros(shape, np.float32), np.zeros(shape, np.int32),
-    )  # fmt: skip
+        cameras[0],
+        np.zeros(shape, np.float32),
+        np.zeros((*shape, 3), np.float32),
+        np.zeros(shape, np.uint8),
+        np.zeros(shape, np.float32),
+        np.zeros(shape, np.int32),
+    )
     save_conditions(views / "conditions", [empty])
     (views / "pose.json").write_text(json.dumps(record))
     assert "removed.png" in write_scene_report(scene).read_text(encoding="utf-8")

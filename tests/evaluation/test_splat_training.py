@@ -45,9 +45,12 @@ def test_frozen_views_are_scored_and_the_same_seed_gives_the_same_file(photograp
     results = []
     for name in ("a.ply", "b.ply"):
         trained = train_on_photographs(
-            photographs / "frozen.json", photographs / name, points=photographs / "points.ply",
-            frozen=photographs / "frozen.json", settings=SETTINGS,
-        )  # fmt: skip
+            photographs / "frozen.json",
+            photographs / name,
+            points=photographs / "points.ply",
+            frozen=photographs / "frozen.json",
+            settings=SETTINGS,
+        )
         assert (trained.images, trained.held_out.views) == (3, 3)
         results.append((photographs / name).read_bytes())
     assert results[0] == results[1]
@@ -58,9 +61,13 @@ def test_training_tells_how_far_it_has_come_and_is_the_same(photographs, monkeyp
         monkeypatch.setattr(splat_training, "_LEAST_BETWEEN_S", least_between_s)
         progress = ProgressRecorder()
         train_on_photographs(
-            photographs, photographs / "a.ply", points=photographs / "points.ply", settings=SETTINGS,
-            progress=progress, **options,
-        )  # fmt: skip
+            photographs,
+            photographs / "a.ply",
+            points=photographs / "points.ply",
+            settings=SETTINGS,
+            progress=progress,
+            **options,
+        )
         told = [text for _, text in progress.messages if text.startswith("step ")]
         return (photographs / "a.ply").read_bytes(), told
 

@@ -40,11 +40,14 @@ def proxy(round_index: int = 0) -> GeometryProxy:
     faces.append((8, 9, 10))
     count = len(faces)
     return GeometryProxy(
-        vertices.astype(np.float32), np.array(faces, np.int32),
-        (np.arange(count) % 3).astype(np.uint8), np.arange(count, dtype=np.uint16),
+        vertices.astype(np.float32),
+        np.array(faces, np.int32),
+        (np.arange(count) % 3).astype(np.uint8),
+        np.arange(count, dtype=np.uint16),
         np.linspace(0.0, 1.0, count, dtype=np.float32),
-        np.where(np.arange(count) < count - 1, 0, 2).astype(np.int32), ("chair", "table"),
-    )  # fmt: skip
+        np.where(np.arange(count) < count - 1, 0, 2).astype(np.int32),
+        ("chair", "table"),
+    )
 
 
 def ego_camera() -> Camera:
@@ -65,20 +68,33 @@ def selection() -> Selection:
     rank, chosen = np.full(CANDIDATES, -1), np.zeros(CANDIDATES, bool)
     rank[list(TARGETS)], chosen[list(TARGETS)] = np.arange(len(TARGETS)), True
     return Selection(
-        rollout=np.arange(CANDIDATES) // 10, frame=np.arange(CANDIDATES) % 10,
-        deficit=deficit, availability=available, score=deficit * available,
-        survived=(rng.random(CANDIDATES) < 0.5) | chosen, rank=rank, chosen=chosen,
-        reference=np.where(chosen, 1, -1), overlaps=np.outer(chosen, [0.2, 0.7, 0.0]),
-        reason=("because",) * CANDIDATES, budget=3, note="",
-    )  # fmt: skip
+        rollout=np.arange(CANDIDATES) // 10,
+        frame=np.arange(CANDIDATES) % 10,
+        deficit=deficit,
+        availability=available,
+        score=deficit * available,
+        survived=(rng.random(CANDIDATES) < 0.5) | chosen,
+        rank=rank,
+        chosen=chosen,
+        reference=np.where(chosen, 1, -1),
+        overlaps=np.outer(chosen, [0.2, 0.7, 0.0]),
+        reason=("because",) * CANDIDATES,
+        budget=3,
+        note="",
+    )
 
 
 def write_bundle(path: Path) -> Path:
     """Write the bundle: three captures, two rounds, a collision surface and a report."""
     return new_bundle(
-        path, _fill, captures_source="cameras.json", ground="floor plane", scale_source="metric poses",
-        preset="preview", overrides={"selection.target_views": 3},
-    ).path  # fmt: skip
+        path,
+        _fill,
+        captures_source="cameras.json",
+        ground="floor plane",
+        scale_source="metric poses",
+        preset="preview",
+        overrides={"selection.target_views": 3},
+    ).path
 
 
 def _fill(folder: Path) -> None:
@@ -94,9 +110,11 @@ def _fill(folder: Path) -> None:
     rng = np.random.default_rng(1)
     np.savez(
         folder / "captures" / "sparse.npz",
-        points=rng.uniform(-1, 1, (50, 3)), colours=rng.integers(0, 256, (50, 3), dtype=np.uint8),
-        visibility=np.ones((50, 3), bool), error_px=np.zeros(50),
-    )  # fmt: skip
+        points=rng.uniform(-1, 1, (50, 3)),
+        colours=rng.integers(0, 256, (50, 3), dtype=np.uint8),
+        visibility=np.ones((50, 3), bool),
+        error_px=np.zeros(50),
+    )
     for index in (0, 1):
         _fill_round(folder / "rounds" / str(index), index)
     fill_trial(folder)
@@ -127,9 +145,12 @@ def _fill_round(folder: Path, index: int) -> None:
     _write_path(folder / "views" / "000", cameras()[1].at(candidate_poses()[TARGETS[0]]))
     write_views(folder / "views", cameras()[1].at(candidate_poses()[TARGETS[0]]), (*TARGETS, 22))
     counts = {
-        "rollouts_succeeded": 12, "rollouts_failed": 3, "candidates": CANDIDATES,
-        "targets": len(TARGETS), "views_kept": 2,
-    }  # fmt: skip
+        "rollouts_succeeded": 12,
+        "rollouts_failed": 3,
+        "candidates": CANDIDATES,
+        "targets": len(TARGETS),
+        "views_kept": 2,
+    }
     (folder / "metrics.json").write_text(json.dumps(counts))
     fill_rollouts(folder, index)
 

@@ -15,11 +15,17 @@ ROUNDS = [
 CAUSES = {
     "told_by": "the true room's mesh",
     "shares": [
-        {"cause": "wrong_depth", "label": "wrong depth", "error": 0.41, "pixels": 0.12, "psnr": 17.3,
-         "mended_by": "more photographs"},
+        {
+            "cause": "wrong_depth",
+            "label": "wrong depth",
+            "error": 0.41,
+            "pixels": 0.12,
+            "psnr": 17.3,
+            "mended_by": "more photographs",
+        },
         {"cause": "edges", "label": "edges", "error": None, "pixels": 0.05, "psnr": None, "mended_by": ""},
     ],
-}  # fmt: skip
+}
 
 
 def fill_report(folder: Path) -> None:

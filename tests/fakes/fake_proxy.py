@@ -43,17 +43,20 @@ def write_objects(folder: Path, cameras: dict[str, Camera]) -> None:
         (folder / "objects" / name / "masks").mkdir(parents=True)
         for capture, camera in cameras.items():
             mask = crate_mask(camera).astype(np.float32)
-            save_image(
-                folder / "objects" / name / "masks" / f"{capture}.png", np.repeat(mask[..., None], 3, 2)
-            )
+            save_image(folder / "objects" / name / "masks" / f"{capture}.png", np.repeat(mask[..., None], 3, 2))
     priors = folder / "geometry" / "priors"
     (priors / "refused").mkdir(parents=True)
     vertices, faces = crate()
     world = vertices @ CRATE_FROM_OWN[:3, :3].T + CRATE_FROM_OWN[:3, 3]
     np.savez(priors / "crate.npz", vertices=world, faces=faces)
     np.savez(priors / "refused" / "lamp.npz", vertices=world, faces=faces)
-    figures = {"backend": "mesh", "shape": "box", "energy": 0.1, "point_distance_m": 0.01,
-               "world_from_own": CRATE_FROM_OWN.tolist()}  # fmt: skip
+    figures = {
+        "backend": "mesh",
+        "shape": "box",
+        "energy": 0.1,
+        "point_distance_m": 0.01,
+        "world_from_own": CRATE_FROM_OWN.tolist(),
+    }
     record = [
         {"name": "crate", "refusal": "", "silhouette_iou": 0.95, **figures},
         {"name": "lamp", "refusal": "it overlaps too little", "silhouette_iou": 0.3, **figures},
@@ -62,10 +65,13 @@ def write_objects(folder: Path, cameras: dict[str, Camera]) -> None:
     rng = np.random.default_rng(2)
     points = np.concatenate([world[faces].mean(1), rng.uniform(-1.4, 1.4, (20, 3))]).astype(np.float32)
     np.savez(
-        folder / "geometry" / "observed.npz", points=points,
-        visibility=np.ones((len(points), len(cameras)), bool), normals=np.zeros_like(points),
-        colours=np.zeros_like(points), confidence=np.ones(len(points), np.float32),
-    )  # fmt: skip
+        folder / "geometry" / "observed.npz",
+        points=points,
+        visibility=np.ones((len(points), len(cameras)), bool),
+        normals=np.zeros_like(points),
+        colours=np.zeros_like(points),
+        confidence=np.ones(len(points), np.float32),
+    )
 
 
 def write_coverage(folder: Path, proxy: GeometryProxy) -> None:

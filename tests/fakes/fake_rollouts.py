@@ -28,13 +28,18 @@ def rollouts(robot: RobotModel, of_frames: tuple[int, ...] = FRAMES) -> list[Rol
         reason, detail = _FAILURES.get(number, ("", ""))
         made.append(
             Rollout(
-                success=not reason, reason=reason, frame=max(frames - 1, 0), qpos=qpos,
+                success=not reason,
+                reason=reason,
+                frame=max(frames - 1, 0),
+                qpos=qpos,
                 times_s=0.2 * np.arange(frames),
                 camera_poses=robot.camera_poses(qpos, robot.mount.pitched(20.0 + 5.0 * number)),
-                seed=(0, number), behaviour="walk_to" if frames else "", detail=detail,
+                seed=(0, number),
+                behaviour="walk_to" if frames else "",
+                detail=detail,
                 controller="reference motions",
             )
-        )  # fmt: skip
+        )
     return made
 
 
@@ -56,9 +61,13 @@ def fill_trial(folder: Path) -> None:
     save_bodies(trial, robot, rollouts(robot)[:2], robot.camera(64, 48), trial)
     seat = {"place_m": [0.5, -0.25], "height_m": 0.45, "yaw_deg": 90.0, "places": 3, "object": "chair"}
     told = {
-        "declared": ["embedded:humanoid", "walk_and_look"], "joints": 29, "legs": 2, "wheels": 0,
-        "height_m": 1.31, "mass_kg": 35.1,
+        "declared": ["embedded:humanoid", "walk_and_look"],
+        "joints": 29,
+        "legs": 2,
+        "wheels": 0,
+        "height_m": 1.31,
+        "mass_kg": 35.1,
         "camera": {"height_m": 1.27, "pitch_deg": 47.6, "fov_deg": 55.0, "fov_is_vertical": True},
         "seats": [seat, {**seat, "place_m": [-1.0, 0.75], "object": "", "places": 1}],
-    }  # fmt: skip
+    }
     (folder / "robot" / "robot.json").write_text(json.dumps(told))

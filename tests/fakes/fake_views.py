@@ -22,16 +22,25 @@ def write_views(folder: Path, query: Camera, candidates: tuple[int, ...]) -> Non
         view.mkdir(parents=True, exist_ok=True)
         accepted = rank != REJECTED
         record = {
-            "accepted": accepted, "generator": "geometry-guided blending", "rank": rank,
+            "accepted": accepted,
+            "generator": "geometry-guided blending",
+            "rank": rank,
             "reason": "registered: 90 of 100 patches agree" if accepted else "rejected: no patch is found",
-            "candidate": candidate, "rollout": candidate // 10, "frame": candidate % 10,
-            "reference": 1, "reference_name": "capture_1", "overlap": 0.7, "query": query.to_json(),
-            "estimate": query.to_json() if accepted else None, "expected": 100, "matches": 95,
-            "inliers": 90 if accepted else 0, "spread": 0.75,
-        }  # fmt: skip
+            "candidate": candidate,
+            "rollout": candidate // 10,
+            "frame": candidate % 10,
+            "reference": 1,
+            "reference_name": "capture_1",
+            "overlap": 0.7,
+            "query": query.to_json(),
+            "estimate": query.to_json() if accepted else None,
+            "expected": 100,
+            "matches": 95,
+            "inliers": 90 if accepted else 0,
+            "spread": 0.75,
+        }
         if accepted:
-            record |= {"offset_m": 0.012, "turn_deg": 0.25, "focal_px": query.fx, "sigma_m": 0.006,
-                       "sigma_deg": 0.2}  # fmt: skip
+            record |= {"offset_m": 0.012, "turn_deg": 0.25, "focal_px": query.fx, "sigma_m": 0.006, "sigma_deg": 0.2}
             _write_pictures(view, rank, query)
         (view / "pose.json").write_text(json.dumps(record))
 

@@ -40,16 +40,16 @@ def room_a():
         entries = about[key]
         cameras = [Camera.from_json(size | entry) for entry in entries]
         captures = [Capture(e["file"], ROOM_A / e["file"], c) for e, c in zip(entries, cameras, strict=True)]
-        depths = [
-            np.load(ROOM_A / f"depth/{prefix}{i:02d}.npz")["z"].astype(np.float32)
-            for i in range(len(entries))
-        ]
+        depths = [np.load(ROOM_A / f"depth/{prefix}{i:02d}.npz")["z"].astype(np.float32) for i in range(len(entries))]
         return captures, depths
 
     captures, depths = views("captures", "cap")
     frozen, frozen_depths = views("frozen", "ego")
     mesh = np.load(ROOM_A / "room.npz")
     return SimpleNamespace(
-        captures=captures, depths=depths, frozen=frozen, frozen_depths=frozen_depths,
+        captures=captures,
+        depths=depths,
+        frozen=frozen,
+        frozen_depths=frozen_depths,
         renderer=ZBufferRenderer(observed_proxy(mesh["V"], mesh["F"])),
-    )  # fmt: skip
+    )

@@ -45,9 +45,7 @@ def before(tmp_path, box_room, cameras) -> Path:
     return tmp_path / "before"
 
 
-def test_a_decision_holds_for_the_same_camera_and_condition_whatever_its_rank(
-    tmp_path, before, box_room, cameras
-):
+def test_a_decision_holds_for_the_same_camera_and_condition_whatever_its_rank(tmp_path, before, box_room, cameras):
     conditions = box_room.renderer.render(cameras)  # rendered anew: the files come out the same
     after = tmp_path / "after"
     for rank, index in enumerate((2, 3, 0)):
@@ -127,6 +125,4 @@ def test_the_step_carries_them_and_warns(tmp_path, box_room, cameras, monkeypatc
     shown[1] = shown[2]
     (scene.path / "targets" / "another").unlink()
     assert decision_of(run() / "001") is None
-    assert progress.warnings == [
-        "round 0, view 1: that it was rejected by hand is dropped, no view shows the same now"
-    ]
+    assert progress.warnings == ["round 0, view 1: that it was rejected by hand is dropped, no view shows the same now"]

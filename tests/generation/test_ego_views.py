@@ -37,9 +37,13 @@ def scene(room_a):
     )
     candidates = [view.camera for view in room_a.frozen[:count]]
     selection = with_references(
-        selection, candidates, [capture.camera for capture in room_a.captures], room_a.renderer.depth,
-        SETTINGS.selection, count,
-    )  # fmt: skip
+        selection,
+        candidates,
+        [capture.camera for capture in room_a.captures],
+        room_a.renderer.depth,
+        SETTINGS.selection,
+        count,
+    )
     return SimpleNamespace(
         selection=selection,
         candidates=candidates,
@@ -50,9 +54,16 @@ def scene(room_a):
 
 def views_of(room_a, scene, generator, folder, settings=SETTINGS, space=None):
     return ego_video_reg(
-        scene.selection, scene.candidates, room_a.captures, room_a.renderer, generator,
-        scene.landmarks, settings, folder, space=space,
-    )  # fmt: skip
+        scene.selection,
+        scene.candidates,
+        room_a.captures,
+        room_a.renderer,
+        generator,
+        scene.landmarks,
+        settings,
+        folder,
+        space=space,
+    )
 
 
 class FailingAt:
@@ -92,8 +103,14 @@ def test_views_are_written_registered_and_read_back(tmp_path, room_a, scene):
         assert observation.image.shape == (480, 640, 3)
         assert observation.confidence.shape == (480, 640)
         assert {p.name for p in folder.iterdir()} == {
-            "path.json", "conditions", "clip", "clip.webp", "frame.png", "confidence.png", "pose.json",
-        }  # fmt: skip
+            "path.json",
+            "conditions",
+            "clip",
+            "clip.webp",
+            "frame.png",
+            "confidence.png",
+            "pose.json",
+        }
         conditions = load_conditions(folder / "conditions")
         assert [c.camera.shape for c in conditions] == [(120, 160), (120, 160), (480, 640)]
         path = json.loads((folder / "path.json").read_text())

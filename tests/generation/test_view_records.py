@@ -12,11 +12,22 @@ def write_view(folder, rank, accepted=True, estimate=True, **more):
     view = folder / f"{rank:03d}"
     view.mkdir(parents=True)
     record = {
-        "accepted": accepted, "reason": "registered: 9 of 10 patches agree" if accepted else "rejected: few",
-        "generator": "blending", "rank": rank, "candidate": 10 * rank, "rollout": 1, "frame": rank,
-        "reference": 0, "reference_name": "a.png", "overlap": 0.5, "query": {},
-        "estimate": {} if estimate else None, "inliers": 9, "spread": 0.5, **more,
-    }  # fmt: skip
+        "accepted": accepted,
+        "reason": "registered: 9 of 10 patches agree" if accepted else "rejected: few",
+        "generator": "blending",
+        "rank": rank,
+        "candidate": 10 * rank,
+        "rollout": 1,
+        "frame": rank,
+        "reference": 0,
+        "reference_name": "a.png",
+        "overlap": 0.5,
+        "query": {},
+        "estimate": {} if estimate else None,
+        "inliers": 9,
+        "spread": 0.5,
+        **more,
+    }
     (view / "pose.json").write_text(json.dumps(record))
 
 

@@ -14,10 +14,17 @@ import bpy
 
 ZIP, ENGINE, ROOM, SCENE, EXPORT, OUT = (Path(argument) for argument in sys.argv[sys.argv.index("--") + 1 :])
 SHORT = {
-    "rounds": 1, "stereo__max_side_px": 160, "stereo__iterations": 3, "proxy__voxel_m": 0.06,
-    "collision__tolerance_m": 0.05, "rollouts__successes": 2, "selection__target_views": 2,
-    "generation__clip_frames": 3, "training__steps_per_round": 20, "training__max_gaussians": 20000,
-}  # fmt: skip
+    "rounds": 1,
+    "stereo__max_side_px": 160,
+    "stereo__iterations": 3,
+    "proxy__voxel_m": 0.06,
+    "collision__tolerance_m": 0.05,
+    "rollouts__successes": 2,
+    "selection__target_views": 2,
+    "generation__clip_frames": 3,
+    "training__steps_per_round": 20,
+    "training__max_gaussians": 20000,
+}
 
 
 def press(operator, **properties):
@@ -31,10 +38,7 @@ def main():
     bpy.context.preferences.addons["bl_ext.user_default.r2sego"].preferences.engine_python = str(ENGINE)
     bpy.ops.wm.read_homefile(use_empty=True)
     r2sego = bpy.ops.r2sego
-    press(
-        r2sego.new_scene, filepath=str(SCENE), captures=str(ROOM / "captures"),
-        poses=str(ROOM / "cameras.json"),
-    )  # fmt: skip
+    press(r2sego.new_scene, filepath=str(SCENE), captures=str(ROOM / "captures"), poses=str(ROOM / "cameras.json"))
     state = bpy.context.scene.r2sego
     for name, value in SHORT.items():
         setattr(state.settings, name, value)

@@ -34,9 +34,7 @@ def said(tmp_path_factory):
     from stand_in_engine import write_stand_in_engine
 
     folder = tmp_path_factory.mktemp("blender")
-    subprocess.run(
-        [sys.executable, str(ROOT / "batch" / "build_extension.py"), "--out", str(folder)], check=True
-    )
+    subprocess.run([sys.executable, str(ROOT / "batch" / "build_extension.py"), "--out", str(folder)], check=True)
     engine = write_stand_in_engine(folder)
     write_bundle(folder / "room.r2s")
     (package,) = folder.glob("*.zip")
@@ -50,8 +48,12 @@ def said(tmp_path_factory):
     out = folder / "said.json"
     done = subprocess.run(
         [*start, "--", str(package), str(folder / "room.r2s"), str(engine), str(out)],
-        env=environment, cwd=folder, capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
+        env=environment,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=1200,
+    )
     assert out.is_file(), done.stdout[-3000:] + done.stderr[-3000:]
     return json.loads(out.read_text())
 

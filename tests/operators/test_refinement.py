@@ -27,8 +27,10 @@ def test_a_room_is_refined_shown_and_exported_from_inside_blender(tmp_path):
     done = subprocess.run(
         [sys.executable, str(SCRIPT), "--", *map(str, arguments)],
         env={**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path / "user")},
-        capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=1200,
+    )
     assert out.is_file(), done.stdout[-3000:] + done.stderr[-3000:]
     held = json.loads(out.read_text())
     assert held["rounds_done"] == 1

@@ -57,9 +57,7 @@ def test_the_free_floor_is_what_captures_vouch_for_and_a_drawn_region_stays(scen
 
 
 def test_a_named_seat_becomes_its_place_where_the_robot_sits_down(scene):
-    sits = declare_robot(
-        scene, scope="sit_down", changes={"behaviours.sit_on": 1.0, "sit_on.target": "chair"}
-    )
+    sits = declare_robot(scene, scope="sit_down", changes={"behaviours.sit_on": 1.0, "sit_on.target": "chair"})
     assert placed(sits).sit_on.target == pytest.approx((1.0, 2.0))
     (sits.path / "geometry" / "priors" / "chair.npz").rename(sits.path / "chair.npz")
     with pytest.raises(GeometryError, match="no aligned object 'chair'"):

@@ -9,15 +9,7 @@ import pytest
 import trimesh
 from cameras_file import save_cameras_json
 from progress_recorder import ProgressRecorder
-from splat_photographs import (
-    ROOM,
-    SETTINGS,
-    captures_in,
-    room_points,
-    sparse_points,
-    write_points,
-    write_transforms,
-)
+from splat_photographs import ROOM, SETTINGS, captures_in, room_points, sparse_points, write_points, write_transforms
 
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.poses.colmap_model import save_colmap_model
@@ -80,9 +72,7 @@ def test_points_come_from_the_model_of_which_a_file_is_given(tmp_path):
 
 @pytest.mark.parametrize("given", ["", ".", "transforms.json"])
 def test_points_come_from_the_ply_that_nerfstudio_names(tmp_path, given):
-    write_transforms(
-        tmp_path / "transforms.json", captures_in(tmp_path / "images"), ply_file_path="sparse_pc.ply"
-    )
+    write_transforms(tmp_path / "transforms.json", captures_in(tmp_path / "images"), ply_file_path="sparse_pc.ply")
     write_points(tmp_path / "sparse_pc.ply")
     poses = tmp_path / given if given else None
     trained = train_on_photographs(tmp_path, tmp_path / "asset.ply", poses=poses, settings=SETTINGS)
@@ -123,9 +113,7 @@ def test_what_masks_hide_is_not_trained_on(tmp_path):
     def error(poses: dict) -> float:
         (tmp_path / "transforms.json").write_text(json.dumps(poses))
         progress = ProgressRecorder()
-        train_on_photographs(
-            tmp_path, tmp_path / "asset.ply", points=points, settings=SETTINGS, progress=progress
-        )
+        train_on_photographs(tmp_path, tmp_path / "asset.ply", points=points, settings=SETTINGS, progress=progress)
         assert any("masks of 6 images" in text for _, text in progress.messages) is (poses is masked)
         asset = load_asset(tmp_path / "asset.ply")
         seen = [render(asset, capture.camera).colour for capture in captures]
@@ -167,9 +155,12 @@ def test_a_synthetic_scene_of_blender_is_trained_and_scored_on_its_own_split(tmp
     held = [Capture(c.name, tmp_path / "test" / c.name, c.camera) for c in captures[1::2]]
     write_transforms(tmp_path / "transforms_test.json", held)
     trained = train_on_photographs(
-        tmp_path, tmp_path / "asset.ply", points=write_points(tmp_path / "points.ply"),
-        frozen=tmp_path / "transforms_test.json", settings=SETTINGS,
-    )  # fmt: skip
+        tmp_path,
+        tmp_path / "asset.ply",
+        points=write_points(tmp_path / "points.ply"),
+        frozen=tmp_path / "transforms_test.json",
+        settings=SETTINGS,
+    )
     assert (trained.images, trained.held_out.views) == (4, 3)
     assert trained.held_out.psnr > 15.0
 
@@ -180,9 +171,8 @@ def test_the_size_that_is_trained_on_is_told(photographs):
         progress = ProgressRecorder()
         settings = with_overrides({"captures.max_side_px": side_px, "training.steps_per_round": 1}, SETTINGS)
         train_on_photographs(
-            photographs, photographs / "a.ply", points=photographs / "points.ply", settings=settings,
-            progress=progress,
-        )  # fmt: skip
+            photographs, photographs / "a.ply", points=photographs / "points.ply", settings=settings, progress=progress
+        )
         told.append(progress.messages[0][1])
     assert "up to 64 pixels a side, as captures.max_side_px says" in told[0]
     assert "up to 96 pixels a side:" in told[1]
@@ -221,17 +211,11 @@ def test_a_count_that_cannot_be_takes_no_memory(tmp_path):
 def test_points_of_another_place_are_refused(photographs):
     trimesh.PointCloud(room_points()[0] + 1000.0).export(photographs / "far.ply")
     with pytest.raises(CaptureError, match="frame of the poses"):
-        train_on_photographs(
-            photographs, photographs / "a.ply", points=photographs / "far.ply", settings=SETTINGS
-        )
+        train_on_photographs(photographs, photographs / "a.ply", points=photographs / "far.ply", settings=SETTINGS)
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"hold_out": 1}, "2 at least"),
-        ({"hold_out": 2, "frozen": Path("cameras.json")}, "twice"),
-    ],
+    ("options", "words"), [({"hold_out": 1}, "2 at least"), ({"hold_out": 2, "frozen": Path("cameras.json")}, "twice")]
 )
 def test_options_that_do_not_fit_are_refused(photographs, options, words):
     with pytest.raises(SettingsError, match=words):

@@ -103,7 +103,7 @@ def test_an_update_covers_what_only_a_generated_view_shows():
     views, aside = [wall_view(-0.3), wall_view(0.3)], wall_view(4.0)
     asset = update_visual_asset(
         SplatAsset.empty(), SplatAsset.empty(), views, [pseudo(aside)], SETTINGS, np.random.default_rng(0)
-    )  # fmt: skip
+    )
     assert coverage(asset, aside) > 0.95
 
 
@@ -124,15 +124,22 @@ def test_of_two_colours_the_one_with_the_larger_sum_of_weights_is_learnt(
 ):
     """By the absolute error: the weighted median. A capture's sum is its weight times its draws."""
     settings = dataclasses.replace(
-        SETTINGS, steps_per_round=120, sh_degree=0, ssim_weight=0.0, opaque_weight=0.0, dropout_share=0.0,
-        real_weight=real_weight, synthetic_weight=synthetic_weight, capture_oversampling=draws,
+        SETTINGS,
+        steps_per_round=120,
+        sh_degree=0,
+        ssim_weight=0.0,
+        opaque_weight=0.0,
+        dropout_share=0.0,
+        real_weight=real_weight,
+        synthetic_weight=synthetic_weight,
+        capture_oversampling=draws,
         captures_first_share=captures_first,
-    )  # fmt: skip
+    )
     capture, generated = wall_view(0.0), wall_view(0.0, shade=shade)
     between = grow(SplatAsset.empty(), [wall_view(0.0, shade=0.025)], SETTINGS, np.random.default_rng(0))
     asset = update_visual_asset(
         between, SplatAsset.empty(), [capture], [pseudo(generated)], settings, np.random.default_rng(0)
-    )  # fmt: skip
+    )
     shown = render(asset, capture.camera).colour[8:-8, 8:-8]
     apart = {
         name: np.abs(shown - view.image[8:-8, 8:-8]).mean()
@@ -148,7 +155,7 @@ def test_an_update_learns_the_captures(with_pseudo):
     synthetic = [pseudo(wall_view(0.6))] if with_pseudo else []
     asset = update_visual_asset(
         SplatAsset.empty(), SplatAsset.empty(), views, synthetic, SETTINGS, np.random.default_rng(0)
-    )  # fmt: skip
+    )
     started = grow(SplatAsset.empty(), views, SETTINGS, np.random.default_rng(0))
 
     def quality(trained: SplatAsset) -> float:
@@ -165,12 +172,12 @@ def test_what_differs_from_photograph_to_photograph_is_learnt_less_with_the_regu
             v, image=np.clip(v.image + rng.normal(0.0, 0.1, v.image.shape), 0.0, 1.0).astype(np.float32)
         )
         for v in exact
-    ]  # fmt: skip
+    ]
 
     def quality(settings: TrainingSettings) -> float:
         asset = update_visual_asset(
             SplatAsset.empty(), SplatAsset.empty(), views, [], settings, np.random.default_rng(0)
-        )  # fmt: skip
+        )
         return psnr(np.clip(render(asset, between.camera).colour, 0, 1), between.image)
 
     settings = dataclasses.replace(SETTINGS, steps_per_round=200)
@@ -220,7 +227,7 @@ def test_a_later_round_keeps_what_is_learnt():
     def updated(asset: SplatAsset, index: int) -> SplatAsset:
         return update_visual_asset(
             asset, SplatAsset.empty(), views, [], settings_of_round(settings, index), np.random.default_rng(1)
-        )  # fmt: skip
+        )
 
     first = updated(SplatAsset.empty(), 0)
     again, later = (updated(first, index) for index in (0, 1))
@@ -240,9 +247,7 @@ def test_an_update_uses_its_depth_only_where_that_has_a_weight():
         settings = dataclasses.replace(SETTINGS, depth_weight=depth_weight)
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr("r2sego_blender.refine.visual_asset.grow", lambda asset, *_: asset)
-            asset = update_visual_asset(
-                start, SplatAsset.empty(), views, [], settings, np.random.default_rng(0)
-            )  # fmt: skip
+            asset = update_visual_asset(start, SplatAsset.empty(), views, [], settings, np.random.default_rng(0))
         return asset.means.tobytes()
 
     assert trained(views, 0.0) == trained(told, 0.0)
@@ -263,7 +268,7 @@ def test_what_an_update_may_use_or_correct_it_does_where_its_setting_says_so(key
         settings = dataclasses.replace(SETTINGS, **{key: value})
         asset = update_visual_asset(
             start, SplatAsset.empty(), [capture], pseudo_observations, settings, np.random.default_rng(0)
-        )  # fmt: skip
+        )
         return asset.means.tobytes() + asset.sh.tobytes()
 
     assert trained([generated], 0.0) != trained([generated], 0.01)
@@ -288,16 +293,13 @@ def test_the_backdrop_is_left_as_it_is_and_not_painted_over():
     before = behind.means.tobytes(), behind.sh.tobytes()
     half = [
         dataclasses.replace(
-            v, depth=np.where(np.arange(96) < 48, v.depth, 0.0).astype(np.float32),
-            image=np.where(
-                (np.arange(96) < 48)[:, None], v.image, render(behind, v.camera).colour
-            ).astype(np.float32),
+            v,
+            depth=np.where(np.arange(96) < 48, v.depth, 0.0).astype(np.float32),
+            image=np.where((np.arange(96) < 48)[:, None], v.image, render(behind, v.camera).colour).astype(np.float32),
         )
         for v in views
-    ]  # fmt: skip
-    asset = update_visual_asset(
-        SplatAsset.empty(), behind, half, [], SETTINGS, np.random.default_rng(0)
-    )  # fmt: skip
+    ]
+    asset = update_visual_asset(SplatAsset.empty(), behind, half, [], SETTINGS, np.random.default_rng(0))
     assert (behind.means.tobytes(), behind.sh.tobytes()) == before
     assert render(asset, views[0].camera).alpha[:, 82:].mean() < 0.1
     assert coverage(asset, views[0]) > 0.4

@@ -15,11 +15,7 @@ from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.commands.cli import main
 from r2sego_blender.config.settings import CollisionSettings
 from r2sego_blender.geometry.collision.collision import CollisionSurface, collision_surface
-from r2sego_blender.geometry.collision.collision_check import (
-    SPHERE_RADIUS_M,
-    CollisionCheck,
-    check_collision,
-)
+from r2sego_blender.geometry.collision.collision_check import SPHERE_RADIUS_M, CollisionCheck, check_collision
 from r2sego_blender.geometry.collision.collision_files import write_collision
 from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 from r2sego_blender.results.collision_report import CollisionReport, check_scene, lines
@@ -110,15 +106,19 @@ def test_a_lone_sphere_that_floats_is_told_with_its_place_and_passes_up_to_3_cm(
 
 def test_spheres_that_rest_at_one_place_are_told_once_with_how_many():
     """Two floating within a millimetre, one beside them, one sunk in at the same place, one fallen."""
-    ends = np.array(
-        [(1.0, 2.0, 0.07), (1.0, 2.0, 0.03), (1.0, 2.001, 0.07), (1.0, 2.1, 0.07), (0.0, 0.0, 9.0)]
-    )
+    ends = np.array([(1.0, 2.0, 0.07), (1.0, 2.0, 0.03), (1.0, 2.001, 0.07), (1.0, 2.1, 0.07), (0.0, 0.0, 9.0)])
     found = CollisionCheck(
-        pieces=1, vertex_error_m=0.0, starts=ends + np.array([0, 0, 1]), ends=ends,
-        at_rest=np.array([True, True, True, True, False]), fell_through=np.arange(5) == 4,
-        left=np.zeros(5, bool), gap_m=np.array([0.021, -0.02, 0.0205, 0.015, 9.0]),
-        proxy_gap_m=np.full(5, np.nan), simulated_s=1.0,
-    )  # fmt: skip
+        pieces=1,
+        vertex_error_m=0.0,
+        starts=ends + np.array([0, 0, 1]),
+        ends=ends,
+        at_rest=np.array([True, True, True, True, False]),
+        fell_through=np.arange(5) == 4,
+        left=np.zeros(5, bool),
+        gap_m=np.array([0.021, -0.02, 0.0205, 0.015, 9.0]),
+        proxy_gap_m=np.full(5, np.nan),
+        simulated_s=1.0,
+    )
     report = CollisionReport(found, Standing((0.0, 0.0), 2.0, 0.0, "", ""))
     assert [line for line in lines(report) if " at (" in line and line.startswith("  ")] == [
         "  one dropped at (0.00, 0.00, 10.00) fell through",

@@ -31,11 +31,7 @@ from tools.benchmarks.workloads import made_up_room
 
 PLAIN = ["asset.ply", "collision", "proxy.ply", "cameras.json"]
 ABOUT = "about.txt"
-ENTRY = {
-    "file": "images/a.png",
-    "name": "a.png",
-    **Camera(64, 48, 50.0, 50.0, 32.0, 24.0, np.eye(4)).to_json(),
-}
+ENTRY = {"file": "images/a.png", "name": "a.png", **Camera(64, 48, 50.0, 50.0, 32.0, 24.0, np.eye(4)).to_json()}
 
 
 @pytest.fixture
@@ -264,9 +260,7 @@ def test_a_folder_collision_that_no_export_made_is_left_alone(scene, tmp_path):
     mine.write_text("mine")
     with refused(SceneError, mine.parent, "no export made it"):
         export_scene(scene, tmp_path / "package")
-    assert mine.read_text() == "mine" and [one.name for one in (tmp_path / "package").iterdir()] == [
-        "collision"
-    ]
+    assert mine.read_text() == "mine" and [one.name for one in (tmp_path / "package").iterdir()] == ["collision"]
 
 
 def test_nothing_appears_when_a_part_is_damaged(scene, tmp_path):
@@ -299,9 +293,7 @@ def test_a_result_that_was_cut_off_since_is_neither_exported_nor_called_refined(
     assert not told["refined"] and f"not as it was made: {result}" in lines(told)
 
 
-@pytest.mark.parametrize(
-    "wrong", [{}, {"captures": []}, {"captures": 5}, {"captures": [ENTRY | {"fx": np.nan}]}]
-)
+@pytest.mark.parametrize("wrong", [{}, {"captures": []}, {"captures": 5}, {"captures": [ENTRY | {"fx": np.nan}]}])
 def test_cameras_that_are_damaged_are_not_exported(scene, tmp_path, wrong):
     (scene.captures_folder / "cameras.json").write_text(json.dumps(wrong))
     with refused(CaptureError, cure="`r2sego new`") as caught:

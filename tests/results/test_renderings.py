@@ -47,8 +47,7 @@ def cameras_file(folder: Path) -> Path:
 
 @pytest.mark.parametrize("stage", ["initial", "0", "final"])
 def test_a_scene_is_rendered_at_every_stage_with_its_backdrop(r2sego, scene, tmp_path, stage):
-    done = r2sego("render", scene.path, "--cameras", cameras_file(tmp_path), "--to", tmp_path / "out",
-                  "--round", stage)  # fmt: skip
+    done = r2sego("render", scene.path, "--cameras", cameras_file(tmp_path), "--to", tmp_path / "out", "--round", stage)
     assert done.exit_code == 0, done.output
     whole = ROOM.asset.concatenated(BACKDROP.with_degree(ROOM.asset.degree))
     asset = ROOM.asset.subset(np.arange(100)) if stage == "initial" else whole
@@ -61,8 +60,10 @@ def test_a_file_is_rendered_and_the_result_told(scene, tmp_path):
     command = ["render", file, "--cameras", cameras_file(tmp_path), "--to", tmp_path / "out"]
     done = subprocess.run(
         [sys.executable, "-m", "r2sego_blender", *command, "--pass", "depth", "--json-progress"],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     told = json.loads(done.stdout.splitlines()[-1])
     assert told["event"] == "result" and told["gaussians"] == 900
     assert [Path(f).name for f in told["files"]] == ["here_depth.png", "here.npz"]

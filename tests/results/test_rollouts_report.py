@@ -14,11 +14,18 @@ from r2sego_blender.robot.rollouts.rollout import Quality, Rollout, save_rollout
 
 def attempt(number, frames, reason="", detail="", height=(1.2, 1.3), pitch=(20.0, 40.0)):
     return Rollout(
-        success=not reason, reason=reason, frame=max(frames - 1, 0), qpos=np.zeros((frames, 7)),
-        times_s=np.arange(frames) / 5.0, camera_poses=np.tile(np.eye(4), (frames, 1, 1)), seed=(3, number),
-        behaviour="walk_to" if frames else "", detail=detail, controller="reference motions",
+        success=not reason,
+        reason=reason,
+        frame=max(frames - 1, 0),
+        qpos=np.zeros((frames, 7)),
+        times_s=np.arange(frames) / 5.0,
+        camera_poses=np.tile(np.eye(4), (frames, 1, 1)),
+        seed=(3, number),
+        behaviour="walk_to" if frames else "",
+        detail=detail,
+        controller="reference motions",
         quality=Quality(foot_slide_m=0.004, camera_height_m=height, camera_pitch_deg=pitch),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture

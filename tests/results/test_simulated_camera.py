@@ -73,8 +73,10 @@ def run(program: str, *arguments: object, gl: str = "egl", **options: object) ->
     return subprocess.run(
         [sys.executable, "-c", program, *map(str, arguments)],
         env=environment | {"MUJOCO_GL": gl, "PYTHONPATH": str(PAGE.parents[1])},
-        capture_output=True, text=True, **options,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        **options,
+    )
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -150,18 +152,13 @@ def test_the_pages_examples_run_as_they_are_written(tmp_path):
     save_asset(tmp_path / "out" / "asset.ply", random_asset(np.random.default_rng(0)))
     wall = np.float32([(-2, 2, 0), (2, 2, 0), (2, 2, 2), (-2, 2, 2)])
     uvs = np.float32([(0, 1), (1, 1), (1, 0), (0, 0)])
-    mesh = TexturedMesh(
-        wall, np.int32([(0, 1, 2), (0, 2, 3)]), uvs, np.zeros((8, 8, 3), np.uint8), "by hand", 1.0
-    )
+    mesh = TexturedMesh(wall, np.int32([(0, 1, 2), (0, 2, 3)]), uvs, np.zeros((8, 8, 3), np.uint8), "by hand", 1.0)
     (tmp_path / "out" / "textured").mkdir()
     for name, data in obj_files(mesh, "room").items():
         (tmp_path / "out" / "textured" / name).write_bytes(data)
     (tmp_path / "robot").mkdir()
     (tmp_path / "robot" / "g1.xml").write_text(humanoid_mjcf())
     camera, textured = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    done = run(
-        camera + "print(seen.colour.shape, seen.colour.dtype)\n" + textured + "print(model.nmesh)",
-        cwd=tmp_path,
-    )
+    done = run(camera + "print(seen.colour.shape, seen.colour.dtype)\n" + textured + "print(model.nmesh)", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split("\n")[:2] == ["(480, 640, 3) uint8", "2"]

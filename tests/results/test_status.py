@@ -31,10 +31,7 @@ def test_equal_images_have_a_psnr_without_end(scene):
     metrics = {"arms": {"refined": scores}, "rounds": [{"round": 0, **scores, "mark": "as before"}]}
     scene.metrics_file.write_text(json.dumps(metrics))
     told = [line for line in lines(describe(scene)) if "PSNR" in line]
-    assert told == [
-        "  refined        PSNR inf dB, SSIM 1.000",
-        "  round 0        PSNR inf dB, SSIM 1.000, as before",
-    ]
+    assert told == ["  refined        PSNR inf dB, SSIM 1.000", "  round 0        PSNR inf dB, SSIM 1.000, as before"]
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"captures": 3}'])
@@ -89,9 +86,7 @@ def test_scores_of_an_asset_that_changed_are_not_told(scene):
 
 
 def test_rounds_beyond_those_that_are_declared_are_not_counted(scene):
-    counts = dict.fromkeys(
-        ("rollouts_succeeded", "rollouts_failed", "candidates", "targets", "views_kept"), 1
-    )
+    counts = dict.fromkeys(("rollouts_succeeded", "rollouts_failed", "candidates", "targets", "views_kept"), 1)
     for index in range(2):
         folder = scene.round_folder(index)
         folder.mkdir(parents=True)

@@ -86,9 +86,7 @@ def test_the_figures_are_those_of_what_was_written(scene, tmp_path):
     """The shell alone shows the captures again, but for the furniture's far sides."""
     file = tmp_path / "out.glb"
     command = [sys.executable, "-m", "r2sego_blender", "texture", scene.path, "--to", file, "--json-progress"]
-    done = subprocess.run(
-        [*map(str, [*command, *SMALL])], capture_output=True, text=True, cwd=ROOM.parents[1]
-    )
+    done = subprocess.run([*map(str, [*command, *SMALL])], capture_output=True, text=True, cwd=ROOM.parents[1])
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout.strip().splitlines()[-1])
     assert told["event"] == "result" and told["file"] == str(file)

@@ -32,9 +32,7 @@ def box_room(tmp_path_factory: pytest.TempPathFactory) -> BoxRoom:
         geoms.append(("0 0 2.55", f"{x} {y} 0.05", "ceiling"))
         if floor:
             geoms.append(("0 0 -0.05", f"{x} {y} 0.05", "floor"))
-        geoms += [
-            (f"{cx} {cy} {hz}", f"{hx} {hy} {hz}", f"box{i}") for i, (cx, cy, hx, hy, hz) in enumerate(boxes)
-        ]
+        geoms += [(f"{cx} {cy} {hz}", f"{hx} {hy} {hz}", f"box{i}") for i, (cx, cy, hx, hy, hz) in enumerate(boxes)]
         text = "".join(f'<geom name="{n}" type="box" pos="{p}" size="{s}"/>' for p, s, n in geoms)
         path = tmp_path_factory.mktemp("room") / "scene.xml"
         path.write_text(f"<mujoco><worldbody>{text}</worldbody></mujoco>")

@@ -72,9 +72,12 @@ def proxy(boxes=(TABLE,)) -> GeometryProxy:
     provenance = np.full(count, Provenance.OBSERVED, np.uint8)
     provenance[:12] = Provenance.COMPLETED  # the room's walls
     return GeometryProxy(
-        np.concatenate(vertices).astype(np.float32), joined, provenance,
-        np.full(count, 3, np.uint16), np.ones(count, np.float32),
-    )  # fmt: skip
+        np.concatenate(vertices).astype(np.float32),
+        joined,
+        provenance,
+        np.full(count, 3, np.uint16),
+        np.ones(count, np.float32),
+    )
 
 
 def write_captures(folder: Path, cameras, boxes=(TABLE,), colour=texture, gains=None):

@@ -22,7 +22,9 @@ def no_captures(folder: Path) -> None:
 def new_bundle(path: Path, fill: Callable[[Path], None] = no_captures, **declared: object) -> Scene:
     """The bundle ``path`` as ``fill`` fills it, of photographs in metres over a floor; or as ``declared``."""
     common = {
-        "captures_source": "photographs", "world_from_capture": IDENTITY, "ground": "floor",
+        "captures_source": "photographs",
+        "world_from_capture": IDENTITY,
+        "ground": "floor",
         "scale_source": "metric",
-    }  # fmt: skip
+    }
     return create_bundle(path, Declaration(**common | declared), fill)

@@ -48,7 +48,7 @@ FURNITURE: dict[str, Callable[[], Mesh]] = {
         ((-0.015, -0.015, 0.03), (0.015, 0.015, 1.4)),
         ((-0.18, -0.18, 1.15), (0.18, 0.18, 1.45)),
     ),
-}  # fmt: skip
+}
 
 
 def moved(vertices: np.ndarray, similarity: np.ndarray) -> np.ndarray:
@@ -100,9 +100,13 @@ def in_the_room(vertices: np.ndarray, faces: np.ndarray) -> MeshRasterizer:
 
 
 def observed_object(
-    vertices: np.ndarray, faces: np.ndarray, cameras: Sequence[Camera], rng: np.random.Generator,
-    noise_m: float = 0.004, count: int = 900,
-) -> SimpleNamespace:  # fmt: skip
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    cameras: Sequence[Camera],
+    rng: np.random.Generator,
+    noise_m: float = 0.004,
+    count: int = 900,
+) -> SimpleNamespace:
     """What ``cameras`` see of a mesh (world metres) in the room.
 
     ``masks`` (H, W) bool, ``depths`` (H, W) float32 of everything, ``points`` (P, 3) on the
@@ -119,9 +123,12 @@ def observed_object(
         points.append(camera.unproject(noisy)[mask])
     points = np.concatenate(points)
     return SimpleNamespace(
-        cameras=list(cameras), masks=masks, depths=depths,
-        points=points[rng.permutation(len(points))[:count]], bounds=room_bounds(),
-    )  # fmt: skip
+        cameras=list(cameras),
+        masks=masks,
+        depths=depths,
+        points=points[rng.permutation(len(points))[:count]],
+        bounds=room_bounds(),
+    )
 
 
 def wider(mask: np.ndarray) -> np.ndarray:

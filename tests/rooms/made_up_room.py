@@ -10,12 +10,7 @@ from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import save_captures
 from r2sego_blender.core.images import save_image
 from r2sego_blender.geometry.collision.collision_files import write_collision
-from tools.benchmarks.workloads import (
-    made_up_collision,
-    made_up_path,
-    made_up_proxy,
-    made_up_room,
-)
+from tools.benchmarks.workloads import made_up_collision, made_up_path, made_up_proxy, made_up_room
 
 
 def made_up_bundle(path: Path, **overrides: object) -> Scene:

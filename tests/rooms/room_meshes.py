@@ -23,6 +23,9 @@ def observed_proxy(vertices: ArrayLike, faces: ArrayLike, support: ArrayLike = 1
     """Vertices (V, 3) and faces (F, 3) as a proxy that ``support`` captures observed, with all confidence."""
     count = len(faces)
     return GeometryProxy(
-        np.asarray(vertices, np.float32), np.asarray(faces, np.int32), np.zeros(count, np.uint8),
-        np.broadcast_to(support, count).astype(np.uint16), np.ones(count, np.float32),
-    )  # fmt: skip
+        np.asarray(vertices, np.float32),
+        np.asarray(faces, np.int32),
+        np.zeros(count, np.uint8),
+        np.broadcast_to(support, count).astype(np.uint16),
+        np.ones(count, np.float32),
+    )

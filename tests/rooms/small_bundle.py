@@ -22,9 +22,7 @@ from r2sego_blender.splats.training.initialization import from_depth
 
 WIDTH, HEIGHT = 64, 48
 PHOTOGRAPH = 0.5
-VERTICES = np.array(
-    [(-4, 2, 0), (4, 2, 0), (4, 2, 4), (-4, 2, 4), (-4, -3, 0), (4, -3, 0)], np.float64
-)  # fmt: skip
+VERTICES = np.array([(-4, 2, 0), (4, 2, 0), (4, 2, 4), (-4, 2, 4), (-4, -3, 0), (4, -3, 0)], np.float64)
 FACES = np.array([(0, 1, 2), (0, 2, 3), (4, 5, 1), (4, 1, 0)], np.int32)
 
 
@@ -77,6 +75,8 @@ def bundle(
 
     similarity = np.eye(4) if world_from_capture is None else world_from_capture
     return new_bundle(
-        folder / "room.r2s", fill, world_from_capture=tuple(map(tuple, similarity.tolist())),
+        folder / "room.r2s",
+        fill,
+        world_from_capture=tuple(map(tuple, similarity.tolist())),
         overrides={"rounds": len(assets)},
-    )  # fmt: skip
+    )

@@ -51,9 +51,7 @@ def wrong_scene(folder, similarity, source="metric poses"):
     turn, cameras = true_cameras()
     captures = []
     for index, camera in enumerate(cameras):
-        save_image(
-            folder / f"p{index}.png", np.random.default_rng(index).random((120, 160, 3)).astype(np.float32)
-        )
+        save_image(folder / f"p{index}.png", np.random.default_rng(index).random((120, 160, 3)).astype(np.float32))
         captures.append(Capture(f"p{index}.jpg", folder / f"p{index}.png", camera.transformed(similarity)))
     sparse = _sparse(cameras, turn).transformed(similarity)
 
@@ -63,8 +61,7 @@ def wrong_scene(folder, similarity, source="metric poses"):
         (place / "captures" / "masks" / "chair.png").write_bytes(b"drawn by hand")
 
     given = tuple(map(tuple, (2.0 * np.diag([1, 1, 1, 0.5])).tolist()))
-    scene = new_bundle(folder / "room.r2s", fill, world_from_capture=given, ground="no floor seen",
-                       scale_source=source)  # fmt: skip
+    scene = new_bundle(folder / "room.r2s", fill, world_from_capture=given, ground="no floor seen", scale_source=source)
     return scene, turn, cameras
 
 
@@ -85,11 +82,7 @@ def picked_points(turn, cameras, metres=None, views=(0, 2, 3)):
     """Four points of the floor as a person picks them, and the length between two of them."""
     names = "ABCD"
     points = tuple(
-        PickedPoint(
-            name,
-            tuple(Pick(f"p{v}.jpg", *map(float, cameras[v].project(spot)[0])) for v in views),
-            floor=True,
-        )
+        PickedPoint(name, tuple(Pick(f"p{v}.jpg", *map(float, cameras[v].project(spot)[0])) for v in views), floor=True)
         for name, spot in zip(names, FLOOR @ turn[:3, :3].T, strict=True)
     )
     length = float(np.linalg.norm(FLOOR[0] - FLOOR[1])) if metres is None else metres

@@ -47,18 +47,23 @@ def rotations(q: torch.Tensor) -> torch.Tensor:
     w, x, y, z = (q / q.norm(dim=-1, keepdim=True)).unbind(-1)
     return torch.stack(
         [
-            1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
-            2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-            2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
+            1 - 2 * (y * y + z * z),
+            2 * (x * y - w * z),
+            2 * (x * z + w * y),
+            2 * (x * y + w * z),
+            1 - 2 * (x * x + z * z),
+            2 * (y * z - w * x),
+            2 * (x * z - w * y),
+            2 * (y * z + w * x),
+            1 - 2 * (x * x + y * y),
         ],
         -1,
-    ).reshape(-1, 3, 3)  # fmt: skip
+    ).reshape(-1, 3, 3)
 
 
 def on_screen(
-    means, log_scales, quaternions, logit_opacities, sh, camera: Camera, camera_from_world=None,
-    dilation_px2=0.3,
-) -> SimpleNamespace:  # fmt: skip
+    means, log_scales, quaternions, logit_opacities, sh, camera: Camera, camera_from_world=None, dilation_px2=0.3
+) -> SimpleNamespace:
     """The Gaussians ahead of the camera by depth: their ``number``, ``centre`` and the rest.
 
     ``camera_from_world`` (4, 4), a tensor, stands in for the camera's own.
@@ -71,12 +76,8 @@ def on_screen(
     p, number = p[nearest], number[nearest]
     x, y, z = p.unbind(-1)
     margin_x, margin_y = 0.15 * camera.width / camera.fx, 0.15 * camera.height / camera.fy
-    held_x = (x / z).clamp(
-        -camera.cx / camera.fx - margin_x, (camera.width - camera.cx) / camera.fx + margin_x
-    )
-    held_y = (y / z).clamp(
-        -camera.cy / camera.fy - margin_y, (camera.height - camera.cy) / camera.fy + margin_y
-    )
+    held_x = (x / z).clamp(-camera.cx / camera.fx - margin_x, (camera.width - camera.cx) / camera.fx + margin_x)
+    held_y = (y / z).clamp(-camera.cy / camera.fy - margin_y, (camera.height - camera.cy) / camera.fy + margin_y)
     zero = torch.zeros_like(z)
     jacobian = torch.stack(
         [
@@ -127,13 +128,18 @@ def weights(screen: SimpleNamespace, camera: Camera) -> tuple[torch.Tensor, torc
 
 
 def rasterize(
-    means, log_scales, quaternions, logit_opacities, sh, camera: Camera, background=(0.0, 0.0, 0.0),
-    camera_from_world=None, dilation_px2=0.3,
-):  # fmt: skip
+    means,
+    log_scales,
+    quaternions,
+    logit_opacities,
+    sh,
+    camera: Camera,
+    background=(0.0, 0.0, 0.0),
+    camera_from_world=None,
+    dilation_px2=0.3,
+):
     """(colour (H, W, 3), alpha (H, W), depth sum (H, W)), differentiable, float64."""
-    screen = on_screen(
-        means, log_scales, quaternions, logit_opacities, sh, camera, camera_from_world, dilation_px2
-    )
+    screen = on_screen(means, log_scales, quaternions, logit_opacities, sh, camera, camera_from_world, dilation_px2)
     weight, transmittance = weights(screen, camera)
     image = torch.einsum("nhw,nc->hwc", weight, screen.colour)
     image = image + transmittance[..., None] * torch.tensor(background, dtype=torch.float64)

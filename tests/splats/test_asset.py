@@ -56,9 +56,7 @@ def test_a_zero_quaternion_turns_as_the_identity() -> None:
     asset = random_asset(np.random.default_rng(6), count=1)
     asset.quaternions[:] = 0.0
     matrix = similarity(6, scale=1.0)
-    np.testing.assert_allclose(
-        to_rotation(asset.transformed(matrix).quaternions)[0], matrix[:3, :3], atol=1e-6
-    )
+    np.testing.assert_allclose(to_rotation(asset.transformed(matrix).quaternions)[0], matrix[:3, :3], atol=1e-6)
 
 
 @pytest.mark.parametrize("matrix", [np.diag([1.0, 1.0, -1.0, 1.0]), np.diag([1.0, 2.0, 1.0, 1.0])])

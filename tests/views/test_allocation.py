@@ -23,16 +23,15 @@ def room():
     number = np.arange(len(path))
     candidates = Candidates(
         poses=np.stack([camera.world_from_camera for camera in path]),
-        rollout=(number // FRAMES).astype(np.int32), frame=(number % FRAMES).astype(np.int32),
-    )  # fmt: skip
+        rollout=(number // FRAMES).astype(np.int32),
+        frame=(number % FRAMES).astype(np.int32),
+    )
     return candidates, lens, workload.asset.subset(kept), made_up_proxy(3000), [path[5], path[70]]
 
 
 def same(a, b):
     return all(
-        np.array_equal(value, getattr(b, name))
-        if isinstance(value, np.ndarray)
-        else value == getattr(b, name)
+        np.array_equal(value, getattr(b, name)) if isinstance(value, np.ndarray) else value == getattr(b, name)
         for name, value in vars(a).items()
     )
 

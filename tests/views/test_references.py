@@ -59,26 +59,19 @@ def test_a_point_is_seen_unless_the_captures_depth_there_is_nearer_or_unknown(si
     blocks = np.random.default_rng(0).choice([0.0, 1.0, 2.0, 5.0], (12, 16)).astype(np.float32)
     depth = blocks.repeat(size[1] // 12, axis=0).repeat(size[0] // 16, axis=1)
     _, overlaps = select_reference(
-        camera,
-        [camera],
-        lambda c: np.full(c.shape, 2.0, np.float32),
-        [depth],
-        SelectionSettings(overlap_scale=1),
+        camera, [camera], lambda c: np.full(c.shape, 2.0, np.float32), [depth], SelectionSettings(overlap_scale=1)
     )
     assert overlaps[0] == (blocks >= 2.0).mean()
 
 
 @pytest.mark.parametrize(
-    ("nearer_m", "tolerance", "seen"),
-    [(0.05, 0.03, 1.0), (0.05, 0.015, 0.0), (0.008, 0.001, 1.0), (0.015, 0.001, 0.0)],
+    ("nearer_m", "tolerance", "seen"), [(0.05, 0.03, 1.0), (0.05, 0.015, 0.0), (0.008, 0.001, 1.0), (0.015, 0.001, 0.0)]
 )
 def test_depth_may_differ_by_the_tolerance_and_a_centimetre(nearer_m, tolerance, seen):
     camera = LENS.at(look_at([0.0, 0.0, 1.0], [0.0, 2.0, 1.0]))
     settings = SelectionSettings(overlap_scale=0.25, overlap_tolerance=tolerance)
     depth = np.full(camera.shape, 2.0 - nearer_m, np.float32)
-    _, overlaps = select_reference(
-        camera, [camera], lambda c: np.full(c.shape, 2.0, np.float32), [depth], settings
-    )
+    _, overlaps = select_reference(camera, [camera], lambda c: np.full(c.shape, 2.0, np.float32), [depth], settings)
     assert overlaps.tolist() == [seen]
 
 
@@ -92,9 +85,7 @@ def test_only_the_best_get_references():
     ahead = LENS.at(look_at([1.5, 0.0, 1.0], [1.5, 3.0, 1.0]))
     aside = LENS.at(look_at([-2.0, 0.0, 1.0], [-2.0, 3.0, 1.0]))
     selection = select_targets([0.9, 0.5, 0.4], np.ones(3), [0, 1, 2], np.zeros(3), settings)
-    referred = with_references(
-        selection, [aside, ahead, ahead], [ahead, aside], wall_with_screen, settings, 2
-    )
+    referred = with_references(selection, [aside, ahead, ahead], [ahead, aside], wall_with_screen, settings, 2)
     assert referred.reference.tolist() == [1, 0, -1]
     assert referred.overlaps[0, 1] == referred.overlaps[1, 0] == 1.0
     assert not referred.overlaps[2].any()

@@ -12,24 +12,21 @@ from progress_recorder import ProgressRecorder
 from r2sego_blender.config.settings import SelectionSettings
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import GenerationError
-from r2sego_blender.views.selection import (
-    Selection,
-    load_candidates,
-    save_candidates,
-    select_targets,
-    temporal_nms,
-)
+from r2sego_blender.views.selection import Selection, load_candidates, save_candidates, select_targets, temporal_nms
 
 FEW = SelectionSettings(target_views=3, nms_window=5)
 
 # Scores of a few values only, so that ties are common; frames with gaps.
 streams = st.lists(
     st.tuples(
-        st.integers(0, 3), st.integers(0, 40), st.sampled_from([0.0, 0.25, 0.5, 0.75, 1.0]),
+        st.integers(0, 3),
+        st.integers(0, 40),
+        st.sampled_from([0.0, 0.25, 0.5, 0.75, 1.0]),
         st.sampled_from([0.0, 0.5, 1.0]),
     ),
-    max_size=50, unique_by=lambda entry: entry[:2],
-)  # fmt: skip
+    max_size=50,
+    unique_by=lambda entry: entry[:2],
+)
 
 
 def survivors(score, rollout, frame, window):
@@ -59,8 +56,7 @@ def test_nms_and_top_k_are_their_definitions(stream, window, budget):
     expected = survivors(score, rollout, frame, window)
     assert selection.survived.tolist() == expected
     eligible = sorted(
-        (i for i in range(len(score)) if expected[i] and score[i] > 0),
-        key=lambda i: (-score[i], rollout[i], frame[i]),
+        (i for i in range(len(score)) if expected[i] and score[i] > 0), key=lambda i: (-score[i], rollout[i], frame[i])
     )
     assert selection.ranked.tolist() == eligible
     assert selection.targets.tolist() == eligible[:budget]

@@ -31,16 +31,31 @@ def run(script: Path, out: Path, *arguments: str, size=(1400, 900), timeout_s=60
         ["Xvfb", f":{number}", "-screen", "0", f"{width}x{height}x24"], stderr=subprocess.DEVNULL
     )
     environment = {
-        **os.environ, "DISPLAY": f":{number}", "LIBGL_ALWAYS_SOFTWARE": "1", "TMPDIR": str(out),
+        **os.environ,
+        "DISPLAY": f":{number}",
+        "LIBGL_ALWAYS_SOFTWARE": "1",
+        "TMPDIR": str(out),
         "BLENDER_USER_RESOURCES": str(out.parent / "user"),
-    }  # fmt: skip
+    }
     environment.pop("R2SEGO_PYTHON", None)
     log = out / "log.txt"
     try:
         time.sleep(1.0)
-        command = [BLENDER, *([blend] if blend else ["--factory-startup"]), "--enable-event-simulate",
-                   "--window-geometry", "0", "0", str(width), str(height),
-                   "--python", str(script), "--", str(out), *arguments]  # fmt: skip
+        command = [
+            BLENDER,
+            *([blend] if blend else ["--factory-startup"]),
+            "--enable-event-simulate",
+            "--window-geometry",
+            "0",
+            "0",
+            str(width),
+            str(height),
+            "--python",
+            str(script),
+            "--",
+            str(out),
+            *arguments,
+        ]
         with log.open("w") as stream:
             blender = subprocess.Popen(command, env=environment, cwd=out, stdout=stream, stderr=stream)
         _take_pictures(blender, out, environment, time.monotonic() + timeout_s)

@@ -53,9 +53,8 @@ def _poses() -> np.ndarray:
     turns = np.linspace(0.0, 40.0, CANDIDATES)
     radius_m = np.linspace(0.3, 1.2, CANDIDATES)
     return np.stack(
-        [look_at((r * np.cos(a), r * np.sin(a), 1.3), (0.0, 0.0, 0.8))
-         for a, r in zip(turns, radius_m, strict=True)]
-    )  # fmt: skip
+        [look_at((r * np.cos(a), r * np.sin(a), 1.3), (0.0, 0.0, 0.8)) for a, r in zip(turns, radius_m, strict=True)]
+    )
 
 
 def _proxy(rng: np.random.Generator) -> GeometryProxy:
@@ -70,10 +69,14 @@ def _proxy(rng: np.random.Generator) -> GeometryProxy:
     faces = faces[:FACES].astype(np.int32)
     count = len(faces)
     return GeometryProxy(
-        vertices, faces, rng.integers(0, 3, count).astype(np.uint8),
-        rng.integers(0, 6, count).astype(np.uint16), rng.random(count, np.float32),
-        np.zeros(count, np.int32), ("chair", "table"),
-    )  # fmt: skip
+        vertices,
+        faces,
+        rng.integers(0, 3, count).astype(np.uint8),
+        rng.integers(0, 6, count).astype(np.uint16),
+        rng.random(count, np.float32),
+        np.zeros(count, np.int32),
+        ("chair", "table"),
+    )
 
 
 def _selection(rng: np.random.Generator) -> Selection:
@@ -83,12 +86,20 @@ def _selection(rng: np.random.Generator) -> Selection:
     rank[targets], chosen[targets] = np.arange(TARGETS), True
     each = CANDIDATES // ROLLOUTS
     return Selection(
-        rollout=np.arange(CANDIDATES) // each, frame=np.arange(CANDIDATES) % each,
-        deficit=deficit, availability=available, score=deficit * available,
-        survived=(rng.random(CANDIDATES) < 0.3) | chosen, rank=rank, chosen=chosen,
-        reference=np.where(chosen, 1, -1), overlaps=np.outer(chosen, [0.2, 0.7, 0.0]),
-        reason=("because",) * CANDIDATES, budget=TARGETS, note="",
-    )  # fmt: skip
+        rollout=np.arange(CANDIDATES) // each,
+        frame=np.arange(CANDIDATES) % each,
+        deficit=deficit,
+        availability=available,
+        score=deficit * available,
+        survived=(rng.random(CANDIDATES) < 0.3) | chosen,
+        rank=rank,
+        chosen=chosen,
+        reference=np.where(chosen, 1, -1),
+        overlaps=np.outer(chosen, [0.2, 0.7, 0.0]),
+        reason=("because",) * CANDIDATES,
+        budget=TARGETS,
+        note="",
+    )
 
 
 def _asset(rng: np.random.Generator) -> SplatAsset:
@@ -96,6 +107,9 @@ def _asset(rng: np.random.Generator) -> SplatAsset:
     means = np.stack([x, y, 0.1 * np.sin(6 * x) * np.cos(6 * y)], 1).astype(np.float32)
     quaternions = np.tile(np.float32([1, 0, 0, 0]), (SPLATS, 1))
     return SplatAsset(
-        means, np.full((SPLATS, 3), np.log(0.01), np.float32), quaternions,
-        np.full(SPLATS, 2.0, np.float32), rng.normal(0, 0.5, (SPLATS, 1, 3)).astype(np.float32),
-    )  # fmt: skip
+        means,
+        np.full((SPLATS, 3), np.log(0.01), np.float32),
+        quaternions,
+        np.full(SPLATS, 2.0, np.float32),
+        rng.normal(0, 0.5, (SPLATS, 1, 3)).astype(np.float32),
+    )

@@ -44,9 +44,18 @@ def working():
         bpy.ops.r2sego.refine("INVOKE_DEFAULT")
 
 
-STATES = {"no_engine": lambda: None, "no_scene": lambda: None, "scene": scene, "shown": shown,
-          "working": working, "cancelled": working, "left": working, "found": scene,
-          "settings": lambda: None, "cut": lambda: None}  # fmt: skip
+STATES = {
+    "no_engine": lambda: None,
+    "no_scene": lambda: None,
+    "scene": scene,
+    "shown": shown,
+    "working": working,
+    "cancelled": working,
+    "left": working,
+    "found": scene,
+    "settings": lambda: None,
+    "cut": lambda: None,
+}
 
 
 class TEST_PT_cut(bpy.types.Panel):  # noqa: N801
@@ -65,9 +74,7 @@ def install():
     """Install the add-on and leave every panel open; of the settings' state theirs alone, it is long."""
     bpy.context.preferences.view.show_splash = False
     bpy.context.preferences.view.ui_scale = float(SCALE)
-    bpy.ops.extensions.package_install_files(
-        filepath=ZIP, repo="user_default", enable_on_install=True, overwrite=True
-    )
+    bpy.ops.extensions.package_install_files(filepath=ZIP, repo="user_default", enable_on_install=True, overwrite=True)
     if STATE != "no_engine":
         bpy.context.preferences.addons["bl_ext.user_default.r2sego"].preferences.engine_python = ENGINE
     bpy.ops.r2sego.keep_settings(name="Kept before")  # so that the menus of kept settings have an entry
@@ -120,8 +127,7 @@ def script():
     _, bar = hand.view()
     yield from hand.move(bar.x - 40, bar.y + 20)
     yield from hand.picture("picture")
-    frame = {"x": bar.x, "y": bar.y, "width": bar.width, "height": bar.height,
-             "window_height": hand.window().height}  # fmt: skip
+    frame = {"x": bar.x, "y": bar.y, "width": bar.width, "height": bar.height, "window_height": hand.window().height}
     met = []
     if STATE in SEARCHED:
         met = yield from reached(drawn.buttons(), scale)

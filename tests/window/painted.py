@@ -17,13 +17,7 @@ from mathutils import Euler
 
 SETTLES_S = 3.0
 MARGIN_PX = 60
-KEPT = [
-    (1.0, 0.0, 0.0, 0.3),
-    (0.0, 1.0, 0.0, 9.0),
-    (0.0, 0.0, -1.0, 1.2),
-    (0.6, 0.8, 0.0, 0.5),
-    *2 * [4 * (0.0,)],
-]
+KEPT = [(1.0, 0.0, 0.0, 0.3), (0.0, 1.0, 0.0, 9.0), (0.0, 0.0, -1.0, 1.2), (0.6, 0.8, 0.0, 0.5), *2 * [4 * (0.0,)]]
 
 
 def left_half(view):
@@ -71,9 +65,10 @@ def script():
             values = np.array(getattr(picture, name).read().to_list(), np.float32)
             np.save(hand.OUT / f"{kind}_{name}.npy", values.reshape(height, width, channels))
         told[kind] = {
-            "view": np.array(view.view_matrix).tolist(), "window": np.array(view.window_matrix).tolist(),
+            "view": np.array(view.view_matrix).tolist(),
+            "window": np.array(view.window_matrix).tolist(),
             "kept": np.array(view.clip_planes).reshape(-1, 4).tolist(),
-        }  # fmt: skip
+        }
         yield from hand.picture(kind)
         if kind == "PERSP":
             told[kind]["origin"] = [region.x, region.y]

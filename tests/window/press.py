@@ -28,9 +28,7 @@ def install(every_panel=True):
     """Install the add-on, open the bundle and, unless they are to be as they come, every panel."""
     bpy.context.preferences.view.show_splash = False
     bpy.context.preferences.edit.undo_steps = 256  # all that is pressed
-    bpy.ops.extensions.package_install_files(
-        filepath=ZIP, repo="user_default", enable_on_install=True, overwrite=True
-    )
+    bpy.ops.extensions.package_install_files(filepath=ZIP, repo="user_default", enable_on_install=True, overwrite=True)
     bpy.context.preferences.addons["bl_ext.user_default.r2sego"].preferences.engine_python = ENGINE
     if every_panel:
         drawn_buttons.open_panels()
@@ -163,10 +161,13 @@ def script():
         buttons = drawn.buttons()
         first = set(buttons) if first is None else first
         due = [
-            call for call in buttons
-            if not told.get(call) and (call in first or drawn_buttons.name_of(call) not in names)
-            and drawn_buttons.name_of(call) not in LEFT_OUT and ready(call)
-        ]  # fmt: skip
+            call
+            for call in buttons
+            if not told.get(call)
+            and (call in first or drawn_buttons.name_of(call) not in names)
+            and drawn_buttons.name_of(call) not in LEFT_OUT
+            and ready(call)
+        ]
         if not due:
             break
         met, silent = yield from search.find({call for call in due if not buttons[call]}, 1)

@@ -116,10 +116,11 @@ def beside(call, drawn, met, silent):
     before = [met[other] for other in drawn[:at] if other in met][-1:]
     after = [met[other] for other in drawn[at + 1 :] if other in met][:1]
     between = [
-        (x, y) for x, y in silent
+        (x, y)
+        for x, y in silent
         if all(y < top or (y == top and x > left) for left, top in before)
         and all(y > low or (y == low and x < right) for right, low in after)
-    ]  # fmt: skip
+    ]
     # A row below stands often in the next panel, whose heading would be clicked.
     beside_it = before + [place for place in after if place[1] in {y for _, y in between}]
     far = {(x, y): min(abs(y - b) + abs(x - a) for a, b in beside_it or after) for x, y in between}

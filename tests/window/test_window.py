@@ -33,10 +33,7 @@ LEAST_UNDONE = 40
 WIDE_PX = 50  # a disc at most
 CANCELLED_WITHIN_S = 2.0
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(bool(display.missing()), reason=display.missing() or "all is here"),
-]
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(bool(display.missing()), reason=display.missing() or "all is here")]
 
 
 @pytest.fixture(scope="module")
@@ -143,9 +140,7 @@ def pressed(material):
 
 def did_its_work(call, came):
     """Whether what came of pressing, notes or a word, is that the button's operator answered."""
-    return (
-        isinstance(came, list) and bool(came) and came[0][0] in call and all(n[2] != "raised" for n in came)
-    )
+    return isinstance(came, list) and bool(came) and came[0][0] in call and all(n[2] != "raised" for n in came)
 
 
 def test_every_button_that_is_not_grey_does_its_work_when_pressed(pressed):
@@ -197,10 +192,14 @@ def test_blender_paints_the_asset_as_the_engine_renders_it(painted, kind):
     picture, window = seen["colours"], seen["window"]
     height, width = picture.shape[:2]
     camera = Camera(
-        width, height, 0.5 * width * window[0, 0], 0.5 * height * window[1, 1],
-        0.5 * width * (1.0 - window[0, 2]), 0.5 * height * (1.0 + window[1, 2]),
+        width,
+        height,
+        0.5 * width * window[0, 0],
+        0.5 * height * window[1, 1],
+        0.5 * width * (1.0 - window[0, 2]),
+        0.5 * height * (1.0 + window[1, 2]),
         np.linalg.inv(seen["view"]) @ np.diag([1.0, -1.0, -1.0, 1.0]),
-    )  # fmt: skip
+    )
     if kind == "CLIPPED":
         planes = seen["kept"][:4]
         kept = (asset.means @ planes[:, :3].T + planes[:, 3] > 0.0).all(axis=1)

@@ -61,9 +61,7 @@ def stand_in(tmp_path):
     def make(body: str, frame_limit_s: float = 20.0) -> BlenderWorker:
         program = tmp_path / "blender"
         ready = "print('Blender 4.5.15 (hash)'); print(json.dumps({'ready': 1, 'blender': '4.5.15'}))"
-        program.write_text(
-            f"#!{sys.executable} -u\nimport json, os, sys, time\n{ready}\n{body}\nsys.stdin.read()\n"
-        )
+        program.write_text(f"#!{sys.executable} -u\nimport json, os, sys, time\n{ready}\n{body}\nsys.stdin.read()\n")
         program.chmod(program.stat().st_mode | stat.S_IXUSR)
         started.append(BlenderWorker(str(program), frame_limit_s))
         return started[-1]
@@ -94,9 +92,7 @@ def test_one_process_renders_one_proxy_after_the_other(blender, tmp_path):
     pids = set()
     for height_m in (0.0, 0.4):
         renderer = BlenderRenderer(ground(height_m), "cycles", blender)
-        for found, wanted in zip(
-            renderer.render(path), ZBufferRenderer(ground(height_m)).render(path), strict=True
-        ):
+        for found, wanted in zip(renderer.render(path), ZBufferRenderer(ground(height_m)).render(path), strict=True):
             # At this flat angle a thousandth of a pixel is so much.
             np.testing.assert_allclose(found.depth, wanted.depth, rtol=3e-4)
             np.testing.assert_array_equal(found.validity, wanted.validity)

@@ -50,9 +50,7 @@ def test_a_cancelled_refine_says_that_steps_are_kept_even_to_a_closed_terminal(s
         "pipeline.refine = lambda *_: (print('begun', file=sys.stderr, flush=True), time.sleep(60))\n"
         "from r2sego_blender.commands.cli import main; main()\n"
     )
-    process = subprocess.Popen(
-        [sys.executable, "-c", refining, "refine", scene.path], stderr=subprocess.PIPE, cwd=ROOT
-    )
+    process = subprocess.Popen([sys.executable, "-c", refining, "refine", scene.path], stderr=subprocess.PIPE, cwd=ROOT)
     assert process.stderr.readline() == b"begun\n"
     if hangs_up:
         process.stderr.close()

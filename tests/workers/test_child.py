@@ -134,9 +134,7 @@ def under_pip(tmp_path, monkeypatch) -> tuple[Path, Path]:
     for folder, words in ((packages, "of the engine"), (others, "of the model")):
         (folder / "model_weights").mkdir(parents=True)
         (folder / "model_weights" / "__init__.py").write_text(f"whose = {words!r}\n")
-    shutil.copytree(
-        library_path.LIBRARY, packages / "r2sego_blender", ignore=shutil.ignore_patterns("__pycache__")
-    )
+    shutil.copytree(library_path.LIBRARY, packages / "r2sego_blender", ignore=shutil.ignore_patterns("__pycache__"))
     (packages / "r2sego_blender" / "workers" / "asking.py").write_text(
         "import sys\n"
         "from ..core.errors import MachineError\n"
@@ -175,9 +173,7 @@ def test_another_environment_gets_this_package_and_no_other(under_pip, tmp_path,
         monkeypatch.setenv("PYTHONSAFEPATH", "1")
     (tmp_path / "here" / "model_weights").mkdir(parents=True)  # where the person stands
     (tmp_path / "here" / "model_weights" / "__init__.py").write_text("whose = 'nobody'\n")
-    done = subprocess.run(
-        [sys.executable, "-c", ASK, python], capture_output=True, text=True, cwd=tmp_path / "here"
-    )
+    done = subprocess.run([sys.executable, "-c", ASK, python], capture_output=True, text=True, cwd=tmp_path / "here")
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
     assert answer["whose"] == "of the model" and answer["where"] == "here"
@@ -232,8 +228,6 @@ with ScratchFolder() as folder:
     paths = [str(Path(__file__).parent), str(Path(r2sego_blender.__file__).parents[1])]
     environment = os.environ | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(temporary))
     environment |= {"PYTHONPATH": os.pathsep.join(paths)}
-    done = subprocess.run(
-        [sys.executable, "-c", command], capture_output=True, text=True, env=environment, timeout=120
-    )
+    done = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, env=environment, timeout=120)
     assert (done.stdout.strip(), done.returncode) == ("2", 128 + number) and "cancelled" in done.stderr
     assert list(temporary.iterdir()) == []

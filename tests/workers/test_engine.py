@@ -51,9 +51,7 @@ def test_the_real_engine_answers():
 def test_who_ends_blender_ends_the_command_it_runs(interpreter, tmp_path, number):
     """As a farm's manager ends ``blender --background --python batch/refine.py``."""
     engine = interpreter(
-        f"signal.signal({int(number)}, lambda *_: sys.exit(77))\n"
-        "print(os.getpid(), flush=True)\n"
-        "time.sleep(60)\n"
+        f"signal.signal({int(number)}, lambda *_: sys.exit(77))\nprint(os.getpid(), flush=True)\ntime.sleep(60)\n"
     )
     code = f"from r2sego_blender.workers.engine import *; raise SystemExit(run_in_terminal([], {engine!r}))"
     environment = {**os.environ, "PYTHONPATH": str(LIBRARY.parent)}

@@ -48,14 +48,13 @@ def test_wheels_are_installed_and_a_missing_one_is_named(tmp_path):
     write_wheel(wheels)
     told = ProgressRecorder()
     python = make_environment(tmp_path / "engine", ["tinything==1.0"], wheels, told)
-    answer = subprocess.run(
-        [python, "-c", "import tinything; print(tinything.ANSWER)"], capture_output=True, text=True
-    )
+    answer = subprocess.run([python, "-c", "import tinything; print(tinything.ANSWER)"], capture_output=True, text=True)
     assert answer.stdout.strip() == "42"
     assert any(text.startswith("Installing") for _, text in told.messages)
     assert [(task.title, task.total) for task in told.tasks][::2] == [
-        ("Making an environment", 1), ("Installing packages", 1)
-    ]  # fmt: skip
+        ("Making an environment", 1),
+        ("Installing packages", 1),
+    ]
     assert told.tasks[-1].done == 1
     assert not (tmp_path / "engine" / ".downloads").exists()
     with pytest.raises(MachineError, match="missingthing") as refused:
@@ -138,12 +137,8 @@ def test_there_are_packages_for_the_systems_that_most_people_have(system, macos)
         ("freebsd-14-amd64", "", "macOS (arm64)"),
     ],
 )
-def test_systems_without_packages_are_told_before_anything_is_fetched(
-    tmp_path, monkeypatch, system, macos, told
-):
-    monkeypatch.setattr(
-        "r2sego_blender.workers.environment.not_packaged", lambda: not_packaged(system, macos)
-    )
+def test_systems_without_packages_are_told_before_anything_is_fetched(tmp_path, monkeypatch, system, macos, told):
+    monkeypatch.setattr("r2sego_blender.workers.environment.not_packaged", lambda: not_packaged(system, macos))
     with pytest.raises(MachineError) as refused:
         make_environment(tmp_path / "engine", ["tinything"], None, ProgressRecorder())
     assert told in str(refused.value)

@@ -90,8 +90,11 @@ def test_a_program_that_waits_is_started_once(tmp_path):
 @pytest.mark.parametrize(
     ("body", "kind", "said"),
     [
-        ("print('out of memory'); sys.exit(1)", NativeError,
-         r"^generator\.py: the generator ended with exit status 1\. Mend it\. Its last words: out of m"),
+        (
+            "print('out of memory'); sys.exit(1)",
+            NativeError,
+            r"^generator\.py: the generator ended with exit status 1\. Mend it\. Its last words: out of m",
+        ),
         (f"tell(**{WHOLE}); sys.exit(3)", NativeError, r"ended with exit status 3"),
         ("os.kill(os.getpid(), 9)", NativeError, rf"{KILLED}\. Mend it\."),
         ("", NativeError, r"left no result\.json that can be read\. Mend it\."),
@@ -99,14 +102,20 @@ def test_a_program_that_waits_is_started_once(tmp_path):
         ("(folder / 'result.json').write_text('[]')", NativeError, r"left no result\.json that can be read"),
         ("tell(protocol=1, frames=2)", NativeError, r"the result\.json of the generator lacks backend"),
         ("tell(protocol=7, backend='x', frames=2)", NativeError, r"follows protocol 7\. This R2S-EGO"),
-        ("tell(protocol=1, error='no weights', cure='Fetch them.')", MachineError,
-         r"^generator\.py: no weights\. Fetch them\.$"),
+        (
+            "tell(protocol=1, error='no weights', cure='Fetch them.')",
+            MachineError,
+            r"^generator\.py: no weights\. Fetch them\.$",
+        ),
         ("tell(protocol=1, error='no GPU'); sys.exit(1)", MachineError, r"no GPU\. Mend it\.$"),
-        ("tell(protocol=1, refused='nothing to see')", GenerationError,
-         r"^generator\.py: the generator refused, nothing to see\.$"),
+        (
+            "tell(protocol=1, refused='nothing to see')",
+            GenerationError,
+            r"^generator\.py: the generator refused, nothing to see\.$",
+        ),
         ("time.sleep(60)", NativeError, r"had no answer after 1 s"),
     ],
-)  # fmt: skip
+)
 def test_what_goes_wrong_is_told_in_a_line(tmp_path, body, kind, said):
     with program_of(tmp_path, body, limit_s=1.0) as program:
         with pytest.raises(kind, match=said) as caught:

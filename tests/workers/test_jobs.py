@@ -107,8 +107,7 @@ def test_events_arrive_in_order_and_other_lines_do_not_disturb(start):
 
 def test_much_output_does_not_block(start):
     job = start(
-        "for i in range(20000): print(json.dumps({'event': 'progress', 'done': i}))\n"
-        "sys.stderr.write('x' * 300000)"
+        "for i in range(20000): print(json.dumps({'event': 'progress', 'done': i}))\nsys.stderr.write('x' * 300000)"
     )
     seen = []
     job.wait(seen.append)
@@ -171,9 +170,7 @@ def test_a_job_outlives_its_starter_and_is_found_followed_and_told(tmp_path, int
 
 @pytest.mark.parametrize("ignores_interrupts", [False, True])
 @pytest.mark.parametrize("left", [False, True])
-def test_cancel_ends_it_and_its_children_within_two_seconds(
-    start, tmp_path, interpreter, left, ignores_interrupts
-):
+def test_cancel_ends_it_and_its_children_within_two_seconds(start, tmp_path, interpreter, left, ignores_interrupts):
     body = ("signal.signal(signal.SIGINT, signal.SIG_IGN)\n" if ignores_interrupts else "") + TELL_PIDS
     job = left_job(tmp_path, interpreter, body) if left else start(body)
     pids = first_event(job)

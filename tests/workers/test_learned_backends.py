@@ -105,9 +105,12 @@ def environment(tmp_path) -> Environment:
 @pytest.fixture
 def with_sam3(environment, monkeypatch) -> Environment:
     environment.has(
-        torch=TORCH.replace("GPU", "True"), sam3____init__="", sam3__model____init__="",
-        sam3__model_builder=SAM3_BUILDER, sam3__model__sam3_image_processor=SAM3_PROCESSOR,
-    )  # fmt: skip
+        torch=TORCH.replace("GPU", "True"),
+        sam3____init__="",
+        sam3__model____init__="",
+        sam3__model_builder=SAM3_BUILDER,
+        sam3__model__sam3_image_processor=SAM3_PROCESSOR,
+    )
     environment.installed("sam3", "0.1.0")
     monkeypatch.setenv(sam3.PYTHON_VARIABLE, str(environment.python))
     return environment
@@ -116,10 +119,7 @@ def with_sam3(environment, monkeypatch) -> Environment:
 @pytest.fixture
 def with_sam3d(environment, monkeypatch, tmp_path) -> Path:
     repository = tmp_path / "sam-3d-objects"
-    for name, text in {
-        "notebook/inference.py": INFERENCE,
-        "checkpoints/hf/pipeline.yaml": "the pipeline",
-    }.items():
+    for name, text in {"notebook/inference.py": INFERENCE, "checkpoints/hf/pipeline.yaml": "the pipeline"}.items():
         (repository / name).parent.mkdir(parents=True, exist_ok=True)
         (repository / name).write_text(text)
     environment.has(torch=TORCH.replace("GPU", "True"))
@@ -141,9 +141,10 @@ def test_words_become_masks(with_sam3):
     backend, found = sam3.segment_externally(pictures, ["chair", "table", "lamp"])
     assert backend == "SAM 3 0.1.0"
     assert [(one.photograph, one.word, one.score) for one in found] == [
-        ("a.jpg", "chair", pytest.approx(0.9)), ("b.jpg", "chair", pytest.approx(0.9)),
+        ("a.jpg", "chair", pytest.approx(0.9)),
+        ("b.jpg", "chair", pytest.approx(0.9)),
         ("b.jpg", "table", pytest.approx(0.9)),
-    ]  # fmt: skip
+    ]
     for one in found:
         expected = pictures[one.photograph][..., 0 if one.word == "chair" else 1] > 0.9
         np.testing.assert_array_equal(one.mask, expected)
@@ -154,9 +155,7 @@ def test_a_photograph_and_a_mask_become_a_mesh(with_sam3d, tmp_path):
     mask[:10, :4] = True
     other = ~mask
     picture = photograph(0, slice(0, 4))
-    backend, meshes = sam3d.generate_shapes_externally(
-        {"chair": (picture, mask), "lamp": (picture, other)}, tmp_path
-    )
+    backend, meshes = sam3d.generate_shapes_externally({"chair": (picture, mask), "lamp": (picture, other)}, tmp_path)
     assert backend == "SAM 3D Objects 0.0.1" and set(meshes) == {"chair"}
     np.testing.assert_allclose(sorted(trimesh.load(meshes["chair"], force="mesh").extents), [1, 2, 40])
 

@@ -78,13 +78,19 @@ def bench_conditions(
         clip_bytes = sum(file.stat().st_size for file in (folder / "clip").iterdir())
     wall_ms = passes["generator_passes"]["wall_ms"]
     return {
-        "machine": processor(), "threads": numba.get_num_threads(), "load": load,
-        "renderer": renderer.name, "triangles": len(proxy.faces), "size": f"{lens.width}x{lens.height}",
-        "frames": FRAMES, "captures": _CAPTURES,
+        "machine": processor(),
+        "threads": numba.get_num_threads(),
+        "load": load,
+        "renderer": renderer.name,
+        "triangles": len(proxy.faces),
+        "size": f"{lens.width}x{lens.height}",
+        "frames": FRAMES,
+        "captures": _CAPTURES,
         "frames_per_s": 1e3 / wall_ms,
         "frames_per_s_with_points": 1e3 / (wall_ms + passes["points_and_visibility"]["wall_ms"]),
-        "passes": passes, "clip_mb": clip_bytes / 1e6,
-    }  # fmt: skip
+        "passes": passes,
+        "clip_mb": clip_bytes / 1e6,
+    }
 
 
 def lines(figures: dict[str, Any]) -> list[str]:

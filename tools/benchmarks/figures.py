@@ -15,6 +15,7 @@ def write_figures(path: Path, figures: dict[str, Any]) -> None:
         write_json(path, figures)
     except OSError as error:
         raise SettingsError(
-            f"the file cannot be written: {error.strerror or error}", where=path,
+            f"the file cannot be written: {error.strerror or error}",
+            where=path,
             cure="Check that the folder is there, can be written and has room.",
-        ) from error  # fmt: skip
+        ) from error

@@ -90,9 +90,13 @@ def bench_generation(
         true_arm = _true_arm(made, in_world)
         _warm_up(true_arm, views[0].camera)
         figures: dict[str, Any] = {
-            "machine": processor(), "threads": numba.get_num_threads(), "scene": str(scene),
-            "captures": len(truth.views), "frozen": len(views), "seed": seed,
-        }  # fmt: skip
+            "machine": processor(),
+            "threads": numba.get_num_threads(),
+            "scene": str(scene),
+            "captures": len(truth.views),
+            "frozen": len(views),
+            "seed": seed,
+        }
         figures[_ESTIMATED] = _scored(_estimated_arm(made), views, in_world, clips)
         figures[_TRUE] = _scored(true_arm, views, in_world, 0)
         if library is not None:
@@ -131,8 +135,7 @@ def lines(figures: Mapping[str, Any]) -> list[str]:
             worst = max(one["mean_difference"] for one in arm["clips"])
             cost = np.mean([one["frame_s"] for one in arm["clips"]])
             text.append(
-                f"clips, {name.replace('_', ' ')}: {cost:.3f} s a frame, "
-                f"differences along the flow at most {worst:.4f}"
+                f"clips, {name.replace('_', ' ')}: {cost:.3f} s a frame, differences along the flow at most {worst:.4f}"
             )
     return text
 
@@ -162,9 +165,12 @@ def _estimated_arm(bundle: Scene) -> _Arm:
 def _true_arm(bundle: Scene, truth: GroundTruth) -> _Arm:
     count = len(truth.faces)
     surface = GeometryProxy(
-        truth.vertices.astype(np.float32), truth.faces, np.full(count, Provenance.OBSERVED, np.uint8),
-        np.ones(count, np.uint16), np.ones(count, np.float32),
-    )  # fmt: skip
+        truth.vertices.astype(np.float32),
+        truth.faces,
+        np.full(count, Provenance.OBSERVED, np.uint8),
+        np.ones(count, np.uint16),
+        np.ones(count, np.float32),
+    )
     return _arm(bundle, surface, bundle.read(CAPTURES))
 
 
@@ -221,14 +227,11 @@ def _correlation(frames: Sequence[Frame], truths: Sequence[np.ndarray]) -> float
 
 
 def _causes(
-    conditions: Sequence[Condition], images: Sequence[np.ndarray], truths: Sequence[np.ndarray],
-    truth: GroundTruth,
-) -> dict[str, dict[str, Any]]:  # fmt: skip
+    conditions: Sequence[Condition], images: Sequence[np.ndarray], truths: Sequence[np.ndarray], truth: GroundTruth
+) -> dict[str, dict[str, Any]]:
     room = MeshRasterizer(truth.vertices, truth.faces)
     cameras, depths = [view.camera for view in truth.views], [view.depth for view in truth.views]
-    labels = [
-        causes(c.camera, c.depth, room.render(c.camera).depth, cameras, depths) for c in conditions
-    ]  # fmt: skip
+    labels = [causes(c.camera, c.depth, room.render(c.camera).depth, cameras, depths) for c in conditions]
     shares = split(images, truths, labels)
     return {name: asdict(shares[name]) for name in CAUSES}
 
@@ -247,6 +250,9 @@ def _clip(arm: _Arm, view: Capture) -> dict[str, Any]:
         [frame.image for frame in frames], [c.camera for c in conditions], [c.depth for c in conditions]
     )
     return {
-        "view": view.name, "reference": reference, "frame_s": round(frame_s, 4),
-        "mean_difference": float(differences.mean()), "largest_difference": float(differences.max()),
-    }  # fmt: skip
+        "view": view.name,
+        "reference": reference,
+        "frame_s": round(frame_s, 4),
+        "mean_difference": float(differences.mean()),
+        "largest_difference": float(differences.max()),
+    }

@@ -80,11 +80,7 @@ class Cost:
 
 
 def bench_geometry(
-    scene: Path,
-    library: Path | None = None,
-    seed: int = 0,
-    noise: bool = True,
-    progress: Progress = SILENT,
+    scene: Path, library: Path | None = None, seed: int = 0, noise: bool = True, progress: Progress = SILENT
 ) -> dict[str, Any]:
     """Make the geometry of the folder ``scene`` and score it; with ``noise`` also disturbed.
 
@@ -277,9 +273,7 @@ def _stereo_scores(bundle: Scene, truth: GroundTruth) -> dict[str, float]:
     for view, depth, true_depth in zip(truth.views, found, true, strict=True):
         scores[f"stereo_{view.name}"] = depth_score([depth], [true_depth])
     return {
-        f"{name}_{kind}": getattr(score, kind)
-        for name, score in scores.items()
-        for kind in ("coverage", "accuracy")
+        f"{name}_{kind}": getattr(score, kind) for name, score in scores.items() for kind in ("coverage", "accuracy")
     }
 
 

@@ -45,9 +45,8 @@ def depth_score(found: Sequence[np.ndarray], true: Sequence[np.ndarray]) -> Dept
     """
     if not found or len(found) != len(true):
         raise EvaluationError(
-            f"{len(found)} depth maps cannot be scored against {len(true)}",
-            cure="Give one true depth map for each.",
-        )  # fmt: skip
+            f"{len(found)} depth maps cannot be scored against {len(true)}", cure="Give one true depth map for each."
+        )
     pixels = covered = compared = right = 0
     for depth, truth in zip(found, true, strict=True):
         truth = resize_nearest(truth, *depth.shape)
@@ -68,9 +67,7 @@ class Surface:
     that are not finite.
     """
 
-    def __init__(
-        self, vertices: np.ndarray, faces: np.ndarray, samples: int, rng: np.random.Generator
-    ) -> None:
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray, samples: int, rng: np.random.Generator) -> None:
         mesh = trimesh.Trimesh(np.asarray(vertices, np.float64), np.asarray(faces), process=False)
         if not np.isfinite(mesh.vertices).all() or not len(mesh.faces) or not mesh.area > 0.0:
             raise EvaluationError("a surface without area cannot be scored", cure="Give a whole mesh.")
@@ -181,9 +178,7 @@ def alignment_score(
         translation_m=float(np.linalg.norm(apart)),
         rotation_deg=float(np.degrees(min(angles))),
         scale_percent=100.0 * abs(estimated_scale / true_scale - 1.0),
-        chamfer_m=chamfer_distance_m(
-            (_moved(vertices, world_from_prior), faces), (_moved(vertices, true), faces), rng
-        ),
+        chamfer_m=chamfer_distance_m((_moved(vertices, world_from_prior), faces), (_moved(vertices, true), faces), rng),
     )
 
 

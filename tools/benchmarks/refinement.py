@@ -85,13 +85,19 @@ def bench_refinement(
             metrics = evaluate_scene(made, cameras, progress)
         h = made.declaration.settings
         return {
-            "machine": processor(), "threads": numba.get_num_threads(), "scene": str(scene),
-            "captures": len(made.read(CAPTURES)), "frozen": frozen,
-            "preset": made.declaration.preset, "overrides": dict(made.declaration.overrides),
-            "seed": h.seed, "objects": _objects(made),
-            **_seconds(made, before, creation), "views": [_views(made, index) for index in range(h.rounds)],
+            "machine": processor(),
+            "threads": numba.get_num_threads(),
+            "scene": str(scene),
+            "captures": len(made.read(CAPTURES)),
+            "frozen": frozen,
+            "preset": made.declaration.preset,
+            "overrides": dict(made.declaration.overrides),
+            "seed": h.seed,
+            "objects": _objects(made),
+            **_seconds(made, before, creation),
+            "views": [_views(made, index) for index in range(h.rounds)],
             **_scores(metrics),
-        }  # fmt: skip
+        }
 
 
 def lines(figures: Mapping[str, Any]) -> list[str]:
@@ -142,16 +148,15 @@ def _opened(
         return made, {"creation": round(time.perf_counter() - started_s, 3)}
     made = Scene.open(path)
     world_from_capture = np.array(made.declaration.world_from_capture)
-    given = [
-        world_from_capture @ one.world_from_camera[:, 3] for one in read_cameras_json(cameras, scene)[0]
-    ]  # fmt: skip
+    given = [world_from_capture @ one.world_from_camera[:, 3] for one in read_cameras_json(cameras, scene)[0]]
     stored = [capture.camera.centre for capture in made.read(CAPTURES)]
     apart = [np.linalg.norm(a[:3] - b) for a, b in zip(given, stored, strict=False)]
     if len(given) != len(stored) or max(apart) > _SAME_PLACE_M:
         raise SceneError(
-            f"this bundle is not of the captures in {cameras}", where=path,
+            f"this bundle is not of the captures in {cameras}",
+            where=path,
             cure="Name its own scene folder, or another place for a new bundle.",
-        )  # fmt: skip
+        )
     return made, {}
 
 
@@ -185,9 +190,7 @@ def _views(made: Scene, round_index: int) -> dict[str, Any]:
     h = made.declaration.settings
     views = read_views(made.path / of_round(round_index, "views"), h.selection.target_views)
     reasons = [view.fate for view in views if not view.accepted]
-    return {
-        "round": round_index, "kept": len(views) - len(reasons), "rejected": len(reasons), "reasons": reasons,
-    }  # fmt: skip
+    return {"round": round_index, "kept": len(views) - len(reasons), "rejected": len(reasons), "reasons": reasons}
 
 
 def _scores(metrics: Mapping[str, Any]) -> dict[str, Any]:
@@ -196,9 +199,12 @@ def _scores(metrics: Mapping[str, Any]) -> dict[str, Any]:
     refined, vanilla = arms[REFINED]["psnr"], arms["vanilla_3dgs"]["psnr"]
     gain = None if refined is None or vanilla is None else rounded(refined - vanilla)
     return {
-        **arms, "gain": gain, "rounds": metrics["rounds"],
-        "rounds_fall": any("mark" in one for one in metrics["rounds"]), "causes": metrics["causes"],
-    }  # fmt: skip
+        **arms,
+        "gain": gain,
+        "rounds": metrics["rounds"],
+        "rounds_fall": any("mark" in one for one in metrics["rounds"]),
+        "causes": metrics["causes"],
+    }
 
 
 def _decibels(value: float | None) -> str:

@@ -72,9 +72,13 @@ def bench_rollouts(
     collision surface, and what making one raises.
     """
     figures: dict[str, Any] = {
-        "machine": processor(), "cores": available_cores(), "threads": numba.get_num_threads(),
-        "scene": "made-up room" if scene is None else str(scene), "seed": seed, "scopes": {},
-    }  # fmt: skip
+        "machine": processor(),
+        "cores": available_cores(),
+        "threads": numba.get_num_threads(),
+        "scene": "made-up room" if scene is None else str(scene),
+        "seed": seed,
+        "scopes": {},
+    }
     with tempfile.TemporaryDirectory(prefix="r2sego-rollouts-") as temporary:
         bundle = _bundle(scene, Path(temporary) / "scene.r2s", robot, progress)
         for scope in scopes:
@@ -88,9 +92,7 @@ def lines(figures: dict[str, Any]) -> list[str]:
     text = [f"{f['machine']}, {f['cores']} cores", f"{f['scene']}"]
     for scope, figures_of_scope in f["scopes"].items():
         text += ["", f"{scope}: {_summary(figures_of_scope)}", *_details(figures_of_scope)]
-    work = (
-        f"{s['candidates']} candidates at {s['size']}, {s['gaussians']} Gaussians, {s['triangles']} triangles"
-    )
+    work = f"{s['candidates']} candidates at {s['size']}, {s['gaussians']} Gaussians, {s['triangles']} triangles"
     return [*text, "", f"scoring {work}: {s['wall_s']:.1f} s ({s['cpu_s']:.1f} s CPU)"]
 
 
@@ -188,8 +190,7 @@ def quality_figures(rollouts: Sequence[Rollout]) -> dict[str, Any]:
     qualities = [rollout.quality for rollout in succeeded]
     seated_s = [quality.seated_s for quality in qualities if quality.seated_s > 0.0]
     heights_m, pitches_deg = (
-        np.array([getattr(quality, name) for quality in qualities])
-        for name in ("camera_height_m", "camera_pitch_deg")
+        np.array([getattr(quality, name) for quality in qualities]) for name in ("camera_height_m", "camera_pitch_deg")
     )
     return {
         "controller": succeeded[0].controller,
@@ -213,14 +214,16 @@ def _scored(candidates: int, progress: Progress) -> dict[str, Any]:
     proxy, settings = made_up_proxy(TRIANGLES), SelectionSettings()
     views = made_up_path(workload.views[0].camera, candidates)
     support_scores(views[:2], workload.asset, proxy, settings)
-    (deficit, availability), costs = _costing(
-        lambda: support_scores(views, workload.asset, proxy, settings, progress)
-    )
+    (deficit, availability), costs = _costing(lambda: support_scores(views, workload.asset, proxy, settings, progress))
     return costs | {
-        "candidates": len(views), "gaussians": len(workload.asset), "triangles": len(proxy.faces),
-        "size": "{}x{}".format(*_SIZE), "scoring_scale": settings.scoring_scale,
-        "mean_deficit": float(deficit.mean()), "mean_availability": float(availability.mean()),
-    }  # fmt: skip
+        "candidates": len(views),
+        "gaussians": len(workload.asset),
+        "triangles": len(proxy.faces),
+        "size": "{}x{}".format(*_SIZE),
+        "scoring_scale": settings.scoring_scale,
+        "mean_deficit": float(deficit.mean()),
+        "mean_availability": float(availability.mean()),
+    }
 
 
 def _costing(work: Callable[[], T]) -> tuple[T, dict[str, float]]:

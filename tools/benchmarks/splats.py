@@ -28,12 +28,7 @@ from r2sego_blender.splats.kernels.tiles import planes_of
 from r2sego_blender.splats.rendering.rasterizer import Rasterizer
 from r2sego_blender.splats.vector_language.vectors import LANES
 
-from .machine import (
-    bandwidth_bytes_per_s,
-    fma_rate_per_s,
-    isa,
-    processor,
-)
+from .machine import bandwidth_bytes_per_s, fma_rate_per_s, isa, processor
 from .pairs import Work, count_work
 from .workloads import Workload, made_up_room, of_files, parse_size
 
@@ -77,9 +72,10 @@ def bench_splats(
     """
     if (asset is None) != (cameras is None) or (asset is not None and gaussians is not None):
         raise SettingsError(
-            "the options do not fit together", where="r2sego bench splats",
+            "the options do not fit together",
+            where="r2sego bench splats",
             cure="Give --asset with --cameras, or --gaussians, or none of them.",
-        )  # fmt: skip
+        )
     gaussians = SPLATS_GAUSSIANS if gaussians is None else gaussians
     for option, value in (("--gaussians", gaussians), ("--repeats", repeats)):
         if value < 1:
@@ -88,9 +84,10 @@ def bench_splats(
     with_threads = before if threads is None else threads
     if not 1 <= with_threads <= numba.config.NUMBA_NUM_THREADS:
         raise SettingsError(
-            f"{with_threads} threads cannot be had", where="--threads",
+            f"{with_threads} threads cannot be had",
+            where="--threads",
             cure=f"This machine, or NUMBA_NUM_THREADS, gives 1 to {numba.config.NUMBA_NUM_THREADS}.",
-        )  # fmt: skip
+        )
     if asset is None:
         workload = made_up_room(gaussians, parse_size(size or SIZE))
     else:

@@ -78,16 +78,16 @@ def bench_training(
     """
     if gaussians < 1 or steps < _LOOKS:
         raise SettingsError(
-            f"{gaussians} Gaussians in {steps} steps show nothing", where="r2sego bench training",
+            f"{gaussians} Gaussians in {steps} steps show nothing",
+            where="r2sego bench training",
             cure=f"Give at least {_LOOKS} steps.",
-        )  # fmt: skip
+        )
     start = prepare(captures, poses, points, None, hold_out, with_overrides({}), progress)
     _warm_up(start)
     plain = _curve(start, _PLAIN, gaussians, gaussians, steps, np.inf, "Plain training", progress)
     usual = _curve(
-        start, MANY_PHOTOGRAPHS, gaussians, int(_GROWTH * gaussians), steps,
-        plain["psnr"], "Training", progress,
-    )  # fmt: skip
+        start, MANY_PHOTOGRAPHS, gaussians, int(_GROWTH * gaussians), steps, plain["psnr"], "Training", progress
+    )
     reached = usual["psnr"] >= plain["psnr"]
     return {
         "source": str(captures),
@@ -100,9 +100,15 @@ def bench_training(
 
 
 def _curve(
-    start: Start, changes: Mapping[str, Any], first: int, most: int, steps: int, stop_psnr: float, title: str,
+    start: Start,
+    changes: Mapping[str, Any],
+    first: int,
+    most: int,
+    steps: int,
+    stop_psnr: float,
+    title: str,
     progress: Progress,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     overrides = {f"training.{key}": value for key, value in changes.items()}
     settings = with_overrides({**overrides, "training.max_gaussians": most})
     rng = np.random.default_rng(settings.seed)
@@ -113,9 +119,13 @@ def _curve(
     train(asset, start.observations, steps, settings.training, rng, progress, title, run.watch)
     last = run.curve[-1]
     return {
-        "steps": last[0], "cpu_s": last[1], "psnr": last[2], "gaussians": last[3],
-        "peak_rss_mb": peak_memory_mb(), "curve": run.curve,
-    }  # fmt: skip
+        "steps": last[0],
+        "cpu_s": last[1],
+        "psnr": last[2],
+        "gaussians": last[3],
+        "peak_rss_mb": peak_memory_mb(),
+        "curve": run.curve,
+    }
 
 
 def _warm_up(start: Start) -> None:

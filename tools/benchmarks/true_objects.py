@@ -48,9 +48,13 @@ class TrueObject:
     def score(self, world_from_own: np.ndarray, rng: np.random.Generator) -> AlignmentScore:
         """How far a pose is from the truth, up to the shape's own symmetries."""
         return alignment_score(
-            world_from_own, self.world_from_own, self.vertices, self.faces, rng,
+            world_from_own,
+            self.world_from_own,
+            self.vertices,
+            self.faces,
+            rng,
             symmetries=symmetries(Shape.of(self.name, self.vertices, self.faces)),
-        )  # fmt: skip
+        )
 
     def pose_of(self, other: TrueObject) -> np.ndarray | None:
         """Where the mesh of ``other`` would stand in this one's place; None if it is no twin."""

@@ -136,9 +136,14 @@ def _sized(camera: Camera, size: tuple[int, int]) -> Camera:
         )
     across, down = width / camera.width, height / camera.height
     return replace(
-        camera, width=width, height=height,
-        fx=camera.fx * across, cx=camera.cx * across, fy=camera.fy * down, cy=camera.cy * down,
-    )  # fmt: skip
+        camera,
+        width=width,
+        height=height,
+        fx=camera.fx * across,
+        cx=camera.cx * across,
+        fy=camera.fy * down,
+        cy=camera.cy * down,
+    )
 
 
 def _room(count: int, rng: np.random.Generator) -> SplatAsset:
@@ -193,10 +198,12 @@ def made_up_proxy(triangles: int) -> GeometryProxy:
         count += place.size
     whole = np.concatenate(faces)
     return GeometryProxy(
-        np.concatenate(vertices).astype(np.float32), np.ascontiguousarray(whole, np.int32),
-        np.full(len(whole), Provenance.OBSERVED, np.uint8), np.ones(len(whole), np.uint16),
+        np.concatenate(vertices).astype(np.float32),
+        np.ascontiguousarray(whole, np.int32),
+        np.full(len(whole), Provenance.OBSERVED, np.uint8),
+        np.ones(len(whole), np.uint16),
         np.ones(len(whole), np.float32),
-    )  # fmt: skip
+    )
 
 
 def made_up_collision() -> CollisionSurface:

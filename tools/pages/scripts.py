@@ -11,10 +11,17 @@ from r2sego_blender.commands.cli import main
 
 ROOT = Path(__file__).parents[2]
 ROOMS = {
-    "engine": "Engine", "scene": "Scene", "captures": "Captures", "proxy": "Geometry Proxy", "robot": "Robot",
-    "views": "Views", "generation": "Generation", "asset": "Asset", "collision": "Collision",
+    "engine": "Engine",
+    "scene": "Scene",
+    "captures": "Captures",
+    "proxy": "Geometry Proxy",
+    "robot": "Robot",
+    "views": "Views",
+    "generation": "Generation",
+    "asset": "Asset",
+    "collision": "Collision",
     "report": "Report",
-}  # fmt: skip
+}
 ANY_BUTTON = "press_buttons.py"
 """Presses whatever it is told: that shows no operator."""
 _BY_OTHERS = {"check_engine": "doctor", "new_scene_from_files": "new"}
@@ -98,9 +105,7 @@ def scripts_page() -> str:
             shown = scripts.get(one.name, [])
             shown = [name for name in shown if name.startswith(room)] or shown
             command = f"`r2sego {one.command}`" if one.command else ""
-            lines.append(
-                f"| `{one.name}` | {one.label} | {', '.join(f'`{name}`' for name in shown)} | {command} |"
-            )
+            lines.append(f"| `{one.name}` | {one.label} | {', '.join(f'`{name}`' for name in shown)} | {command} |")
     return "\n".join(lines) + "\n"
 
 

@@ -81,9 +81,7 @@ PICTURES = {
 def install(opened):
     """Install the add-on; all sub-panels but the ``opened`` ones are closed."""
     bpy.context.preferences.view.show_splash = False
-    bpy.ops.extensions.package_install_files(
-        filepath=ZIP, repo="user_default", enable_on_install=True, overwrite=True
-    )
+    bpy.ops.extensions.package_install_files(filepath=ZIP, repo="user_default", enable_on_install=True, overwrite=True)
     bpy.context.preferences.addons["bl_ext.user_default.r2sego"].preferences.engine_python = ENGINE
     steps = [cls for cls in drawn_buttons.panels() if cls.bl_idname != "R2SEGO_PT_main"]
     for cls in reversed(steps):

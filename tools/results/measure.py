@@ -55,10 +55,17 @@ def holo_office(data: Path, work: Path) -> Split:
         return [{"file": photographs[i].name, "world_from_camera": poses[i].tolist()} for i in indices]
 
     cameras = {
-        "about": "holo_office, split by index", "metric": True, "width": 540, "height": 360,
-        "fx": lens[0, 0], "fy": lens[1, 1], "cx": lens[0, 2], "cy": lens[1, 2],
-        "captures": entries(HOLO_INPUTS), "frozen": entries(HOLO_HELD_OUT),
-    }  # fmt: skip
+        "about": "holo_office, split by index",
+        "metric": True,
+        "width": 540,
+        "height": 360,
+        "fx": lens[0, 0],
+        "fy": lens[1, 1],
+        "cx": lens[0, 2],
+        "cy": lens[1, 2],
+        "captures": entries(HOLO_INPUTS),
+        "frozen": entries(HOLO_HELD_OUT),
+    }
     file = copies / "cameras.json"
     file.write_text(json.dumps(cameras, indent=1) + "\n")
     return Split(copies, file, file)
@@ -73,9 +80,7 @@ def tum_desk(data: Path, work: Path) -> Split:
     return Split(inputs, None, held_out)
 
 
-SCENES: dict[str, Callable[[Path, Path], Split]] = {
-    "room_a": room_a, "holo_office": holo_office, "tum_desk": tum_desk,
-}  # fmt: skip
+SCENES: dict[str, Callable[[Path, Path], Split]] = {"room_a": room_a, "holo_office": holo_office, "tum_desk": tum_desk}
 
 
 def measure(name: str, data: Path, work: Path, preset: str) -> None:

@@ -28,9 +28,7 @@ def row(scene: Scene) -> str:
     """One scene as a line of the Markdown table."""
     arms = scene.read(METRICS)["arms"]
     captures = scene.read(CAMERAS)["captures"]
-    scores = [
-        f"{arms[a]['psnr']:.2f} / {arms[a]['ssim']:.3f}" for a in ("initial", "vanilla_3dgs", "refined")
-    ]
+    scores = [f"{arms[a]['psnr']:.2f} / {arms[a]['ssim']:.3f}" for a in ("initial", "vanilla_3dgs", "refined")]
     gain = arms["refined"]["psnr"] - arms["vanilla_3dgs"]["psnr"]
     views = len(arms["refined"]["views"])
     name, settings = scene.path.stem, scene.declaration
@@ -79,9 +77,7 @@ def table(scenes: list[Scene], before: str = "") -> str:
 
 def main() -> None:
     """Read the command line and print the table, or write it into README.md."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene", nargs="+", type=Path, help="an evaluated scene's bundle")
     parser.add_argument("--write", action="store_true", help="write the table into README.md")
     options = parser.parse_args()

@@ -21,9 +21,10 @@ def exact_camera(camera_object: bpy.types.Object, scene: bpy.types.Scene) -> Cam
         return camera_of(camera_object)
     if camera_object is None or camera_object.type != "CAMERA" or camera_object.data.type != "PERSP":
         raise SceneError(
-            "this is no perspective camera", where=getattr(camera_object, "name", "no object"),
+            "this is no perspective camera",
+            where=getattr(camera_object, "name", "no object"),
             cure="Choose a camera of the type Perspective.",
-        )  # fmt: skip
+        )
     data, render = camera_object.data, scene.render
     share = render.resolution_percentage / 100.0
     width, height = int(render.resolution_x * share), int(render.resolution_y * share)
@@ -36,15 +37,17 @@ def exact_camera(camera_object: bpy.types.Object, scene: bpy.types.Scene) -> Cam
     sensor_mm = data.sensor_height if data.sensor_fit == "VERTICAL" else data.sensor_width
     fx = data.lens * fitted_px / sensor_mm
     return Camera(
-        width, height, fx, fx / aspect,
-        0.5 * width - data.shift_x * fitted_px, 0.5 * height + data.shift_y * fitted_px / aspect,
+        width,
+        height,
+        fx,
+        fx / aspect,
+        0.5 * width - data.shift_x * fitted_px,
+        0.5 * height + data.shift_y * fitted_px / aspect,
         rigid(np.array(camera_object.matrix_world)) @ _OPENCV_FROM_BLENDER,
-    )  # fmt: skip
+    )
 
 
-def view_camera(
-    view_matrix: np.ndarray, window_matrix: np.ndarray, width: int, height: int
-) -> tuple[Camera, bool]:
+def view_camera(view_matrix: np.ndarray, window_matrix: np.ndarray, width: int, height: int) -> tuple[Camera, bool]:
     """The camera of a 3D view whose region has this size, and whether its rays are parallel.
 
     The matrices (4, 4) are those of its ``region_3d``. A parallel camera's ``fx`` and ``fy`` are in
@@ -55,10 +58,14 @@ def view_camera(
     # The offset stands in the depth's column of a perspective, which looks along -z.
     right, up = (projection[:2, 3]) if parallel else -projection[:2, 2]
     camera = Camera(
-        width, height, projection[0, 0] * width / 2.0, projection[1, 1] * height / 2.0,
-        (1.0 + right) * width / 2.0, (1.0 - up) * height / 2.0,
+        width,
+        height,
+        projection[0, 0] * width / 2.0,
+        projection[1, 1] * height / 2.0,
+        (1.0 + right) * width / 2.0,
+        (1.0 - up) * height / 2.0,
         rigid(np.linalg.inv(np.asarray(view_matrix, np.float64))) @ _OPENCV_FROM_BLENDER,
-    )  # fmt: skip
+    )
     return camera, parallel
 
 

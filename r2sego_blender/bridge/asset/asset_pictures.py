@@ -22,9 +22,7 @@ def load_picture(file: Path, name: str) -> bpy.types.Image:
         image = bpy.data.images.load(str(file))
         image.pack()
     except RuntimeError as error:
-        raise SceneError(
-            f"Blender cannot read the picture: {error}", where=file, cure="Render again."
-        ) from error
+        raise SceneError(f"Blender cannot read the picture: {error}", where=file, cure="Render again.") from error
     before = bpy.data.images.get(name)
     if before is not None:
         before.user_remap(image)  # whatever shows the old one shows the new one
@@ -61,17 +59,16 @@ def photograph_of(camera_object: bpy.types.Object | None) -> bpy.types.Image | N
 def photographs_behind(data: bpy.types.Camera) -> list[bpy.types.CameraBackgroundImage]:
     """A camera's backgrounds that are neither renderings nor clips."""
     return [
-        one for one in data.background_images
+        one
+        for one in data.background_images
         if one.image is not None and one.image.source != "SEQUENCE" and not one.image.get(_RENDERED)
-    ]  # fmt: skip
+    ]
 
 
 def put_behind(camera_object: bpy.types.Object, image: bpy.types.Image) -> None:
     """Show what ``load_picture`` loaded as the camera's background, over its photograph; one at a time."""
     data = camera_object.data
-    background = next(
-        (b for b in data.background_images if b.image is not None and b.image.get(_RENDERED)), None
-    )
+    background = next((b for b in data.background_images if b.image is not None and b.image.get(_RENDERED)), None)
     if background is None:
         background = data.background_images.new()
     background.image = image

@@ -25,7 +25,5 @@ def placed_box(placed: bpy.types.Object) -> Box:
     middle = np.eye(4)
     middle[:3, 3] = (low + high) / 2.0
     if abs(np.linalg.det(pose[:3, :3])) * np.prod(high - low) < _FLATTEST_M3:
-        raise SceneError(
-            "the object has no volume", where=placed.name, cure="Choose an empty or a solid object."
-        )
+        raise SceneError("the object has no volume", where=placed.name, cure="Choose an empty or a solid object.")
     return Box(pose @ middle, (high - low) / 2.0)

@@ -52,8 +52,7 @@ def world_from_frame(scene: bpy.types.Scene, bundle: Bundle) -> np.ndarray:
         raise SceneError("there is no frame to take", cure="Place Frame, then move and turn its arrows.")
     if was_corrected_since(frame, registration_of(bundle)):  # Ctrl-Z brings back a frame that was taken
         raise SceneError(
-            "the world was corrected since this frame was placed",
-            cure="Place Frame, then move and turn its arrows.",
+            "the world was corrected since this frame was placed", cure="Place Frame, then move and turn its arrows."
         )
     return np.array(frame.matrix_world, np.float64)
 

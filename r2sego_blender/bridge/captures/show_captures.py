@@ -28,9 +28,15 @@ _RADIUS = "radius_m"
 
 
 def show_captures(
-    scene: bpy.types.Scene, bundle: Bundle, *, photographs: bool = True, points: bool = True,
-    point_radius_m: float = 0.006, photograph_alpha: float = 0.6, display_size_m: float = 0.25,
-) -> list[bpy.types.Object]:  # fmt: skip
+    scene: bpy.types.Scene,
+    bundle: Bundle,
+    *,
+    photographs: bool = True,
+    points: bool = True,
+    point_radius_m: float = 0.006,
+    photograph_alpha: float = 0.6,
+    display_size_m: float = 0.25,
+) -> list[bpy.types.Object]:
     """One camera a capture, in place of those shown before.
 
     The scene's becomes that of the capture it had before, else the first.

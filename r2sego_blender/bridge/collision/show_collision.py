@@ -26,9 +26,7 @@ def show_collision(scene: bpy.types.Scene, bundle: Bundle, *, pieces: bool = Tru
     """
     files = bundle.collision_hulls if pieces else [bundle.collision_mesh]
     if not files or not files[0].is_file():
-        raise SceneError(
-            "there is no collision surface", where=bundle.scene.collision_folder, cure="Run Refine first."
-        )
+        raise SceneError("there is no collision surface", where=bundle.scene.collision_folder, cure="Run Refine first.")
     parts = [read_obj(file) for file in files]
     starts = np.cumsum([0] + [len(vertices) for vertices, _ in parts[:-1]])
     vertices = np.concatenate([v for v, _ in parts])
@@ -63,13 +61,12 @@ def show_textured(scene: bpy.types.Scene, bundle: Bundle, file: Path) -> list[bp
         bpy.ops.import_scene.gltf(filepath=str(file))
     except AttributeError as error:
         raise SceneError(
-            "Blender's importer of glTF is switched off", where=file,
+            "Blender's importer of glTF is switched off",
+            where=file,
             cure="Switch the add-on 'glTF 2.0 format' on in the preferences.",
-        ) from error  # fmt: skip
-    except RuntimeError as error:
-        raise SceneError(
-            f"the textured mesh cannot be read: {error}", where=file, cure="Texture again."
         ) from error
+    except RuntimeError as error:
+        raise SceneError(f"the textured mesh cannot be read: {error}", where=file, cure="Texture again.") from error
     added = [one for one in bpy.data.objects if one not in before]
     materials, images = _looks(find_collection(scene, bundle.path, _TEXTURED))
     collection = fresh_collection(scene, bundle.path, _TEXTURED)
@@ -101,7 +98,5 @@ def read_obj(file: Path) -> tuple[np.ndarray, np.ndarray]:
         corners = [[corner.partition("/")[0] for corner in row[1:]] for row in rows if row[:1] == ["f"]]
         faces = np.array(corners, np.int32).reshape(-1, 3) - 1
     except (OSError, ValueError) as error:
-        raise SceneError(
-            f"the mesh cannot be read: {error}", where=file, cure="Run Refine again."
-        ) from error  # fmt: skip
+        raise SceneError(f"the mesh cannot be read: {error}", where=file, cure="Run Refine again.") from error
     return vertices, faces

@@ -56,9 +56,10 @@ class ConditionScene:
         """Raises GenerationError for an engine this Blender lacks, or more objects than EEVEE can number."""
         if engine == "eevee" and proxy.instance.max(initial=0) > _EXACT_HALF:
             raise GenerationError(
-                f"EEVEE tells at most {_EXACT_HALF} objects apart", where="generation.renderer",
+                f"EEVEE tells at most {_EXACT_HALF} objects apart",
+                where="generation.renderer",
                 cure="Choose the z-buffer or Cycles.",
-            )  # fmt: skip
+            )
         self._scene = _scene_of(engine)
         self._material = _condition_material(engine)
         self._camera: bpy.types.Object | None = None
@@ -90,9 +91,8 @@ class ConditionScene:
             _render_now(scene)
         except RuntimeError as error:
             raise GenerationError(
-                f"Blender could not render: {error}", where=file,
-                cure="Render again, smaller where memory is short.",
-            ) from error  # fmt: skip
+                f"Blender could not render: {error}", where=file, cure="Render again, smaller where memory is short."
+            ) from error
         if not unfinished.is_file():
             raise GenerationError("Blender wrote no image", where=file, cure="Is the disk full?")
         try:
@@ -110,9 +110,13 @@ class ConditionScene:
 
 
 def render_path(
-    scene: ConditionScene, path: Sequence[Camera], folder: Path, engine: str,
-    on_frame: Callable[[int], None] = lambda index: None, only: range | None = None,
-) -> list[Path]:  # fmt: skip
+    scene: ConditionScene,
+    path: Sequence[Camera],
+    folder: Path,
+    engine: str,
+    on_frame: Callable[[int], None] = lambda index: None,
+    only: range | None = None,
+) -> list[Path]:
     """Render from every camera of ``path``: ``000.exr`` and on, and a manifest.
 
     With ``only`` the frames of that range, as where several machines share a clip: whoever finds
@@ -123,9 +127,10 @@ def render_path(
     part = [index for index in range(len(path)) if only is None or index in only]
     if only is not None and not part:
         raise GenerationError(
-            f"the clip has no frame from {only.start} to {only.stop - 1}", where=folder,
+            f"the clip has no frame from {only.start} to {only.stop - 1}",
+            where=folder,
             cure=f"It has 0 to {len(path) - 1}.",
-        )  # fmt: skip
+        )
     folder.mkdir(parents=True, exist_ok=True)
     manifest = folder / MANIFEST
     manifest.unlink(missing_ok=True)

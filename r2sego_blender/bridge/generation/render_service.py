@@ -44,10 +44,7 @@ def serve() -> None:
             service.render(json.loads(requests.get()))
             answer = {"done": True}
         except R2SEgoError as error:
-            answer = {
-                "error": type(error).__name__, "what": error.what,
-                "where": error.where, "cure": error.cure,
-            }  # fmt: skip
+            answer = {"error": type(error).__name__, "what": error.what, "where": error.where, "cure": error.cure}
         except Exception as error:
             answer = {"error": "", "what": f"{type(error).__name__}: {error}", "where": None, "cure": ""}
         _say(answers, answer)

@@ -66,9 +66,10 @@ def mask_in(image: bpy.types.Image, view: RegisteredView) -> np.ndarray:
     mask = read_mask(image)
     if mask.shape != view.camera.shape:
         raise GeometryError(
-            "the mask is not of the capture's size", where=image.name,
+            "the mask is not of the capture's size",
+            where=image.name,
             cure=f"Resize the image to {view.camera.width} by {view.camera.height} pixels, or undo.",
-        )  # fmt: skip
+        )
     return mask
 
 
@@ -198,9 +199,7 @@ def _declared_masks(
             continue
         mask = _mask_of_file(file)
         if mask.shape != view.camera.shape:
-            raise GeometryError(
-                "the mask is not of the capture's size", where=file, cure="Declare the masks again."
-            )
+            raise GeometryError("the mask is not of the capture's size", where=file, cure="Declare the masks again.")
         yield view, file, mask
 
 

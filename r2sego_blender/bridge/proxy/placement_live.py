@@ -27,9 +27,10 @@ def begin(bundle: Bundle, shown: bpy.types.Object) -> tuple[Fit, float]:
     placement = placement_of(bundle, shown)
     if not placement.windows:
         raise GeometryError(
-            f"'{prior_name(shown)}' has no masks to compare with", where=bundle.path,
+            f"'{prior_name(shown)}' has no masks to compare with",
+            where=bundle.path,
             cure="Draw its mask in two captures at least.",
-        )  # fmt: skip
+        )
     _current[shown.session_uid] = placement, _revisions(bundle.path, prior_name(shown))
     return rated(shown)
 

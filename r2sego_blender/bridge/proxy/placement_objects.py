@@ -63,9 +63,7 @@ class Placement:
             return float("nan")
         local = (self.points - world_from_own[:3, 3]) @ np.linalg.inv(linear).T
         near = [self.tree.find_nearest(Vector(point))[3] for point in local]
-        return float(
-            np.median([far for far in near if far is not None]) * np.cbrt(abs(np.linalg.det(linear)))
-        )
+        return float(np.median([far for far in near if far is not None]) * np.cbrt(abs(np.linalg.det(linear))))
 
 
 def show_priors(scene: bpy.types.Scene, bundle: Bundle) -> list[bpy.types.Object]:
@@ -117,8 +115,9 @@ def pose_of(shown: bpy.types.Object) -> np.ndarray:
     if not determinant > 0.0 or np.abs(linear @ linear.T - scale**2 * np.eye(3)).max() > 1e-3 * scale**2:
         raise GeometryError(
             "a prior may be moved, turned and scaled evenly, but not stretched or mirrored",
-            where=shown.name, cure="Clear the scale, then scale along all axes together.",
-        )  # fmt: skip
+            where=shown.name,
+            cure="Clear the scale, then scale along all axes together.",
+        )
     return pose
 
 
@@ -153,11 +152,12 @@ def placement_of(bundle: Bundle, shown: bpy.types.Object) -> Placement:
         windows.append(mask_window(view.name, view.camera, masks[view.name], depth))
     vertices, faces = arrays_from_mesh(shown.data)
     return Placement(
-        surface_samples(vertices, faces), BVHTree.FromPolygons(vertices.tolist(), faces.tolist()),
+        surface_samples(vertices, faces),
+        BVHTree.FromPolygons(vertices.tolist(), faces.tolist()),
         tuple(window for window in windows if window is not None),
         _observed_on(bundle, views, masks, chosen),
         {view.name: view.camera for view in views},
-    )  # fmt: skip
+    )
 
 
 def _known_depth(completed: CompletedDepth | None, camera: Camera) -> np.ndarray | None:

@@ -65,9 +65,15 @@ def select_faces(shown: bpy.types.Object, chosen: np.ndarray, *, extend: bool = 
 
 
 def faces_in_lasso(
-    corners: np.ndarray, camera: Camera, polygon: np.ndarray, *, parallel: bool, farthest_m: float,
-    facing: bool = True, kept_sides: np.ndarray | None = None,
-) -> np.ndarray:  # fmt: skip
+    corners: np.ndarray,
+    camera: Camera,
+    polygon: np.ndarray,
+    *,
+    parallel: bool,
+    farthest_m: float,
+    facing: bool = True,
+    kept_sides: np.ndarray | None = None,
+) -> np.ndarray:
     """(F,) bool: the faces (F, 3, 3) whose middle lies inside a ``polygon`` (n, 2) of a view's pixels.
 
     ``camera`` and ``parallel`` are as ``view_camera`` gives them. Faces farther than ``farthest_m``
@@ -94,9 +100,10 @@ def write_cut(file: Path, shown: bpy.types.Object) -> int:
     chosen = selected_faces(shown)
     if not chosen.any():
         raise GeometryError(
-            "no face of the proxy is selected", where=shown.name,
+            "no face of the proxy is selected",
+            where=shown.name,
             cure="Select faces in Edit Mode, or with the lasso or a box.",
-        )  # fmt: skip
+        )
     corners = face_corners(shown.data)[chosen]
     save_arrays(file, corners=corners, round=np.int64(shown_round(shown)))
     return int(chosen.sum())
@@ -109,9 +116,7 @@ def write_drawn(file: Path, drawn: bpy.types.Object, depsgraph: bpy.types.Depsgr
     """
     vertices, triangles = world_triangles(drawn, depsgraph)
     if not len(triangles):
-        raise GeometryError(
-            "the drawn surface has no faces", where=drawn.name, cure="Draw a mesh with faces."
-        )
+        raise GeometryError("the drawn surface has no faces", where=drawn.name, cure="Draw a mesh with faces.")
     save_arrays(file, vertices=vertices, faces=triangles)
     return len(triangles)
 

@@ -67,9 +67,7 @@ def body_of(shown: bpy.types.Object) -> int | None:
     return shown.get(_BODY)
 
 
-def play(
-    collection: bpy.types.Collection, bundle: Bundle, round_index: int, digest: str, recording: Recording
-) -> None:
+def play(collection: bpy.types.Collection, bundle: Bundle, round_index: int, digest: str, recording: Recording) -> None:
     """Have the collection's marked objects follow the timeline from now on."""
     told = {"round": round_index, "rollouts": [*recording.poses], "digest": digest}
     collection[BUNDLE_MARK], collection[_RECORDING] = str(bundle.path), json.dumps(told)

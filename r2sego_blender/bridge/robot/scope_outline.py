@@ -22,9 +22,10 @@ def outline_of(shown: bpy.types.Object | None, depsgraph: bpy.types.Depsgraph) -
     """
     if shown is None or shown.type not in {"MESH", "CURVE"}:
         raise SceneError(
-            "the active object is no mesh and no curve", where=getattr(shown, "name", "no object"),
+            "the active object is no mesh and no curve",
+            where=getattr(shown, "name", "no object"),
             cure="Select one that lies on the floor.",
-        )  # fmt: skip
+        )
     with every_face(shown, depsgraph):
         evaluated = shown.evaluated_get(depsgraph)
         mesh = evaluated.to_mesh()
@@ -38,9 +39,7 @@ def outline_of(shown: bpy.types.Object | None, depsgraph: bpy.types.Depsgraph) -
         corners = convex_hull(points)
     corners = corners.tolist()
     if problem := problem_of(corners):
-        raise SceneError(
-            f"the outline {problem}", where=shown.name, cure="Choose another object, or draw the region."
-        )
+        raise SceneError(f"the outline {problem}", where=shown.name, cure="Choose another object, or draw the region.")
     return tuple((x, y) for x, y in corners)
 
 

@@ -26,9 +26,7 @@ def floor_point(origin: Vector, direction: Vector, floor_z_m: float = 0.0) -> tu
     return point.x, point.y
 
 
-def target_under(
-    scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, origin: Vector, direction: Vector
-) -> str:
+def target_under(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, origin: Vector, direction: Vector) -> str:
     """The target a ray means: an object's name where it meets a shown prior, or a face of the proxy
     that is of one; else the place ``x,y`` it meets; '' for nothing. What stands before them, such as
     views and the robot, is meant only where there is nothing else."""

@@ -28,9 +28,8 @@ _EMPTY_SIZE_M = 0.2
 
 
 def show_rollouts(
-    scene: bpy.types.Scene, bundle: Bundle, round_index: int, numbers: Sequence[int], *,
-    look_through: bool = False,
-) -> list[bpy.types.Object]:  # fmt: skip
+    scene: bpy.types.Scene, bundle: Bundle, round_index: int, numbers: Sequence[int], *, look_through: bool = False
+) -> list[bpy.types.Object]:
     """The robot along these rollouts of a round (or of the trial), in place of those shown before.
 
     Each rollout is an empty with an object a body and the head camera below it; those that

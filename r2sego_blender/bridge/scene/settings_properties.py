@@ -57,9 +57,7 @@ def preset_values(preset_name: str) -> dict[str, str]:
 
 def settings_group() -> type[bpy.types.PropertyGroup]:
     """A new PropertyGroup class with one property a setting."""
-    annotations = {
-        property_name(entry.key): declared_property(entry, label(entry.key)) for entry in entries()
-    }
+    annotations = {property_name(entry.key): declared_property(entry, label(entry.key)) for entry in entries()}
     return type("R2SEGO_PG_settings", (bpy.types.PropertyGroup,), {"__annotations__": annotations})
 
 

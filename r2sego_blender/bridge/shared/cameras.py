@@ -62,9 +62,10 @@ def camera_of(camera_object: bpy.types.Object) -> Camera:
     """
     if not has_lens(camera_object):
         raise SceneError(
-            "this object carries no lens in pixels", where=getattr(camera_object, "name", "no object"),
+            "this object carries no lens in pixels",
+            where=getattr(camera_object, "name", "no object"),
             cure="Choose a camera that Import Captures or Show Candidates made.",
-        )  # fmt: skip
+        )
     width, height, fx, fy, cx, cy = camera_object.data[_LENS_KEY]
     pose = np.array(camera_object.matrix_world, np.float64) @ _BLENDER_FROM_OPENCV
     return Camera(int(width), int(height), fx, fy, cx, cy, pose)

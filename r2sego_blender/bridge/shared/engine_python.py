@@ -41,9 +41,10 @@ def examine() -> str:
         ready = found["ready"]
     except (ValueError, KeyError, TypeError) as error:
         raise MachineError(
-            f"the engine's answer makes no sense: {told.strip()[:120]}", where=python,
+            f"the engine's answer makes no sense: {told.strip()[:120]}",
+            where=python,
             cure="Choose another Python in the add-on's preferences.",
-        ) from error  # fmt: skip
+        ) from error
     if missing:
         return f"{line}; missing: {', '.join(missing)}"
     return line if ready else f"{line}; the disk is nearly full"

@@ -8,9 +8,12 @@ import numpy as np
 _ATTRIBUTE_TYPES = {"i": "INT", "u": "INT", "b": "BOOLEAN", "f": "FLOAT"}
 _WIDE_ATTRIBUTE_TYPES = {3: "FLOAT_VECTOR", 4: "QUATERNION"}
 _ATTRIBUTE_FIELDS = {
-    "INT": ("value", np.int32, ()), "BOOLEAN": ("value", bool, ()), "FLOAT": ("value", np.float32, ()),
-    "FLOAT_VECTOR": ("vector", np.float32, (3,)), "QUATERNION": ("value", np.float32, (4,)),
-}  # fmt: skip
+    "INT": ("value", np.int32, ()),
+    "BOOLEAN": ("value", bool, ()),
+    "FLOAT": ("value", np.float32, ()),
+    "FLOAT_VECTOR": ("vector", np.float32, (3,)),
+    "QUATERNION": ("value", np.float32, (4,)),
+}
 
 
 def mesh_from_arrays(name: str, vertices: np.ndarray, triangles: np.ndarray) -> bpy.types.Mesh:

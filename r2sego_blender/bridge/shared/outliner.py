@@ -32,9 +32,7 @@ def fresh_collection(scene: bpy.types.Scene, bundle_path: str | Path, part: str)
     return collection
 
 
-def find_collection(
-    scene: bpy.types.Scene, bundle_path: str | Path, part: str
-) -> bpy.types.Collection | None:
+def find_collection(scene: bpy.types.Scene, bundle_path: str | Path, part: str) -> bpy.types.Collection | None:
     """The collection of a part of the bundle at ``bundle_path``, if it was shown.
 
     One that is linked from another .blend is not it: nothing can be put into that.

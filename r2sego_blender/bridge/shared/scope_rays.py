@@ -25,10 +25,7 @@ def is_over(region: bpy.types.Region, event: bpy.types.Event) -> bool:
 def mouse_ray(region: bpy.types.Region, event: bpy.types.Event) -> tuple[Vector, Vector]:
     """Origin and direction, in the world, of the ray under the mouse."""
     pixel = (event.mouse_x - region.x, event.mouse_y - region.y)
-    return (
-        region_2d_to_origin_3d(region, region.data, pixel),
-        region_2d_to_vector_3d(region, region.data, pixel),
-    )
+    return (region_2d_to_origin_3d(region, region.data, pixel), region_2d_to_vector_3d(region, region.data, pixel))
 
 
 def distance_px(region: bpy.types.Region, event: bpy.types.Event, point: tuple[float, float, float]) -> float:

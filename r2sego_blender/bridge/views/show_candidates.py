@@ -24,9 +24,14 @@ _TARGET_ENLARGEMENT, _ACTIVE_ENLARGEMENT = 2.5, 1.5
 
 
 def show_candidates(
-    scene: bpy.types.Scene, bundle: Bundle, round_index: int, *,
-    frustum_m: float = 0.08, shown: str = "all", colour_by: str = "s",
-) -> tuple[bpy.types.Object, list[bpy.types.Object]]:  # fmt: skip
+    scene: bpy.types.Scene,
+    bundle: Bundle,
+    round_index: int,
+    *,
+    frustum_m: float = 0.08,
+    shown: str = "all",
+    colour_by: str = "s",
+) -> tuple[bpy.types.Object, list[bpy.types.Object]]:
     """The candidates of a round in one mesh and its targets as cameras with frusta.
 
     Frusta run from dark blue (0) to yellow (the best there is) by ``colour_by``: the score ``s``,
@@ -37,11 +42,7 @@ def show_candidates(
     """
     views = bundle.candidates(round_index)
     selection = views.selection
-    kept = {
-        "all": np.ones_like(selection.chosen),
-        "survivors": selection.survived,
-        "targets": selection.chosen,
-    }
+    kept = {"all": np.ones_like(selection.chosen), "survivors": selection.survived, "targets": selection.chosen}
     collection = fresh_collection(scene, bundle.path, _CANDIDATES)  # first, so that names are free again
     swarm = _candidate_object(views, np.flatnonzero(kept[shown]), round_index, frustum_m)
     swarm["round"], swarm["shown"], swarm["frustum_m"] = round_index, shown, frustum_m
@@ -140,9 +141,7 @@ def candidate_camera(
     return created
 
 
-def _candidate_object(
-    views: CandidateViews, shown: np.ndarray, round_index: int, frustum_m: float
-) -> bpy.types.Object:
+def _candidate_object(views: CandidateViews, shown: np.ndarray, round_index: int, frustum_m: float) -> bpy.types.Object:
     vertices, triangles = frustum_triangles(views.camera, views.poses[shown], frustum_m)
     mesh = mesh_from_arrays(f"Candidates, round {round_index}", vertices, triangles)
     scores = _scores(views)

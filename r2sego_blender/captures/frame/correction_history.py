@@ -36,7 +36,8 @@ def corrections_of(bundle: Path) -> list[dict[str, Any]]:
                 raise ValueError("an entry is damaged")
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise CaptureError(
-            f"the corrections cannot be read: {error}", where=file,
+            f"the corrections cannot be read: {error}",
+            where=file,
             cure="Remove the file: the corrections are kept then.",
-        ) from error  # fmt: skip
+        ) from error
     return history

@@ -77,10 +77,11 @@ def depth_scale(captures: Sequence[Capture], sparse: SparsePoints, depth: Sensor
     if count < _FEWEST_POINTS:
         raise CaptureError(
             f"only {count} points were measured in {maps} depth map{'s' if maps != 1 else ''} of "
-            f"{len(captures)} captures", where=depth.folder,
+            f"{len(captures)} captures",
+            where=depth.folder,
             cure=f"Call depth maps as the photographs, such as {next(iter(stems.values()))}.png, and give "
             "those of at least two.",
-        )  # fmt: skip
+        )
     together, weight = np.concatenate(ratios), np.concatenate(weights)
     centre = _median(together, weight)
     spread = _TO_SIGMA * _median(np.abs(together - centre), weight)
@@ -90,7 +91,7 @@ def depth_scale(captures: Sequence[Capture], sparse: SparsePoints, depth: Sensor
             where=depth.folder,
             cure="Check that the depth maps belong to the photographs, are planar depth and in "
             "millimetres (16-bit) or metres (float).",
-        )  # fmt: skip
+        )
     medians = np.array([_median(*pair) for pair in zip(ratios, weights, strict=True)])
     among = _TO_SIGMA * float(np.median(np.abs(medians - centre)))
     uncertainty = max(among, spread) / np.sqrt(len(medians))

@@ -57,9 +57,10 @@ class FloorPoint:
                 views.append((photo, (x, y)))
         except ValueError as error:
             raise CaptureError(
-                f"'{text}' is not PHOTO:X,Y or PHOTO:X,Y=PHOTO:X,Y", where=_WHERE,
+                f"'{text}' is not PHOTO:X,Y or PHOTO:X,Y=PHOTO:X,Y",
+                where=_WHERE,
                 cure="For example IMG_01:320,410=IMG_03:122,388, the same spot in two photographs.",
-            ) from error  # fmt: skip
+            ) from error
         return FloorPoint(tuple(views))
 
     def place(self, captures: Sequence[Capture], sparse: Sparse) -> tuple[np.ndarray, np.ndarray]:
@@ -82,9 +83,10 @@ class FloorPoint:
             off_px = float(np.linalg.norm(place - pixel))
             if depth <= 0 or off_px > _FARTHEST_SHOWN * max(camera.width, camera.height):
                 raise CaptureError(
-                    f"the photographs do not show one point: it would lie {off_px:.0f} pixels away "
-                    f"in {photo}", where=f"{_WHERE}, {self}", cure="Show the same spot in each of them.",
-                )  # fmt: skip
+                    f"the photographs do not show one point: it would lie {off_px:.0f} pixels away in {photo}",
+                    where=f"{_WHERE}, {self}",
+                    cure="Show the same spot in each of them.",
+                )
         return point, intersection_covariance(cameras, pixels, point, _SHOWN_SIGMA_PX)
 
     def __str__(self) -> str:
@@ -92,9 +94,8 @@ class FloorPoint:
 
 
 def ground_through(
-    captures: Sequence[Seen], sparse: Sparse, shown: Sequence[Placeable[Seen]],
-    progress: Progress = SILENT,
-) -> Ground:  # fmt: skip
+    captures: Sequence[Seen], sparse: Sparse, shown: Sequence[Placeable[Seen]], progress: Progress = SILENT
+) -> Ground:
     """The ground through floor points, for captures in the world frame.
 
     Three points or more give gravity too; one or two the height of the floor alone. Each
@@ -115,9 +116,10 @@ def ground_through(
     away = cameras.mean(axis=0) - points.mean(axis=0)
     if np.ptp(points @ axes[1]) < _THINNEST * np.linalg.norm(away):
         raise CaptureError(
-            f"the {count} floor points lie almost in one line", where=_WHERE,
+            f"the {count} floor points lie almost in one line",
+            where=_WHERE,
             cure="Show points far apart that span a triangle.",
-        )  # fmt: skip
+        )
     for _ in range(_FITS):
         weights = 1.0 / _variances(covariances, axes[2])
         centre = weights @ points / weights.sum()
@@ -126,9 +128,10 @@ def ground_through(
     off = np.abs((points - centre) @ normal)
     if (off > _FARTHEST_OFF_M + 3.0 / np.sqrt(weights)).any():
         raise CaptureError(
-            f"the {count} floor points lie up to {off.max():.2f} m off one plane", where=_WHERE,
+            f"the {count} floor points lie up to {off.max():.2f} m off one plane",
+            where=_WHERE,
             cure="Show each in two photographs, on the floor itself and not through glass or a mirror.",
-        )  # fmt: skip
+        )
     design = np.column_stack([(points - centre) @ axes[:2].T, np.ones(count)])
     covariance = np.linalg.inv(design.T @ (weights[:, None] * design))
     tilt_deg = float(np.degrees(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1])))
@@ -137,7 +140,7 @@ def ground_through(
             f"the floor points tell the tilt to {tilt_deg:.1f} degrees only: show them further apart, in "
             "photographs from places further apart; or one point alone, which keeps up as it is",
             level="warning",
-        )  # fmt: skip
+        )
     what = f"plane through {count} floor points shown, tilt sure to {tilt_deg:.1f} degrees"
     return _below(captures, Ground(normal, float(normal @ centre), count, True, what))
 
@@ -153,9 +156,10 @@ def ground_of(captures: Sequence[Capture], up: Sequence[float] | None, height_m:
     length = float(np.linalg.norm(normal))
     if normal.shape != (3,) or not (np.isfinite(length) and length > 0) or not np.isfinite(height_m):
         raise CaptureError(
-            f"{up} and {height_m} are no direction and height", where="ground",
+            f"{up} and {height_m} are no direction and height",
+            where="ground",
             cure="Give three numbers that are not all zero, and metres.",
-        )  # fmt: skip
+        )
     normal = normal / length
     what = f"given by hand: up was ({', '.join(f'{v:.4f}' for v in normal)}), {height_m:+.3f} m"
     return _below(captures, Ground(normal, height_m * normal[2], 0, True, what))
@@ -165,7 +169,8 @@ def _below(captures: Sequence[View], ground: Ground) -> Ground:
     lowest = min(captures, key=lambda capture: float(ground.height(capture.camera.centre)))
     if not ground.height(lowest.camera.centre) > 0:
         raise CaptureError(
-            f"the ground would lie above the camera of {lowest.name}", where="ground",
+            f"the ground would lie above the camera of {lowest.name}",
+            where="ground",
             cure="Show points of the floor, and give up as the direction away from it.",
-        )  # fmt: skip
+        )
     return ground

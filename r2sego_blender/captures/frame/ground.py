@@ -66,7 +66,7 @@ def up_guess(cameras: Sequence[Camera]) -> np.ndarray:
 
 def find_ground(
     points: np.ndarray, cameras: Sequence[Camera], tolerance: float, up: np.ndarray | None = None
-) -> Ground:  # fmt: skip
+) -> Ground:
     """The lowest well-supported plane, nearly level, below all cameras, with little under it.
 
     ``points`` (P, 3) and ``tolerance`` (how far floor points may lie off) share a unit.
@@ -91,9 +91,7 @@ def find_ground(
             # the floor is looked for among planes along it.
             level = max(planes, key=lambda plane: plane[2] * _plausibility(plane[0], up))[0]
             along = np.repeat(level[None], len(points), axis=0), points @ level
-            planes += _best_planes(
-                points, centres, *along, _contrast_of_parallels, tolerance, level, _PARALLEL_DEG
-            )  # fmt: skip
+            planes += _best_planes(points, centres, *along, _contrast_of_parallels, tolerance, level, _PARALLEL_DEG)
             cos_parallel = np.cos(np.radians(_PARALLEL_DEG))
             planes = [plane for plane in planes if plane[0] @ level >= cos_parallel]
             strongest = max(plane[2] for plane in planes)
@@ -105,9 +103,7 @@ def find_ground(
         # Planes tilted a little through the same floor pass lower under the cameras: of the
         # lowest and those like it, the best supported one is the floor.
         alike = heights >= heights.max() * (1.0 - _SAME_FLOOR)
-        normal, offset, _ = max(
-            (floors[i] for i in np.flatnonzero(alike)), key=lambda plane: plane[2]
-        )  # fmt: skip
+        normal, offset, _ = max((floors[i] for i in np.flatnonzero(alike)), key=lambda plane: plane[2])
         support = int((np.abs(points @ normal - offset) <= tolerance).sum())
         return Ground(normal, offset, support, True, f"floor plane through {support} points")
     if measured:
@@ -130,10 +126,15 @@ def _holds_the_room(points: np.ndarray, plane: tuple[np.ndarray, float, float], 
 
 
 def _best_planes(
-    points: np.ndarray, centres: np.ndarray, normals: np.ndarray, offsets: np.ndarray,
-    contrast_of: Callable[[np.ndarray, np.ndarray, np.ndarray, float], np.ndarray], tolerance: float,
-    up: np.ndarray, max_tilt_deg: float,
-) -> list[tuple[np.ndarray, float, float]]:  # fmt: skip
+    points: np.ndarray,
+    centres: np.ndarray,
+    normals: np.ndarray,
+    offsets: np.ndarray,
+    contrast_of: Callable[[np.ndarray, np.ndarray, np.ndarray, float], np.ndarray],
+    tolerance: float,
+    up: np.ndarray,
+    max_tilt_deg: float,
+) -> list[tuple[np.ndarray, float, float]]:
     """Refined planes (normal, offset, contrast) below the cameras, the best of every height."""
     below = (normals @ centres.T - offsets[:, None]).min(axis=1) > 4.0 * tolerance
     normals, offsets = normals[below], offsets[below]
@@ -209,9 +210,8 @@ def _contrast_of_parallels(
 
 
 def _refined(
-    points: np.ndarray, normal: np.ndarray, offset: float, up: np.ndarray, tolerance: float,
-    max_tilt_deg: float,
-) -> tuple[np.ndarray, float, float] | None:  # fmt: skip
+    points: np.ndarray, normal: np.ndarray, offset: float, up: np.ndarray, tolerance: float, max_tilt_deg: float
+) -> tuple[np.ndarray, float, float] | None:
     """The plane fitted to its own points, or None when they hold none up."""
     on = np.zeros(len(points), bool)
     for share in _REFINEMENT:

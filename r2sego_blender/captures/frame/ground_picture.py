@@ -30,10 +30,7 @@ def ground_picture(capture: Capture) -> np.ndarray:
     picture = np.ascontiguousarray(to_uint8(capture.image()))
     along = np.arange(-_REACH_M, _REACH_M + _STEP_M, _STEP_M)
     for at in np.arange(-_REACH_M, _REACH_M + 0.5):
-        for line in (
-            np.stack([along, np.full_like(along, at)], 1),
-            np.stack([np.full_like(along, at), along], 1),
-        ):
+        for line in (np.stack([along, np.full_like(along, at)], 1), np.stack([np.full_like(along, at), along], 1)):
             _draw(picture, capture, np.column_stack([line, np.zeros(len(line))]), _GRID, 1)
     metre = np.arange(0.0, 1.0 + _STEP_M / 2, _STEP_M)
     for axis, colour in enumerate((_X_AXIS, _Y_AXIS, _POLE)):
@@ -48,9 +45,7 @@ def save_ground_pictures(folder: Path, captures: Sequence[Capture]) -> None:
         save_image(folder / f"{capture.image_path.stem}.png", ground_picture(capture))
 
 
-def _draw(
-    picture: np.ndarray, capture: Capture, line: np.ndarray, colour: tuple[int, ...], width: int
-) -> None:
+def _draw(picture: np.ndarray, capture: Capture, line: np.ndarray, colour: tuple[int, ...], width: int) -> None:
     pixels, depth = capture.camera.project(line)
     size = np.array([capture.camera.width, capture.camera.height])
     near = (depth > _NEAREST_M) & (np.abs(pixels - size / 2) < 2 * size).all(axis=1)

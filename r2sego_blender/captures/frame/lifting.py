@@ -39,7 +39,7 @@ class Sparse(Protocol):
 
 def pointed_at(
     captures: Sequence[Capture], photo: str, pixels: Sequence[Sequence[float]], where: str
-) -> tuple[int, np.ndarray]:  # fmt: skip
+) -> tuple[int, np.ndarray]:
     """The capture that ``photo`` names, with or without suffix, and its working pixels (n, 2).
 
     ``pixels`` are those of the upright file. Raises CaptureError for another name and for
@@ -52,7 +52,7 @@ def pointed_at(
 
 def in_photograph(
     files: Sequence[tuple[str, Path]], photo: str, pixels: Sequence[Sequence[float]], where: str
-) -> tuple[int, np.ndarray, tuple[int, int]]:  # fmt: skip
+) -> tuple[int, np.ndarray, tuple[int, int]]:
     """Which of ``files``, names with paths, is ``photo``; the pixels (n, 2); the file's (height, width).
 
     Errors as for ``pointed_at``.
@@ -64,16 +64,18 @@ def in_photograph(
     named = named or [i for i, name in enumerate(names) if Path(name).stem == photo]
     if len(named) != 1:
         raise CaptureError(
-            f"there {'is no capture' if not named else 'are several captures'} '{photo}'", where=where,
+            f"there {'is no capture' if not named else 'are several captures'} '{photo}'",
+            where=where,
             cure=f"Name one of {', '.join(names)}.",
-        )  # fmt: skip
+        )
     width, height = upright_size(files[named[0]][1])
     given = np.asarray(pixels, np.float64)
     if not np.isfinite(given).all() or (given < 0).any() or (given > [width, height]).any():
         raise CaptureError(
-            f"a pixel lies outside the {width}x{height} photograph", where=f"{where}, {photo}",
+            f"a pixel lies outside the {width}x{height} photograph",
+            where=f"{where}, {photo}",
             cure="Give pixels of the upright photograph at its full size.",
-        )  # fmt: skip
+        )
     return named[0], given, (height, width)
 
 
@@ -90,7 +92,7 @@ def lifted(capture: View, sparse: Sparse, index: int, pixel: np.ndarray) -> np.n
             f"nothing was measured near pixel {tuple(round(float(v)) for v in pixel)}",
             where=capture.name,
             cure="Choose points on textured surfaces that other photographs see too.",
-        )  # fmt: skip
+        )
     # On a plane the inverse depth is linear in the pixels.
     offset = (places[near] - pixel) / max(camera.width, camera.height)
     design = np.column_stack([offset, np.ones(len(near))])
@@ -117,15 +119,16 @@ def intersection(cameras: Sequence[Camera], pixels: Sequence[np.ndarray]) -> np.
         target += across @ camera.centre
     if np.linalg.cond(system) > _WORST_CONDITION:
         raise CaptureError(
-            "the point was seen from one place only", where="photographs",
+            "the point was seen from one place only",
+            where="photographs",
             cure="Show it in photographs from places a step apart.",
-        )  # fmt: skip
+        )
     return np.linalg.solve(system, target)
 
 
 def intersection_covariance(
     cameras: Sequence[Camera], pixels: Sequence[np.ndarray], point: np.ndarray, sigma_px: float
-) -> np.ndarray:  # fmt: skip
+) -> np.ndarray:
     """The (3, 3) covariance of an ``intersection`` whose pixels are sure to ``sigma_px``."""
     information = np.zeros((3, 3))
     for camera, pixel in zip(cameras, pixels, strict=True):
@@ -137,8 +140,6 @@ def intersection_covariance(
 def _across(camera: Camera, pixel: np.ndarray) -> np.ndarray:
     """The (3, 3) projection onto the plane across the ray through a pixel."""
     u, v = pixel
-    ray = camera.world_from_camera[:3, :3] @ [
-        (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0,
-    ]  # fmt: skip
+    ray = camera.world_from_camera[:3, :3] @ [(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0]
     ray /= np.linalg.norm(ray)
     return np.eye(3) - np.outer(ray, ray)

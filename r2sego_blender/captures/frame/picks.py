@@ -65,11 +65,12 @@ class Picks:
         """A JSON-ready dict; ``from_json`` reads it back."""
         points = [
             {
-                "name": point.name, "floor": point.floor,
+                "name": point.name,
+                "floor": point.floor,
                 "views": [{"capture": v.capture, "x_px": v.x_px, "y_px": v.y_px} for v in point.views],
             }
             for point in self.points
-        ]  # fmt: skip
+        ]
         lengths = [{"from": one.start, "to": one.end, "metres": one.metres} for one in self.lengths]
         heights = [{"capture": one.capture, "metres": one.metres} for one in self.heights]
         return {"points": points, "lengths": lengths, "camera_heights": heights}
@@ -82,10 +83,7 @@ class Picks:
                 tuple(
                     PickedPoint(
                         str(point["name"]),
-                        tuple(
-                            Pick(str(v["capture"]), _number(v["x_px"]), _number(v["y_px"]))
-                            for v in point["views"]
-                        ),
+                        tuple(Pick(str(v["capture"]), _number(v["x_px"]), _number(v["y_px"])) for v in point["views"]),
                         bool(point.get("floor", False)),
                     )
                     for point in data.get("points", ())
@@ -95,10 +93,9 @@ class Picks:
                     for one in data.get("lengths", ())
                 ),
                 tuple(
-                    CameraHeight(str(one["capture"]), _number(one["metres"]))
-                    for one in data.get("camera_heights", ())
+                    CameraHeight(str(one["capture"]), _number(one["metres"])) for one in data.get("camera_heights", ())
                 ),
-            )  # fmt: skip
+            )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise CaptureError(f"the field {error} is missing or wrong", where=where, cure=_CURE) from error
         picks.check(where)
@@ -124,20 +121,20 @@ class Picks:
             if len(set(seen_by)) < len(seen_by) or not seen_by:
                 raise CaptureError(
                     f"point '{point.name}' is picked {'twice in one capture' if seen_by else 'nowhere'}",
-                    where=where, cure="Pick it once in each photograph that shows it.",
-                )  # fmt: skip
+                    where=where,
+                    cure="Pick it once in each photograph that shows it.",
+                )
         for one in self.lengths:
             unknown = [name for name in (one.start, one.end) if name not in names]
             if unknown or one.start == one.end:
                 raise CaptureError(
-                    f"a length goes from '{one.start}' to '{one.end}'", where=where,
+                    f"a length goes from '{one.start}' to '{one.end}'",
+                    where=where,
                     cure=f"Name two of the points {', '.join(names) or '(none is picked)'}.",
-                )  # fmt: skip
+                )
         for metres in [*(one.metres for one in self.lengths), *(one.metres for one in self.heights)]:
             if not (np.isfinite(metres) and metres > 0):
-                raise CaptureError(
-                    f"{metres} is no length in metres", where=where, cure="Give a positive one."
-                )
+                raise CaptureError(f"{metres} is no length in metres", where=where, cure="Give a positive one.")
 
 
 def _number(value: Any) -> float:

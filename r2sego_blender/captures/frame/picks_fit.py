@@ -109,8 +109,10 @@ class PicksFit:
                 if share > _FARTHEST_PICKED:
                     raise CaptureError(
                         f"the photographs do not show one point '{one.point.name}': in {view.capture} it "
-                        f"would lie {off_px:.0f} px away", where=WHERE, cure="Pick the same spot in each.",
-                    )  # fmt: skip
+                        f"would lie {off_px:.0f} px away",
+                        where=WHERE,
+                        cure="Pick the same spot in each.",
+                    )
         given = [(f"the length {one.start} to {one.end}", one.metres) for one in self.picks.lengths]
         given += [(f"the height of {one.capture}", one.metres) for one in self.picks.heights]
         errors = np.concatenate([self.length_m, self.height_m])
@@ -118,17 +120,16 @@ class PicksFit:
             if abs(error_m) > _WORST_LENGTH * metres:
                 raise CaptureError(
                     f"{what} is given as {metres:.3f} m, the others say {metres + error_m:.3f} m",
-                    where=WHERE, cure="Measure it again, or take it or the others away.",
-                )  # fmt: skip
+                    where=WHERE,
+                    cure="Measure it again, or take it or the others away.",
+                )
 
 
 def residual_lines(told: Mapping[str, Any]) -> list[str]:
     """The residuals of ``PicksFit.to_json`` for a person."""
     text = []
     for one in told.get("points", ()):
-        seen = [
-            f"{name} {'alone' if off is None else f'{off:.2f} px'}" for name, off in one["off_px"].items()
-        ]
+        seen = [f"{name} {'alone' if off is None else f'{off:.2f} px'}" for name, off in one["off_px"].items()]
         floor = f"; {in_centimetres(one['off_floor_m'])} off the floor" if "off_floor_m" in one else ""
         text.append(f"{one['name']}: {', '.join(seen)}{floor}")
     text += [
@@ -147,9 +148,7 @@ def in_centimetres(length_m: float) -> str:
     return f"{round(length_m * 100.0, 1) + 0.0:+.1f} cm"  # and never -0.0
 
 
-def fit_picks(
-    picks: Picks, captures: Sequence[View], sparse: Sparse, progress: Progress = SILENT
-) -> PicksFit:  # fmt: skip
+def fit_picks(picks: Picks, captures: Sequence[View], sparse: Sparse, progress: Progress = SILENT) -> PicksFit:
     """The least squares fit of ground and scale to picks, for captures in the world of now.
 
     The floor goes through the points marked as floor (``ground_through``); the scale makes
@@ -167,9 +166,10 @@ def fit_picks(
     if len(given):
         if not found.min() > 0.0:
             raise CaptureError(
-                "the two ends of a length are one point, or a camera lies below the floor", where=WHERE,
+                "the two ends of a length are one point, or a camera lies below the floor",
+                where=WHERE,
                 cure="Pick points far apart, and the floor where the photographs show it.",
-            )  # fmt: skip
+            )
         factor = float((found * given / sigma**2).sum() / (found**2 / sigma**2).sum())
     after = found * (factor or 1.0) - given
     off = np.zeros(len(on_floor))
@@ -207,7 +207,7 @@ def placed_point(point: PickedPoint, captures: Sequence[View], sparse: Sparse) -
 
 def _reprojection(
     cameras: Sequence[Camera], pixels: Sequence[np.ndarray], position: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray]:
     """The (2 n, 3) Jacobian of a point's pixels, and how far they lie off those picked (2 n,)."""
     rows, off = [], []
     for camera, pixel in zip(cameras, pixels, strict=True):
@@ -222,7 +222,7 @@ def _reprojection(
 
 def _measured(
     picks: Picks, placed: Mapping[str, PlacedPoint], captures: Sequence[View], ground: Ground | None
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray]:
     """Each length and camera height in metres of now (L + H,), and how sure it is."""
     found, sigma = [], []
     for one in picks.lengths:
@@ -245,16 +245,15 @@ def _index(named: Pick | CameraHeight, captures: Sequence[View]) -> int:
     index = next((i for i, capture in enumerate(captures) if capture.name == named.capture), None)
     if index is None:
         raise CaptureError(
-            f"there is no capture '{named.capture}'", where=WHERE,
+            f"there is no capture '{named.capture}'",
+            where=WHERE,
             cure=f"Name one of {', '.join(capture.name for capture in captures)}.",
-        )  # fmt: skip
+        )
     camera = captures[index].camera
-    if isinstance(named, Pick) and not (
-        0.0 <= named.x_px <= camera.width and 0.0 <= named.y_px <= camera.height
-    ):
+    if isinstance(named, Pick) and not (0.0 <= named.x_px <= camera.width and 0.0 <= named.y_px <= camera.height):
         raise CaptureError(
-            f"pixel ({named.x_px:.0f}, {named.y_px:.0f}) lies outside the {camera.width}x{camera.height} "
-            "image",
-            where=f"{WHERE}, {named.capture}", cure="Give pixels of the image in captures/images.",
-        )  # fmt: skip
+            f"pixel ({named.x_px:.0f}, {named.y_px:.0f}) lies outside the {camera.width}x{camera.height} image",
+            where=f"{WHERE}, {named.capture}",
+            cure="Give pixels of the image in captures/images.",
+        )
     return index

@@ -30,9 +30,7 @@ class Scale:
     ``automatic`` takes metric poses as they are and assumes a camera height otherwise.
     """
 
-    kind: Literal["automatic", "metric", "known_length", "marker", "camera_height", "depth", "measured"] = (
-        "automatic"
-    )
+    kind: Literal["automatic", "metric", "known_length", "marker", "camera_height", "depth", "measured"] = "automatic"
     photo: str = ""
     pixel_a: tuple[float, float] = (0.0, 0.0)
     pixel_b: tuple[float, float] = (0.0, 0.0)
@@ -45,9 +43,10 @@ class Scale:
         needs_metres = self.kind not in ("automatic", "metric", "depth")
         if needs_metres and not (np.isfinite(self.metres) and self.metres > 0):
             raise CaptureError(
-                f"{self.metres} is no length in metres", where=f"scale, {self.kind}",
+                f"{self.metres} is no length in metres",
+                where=f"scale, {self.kind}",
                 cure="Give a positive number of metres.",
-            )  # fmt: skip
+            )
 
     @staticmethod
     def automatic() -> Scale:
@@ -60,9 +59,7 @@ class Scale:
         return Scale("metric")
 
     @staticmethod
-    def known_length(
-        photo: str, pixel_a: tuple[float, float], pixel_b: tuple[float, float], metres: float
-    ) -> Scale:
+    def known_length(photo: str, pixel_a: tuple[float, float], pixel_b: tuple[float, float], metres: float) -> Scale:
         """Two points seen in one photograph are this far apart.
 
         Pixels are those of the upright photograph's file, at its full size.
@@ -97,10 +94,7 @@ def length_scale(captures: Sequence[Capture], sparse: SparsePoints, scale: Scale
     ends = np.array([lifted(captures[index], sparse, index, pixel) for pixel in pixels])
     length = float(np.linalg.norm(ends[0] - ends[1]))
     if length < 1e-9:
-        raise CaptureError(
-            "the two pixels are the same point", where=KNOWN_LENGTH,
-            cure="Choose two points far apart.",
-        )  # fmt: skip
+        raise CaptureError("the two pixels are the same point", where=KNOWN_LENGTH, cure="Choose two points far apart.")
     return scale.metres / length, f"known length of {scale.metres:g} m in {scale.photo}"
 
 
@@ -121,10 +115,10 @@ def marker_scale(captures: Sequence[Capture], scale: Scale) -> tuple[float, str]
     sides = np.linalg.norm(corners - np.roll(corners, -1, axis=0), axis=1)
     if not sides.min() > 0 or np.ptp(sides) > _MARKER_DISAGREEMENT * sides.mean():
         raise CaptureError(
-            f"the sides of marker {identity} differ by more than "
-            f"{_MARKER_DISAGREEMENT:.0%}", where="scale, marker",
+            f"the sides of marker {identity} differ by more than {_MARKER_DISAGREEMENT:.0%}",
+            where="scale, marker",
             cure="Photograph it larger, from places further apart, lying flat.",
-        )  # fmt: skip
+        )
     source = f"marker {identity} with a side of {scale.metres:g} m in {len(views)} captures"
     return scale.metres / float(sides.mean()), source
 
@@ -142,7 +136,7 @@ def _require_two(count: int) -> None:
             f"the marker was found in {count} capture{'s' if count != 1 else ''}, two are needed",
             where="scale, marker",
             cure="Use a flat marker of ArUco's DICT_4X4_50 with a white rim, large in two photographs.",
-        )  # fmt: skip
+        )
 
 
 def _markers(photograph: Path) -> tuple[list[tuple[int, np.ndarray]], tuple[int, int]]:

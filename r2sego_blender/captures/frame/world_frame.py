@@ -58,9 +58,8 @@ class Registration:
 
 
 def register(
-    imported: Imported, sparse: SparsePoints, scale: Scale, settings: CaptureSettings,
-    progress: Progress = SILENT,
-) -> Registration:  # fmt: skip
+    imported: Imported, sparse: SparsePoints, scale: Scale, settings: CaptureSettings, progress: Progress = SILENT
+) -> Registration:
     """Register the captures to the world frame.
 
     z = 0 is the floor; the origin is the first capture's centre put down on it; the x-axis
@@ -75,22 +74,28 @@ def register(
     if not ground.found:
         progress.message(
             f"{ground.description}: see in report/ground/ whether the room stands level on z = 0, and "
-            "correct it with `r2sego register`, or add a photograph that shows the floor", level="warning",
-        )  # fmt: skip
+            "correct it with `r2sego register`, or add a photograph that shows the floor",
+            level="warning",
+        )
     if known is None:
         known, source = _scale_from_height(captures, ground, scale)
         if scale.kind != "camera_height":
             progress.message(
                 f"the scale is {source}: distances may be off by a fifth; give a known length, a "
-                "marker or the camera's height", level="warning",
-            )  # fmt: skip
+                "marker or the camera's height",
+                level="warning",
+            )
     return Registration(_world_from_capture(captures[0], ground, known), ground.description, source)
 
 
 def corrected(
-    registration: Registration, captures: Sequence[Capture], sparse: SparsePoints,
-    ground: Ground | None, scale: Scale | None, progress: Progress = SILENT,
-) -> tuple[Registration, np.ndarray]:  # fmt: skip
+    registration: Registration,
+    captures: Sequence[Capture],
+    sparse: SparsePoints,
+    ground: Ground | None,
+    scale: Scale | None,
+    progress: Progress = SILENT,
+) -> tuple[Registration, np.ndarray]:
     """A registration with another ground or scale, and the (4, 4) similarity new from old world.
 
     ``captures`` and ``sparse`` are in the old world. Without ``ground`` the floor stays where
@@ -104,8 +109,9 @@ def corrected(
         if _HEIGHT_OF in source or source.startswith(_ASSUMED):
             progress.message(
                 f"the scale is kept, but it is from the floor as it was ({source}): give the camera's "
-                "height again, or another scale", level="warning",
-            )  # fmt: skip
+                "height again, or another scale",
+                level="warning",
+            )
     else:
         told, source = _scale_before_ground(Imported(tuple(captures), "", False), sparse, scale, progress)
         if told is None:
@@ -124,7 +130,7 @@ def corrected(
 
 def _scale_before_ground(
     imported: Imported, sparse: SparsePoints, scale: Scale, progress: Progress
-) -> tuple[float | None, str]:  # fmt: skip
+) -> tuple[float | None, str]:
     """Metres per unit where that does not depend on the floor."""
     if scale.kind == "known_length":
         return length_scale(imported.captures, sparse, scale)
@@ -161,21 +167,20 @@ def _checked(imported: Imported, sparse: SparsePoints, progress: Progress) -> st
             f"{imported.source}: the depth sensor sees the room {difference:+.1%} larger than the poses say, "
             f"which were taken; to take the sensor's metre give --depth {imported.depth.folder}",
             level="warning",
-        )  # fmt: skip
+        )
     return f"; its depth says {difference:+.1%}: {measured}"
 
 
-def _scale_from_height(
-    captures: Sequence[Capture], ground: Ground, scale: Scale
-) -> tuple[float, str]:  # fmt: skip
+def _scale_from_height(captures: Sequence[Capture], ground: Ground, scale: Scale) -> tuple[float, str]:
     heights = ground.height(np.array([capture.camera.centre for capture in captures]))
     given = scale.kind == "camera_height"
     height = float(heights[0] if given else np.median(heights))
     if not height > 0:
         raise CaptureError(
-            "the cameras are not above the floor", where="scale, camera height",
+            "the cameras are not above the floor",
+            where="scale, camera height",
             cure="Give a known length or a marker instead.",
-        )  # fmt: skip
+        )
     if given:
         return scale.metres / height, f"{scale.whose}{_HEIGHT_OF}{scale.metres:.4g} m"
     return (

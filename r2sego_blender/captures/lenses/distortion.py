@@ -116,10 +116,13 @@ def _thin_prism(angles: np.ndarray, k: np.ndarray) -> np.ndarray:
     x, y = angles.T
     r2 = x * x + y * y
     radial = 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * (k[4] + r2 * k[5])))
-    return np.stack([
-        x * radial + 2.0 * k[2] * x * y + k[3] * (r2 + 2.0 * x * x) + k[6] * r2,
-        y * radial + 2.0 * k[3] * x * y + k[2] * (r2 + 2.0 * y * y) + k[7] * r2,
-    ], axis=1)  # fmt: skip
+    return np.stack(
+        [
+            x * radial + 2.0 * k[2] * x * y + k[3] * (r2 + 2.0 * x * x) + k[6] * r2,
+            y * radial + 2.0 * k[3] * x * y + k[2] * (r2 + 2.0 * y * y) + k[7] * r2,
+        ],
+        axis=1,
+    )
 
 
 def _rad_tan_thin_prism(angles: np.ndarray, k: np.ndarray) -> np.ndarray:
@@ -128,10 +131,13 @@ def _rad_tan_thin_prism(angles: np.ndarray, k: np.ndarray) -> np.ndarray:
     radial = 1.0 + t2 * np.polynomial.polynomial.polyval(t2, k[:6])
     x, y = (angles * radial).T
     r2 = x * x + y * y
-    return np.stack([
-        x + k[6] * (r2 + 2.0 * x * x) + 2.0 * k[7] * x * y + r2 * (k[8] + k[9] * r2),
-        y + k[7] * (r2 + 2.0 * y * y) + 2.0 * k[6] * x * y + r2 * (k[10] + k[11] * r2),
-    ], axis=1)  # fmt: skip
+    return np.stack(
+        [
+            x + k[6] * (r2 + 2.0 * x * x) + 2.0 * k[7] * x * y + r2 * (k[8] + k[9] * r2),
+            y + k[7] * (r2 + 2.0 * y * y) + 2.0 * k[6] * x * y + r2 * (k[10] + k[11] * r2),
+        ],
+        axis=1,
+    )
 
 
 _ANGULAR: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {

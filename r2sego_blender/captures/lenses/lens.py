@@ -61,19 +61,31 @@ class Lens:
         """The same lens for photographs of another size."""
         sx, sy = width / self.width, height / self.height
         return replace(
-            self, width=width, height=height,
-            fx=self.fx * sx, fy=self.fy * sy, cx=self.cx * sx, cy=self.cy * sy,
+            self,
+            width=width,
+            height=height,
+            fx=self.fx * sx,
+            fy=self.fy * sy,
+            cx=self.cx * sx,
+            cy=self.cy * sy,
             border_px=self.border_px * max(sx, sy),
-        )  # fmt: skip
+        )
 
     def turned(self, quarter_turns: int) -> Lens:
         """The lens of the photograph turned clockwise by quarter turns."""
         lens = self
         for _ in range(quarter_turns % 4):
             lens = Lens(
-                lens.height, lens.width, lens.fy, lens.fx, lens.height - lens.cy, lens.cx,
-                turned(lens.model, lens.distortion), lens.model, lens.border_px,
-            )  # fmt: skip
+                lens.height,
+                lens.width,
+                lens.fy,
+                lens.fx,
+                lens.height - lens.cy,
+                lens.cx,
+                turned(lens.model, lens.distortion),
+                lens.model,
+                lens.border_px,
+            )
         return lens
 
     def project(self, rays: np.ndarray) -> np.ndarray:
@@ -96,9 +108,7 @@ class Lens:
         Raises CaptureError for a distortion that leaves no such rectangle.
         """
         if self.plain:
-            return Camera(
-                self.width, self.height, self.fx, self.fy, self.cx, self.cy, world_from_camera
-            )  # fmt: skip
+            return Camera(self.width, self.height, self.fx, self.fy, self.cx, self.cy, world_from_camera)
         margin = self.border_px
         x = np.linspace(margin, self.width - margin, _EDGE_SAMPLES)
         y = np.linspace(margin, self.height - margin, _EDGE_SAMPLES)
@@ -107,9 +117,7 @@ class Lens:
         edges = np.array([left.max(), top.max(), right.min(), bottom.min()])
         if self.model not in ("opencv", "brown"):
             # What a fisheye sees beyond a right angle has no place and bounds nothing.
-            edges = np.array(
-                [np.fmax.reduce(left), np.fmax.reduce(top), np.fmin.reduce(right), np.fmin.reduce(bottom)]
-            )
+            edges = np.array([np.fmax.reduce(left), np.fmax.reduce(top), np.fmin.reduce(right), np.fmin.reduce(bottom)])
             edges = np.where(np.isnan(edges), [-np.inf, -np.inf, np.inf, np.inf], edges)
         elif not np.isfinite(edges).all():
             edges = np.zeros(4)
@@ -118,14 +126,13 @@ class Lens:
         y0 = int(np.ceil(max(edges[1], -reach_y) - 1e-6))
         x1 = int(np.floor(min(edges[2], self.width + reach_x) + 1e-6))
         y1 = int(np.floor(min(edges[3], self.height + reach_y) + 1e-6))
-        straight = Camera(
-            x1 - x0, y1 - y0, self.fx, self.fy, self.cx - x0, self.cy - y0, world_from_camera
-        )  # fmt: skip
+        straight = Camera(x1 - x0, y1 - y0, self.fx, self.fy, self.cx - x0, self.cy - y0, world_from_camera)
         if min((x1 - x0) / self.width, (y1 - y0) / self.height) < 1 / 8 or self._leaves_blank(straight):
             raise CaptureError(
-                f"the distortion {self.distortion} cannot be undone", where="camera distortion",
+                f"the distortion {self.distortion} cannot be undone",
+                where="camera distortion",
                 cure="Check k1, k2, p1, p2, or give undistorted photographs.",
-            )  # fmt: skip
+            )
         return straight
 
     def straightened(self, photograph: np.ndarray, longest_px: int | None = None) -> np.ndarray:
@@ -143,18 +150,27 @@ class Lens:
         # OpenCV counts pixel centres from zero.
         source = (lens.project(rays) - 0.5).astype(np.float32).reshape(*camera.shape, 2)
         straight = cv2.remap(
-            photograph.astype(np.float32), source[..., 0], source[..., 1],
-            cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE,
-        )  # fmt: skip
+            photograph.astype(np.float32),
+            source[..., 0],
+            source[..., 1],
+            cv2.INTER_CUBIC,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
         return np.clip(straight, 0.0, 1.0)
 
     def to_json(self) -> dict[str, Any]:
         """A JSON-ready dict; ``from_json`` reads it back without loss."""
         return {
-            "width": self.width, "height": self.height, "fx": self.fx, "fy": self.fy,
-            "cx": self.cx, "cy": self.cy, "distortion": list(self.distortion),
-            "distortion_model": self.model, "border_px": self.border_px,
-        }  # fmt: skip
+            "width": self.width,
+            "height": self.height,
+            "fx": self.fx,
+            "fy": self.fy,
+            "cx": self.cx,
+            "cy": self.cy,
+            "distortion": list(self.distortion),
+            "distortion_model": self.model,
+            "border_px": self.border_px,
+        }
 
     @staticmethod
     def from_json(data: dict[str, Any]) -> Lens:
@@ -162,10 +178,16 @@ class Lens:
         model = "opencv_fisheye" if data.get("fisheye") else "opencv"  # bundles before distortion_model
         fx, fy, cx, cy = (float(data[key]) for key in ("fx", "fy", "cx", "cy"))
         return Lens(
-            int(data["width"]), int(data["height"]), fx, fy, cx, cy,
-            tuple(float(k) for k in data.get("distortion", ())), str(data.get("distortion_model", model)),
+            int(data["width"]),
+            int(data["height"]),
+            fx,
+            fy,
+            cx,
+            cy,
+            tuple(float(k) for k in data.get("distortion", ())),
+            str(data.get("distortion_model", model)),
             float(data.get("border_px", 0.0)),
-        )  # fmt: skip
+        )
 
     def _straightened(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         rays = self.rays(np.stack([x, y], axis=1))
@@ -178,8 +200,9 @@ class Lens:
         """Whether the border of the straightened photograph shows what the photograph does not."""
         share = np.linspace(0.0, 1.0, _EDGE_SAMPLES)
         ends = np.zeros_like(share), np.ones_like(share)
-        border = np.concatenate(
-            [np.stack(pair, axis=1) for end in ends for pair in ((share, end), (end, share))]
-        ) * [straight.width, straight.height]  # fmt: skip
+        border = np.concatenate([np.stack(pair, axis=1) for end in ends for pair in ((share, end), (end, share))]) * [
+            straight.width,
+            straight.height,
+        ]
         pixels = self.project((border - [straight.cx, straight.cy]) / [straight.fx, straight.fy])
         return not ((pixels > -_BLANK_PX) & (pixels < np.array([self.width, self.height]) + _BLANK_PX)).all()

@@ -114,9 +114,7 @@ def epipolar_lines(keypoints: np.ndarray, camera: Camera, other: Camera) -> np.n
     return (lines / np.maximum(length, 1e-30)).astype(np.float32)
 
 
-def epipolar_errors(
-    keypoints_a: np.ndarray, keypoints_b: np.ndarray, camera_a: Camera, camera_b: Camera
-) -> np.ndarray:
+def epipolar_errors(keypoints_a: np.ndarray, keypoints_b: np.ndarray, camera_a: Camera, camera_b: Camera) -> np.ndarray:
     """(m,) float32: the larger distance of matched keypoints to each other's epipolar line, px."""
     in_b = np.einsum("ij,ij->i", epipolar_lines(keypoints_a, camera_a, camera_b), _homogeneous(keypoints_b))
     in_a = np.einsum("ij,ij->i", epipolar_lines(keypoints_b, camera_b, camera_a), _homogeneous(keypoints_a))

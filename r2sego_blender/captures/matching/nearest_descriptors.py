@@ -24,15 +24,12 @@ class Best(NamedTuple):
     @staticmethod
     def of(count_a: int, count_b: int) -> Best:
         far_a, far_b = np.full(count_a, _RULED_OUT), np.full(count_b, _RULED_OUT)
-        return Best(
-            np.zeros(count_a, np.int32), far_a, far_a.copy(), far_b, np.full(count_b, -1, np.int32)
-        )  # fmt: skip
+        return Best(np.zeros(count_a, np.int32), far_a, far_a.copy(), far_b, np.full(count_b, -1, np.int32))
 
     def pairs(self, ratio: float, mutual: bool) -> np.ndarray:
         """Index pairs (m, 2) int32 that pass the ratio test, in the order of a."""
         first, second = (
-            np.where(squared == _RULED_OUT, np.inf, squared).astype(np.float32)
-            for squared in (self.first, self.second)
+            np.where(squared == _RULED_OUT, np.inf, squared).astype(np.float32) for squared in (self.first, self.second)
         )
         passes = np.isfinite(first) & (first < ratio * ratio * second)
         if mutual:
@@ -67,9 +64,8 @@ def compare(products, squares_a, squares_b, start, nearest, first, second, close
 
 @kernel
 def compare_near(
-    in_b, in_a, max_error_px, desc_a, desc_b, squares_a, squares_b, start,
-    nearest, first, second, closest, owner,
-):  # fmt: skip
+    in_b, in_a, max_error_px, desc_a, desc_b, squares_a, squares_b, start, nearest, first, second, closest, owner
+):
     """As ``compare``, of those pairs alone whose distances (r, k) from both epipolar lines are small."""
     for row in range(len(in_b)):
         index = start + row

@@ -17,10 +17,7 @@ _SPREAD_ABOVE_DEG = 22.0
 
 
 def neighbours(
-    cameras: Sequence[Camera],
-    points: np.ndarray,
-    count: int,
-    visibility: np.ndarray | None = None,
+    cameras: Sequence[Camera], points: np.ndarray, count: int, visibility: np.ndarray | None = None
 ) -> tuple[tuple[int, ...], ...]:
     """For each camera the up to ``count`` others that share most points at good angles.
 

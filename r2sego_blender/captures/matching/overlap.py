@@ -35,9 +35,12 @@ Pairs = dict[tuple[int, int], np.ndarray]
 
 
 def match_all(
-    features: Sequence[Features], settings: CaptureSettings, progress: Progress,
-    title: str = "Matching photographs", among: Sequence[tuple[int, int]] | None = None,
-) -> Pairs:  # fmt: skip
+    features: Sequence[Features],
+    settings: CaptureSettings,
+    progress: Progress,
+    title: str = "Matching photographs",
+    among: Sequence[tuple[int, int]] | None = None,
+) -> Pairs:
     """Mutual ratio-test matches of every pair, or every one ``among``, that has ``min_matches`` of them."""
     pairs: Pairs = {}
     indices = list(combinations(range(len(features)), 2)) if among is None else among
@@ -49,9 +52,12 @@ def match_all(
 
 
 def match_known_poses(
-    features: Sequence[Features], cameras: Sequence[Camera], names: Sequence[str],
-    settings: CaptureSettings, progress: Progress,
-) -> Pairs:  # fmt: skip
+    features: Sequence[Features],
+    cameras: Sequence[Camera],
+    names: Sequence[str],
+    settings: CaptureSettings,
+    progress: Progress,
+) -> Pairs:
     """Guided matches of every near pair whose plain matches confirm the known poses.
 
     Raises CaptureError when no pair does, and tells overlap with wrong poses apart.
@@ -72,16 +78,20 @@ def near_pairs(cameras: Sequence[Camera]) -> list[tuple[int, int]]:
     apart = np.median([np.linalg.norm(cameras[i].centre - cameras[j].centre) for i, j in every])
     places = [
         coarse.unproject(np.full(coarse.shape, depth * apart)).reshape(-1, 3)
-        for coarse in (camera.fitted(_RAYS_A_SIDE) for camera in cameras) for depth in _DEPTHS
-    ]  # fmt: skip
+        for coarse in (camera.fitted(_RAYS_A_SIDE) for camera in cameras)
+        for depth in _DEPTHS
+    ]
     near = neighbours(cameras, np.concatenate(places), _NEAREST)
     return sorted({(min(i, j), max(i, j)) for i, others in enumerate(near) for j in others}) or every
 
 
 def confirming(
-    plain: Pairs, features: Sequence[Features], cameras: Sequence[Camera], max_error_px: float,
+    plain: Pairs,
+    features: Sequence[Features],
+    cameras: Sequence[Camera],
+    max_error_px: float,
     settings: CaptureSettings,
-) -> Pairs:  # fmt: skip
+) -> Pairs:
     """Of the matches of ``match_all`` those within ``max_error_px`` of their epipolar lines.
 
     A pair is kept, as overlapping, when these are ``min_matches`` and a fifth of its matches
@@ -102,9 +112,13 @@ def confirming(
 
 
 def match_guided(
-    overlapping: Iterable[tuple[int, int]], features: Sequence[Features], cameras: Sequence[Camera],
-    names: Sequence[str], settings: CaptureSettings, progress: Progress,
-) -> Pairs:  # fmt: skip
+    overlapping: Iterable[tuple[int, int]],
+    features: Sequence[Features],
+    cameras: Sequence[Camera],
+    names: Sequence[str],
+    settings: CaptureSettings,
+    progress: Progress,
+) -> Pairs:
     """The matches of overlapping pairs, looked for along the epipolar lines of known poses.
 
     Captures that overlap with none are named in a warning.
@@ -112,9 +126,7 @@ def match_guided(
     pairs: Pairs = {}
     for i, j in progress.track(overlapping, "Matching captures"):
         a, b = features[i], features[j]
-        guided = match_along_epipolar_lines(
-            a, b, cameras[i], cameras[j], settings.max_error_px, settings.match_ratio
-        )
+        guided = match_along_epipolar_lines(a, b, cameras[i], cameras[j], settings.max_error_px, settings.match_ratio)
         difference = a.descriptors[guided[:, 0]].astype(np.float32) - b.descriptors[guided[:, 1]]
         near = np.einsum("ij,ij->i", difference, difference) <= _LARGEST_DESCRIPTOR_DISTANCE**2
         pairs[i, j] = guided[near]
@@ -132,11 +144,12 @@ def _nothing_overlaps(contradicting: int, settings: CaptureSettings) -> CaptureE
     if contradicting >= _CONTRADICTING_MATCHES:
         return CaptureError(
             f"the photographs overlap ({contradicting} matches in the best pair), but their poses "
-            "contradict every match", where="camera poses",
+            "contradict every match",
+            where="camera poses",
             cure="Check the axis convention (OpenCV world_from_camera in cameras.json, OpenGL in "
             "transforms.json), the order of the poses, the focal length, and whether photographs that EXIF "
             "turns by 180 degrees were turned when the poses were solved.",
-        )  # fmt: skip
+        )
     return CaptureError(
         f"no two photographs share {settings.min_matches} matches that fit their poses",
         where="captures",
@@ -145,9 +158,15 @@ def _nothing_overlaps(contradicting: int, settings: CaptureSettings) -> CaptureE
 
 
 def write_database(
-    path: Path, cameras: Sequence, camera_of: Sequence[int], names: Sequence[str],
-    features: Sequence[Features], pairs: Pairs, *, verified: bool,
-) -> list[int]:  # fmt: skip
+    path: Path,
+    cameras: Sequence,
+    camera_of: Sequence[int],
+    names: Sequence[str],
+    features: Sequence[Features],
+    pairs: Pairs,
+    *,
+    verified: bool,
+) -> list[int]:
     """Write a COLMAP database; call it in a child process. Returns the image ids.
 
     ``cameras`` are pycolmap cameras and ``camera_of[i]`` the one of photograph i. Matches
@@ -169,16 +188,14 @@ def write_database(
             database.write_frame(frame, use_frame_id=True)
             database.write_keypoints(image_id, found.keypoints)
             database.write_descriptors(
-                image_id,
-                pycolmap.FeatureDescriptors(pycolmap.FeatureExtractorType.SIFT, found.descriptors),
+                image_id, pycolmap.FeatureDescriptors(pycolmap.FeatureExtractorType.SIFT, found.descriptors)
             )
             ids.append(image_id)
         for (i, j), matches in sorted(pairs.items()):
             database.write_matches(ids[i], ids[j], matches.astype(np.uint32))
             if verified:
                 geometry = pycolmap.TwoViewGeometry(
-                    config=pycolmap.TwoViewGeometryConfiguration.CALIBRATED,
-                    inlier_matches=matches.astype(np.uint32),
+                    config=pycolmap.TwoViewGeometryConfiguration.CALIBRATED, inlier_matches=matches.astype(np.uint32)
                 )
                 database.write_two_view_geometry(ids[i], ids[j], geometry)
     return ids

@@ -46,9 +46,13 @@ def read_frozen(path: Path, folder: Path, files_needed: bool = True) -> list[Pho
 
 
 def _photographs(
-    data: Mapping[str, Any], key: str, shared: tuple[Mapping[str, Any], ...], path: Path, folder: Path,
+    data: Mapping[str, Any],
+    key: str,
+    shared: tuple[Mapping[str, Any], ...],
+    path: Path,
+    folder: Path,
     files_needed: bool,
-) -> list[Photograph]:  # fmt: skip
+) -> list[Photograph]:
     photographs = []
     for index, entry in enumerate(fields.entries(data, key, path)):
         field = f"{key}[{index}]"
@@ -62,12 +66,14 @@ def _photographs(
         sizes = _size(places, image_path, path, field)
         fx = fields.number("fx", path, field, *places, positive=True)
         lens = Lens(
-            *sizes, fx, fields.number("fy", path, field, *places, default=fx, positive=True),
+            *sizes,
+            fx,
+            fields.number("fy", path, field, *places, default=fx, positive=True),
             fields.number("cx", path, field, *places, default=sizes[0] / 2),
             fields.number("cy", path, field, *places, default=sizes[1] / 2),
             *_distortion(places, path, field),
             fields.number("border_px", path, field, *places, default=0.0),
-        )  # fmt: skip
+        )
         pose = fields.matrix("world_from_camera", path, field, entry)
         photographs.append(Photograph(name, image_path, lens, pose, source))
     return with_unique_names(photographs)
@@ -92,13 +98,15 @@ def _distortion(places: Sequence[Mapping[str, Any]], path: Path, field: str) -> 
     if model not in COEFFICIENTS:
         raise CaptureError(
             f"'distortion_model' is {model!r}, not one of {', '.join(COEFFICIENTS)}",
-            where=f"{path}, {field}", cure="See docs/formats.md.",
-        )  # fmt: skip
+            where=f"{path}, {field}",
+            cure="See docs/formats.md.",
+        )
     found = next((place["distortion"] for place in places if "distortion" in place), ())
     if not isinstance(found, list | tuple) or len(found) > COEFFICIENTS[model]:
         raise CaptureError(
-            f"'distortion' is not a list of at most {COEFFICIENTS[model]} numbers", where=f"{path}, {field}",
+            f"'distortion' is not a list of at most {COEFFICIENTS[model]} numbers",
+            where=f"{path}, {field}",
             cure="Give k1, k2, p1, p2 as OpenCV has them.",
-        )  # fmt: skip
+        )
     keyed = {f"distortion[{i}]": value for i, value in enumerate(found)}
     return tuple(fields.number(key, path, field, keyed) for key in keyed), model

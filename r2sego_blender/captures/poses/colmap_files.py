@@ -14,9 +14,7 @@ from pathlib import Path
 from ...core.errors import CaptureError
 
 COLMAP_FILES = tuple(
-    f"{name}{suffix}"
-    for name in ("cameras", "images", "points3D", "frames", "rigs")
-    for suffix in (".bin", ".txt")
+    f"{name}{suffix}" for name in ("cameras", "images", "points3D", "frames", "rigs") for suffix in (".bin", ".txt")
 )
 """Names of the files of a model."""
 
@@ -101,14 +99,16 @@ def check_images_text(path: Path) -> None:
         # Behind the last line break is no line of its own: COLMAP leaves out such an image.
         if place >= len(lines) - (not lines[-1]):
             raise _wrong_text(
-                path, f"line {place} is an image without its line of measurements",
+                path,
+                f"line {place} is an image without its line of measurements",
                 "where the image has none, end the file with an empty line",
-            )  # fmt: skip
+            )
         if not _is_measurements(lines[place]):
             raise _wrong_text(
-                path, f"line {place + 1} is not the measurements of the image before it",
+                path,
+                f"line {place + 1} is not the measurements of the image before it",
                 "behind each image stands a line of X, Y, POINT3D_ID, or an empty one",
-            )  # fmt: skip
+            )
         place += 1
     check_whole_text(path, lines, count, "images")
 
@@ -123,9 +123,10 @@ def check_whole_text(path: Path, lines: Sequence[str], count: int, what: str) ->
         return
     if count < announced:
         raise _wrong_text(
-            path, f"its comment announces {announced} {what}, and {count} are there",
+            path,
+            f"its comment announces {announced} {what}, and {count} are there",
             "where you took some out, correct the number in the comment",
-        )  # fmt: skip
+        )
     if lines[-1]:
         raise _wrong_text(path, f"line {len(lines)} is cut off", "where it is whole, end it with a new line")
 
@@ -152,6 +153,7 @@ def _wrong_text(path: Path, what: str, cure: str) -> CaptureError:
 
 def _cut_short(path: Path, size: int, count: int) -> CaptureError:
     return CaptureError(
-        f"the file is damaged: its {size} bytes are not those of {count} records", where=path,
+        f"the file is damaged: its {size} bytes are not those of {count} records",
+        where=path,
         cure="Export or copy the COLMAP model again.",
-    )  # fmt: skip
+    )

@@ -19,13 +19,7 @@ from ..capture import Capture
 from ..colmap import load_pycolmap
 from ..lenses.lens import Lens
 from ..sparse_points import SparsePoints
-from .colmap_files import (
-    check_cameras,
-    check_cameras_text,
-    check_images,
-    check_images_text,
-    model_suffix,
-)
+from .colmap_files import check_cameras, check_cameras_text, check_images, check_images_text, model_suffix
 from .finding import find_photographs
 from .photographs import Photograph, with_unique_names
 
@@ -63,9 +57,10 @@ def read_colmap_model(model: Path, folder: Path, progress: Progress = SILENT) ->
     suffix = model_suffix(model)
     if suffix is None:
         raise CaptureError(
-            "there is no cameras and images file of a COLMAP model", where=model,
+            "there is no cameras and images file of a COLMAP model",
+            where=model,
             cure="Give the folder that holds cameras.bin and images.bin, or .txt.",
-        )  # fmt: skip
+        )
     if suffix == ".bin":
         check_cameras(model / "cameras.bin")
         check_images(model / "images.bin")
@@ -76,9 +71,8 @@ def read_colmap_model(model: Path, folder: Path, progress: Progress = SILENT) ->
         found = call_in_child(read_in_child, {"model": str(model), "suffix": suffix}, timeout_s=_TIMEOUT_S)
     except NativeError as error:
         raise CaptureError(
-            "the COLMAP model cannot be read", where=model,
-            cure="It is damaged or of another format: export it again.",
-        ) from error  # fmt: skip
+            "the COLMAP model cannot be read", where=model, cure="It is damaged or of another format: export it again."
+        ) from error
     names = [image["name"] for image in found["images"]]
     paths = find_photographs(names, (folder, folder / "images"), model, progress)
     photographs = []
@@ -95,18 +89,18 @@ def read_colmap_model(model: Path, folder: Path, progress: Progress = SILENT) ->
 def _lens(camera: dict[str, Any], where: str) -> Lens:
     if camera["model"] not in _LENSES:
         raise CaptureError(
-            f"the camera model {camera['model']} is not supported", where=where,
+            f"the camera model {camera['model']} is not supported",
+            where=where,
             cure="Give perspective photographs: cut panoramas with COLMAP's panorama_sfm.py first.",
-        )  # fmt: skip
+        )
     model, count = _LENSES[camera["model"]]
     fx, fy, cx, cy = camera["focal"]
     distortion = tuple(camera["extra"][:count])
     numbers = np.array([fx, fy, cx, cy, *distortion])
     if not np.isfinite(numbers).all() or min(fx, fy, camera["width"], camera["height"]) <= 0:
         raise CaptureError(
-            "the camera's numbers make no sense", where=where,
-            cure="The model is damaged: export or copy it again.",
-        )  # fmt: skip
+            "the camera's numbers make no sense", where=where, cure="The model is damaged: export or copy it again."
+        )
     return Lens(camera["width"], camera["height"], fx, fy, cx, cy, distortion, model)
 
 
@@ -126,31 +120,33 @@ def read_in_child(request: dict[str, Any]) -> dict[str, Any]:
         if told != (model / "cameras.bin").stat().st_size:
             raise CaptureError(
                 f"the file has not the {told} bytes of its {len(solved.cameras)} cameras",
-                where=model / "cameras.bin", cure="Export or copy the COLMAP model again.",
-            )  # fmt: skip
+                where=model / "cameras.bin",
+                cure="Export or copy the COLMAP model again.",
+            )
     images = []
     for image_id in sorted(solved.images):
         image = solved.images[image_id]
-        images.append({
-            "id": image_id, "name": image.name, "camera": camera_to_json(image.camera),
-            "camera_from_world": image.cam_from_world().matrix().tolist(),
-        })  # fmt: skip
+        images.append(
+            {
+                "id": image_id,
+                "name": image.name,
+                "camera": camera_to_json(image.camera),
+                "camera_from_world": image.cam_from_world().matrix().tolist(),
+            }
+        )
     return {"images": images}
 
 
 def camera_to_json(camera: Any) -> dict[str, Any]:
     """A pycolmap camera as a JSON-ready dict."""
-    data = {
-        "id": camera.camera_id, "model": camera.model.name, "width": camera.width, "height": camera.height,
-    }  # fmt: skip
+    data = {"id": camera.camera_id, "model": camera.model.name, "width": camera.width, "height": camera.height}
     if camera.model.name not in _LENSES:
         return data
     used = {*camera.focal_length_idxs(), *camera.principal_point_idxs()}
     return data | {
-        "focal": [camera.focal_length_x, camera.focal_length_y,
-                  camera.principal_point_x, camera.principal_point_y],
+        "focal": [camera.focal_length_x, camera.focal_length_y, camera.principal_point_x, camera.principal_point_y],
         "extra": [float(value) for i, value in enumerate(camera.params) if i not in used],
-    }  # fmt: skip
+    }
 
 
 def lens_from_json(camera: dict[str, Any], where: str) -> Lens:
@@ -180,12 +176,15 @@ def save_colmap_model(folder: Path, captures: Sequence[Capture], sparse: SparseP
     for index, capture in enumerate(captures):
         c, identity = capture.camera, index + 1
         cameras.append(f"{identity} PINHOLE {c.width} {c.height} {c.fx!r} {c.fy!r} {c.cx!r} {c.cy!r}")
-        numbers = " ".join(repr(float(v)) for v in (*_quaternion(c.camera_from_world[:3, :3]),
-                                                     *c.camera_from_world[:3, 3]))  # fmt: skip
+        numbers = " ".join(
+            repr(float(v)) for v in (*_quaternion(c.camera_from_world[:3, :3]), *c.camera_from_world[:3, 3])
+        )
         images.append(f"{identity} {numbers} {identity} {capture.image_path.name}")
-        measured = [] if sparse is None else [
-            (*sparse.pixels[row, index], row) for row in np.flatnonzero(sparse.visibility[:, index])
-        ]  # fmt: skip
+        measured = (
+            []
+            if sparse is None
+            else [(*sparse.pixels[row, index], row) for row in np.flatnonzero(sparse.visibility[:, index])]
+        )
         images.append(" ".join(f"{float(x)!r} {float(y)!r} {row + 1}" for x, y, row in measured))
     points = ["# POINT3D_ID X Y Z R G B ERROR, then IMAGE_ID POINT2D_IDX of each measurement"]
     if sparse is not None:

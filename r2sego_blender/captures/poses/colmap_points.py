@@ -31,9 +31,10 @@ def read_colmap_points(model: Path) -> tuple[np.ndarray, np.ndarray] | None:
                 xyz, colours = parse(path)
             except (OSError, ValueError, IndexError) as error:
                 raise CaptureError(
-                    "the points of the COLMAP model cannot be read", where=path,
+                    "the points of the COLMAP model cannot be read",
+                    where=path,
                     cure="Export or copy the model again, or remove the file: points are then triangulated.",
-                ) from error  # fmt: skip
+                ) from error
             kept = np.isfinite(xyz).all(axis=1)
             return (xyz[kept], colours[kept]) if kept.any() else None
     return None

@@ -50,9 +50,10 @@ def capture_files(dropped: Sequence[Path], suffix: str) -> CaptureFiles:
             poses = path.parent
     if poses is None and not folders:
         raise CaptureError(
-            "these are no photographs and no poses", where=dropped[0] if dropped else "the dropped files",
+            "these are no photographs and no poses",
+            where=dropped[0] if dropped else "the dropped files",
             cure="Drop photographs, transforms.json, cameras.json or the files of a COLMAP model.",
-        )  # fmt: skip
+        )
     if len(set(folders)) > 1:
         raise CaptureError(
             "the photographs lie in more than one folder", where=folders[1], cure="Put them into one folder."

@@ -29,15 +29,15 @@ def find_photograph(name: str, folders: tuple[Path, ...], where: str, guess_suff
         return found
     searched = " and ".join(sorted({str(folder) for folder in folders}))
     raise CaptureError(
-        f"the photograph '{name}' is listed but missing from {searched}", where=where,
+        f"the photograph '{name}' is listed but missing from {searched}",
+        where=where,
         cure="Add the file, or take its entry out.",
-    )  # fmt: skip
+    )
 
 
 def find_photographs(
-    names: Sequence[str], folders: tuple[Path, ...], where: object, progress: Progress,
-    guess_suffix: bool = False,
-) -> list[Path | None]:  # fmt: skip
+    names: Sequence[str], folders: tuple[Path, ...], where: object, progress: Progress, guess_suffix: bool = False
+) -> list[Path | None]:
     """The photographs a pose file names, as ``find_photograph``; None for those that are missing.
 
     Missing ones are listed in a warning, for a model may be of more photographs than are at
@@ -68,9 +68,12 @@ def find_beside(name: str, folders: tuple[Path, ...]) -> Path | None:
 
 
 def _found(
-    name: str, folders: tuple[Path, ...], guess_suffix: bool, by_file_name: bool,
+    name: str,
+    folders: tuple[Path, ...],
+    guess_suffix: bool,
+    by_file_name: bool,
     images_in: Callable[[Path], list[Path]] = image_files,
-) -> Path | None:  # fmt: skip
+) -> Path | None:
     relative = _plain(name)
     if "\0" in name:
         return None
@@ -78,9 +81,10 @@ def _found(
     if by_file_name:
         candidates += [folder / relative.name for folder in folders]
     candidates = [
-        candidate for candidate in candidates
+        candidate
+        for candidate in candidates
         if any(_real(candidate).is_relative_to(_real(folder)) for folder in folders)
-    ]  # fmt: skip
+    ]
     for candidate in candidates:
         if _is_file(candidate):
             return candidate

@@ -30,9 +30,7 @@ def read_json(path: Path) -> dict[str, Any]:
             f"the pose file cannot be read: {error.strerror}", where=path, cure="Check the path."
         ) from error
     except (ValueError, RecursionError) as error:
-        raise CaptureError(
-            f"this is not JSON ({error})", where=path, cure="Export the poses again."
-        ) from error
+        raise CaptureError(f"this is not JSON ({error})", where=path, cure="Export the poses again.") from error
     if not isinstance(data, dict):
         raise CaptureError("the file holds no JSON object", where=path, cure="Export the poses again.")
     return data
@@ -47,9 +45,8 @@ def entries(data: Mapping[str, Any], key: str, path: Path) -> list[dict[str, Any
 
 
 def number(
-    key: str, path: Path, field: str, *places: Mapping[str, Any], default: float | None = None,
-    positive: bool = False,
-) -> float:  # fmt: skip
+    key: str, path: Path, field: str, *places: Mapping[str, Any], default: float | None = None, positive: bool = False
+) -> float:
     """The finite number under ``key`` in the first of ``places`` that has it."""
     value: Any = next((place[key] for place in places if key in place), default)
     good = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
@@ -82,7 +79,6 @@ def matrix(key: str, path: Path, field: str, place: Mapping[str, Any]) -> np.nda
         found = np.vstack([found, [0.0, 0.0, 0.0, 1.0]])
     if found.shape != (4, 4) or not np.isfinite(found).all():
         raise CaptureError(
-            f"'{key}' is not a 4x4 matrix of numbers", where=f"{path}, {field}",
-            cure="See docs/formats.md.",
-        )  # fmt: skip
+            f"'{key}' is not a 4x4 matrix of numbers", where=f"{path}, {field}", cure="See docs/formats.md."
+        )
     return found

@@ -73,9 +73,8 @@ def photograph_size(path: Path) -> tuple[int, int, int]:
         raise CaptureError("the photograph is missing", where=path, cure="Check the path.") from error
     except DAMAGED as error:
         raise unread(
-            path, "the photograph cannot be read",
-            "Replace the file, or take it out of the folder and the pose file.",
-        ) from error  # fmt: skip
+            path, "the photograph cannot be read", "Replace the file, or take it out of the folder and the pose file."
+        ) from error
 
 
 def upright_size(path: Path) -> tuple[int, int]:
@@ -97,9 +96,10 @@ def captures_of(photographs: Sequence[Photograph], max_side_px: int) -> tuple[Ca
         for spelling, count in Counter(map(spell, photographs)).items():
             if count > 1:
                 raise CaptureError(
-                    f"the photograph '{spelling}' is listed {count} times", where=photographs[0].source,
+                    f"the photograph '{spelling}' is listed {count} times",
+                    where=photographs[0].source,
                     cure="Keep one entry for each photograph.",
-                )  # fmt: skip
+                )
     return posed_captures(photographs, max_side_px)
 
 
@@ -108,11 +108,10 @@ def posed_captures(photographs: Sequence[Photograph], max_side_px: int) -> tuple
     half_turned = _half_turns_are_stored(photographs)
     return tuple(
         capture_of(
-            photograph, max_side_px,
-            half_turned=photograph.stored_pixels if half_turned is None else half_turned,
+            photograph, max_side_px, half_turned=photograph.stored_pixels if half_turned is None else half_turned
         )
         for photograph in photographs
-    )  # fmt: skip
+    )
 
 
 def _half_turns_are_stored(photographs: Sequence[Photograph]) -> bool | None:
@@ -141,8 +140,9 @@ def too_few(count: int, where: object) -> CaptureError:
     """The error for fewer photographs than geometry can be measured from."""
     return CaptureError(
         f"{count} photograph{'s' if count != 1 else ''} found, at least {MIN_CAPTURES} are needed",
-        where=where, cure="Add photographs of the same room from places a step apart.",
-    )  # fmt: skip
+        where=where,
+        cure="Add photographs of the same room from places a step apart.",
+    )
 
 
 def capture_of(
@@ -162,9 +162,13 @@ def capture_of(
     except CaptureError as error:
         raise CaptureError(error.what, where=photograph.source, cure=error.cure) from error
     return Capture(
-        photograph.name, photograph.path, camera, None if lens.plain else lens,
-        mask_path=photograph.mask_path, quarter_turns=turns,
-    )  # fmt: skip
+        photograph.name,
+        photograph.path,
+        camera,
+        None if lens.plain else lens,
+        mask_path=photograph.mask_path,
+        quarter_turns=turns,
+    )
 
 
 def _upright(photograph: Photograph, pose: np.ndarray, half_turned: bool) -> tuple[Lens, np.ndarray, int]:
@@ -181,9 +185,10 @@ def _upright(photograph: Photograph, pose: np.ndarray, half_turned: bool) -> tup
     if not _same_shape(lens, *upright):
         raise CaptureError(
             f"the photograph {photograph.path.name} is {upright[0]}x{upright[1]}, its camera "
-            f"{lens.width}x{lens.height}", where=photograph.source,
+            f"{lens.width}x{lens.height}",
+            where=photograph.source,
             cure="Give the photographs the poses were made for, or correct the camera's width and height.",
-        )  # fmt: skip
+        )
     return (lens if (lens.width, lens.height) == upright else lens.scaled_to(*upright)), pose, turns
 
 
@@ -194,10 +199,7 @@ def _same_shape(lens: Lens, width: int, height: int) -> bool:
 def _rigid(pose: np.ndarray, source: str) -> np.ndarray:
     """The pose with its rotation made exact. Raises CaptureError if it is far from one."""
     if not is_rigid(pose):
-        raise CaptureError(
-            "the pose is not a rotation and a translation", where=source,
-            cure=RIGID_CURE,
-        )  # fmt: skip
+        raise CaptureError("the pose is not a rotation and a translation", where=source, cure=RIGID_CURE)
     rotation = pose[:3, :3]
     if np.abs(rotation.T @ rotation - np.eye(3)).max() <= 1e-12:
         return pose

@@ -75,19 +75,13 @@ def _passed_over(folder: Path, found: Sequence[Path]) -> list[Path]:
 def _too_few(folder: Path, count: int, copies: list[Path], passed: list[Path]) -> CaptureError:
     error = too_few(count, folder)
     if passed:
-        return CaptureError(
-            f"{error.what}; {_listed(passed)} cannot be read", where=folder, cure=_cure(passed)
-        )
+        return CaptureError(f"{error.what}; {_listed(passed)} cannot be read", where=folder, cure=_cure(passed))
     rooms = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
     rooms = [path for path in rooms if len(image_files(path)) >= MIN_CAPTURES]
     if rooms:
-        return CaptureError(
-            f"{error.what}; there are some in {_listed(rooms)}", where=folder, cure="Give that folder."
-        )
+        return CaptureError(f"{error.what}; there are some in {_listed(rooms)}", where=folder, cure="Give that folder.")
     if copies:
-        return CaptureError(
-            f"{error.what}; {_listed(copies)} are the same again", where=folder, cure=error.cure
-        )
+        return CaptureError(f"{error.what}; {_listed(copies)} are the same again", where=folder, cure=error.cure)
     return error
 
 

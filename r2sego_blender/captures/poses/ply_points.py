@@ -23,9 +23,7 @@ def read_ply_points(path: Path) -> tuple[np.ndarray, np.ndarray]:
         cloud: Any = trimesh.load(path, file_type="ply", process=False)
         xyz = np.asarray(cloud.vertices, np.float64).reshape(-1, 3)
     except Exception as error:  # trimesh raises whatever its parser ran into
-        raise CaptureError(
-            "the points cannot be read", where=path, cure="Give a PLY file with vertices."
-        ) from error
+        raise CaptureError("the points cannot be read", where=path, cure="Give a PLY file with vertices.") from error
     colours = getattr(cloud, "colors", None) if isinstance(cloud, trimesh.PointCloud) else None
     if colours is None and cloud.visual.kind == "vertex":
         colours = cloud.visual.vertex_colors

@@ -26,9 +26,7 @@ UP = np.array([0.0, 1.0, 0.0])
 """ARKit's world has gravity along -Y."""
 
 
-def read_polycam(
-    keyframes: Path, most: int, progress: Progress = SILENT
-) -> tuple[list[Photograph], str]:  # fmt: skip
+def read_polycam(keyframes: Path, most: int, progress: Progress = SILENT) -> tuple[list[Photograph], str]:
     """The photographs of a ``keyframes`` folder, in metres with +Y up, and their source in words.
 
     The undistorted photographs with poses that Polycam optimised are taken where there are
@@ -49,8 +47,7 @@ def read_polycam(
     found = [(file, path) for file, path in zip(files, paths, strict=True) if path is not None]
     if len(found) > most:
         progress.message(
-            f"{most} of the {len(found)} keyframes are taken, the sharpest of their neighbours "
-            "(captures.max_keyframes)"
+            f"{most} of the {len(found)} keyframes are taken, the sharpest of their neighbours (captures.max_keyframes)"
         )
         found = _sharpest(found, most, progress)
     border_px = _CORRECTED_BORDER_PX if optimised else 0.0
@@ -67,9 +64,7 @@ def lidar_depth(keyframes: Path) -> SensorDepth | None:
     return SensorDepth(depth, confidence if confidence.is_dir() else None, _LIDAR_RANGE_M)
 
 
-def _sharpest(
-    found: list[tuple[Path, Path]], count: int, progress: Progress
-) -> list[tuple[Path, Path]]:  # fmt: skip
+def _sharpest(found: list[tuple[Path, Path]], count: int, progress: Progress) -> list[tuple[Path, Path]]:
     """One keyframe of each of ``count`` consecutive parts of the scan.
 
     Neighbours show the same, so that the variance of the Laplacian tells blur. The app's own
@@ -88,9 +83,7 @@ def _photograph(file: Path, path: Path, border_px: float) -> Photograph:
     data = fields.read_json(file)
     rows = [[fields.number(f"t_{i}{j}", file, "pose", data) for j in range(4)] for i in range(3)]
     pose = np.array([*rows, [0.0, 0.0, 0.0, 1.0]]) @ GL_FROM_CV
-    fx, fy, cx, cy = (
-        fields.number(key, file, "intrinsics", data, positive=True) for key in ("fx", "fy", "cx", "cy")
-    )
+    fx, fy, cx, cy = (fields.number(key, file, "intrinsics", data, positive=True) for key in ("fx", "fy", "cx", "cy"))
     width, height = upright_size(path)
     if "width" in data:
         width, height = (

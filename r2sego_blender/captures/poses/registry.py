@@ -35,9 +35,10 @@ def find_poses(place: Path) -> tuple[PoseFormat, Path]:
     known = f"{', '.join(names[:-1])} or {names[-1]}"
     if place.is_dir() or is_part(place):
         raise CaptureError(
-            f"there is no {known} in this folder", where=place if place.is_dir() else place.parent,
+            f"there is no {known} in this folder",
+            where=place if place.is_dir() else place.parent,
             cure="Give the folder that holds them, see docs/formats.md.",
-        )  # fmt: skip
+        )
     read_json(place)  # says that it is missing, or damaged
     keys = " nor ".join(f"'{key}'" for key in sorted(record.key for record in FORMATS if record.key))
     raise CaptureError(f"the file has neither {keys}", where=place, cure=f"Give a {known}.")
@@ -59,9 +60,10 @@ def only_one(found: Sequence[Path], folder: Path) -> Path:
     """The poses that were found in a folder. Raises CaptureError where there are several."""
     if len(found) > 1:
         raise CaptureError(
-            f"there are {len(found)} models", where=folder,
+            f"there are {len(found)} models",
+            where=folder,
             cure=f"Name the one to use, such as {found[0]}; each is a room of its own.",
-        )  # fmt: skip
+        )
     return found[0]
 
 

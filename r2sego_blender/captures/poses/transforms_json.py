@@ -25,9 +25,7 @@ _FISHEYES = frozenset({"OPENCV_FISHEYE", "FISHEYE"})
 _ARIA = "FISHEYE624"
 
 
-def read_transforms_json(
-    path: Path, folder: Path, progress: Progress = SILENT
-) -> tuple[list[Photograph], bool]:  # fmt: skip
+def read_transforms_json(path: Path, folder: Path, progress: Progress = SILENT) -> tuple[list[Photograph], bool]:
     """The photographs of a ``transforms.json``, and whether it declares its poses metric.
 
     Intrinsics stand in the file or in each frame: ``fl_x``, ``camera_angle_x`` (radians) or
@@ -60,9 +58,10 @@ def _lens(places: tuple[Mapping[str, Any], ...], image_path: Path, path: Path, f
     fx, fy = fx or fy, fy or fx
     if fx is None or fy is None:
         raise CaptureError(
-            "neither 'fl_x' nor 'camera_angle_x' is given", where=f"{path}, {field}",
+            "neither 'fl_x' nor 'camera_angle_x' is given",
+            where=f"{path}, {field}",
             cure="Add the focal length in pixels.",
-        )  # fmt: skip
+        )
     cx = fields.number("cx", path, field, *places, default=width / 2)
     cy = fields.number("cy", path, field, *places, default=height / 2)
     distortion, model = _distortion(places, path, field)
@@ -85,29 +84,30 @@ def _size(places: tuple[Mapping[str, Any], ...], image_path: Path, path: Path, f
     if (centre <= 0).any() or (centre >= size).any():
         raise CaptureError(
             f"'cx', 'cy' are {centre[0]:g}, {centre[1]:g}, outside a photograph of {size[0]}x{size[1]}",
-            where=f"{path}, {field}", cure="Add 'w' and 'h': the size that the focal lengths are for.",
-        )  # fmt: skip
+            where=f"{path}, {field}",
+            cure="Add 'w' and 'h': the size that the focal lengths are for.",
+        )
     return size
 
 
-def _distortion(
-    places: tuple[Mapping[str, Any], ...], path: Path, field: str
-) -> tuple[tuple[float, ...], str]:  # fmt: skip
+def _distortion(places: tuple[Mapping[str, Any], ...], path: Path, field: str) -> tuple[tuple[float, ...], str]:
     """The coefficients and the model of the distortion, as the programs that read the file mean them."""
     model = str(next((place["camera_model"] for place in places if "camera_model" in place), "")).upper()
     if model not in _PINHOLES | _RADIAL | _FISHEYES | {_ARIA}:
         raise CaptureError(
-            f"the camera model {model} is not supported", where=f"{path}, {field}",
+            f"the camera model {model} is not supported",
+            where=f"{path}, {field}",
             cure="Undistort the photographs first (for example with COLMAP's image_undistorter).",
-        )  # fmt: skip
+        )
     if model == _ARIA:
         found = next((place["distortion_params"] for place in places if "distortion_params" in place), ())
         keyed = {f"distortion_params[{i}]": value for i, value in enumerate(found or ())}
         if len(keyed) != COEFFICIENTS["rad_tan_thin_prism_fisheye"]:
             raise CaptureError(
-                f"'distortion_params' has {len(keyed)} numbers, not twelve", where=f"{path}, {field}",
+                f"'distortion_params' has {len(keyed)} numbers, not twelve",
+                where=f"{path}, {field}",
                 cure="Export the camera again.",
-            )  # fmt: skip
+            )
         return tuple(fields.number(key, path, field, keyed) for key in keyed), "rad_tan_thin_prism_fisheye"
     k1, k2, p1, p2, k3, k4, k5, k6 = (
         fields.number(key, path, field, *places, default=0.0)
@@ -122,9 +122,7 @@ def _distortion(
     return (k1, k2, p1, p2, k3, k4, k5, k6), "opencv"
 
 
-def _focal(
-    axis: str, side_px: int, places: tuple[Mapping[str, Any], ...], path: Path, field: str
-) -> float | None:  # fmt: skip
+def _focal(axis: str, side_px: int, places: tuple[Mapping[str, Any], ...], path: Path, field: str) -> float | None:
     """The focal length in pixels along an axis, or None where nothing tells it."""
     key = f"fl_{axis}"
     if any(key in place for place in places):
@@ -136,6 +134,7 @@ def _focal(
                 return side_px / 2 / math.tan(angle_rad / 2)
             raise CaptureError(
                 f"'{key}' is {angle_rad / unit_rad:g}, not an angle below half a turn",
-                where=f"{path}, {field}", cure="camera_angle is in radians, fov in degrees.",
-            )  # fmt: skip
+                where=f"{path}, {field}",
+                cure="camera_angle is in radians, fov in degrees.",
+            )
     return None

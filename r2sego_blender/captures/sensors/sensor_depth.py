@@ -62,8 +62,10 @@ class SensorDepth:
                 if believed.shape != depth.shape:
                     raise CaptureError(
                         f"the confidence is {believed.shape[1]}x{believed.shape[0]}, the depth "
-                        f"{depth.shape[1]}x{depth.shape[0]}", where=sure, cure="Export both again.",
-                    )  # fmt: skip
+                        f"{depth.shape[1]}x{depth.shape[0]}",
+                        where=sure,
+                        cure="Export both again.",
+                    )
                 depth[~believed] = 0.0
         depth[depth > self.range_m] = 0.0
         return _upright(depth, capture, path)
@@ -118,9 +120,7 @@ def _read_exr(path: Path) -> np.ndarray:
     with ScratchFolder() as folder:
         copy = Path(folder, "depth.npy")
         try:
-            call_in_child(
-                read_exr_in_child, {"path": str(path), "copy": str(copy)}, timeout_s=_EXR_TIMEOUT_S
-            )  # fmt: skip
+            call_in_child(read_exr_in_child, {"path": str(path), "copy": str(copy)}, timeout_s=_EXR_TIMEOUT_S)
         except NativeError as error:
             raise _unreadable(path, "it is no EXR image") from error
         return np.load(copy, allow_pickle=False)
@@ -152,13 +152,13 @@ def _upright(depth: np.ndarray, capture: Capture, path: Path) -> np.ndarray:
         if abs(aspect / (width / height) - 1.0) <= _ASPECT_TOLERANCE:
             return np.ascontiguousarray(turned)
     raise CaptureError(
-        f"the depth map is {depth.shape[1]}x{depth.shape[0]}, its photograph {width}x{height}", where=path,
+        f"the depth map is {depth.shape[1]}x{depth.shape[0]}, its photograph {width}x{height}",
+        where=path,
         cure="Give depth maps that are aligned to the photographs: the same view at any size.",
-    )  # fmt: skip
+    )
 
 
 def _unreadable(path: Path, why: str) -> CaptureError:
     return CaptureError(
-        f"this is no depth map: {why}", where=path,
-        cure="Give 16-bit PNG in millimetres, or EXR, NPY or NPZ in metres.",
-    )  # fmt: skip
+        f"this is no depth map: {why}", where=path, cure="Give 16-bit PNG in millimetres, or EXR, NPY or NPZ in metres."
+    )

@@ -48,11 +48,7 @@ class Tracks(NamedTuple):
 
 
 def adjusted(
-    cameras: Sequence[Camera],
-    points: np.ndarray,
-    pixels: np.ndarray,
-    centre_sigma: float,
-    rotation_sigma_rad: float,
+    cameras: Sequence[Camera], points: np.ndarray, pixels: np.ndarray, centre_sigma: float, rotation_sigma_rad: float
 ) -> tuple[tuple[Camera, ...], np.ndarray]:
     """The cameras and points (P, 3) that fit the tracks and the cameras' given poses best.
 
@@ -67,9 +63,10 @@ def adjusted(
     tracks = Tracks.of(pixels)
     sigma = np.repeat([centre_sigma, rotation_sigma_rad], 3)
     state = _State(
-        np.stack([c.world_from_camera[:3, :3] for c in cameras]), np.stack([c.centre for c in cameras]),
+        np.stack([c.world_from_camera[:3, :3] for c in cameras]),
+        np.stack([c.centre for c in cameras]),
         np.asarray(points, np.float64),
-    )  # fmt: skip
+    )
     problem = _Problem(cameras, tracks, state, sigma)
     for width_px in _LOSS_WIDTHS_PX:
         state = _minimised(problem, state, width_px)

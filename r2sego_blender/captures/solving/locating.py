@@ -52,9 +52,12 @@ class Landmarks:
 
 
 def landmarks(
-    captures: Sequence[Capture], sparse: SparsePoints, settings: CaptureSettings,
-    depths: Sequence[np.ndarray] | None = None, progress: Progress = SILENT,
-) -> Landmarks:  # fmt: skip
+    captures: Sequence[Capture],
+    sparse: SparsePoints,
+    settings: CaptureSettings,
+    depths: Sequence[np.ndarray] | None = None,
+    progress: Progress = SILENT,
+) -> Landmarks:
     """The landmarks of captures with their sparse points.
 
     ``depths`` are planar depth maps (h, w) in metres, 0 = unknown, of any scale, one for
@@ -75,9 +78,15 @@ def landmarks(
 
 
 def locate_views(
-    folder: Path, captures: Sequence[Capture], sparse: SparsePoints, settings: CaptureSettings,
-    *, depths: Sequence[np.ndarray] | None = None, seed: int = 0, progress: Progress = SILENT,
-) -> tuple[Capture, ...]:  # fmt: skip
+    folder: Path,
+    captures: Sequence[Capture],
+    sparse: SparsePoints,
+    settings: CaptureSettings,
+    *,
+    depths: Sequence[np.ndarray] | None = None,
+    seed: int = 0,
+    progress: Progress = SILENT,
+) -> tuple[Capture, ...]:
     """The photographs in ``folder``, posed in the world frame of the captures.
 
     They must come from the captures' camera at the same zoom: its lens is used. A
@@ -98,9 +107,10 @@ def locate_views(
             located.append(Capture(view.name, path, estimate.camera, view.lens))
     if not located:
         raise CaptureError(
-            f"none of the {len(paths)} photographs can be located among the captures", where=folder,
+            f"none of the {len(paths)} photographs can be located among the captures",
+            where=folder,
             cure="Give photographs of the same room that overlap the captures, sharp and well lit.",
-        )  # fmt: skip
+        )
     return tuple(located)
 
 
@@ -131,9 +141,10 @@ def _unposed(path: Path, captures: Sequence[Capture]) -> Capture:
         lens = lens.scaled_to(width, height)
         return Capture(path.name, path, lens.straight(np.eye(4)).fitted(longest), lens)
     raise CaptureError(
-        f"the photograph is {width}x{height}, a shape that no capture has", where=path,
+        f"the photograph is {width}x{height}, a shape that no capture has",
+        where=path,
         cure="Take held-out photographs with the captures' camera, held the same way, without zoom.",
-    )  # fmt: skip
+    )
 
 
 def _sparse_places(features: Features, sparse: SparsePoints, index: int) -> np.ndarray:

@@ -46,9 +46,8 @@ def estimate_pose(
     if finite.sum() < _MIN_POINTS:
         return None
     lens = pycolmap.Camera(
-        model="PINHOLE", width=camera.width, height=camera.height,
-        params=[camera.fx, camera.fy, camera.cx, camera.cy],
-    )  # fmt: skip
+        model="PINHOLE", width=camera.width, height=camera.height, params=[camera.fx, camera.fy, camera.cx, camera.cy]
+    )
     options = pycolmap.AbsolutePoseEstimationOptions()
     options.ransac.max_error = float(max_error_px)
     options.ransac.max_num_trials = _MAX_TRIALS

@@ -48,9 +48,16 @@ class RefinedPose:
 
 
 def refine_pose(
-    start: Camera, pixels: np.ndarray, points: np.ndarray, spreads: np.ndarray,
-    sigma_px: float, max_error_px: float, focal_px: float, focal_sigma: float, cell_px: float,
-) -> RefinedPose | None:  # fmt: skip
+    start: Camera,
+    pixels: np.ndarray,
+    points: np.ndarray,
+    spreads: np.ndarray,
+    sigma_px: float,
+    max_error_px: float,
+    focal_px: float,
+    focal_sigma: float,
+    cell_px: float,
+) -> RefinedPose | None:
     """Refine ``start`` on ``pixels`` (n, 2) of the world's ``points`` (n, 3).
 
     ``spreads`` (n, 3) metres: one standard deviation of each point along the line it may
@@ -123,12 +130,7 @@ def _linearised(
     )
     # The point moves against the camera: by -R^T d when its centre moves by d, by p x w when it turns by w.
     turning = np.stack(
-        [
-            np.stack([none, -z, y], axis=-1),
-            np.stack([z, none, -x], axis=-1),
-            np.stack([-y, x, none], axis=-1),
-        ],
-        axis=1,
+        [np.stack([none, -z, y], axis=-1), np.stack([z, none, -x], axis=-1), np.stack([-y, x, none], axis=-1)], axis=1
     )
     seen = np.stack([camera.fx * x / z, camera.fy * y / z], axis=-1)
     centre = np.array([camera.cx, camera.cy])

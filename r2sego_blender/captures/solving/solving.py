@@ -58,8 +58,9 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
     if len(paths) > settings.max_keyframes:
         progress.message(
             f"{len(paths)} photographs make {len(paths) * (len(paths) - 1) // 2} pairs to match, which takes "
-            "long: a dozen that overlap are enough for a room", level="warning",
-        )  # fmt: skip
+            "long: a dozen that overlap are enough for a room",
+            level="warning",
+        )
     features: list[Features] = []
     sizes = []
     for path in progress.track(paths, "Solving camera poses: features"):
@@ -72,15 +73,16 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
     pairs = match_all(features, settings, progress, "Solving camera poses: matches")
     if not pairs:
         raise CaptureError(
-            f"no two of the {len(paths)} photographs share {settings.min_matches} features",
-            where=folder, cure=_ADVICE,
-        )  # fmt: skip
+            f"no two of the {len(paths)} photographs share {settings.min_matches} features", where=folder, cure=_ADVICE
+        )
     with progress.task("Solving camera poses", total=1) as task, ScratchFolder() as scratch:
         save_matches(Path(scratch, "matches.npz"), features, pairs)
         request = {
-            "folder": scratch, "paths": [str(path.absolute()) for path in paths], "sizes": sizes,
+            "folder": scratch,
+            "paths": [str(path.absolute()) for path in paths],
+            "sizes": sizes,
             "min_matches": settings.min_matches,
-        }  # fmt: skip
+        }
         found = call_in_child(solve_in_child, request, timeout_s=_TIMEOUT_S)
         task.advance()
     models = sorted(found["models"], key=len, reverse=True)
@@ -92,12 +94,11 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
         several = f" (in {len(models)} separate groups, as of several rooms)" if len(models) > 1 else ""
         raise CaptureError(
             f"only {count} could be registered together{several}; left out: {', '.join(fallen)}",
-            where=folder, cure=_ADVICE,
-        )  # fmt: skip
+            where=folder,
+            cure=_ADVICE,
+        )
     if fallen:
-        progress.message(
-            f"{count} registered; left out: {', '.join(fallen)}. {_ADVICE}", level="warning"
-        )  # fmt: skip
+        progress.message(f"{count} registered; left out: {', '.join(fallen)}. {_ADVICE}", level="warning")
     photographs = []
     for image in sorted(best, key=lambda image: image["index"]):
         path = paths[image["index"]]
@@ -135,9 +136,13 @@ class _Solved(NamedTuple):
 
 
 def _solved(
-    folder: Path, lenses: tuple[list, list[int]], features: Sequence[Features], pairs: Pairs, most: int,
+    folder: Path,
+    lenses: tuple[list, list[int]],
+    features: Sequence[Features],
+    pairs: Pairs,
+    most: int,
     min_matches: int,
-) -> _Solved:  # fmt: skip
+) -> _Solved:
     """The models of the try that registers most photographs, under the cameras of ``_cameras``."""
     pycolmap = load_pycolmap()
     folder.mkdir()
@@ -148,9 +153,8 @@ def _solved(
     verification.ransac.random_seed = 0
     pycolmap.set_random_seed(0)
     pycolmap.geometric_verification(
-        database, pycolmap.GeometricVerifierOptions(num_threads=1),
-        two_view_geometry_options=verification,
-    )  # fmt: skip
+        database, pycolmap.GeometricVerifierOptions(num_threads=1), two_view_geometry_options=verification
+    )
     with pycolmap.Database.open(database) as verified:
         kinds = [geometry.config for geometry in verified.read_two_view_geometries()[1]]
     kind = pycolmap.TwoViewGeometryConfiguration
@@ -160,8 +164,9 @@ def _solved(
     if len(told) >= len(features) - 1 and set(told) <= flat:
         raise CaptureError(
             "the photographs show no depth, as when all are taken from one spot or of one flat wall",
-            where="camera poses", cure=_ADVICE,
-        )  # fmt: skip
+            where="camera poses",
+            cure=_ADVICE,
+        )
     index_of = {image_id: index for index, image_id in enumerate(ids)}
     best = _Solved([])
     for attempt, thresholds in enumerate(_TRIES):
@@ -181,9 +186,13 @@ def _map(database: Path, output: Path, thresholds: tuple[int, float, int], min_m
     inliers, angle_deg, next_inliers = thresholds
 
     options = pycolmap.IncrementalPipelineOptions(
-        num_threads=1, random_seed=0, extract_colors=False, min_num_matches=min_matches,
-        min_model_size=MIN_CAPTURES, multiple_models=True,
-    )  # fmt: skip
+        num_threads=1,
+        random_seed=0,
+        extract_colors=False,
+        min_num_matches=min_matches,
+        min_model_size=MIN_CAPTURES,
+        multiple_models=True,
+    )
     options.mapper.num_threads = 1
     options.mapper.random_seed = 0
     options.triangulation.random_seed = 0
@@ -211,12 +220,13 @@ def _trustworthy(
                 total[index] += len(matches)
     return [
         {
-            "index": index, "camera": camera_to_json(image.camera),
+            "index": index,
+            "camera": camera_to_json(image.camera),
             "camera_from_world": image.cam_from_world().matrix().tolist(),
         }
         for index, image in sorted(images.items())
         if agreeing[index] >= _MIN_AGREEING_SHARE * max(total[index], 1)
-    ]  # fmt: skip
+    ]
 
 
 def _pinhole_view(image: Any, features: Features) -> tuple[Camera, np.ndarray]:
@@ -243,9 +253,8 @@ def _cameras(paths: Sequence[str], sizes: Sequence[Sequence[int]]) -> tuple[list
             known[key] = len(cameras)
             focal_px = relative * max(width, height)
             camera = pycolmap.Camera(
-                model="SIMPLE_RADIAL", width=width, height=height,
-                params=[focal_px, width / 2, height / 2, 0.0],
-            )  # fmt: skip
+                model="SIMPLE_RADIAL", width=width, height=height, params=[focal_px, width / 2, height / 2, 0.0]
+            )
             camera.has_prior_focal_length = prior
             cameras.append(camera)
         camera_of.append(known[key])

@@ -77,7 +77,7 @@ def read_condition(file: Path, camera: Camera) -> Condition:
     except (OSError, RuntimeError, KeyError, ValueError) as error:
         raise GenerationError(
             f"this is not a rendered condition: {error}", where=file, cure="Render it again."
-        ) from error  # fmt: skip
+        ) from error
 
 
 def _unit(normal: np.ndarray) -> np.ndarray:

@@ -32,10 +32,7 @@ _DAMAGE = (OSError, RuntimeError, KeyError, TypeError, ValueError, CaptureError)
 
 
 def save_conditions(
-    folder: Path,
-    conditions: Sequence[Condition],
-    points: Sequence[PointCondition] = (),
-    derived: bool = False,
+    folder: Path, conditions: Sequence[Condition], points: Sequence[PointCondition] = (), derived: bool = False
 ) -> None:
     """Write frame n as ``<n>.exr`` and PNGs beside it, n in three digits from 000.
 
@@ -68,10 +65,12 @@ def load_conditions(folder: Path) -> tuple[Condition, ...]:
 
 def _save_exr(path: Path, condition: Condition, point: PointCondition | None, derived: bool) -> None:
     passes = {
-        "Depth.V": condition.depth, "Validity.V": condition.validity,
-        "Provenance.V": condition.provenance, "Instance.V": condition.instance,
+        "Depth.V": condition.depth,
+        "Validity.V": condition.validity,
+        "Provenance.V": condition.provenance,
+        "Instance.V": condition.instance,
         **_split("Normal", condition.normal, "XYZ"),
-    }  # fmt: skip
+    }
     if point is not None:
         passes["Visibility.V"] = point.visibility
     if derived:
@@ -79,12 +78,11 @@ def _save_exr(path: Path, condition: Condition, point: PointCondition | None, de
         if point is not None:
             passes |= _split("Combined", linear_from_srgb(point.colour), "RGB") | {"Combined.A": point.known}
     header = {
-        "compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage,
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
         _CAMERA: json.dumps(condition.camera.to_json()),
-    }  # fmt: skip
-    channels = {
-        f"{_LAYER}.{name}": np.ascontiguousarray(values, np.float32) for name, values in passes.items()
     }
+    channels = {f"{_LAYER}.{name}": np.ascontiguousarray(values, np.float32) for name, values in passes.items()}
     with OpenEXR.File(header, channels) as file:
         file.write(str(path))
 
@@ -96,10 +94,8 @@ def _load_exr(path: Path) -> Condition:
             channels = {name: channel.pixels for name, channel in file.channels().items()}
         passes = {
             name: channels[f"{_LAYER}.{name}"]
-            for name in (
-                "Depth.V", "Normal.X", "Normal.Y", "Normal.Z", "Provenance.V", "Validity.V", "Instance.V",
-            )
-        }  # fmt: skip
+            for name in ("Depth.V", "Normal.X", "Normal.Y", "Normal.Z", "Provenance.V", "Validity.V", "Instance.V")
+        }
         if any(values.shape != camera.shape or values.dtype != np.float32 for values in passes.values()):
             raise ValueError("a pass is not of the camera's size")
     except _DAMAGE as error:

@@ -48,19 +48,14 @@ class PointConditions:
     """Renders the colour point condition, and the visibility, of conditions of one proxy."""
 
     def __init__(
-        self,
-        captures: Sequence[Capture],
-        capture_depths: Sequence[np.ndarray],
-        settings: GenerationSettings,
+        self, captures: Sequence[Capture], capture_depths: Sequence[np.ndarray], settings: GenerationSettings
     ) -> None:
         """``capture_depths``: the proxy's depth in each capture, (H, W) of its camera, metres.
 
         Raises GenerationError without captures, ValueError for depths of another size.
         """
         if not captures:
-            raise GenerationError(
-                "there are no captures to colour with", cure="Import the photographs again."
-            )
+            raise GenerationError("there are no captures to colour with", cure="Import the photographs again.")
         cameras = [capture.camera for capture in captures]
         if [np.shape(depth) for depth in capture_depths] != [camera.shape for camera in cameras]:
             raise ValueError("each capture needs one depth map of its camera's size")
@@ -94,10 +89,14 @@ class PointConditions:
     def _at(self, reference: int, condition: Condition) -> PointCondition:
         camera = condition.camera
         colour, count = _coloured(
-            condition.depth, condition.normal, camera.world_from_camera.astype(np.float32),
-            np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32), reference, self._tolerance,
+            condition.depth,
+            condition.normal,
+            camera.world_from_camera.astype(np.float32),
+            np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32),
+            reference,
+            self._tolerance,
             *self._captures,
-        )  # fmt: skip
+        )
         known = count > 0
         own = self._cameras[reference]
         if np.allclose(camera.world_from_camera, own.world_from_camera, rtol=0.0, atol=_SAME_POSE):
@@ -114,10 +113,7 @@ def _through_lens(image: np.ndarray, own: Camera, lens: Camera) -> tuple[np.ndar
     across, down = own.fx / lens.fx, own.fy / lens.fy
     # Pixel centres lie at half-integers here and at integers in OpenCV.
     to_own = np.array(
-        [
-            [across, 0.0, own.cx - 0.5 + across * (0.5 - lens.cx)],
-            [0.0, down, own.cy - 0.5 + down * (0.5 - lens.cy)],
-        ]
+        [[across, 0.0, own.cx - 0.5 + across * (0.5 - lens.cx)], [0.0, down, own.cy - 0.5 + down * (0.5 - lens.cy)]]
     )
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     size = (lens.width, lens.height)
@@ -130,9 +126,7 @@ def _through_lens(image: np.ndarray, own: Camera, lens: Camera) -> tuple[np.ndar
 
 
 @parallel_kernel
-def _coloured(
-    depth, normal, pose, lens, reference, tolerance, poses, lenses, sizes, starts, depths, colours
-):  # fmt: skip
+def _coloured(depth, normal, pose, lens, reference, tolerance, poses, lenses, sizes, starts, depths, colours):
     """(H, W, 3) float32 colour and (H, W) uint8 number of captures that see the point."""
     height, width = depth.shape
     image = np.zeros((height, width, 3), np.float32)

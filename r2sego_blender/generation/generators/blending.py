@@ -99,9 +99,7 @@ class BlendingGenerator:
         images = [capture.image() for capture in captures]
         gains = exposure_gains(images, cameras, capture_depths, settings.depth_tolerance)
         observed = observed_depths or list[np.ndarray | None]([None] * len(captures))
-        trusts = [
-            capture_trust(depth, seen, settings) for depth, seen in zip(capture_depths, observed, strict=True)
-        ]
+        trusts = [capture_trust(depth, seen, settings) for depth, seen in zip(capture_depths, observed, strict=True)]
         areas = [camera.width * camera.height for camera in cameras]
         even = [image * gain for image, gain in zip(images, gains, strict=True)]
         self._settings = settings
@@ -127,10 +125,14 @@ class BlendingGenerator:
         camera, settings = condition.camera, self._settings
         pose = camera.world_from_camera.astype(np.float32)
         image, confidence = _blend(
-            condition.depth, pose, np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32),
+            condition.depth,
+            pose,
+            np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32),
             *self._photographs,
-            settings.best_captures, np.float32(settings.depth_tolerance), np.float32(settings.border_px),
-        )  # fmt: skip
+            settings.best_captures,
+            np.float32(settings.depth_tolerance),
+            np.float32(settings.border_px),
+        )
         known = confidence > 0.0
         if not known.any():
             raise GenerationError(
@@ -140,9 +142,7 @@ class BlendingGenerator:
         guessed = ~known & (condition.depth > 0.0)
         image[guessed] = self._surface.at(camera.centre + points[guessed], condition.normal[guessed])
         image = fill_holes(image, known + _GUESS * guessed, points, condition.normal)
-        confidence = np.where(
-            known, np.maximum(confidence, settings.hole_confidence), settings.hole_confidence
-        )
+        confidence = np.where(known, np.maximum(confidence, settings.hole_confidence), settings.hole_confidence)
         confidence = confidence.astype(np.float32)
         return Frame(np.clip(soften_uncertain(image, confidence), 0.0, 1.0), confidence)
 
@@ -173,9 +173,8 @@ def _catmull_rom(f):
 
 @parallel_kernel
 def _blend(
-    depth, pose, lens, poses, centres, lenses, sizes, starts, colours, depths, trusts,
-    best, tolerance, border_px,
-):  # fmt: skip
+    depth, pose, lens, poses, centres, lenses, sizes, starts, colours, depths, trusts, best, tolerance, border_px
+):
     """(H, W, 3) float32 colour and (H, W) float32 confidence, 0 where no capture sees."""
     height, width = depth.shape
     captures = len(starts)

@@ -23,9 +23,7 @@ COMMAND_VARIABLE = "R2SEGO_GENERATOR"
 SIZE_VARIABLE = "R2SEGO_GENERATOR_SIZE"
 """The size of the program's frames, such as "1024x576"; without it, the captures' own."""
 
-_CURE = (
-    f"Set {COMMAND_VARIABLE} to the program that generates clips, or use --set generation.generator=blending."
-)
+_CURE = f"Set {COMMAND_VARIABLE} to the program that generates clips, or use --set generation.generator=blending."
 _INTERPRETERS = re.compile(r"(python|pypy|bash|dash|sh|zsh|env|conda|mamba|uv|node|perl)[\d.]*w?(\.exe)?")
 
 
@@ -93,7 +91,5 @@ def _named_size() -> tuple[int, int] | None:
         return None
     width, _, height = named.partition("x")
     if not (width.isdecimal() and height.isdecimal() and int(width) >= 1 and int(height) >= 1):
-        raise MachineError(
-            f"{SIZE_VARIABLE} is no size", where=named, cure="Give width and height, such as 1024x576."
-        )
+        raise MachineError(f"{SIZE_VARIABLE} is no size", where=named, cure="Give width and height, such as 1024x576.")
     return int(width), int(height)

@@ -19,10 +19,7 @@ _PRIOR_SAMPLES = 20.0
 
 
 def exposure_gains(
-    images: Sequence[np.ndarray],
-    cameras: Sequence[Camera],
-    depths: Sequence[np.ndarray],
-    tolerance: float,
+    images: Sequence[np.ndarray], cameras: Sequence[Camera], depths: Sequence[np.ndarray], tolerance: float
 ) -> np.ndarray:
     """(N, 3) float32: the factor of each capture's red, green and blue.
 
@@ -38,9 +35,7 @@ def exposure_gains(
         for b in range(count):
             if a == b:
                 continue
-            ratios = _log_ratios(
-                smooth[a], smooth[b], cameras[a], cameras[b], depths[a], depths[b], tolerance
-            )
+            ratios = _log_ratios(smooth[a], smooth[b], cameras[a], cameras[b], depths[a], depths[b], tolerance)
             if len(ratios) < _FEWEST_SAMPLES:
                 continue
             weight = np.sqrt(len(ratios))
@@ -57,9 +52,14 @@ def exposure_gains(
 
 
 def _log_ratios(
-    image_a: np.ndarray, image_b: np.ndarray, camera_a: Camera, camera_b: Camera,
-    depth_a: np.ndarray, depth_b: np.ndarray, tolerance: float,
-) -> np.ndarray:  # fmt: skip
+    image_a: np.ndarray,
+    image_b: np.ndarray,
+    camera_a: Camera,
+    camera_b: Camera,
+    depth_a: np.ndarray,
+    depth_b: np.ndarray,
+    tolerance: float,
+) -> np.ndarray:
     """(n, 3): log of b's over a's colour at points of a that b sees."""
     grid = (slice(_STRIDE_PX // 2, None, _STRIDE_PX),) * 2
     points = camera_a.unproject(depth_a)[grid].reshape(-1, 3)

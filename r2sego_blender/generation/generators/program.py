@@ -26,9 +26,7 @@ _VALID = 0.5
 
 
 @contextlib.contextmanager
-def program_generator(
-    installed: Installation, inputs: ClipInputs, name: str, cure: str
-) -> Iterator[Generator]:
+def program_generator(installed: Installation, inputs: ClipInputs, name: str, cure: str) -> Iterator[Generator]:
     """The generator that answers by ``installed.command``; what it started ends with the context.
 
     ``name`` is where errors are and what it is called until it tells its own, ``cure`` what they advise.
@@ -73,12 +71,15 @@ class ProgramGenerator:
         conditions = given.renderer.render(path)
         save_conditions(folder / "conditions", conditions, given.colours.render(reference, conditions))
         request: dict[str, Any] = {
-            "protocol": PROTOCOL, "seed": given.settings.seed, "frames": len(path),
-            "width": path[0].width, "height": path[0].height,
+            "protocol": PROTOCOL,
+            "seed": given.settings.seed,
+            "frames": len(path),
+            "width": path[0].width,
+            "height": path[0].height,
             "reference": {"name": capture.name, "camera": capture.camera.to_json()},
             "cameras": [camera.to_json() for camera in path],
             "reference_from_frame": reference_from_frame(capture.camera, path).tolist(),
-        }  # fmt: skip
+        }
         write_json(folder / "request.json", request)
 
     def _frame(self, folder: Path, index: int, box: Letterbox, condition: Condition) -> Frame:
@@ -108,9 +109,8 @@ class ProgramGenerator:
     def _incomplete(self, what: str) -> NativeError:
         self._program.close()
         return NativeError(
-            f"the generator {what}", where=self.name,
-            cure="Mend it, or use --set generation.generator=blending.",
-        )  # fmt: skip
+            f"the generator {what}", where=self.name, cure="Mend it, or use --set generation.generator=blending."
+        )
 
 
 @dataclass(frozen=True)

@@ -136,9 +136,8 @@ def _finer(coarse: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _samples(
-    images: Sequence[np.ndarray], cameras: Sequence[Camera], depths: Sequence[np.ndarray],
-    trusts: Sequence[np.ndarray],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    images: Sequence[np.ndarray], cameras: Sequence[Camera], depths: Sequence[np.ndarray], trusts: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Points, normals, colours (n, 3) and weights (n,), float32, of a grid of trusted pixels."""
     grid = (slice(_STRIDE_PX // 2, None, _STRIDE_PX),) * 2
     found = []

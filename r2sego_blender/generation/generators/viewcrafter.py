@@ -67,22 +67,16 @@ def _command(clip_frames: int) -> list[str]:
     """ViewCrafter's generator program; the last words are the repository and the weights."""
     if clip_frames != FRAMES:
         raise MachineError(
-            f"{_NAME} makes clips of {FRAMES} frames, not of {clip_frames}", where="generation.clip_frames",
+            f"{_NAME} makes clips of {FRAMES} frames, not of {clip_frames}",
+            where="generation.clip_frames",
             cure=f"Use --set generation.clip_frames={FRAMES}.",
-        )  # fmt: skip
+        )
     python = named_python(PYTHON_VARIABLE, _NAME, "generation.generator", _CURE)
     repository = Path(os.environ.get(REPOSITORY_VARIABLE, "")).resolve()
     for file in _FILES:
         if not (repository / file).is_file():
-            raise MachineError(
-                f"{REPOSITORY_VARIABLE} names no folder with {file}", where=repository, cure=_CURE
-            )
+            raise MachineError(f"{REPOSITORY_VARIABLE} names no folder with {file}", where=repository, cure=_CURE)
     checkpoint = Path(os.environ.get(CHECKPOINT_VARIABLE, "") or repository / "checkpoints" / "model.ckpt")
     if not checkpoint.is_file():
         raise MachineError(f"the weights of {_NAME} are not there", where=checkpoint, cure=_CURE)
-    return [
-        python,
-        str(Path(viewcrafter_program.__file__).resolve()),
-        str(repository),
-        str(checkpoint.resolve()),
-    ]
+    return [python, str(Path(viewcrafter_program.__file__).resolve()), str(repository), str(checkpoint.resolve())]

@@ -126,9 +126,7 @@ class ClearSpace:
         corners, at = [start], 0
         while at < len(points) - 1:
             # bisection would miss ways: a farther point may be in sight where a nearer one is not
-            at = next(
-                k for k in range(len(points) - 1, at, -1) if k == at + 1 or self._sees(*points[[at, k]])
-            )
+            at = next(k for k in range(len(points) - 1, at, -1) if k == at + 1 or self._sees(*points[[at, k]]))
             corners.append(points[at])
         return np.array(corners)
 

@@ -17,9 +17,7 @@ def eased(frames: int) -> np.ndarray:
     return time * time * (3.0 - 2.0 * time)
 
 
-def camera_path(
-    reference: Camera, target: Camera, frames: int, way: np.ndarray | None = None
-) -> tuple[Camera, ...]:
+def camera_path(reference: Camera, target: Camera, frames: int, way: np.ndarray | None = None) -> tuple[Camera, ...]:
     """N_f cameras from the reference's pose to exactly the target's, with the target's lens.
 
     Rotations follow the shortest great arc (slerp), and centres a straight line or ``way``,

@@ -85,9 +85,14 @@ def register_frame(
     grey = cv2.cvtColor(np.ascontiguousarray(image[..., :3], np.float32), cv2.COLOR_RGB2GRAY)
     surfaces = landmarks.seen_best(query, reference, settings.max_captures)
     found = find_landmarks(
-        grey, query, surfaces, _COARSE_SIDE_PX, settings.search_radius_px,
-        settings.min_correlation, settings.match_ratio,
-    )  # fmt: skip
+        grey,
+        query,
+        surfaces,
+        _COARSE_SIDE_PX,
+        settings.search_radius_px,
+        settings.min_correlation,
+        settings.match_ratio,
+    )
     coarse = _coarse_pose(found, query, reference, settings, seed)
     if coarse is None:
         return _nothing(found, f"no pose fits the {len(found.pixels)} of {found.expected} patches found")
@@ -129,16 +134,17 @@ def _coarse_pose(
 
 
 def _fine_pose(
-    grey: np.ndarray, start: Camera, reference: Camera, surfaces: Sequence[CaptureSurface],
+    grey: np.ndarray,
+    start: Camera,
+    reference: Camera,
+    surfaces: Sequence[CaptureSurface],
     settings: RegistrationSettings,
-) -> tuple[FoundLandmarks, RefinedPose | None]:  # fmt: skip
+) -> tuple[FoundLandmarks, RefinedPose | None]:
     """Find and refine until patches are found about where the pose has them."""
     reach_px = _FINE_REACH * settings.max_error_px
     camera = start
     for _ in range(_FINE_PASSES):
-        found = find_landmarks(
-            grey, camera, surfaces, _FINE_SIDE_PX, reach_px, _FINE_CORRELATION, _FINE_RATIO
-        )
+        found = find_landmarks(grey, camera, surfaces, _FINE_SIDE_PX, reach_px, _FINE_CORRELATION, _FINE_RATIO)
         refined = _refined(found, camera, start.fx, reference, settings)
         if refined is None:
             return found, None
@@ -157,9 +163,16 @@ def _refined(
     spreads = found.spreads @ reference.world_from_camera[:3, :3]
     sigma_px = max(camera.width, camera.height) / _FINE_SIDE_PX
     refined = refine_pose(
-        local, found.pixels, points, spreads, max(1.0, sigma_px), settings.max_error_px,
-        focal_px, settings.focal_sigma, camera.width / _ERROR_CELLS,
-    )  # fmt: skip
+        local,
+        found.pixels,
+        points,
+        spreads,
+        max(1.0, sigma_px),
+        settings.max_error_px,
+        focal_px,
+        settings.focal_sigma,
+        camera.width / _ERROR_CELLS,
+    )
     return refined and replace(refined, camera=_composed(reference, refined.camera))
 
 
@@ -188,20 +201,36 @@ def _judged(
     else:
         failed = _strayed(estimate, query, settings)
     return RegisteredFrame(
-        camera=None if failed else estimate, estimate=estimate, expected=found.expected,
-        matches=len(found.pixels), inliers=inliers, spread=spread,
-        sigma_m=refined.sigma_m, sigma_deg=refined.sigma_deg,
-        offset_m=_offset_m(estimate, query), turn_deg=_turn_deg(estimate, query), focal_px=estimate.fx,
+        camera=None if failed else estimate,
+        estimate=estimate,
+        expected=found.expected,
+        matches=len(found.pixels),
+        inliers=inliers,
+        spread=spread,
+        sigma_m=refined.sigma_m,
+        sigma_deg=refined.sigma_deg,
+        offset_m=_offset_m(estimate, query),
+        turn_deg=_turn_deg(estimate, query),
+        focal_px=estimate.fx,
         reason=f"rejected: {failed}" if failed else f"registered: {said}",
-    )  # fmt: skip
+    )
 
 
 def _nothing(found: FoundLandmarks, failed: str) -> RegisteredFrame:
     return RegisteredFrame(
-        camera=None, estimate=None, expected=found.expected, matches=len(found.pixels), inliers=0, spread=0.0,
-        sigma_m=np.inf, sigma_deg=np.inf, offset_m=np.inf, turn_deg=np.inf, focal_px=np.nan,
+        camera=None,
+        estimate=None,
+        expected=found.expected,
+        matches=len(found.pixels),
+        inliers=0,
+        spread=0.0,
+        sigma_m=np.inf,
+        sigma_deg=np.inf,
+        offset_m=np.inf,
+        turn_deg=np.inf,
+        focal_px=np.nan,
         reason=f"rejected: {failed}",
-    )  # fmt: skip
+    )
 
 
 def _uncertain(refined: RefinedPose, settings: RegistrationSettings, verb: str, leeway: float = 1.0) -> str:

@@ -81,9 +81,14 @@ class Landmarks:
 
 
 def find_landmarks(
-    grey: np.ndarray, camera: Camera, surfaces: Sequence[CaptureSurface], side_px: int,
-    reach_px: float, min_correlation: float, match_ratio: float,
-) -> FoundLandmarks:  # fmt: skip
+    grey: np.ndarray,
+    camera: Camera,
+    surfaces: Sequence[CaptureSurface],
+    side_px: int,
+    reach_px: float,
+    min_correlation: float,
+    match_ratio: float,
+) -> FoundLandmarks:
     """Look for the surfaces' patches in a frame that ``camera`` is thought to have taken.
 
     ``grey`` (H, W) float32 in [0, 1] is compared at ``side_px`` pixels its longer side, or
@@ -110,9 +115,11 @@ def landmarks_to_be_seen(camera: Camera, surfaces: Sequence[CaptureSurface], sid
 
 
 def _found(
-    camera: Camera, small: Camera, surfaces: Sequence[CaptureSurface],
+    camera: Camera,
+    small: Camera,
+    surfaces: Sequence[CaptureSurface],
     match: Callable[[MovedCapture, np.ndarray, np.ndarray], PatchMatches],
-) -> FoundLandmarks:  # fmt: skip
+) -> FoundLandmarks:
     scale = np.array([camera.width / small.width, camera.height / small.height])
     pixels, points, spreads, expected = [np.empty((0, 2))], [np.empty((0, 3))], [np.empty((0, 3))], 0
     for surface in surfaces:

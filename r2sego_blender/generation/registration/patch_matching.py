@@ -42,9 +42,8 @@ def corners(image: np.ndarray, known: np.ndarray, cell_px: int) -> tuple[np.ndar
     """
     size = 2 * RADIUS_PX + 1
     inside = cv2.erode(
-        known.astype(np.uint8), np.ones((size, size), np.uint8),
-        borderType=cv2.BORDER_CONSTANT, borderValue=(0,),
-    )  # fmt: skip
+        known.astype(np.uint8), np.ones((size, size), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=(0,)
+    )
     strength = cv2.cornerMinEigenVal(cv2.GaussianBlur(image, (0, 0), 1.0), 9, ksize=1)
     strength[inside == 0] = 0.0
     height, width = (side // cell_px * cell_px for side in image.shape)
@@ -57,9 +56,14 @@ def corners(image: np.ndarray, known: np.ndarray, cell_px: int) -> tuple[np.ndar
 
 
 def match_patches(
-    image: np.ndarray, columns: np.ndarray, rows: np.ndarray, other: np.ndarray,
-    reach_px: int, least_score: float, ratio: float,
-) -> PatchMatches:  # fmt: skip
+    image: np.ndarray,
+    columns: np.ndarray,
+    rows: np.ndarray,
+    other: np.ndarray,
+    reach_px: int,
+    least_score: float,
+    ratio: float,
+) -> PatchMatches:
     """Find the patches of ``image`` around (columns, rows) in ``other``, both (H, W) float32.
 
     Looked for within ``reach_px`` of their own place. Kept when the correlation is at least
@@ -78,8 +82,7 @@ def match_patches(
             continue
         near = scores[y - 1 : y + 2, x - 1 : x + 2].copy()
         scores[
-            max(0, y - _SAME_PEAK_PX) : y + _SAME_PEAK_PX + 1,
-            max(0, x - _SAME_PEAK_PX) : x + _SAME_PEAK_PX + 1,
+            max(0, y - _SAME_PEAK_PX) : y + _SAME_PEAK_PX + 1, max(0, x - _SAME_PEAK_PX) : x + _SAME_PEAK_PX + 1
         ] = -1.0
         second = min(float(scores.max()), 1.0)
         if max(1.0 - best, _INDISTINCT) >= ratio * ratio * (1.0 - second):

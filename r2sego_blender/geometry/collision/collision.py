@@ -61,21 +61,27 @@ def collision_surface(
     vertices, faces = _without_crumbs(vertices, faces, settings.min_component_m)
     if not len(faces):
         raise GeometryError(
-            "the proxy has no surface to collide with", where="collision surface",
+            "the proxy has no surface to collide with",
+            where="collision surface",
             cure="Take more photographs, or lower collision.min_component_m.",
-        )  # fmt: skip
+        )
     vertices, faces, on_floor = _floor_laid_flat(vertices, faces, settings.floor_tolerance_m)
     floor = _floor_rectangle(vertices, faces[on_floor])
     limits = Limits(
-        settings.cell_m, settings.min_cell_m, settings.tolerance_m, settings.carrying_tolerance_m,
-        settings.thickness_m,
-    )  # fmt: skip
+        settings.cell_m, settings.min_cell_m, settings.tolerance_m, settings.carrying_tolerance_m, settings.thickness_m
+    )
     floored = len(floor) > 0
     if settings.decomposition == "coacd":
         pieces = decompose_by_coacd(
-            vertices, faces[~on_floor], settings.coacd_region_m, limits, settings.max_pieces,
-            timeout_s=settings.coacd_timeout_s, floored=floored, progress=progress,
-        )  # fmt: skip
+            vertices,
+            faces[~on_floor],
+            settings.coacd_region_m,
+            limits,
+            settings.max_pieces,
+            timeout_s=settings.coacd_timeout_s,
+            floored=floored,
+            progress=progress,
+        )
         return CollisionSurface(vertices, faces, tuple(pieces), floor, np.inf)
     soup = Soup.of(vertices, faces[~on_floor])
     pieces, limits = decompose(soup, limits, settings.max_pieces, floored, progress)
@@ -120,9 +126,7 @@ def _proper_faces(faces: np.ndarray) -> np.ndarray:
     return np.unique(turned, axis=0).astype(np.int32)
 
 
-def _without_crumbs(
-    vertices: np.ndarray, faces: np.ndarray, smallest_m: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _without_crumbs(vertices: np.ndarray, faces: np.ndarray, smallest_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Without connected components whose bounding box is smaller than this across."""
     if not len(faces):
         return vertices, faces

@@ -75,11 +75,7 @@ class CollisionCheck:
         """(n,) indices of the other spheres, the worst first: what fell through, what did not
         come to rest, what rolled off, what rests farthest from the surface."""
         off = np.flatnonzero(~self.on_surface)
-        return off[
-            np.lexsort(
-                (-np.abs(self.gap_m[off]), self.at_rest[off] | self.left[off], ~self.fell_through[off])
-            )
-        ]
+        return off[np.lexsort((-np.abs(self.gap_m[off]), self.at_rest[off] | self.left[off], ~self.fell_through[off]))]
 
     @property
     def farthest_m(self) -> float:
@@ -115,9 +111,7 @@ def gap_in_words(gap_m: float, limit_m: float = np.nan) -> str:
 
 
 def check_collision(
-    folder: Path,
-    proxy: tuple[np.ndarray, np.ndarray] | None = None,
-    progress: Progress = SILENT,
+    folder: Path, proxy: tuple[np.ndarray, np.ndarray] | None = None, progress: Progress = SILENT
 ) -> CollisionCheck:
     """Compile ``scene.xml`` of a collision folder and drop spheres on a grid over its floor.
 
@@ -128,9 +122,7 @@ def check_collision(
     """
     vertices, faces = read_obj(folder / MESH_OBJ)
     if not len(faces):
-        raise GeometryError(
-            "the mesh has no faces", where=folder / MESH_OBJ, cure="Make the collision surface again."
-        )
+        raise GeometryError("the mesh has no faces", where=folder / MESH_OBJ, cure="Make the collision surface again.")
     spec, model = _compiled(folder)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -150,12 +142,17 @@ def check_collision(
     if proxy is not None:
         proxy_gap_m = distances(np.asarray(proxy[0], float)[proxy[1]], ends, _REACH_M) - SPHERE_RADIUS_M
     return CollisionCheck(
-        pieces=len(pieces), vertex_error_m=error_m, starts=starts, ends=ends,
+        pieces=len(pieces),
+        vertex_error_m=error_m,
+        starts=starts,
+        ends=ends,
         at_rest=at_rest,
-        fell_through=through | ~finite, left=~through & finite & (ends[:, 2] < corners[..., 2].min()),
+        fell_through=through | ~finite,
+        left=~through & finite & (ends[:, 2] < corners[..., 2].min()),
         gap_m=distances(corners, ends, _REACH_M) - SPHERE_RADIUS_M,
-        proxy_gap_m=proxy_gap_m, simulated_s=simulated_s,
-    )  # fmt: skip
+        proxy_gap_m=proxy_gap_m,
+        simulated_s=simulated_s,
+    )
 
 
 def _compiled(folder: Path) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
@@ -175,17 +172,16 @@ def _vertex_error(model: mujoco.MjModel, data: mujoco.MjData, piece: Path) -> fl
         geom = model.geom(piece.stem).id
     except KeyError as error:
         raise GeometryError(
-            f"the scene has no piece '{piece.stem}'", where=piece.parent.parent / SCENE_XML,
+            f"the scene has no piece '{piece.stem}'",
+            where=piece.parent.parent / SCENE_XML,
             cure="Make the collision surface again.",
-        ) from error  # fmt: skip
+        ) from error
     mesh = model.geom_dataid[geom]
     start = model.mesh_vertadr[mesh]
     compiled = model.mesh_vert[start : start + model.mesh_vertnum[mesh]].astype(np.float64)
     compiled = compiled @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
     written, _ = read_obj(piece)
-    return float(
-        max(cKDTree(compiled).query(written)[0].max(), cKDTree(written).query(compiled)[0].max())
-    )  # fmt: skip
+    return float(max(cKDTree(compiled).query(written)[0].max(), cKDTree(written).query(compiled)[0].max()))
 
 
 def _floor_triangles(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
@@ -242,9 +238,14 @@ def _dropped(spec: mujoco.MjSpec, starts: np.ndarray) -> tuple[np.ndarray, np.nd
         body = spec.worldbody.add_body(name=f"sphere {index}", pos=start)
         body.add_freejoint()
         body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(SPHERE_RADIUS_M, 0.0, 0.0), mass=_MASS_KG,
-            friction=_FRICTION, condim=6, contype=2, conaffinity=1,
-        )  # fmt: skip
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=(SPHERE_RADIUS_M, 0.0, 0.0),
+            mass=_MASS_KG,
+            friction=_FRICTION,
+            condim=6,
+            contype=2,
+            conaffinity=1,
+        )
     model = spec.compile()
     data = mujoco.MjData(model)
     path = [starts]

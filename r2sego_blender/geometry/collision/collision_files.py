@@ -96,9 +96,15 @@ def _mjcf(names: list[str], floor: FloorBox | None) -> str:
     world = ElementTree.SubElement(root, "worldbody")
     if floor is not None:
         ElementTree.SubElement(
-            world, "geom", name=FLOOR, type="box", size=_numbers(floor.half), pos=_numbers(floor.centre),
-            quat=_numbers((np.cos(floor.yaw_rad / 2), 0, 0, np.sin(floor.yaw_rad / 2))), rgba=_FLOOR_RGBA,
-        )  # fmt: skip
+            world,
+            "geom",
+            name=FLOOR,
+            type="box",
+            size=_numbers(floor.half),
+            pos=_numbers(floor.centre),
+            quat=_numbers((np.cos(floor.yaw_rad / 2), 0, 0, np.sin(floor.yaw_rad / 2))),
+            rgba=_FLOOR_RGBA,
+        )
     for name in names:
         # Static pieces need no inertia; "convex" never fails on a thin one.
         ElementTree.SubElement(assets, "mesh", name=name, file=f"{HULLS}/{name}.obj", inertia="convex")
@@ -124,9 +130,7 @@ def _urdf(names: list[str], floor: FloorBox | None) -> str:
     ElementTree.SubElement(ElementTree.SubElement(visual, "geometry"), "mesh", filename=MESH_OBJ)
     if floor is not None:
         collision = ElementTree.SubElement(link, "collision", name=FLOOR)
-        ElementTree.SubElement(
-            collision, "origin", xyz=_numbers(floor.centre), rpy=_numbers((0, 0, floor.yaw_rad))
-        )
+        ElementTree.SubElement(collision, "origin", xyz=_numbers(floor.centre), rpy=_numbers((0, 0, floor.yaw_rad)))
         geometry = ElementTree.SubElement(collision, "geometry")
         ElementTree.SubElement(geometry, "box", size=_numbers(2.0 * floor.half))
     for name in names:

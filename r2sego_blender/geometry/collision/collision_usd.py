@@ -36,9 +36,7 @@ def write_usd(path: Path, surface: CollisionSurface, names: list[str], floor: Fl
     for name, (vertices, faces) in zip(names, surface.pieces, strict=True):
         mesh = define_mesh(stage, f"/room/collision/{name}", vertices, faces)
         UsdPhysics.CollisionAPI.Apply(mesh.GetPrim())
-        UsdPhysics.MeshCollisionAPI.Apply(mesh.GetPrim()).CreateApproximationAttr(
-            UsdPhysics.Tokens.convexHull
-        )
+        UsdPhysics.MeshCollisionAPI.Apply(mesh.GetPrim()).CreateApproximationAttr(UsdPhysics.Tokens.convexHull)
     layer.Export(str(path))
 
 

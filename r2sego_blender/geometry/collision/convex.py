@@ -55,9 +55,13 @@ class Soup:
         length = np.linalg.norm(cross, axis=1)
         good = length > 1e-12
         return Soup(
-            points, point.ravel()[faces[good]], corners[good], corners[good].mean(1),
-            cross[good] / length[good, None], length[good] / 2,
-        )  # fmt: skip
+            points,
+            point.ravel()[faces[good]],
+            corners[good],
+            corners[good].mean(1),
+            cross[good] / length[good, None],
+            length[good] / 2,
+        )
 
 
 @dataclass(frozen=True)
@@ -76,9 +80,12 @@ class Limits:
         """Limits that fewer pieces keep; what carries is given up last."""
         tolerance_m = _COARSENING * self.tolerance_m
         return Limits(
-            _COARSENING * self.cell_m, _COARSENING * self.smallest_m, tolerance_m,
-            max(self.carrying_m, _CARRYING_SHARE * tolerance_m), self.thickness_m,
-        )  # fmt: skip
+            _COARSENING * self.cell_m,
+            _COARSENING * self.smallest_m,
+            tolerance_m,
+            max(self.carrying_m, _CARRYING_SHARE * tolerance_m),
+            self.thickness_m,
+        )
 
 
 Piece = tuple[np.ndarray, np.ndarray]

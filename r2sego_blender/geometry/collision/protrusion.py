@@ -49,9 +49,8 @@ class FreeSide:
         first = np.searchsorted(cell[order], np.arange(shape.prod() + 1))
         points = np.ascontiguousarray(points[order])
         return FreeSide(
-            points, np.ascontiguousarray(normals[triangle[order]]), first, low, shape, cell_m, floored,
-            cKDTree(points),
-        )  # fmt: skip
+            points, np.ascontiguousarray(normals[triangle[order]]), first, low, shape, cell_m, floored, cKDTree(points)
+        )
 
     def standing_out(self, points: np.ndarray) -> np.ndarray:
         """(N,) metres from the surface at which points (N, 3) are in free space; what is not

@@ -42,9 +42,7 @@ class Boxes:
         cells = np.floor((places - self._corner) / self._cell)
         return np.clip(cells, 0, self._shape - 1).astype(np.int64)
 
-    def _in_cells(
-        self, boxes: np.ndarray, first: np.ndarray, last: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _in_cells(self, boxes: np.ndarray, first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Boxes, each once for every cell it lies in, and these cells' numbers."""
         found, cells = [], []
         for i in range(_WIDEST_CELLS):

@@ -10,9 +10,7 @@ _LARGE_PART = 1000
 """Faces that hang together; the rim of a smaller part is taken for its outline, not for a hole."""
 
 
-def small_holes_closed(
-    vertices: np.ndarray, faces: np.ndarray, longest_rim_m: float
-) -> tuple[np.ndarray, np.ndarray]:
+def small_holes_closed(vertices: np.ndarray, faces: np.ndarray, longest_rim_m: float) -> tuple[np.ndarray, np.ndarray]:
     """The surface with a fan of triangles in each hole whose rim is shorter than ``longest_rim_m``.
 
     ``vertices`` (V, 3) metres and ``faces`` (F, 3) come first in what is returned; a hole's triangles

@@ -81,9 +81,7 @@ class ObjectEvidence:
         """
         areas = np.array([int(mask.sum()) for mask in masks])
         if not (areas >= _LEAST_MASK_PX).any():
-            raise GeometryError(
-                "no mask shows the object", where=name, cure="Draw it in two photographs at least."
-            )
+            raise GeometryError("no mask shows the object", where=name, cure="Draw it in two photographs at least.")
         scales = [min(1.0, float(np.sqrt(pixels / areas.max()))) for pixels in _MASK_PX]
         views = tuple(
             MaskViews.of(*_windows(cameras, masks, depths, scale, margin))
@@ -196,15 +194,11 @@ def _settled(shape: Shape, evidence: ObjectEvidence, pose: np.ndarray) -> Alignm
     for shrunk in _SETTLING:
         misfit, distance, _ = _parts(problem, poses[0])[0]
         weight = min(1.0, misfit / max(distance, _LEAST_RESIDUAL))
-        poses, _ = refined(
-            problem._replace(point_weight=float(weight)), poses, _steps(2, shrunk), _EVALUATIONS[2]
-        )
+        poses, _ = refined(problem._replace(point_weight=float(weight)), poses, _steps(2, shrunk), _EVALUATIONS[2])
     return _alignment(shape, evidence, problem, poses[0])
 
 
-def _searched(
-    shape: Shape, evidence: ObjectEvidence, level: int, poses: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _searched(shape: Shape, evidence: ObjectEvidence, level: int, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The poses after searches, best first, and their energies."""
     poses, found = refined(_problem(shape, evidence, level), poses, _steps(level), _EVALUATIONS[level])
     order = np.argsort(found, kind="stable")
@@ -213,9 +207,7 @@ def _searched(
 
 def _steps(level: int, shrunk: int = 0) -> np.ndarray:
     """(S, 7) the first steps of a scale's searches."""
-    return np.stack(
-        [0.5 ** (max(0, level - 1) + search + shrunk) * _STEPS for search in range(_SEARCHES[level])]
-    )
+    return np.stack([0.5 ** (max(0, level - 1) + search + shrunk) * _STEPS for search in range(_SEARCHES[level])])
 
 
 def _parts(problem: Problem, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -247,10 +239,16 @@ def _problem(shape: Shape, evidence: ObjectEvidence, level: int) -> Problem:
     shown = evidence.mask_areas_px >= _LEAST_MASK_PX
     points = evidence.points if level else evidence.points[:: 1 + len(evidence.points) // _FEW_POINTS]
     return Problem(
-        views, shown, float((views.masks > DRAWN).sum() / shown.sum()), np.ascontiguousarray(points),
+        views,
+        shown,
+        float((views.masks > DRAWN).sum() / shown.sum()),
+        np.ascontiguousarray(points),
         reach_m,
-        evidence.bounds.normals, evidence.bounds.offsets.astype(float), *shape.drawn[level], shape.surface,
-    )  # fmt: skip
+        evidence.bounds.normals,
+        evidence.bounds.offsets.astype(float),
+        *shape.drawn[level],
+        shape.surface,
+    )
 
 
 def _alignment(shape: Shape, evidence: ObjectEvidence, problem: Problem, pose: np.ndarray) -> Alignment:
@@ -263,11 +261,16 @@ def _alignment(shape: Shape, evidence: ObjectEvidence, problem: Problem, pose: n
     drawn = counts[:, DRAWN]
     covered = max(1, int(drawn[:, [BOTH, SHAPE_ONLY]].sum()))
     return Alignment(
-        shape.name, world_from_canonical @ shape.canonical_from_own, float(parts.sum()), float(parts[POINTS]),
+        shape.name,
+        world_from_canonical @ shape.canonical_from_own,
+        float(parts.sum()),
+        float(parts[POINTS]),
         float(np.median(distances)) if len(distances) else float("nan"),
-        float(1 - misfits[problem.shown].mean()), float(drawn[:, FREE].sum() / covered),
-        float(parts[OUTSIDE]), np.where(problem.shown, 1 - misfits, np.nan),
-    )  # fmt: skip
+        float(1 - misfits[problem.shown].mean()),
+        float(drawn[:, FREE].sum() / covered),
+        float(parts[OUTSIDE]),
+        np.where(problem.shown, 1 - misfits, np.nan),
+    )
 
 
 def _starts(shape: Shape, evidence: ObjectEvidence, headings: int, sizes: Sequence[float]) -> np.ndarray:
@@ -290,9 +293,9 @@ def _starts(shape: Shape, evidence: ObjectEvidence, headings: int, sizes: Sequen
 def _turned(shape: Shape, problem: Problem, pose: np.ndarray, count: int) -> np.ndarray:
     """The pose with the shape turned over in its box: what small images cannot tell apart."""
     linear = pose[:9].reshape(3, 3)
-    turns = np.array([
-        np.concatenate([(linear @ turn).ravel(), pose[9:]]) for turn in Rotation.create_group("O").as_matrix()
-    ])  # fmt: skip
+    turns = np.array(
+        [np.concatenate([(linear @ turn).ravel(), pose[9:]]) for turn in Rotation.create_group("O").as_matrix()]
+    )
     turns = turns[np.argsort(energies(problem, turns), kind="stable")]
     return _distinct(shape, turns, count)
 
@@ -327,9 +330,8 @@ def _distinct(shape: Shape, poses: np.ndarray, count: int) -> np.ndarray:
 
 
 def _windows(
-    cameras: Sequence[Camera], masks: Sequence[np.ndarray], depths: Sequence[np.ndarray], scale: float,
-    margin: float,
-) -> tuple[list[Camera], list[np.ndarray], list[np.ndarray]]:  # fmt: skip
+    cameras: Sequence[Camera], masks: Sequence[np.ndarray], depths: Sequence[np.ndarray], scale: float, margin: float
+) -> tuple[list[Camera], list[np.ndarray], list[np.ndarray]]:
     """The images at a scale, cut to the masks' surroundings."""
     windows: tuple[list, list, list] = ([], [], [])
     for camera, mask, depth in zip(cameras, masks, depths, strict=True):
@@ -339,9 +341,14 @@ def _windows(
         depth = resize_nearest(depth.astype(np.float32), *scaled.shape)
         rows, columns = _surroundings(mask, margin)
         shifted = Camera(
-            columns.stop - columns.start, rows.stop - rows.start, scaled.fx, scaled.fy,
-            scaled.cx - columns.start, scaled.cy - rows.start, scaled.world_from_camera,
-        )  # fmt: skip
+            columns.stop - columns.start,
+            rows.stop - rows.start,
+            scaled.fx,
+            scaled.fy,
+            scaled.cx - columns.start,
+            scaled.cy - rows.start,
+            scaled.world_from_camera,
+        )
         for kept, one in zip(windows, (shifted, mask[rows, columns], depth[rows, columns]), strict=True):
             kept.append(one)
     return windows
@@ -354,11 +361,7 @@ def _triangulated(cameras: Sequence[Camera], masks: Sequence[np.ndarray]) -> tup
     for camera, mask in zip(cameras, masks, strict=True):
         rows, columns = (np.flatnonzero(mask.any(1 - axis)) for axis in range(2))
         boxes.append(np.hypot((np.ptp(rows) + 1) / camera.fy, (np.ptp(columns) + 1) / camera.fx))
-        middle = [
-            (columns.mean() + 0.5 - camera.cx) / camera.fx,
-            (rows.mean() + 0.5 - camera.cy) / camera.fy,
-            1,
-        ]
+        middle = [(columns.mean() + 0.5 - camera.cx) / camera.fx, (rows.mean() + 0.5 - camera.cy) / camera.fy, 1]
         ray = camera.world_from_camera[:3, :3] @ middle
         ray /= np.linalg.norm(ray)
         across = np.eye(3) - np.outer(ray, ray)

@@ -51,9 +51,10 @@ def find_objects(
     if math.prod(shape.tolist()) > _LARGEST_GRID:
         size = " x ".join(f"{side:.0f}" for side in high - low)
         raise GeometryError(
-            f"what was observed reaches over {size} m, too far to find objects in", where="objects --find",
+            f"what was observed reaches over {size} m, too far to find objects in",
+            where="objects --find",
             cure="Check the scale (`r2sego status`), or draw masks and give them with --masks.",
-        )  # fmt: skip
+        )
     hits = np.zeros(shape, np.int32)
     cells = np.floor((points - low) / _VOXEL_M).astype(int)
     np.add.at(hits, tuple(cells[((cells >= 0) & (cells < shape)).all(1)].T), 1)
@@ -90,9 +91,7 @@ def _labels_at(labels: np.ndarray, cells: np.ndarray, usable: np.ndarray) -> np.
     return found
 
 
-def _objects(
-    captures: Sequence[Capture], images: Sequence[np.ndarray], count: int
-) -> tuple[DeclaredObject, ...]:
+def _objects(captures: Sequence[Capture], images: Sequence[np.ndarray], count: int) -> tuple[DeclaredObject, ...]:
     square = np.ones((5, 5), np.uint8)
     objects: list[DeclaredObject] = []
     for number in range(1, count + 1):

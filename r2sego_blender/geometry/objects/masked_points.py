@@ -11,9 +11,12 @@ from ..visibility.point_visibility import looked_up
 
 
 def points_on_object(
-    points: np.ndarray, visibility: np.ndarray, cameras: Sequence[Camera], masks: Sequence[np.ndarray],
+    points: np.ndarray,
+    visibility: np.ndarray,
+    cameras: Sequence[Camera],
+    masks: Sequence[np.ndarray],
     indices: Sequence[int],
-) -> np.ndarray:  # fmt: skip
+) -> np.ndarray:
     """(P,) bool: the observed ``points`` (P, 3) that most captures that see them show in their masks.
 
     ``visibility`` (P, N) bool; ``indices`` are the captures of ``cameras`` and ``masks`` among N.

@@ -34,8 +34,7 @@ def mirrored_surface(
     out. Both are empty where symmetry adds nothing.
     """
     views = [
-        (camera, np.where(mask, depth, 0))
-        for camera, mask, depth in zip(sight.cameras, masks, reliable, strict=True)
+        (camera, np.where(mask, depth, 0)) for camera, mask, depth in zip(sight.cameras, masks, reliable, strict=True)
     ]
     reached = points
     for plane in planes:

@@ -115,9 +115,10 @@ def read_masks(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObjec
     objects = [one for one in objects if any(mask.any() for mask in one.masks.values())]
     if not objects:
         raise GeometryError(
-            "no mask belongs to a photograph of the scene", where=folder,
+            "no mask belongs to a photograph of the scene",
+            where=folder,
             cure="Call the masks as the photographs, such as IMG_01.png.",
-        )  # fmt: skip
+        )
     return told_apart(objects)
 
 
@@ -162,9 +163,12 @@ def _object(place: Path, captures: Sequence[Capture]) -> DeclaredObject:
     mesh = next((path for path in meshes if path.is_file()), None)
     masks = _masks(place / "masks", captures) if (place / "masks").is_dir() else {}
     found = DeclaredObject(
-        place.name, masks, mesh, backends=read_backends(place / "backends.json"),
+        place.name,
+        masks,
+        mesh,
+        backends=read_backends(place / "backends.json"),
         decision=_decision(place / "decision.json"),
-    )  # fmt: skip
+    )
     path = place / "placement.json"
     return replace(found, placement=read_placement(path)) if path.is_file() else found
 
@@ -192,9 +196,7 @@ def _decision(path: Path) -> str:
         if decision not in (ACCEPT, REJECT):
             raise ValueError(decision)
     except (OSError, KeyError, TypeError, ValueError) as error:
-        raise GeometryError(
-            "this is no decision", where=path, cure="Remove it; the figures then decide."
-        ) from error
+        raise GeometryError("this is no decision", where=path, cure="Remove it; the figures then decide.") from error
     return decision
 
 
@@ -236,9 +238,7 @@ def _numbered(folder: Path, captures: Sequence[Capture]) -> list[DeclaredObject]
     try:
         names = dict(json.loads(names_file.read_text(encoding="utf-8"))) if names_file.is_file() else {}
     except (TypeError, ValueError) as error:
-        raise GeometryError(
-            "this is no JSON of names", where=names_file, cure="Correct or remove it."
-        ) from error
+        raise GeometryError("this is no JSON of names", where=names_file, cure="Correct or remove it.") from error
     masks: dict[int, dict[str, np.ndarray]] = {}
     for capture in captures:
         path = files.get(capture.name)
@@ -249,9 +249,10 @@ def _numbered(folder: Path, captures: Sequence[Capture]) -> list[DeclaredObject]
             raise GeometryError("the mask cannot be read", where=path, cure="Replace or remove the file.")
         if numbers.ndim != 2:
             raise GeometryError(
-                "the mask is coloured, so its values are no numbers of objects", where=path,
+                "the mask is coloured, so its values are no numbers of objects",
+                where=path,
                 cure="Save it with one channel, or make a folder for each object.",
-            )  # fmt: skip
+            )
         for number in np.unique(numbers[numbers > 0]).tolist():
             mask = _at_working_size(numbers == number, capture)
             masks.setdefault(number, {})[capture.name] = mask
@@ -280,9 +281,10 @@ def _mask_files(folder: Path, captures: Sequence[Capture]) -> dict[str, Path]:
     for stem in sorted(files.keys() - stems.values()):
         if alike := [name for name in stems if Path(name).stem == stem]:
             raise GeometryError(
-                f"the mask may be of {' or of '.join(alike)}", where=files[stem],
+                f"the mask may be of {' or of '.join(alike)}",
+                where=files[stem],
                 cure=f"Call it {' or '.join(f'{stems[name]}.png' for name in alike)}.",
-            )  # fmt: skip
+            )
     return {name: files[stem] for name, stem in stems.items() if stem in files}
 
 

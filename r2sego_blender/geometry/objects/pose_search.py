@@ -63,9 +63,7 @@ def energies(problem: Problem, poses: np.ndarray) -> np.ndarray:
     return found
 
 
-def refined(
-    problem: Problem, poses: np.ndarray, steps: np.ndarray, evaluations: int
-) -> tuple[np.ndarray, np.ndarray]:
+def refined(problem: Problem, poses: np.ndarray, steps: np.ndarray, evaluations: int) -> tuple[np.ndarray, np.ndarray]:
     """Poses (K, 12) after simplex searches, and their energies (K,).
 
     Each search begins around where the last one ended, with a row of ``steps`` (S, 7): the

@@ -69,9 +69,10 @@ def object_place(priors: Sequence[AlignedPrior], name: str) -> tuple[float, floa
     if found is None:
         known = ", ".join(prior.name for prior in priors)
         raise GeometryError(
-            f"there is no aligned object '{name}'", where=layout.PRIORS,
+            f"there is no aligned object '{name}'",
+            where=layout.PRIORS,
             cure=f"Known: {known}." if known else "Declare objects with `r2sego objects`.",
-        )  # fmt: skip
+        )
     x, y, _ = 0.5 * (found.vertices.min(axis=0) + found.vertices.max(axis=0))
     return float(x), float(y)
 

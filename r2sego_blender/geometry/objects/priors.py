@@ -118,9 +118,13 @@ def gather_evidence(
 
 
 def _gathered(
-    one: DeclaredObject, captures: Sequence[Capture], observed: ObservedGeometry,
-    reliable: Sequence[np.ndarray], completed: Sequence[np.ndarray], anything: Sequence[np.ndarray],
-) -> _Gathered:  # fmt: skip
+    one: DeclaredObject,
+    captures: Sequence[Capture],
+    observed: ObservedGeometry,
+    reliable: Sequence[np.ndarray],
+    completed: Sequence[np.ndarray],
+    anything: Sequence[np.ndarray],
+) -> _Gathered:
     shown = [k for k, capture in enumerate(captures) if capture.name in one.masks]
     masks = [one.masks[captures[k].name] for k in shown]
     depths = []
@@ -207,16 +211,22 @@ def _completed_by_symmetry(refused: ObjectPrior, known: _Gathered, settings: Pri
     if not len(faces):
         return refused
     record = {
-        "name": refused.name, "refusal": "", "backend": "symmetry", "no_mesh": refused.refusal,
-        "energy": round(planes[0].energy, 4), "observed_points": len(known.points),
+        "name": refused.name,
+        "refusal": "",
+        "backend": "symmetry",
+        "no_mesh": refused.refusal,
+        "energy": round(planes[0].energy, 4),
+        "observed_points": len(known.points),
         "mirror_planes": [
             {
-                "normal": plane.normal.tolist(), "offset_m": plane.offset,
-                "energy": round(plane.energy, 4), "confirmed": round(plane.confirmed, 4),
+                "normal": plane.normal.tolist(),
+                "offset_m": plane.offset,
+                "energy": round(plane.energy, 4),
+                "confirmed": round(plane.confirmed, 4),
             }
             for plane in planes
         ],
-    }  # fmt: skip
+    }
     return ObjectPrior(refused.name, AlignedPrior(refused.name, vertices, faces), "", record)
 
 
@@ -232,7 +242,7 @@ def _figures(alignment: Alignment) -> dict[str, Any]:
         "point_distance_m": _rounded(alignment.point_distance_m),
         "free_space": round(alignment.free_space, 4),
         "outside": round(alignment.outside, 4),
-    }  # fmt: skip
+    }
 
 
 def _rounded(value: float) -> float | None:

@@ -65,9 +65,7 @@ def load_shape(path: Path) -> Shape:
     Raises GeometryError when the file holds no triangle mesh.
     """
     if path.suffix.lower() not in MESH_SUFFIXES:
-        raise GeometryError(
-            f"'{path.suffix}' is no mesh format", where=path, cure=f"Use {', '.join(MESH_SUFFIXES)}."
-        )
+        raise GeometryError(f"'{path.suffix}' is no mesh format", where=path, cure=f"Use {', '.join(MESH_SUFFIXES)}.")
     try:
         mesh: Any = trimesh.load(path, force="mesh", process=False, skip_materials=True)
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
@@ -102,9 +100,7 @@ def _checked(name: str, vertices: np.ndarray, faces: np.ndarray) -> tuple[np.nda
     if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
         raise GeometryError("the mesh has faces without vertices", where=name, cure=cure)
     if len(faces) > _MOST_FACES:
-        raise GeometryError(
-            f"the mesh has {len(faces)} faces", where=name, cure=f"Simplify it below {_MOST_FACES}."
-        )
+        raise GeometryError(f"the mesh has {len(faces)} faces", where=name, cure=f"Simplify it below {_MOST_FACES}.")
     vertices, faces = compacted(vertices, faces)
     if not len(faces) or normals_and_areas(vertices, faces)[1].sum() <= 0:
         raise GeometryError("the mesh has no surface", where=name, cure=cure)

@@ -56,7 +56,6 @@ def _points(
         pixels.append(np.where(visible[:, None], places, 0).astype(np.int64))
         seen.append(visible)
     inside = [
-        seen[view] & mask[pixels[view][:, 1], pixels[view][:, 0]]
-        for mask, view in zip(masks, views, strict=True)
+        seen[view] & mask[pixels[view][:, 1], pixels[view][:, 0]] for mask, view in zip(masks, views, strict=True)
     ]
     return inside, seen

@@ -96,12 +96,7 @@ def count_pixels(views, linear, place, vertices, faces, local, buffer, counts):
         for f in range(faces.shape[0]):
             _draw(local, faces[f, 0], faces[f, 1], faces[f, 2], width, height, buffer)
         start = views.starts[v]
-        _count(
-            buffer[:pixels],
-            views.masks[start : start + pixels],
-            views.depths[start : start + pixels],
-            counts[v],
-        )
+        _count(buffer[:pixels], views.masks[start : start + pixels], views.depths[start : start + pixels], counts[v])
 
 
 @kernel

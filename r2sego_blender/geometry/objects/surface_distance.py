@@ -42,9 +42,7 @@ class SurfaceGrid(NamedTuple):
         corners = np.stack(np.meshgrid(line, line, line, indexing="ij"), -1)
         nearest = cKDTree(samples).query(corners.reshape(-1, 3), workers=-1)[1].astype(np.int32)
         normals = np.ascontiguousarray(mesh.face_normals[face], np.float64)
-        return SurfaceGrid(
-            samples, normals, nearest.reshape(corners.shape[:3]), -half, 2 * half / (_CELLS - 1)
-        )
+        return SurfaceGrid(samples, normals, nearest.reshape(corners.shape[:3]), -half, 2 * half / (_CELLS - 1))
 
     def distances(self, points: np.ndarray) -> np.ndarray:
         """(P,) distances of ``points`` (P, 3) to the surface, in its own unit."""

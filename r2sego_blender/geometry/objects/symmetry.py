@@ -69,9 +69,7 @@ class ObjectSight:
         """(P,) bool, where a capture sees the place of a point (P, 3); and (P,) in [0, 1], how much
         some capture speaks against a surface there."""
         seen, wrong = np.zeros(len(points), bool), np.zeros(len(points))
-        for camera, beyond, depths, sures in zip(
-            self.cameras, self.beyond_px, self.depths, self.sure, strict=True
-        ):
+        for camera, beyond, depths, sures in zip(self.cameras, self.beyond_px, self.depths, self.sure, strict=True):
             inside, depth, beyond_px, known, sure = looked_up(points, camera, beyond, depths, sures)
             beyond_m = beyond_px * depth / camera.fx
             within = beyond_m == 0
@@ -106,9 +104,7 @@ class MirrorPlane:
         reflection[:3, :3] -= 2 * np.outer(self.normal, self.normal)
         reflection[:3, 3] = 2 * self.offset * self.normal
         pose = reflection @ camera.world_from_camera @ np.diag([-1.0, 1.0, 1.0, 1.0])
-        return Camera(
-            camera.width, camera.height, camera.fx, camera.fy, camera.width - camera.cx, camera.cy, pose
-        )
+        return Camera(camera.width, camera.height, camera.fx, camera.fy, camera.width - camera.cx, camera.cy, pose)
 
 
 def find_mirror_planes(points: np.ndarray, sight: ObjectSight, max_energy: float) -> tuple[MirrorPlane, ...]:
@@ -135,8 +131,7 @@ def _best(points: np.ndarray, sight: ObjectSight, across: Sequence[MirrorPlane])
     middle, size_m = (low + high) / 2, float(np.linalg.norm(high - low))
     tree = cKDTree(points)
     asked, asked_last = (
-        points[np.linspace(0, len(points) - 1, min(count, len(points))).astype(int)]
-        for count in (_ASKED, _ASKED_LAST)
+        points[np.linspace(0, len(points) - 1, min(count, len(points))).astype(int)] for count in (_ASKED, _ASKED_LAST)
     )
 
     def judged(some: np.ndarray, heading: float, shift: float) -> MirrorPlane:

@@ -88,9 +88,13 @@ def _without(proxy: GeometryProxy, cut: Cut) -> GeometryProxy:
     stays = np.ones(len(samples), bool)
     stays[near[gone]] = False
     return replace(
-        proxy, faces=proxy.faces[stays], provenance=proxy.provenance[stays], support=proxy.support[stays],
-        confidence=proxy.confidence[stays], instance=proxy.instance[stays],
-    )  # fmt: skip
+        proxy,
+        faces=proxy.faces[stays],
+        provenance=proxy.provenance[stays],
+        support=proxy.support[stays],
+        confidence=proxy.confidence[stays],
+        instance=proxy.instance[stays],
+    )
 
 
 def _with(proxy: GeometryProxy, drawn: Drawn, completed: Sequence[CompletedDepth]) -> GeometryProxy:
@@ -100,12 +104,14 @@ def _with(proxy: GeometryProxy, drawn: Drawn, completed: Sequence[CompletedDepth
     support, _, confidence = face_evidence(vertices, new, MeshRasterizer(vertices, faces), completed)
     count = len(new)
     return replace(
-        proxy, vertices=vertices, faces=faces,
+        proxy,
+        vertices=vertices,
+        faces=faces,
         provenance=np.append(proxy.provenance, np.full(count, Provenance.PRIOR, np.uint8)),
         support=np.append(proxy.support, support),
         confidence=np.append(proxy.confidence, confidence),
         instance=np.append(proxy.instance, np.zeros(count, np.int32)),
-    )  # fmt: skip
+    )
 
 
 def _samples(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

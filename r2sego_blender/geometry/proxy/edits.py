@@ -46,9 +46,7 @@ class Cut:
             places = samples[:, :3] @ similarity[:3, :3].T + similarity[:3, 3]
             return np.concatenate([places, samples[:, 3:] @ similarity[:3, :3].T / scale], axis=1)
 
-        return Cut(
-            moved(self.removed), moved(self.kept), float(self.reach_m * scale), float(self.area_m2 * scale**2)
-        )
+        return Cut(moved(self.removed), moved(self.kept), float(self.reach_m * scale), float(self.area_m2 * scale**2))
 
 
 @dataclass(frozen=True)

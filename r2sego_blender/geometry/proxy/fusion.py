@@ -81,9 +81,10 @@ def compose_proxy(
         vertices, faces = _closed(vertices, faces, field, envelope, trusted)
         if not len(faces):
             raise GeometryError(
-                "no surface was found", where="geometry proxy",
+                "no surface was found",
+                where="geometry proxy",
                 cure="Take more photographs that overlap, or check their poses.",
-            )  # fmt: skip
+            )
         task.advance()
         instance = np.pad(instance, (0, len(faces) - len(instance)))  # the envelope is the room's
         names = tuple(prior.name for prior in priors)
@@ -93,9 +94,8 @@ def compose_proxy(
 
 
 def _empty_field(
-    completed: Sequence[CompletedDepth], observed: ObservedGeometry, envelope: RoomPlanes,
-    settings: ProxySettings,
-) -> DistanceField:  # fmt: skip
+    completed: Sequence[CompletedDepth], observed: ObservedGeometry, envelope: RoomPlanes, settings: ProxySettings
+) -> DistanceField:
     """A field that covers what was seen, less outliers, and what the envelope lets through.
 
     Pixels of the envelope count where they are no farther off than what is sure: on an open
@@ -163,9 +163,7 @@ def _without_priors(views: list[WeightedDepth], priors: Sequence[AlignedPrior]) 
         prior = rasterizer.render(view.camera).depth
         hidden = (view.depth > 0) & (view.depth < prior * (1 - FREE_MARGIN))
         shown = (prior > 0) & ~hidden
-        left.append(
-            WeightedDepth(view.camera, np.where(shown, 0, view.depth), np.where(shown, 0, view.weight))
-        )
+        left.append(WeightedDepth(view.camera, np.where(shown, 0, view.depth), np.where(shown, 0, view.weight)))
     return left
 
 
@@ -189,9 +187,13 @@ def _carved(
 
 
 def _outside_priors(
-    vertices: np.ndarray, faces: np.ndarray, priors: Sequence[AlignedPrior], envelope: RoomPlanes,
-    trusted: Sequence[KnownDepth], settings: ProxySettings,
-) -> np.ndarray:  # fmt: skip
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    priors: Sequence[AlignedPrior],
+    envelope: RoomPlanes,
+    trusted: Sequence[KnownDepth],
+    settings: ProxySettings,
+) -> np.ndarray:
     """The faces left once the priors take their object regions.
 
     A region is the prior's surface within half the truncation; within all of it and in its
@@ -226,9 +228,8 @@ def _in_hull(points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 
 
 def _closed(
-    vertices: np.ndarray, faces: np.ndarray, field: DistanceField, envelope: RoomPlanes,
-    trusted: Sequence[KnownDepth],
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    vertices: np.ndarray, faces: np.ndarray, field: DistanceField, envelope: RoomPlanes, trusted: Sequence[KnownDepth]
+) -> tuple[np.ndarray, np.ndarray]:
     """With the envelope added where it is not covered yet and no capture saw an opening."""
     high = field.origin + (np.array(field.distance.shape) - 1) * field.voxel_m
     centroids, normals = vertices[faces].mean(1), normals_and_areas(vertices, faces)[0]
@@ -276,9 +277,12 @@ def _trusted(completed: Sequence[CompletedDepth]) -> list[KnownDepth]:
 
 
 def _with_evidence(
-    vertices: np.ndarray, faces: np.ndarray, instance: np.ndarray, names: tuple[str, ...],
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    instance: np.ndarray,
+    names: tuple[str, ...],
     completed: Sequence[CompletedDepth],
-) -> GeometryProxy:  # fmt: skip
+) -> GeometryProxy:
     support, observed, confidence = face_evidence(vertices, faces, MeshRasterizer(vertices, faces), completed)
     provenance = np.where(observed > 0, Provenance.OBSERVED, Provenance.COMPLETED).astype(np.uint8)
     provenance[instance > 0] = Provenance.PRIOR

@@ -66,9 +66,7 @@ class GeometryProxy:
         import trimesh  # the engine's; Blender's Python reads proxies without it
 
         palette = np.rint(np.array([PROVENANCE_COLOURS[p] for p in Provenance]) * 255).astype(np.uint8)
-        mesh = trimesh.Trimesh(
-            self.vertices, self.faces, face_colors=palette[self.provenance], process=False
-        )  # fmt: skip
+        mesh = trimesh.Trimesh(self.vertices, self.faces, face_colors=palette[self.provenance], process=False)
         mesh.face_attributes["instance"] = self.instance
         written = mesh.export(file_type="ply")
         assert isinstance(written, bytes)
@@ -88,9 +86,8 @@ class GeometryProxy:
                 arrays["instance_names"] = tuple(arrays["instance_names"].tolist())
             proxy = GeometryProxy(**arrays)
             require_shapes(
-                vars(proxy), vertices="V 3", faces="F 3", provenance="F", support="F", confidence="F",
-                instance="F",
-            )  # fmt: skip
+                vars(proxy), vertices="V 3", faces="F 3", provenance="F", support="F", confidence="F", instance="F"
+            )
             require_finite(vertices=proxy.vertices)
             if proxy.provenance.dtype.kind not in "iu" or proxy.provenance.max(initial=0) > max(Provenance):
                 raise ValueError("a face has no known provenance")

@@ -32,7 +32,8 @@ def seen_floor(proxy: GeometryProxy, cameras: Sequence[Camera]) -> np.ndarray:
         return places[ConvexHull(places).vertices]
     except (QhullError, ValueError) as error:
         raise GeometryError(
-            "the captures saw no floor", where="geometry proxy",
+            "the captures saw no floor",
+            where="geometry proxy",
             cure="Photograph the floor too, or say where the robot may be (`r2sego robot --region`, in "
             "Blender Draw Region).",
-        ) from error  # fmt: skip
+        ) from error

@@ -62,8 +62,7 @@ def with_missing_bounds(
     if not len(points):
         return planes
     views = [
-        _View.of(*view)
-        for view in zip(captures, depth_maps, trusted_depth(depth_maps, settings.stereo), strict=True)
+        _View.of(*view) for view in zip(captures, depth_maps, trusted_depth(depth_maps, settings.stereo), strict=True)
     ]
     centres = np.array([view.camera.centre for view in views])
     compared = [(view, overlapping(index, views, _MOST_OTHERS)) for index, view in enumerate(views)]
@@ -114,9 +113,11 @@ def _with_bound(
 ) -> RoomPlanes:
     on = int((np.abs(points @ normal - offset) < tolerance_m).sum())
     return RoomPlanes(
-        np.concatenate([planes.normals, normal[None]]), np.append(planes.offsets, offset),
-        np.append(planes.inliers, on), np.append(planes.bounding, True),
-    )  # fmt: skip
+        np.concatenate([planes.normals, normal[None]]),
+        np.append(planes.offsets, offset),
+        np.append(planes.inliers, on),
+        np.append(planes.bounding, True),
+    )
 
 
 def _swept(
@@ -138,9 +139,8 @@ def _swept(
 
 
 def _evidence(
-    compared: _Compared, envelope: RoomPlanes, normal: np.ndarray, offsets: np.ndarray,
-    same_pixels: bool = False,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    compared: _Compared, envelope: RoomPlanes, normal: np.ndarray, offsets: np.ndarray, same_pixels: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
     """For each offset (D,) how much more alike captures look on the plane than on the bounds
     known behind it, or than ``_ALIKE``, summed over pixels; and the (D,) number of pixels
     for which a capture's trusted depth lies beyond the plane. With ``same_pixels`` only those
@@ -163,9 +163,13 @@ def _evidence(
 
 
 def _likeness_on(
-    view: _View, others: Sequence[_View], pixels: np.ndarray, envelope: RoomPlanes, normals: np.ndarray,
+    view: _View,
+    others: Sequence[_View],
+    pixels: np.ndarray,
+    envelope: RoomPlanes,
+    normals: np.ndarray,
     offsets: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray]:
     """For planes (D, 3), (D,) and pixels (N, 2): the best correlation (D, N) with another
     capture, -2 without one, and whether some capture looks through, bool."""
     axes = view.camera.world_from_camera[:3, :3] @ np.linalg.inv(view.camera.matrix)
@@ -177,9 +181,16 @@ def _likeness_on(
     like = np.full((len(rows), len(pixels)), -2.0, np.float32)
     beyond = np.zeros(like.shape, np.bool_)
     _compare(
-        view.grey, pixels, rows, bounds, onto, tuple(other.grey for other in others),
-        tuple(other.known for other in others), like, beyond,
-    )  # fmt: skip
+        view.grey,
+        pixels,
+        rows,
+        bounds,
+        onto,
+        tuple(other.grey for other in others),
+        tuple(other.known for other in others),
+        like,
+        beyond,
+    )
     return like, beyond
 
 

@@ -80,10 +80,7 @@ def trusted_depth(depth_maps: Sequence[DepthMap], settings: StereoSettings) -> t
     One witness against a pixel outweighs two that agree with it: textureless walls agree
     on wrong depth by chance, but hardly ever look through a surface that is there.
     """
-    reliable = [
-        KnownDepth(d.camera, np.where(d.reliable(settings), d.depth, 0).astype(np.float32))
-        for d in depth_maps
-    ]
+    reliable = [KnownDepth(d.camera, np.where(d.reliable(settings), d.depth, 0).astype(np.float32)) for d in depth_maps]
     trusted = []
     for i, view in enumerate(reliable):
         seen = view.depth > 0
@@ -121,8 +118,7 @@ def _completed(
 ) -> CompletedDepth:
     view = views[index]
     others = [
-        (other, *_depth_in(view.camera, other.camera))
-        for other in overlapping(index, views, settings.stereo.sources)
+        (other, *_depth_in(view.camera, other.camera)) for other in overlapping(index, views, settings.stereo.sources)
     ]
     moments = _moments(view.grey)
     bound = _nearest(planes.envelope.depths(view.camera))
@@ -172,9 +168,7 @@ def overlapping(index: int, views: Sequence[Any], count: int) -> list[Any]:
     for j, other in enumerate(views):
         if j != index:
             seen = other.camera.sees(*other.camera.project(points)).mean() if len(points) else 0.0
-            scores.append(
-                (-round(float(seen), 3), np.linalg.norm(other.camera.centre - view.camera.centre), j)
-            )
+            scores.append((-round(float(seen), 3), np.linalg.norm(other.camera.centre - view.camera.centre), j))
     return [views[j] for _, _, j in sorted(scores)[:count]]
 
 
@@ -206,10 +200,13 @@ def _anchor(index: int, views: Sequence[_View]) -> np.ndarray:
 
 
 def _plane_cost(
-    view: _View, moments: tuple[np.ndarray, np.ndarray],
+    view: _View,
+    moments: tuple[np.ndarray, np.ndarray],
     others: Sequence[tuple[_View, np.ndarray, np.float32]],
-    depth: np.ndarray, row: np.ndarray, anchor: np.ndarray,
-) -> np.ndarray:  # fmt: skip
+    depth: np.ndarray,
+    row: np.ndarray,
+    anchor: np.ndarray,
+) -> np.ndarray:
     """(H, W) float32 evidence against one plane, 0 (certain) and up; ``others`` are views
     with what ``_depth_in`` says of them."""
     width, height = view.camera.width, view.camera.height

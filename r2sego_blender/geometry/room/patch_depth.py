@@ -77,17 +77,13 @@ def nearer_depth(view: ColourView, others: Sequence[ColourView], depth: np.ndarr
         return np.zeros(depth.shape, np.float32)
     asked &= movable[patches]
     present = _medians(
-        np.where(view.known > 0, view.known, depth),
-        np.where(movable[patches], asked, view.known > 0),
-        patches,
+        np.where(view.known > 0, view.known, depth), np.where(movable[patches], asked, view.known > 0), patches
     )
     nearest_m = _NEAREST_SHARE * min(depth[asked].min(), view.known[view.known > 0].min(initial=np.inf))
     steps = int(np.log(depth[asked].max() / nearest_m) / _DEPTH_STEP) + 1
     tried = nearest_m * np.exp(_DEPTH_STEP * np.arange(steps))
 
-    evidence = _Evidence(
-        view.camera, view.colours[asked], view.camera.rays()[asked], patches[asked], area, others
-    )
+    evidence = _Evidence(view.camera, view.colours[asked], view.camera.rays()[asked], patches[asked], area, others)
     staying, stays_seen = evidence.against(depth[asked], np.ones(1), np.full(count, np.inf))
     staying = np.where(stays_seen >= _FEWEST_VIEWS, staying, 0.0)
     farthest_m = present * (1 - _LEAST_NEARER)
@@ -117,9 +113,7 @@ class _Evidence:
     area: np.ndarray
     others: Sequence[ColourView]
 
-    def against(
-        self, depth: np.ndarray, factors: np.ndarray, largest: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def against(self, depth: np.ndarray, factors: np.ndarray, largest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(L, P) cost of each patch when its pixels have ``depth`` (M,) times each of
         ``factors`` (L,), 0 and up, and (L, P) how many captures see it there.
 
@@ -129,13 +123,20 @@ class _Evidence:
         points = self.rays * depth[:, None]
         compared = [
             _compared(
-                self.colours, points, self.patches, factors, largest,
+                self.colours,
+                points,
+                self.patches,
+                factors,
+                largest,
                 other.camera.camera_from_world @ self.camera.world_from_camera,
                 np.array([other.camera.fx, other.camera.fy, other.camera.cx, other.camera.cy]),
-                other.colours, other.known, _FULL_DIFFERENCE, FREE_MARGIN,
+                other.colours,
+                other.known,
+                _FULL_DIFFERENCE,
+                FREE_MARGIN,
             )
             for other in self.others
-        ]  # fmt: skip
+        ]
         difference, seen_px, through = (np.stack(each) for each in zip(*compared, strict=True))
         area = np.maximum(self.area, 1)
         says = seen_px > _SEEN_SHARE * area
@@ -157,10 +158,12 @@ def _borders(patches: np.ndarray, colours: np.ndarray) -> tuple[np.ndarray, ...]
     """The neighbours of each patch: ``start`` and ``end`` (P,) of its entries in ``neighbour`` and
     ``weight`` (N,), pixels of their border times how alike their colours are."""
     count = int(patches.max()) + 1
-    pairs = np.concatenate([
-        np.stack([patches[:, :-1].ravel(), patches[:, 1:].ravel()], axis=1),
-        np.stack([patches[:-1].ravel(), patches[1:].ravel()], axis=1),
-    ]).astype(np.int64)  # fmt: skip
+    pairs = np.concatenate(
+        [
+            np.stack([patches[:, :-1].ravel(), patches[:, 1:].ravel()], axis=1),
+            np.stack([patches[:-1].ravel(), patches[1:].ravel()], axis=1),
+        ]
+    ).astype(np.int64)
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
     pairs = np.concatenate([pairs, pairs[:, ::-1]])
     keys, length = np.unique(pairs[:, 0] * count + pairs[:, 1], return_counts=True)
@@ -179,9 +182,8 @@ def _between(first, second, share):
 
 @parallel_kernel
 def _compared(
-    colours, points, patches, factors, largest, pose, lens, other_colours, other_known, full_difference,
-    free_margin,
-):  # fmt: skip
+    colours, points, patches, factors, largest, pose, lens, other_colours, other_known, full_difference, free_margin
+):
     """(L, P) sums over the pixels of each patch, for each factor of their ``points``: the difference
     of the colours in [0, 1], how many the other capture sees, and how often it sees through them."""
     height, width = other_known.shape
@@ -212,9 +214,7 @@ def _compared(
             total = 0.0
             for c in range(3):
                 upper = _between(other_colours[top, left, c], other_colours[top, left + 1, c], u - left)
-                lower = _between(
-                    other_colours[top + 1, left, c], other_colours[top + 1, left + 1, c], u - left
-                )
+                lower = _between(other_colours[top + 1, left, c], other_colours[top + 1, left + 1, c], u - left)
                 step = _between(upper, lower, v - top) - colours[p, c]
                 total += step * step
             difference[row, patch] += min(np.sqrt(total) / full_difference, 1.0)

@@ -90,10 +90,7 @@ class RoomPlanes:
 
 
 def find_planes(
-    observed: ObservedGeometry,
-    cameras: Sequence[Camera],
-    settings: ProxySettings,
-    rng: np.random.Generator,
+    observed: ObservedGeometry, cameras: Sequence[Camera], settings: ProxySettings, rng: np.random.Generator
 ) -> RoomPlanes:
     """The floor z = 0 and up to ``settings.planes`` more planes, by sequential RANSAC.
 
@@ -122,9 +119,11 @@ def find_planes(
         found.append((normal, offset, int(on.sum())))
         left = left[~on]
     planes = RoomPlanes(
-        np.array([n for n, _, _ in found]), np.array([d for _, d, _ in found]),
-        np.array([count for _, _, count in found]), np.zeros(len(found), bool),
-    )  # fmt: skip
+        np.array([n for n, _, _ in found]),
+        np.array([d for _, d, _ in found]),
+        np.array([count for _, _, count in found]),
+        np.zeros(len(found), bool),
+    )
     centres = np.array([camera.centre for camera in cameras]).reshape(-1, 3)
     planes.bounding[:] = _bounding(planes, points, centres, settings)
     return planes
@@ -163,9 +162,7 @@ def _fitted(points: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, float]
     return normal, float(normal @ centre)
 
 
-def _bounding(
-    planes: RoomPlanes, points: np.ndarray, centres: np.ndarray, settings: ProxySettings
-) -> np.ndarray:
+def _bounding(planes: RoomPlanes, points: np.ndarray, centres: np.ndarray, settings: ProxySettings) -> np.ndarray:
     """(P,) bool: all cameras and almost all points on the free side; of parallel planes close
     together (a wall, its skirting, its pictures) only the outermost that is well supported."""
     slack = 3 * settings.plane_tolerance_m

@@ -37,9 +37,12 @@ def aligned_to_edges(
     scale = np.where(usable, 1.0 / np.where(usable, depth * facing, 1.0), 0.0)
     planes = np.ascontiguousarray(local * scale[..., None], np.float32)
     return _mode(
-        np.ascontiguousarray(image, np.float32), np.ascontiguousarray(depth, np.float32), planes,
-        rays.astype(np.float32), _RADIUS_PX,
-    )  # fmt: skip
+        np.ascontiguousarray(image, np.float32),
+        np.ascontiguousarray(depth, np.float32),
+        planes,
+        rays.astype(np.float32),
+        _RADIUS_PX,
+    )
 
 
 @parallel_kernel

@@ -100,9 +100,8 @@ def pack_texels(grey: np.ndarray) -> np.ndarray:
     eight_bit = (np.clip(grey, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint32)
     texels = np.zeros(grey.shape, np.uint32)
     texels[:-1, :-1] = (
-        eight_bit[:-1, :-1] | eight_bit[:-1, 1:] << 8
-        | eight_bit[1:, :-1] << 16 | eight_bit[1:, 1:] << 24
-    )  # fmt: skip
+        eight_bit[:-1, :-1] | eight_bit[:-1, 1:] << 8 | eight_bit[1:, :-1] << 16 | eight_bit[1:, 1:] << 24
+    )
     return texels.ravel()
 
 

@@ -36,10 +36,7 @@ _OUTLIER_FACTOR = 3.0
 
 
 def observe(
-    captures: Sequence[Capture],
-    depth_maps: Sequence[DepthMap],
-    sparse: SparsePoints | None,
-    settings: StereoSettings,
+    captures: Sequence[Capture], depth_maps: Sequence[DepthMap], sparse: SparsePoints | None, settings: StereoSettings
 ) -> ObservedGeometry:
     """The reliable depth of all captures as one set of points, a voxel apart.
 
@@ -53,26 +50,28 @@ def observe(
     points, normals, colours, confidence = (np.concatenate(parts) for parts in zip(*samples, strict=True))
     if len(points) == 0:
         raise _nothing()
-    points, normals, colours, confidence = _fused(
-        points, normals, colours, confidence, settings.point_spacing_m
-    )
+    points, normals, colours, confidence = _fused(points, normals, colours, confidence, settings.point_spacing_m)
     visibility = _visibility(points, depth_maps, reliable, settings)
     kept = visibility.sum(axis=1) >= _MIN_DENSE_VIEWS
     kept[kept] = _dense_enough(points[kept])
     if not kept.any():
         raise _nothing()
     dense = ObservedGeometry(
-        points[kept].astype(np.float32), normals[kept].astype(np.float32),
-        colours[kept].astype(np.float32), visibility[kept], confidence[kept].astype(np.float32),
-    )  # fmt: skip
+        points[kept].astype(np.float32),
+        normals[kept].astype(np.float32),
+        colours[kept].astype(np.float32),
+        visibility[kept],
+        confidence[kept].astype(np.float32),
+    )
     return dense if sparse is None else _with_sparse(dense, sparse, depth_maps, settings)
 
 
 def _nothing() -> GeometryError:
     return GeometryError(
-        "no depth is supported by two photographs", where="observed geometry",
+        "no depth is supported by two photographs",
+        where="observed geometry",
         cure="Check the poses, or add photographs that overlap more.",
-    )  # fmt: skip
+    )
 
 
 def _samples(
@@ -89,11 +88,7 @@ def _samples(
 
 
 def _fused(
-    points: np.ndarray,
-    normals: np.ndarray,
-    colours: np.ndarray,
-    confidence: np.ndarray,
-    spacing_m: float,
+    points: np.ndarray, normals: np.ndarray, colours: np.ndarray, confidence: np.ndarray, spacing_m: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """One point a voxel: the mean of its points by confidence, of the surest one's side."""
     cells = np.floor(points / spacing_m).astype(np.int64)
@@ -112,10 +107,7 @@ def _fused(
 
 
 def _visibility(
-    points: np.ndarray,
-    depth_maps: Sequence[DepthMap],
-    reliable: Sequence[np.ndarray],
-    settings: StereoSettings,
+    points: np.ndarray, depth_maps: Sequence[DepthMap], reliable: Sequence[np.ndarray], settings: StereoSettings
 ) -> np.ndarray:
     """(P, N) bool: the captures whose reliable depth agrees with each point."""
     return np.stack(
@@ -137,10 +129,7 @@ def _dense_enough(points: np.ndarray) -> np.ndarray:
 
 
 def _with_sparse(
-    dense: ObservedGeometry,
-    sparse: SparsePoints,
-    depth_maps: Sequence[DepthMap],
-    settings: StereoSettings,
+    dense: ObservedGeometry, sparse: SparsePoints, depth_maps: Sequence[DepthMap], settings: StereoSettings
 ) -> ObservedGeometry:
     """``dense`` and the well-measured sparse points further than a few voxels from it,
     facing the captures that measured them."""

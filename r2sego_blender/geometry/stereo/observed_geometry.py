@@ -37,9 +37,7 @@ class ObservedGeometry:
         """Read what ``save`` wrote. Raises GeometryError when the file is none of it."""
         with opened_arrays(path, GeometryError, "this is not observed geometry") as data:
             arrays = {field.name: data[field.name] for field in fields(ObservedGeometry)}
-            require_shapes(
-                arrays, points="P 3", normals="P 3", colours="P 3", visibility="P N", confidence="P"
-            )  # fmt: skip
+            require_shapes(arrays, points="P 3", normals="P 3", colours="P 3", visibility="P N", confidence="P")
             require_finite(points=arrays["points"], normals=arrays["normals"])
             return ObservedGeometry(**arrays)
 

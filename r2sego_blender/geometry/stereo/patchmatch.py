@@ -21,14 +21,7 @@ import numpy as np
 
 from ...core.compiled import KernelDecorator, prange
 from ...core.compiled import parallel_kernel as plain_parallel_kernel
-from .matching import (
-    WORST_COST,
-    ZERO,
-    inner_kernel,
-    photometric_cost,
-    reprojection_error,
-    weigh_patch,
-)
+from .matching import WORST_COST, ZERO, inner_kernel, photometric_cost, reprojection_error, weigh_patch
 
 parallel_kernel: KernelDecorator = functools.partial(plain_parallel_kernel, error_model="numpy")
 
@@ -66,9 +59,7 @@ def sampling_regions() -> np.ndarray:
     near += near[:4]
     far = [(0, -n) for n in range(3, 24, 2)]
     turns = ((1, 0, 0, 1), (-1, 0, 0, -1), (0, 1, -1, 0), (0, -1, 1, 0))
-    regions = [
-        [(a * u + b * v, c * u + d * v) for u, v in arm] for arm in (near, far) for a, b, c, d in turns
-    ]
+    regions = [[(a * u + b * v, c * u + d * v) for u, v in arm] for arm in (near, far) for a, b, c, d in turns]
     return np.array(regions, np.int64)
 
 

@@ -64,9 +64,14 @@ class DepthMap:
         camera = self.camera
         lens = np.array([camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy])
         save_arrays(
-            path, depth=self.depth, normal=self.normal, cost=self.cost, support=self.support,
-            lens=lens, world_from_camera=camera.world_from_camera,
-        )  # fmt: skip
+            path,
+            depth=self.depth,
+            normal=self.normal,
+            cost=self.cost,
+            support=self.support,
+            lens=lens,
+            world_from_camera=camera.world_from_camera,
+        )
 
     @staticmethod
     def load(path: Path) -> DepthMap:
@@ -112,12 +117,11 @@ def dense_stereo(
     if alone:
         progress.message(
             f"{', '.join(alone)}: shares no measured point with another photograph; "
-            "its depth is matched where the views should meet", "warning",
-        )  # fmt: skip
-        in_view = neighbours(cameras, guessed, settings.sources)
-        chosen = tuple(
-            c or g or _nearest(cameras, i) for i, (c, g) in enumerate(zip(chosen, in_view, strict=True))
+            "its depth is matched where the views should meet",
+            "warning",
         )
+        in_view = neighbours(cameras, guessed, settings.sources)
+        chosen = tuple(c or g or _nearest(cameras, i) for i, (c, g) in enumerate(zip(chosen, in_view, strict=True)))
 
     scales = _level_scales(cameras, settings.levels)
     rounds = len(scales) * (1 + settings.geometric_rounds)
@@ -152,15 +156,12 @@ class _View:
 
 def _check(captures: Sequence[Capture], depth_range_m: Sequence[tuple[float, float]]) -> None:
     if len(captures) < 2:
-        raise GeometryError(
-            "stereo needs at least two photographs", where="captures", cure="Add more photographs."
-        )
+        raise GeometryError("stereo needs at least two photographs", where="captures", cure="Add more photographs.")
     for capture, (near, far) in zip(captures, depth_range_m, strict=True):
         if not 0.0 < near < far < np.inf:
             raise GeometryError(
-                f"({near}, {far}) m is no depth range", where=capture.name,
-                cure="Give two depths, 0 < near < far.",
-            )  # fmt: skip
+                f"({near}, {far}) m is no depth range", where=capture.name, cure="Give two depths, 0 < near < far."
+            )
 
 
 def _nearest(cameras: Sequence[Camera], index: int) -> tuple[int, ...]:
@@ -262,9 +263,8 @@ def _estimate_level(
                 fineness = np.float32(0.5 ** (sweep + (0 if coarsest else 2)))
                 for colour in range(2):
                     patchmatch.half_sweep(
-                        field, view.reference, sources, window, regions,
-                        colour, number + sweep + 1, fineness, seed,
-                    )  # fmt: skip
+                        field, view.reference, sources, window, regions, colour, number + sweep + 1, fineness, seed
+                    )
             following.append(field.planes)
             task.advance()
         planes = following
@@ -272,10 +272,7 @@ def _estimate_level(
 
 
 def _depth_maps(
-    views: Sequence[_View],
-    chosen: Sequence[Sequence[int]],
-    planes: Sequence[np.ndarray],
-    settings: StereoSettings,
+    views: Sequence[_View], chosen: Sequence[Sequence[int]], planes: Sequence[np.ndarray], settings: StereoSettings
 ) -> tuple[DepthMap, ...]:
     """Depth, normals, photometric cost and support of the final planes."""
     window = matching.window(settings.patch_radius_px, settings.patch_stride_px)

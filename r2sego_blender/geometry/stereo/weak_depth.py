@@ -28,9 +28,12 @@ def weak_depth(
     (``settings.min_segment_share`` of the image).
     """
     counts = support(
-        [m.camera for m in depth_maps], [m.depth for m in depth_maps], [m.normal for m in depth_maps],
-        [m.depth > 0 for m in depth_maps], settings.consistency,
-    )  # fmt: skip
+        [m.camera for m in depth_maps],
+        [m.depth for m in depth_maps],
+        [m.normal for m in depth_maps],
+        [m.depth > 0 for m in depth_maps],
+        settings.consistency,
+    )
     found = []
     for i, (depth_map, count, view) in enumerate(zip(depth_maps, counts, trusted, strict=True)):
         agreed = (count > 0) & (view.depth == 0)

@@ -53,8 +53,7 @@ class OrientedPoints:
         cell = cell.ravel()
         total = np.bincount(cell, weights[:, 0])
         points, normals = (
-            np.stack([np.bincount(cell, weights[:, 0] * values[:, axis]) for axis in range(3)], 1)
-            / total[:, None]
+            np.stack([np.bincount(cell, weights[:, 0] * values[:, axis]) for axis in range(3)], 1) / total[:, None]
             for values in (points, normals)
         )
         return OrientedPoints(*_agreed(points, _unit(normals), total, reach_m))
@@ -69,9 +68,11 @@ def _samples(view: WeightedDepth) -> np.ndarray:
     middle = (slice(1, -1), slice(1, -1))
     smooth = (depth[middle] > 0) & (view.weight[middle] > 0)
     for neighbour, focal in (
-        (depth[1:-1, 2:], view.camera.fx), (depth[1:-1, :-2], view.camera.fx),
-        (depth[2:, 1:-1], view.camera.fy), (depth[:-2, 1:-1], view.camera.fy),
-    ):  # fmt: skip
+        (depth[1:-1, 2:], view.camera.fx),
+        (depth[1:-1, :-2], view.camera.fx),
+        (depth[2:, 1:-1], view.camera.fy),
+        (depth[:-2, 1:-1], view.camera.fy),
+    ):
         step = np.abs(neighbour - depth[middle])
         smooth &= (neighbour > 0) & (step * focal < _LARGEST_SLOPE * depth[middle])
     weight = np.asarray(view.weight, np.float64)[middle][smooth]

@@ -80,9 +80,10 @@ def checked(cloud: OrientedPoints) -> tuple[np.ndarray, np.ndarray]:
             wrong = "its points lie on a line, or all in one place"
     if wrong is not None:
         raise GeometryError(
-            f"no surface can come of this cloud: {wrong}", where="surface",
+            f"no surface can come of this cloud: {wrong}",
+            where="surface",
             cure="Take more photographs that overlap, or check their poses.",
-        )  # fmt: skip
+        )
     return points, normals
 
 
@@ -105,7 +106,5 @@ def _reconstruct(request: dict) -> dict:
     options.num_threads = 1  # the same bits every time
     pycolmap.poisson_meshing(_CLOUD, _SURFACE, options)
     if not Path(_SURFACE).is_file() or not Path(_SURFACE).stat().st_size:
-        raise GeometryError(
-            "the reconstruction left no surface", where="surface", cure="Use another backend."
-        )
+        raise GeometryError("the reconstruction left no surface", where="surface", cure="Use another backend.")
     return {}

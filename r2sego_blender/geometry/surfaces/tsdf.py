@@ -35,18 +35,22 @@ class DistanceField:
         """An empty field over the box from ``low`` to ``high`` (3,), metres, in the world."""
         shape = tuple(np.ceil((high - low) / voxel_m).astype(int) + 1)
         return DistanceField(
-            np.asarray(low, np.float64), voxel_m, truncation_m,
-            np.zeros(shape, np.float32), np.zeros(shape, np.float32),
-        )  # fmt: skip
+            np.asarray(low, np.float64), voxel_m, truncation_m, np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+        )
 
     def integrate(self, camera: Camera, depth: np.ndarray, weight: np.ndarray) -> None:
         """Add a planar depth map (H, W), 0 = unknown, with its per-pixel weight (H, W)."""
         _integrate(
-            self.distance, self.weight, self.origin, self.voxel_m, self.truncation_m,
+            self.distance,
+            self.weight,
+            self.origin,
+            self.voxel_m,
+            self.truncation_m,
             camera.camera_from_world[:3],
             np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
-            np.ascontiguousarray(depth, np.float32), np.ascontiguousarray(weight, np.float32),
-        )  # fmt: skip
+            np.ascontiguousarray(depth, np.float32),
+            np.ascontiguousarray(weight, np.float32),
+        )
 
     def surface(self) -> tuple[np.ndarray, np.ndarray]:
         """Marching cubes between known voxels: vertices (V, 3) float64 and faces (F, 3) int32,

@@ -51,9 +51,8 @@ def _components(faces: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 
 def _laid_out(
-    vertices: np.ndarray, faces: np.ndarray, axis: np.ndarray, chart: np.ndarray,
-    size_px: int, padding_px: int,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    vertices: np.ndarray, faces: np.ndarray, axis: np.ndarray, chart: np.ndarray, size_px: int, padding_px: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Every chart projected and packed: (vertices, faces, uvs)."""
     corners = np.column_stack([np.repeat(chart, 3), faces.ravel()])
     split, index = np.unique(corners, axis=0, return_inverse=True)
@@ -78,9 +77,10 @@ def _packed(extents: np.ndarray, size_px: int, padding_px: int) -> tuple[float, 
     low, best = 0.0, _shelves(extents, 0.0, size_px, padding_px)
     if best is None:
         raise GeometryError(
-            f"{len(extents)} charts do not fit on {size_px}x{size_px} texels", where="texture",
+            f"{len(extents)} charts do not fit on {size_px}x{size_px} texels",
+            where="texture",
             cure="Raise texture.size_px, or lower texture.faces.",
-        )  # fmt: skip
+        )
     high = (size_px - 2 * padding_px) / longest
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2

@@ -70,9 +70,8 @@ def _try(corners, faces, f, margin, row, column, face, weights, distance):
     i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
     x, y = column + 0.5, row + 0.5
     a, b, c, squared = _closest(
-        corners[i, 0] - x, corners[i, 1] - y, corners[j, 0] - x, corners[j, 1] - y,
-        corners[k, 0] - x, corners[k, 1] - y,
-    )  # fmt: skip
+        corners[i, 0] - x, corners[i, 1] - y, corners[j, 0] - x, corners[j, 1] - y, corners[k, 0] - x, corners[k, 1] - y
+    )
     away = np.float32(np.sqrt(squared))
     if away <= margin and away < distance[row, column]:
         distance[row, column] = away

@@ -49,8 +49,16 @@ def _mjcf(stem: str) -> bytes:
     ElementTree.SubElement(assets, "mesh", name="baked", file=f"{stem}.obj", inertia="shell")
     world = ElementTree.SubElement(root, "worldbody")
     ElementTree.SubElement(
-        world, "geom", name="baked", type="mesh", mesh="baked", material="baked", group="2",
-        contype="0", conaffinity="0", mass="0",
-    )  # fmt: skip
+        world,
+        "geom",
+        name="baked",
+        type="mesh",
+        mesh="baked",
+        material="baked",
+        group="2",
+        contype="0",
+        conaffinity="0",
+        mass="0",
+    )
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="utf-8") + b"\n"

@@ -23,9 +23,7 @@ def write_textured_usd(path: Path, mesh: TexturedMesh, picture: str) -> None:
     set_world(stage)
     prim = define_mesh(stage, "/textured", mesh.vertices, mesh.faces)
     stage.SetDefaultPrim(prim.GetPrim())
-    places = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(
-        _PLACE, Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex
-    )
+    places = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(_PLACE, Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
     upwards = mesh.uvs * np.array([1, -1], np.float32) + np.array([0, 1], np.float32)  # USD counts v upwards
     places.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(upwards, np.float32)))
     UsdShade.MaterialBindingAPI.Apply(prim.GetPrim()).Bind(_glowing(stage, picture))

@@ -59,9 +59,7 @@ def bake(
     normals = normals_and_areas(mesh.vertices, mesh.faces)[0].astype(np.float32)[texels.face[used]]
     colours, seen = seen_colours(points, normals, mesh, images, cameras, settings, progress, shown)
     if not seen.any():
-        raise GeometryError(
-            "no capture sees any of the mesh", where="texture", cure="Check the captures' poses."
-        )
+        raise GeometryError("no capture sees any of the mesh", where="texture", cure="Check the captures' poses.")
     colours[~seen] = _continued(points, normals, colours, seen)
     texture = np.zeros((*used.shape, 3), np.float32)
     texture[used] = colours
@@ -72,10 +70,15 @@ def bake(
 
 
 def seen_colours(
-    points: np.ndarray, normals: np.ndarray, mesh: UnwrappedMesh, images: Sequence[np.ndarray],
-    cameras: Sequence[Camera], settings: TextureSettings, progress: Progress = SILENT,
+    points: np.ndarray,
+    normals: np.ndarray,
+    mesh: UnwrappedMesh,
+    images: Sequence[np.ndarray],
+    cameras: Sequence[Camera],
+    settings: TextureSettings,
+    progress: Progress = SILENT,
     shown: Sequence[np.ndarray] | None = None,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray]:
     """Colours (n, 3) float32 of surface points (n, 3) with unit normals, and which are seen (n,)."""
     rasterizer = MeshRasterizer(mesh.vertices, mesh.faces)
     best = min(settings.best_captures, len(cameras))
@@ -91,19 +94,24 @@ def seen_colours(
         trust = np.where(nearest < solid * (1 - _EDGE_STEP), np.float32(_EDGE_TRUST), np.float32(1))
         trust[~usable] = 0
         _see(
-            points, normals, camera.camera_from_world[:3], camera.centre.copy(),
-            np.array([camera.fx, camera.fy, camera.cx, camera.cy]), depth, trust,
+            points,
+            normals,
+            camera.camera_from_world[:3],
+            camera.centre.copy(),
+            np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
+            depth,
+            trust,
             np.ascontiguousarray(image, np.float32),
-            settings.depth_tolerance, settings.border_px, quality, colour,
-        )  # fmt: skip
+            settings.depth_tolerance,
+            settings.border_px,
+            quality,
+            colour,
+        )
     return _blended(quality, colour, best), quality[:, 0] > 0
 
 
 @parallel_kernel
-def _see(
-    points, normals, pose, centre, lens, depth, trust, image, tolerance, border_px,
-    quality, colour,
-):  # fmt: skip
+def _see(points, normals, pose, centre, lens, depth, trust, image, tolerance, border_px, quality, colour):
     """Put what one capture sees among the best so far, which ``quality`` (n, k) sorts."""
     height, width = depth.shape
     for i in prange(points.shape[0]):
@@ -194,9 +202,7 @@ def filled(texture: np.ndarray, known: np.ndarray) -> np.ndarray:
     while min(levels[-1][1].shape) > 1:
         colour, weight = levels[-1]
         height, width = (weight.shape[0] + 1) // 2, (weight.shape[1] + 1) // 2
-        colour, weight = (
-            cv2.resize(v, (width, height), interpolation=cv2.INTER_AREA) for v in (colour, weight)
-        )
+        colour, weight = (cv2.resize(v, (width, height), interpolation=cv2.INTER_AREA) for v in (colour, weight))
         levels.append((colour, weight))
     below: np.ndarray | None = None
     for colour, weight in reversed(levels):

@@ -62,9 +62,11 @@ def _by_xatlas(
         mesh, charts = Path(folder, "mesh.npz"), Path(folder, "charts.npz")
         save_arrays(mesh, vertices=vertices, faces=faces)
         request = {
-            "mesh": str(mesh), "charts": str(charts),
-            "size_px": settings.size_px, "padding_px": settings.padding_px,
-        }  # fmt: skip
+            "mesh": str(mesh),
+            "charts": str(charts),
+            "size_px": settings.size_px,
+            "padding_px": settings.padding_px,
+        }
         call_in_child(_run_xatlas, request, timeout_s=seconds)
         with opened_arrays(charts, GeometryError, "xatlas left no charts") as data:
             source, faces, uvs = data["source"], data["faces"], data["uvs"]
@@ -88,7 +90,9 @@ def _run_xatlas(request: dict) -> dict:
     # The atlas comes out near the size asked for and not quite square; texels stay square.
     uvs = uvs * np.array([atlas.width, atlas.height], np.float32) / np.float32(max(atlas.width, atlas.height))
     np.savez(
-        request["charts"], source=source.astype(np.int64), faces=faces.astype(np.int32),
+        request["charts"],
+        source=source.astype(np.int64),
+        faces=faces.astype(np.int32),
         uvs=np.clip(uvs, 0.0, 1.0).astype(np.float32),
-    )  # fmt: skip
+    )
     return {}

@@ -36,7 +36,7 @@ def in_view(pose, planes, sphere):
     reach = sphere[3] + NEAR_M
     if z < -sphere[3]:
         return False
-    for k in range(planes.shape[0]):
+    for k in range(planes.shape[0]):  # noqa: SIM110  (Numba knows no generators)
         if planes[k, 0] * x + planes[k, 1] * y + planes[k, 2] * z < -reach:
             return False
     return True

@@ -35,9 +35,8 @@ def count_views(
     counts = np.empty(len(faces), np.uint32)
     clusters = np.append(np.arange(0, len(faces), _CLUSTER), len(faces))
     counts[order] = _count_views(
-        poses, lens, width, height, vertices, faces[order], clusters,
-        _spheres(vertices[faces[order]], clusters),
-    )  # fmt: skip
+        poses, lens, width, height, vertices, faces[order], clusters, _spheres(vertices[faces[order]], clusters)
+    )
     return counts
 
 

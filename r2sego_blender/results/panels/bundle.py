@@ -108,9 +108,7 @@ class Bundle:
         selection = self.read(CHOICE.of_round(round_index))
         camera, poses = self.read(CANDIDATE_POSES.of_round(round_index))
         if len(selection.score) != len(poses):
-            raise SceneError(
-                "selection.npz and candidates.npz do not belong together", where=folder, cure=_CURE
-            )
+            raise SceneError("selection.npz and candidates.npz do not belong together", where=folder, cure=_CURE)
         return CandidateViews(camera, poses, selection)
 
     def camera_path(self, round_index: int, view: int) -> list[Camera]:
@@ -122,9 +120,10 @@ class Bundle:
         file = folder / f"{view:03d}" / "path.json"
         if not file.is_file():
             raise SceneError(
-                f"round {round_index} has no camera path for view {view}", where=folder,
+                f"round {round_index} has no camera path for view {view}",
+                where=folder,
                 cure="Choose another view or round.",
-            )  # fmt: skip
+            )
         return read_camera_path(file)
 
     # ---- results

@@ -39,12 +39,15 @@ def listed_captures(bundle: Bundle) -> list[ListedCapture]:
     points, overlaps = _measured(bundle, len(views))
     return [
         ListedCapture(
-            view.name, view.camera.width, view.camera.height,
+            view.name,
+            view.camera.width,
+            view.camera.height,
             horizontal_view_deg(view.camera.width, view.camera.fx, view.camera.cx),
-            int(points[index]), int(overlaps[index]),
+            int(points[index]),
+            int(overlaps[index]),
         )
         for index, view in enumerate(views)
-    ]  # fmt: skip
+    ]
 
 
 def horizontal_view_deg(width: int, fx: float, cx: float) -> float:
@@ -68,7 +71,8 @@ def _measured(bundle: Bundle, count: int) -> tuple[np.ndarray, np.ndarray]:
     visibility = bundle.read(SPARSE).visibility
     if visibility.shape[1] != count:
         raise SceneError(
-            f"its points were measured in {visibility.shape[1]} captures, there are {count}", where=file,
+            f"its points were measured in {visibility.shape[1]} captures, there are {count}",
+            where=file,
             cure="Import the captures again.",
-        )  # fmt: skip
+        )
     return visibility.sum(axis=0), overlap_counts(visibility)

@@ -21,9 +21,7 @@ from .bundle import Bundle
 def picks_of(group: Any) -> Picks:
     """The picks in the properties of ``R2SEGO_PG_captures``; points picked nowhere are left out."""
     points = tuple(
-        PickedPoint(
-            point.name, tuple(Pick(view.capture, view.x_px, view.y_px) for view in point.views), point.floor
-        )
+        PickedPoint(point.name, tuple(Pick(view.capture, view.x_px, view.y_px) for view in point.views), point.floor)
         for point in group.points
         if len(point.views)
     )
@@ -83,9 +81,13 @@ def fit_of(picks: Picks, bundle: Bundle) -> PickFacts:
     ends = [(one.start, one.end) for one in picks.lengths]
     lengths_m = dict(zip(ends, map(float, fit.length_m), strict=True))
     return PickFacts(
-        placed, lengths_m, next(map(float, fit.height_m), 0.0), problem, "; ".join(_corrections(fit)),
+        placed,
+        lengths_m,
+        next(map(float, fit.height_m), 0.0),
+        problem,
+        "; ".join(_corrections(fit)),
         "; ".join(told.warnings),
-    )  # fmt: skip
+    )
 
 
 def _points_alone(picks: Picks, captures: Sequence[RegisteredView], sparse: Any, problem: str) -> PickFacts:
@@ -103,8 +105,7 @@ def _points_alone(picks: Picks, captures: Sequence[RegisteredView], sparse: Any,
 def _placed(fit: PicksFit) -> dict[str, PlacedPick]:
     return {
         one.point.name: PlacedPick(
-            tuple(one.position.tolist()),
-            tuple(float(off) for off in np.where(np.isnan(one.off_px), -1.0, one.off_px)),
+            tuple(one.position.tolist()), tuple(float(off) for off in np.where(np.isnan(one.off_px), -1.0, one.off_px))
         )
         for one in fit.placed
     }
@@ -135,7 +136,5 @@ def _sparse(bundle: Bundle) -> Any:
     """Points and visibility alone; none at all where the bundle has no sparse points."""
     file = bundle.sparse_file
     if not file.is_file():
-        return SimpleNamespace(
-            points=np.empty((0, 3)), visibility=np.empty((0, len(bundle.captures())), bool)
-        )
+        return SimpleNamespace(points=np.empty((0, 3)), visibility=np.empty((0, len(bundle.captures())), bool))
     return bundle.read(SPARSE)

@@ -60,9 +60,7 @@ def surface_samples(vertices: np.ndarray, faces: np.ndarray, count: int = SAMPLE
     return np.einsum("nk,nkd->nd", weights, corners).astype(np.float32)
 
 
-def mask_window(
-    name: str, camera: Camera, mask: np.ndarray, depth: np.ndarray | None = None
-) -> MaskWindow | None:
+def mask_window(name: str, camera: Camera, mask: np.ndarray, depth: np.ndarray | None = None) -> MaskWindow | None:
     """The small image around a ``mask`` (H, W) bool of ``camera``; None for an empty one.
 
     ``depth`` (H, W) planar metres, 0 = unknown.
@@ -79,9 +77,14 @@ def mask_window(
     width, height = (max(1, round((end - start) * share)) for start, end in sides)
     sx, sy = width / (right - left), height / (bottom - top)
     small = Camera(
-        width, height, camera.fx * sx, camera.fy * sy, (camera.cx - left) * sx, (camera.cy - top) * sy,
+        width,
+        height,
+        camera.fx * sx,
+        camera.fy * sy,
+        (camera.cx - left) * sx,
+        (camera.cy - top) * sy,
         camera.world_from_camera,
-    )  # fmt: skip
+    )
     x = np.clip((left + (np.arange(width) + 0.5) / sx).astype(int), 0, camera.width - 1)
     y = np.clip((top + (np.arange(height) + 0.5) / sy).astype(int), 0, camera.height - 1)
     known = np.zeros(mask.shape, np.float32) if depth is None else depth
@@ -138,8 +141,6 @@ def _closed(inverse: np.ndarray) -> np.ndarray:
     """The image with single gaps filled: by the nearest neighbour where five of eight are there."""
     padded = np.pad(inverse, 1)
     rows, columns = inverse.shape
-    around = [
-        padded[dy : dy + rows, dx : dx + columns] for dy in range(3) for dx in range(3) if (dy, dx) != (1, 1)
-    ]
+    around = [padded[dy : dy + rows, dx : dx + columns] for dy in range(3) for dx in range(3) if (dy, dx) != (1, 1)]
     near = np.sum([one > 0.0 for one in around], axis=0) >= 5
     return np.where((inverse == 0.0) & near, np.max(around, axis=0), inverse)

@@ -84,9 +84,7 @@ def _by_coverage(faces: ProxyFaces) -> Colouring:
 
 
 def _by_gap(faces: ProxyFaces) -> Colouring:
-    labels = (
-        "Robot sees, no capture", "Robot sees, 1 capture", "Robot sees, 2 or more", "Robot does not see"
-    )  # fmt: skip
+    labels = ("Robot sees, no capture", "Robot sees, 1 capture", "Robot sees, 2 or more", "Robot does not see")
     assert faces.seen is not None
     slot = np.where(faces.seen > 0, np.minimum(faces.support, 2), 3)
     return Colouring(labels, (_RED, _ORANGE, _GREEN, _DARK), _slots(slot))
@@ -104,21 +102,16 @@ class ColouringKind:
 
 COLOURINGS: Mapping[str, ColouringKind] = {
     "PROVENANCE": ColouringKind(
-        "Provenance", "Capture grey was observed, prior teal is a shape prior, amber was completed",
-        _by_provenance,
+        "Provenance", "Capture grey was observed, prior teal is a shape prior, amber was completed", _by_provenance
     ),
     "SUPPORT": ColouringKind("Support", "How many captures see a face", _by_support),
     "CONFIDENCE": ColouringKind("Confidence", "How sure a face is, from 0 to 1", _by_confidence),
-    "VIEWS": ColouringKind(
-        "Robot's Views", "How many of the robot's candidate views see a face", _by_views, True
-    ),
-    "COVERAGE": ColouringKind(
-        "Coverage", "What the robot sees against what captures support", _by_coverage, True
-    ),
+    "VIEWS": ColouringKind("Robot's Views", "How many of the robot's candidate views see a face", _by_views, True),
+    "COVERAGE": ColouringKind("Coverage", "What the robot sees against what captures support", _by_coverage, True),
     "SUPPORT_GAP": ColouringKind(
         "Support Gap", "What the robot sees and no capture, or but one, supports", _by_gap, True
     ),
-}  # fmt: skip
+}
 """The colourings by the names they have in ``scene.r2sego_proxy.colour_by``."""
 
 

@@ -48,11 +48,7 @@ def read_objects(bundle: Bundle) -> list[KnownObject]:
         return []
     there = (bundle.scene.geometry_folder / "priors" / "priors.json").is_file()
     known = {one["name"]: one for one in (bundle.read(PRIOR_RECORDS) if there else [])}
-    return [
-        _object(bundle, place, known.get(place.name, {}))
-        for place in sorted(folder.iterdir())
-        if place.is_dir()
-    ]
+    return [_object(bundle, place, known.get(place.name, {})) for place in sorted(folder.iterdir()) if place.is_dir()]
 
 
 def prior_file(bundle: Bundle, name: str) -> Path | None:
@@ -67,9 +63,8 @@ def prior_mesh(bundle: Bundle, name: str) -> tuple[np.ndarray, np.ndarray]:
     file = prior_file(bundle, name)
     if file is None:
         raise GeometryError(
-            f"'{name}' has no prior to show", where=bundle.path,
-            cure="Refine first, or give the object a mesh.",
-        )  # fmt: skip
+            f"'{name}' has no prior to show", where=bundle.path, cure="Refine first, or give the object a mesh."
+        )
     prior = load_prior(file)
     return prior.vertices.astype(np.float64), prior.faces.astype(np.int32)
 
@@ -87,12 +82,20 @@ def _object(bundle: Bundle, place: Path, record: Mapping[str, Any]) -> KnownObje
     locked = bool(held.get("locked", False))
     pose = record.get("world_from_own")
     return KnownObject(
-        place.name, _state(record, decided, locked, bool(held)), len(mask_files(bundle, place.name)), True,
-        str(record.get("refusal", "")), str(record.get("shape", "")),
-        _number(record.get("silhouette_iou")), _number(record.get("energy")),
-        _number(record.get("point_distance_m")), prior_file(bundle, place.name) is not None,
-        any(place.glob("mesh.*")), bool(held), None if pose is None else np.array(pose, np.float64),
-    )  # fmt: skip
+        place.name,
+        _state(record, decided, locked, bool(held)),
+        len(mask_files(bundle, place.name)),
+        True,
+        str(record.get("refusal", "")),
+        str(record.get("shape", "")),
+        _number(record.get("silhouette_iou")),
+        _number(record.get("energy")),
+        _number(record.get("point_distance_m")),
+        prior_file(bundle, place.name) is not None,
+        any(place.glob("mesh.*")),
+        bool(held),
+        None if pose is None else np.array(pose, np.float64),
+    )
 
 
 def _state(record: Mapping[str, Any], decided: str, locked: bool, placed: bool) -> str:

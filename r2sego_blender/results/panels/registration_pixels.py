@@ -20,9 +20,9 @@ def pixel_of_ray(camera: Camera, direction: np.ndarray) -> tuple[float, float] |
 def points_at(camera: Camera, pixels: np.ndarray, depth_m: float = 1.0) -> np.ndarray:
     """(n, 3) world points at pixels (n, 2) and a planar depth, metres."""
     pixels = np.asarray(pixels, np.float64).reshape(-1, 2)
-    local = np.column_stack([
-        (pixels[:, 0] - camera.cx) / camera.fx, (pixels[:, 1] - camera.cy) / camera.fy, np.ones(len(pixels)),
-    ])  # fmt: skip
+    local = np.column_stack(
+        [(pixels[:, 0] - camera.cx) / camera.fx, (pixels[:, 1] - camera.cy) / camera.fy, np.ones(len(pixels))]
+    )
     return depth_m * local @ camera.world_from_camera[:3, :3].T + camera.centre
 
 

@@ -91,9 +91,8 @@ def report_scores(bundle: Bundle) -> ReportScores:
         )
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise SceneError(
-            f"the field {error} is missing or wrong", where=bundle.scene.metrics_file,
-            cure="Run Evaluate again.",
-        ) from error  # fmt: skip
+            f"the field {error} is missing or wrong", where=bundle.scene.metrics_file, cure="Run Evaluate again."
+        ) from error
 
 
 def not_scored(bundle: Bundle, metrics: Mapping[str, Any]) -> frozenset[str]:

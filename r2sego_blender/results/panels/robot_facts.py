@@ -70,10 +70,7 @@ class RobotFacts:
         if self.scope.look.camera_pitch_deg is not None:
             yield "Pitch", "{:g}° to {:g}° down, drawn".format(*self.scope.look.camera_pitch_deg)
         weights = vars(self.scope.behaviours)
-        yield (
-            "Behaviours",
-            ", ".join(f"{name} {weight:g}" for name, weight in weights.items() if weight > 0.0),
-        )
+        yield ("Behaviours", ", ".join(f"{name} {weight:g}" for name, weight in weights.items() if weight > 0.0))
         yield "Region", f"polygon, {abs(area_m2(self.region)):.2f} m²" if self.region else "the free floor"
         if self.scope.behaviours.sit_on > 0.0:
             target = self.scope.sit_on.target

@@ -56,9 +56,7 @@ class RobotBodies:
                 folder, tuple(told["bodies"]), shapes, camera, float(told["camera_rate_hz"]), told["rollouts"]
             )
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise SceneError(
-                f"it is damaged: {error!r}", where=folder / "bodies.json", cure=_CURE
-            ) from error  # fmt: skip
+            raise SceneError(f"it is damaged: {error!r}", where=folder / "bodies.json", cure=_CURE) from error
 
     def poses(self, number: int) -> np.ndarray:
         """``world_from_body`` (T, B, 4, 4) float64 along an attempt. Raises SceneError: damaged."""

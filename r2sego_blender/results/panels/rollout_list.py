@@ -65,11 +65,17 @@ def attempts(bundle: Bundle, round_index: int) -> list[Attempt]:
         raise SceneError(what, where=folder, cure=_CURE)
     return [
         Attempt(
-            number, told.behaviour, told.success, told.reason, told.detail, told.frame, len(told.qpos),
+            number,
+            told.behaviour,
+            told.success,
+            told.reason,
+            told.detail,
+            told.frame,
+            len(told.qpos),
             float(told.times_s[-1]) if len(told.times_s) else 0.0,
         )
         for number, told in enumerate(_rollouts(bundle, round_index))
-    ]  # fmt: skip
+    ]
 
 
 def camera_poses(bundle: Bundle, round_index: int, number: int) -> np.ndarray:

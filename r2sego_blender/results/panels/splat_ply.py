@@ -60,9 +60,8 @@ def read_splats(path: Path, backdrop: bool = False) -> ShownSplats:
         for name in wanted:
             if name not in names:
                 raise AssetError(
-                    f"the property '{name}' is missing", where=path,
-                    cure="Export it as a 3DGS PLY with all properties.",
-                )  # fmt: skip
+                    f"the property '{name}' is missing", where=path, cure="Export it as a 3DGS PLY with all properties."
+                )
         return np.stack([vertices[name].astype(np.float32) for name in wanted], axis=1)
 
     means = columns("x", "y", "z")

@@ -16,9 +16,7 @@ _BACKGROUND, _TEXT = 38, 235
 _MILLIMETRE_LEVELS = 65535.0
 
 
-def side_by_side(
-    pictures: Sequence[tuple[str, np.ndarray]], cell: tuple[int, int], columns: int = 0
-) -> np.ndarray:
+def side_by_side(pictures: Sequence[tuple[str, np.ndarray]], cell: tuple[int, int], columns: int = 0) -> np.ndarray:
     """(H, W, 3) uint8: labelled pictures (h, w, 3) uint8 in a grid of cells (height, width).
 
     A picture keeps its proportions. ``columns`` 0 makes the grid a little wider than high.

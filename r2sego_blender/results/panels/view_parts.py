@@ -52,9 +52,14 @@ def clip_files(view: Path) -> list[Path]:
 
 
 def view_parts(
-    bundle: Bundle, record: ViewRecord, kinds: Collection[str], *, clip_frame: int = -1,
-    asset: Mapping[str, Path] | None = None, truth: tuple[str, Path] | None = None,
-) -> list[Part]:  # fmt: skip
+    bundle: Bundle,
+    record: ViewRecord,
+    kinds: Collection[str],
+    *,
+    clip_frame: int = -1,
+    asset: Mapping[str, Path] | None = None,
+    truth: tuple[str, Path] | None = None,
+) -> list[Part]:
     """What of ``kinds`` there is of a view, in the order of ``KINDS``; what is missing is left out.
 
     Conditions are those of the kept frame. ``clip_frame`` is a frame of the clip, -1 its middle
@@ -78,9 +83,7 @@ def view_parts(
     return sorted(wanted, key=lambda part: order.index(part.kind))
 
 
-def nearest_truth(
-    file: Path, world_from_capture: np.ndarray, pose: np.ndarray
-) -> tuple[str, Path] | None:  # fmt: skip
+def nearest_truth(file: Path, world_from_capture: np.ndarray, pose: np.ndarray) -> tuple[str, Path] | None:
     """The frozen view of a ``cameras.json`` nearest to ``pose`` (4, 4), with its distance in words.
 
     ``world_from_capture`` (4, 4) takes the file's frame to the world. None when none is within
@@ -110,9 +113,7 @@ def require_view(records: list[ViewRecord], rank: int) -> ViewRecord:
     for record in records:
         if record.rank == rank:
             return record
-    raise GenerationError(
-        f"there is no generated view {rank}", cure="Choose one of the list, or another round."
-    )
+    raise GenerationError(f"there is no generated view {rank}", cure="Choose one of the list, or another round.")
 
 
 def _condition_files(record: ViewRecord) -> dict[str, Path]:

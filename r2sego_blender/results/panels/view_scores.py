@@ -55,9 +55,8 @@ class RoundScores:
         captures = tuple(view.name for view in bundle.captures())
         window = bundle.scene.declaration.settings.selection.nms_window
         return RoundScores(
-            str(bundle.path), stamp, bundle.candidates(round_index), window, captures,
-            _origins(bundle, round_index),
-        )  # fmt: skip
+            str(bundle.path), stamp, bundle.candidates(round_index), window, captures, _origins(bundle, round_index)
+        )
 
     def __len__(self) -> int:
         return len(self.selection.score)
@@ -108,9 +107,7 @@ class RoundScores:
         """The eligible survivors, best first; the targets lead."""
         told = self.selection
         return tuple(
-            RankedView(
-                int(k), int(told.rollout[k]), int(told.frame[k]), float(told.score[k]), bool(told.chosen[k])
-            )
+            RankedView(int(k), int(told.rollout[k]), int(told.frame[k]), float(told.score[k]), bool(told.chosen[k]))
             for k in told.ranked
         )
 
@@ -150,7 +147,5 @@ def _origins(bundle: Bundle, round_index: int) -> tuple[str, ...]:
     if declared != "rollouts" or not (bundle.path / made.name / REASONS).is_file():
         return ()
     return tuple(
-        f"Attempt {number}, {attempt.behaviour}"
-        for number, attempt in enumerate(bundle.read(made))
-        if attempt.success
+        f"Attempt {number}, {attempt.behaviour}" for number, attempt in enumerate(bundle.read(made)) if attempt.success
     )

@@ -12,17 +12,7 @@ import numpy as np
 from ...config.declared_files import is_number
 from ...config.fields import Range, setting
 from .behaviour import Behaviour, Course
-from .trajectory import (
-    RATE_HZ,
-    REACH_RAD,
-    STAND_OFF_M,
-    STEP_SPEED_M_S,
-    STILL_S,
-    RootTrajectory,
-    Seat,
-    eased,
-    times,
-)
+from .trajectory import RATE_HZ, REACH_RAD, STAND_OFF_M, STEP_SPEED_M_S, STILL_S, RootTrajectory, Seat, eased, times
 
 ANY_SEAT = "any"
 
@@ -101,11 +91,18 @@ def _approach(course: Course, seat: Seat) -> RootTrajectory | None:
     forward = eased((at - down_at_s + 0.4) / (0.6 * down_s))
     upright = eased((at - down_at_s - 0.7 * down_s) / (0.8 * down_s))
     return RootTrajectory(
-        "sit_on", way.xy[frame] + back[:, None] * (stand - here), way.yaw[frame], way.speed[frame],
-        seated, np.zeros(len(at)), lean_rad * (forward - upright), REACH_RAD * reach, sit, seat, depth_m,
-    )  # fmt: skip
+        "sit_on",
+        way.xy[frame] + back[:, None] * (stand - here),
+        way.yaw[frame],
+        way.speed[frame],
+        seated,
+        np.zeros(len(at)),
+        lean_rad * (forward - upright),
+        REACH_RAD * reach,
+        sit,
+        seat,
+        depth_m,
+    )
 
 
-BEHAVIOUR = Behaviour(
-    SitOn, "Walk to a seat, turn, sit down and look around.", plan, needs_legs=True, place=4
-)
+BEHAVIOUR = Behaviour(SitOn, "Walk to a seat, turn, sit down and look around.", plan, needs_legs=True, place=4)

@@ -40,11 +40,16 @@ def plan(course: Course) -> RootTrajectory:
         crouch, lean, begins_s = crouch + depth * low, lean + lean_rad * low, rise_s + _CROUCH_S + STILL_S
     still = np.zeros(len(at))
     return RootTrajectory(
-        "squat", np.tile(place, (len(at), 1)), np.full(len(at), heading), still, place,
-        crouch, lean, REACH_RAD * lean / max(lean.max(), 1e-9), still,
-    )  # fmt: skip
+        "squat",
+        np.tile(place, (len(at), 1)),
+        np.full(len(at), heading),
+        still,
+        place,
+        crouch,
+        lean,
+        REACH_RAD * lean / max(lean.max(), 1e-9),
+        still,
+    )
 
 
-BEHAVIOUR = Behaviour(
-    Squat, "Stand, lower the body and look down, as for reaching.", plan, needs_legs=True, place=3
-)
+BEHAVIOUR = Behaviour(Squat, "Stand, lower the body and look down, as for reaching.", plan, needs_legs=True, place=3)

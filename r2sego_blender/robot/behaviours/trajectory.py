@@ -95,9 +95,7 @@ class RootTrajectory:
     depth_m: float = 0.0
 
     @staticmethod
-    def upright(
-        behaviour: str, xy: np.ndarray, yaw: np.ndarray, speed: np.ndarray, goal: np.ndarray
-    ) -> RootTrajectory:
+    def upright(behaviour: str, xy: np.ndarray, yaw: np.ndarray, speed: np.ndarray, goal: np.ndarray) -> RootTrajectory:
         """One whose body does nothing besides."""
         nothing = np.zeros(len(yaw))
         return RootTrajectory(behaviour, xy, yaw, speed, goal, nothing, nothing, nothing, nothing)

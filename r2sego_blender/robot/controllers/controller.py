@@ -48,11 +48,7 @@ class Controller(Protocol):
 
 
 def make_controller(
-    robot: RobotModel,
-    floor: FreeFloor,
-    scope: BehaviourScope,
-    collision_mjcf: Path,
-    settings: RolloutSettings,
+    robot: RobotModel, floor: FreeFloor, scope: BehaviourScope, collision_mjcf: Path, settings: RolloutSettings
 ) -> Controller:
     """The controller that ``scope`` names. Raises RobotError: files it cannot use."""
     if scope.controller.kind == "policy":

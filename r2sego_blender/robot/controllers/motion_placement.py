@@ -46,9 +46,14 @@ def placed_on_floor(qpos: np.ndarray, floor: FreeFloor, rng: np.random.Generator
 
 
 def placed_on_seat(
-    qpos: np.ndarray, robot: RobotModel, composition: Composition, floor: FreeFloor, seat: Seat,
-    depth_m: float, shortest: int,
-) -> np.ndarray | None:  # fmt: skip
+    qpos: np.ndarray,
+    robot: RobotModel,
+    composition: Composition,
+    floor: FreeFloor,
+    seat: Seat,
+    depth_m: float,
+    shortest: int,
+) -> np.ndarray | None:
     """``qpos`` (T, nq), which ends seated, moved so that it ends ``depth_m`` behind the seat's edge.
 
     The base is lowered or lifted to the seat's height as it sits down, the feet staying where

@@ -57,9 +57,7 @@ class DeclaredPolicy:
         """Raises RobotError as ``PolicyController`` does."""
         for field in ("file", "layout"):
             if not getattr(scope.controller, field):
-                raise RobotError(
-                    f"controller.{field} is missing", where=scope.name, cure="See docs/controllers.md."
-                )
+                raise RobotError(f"controller.{field} is missing", where=scope.name, cure="See docs/controllers.md.")
         layout = PolicyLayout.load(scope.controller.layout)
         file, weights = PolicyFile(scope.controller.file, layout), _weights(scope, layout)
         return DeclaredPolicy(layout, file, weights, *_held_and_driven(robot, layout))
@@ -73,9 +71,13 @@ class PolicyController:
     """
 
     def __init__(
-        self, robot: RobotModel, floor: FreeFloor, scope: BehaviourScope, collision_mjcf: Path,
+        self,
+        robot: RobotModel,
+        floor: FreeFloor,
+        scope: BehaviourScope,
+        collision_mjcf: Path,
         settings: RolloutSettings,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._robot, self._floor = robot, floor
         policy = DeclaredPolicy.load(robot, scope)
         self._layout, self._file, self._weights = policy.layout, policy.file, policy.weights
@@ -94,10 +96,7 @@ class PolicyController:
         scope, floor = self._scope, self._floor
         behaviour = str(rng.choice(_BEHAVIOURS, p=self._weights))
         start = draw_cell(floor.free, rng)
-        speed_m_s, turn_rate = (
-            rng.uniform(*scope.walk_to.speed_m_s),
-            _radians(scope.walk_to.turn_rate_deg_s, rng),
-        )
+        speed_m_s, turn_rate = (rng.uniform(*scope.walk_to.speed_m_s), _radians(scope.walk_to.turn_rate_deg_s, rng))
         heading = rng.uniform(-math.pi, math.pi)
         place = floor.points(*np.array(start))
         stood = Stage(place[None], heading, self._layout.commands.walking_height_m, _STANDS_S)
@@ -119,11 +118,18 @@ class PolicyController:
         pitch = scope.look.camera_pitch_deg
         mount = self._robot.mount if pitch is None else self._robot.mount.pitched(rng.uniform(*pitch))
         return PolicyDrive(
-            self.composition, self._layout, self._file.network(), self._file.path,
+            self.composition,
+            self._layout,
+            self._file.network(),
+            self._file.path,
             VelocityPursuit([stood, *stages], self._layout.commands, speed_m_s, turn_rate),
-            behaviour=behaviour, qpos=self._start(place, heading), rest=self._rest,
-            duration_s=scope.episode.duration_s, goal=stages[-1].path[-1], mount=mount,
-        )  # fmt: skip
+            behaviour=behaviour,
+            qpos=self._start(place, heading),
+            rest=self._rest,
+            duration_s=scope.episode.duration_s,
+            goal=stages[-1].path[-1],
+            mount=mount,
+        )
 
     def _steps(self, stood: Stage, rng: np.random.Generator) -> list[Stage]:
         """Displacements on the free floor, facing one way."""
@@ -180,10 +186,20 @@ class PolicyDrive:
     seat: Seat | None = None
 
     def __init__(
-        self, composition: Composition, layout: PolicyLayout, network: Network, file: Path,
-        pursuit: VelocityPursuit, *, behaviour: str, qpos: np.ndarray, rest: np.ndarray, duration_s: float,
-        goal: np.ndarray | None, mount: CameraMount,
-    ) -> None:  # fmt: skip
+        self,
+        composition: Composition,
+        layout: PolicyLayout,
+        network: Network,
+        file: Path,
+        pursuit: VelocityPursuit,
+        *,
+        behaviour: str,
+        qpos: np.ndarray,
+        rest: np.ndarray,
+        duration_s: float,
+        goal: np.ndarray | None,
+        mount: CameraMount,
+    ) -> None:
         self.behaviour, self.qpos, self.duration_s = behaviour, qpos, duration_s
         self.goal, self.mount = goal, mount
         self.command = Command()
@@ -210,9 +226,7 @@ class PolicyDrive:
             observation = self._observer.observe(data, self.command, self._action, time_s)
             if np.isfinite(observation).all():  # a diverged simulation is the judge's matter
                 self._action = self._asked(observation)
-                self._target[layout.actions] = (
-                    self._zero_action[layout.actions] + layout.action_scale * self._action
-                )
+                self._target[layout.actions] = self._zero_action[layout.actions] + layout.action_scale * self._action
         data.ctrl[:] = self._target
 
     def _asked(self, observation: np.ndarray) -> np.ndarray:
@@ -220,20 +234,23 @@ class PolicyDrive:
             action = self._network(observation).astype(np.float64)
         except Exception as error:  # torch and onnxruntime raise kinds of their own
             raise RobotError(
-                f"the policy failed while it was driving: {told_in_a_line(error)}", where=self._file,
+                f"the policy failed while it was driving: {told_in_a_line(error)}",
+                where=self._file,
                 cure="Export it again, or give another policy.",
-            ) from error  # fmt: skip
+            ) from error
         if action.shape != self._action.shape:
             raise RobotError(
                 f"the policy gave {self._action.size} actions at first, and then {action.size}",
-                where=self._file, cure="Export it again, or give another policy.",
-            )  # fmt: skip
+                where=self._file,
+                cure="Export it again, or give another policy.",
+            )
         if not np.isfinite(action).all():
             joint = self._layout.joints[self._layout.actions[int(np.argmin(np.isfinite(action)))]].name
             raise RobotError(
-                f"the policy's action for {joint} is not finite", where=self._file,
+                f"the policy's action for {joint} is not finite",
+                where=self._file,
                 cure="Check the layout's scales, or give another policy.",
-            )  # fmt: skip
+            )
         return np.clip(action, -self._layout.action_clip, self._layout.action_clip)
 
 
@@ -243,9 +260,10 @@ def _weights(scope: BehaviourScope, layout: PolicyLayout) -> np.ndarray:
     able = set(_BEHAVIOURS) - (set() if layout.commands.base_height_m else {"squat"})
     if unable := sorted(set(declared) - able):
         raise RobotError(
-            f"behaviours.{unable[0]} is nothing that {layout.name} can be told", where=scope.name,
+            f"behaviours.{unable[0]} is nothing that {layout.name} can be told",
+            where=scope.name,
             cure=f"Set it to 0; this policy is told: {', '.join(sorted(able))}.",
-        )  # fmt: skip
+        )
     weights = np.array([declared.get(name, 0.0) for name in _BEHAVIOURS])
     return weights / weights.sum()
 
@@ -257,9 +275,10 @@ def _held_and_driven(robot: RobotModel, layout: PolicyLayout) -> tuple[np.ndarra
         for joint in joints:
             if joint.name not in own:
                 raise RobotError(
-                    f"{field} name {joint.name}, which the robot {robot.source} has not", where=layout.where,
+                    f"{field} name {joint.name}, which the robot {robot.source} has not",
+                    where=layout.where,
                     cure=f"It has: {', '.join(own)}.",
-                )  # fmt: skip
+                )
             rest[robot.model.joint(joint.name).qposadr[0]] = joint.default_rad
             servos[joint.name] = joint.servo
     return rest, servos | {name: servo for name, servo in own.items() if name not in servos}

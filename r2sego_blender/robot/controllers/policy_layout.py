@@ -264,10 +264,7 @@ def _commands(reader: Reader, table: _Commands, terms: set[str]) -> Commands:
             raise reader.wrong(f"commands.{field}", "leaves out 0", "A policy has to stand, too.")
     if table.vx_m_s[1] <= 0.0:
         raise reader.wrong("commands.vx_m_s", "is never positive", "The robot has to walk ahead.")
-    slowest = {
-        "slowest_m_s": (0.0, table.vx_m_s[1]),
-        "slowest_turn_rad_s": (0.0, table.yaw_rate_rad_s[1]),
-    }
+    slowest = {"slowest_m_s": (0.0, table.vx_m_s[1]), "slowest_turn_rad_s": (0.0, table.yaw_rate_rad_s[1])}
     height = table.base_height_m
     if "base_height_command" not in terms and height is not None:
         raise reader.wrong("commands.base_height_m", "is not observed", "Remove it, or add the term.")
@@ -282,6 +279,5 @@ def _commands(reader: Reader, table: _Commands, terms: set[str]) -> Commands:
     walking = math.nan if height is None else table.walking_height_m
     assert walking is not None  # as looked at above
     return Commands(
-        table.vx_m_s, table.vy_m_s, table.yaw_rate_rad_s, height, walking,
-        table.slowest_m_s, table.slowest_turn_rad_s,
-    )  # fmt: skip
+        table.vx_m_s, table.vy_m_s, table.yaw_rate_rad_s, height, walking, table.slowest_m_s, table.slowest_turn_rad_s
+    )

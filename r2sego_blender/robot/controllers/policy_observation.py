@@ -55,9 +55,8 @@ class Observer:
         return np.concatenate(parts).astype(np.float32)
 
     def _value(
-        self, name: str, period_s: float, data: mujoco.MjData, command: Command, action: np.ndarray,
-        time_s: float,
-    ) -> np.ndarray:  # fmt: skip
+        self, name: str, period_s: float, data: mujoco.MjData, command: Command, action: np.ndarray, time_s: float
+    ) -> np.ndarray:
         match name:
             case "base_lin_vel":
                 return _base_from_world(data.qpos[3:7]) @ data.qvel[:3]

@@ -41,9 +41,7 @@ class PolicyFile:
         self.path, self._layout = Path(path), layout
         suffix = self.path.suffix.lower()
         if suffix != ".onnx" and suffix not in _TORCHSCRIPT:
-            raise self._error(
-                f"'{suffix}' is no policy", "Give an ONNX file (.onnx) or a TorchScript file (.pt)."
-            )
+            raise self._error(f"'{suffix}' is no policy", "Give an ONNX file (.onnx) or a TorchScript file (.pt).")
         try:
             if self.path.stat().st_size > _MAX_BYTES:
                 raise self._error("the policy is larger than 512 MB", "Give the policy's network alone.")

@@ -55,18 +55,14 @@ class Take:
 def load_take(path: str | Path, robot: RobotModel) -> Take:
     """Read a recorded motion and bring it onto ``robot``. Raises RobotError."""
     if not robot.legs:
-        raise RobotError(
-            "the robot has no legs to replay a motion with", where=robot.source, cure="Give one."
-        )
+        raise RobotError("the robot has no legs to replay a motion with", where=robot.source, cure="Give one.")
     recording = read_recording(path)
     if isinstance(recording, HumanRecording):
         qpos = retarget(recording, robot)
     else:
         qpos = robot_motion(recording, robot)
     if len(qpos) < _SHORTEST_S * RATE_HZ:
-        raise RobotError(
-            f"the motion lasts {len(qpos) / RATE_HZ:.1f} s", where=path, cure="Give a longer one."
-        )
+        raise RobotError(f"the motion lasts {len(qpos) / RATE_HZ:.1f} s", where=path, cure="Give a longer one.")
     return Take(Path(path).stem, qpos, seated_span(qpos, robot))
 
 
@@ -89,14 +85,13 @@ class DeclaredMotions:
         takes = tuple(load_take(path, robot) for path in scope.controller.motions)
         sits = scope.behaviours.sit_on / sum(astuple(scope.behaviours))
         hold_s = scope.sit_on.hold_s + _SEATED_MARGIN_S
-        seated = tuple(
-            take for take in takes if take.seated and take.seated[1] - take.seated[0] > hold_s * RATE_HZ
-        )
+        seated = tuple(take for take in takes if take.seated and take.seated[1] - take.seated[0] > hold_s * RATE_HZ)
         if sits and not seated:
             raise RobotError(
-                f"no motion sits for sit_on.hold_s = {scope.sit_on.hold_s:g} s", where=scope.name,
+                f"no motion sits for sit_on.hold_s = {scope.sit_on.hold_s:g} s",
+                where=scope.name,
                 cure="Set behaviours.sit_on to 0, or name a motion that sits.",
-            )  # fmt: skip
+            )
         return DeclaredMotions(takes, sits, seated)
 
 
@@ -109,15 +104,17 @@ class ReplayController:
     """
 
     def __init__(
-        self, robot: RobotModel, floor: FreeFloor, scope: BehaviourScope, collision_mjcf: Path,
+        self,
+        robot: RobotModel,
+        floor: FreeFloor,
+        scope: BehaviourScope,
+        collision_mjcf: Path,
         settings: RolloutSettings,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._robot, self._floor, self._scope = robot, floor, scope
         declared, motions = DeclaredMotions.load(robot, scope), scope.controller.motions
         self._takes, self._sits, self._seated = declared.takes, declared.sits, declared.seated
-        self.name = (
-            f"replay {Path(motions[0]).name}" if len(motions) == 1 else f"replay {len(motions)} motions"
-        )
+        self.name = f"replay {Path(motions[0]).name}" if len(motions) == 1 else f"replay {len(motions)} motions"
         self._lowest_m = scope.failures.fall_height * robot.rest_height_m
         self._seats: tuple[Seat, ...] = ()
         if self._sits:
@@ -157,9 +154,7 @@ class ReplayController:
                 return self._reference(take, qpos, seat, rng)
         return None
 
-    def _reference(
-        self, take: Take, qpos: np.ndarray, seat: Seat | None, rng: np.random.Generator
-    ) -> ReferenceMotion:
+    def _reference(self, take: Take, qpos: np.ndarray, seat: Seat | None, rng: np.random.Generator) -> ReferenceMotion:
         pitch = self._scope.look.camera_pitch_deg
         mount = self._robot.mount if pitch is None else self._robot.mount.pitched(rng.uniform(*pitch))
         floor_z_m = self._floor.floor_z_m

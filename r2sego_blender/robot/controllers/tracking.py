@@ -32,9 +32,13 @@ class TrackingController:
     name = "reference motions"
 
     def __init__(
-        self, robot: RobotModel, floor: FreeFloor, scope: BehaviourScope, collision_mjcf: Path,
+        self,
+        robot: RobotModel,
+        floor: FreeFloor,
+        scope: BehaviourScope,
+        collision_mjcf: Path,
         settings: RolloutSettings,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._robot, self._floor, self._scope = robot, floor, scope
         require_legs(robot, scope)
         sits = scope.behaviours.sit_on > 0.0
@@ -63,9 +67,7 @@ class TrackingDrive:
         data.mocap_pos[0], data.mocap_quat[0] = self._base[step, :3], self._base[step, 3:]
 
 
-def _references(
-    composition: Composition, motion: ReferenceMotion, duration_s: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _references(composition: Composition, motion: ReferenceMotion, duration_s: float) -> tuple[np.ndarray, np.ndarray]:
     """The base's pose (steps, 7) and the actuators' controls (steps, nu)."""
     step_s = composition.model.opt.timestep
     at = np.arange(round(duration_s / step_s)) * step_s * RATE_HZ

@@ -41,9 +41,7 @@ class VelocityPursuit:
     Velocities keep ``speed_m_s``, ``turn_rate_rad_s`` and the policy's own limits.
     """
 
-    def __init__(
-        self, stages: Sequence[Stage], limits: Commands, speed_m_s: float, turn_rate_rad_s: float
-    ) -> None:
+    def __init__(self, stages: Sequence[Stage], limits: Commands, speed_m_s: float, turn_rate_rad_s: float) -> None:
         self._stages, self._limits = list(stages), limits
         self._speed_m_s = speed_m_s
         turn_rate_rad_s = max(turn_rate_rad_s, limits.slowest_turn_rad_s)

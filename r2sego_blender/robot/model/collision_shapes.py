@@ -8,10 +8,13 @@ import numpy as np
 _MESH, _SPHERE, _CAPSULE, _CYLINDER, _ELLIPSOID = (
     int(kind)
     for kind in (
-        mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE,
-        mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+        mujoco.mjtGeom.mjGEOM_MESH,
+        mujoco.mjtGeom.mjGEOM_SPHERE,
+        mujoco.mjtGeom.mjGEOM_CAPSULE,
+        mujoco.mjtGeom.mjGEOM_CYLINDER,
+        mujoco.mjtGeom.mjGEOM_ELLIPSOID,
     )
-)  # fmt: skip
+)
 # Round shapes are sampled finely enough for errors of half a percent of their radius.
 _AROUND = 32
 _ROUNDNESS = 1.1
@@ -64,20 +67,14 @@ def highest_m(model: mujoco.MjModel, data: mujoco.MjData, geoms: np.ndarray) -> 
 def reach_m(model: mujoco.MjModel, data: mujoco.MjData, geoms: np.ndarray, centre: np.ndarray) -> float:
     """The farthest any of ``geoms`` lies from the vertical through ``centre`` (2,)."""
     shapes = [core_points(model, data, geom) for geom in geoms]
-    return max(
-        float(np.linalg.norm(points[:, :2] - centre, axis=1).max()) + radius_m for points, radius_m in shapes
-    )
+    return max(float(np.linalg.norm(points[:, :2] - centre, axis=1).max()) + radius_m for points, radius_m in shapes)
 
 
-def bearing_points(
-    model: mujoco.MjModel, data: mujoco.MjData, geoms: np.ndarray, thickness_m: float
-) -> np.ndarray:
+def bearing_points(model: mujoco.MjModel, data: mujoco.MjData, geoms: np.ndarray, thickness_m: float) -> np.ndarray:
     """World x and y (n, 2) of the points of ``geoms`` within ``thickness_m`` of their lowest."""
     shapes = [core_points(model, data, geom) for geom in geoms]
     ground = min(_bottom(*shape) for shape in shapes)
-    return np.concatenate(
-        [points[points[:, 2] - radius_m < ground + thickness_m, :2] for points, radius_m in shapes]
-    )
+    return np.concatenate([points[points[:, 2] - radius_m < ground + thickness_m, :2] for points, radius_m in shapes])
 
 
 def farthest_point(

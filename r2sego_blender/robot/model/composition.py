@@ -80,9 +80,7 @@ def scene_spec(collision_mjcf: Path) -> mujoco.MjSpec:
         raise _scene_error(collision_mjcf, error) from error
     if spec.joints:
         raise RobotError(
-            f"the collision scene has {len(spec.joints)} joints",
-            where=collision_mjcf,
-            cure="Give a static scene.",
+            f"the collision scene has {len(spec.joints)} joints", where=collision_mjcf, cure="Give a static scene."
         )
     for geom in spec.geoms:
         if not (geom.contype or geom.conaffinity):  # only drawn; rays would meet it
@@ -187,15 +185,14 @@ def _body(robot: RobotModel, model: mujoco.MjModel, body: int) -> int:
 
 def _in_composition(robot: RobotModel, model: mujoco.MjModel, leg: Leg) -> Leg:
     return replace(
-        leg, foot=_body(robot, model, leg.foot),
+        leg,
+        foot=_body(robot, model, leg.foot),
         joints=tuple(model.joint(_PREFIX + robot.model.joint(joint).name).id for joint in leg.joints),
         foot_bodies=tuple(_body(robot, model, body) for body in leg.foot_bodies),
-    )  # fmt: skip
+    )
 
 
-def _add_tracking_wrench(
-    spec: mujoco.MjSpec, base: str, scale: float, settings: RolloutSettings
-) -> list[Servo]:
+def _add_tracking_wrench(spec: mujoco.MjSpec, base: str, scale: float, settings: RolloutSettings) -> list[Servo]:
     """Six bounded servos between the base and a mocap body that carries the reference."""
     spec.worldbody.add_body(name=_REFERENCE, mocap=True).add_site(name=_REFERENCE)
     spec.body(base).add_site(name=_TRACKED)
@@ -204,9 +201,12 @@ def _add_tracking_wrench(
         gain, bound = (_FORCE, settings.max_force_n) if axis < 3 else (_TORQUE, settings.max_torque_nm)
         servo = Servo(gain.stiffness * scale, gain.damping * scale)
         actuator = spec.add_actuator(
-            name=f"tracking {axis}", target=_TRACKED, refsite=_REFERENCE,
-            trntype=mujoco.mjtTrn.mjTRN_SITE, gear=np.eye(6)[axis],
-        )  # fmt: skip
+            name=f"tracking {axis}",
+            target=_TRACKED,
+            refsite=_REFERENCE,
+            trntype=mujoco.mjtTrn.mjTRN_SITE,
+            gear=np.eye(6)[axis],
+        )
         _limit(actuator, servo, bound * scale)
         gains.append(servo)
     return gains
@@ -226,6 +226,5 @@ def _limit(actuator: mujoco.MjsActuator, servo: Servo, bound: float) -> None:
 def _scene_error(collision_mjcf: Path, error: Exception) -> RobotError:
     words = " ".join(str(error).split()).rstrip(".")
     return RobotError(
-        f"the collision scene does not compile: {words}", where=collision_mjcf,
-        cure="Make the collision surface again.",
-    )  # fmt: skip
+        f"the collision scene does not compile: {words}", where=collision_mjcf, cure="Make the collision surface again."
+    )

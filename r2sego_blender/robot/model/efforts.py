@@ -11,8 +11,7 @@ _NO_BIAS = int(mujoco.mjtBias.mjBIAS_NONE)
 _FIXED_GAIN = int(mujoco.mjtGain.mjGAIN_FIXED)
 # What these drive a gain with stays within the range of the control.
 _BOUNDED_BY_CONTROL = tuple(
-    int(kind)
-    for kind in (mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
+    int(kind) for kind in (mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
 )
 _UNBOUNDED = np.array([-np.inf, np.inf])
 

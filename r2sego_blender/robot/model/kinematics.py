@@ -119,9 +119,7 @@ class LegChain:
         longest = np.abs(step).max(axis=1, keepdims=True)
         return step * np.minimum(1.0, _LONGEST_STEP_RAD / np.maximum(longest, _LONGEST_STEP_RAD))
 
-    def _forward(
-        self, qpos: np.ndarray, angles: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def _forward(self, qpos: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """In the base's frame: the foot's tip (T, 3) and axes (T, 3, 3), the joints' anchors and
         axes (T, n, 3)."""
         model = self._model

@@ -34,7 +34,7 @@ from .structure import (
     on_joints,
     posed,
     standing_leg,
-)  # fmt: skip
+)
 
 # Gains and bounds belong to a robot of this mass; other robots' scale with theirs.
 _SERVO_ROBOT_MASS_KG = 35.0
@@ -42,9 +42,21 @@ _SERVO_ROBOT_MASS_KG = 35.0
 _RESTS_M = 0.01
 # What must be finite in a compiled robot; the XML's own numbers are, but not all that follows.
 _TABLES = (
-    "qpos0", "key_qpos", "body_pos", "body_quat", "body_mass", "body_inertia", "jnt_pos", "jnt_axis",
-    "jnt_range", "dof_armature", "dof_damping", "geom_pos", "geom_size", "mesh_vert",
-)  # fmt: skip
+    "qpos0",
+    "key_qpos",
+    "body_pos",
+    "body_quat",
+    "body_mass",
+    "body_inertia",
+    "jnt_pos",
+    "jnt_axis",
+    "jnt_range",
+    "dof_armature",
+    "dof_damping",
+    "geom_pos",
+    "geom_size",
+    "mesh_vert",
+)
 _FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 
 
@@ -98,9 +110,8 @@ class RobotModel:
         geoms = colliding(model)
         if not len(geoms):
             raise RobotError(
-                "the robot has no shape that can touch anything", where=source,
-                cure="Give it collision shapes.",
-            )  # fmt: skip
+                "the robot has no shape that can touch anything", where=source, cure="Give it collision shapes."
+            )
         camera_mount = _find_mount(model, mount, source)
         declared = declared_posture(model)
         wheels = find_wheels(model, base, declared)
@@ -108,9 +119,10 @@ class RobotModel:
         legs = () if len(wheels) >= 2 else find_legs(model, base, declared)
         if len(wheels) < 2 and len(legs) < 2:
             raise RobotError(
-                f"the robot has {len(legs)} legs and {len(wheels)} driven wheels", where=source,
+                f"the robot has {len(legs)} legs and {len(wheels)} driven wheels",
+                where=source,
                 cure="Give one with two legs of three hinges or more, or with two wheels.",
-            )  # fmt: skip
+            )
         in_legs = {joint for leg in legs for joint in leg.joints}
         waist = [
             joint
@@ -124,18 +136,24 @@ class RobotModel:
         data = posed(model, rest)
         axes = axes_in_base(data, base)  # links' own frames are turned as it pleased who wrote the file
         robot = RobotModel(
-            source=source, model=model, mount=camera_mount, base=base, legs=legs, wheels=wheels,
-            waist_yaw=first_about(axes, waist, 2), waist_pitch=first_about(axes, waist, 1),
-            shoulders=find_shoulders(model, in_legs | rolling | set(waist)), rest_qpos=rest,
+            source=source,
+            model=model,
+            mount=camera_mount,
+            base=base,
+            legs=legs,
+            wheels=wheels,
+            waist_yaw=first_about(axes, waist, 2),
+            waist_pitch=first_about(axes, waist, 1),
+            shoulders=find_shoulders(model, in_legs | rolling | set(waist)),
+            rest_qpos=rest,
             radius_m=reach_m(model, data, geoms, data.xpos[base, :2]),
             height_m=highest_m(model, data, geoms),
-        )  # fmt: skip
+        )
         # A camera on a mast without a shape is not to go through what is over the others.
         eye_reach_m = float(np.linalg.norm(robot.camera_poses(rest[None])[0, :2, 3] - data.xpos[base, :2]))
         return replace(
-            robot,
-            radius_m=max(robot.radius_m, eye_reach_m), height_m=max(robot.height_m, robot.eye_height_m),
-        )  # fmt: skip
+            robot, radius_m=max(robot.radius_m, eye_reach_m), height_m=max(robot.height_m, robot.eye_height_m)
+        )
 
     @property
     def is_wheeled(self) -> bool:
@@ -247,9 +265,10 @@ def _free_base(model: mujoco.MjModel, source: str) -> int:
     free = np.flatnonzero(model.jnt_type == _FREE)
     if len(free) != 1 or model.jnt_qposadr[free[0]] != 0:
         raise RobotError(
-            f"the robot has {len(free)} free bodies", where=source,
+            f"the robot has {len(free)} free bodies",
+            where=source,
             cure="Give one robot whose first body has the only free joint.",
-        )  # fmt: skip
+        )
     return int(model.jnt_bodyid[free[0]])
 
 
@@ -258,9 +277,10 @@ def _refuse_balls(model: mujoco.MjModel, source: str) -> None:
     balls = [model.joint(joint).name for joint in np.flatnonzero(model.jnt_type == _BALL)]
     if balls:
         raise RobotError(
-            f"'{balls[0]}' is a ball joint, which no servo can drive", where=source,
+            f"'{balls[0]}' is a ball joint, which no servo can drive",
+            where=source,
             cure="Replace it by three hinges, or leave it out: what it holds is then fixed.",
-        )  # fmt: skip
+        )
 
 
 def _find_mount(model: mujoco.MjModel, mount: Any, source: str) -> CameraMount:
@@ -269,10 +289,11 @@ def _find_mount(model: mujoco.MjModel, mount: Any, source: str) -> CameraMount:
         mount = names[0] if len(names) == 1 else "head_camera"
         if mount not in names:
             raise RobotError(
-                "the robot's file does not say which camera is its eye", where=source,
+                "the robot's file does not say which camera is its eye",
+                where=source,
                 cure="Give robot.mount of the scope: a camera's name, or "
                 "[parent, [x, y, z], [roll, pitch, yaw], {hfov_deg = 69}].",
-            )  # fmt: skip
+            )
     if isinstance(mount, str):
         if mount not in names:
             known = f"It has: {', '.join(names)}." if names else "It has none; give [parent, xyz, rpy, fov]."

@@ -16,10 +16,7 @@ from .mount import MUJOCO_FROM_OPENCV, CameraMount, mount_on
 
 
 def add_camera(
-    spec: mujoco.MjSpec,
-    name: str,
-    mount: Mapping[str, Any] | Sequence[Any],
-    size_px: tuple[int, int] = (640, 480),
+    spec: mujoco.MjSpec, name: str, mount: Mapping[str, Any] | Sequence[Any], size_px: tuple[int, int] = (640, 480)
 ) -> None:
     """Put a camera on a body of ``spec``, at a mount as behaviour scopes declare them.
 
@@ -45,9 +42,10 @@ def mount_of(model: mujoco.MjModel, camera: int, where: object = None) -> Camera
     """
     if model.cam_projection[camera] != mujoco.mjtProjection.mjPROJ_PERSPECTIVE:
         raise RobotError(
-            f"the camera '{model.camera(camera).name}' has no perspective", where=where,
+            f"the camera '{model.camera(camera).name}' has no perspective",
+            where=where,
             cure='Give one without projection="orthographic".',
-        )  # fmt: skip
+        )
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, model.cam_quat[camera])
     pose = np.eye(4)

@@ -68,9 +68,7 @@ def mount_on(
     """The mount, or that of ``parse_mount``. Raises RobotError when its parent is not among ``bodies``."""
     mount = value if isinstance(value, CameraMount) else parse_mount(value, where)
     if mount.parent not in bodies:
-        raise RobotError(
-            f"the robot has no body '{mount.parent}'", where=where, cure=f"It has: {', '.join(bodies)}."
-        )
+        raise RobotError(f"the robot has no body '{mount.parent}'", where=where, cure=f"It has: {', '.join(bodies)}.")
     return mount
 
 
@@ -103,9 +101,10 @@ def parse_mount(value: Mapping[str, Any] | Sequence[Any], where: object) -> Came
     roll_pitch_yaw = _numbers(rpy, 3, "rpy", where)
     if np.abs(roll_pitch_yaw).max() > _MOST_RAD:
         raise RobotError(
-            f"the mount's rpy is {np.abs(roll_pitch_yaw).max():g}, more than a turn", where=where,
+            f"the mount's rpy is {np.abs(roll_pitch_yaw).max():g}, more than a turn",
+            where=where,
             cure="Write radians: 45 degrees are 0.785.",
-        )  # fmt: skip
+        )
     pose[:3, :3] = Rotation.from_euler("xyz", roll_pitch_yaw).as_matrix() @ _BODY_FROM_OPENCV
     (fov_deg,) = _numbers([fov_deg], 1, axis, where)
     if not 1.0 <= fov_deg <= 170.0:

@@ -56,9 +56,7 @@ def _keeps_limits(model: mujoco.MjModel, qpos: np.ndarray) -> bool:
     return bool((np.maximum(low - angles, angles - high) < _LIMIT_SLACK_RAD).all())
 
 
-def standing_posture(
-    model: mujoco.MjModel, base: int, legs: tuple[Leg, ...], declared: np.ndarray
-) -> np.ndarray:
+def standing_posture(model: mujoco.MjModel, base: int, legs: tuple[Leg, ...], declared: np.ndarray) -> np.ndarray:
     """(nq,) ``declared`` with its joints inside their limits and legs that carry the body, knees bent.
 
     What stands already is left as it is. The lowest point of the collision shapes is on z = 0.
@@ -79,9 +77,14 @@ def standing_posture(
 
 
 def _stand_leg(
-    model: mujoco.MjModel, data: mujoco.MjData, base: int, leg: Leg, declared: np.ndarray,
-    rest: np.ndarray, body_m: float,
-) -> None:  # fmt: skip
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    base: int,
+    leg: Leg,
+    declared: np.ndarray,
+    rest: np.ndarray,
+    body_m: float,
+) -> None:
     """Write one leg's joints into ``rest`` where the posture in ``data`` does not stand on it."""
     hip, knee = _hip_and_knee(data, leg)
     root, joint, foot = data.xanchor[hip], data.xanchor[knee], leg.tip_place(data)
@@ -106,9 +109,7 @@ def _stand_leg(
     solutions = _solutions(model, base, leg, rest, place, hip, knee, bend_rad)
     crouching = [joints for joints in solutions if _can_crouch(model, base, leg, rest, place, joints)]
     if solutions:
-        rest[address] = max(
-            crouching or solutions, key=lambda joints: _knee_height(model, rest, address, joints, knee)
-        )
+        rest[address] = max(crouching or solutions, key=lambda joints: _knee_height(model, rest, address, joints, knee))
 
 
 def _hip_and_knee(data: mujoco.MjData, leg: Leg) -> tuple[int, int]:
@@ -133,9 +134,15 @@ def _lever_m(data: mujoco.MjData, hip: int, knee: int, foot: np.ndarray) -> floa
 
 
 def _solutions(
-    model: mujoco.MjModel, base: int, leg: Leg, rest: np.ndarray, place: np.ndarray, hip: int, knee: int,
+    model: mujoco.MjModel,
+    base: int,
+    leg: Leg,
+    rest: np.ndarray,
+    place: np.ndarray,
+    hip: int,
+    knee: int,
     bend_rad: float,
-) -> list[np.ndarray]:  # fmt: skip
+) -> list[np.ndarray]:
     """The leg's joints that reach ``place`` (3,), the knee bent either way, inside their limits."""
     chain = LegChain(model, base, leg)
     seeds = np.tile(rest[chain.address], (2, 1))
@@ -157,9 +164,7 @@ def _can_crouch(
     return bool(missed_m[0] < _REACHED_M)
 
 
-def _knee_height(
-    model: mujoco.MjModel, rest: np.ndarray, address: np.ndarray, joints: np.ndarray, knee: int
-) -> float:
+def _knee_height(model: mujoco.MjModel, rest: np.ndarray, address: np.ndarray, joints: np.ndarray, knee: int) -> float:
     """How far up and ahead the knee is: a person's points ahead, an insect's up."""
     qpos = rest.copy()
     qpos[address] = joints

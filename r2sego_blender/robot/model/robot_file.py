@@ -42,15 +42,21 @@ _LEFT_OUT_ASSETS = {"texture", "hfield", "skin"}
 _WORLD_FRAMES = {"worldbody", "frame", "replicate"}
 _OF_THE_WORLD = {"geom", "light", "camera"}
 _REFUSED = {
-    "extension": "plugins", "plugin": "plugins", "composite": "composite objects",
-    "flexcomp": "deformable objects", "flex": "deformable objects", "attach": "other models",
+    "extension": "plugins",
+    "plugin": "plugins",
+    "composite": "composite objects",
+    "flexcomp": "deformable objects",
+    "flex": "deformable objects",
+    "attach": "other models",
     "model": "other models",
-}  # fmt: skip
+}
 # Attributes whose mere value makes much of little.
 _REFUSED_ATTRIBUTES = {
-    "plugin": "plugins", "builtin": "built-in meshes", "octree_maxdepth": "distance fields",
+    "plugin": "plugins",
+    "builtin": "built-in meshes",
+    "octree_maxdepth": "distance fields",
     "nsample": "delays",
-}  # fmt: skip
+}
 _REFUSED_SHAPES = {"hfield": "height fields", "sdf": "distance fields"}
 
 
@@ -67,9 +73,8 @@ def robot_spec(source: str) -> mujoco.MjSpec:
     path = Path(source)
     if not path.is_file():
         raise RobotError(
-            "there is no such robot file", where=path,
-            cure=f"Give an MJCF, a URDF or one of: {', '.join(_EMBEDDED)}.",
-        )  # fmt: skip
+            "there is no such robot file", where=path, cure=f"Give an MJCF, a URDF or one of: {', '.join(_EMBEDDED)}."
+        )
     root, files = gather_robot(path)
     try:
         spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"), assets=files)
@@ -182,9 +187,7 @@ def _check_names(folder: RobotFolder, root: Element) -> None:
             if element.tag not in {"mesh", *_LEFT_OUT_ASSETS}:
                 raise _refused(element, attribute, "files here")
             if element.tag in _LEFT_OUT_ASSETS:
-                base = folders.get(
-                    "texturedir" if element.tag == "texture" else "meshdir", folder.main.parent
-                )
+                base = folders.get("texturedir" if element.tag == "texture" else "meshdir", folder.main.parent)
                 folder.check(element.attrib[attribute], base, element.at(attribute))
 
 
@@ -236,15 +239,14 @@ def _check_size(root: Element) -> None:
         element, factor, depth = waiting.pop()
         if element.tag == "replicate":
             count = element.get("count", "1").strip()
-            factor *= (
-                int(count) if count.isascii() and count.isdecimal() and len(count) < 10 else _MOST_COPIES
-            )
+            factor *= int(count) if count.isascii() and count.isdecimal() and len(count) < 10 else _MOST_COPIES
         copies += factor
         if copies > _MOST_COPIES or depth > _DEEPEST:
             raise RobotError(
                 f"the file makes more than {_MOST_COPIES} elements, or more than {_DEEPEST} levels",
-                where=element.at(), cure="Write fewer copies.",
-            )  # fmt: skip
+                where=element.at(),
+                cure="Write fewer copies.",
+            )
         waiting.extend((child, factor, depth + 1) for child in element)
 
 
@@ -276,9 +278,7 @@ def _take_meshes(folder: RobotFolder, root: Element) -> dict[str, bytes]:
         else:
             path = folder.find(name, bases, at)
         if path.suffix.lower() not in _MESH_FILES:
-            raise RobotError(
-                f"'{name}' is no STL, OBJ or MSH mesh", where=at, cure="Convert it to one of them."
-            )
+            raise RobotError(f"'{name}' is no STL, OBJ or MSH mesh", where=at, cure="Convert it to one of them.")
         if path not in names:
             names[path] = path.name if path.name not in files else f"{len(files)}-{path.name}"
             files[names[path]] = folder.read(path, at)

@@ -59,9 +59,7 @@ class RobotFolder:
             place = self.check(name, base, at)
             if place.is_file():
                 return place
-        raise RobotError(
-            f"there is no file '{name}'", where=at, cure=f"It is looked for in {self.root}; put it there."
-        )
+        raise RobotError(f"there is no file '{name}'", where=at, cure=f"It is looked for in {self.root}; put it there.")
 
     def check(self, name: str, base: Path, at: str) -> Path:
         """``base / name`` without links, which need not exist; raises as ``find`` does otherwise."""

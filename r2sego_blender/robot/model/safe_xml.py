@@ -72,9 +72,7 @@ class _Reader:
                 f"the file has more than {_MOST_ELEMENTS} elements or {_DEEPEST} levels", "Simplify it."
             )
         if ":" in tag:
-            raise self._refusal(
-                f"<{tag}> has a namespace", "Expand xacro first: xacro robot.xacro > robot.urdf."
-            )
+            raise self._refusal(f"<{tag}> has a namespace", "Expand xacro first: xacro robot.xacro > robot.urdf.")
         for name, value in attributes.items():
             if name != "name" and not _is_finite(value):
                 raise RobotError(

@@ -193,12 +193,7 @@ def first_about(axes: np.ndarray, joints: Iterable[int], axis: int) -> int | Non
 def _limbs(model: mujoco.MjModel, base: int) -> list[tuple[int, ...]]:
     """The hinges, top first, that each of the tree's longest chains of hinges has for itself."""
     found = {
-        tuple(
-            joint
-            for body in ancestors(model, end)
-            for joint in joints_of(model, body)
-            if is_hinge(model, joint)
-        )
+        tuple(joint for body in ancestors(model, end) for joint in joints_of(model, body) if is_hinge(model, joint))
         for end in range(base + 1, model.nbody)
     }
     chains = sorted(chain for chain in found if not any(_begins(other, chain) for other in found))
@@ -210,9 +205,7 @@ def _begins(longer: tuple[int, ...], chain: tuple[int, ...]) -> bool:
     return len(longer) > len(chain) and longer[: len(chain)] == chain
 
 
-def _leg(
-    model: mujoco.MjModel, data: mujoco.MjData, base: int, foot: int, joints: tuple[int, ...], group: int
-) -> Leg:
+def _leg(model: mujoco.MjModel, data: mujoco.MjData, base: int, foot: int, joints: tuple[int, ...], group: int) -> Leg:
     bodies = fixed_to(model, foot)
     geoms = _geoms_of(model, bodies)
     is_flat = len(joints) >= _LEVEL_HINGES
@@ -225,11 +218,17 @@ def _leg(
         tip = turn.T @ (end - data.xpos[foot])
     middle, half = (high + low) / 2.0, _SOLE_SHARE * (high - low) / 2.0
     return Leg(
-        foot=foot, joints=joints, group=group, is_flat=is_flat, tip=tip,
+        foot=foot,
+        joints=joints,
+        group=group,
+        is_flat=is_flat,
+        tip=tip,
         sole_m=float((data.xpos[foot] + turn @ tip)[2]) - lowest_m(model, data, geoms),
-        sole_low_m=middle - half, sole_high_m=middle + half,
-        base_from_foot=data.xmat[base].reshape(3, 3).T @ turn, foot_bodies=bodies,
-    )  # fmt: skip
+        sole_low_m=middle - half,
+        sole_high_m=middle + half,
+        base_from_foot=data.xmat[base].reshape(3, 3).T @ turn,
+        foot_bodies=bodies,
+    )
 
 
 def _geoms_of(model: mujoco.MjModel, bodies: tuple[int, ...]) -> np.ndarray:

@@ -46,9 +46,7 @@ def wheeled_base_mjcf() -> str:
     world = ElementTree.SubElement(root, "worldbody")
     base = ElementTree.SubElement(world, "body", name="base", pos=f"0 0 {WHEEL_RADIUS_M}")
     ElementTree.SubElement(base, "freejoint", name="floating_base_joint")
-    _add_geom(
-        base, "body", "cylinder", (_BODY_RADIUS_M, _BODY_HALF_HEIGHT_M), (0.0, 0.0, _BODY_Z_M), _BODY_KG
-    )
+    _add_geom(base, "body", "cylinder", (_BODY_RADIUS_M, _BODY_HALF_HEIGHT_M), (0.0, 0.0, _BODY_Z_M), _BODY_KG)
     top_m = CAMERA_HEIGHT_M - WHEEL_RADIUS_M
     middle_m = (_BODY_Z_M + _BODY_HALF_HEIGHT_M + top_m) / 2.0
     half_m = middle_m - _BODY_Z_M - _BODY_HALF_HEIGHT_M
@@ -71,9 +69,13 @@ def wheeled_base_mjcf() -> str:
 
 
 def _add_geom(
-    body: ElementTree.Element, name: str, kind: str, size: tuple[float, ...],
-    place: tuple[float, float, float], mass_kg: float,
-) -> ElementTree.Element:  # fmt: skip
+    body: ElementTree.Element,
+    name: str,
+    kind: str,
+    size: tuple[float, ...],
+    place: tuple[float, float, float],
+    mass_kg: float,
+) -> ElementTree.Element:
     return ElementTree.SubElement(
         body, "geom", name=name, type=kind, size=_text(size), pos=_text(place), mass=f"{mass_kg}"
     )
@@ -84,16 +86,26 @@ def _add_wheel(base: ElementTree.Element, actuators: ElementTree.Element, side: 
     wheel = ElementTree.SubElement(base, "body", name=f"{side}_wheel", pos=f"0 {y} 0")
     name = f"{side}_wheel_joint"
     ElementTree.SubElement(
-        wheel, "joint", name=name, axis="0 1 0", limited="false", damping=f"{_WHEEL_DAMPING}",
+        wheel,
+        "joint",
+        name=name,
+        axis="0 1 0",
+        limited="false",
+        damping=f"{_WHEEL_DAMPING}",
         armature=f"{_WHEEL_ARMATURE_KG_M2}",
-    )  # fmt: skip
+    )
     size_m = (WHEEL_RADIUS_M, _WHEEL_HALF_WIDTH_M)
     tyre = _add_geom(wheel, f"{side}_tyre", "cylinder", size_m, (0.0, 0.0, 0.0), _WHEEL_KG)
     tyre.set("zaxis", "0 1 0")
     ElementTree.SubElement(
-        actuators, "position", name=name, joint=name, kp=f"{_WHEEL_STIFFNESS}",
-        kv=f"{_WHEEL_SERVO_DAMPING}", forcerange=f"{-_WHEEL_EFFORT_NM} {_WHEEL_EFFORT_NM}",
-    )  # fmt: skip
+        actuators,
+        "position",
+        name=name,
+        joint=name,
+        kp=f"{_WHEEL_STIFFNESS}",
+        kv=f"{_WHEEL_SERVO_DAMPING}",
+        forcerange=f"{-_WHEEL_EFFORT_NM} {_WHEEL_EFFORT_NM}",
+    )
 
 
 def _add_camera(base: ElementTree.Element, top_m: float) -> None:
@@ -101,10 +113,14 @@ def _add_camera(base: ElementTree.Element, top_m: float) -> None:
     fovy_rad = 2.0 * math.atan(math.tan(math.radians(CAMERA_HFOV_DEG) / 2.0) * height / width)
     # A MuJoCo camera looks along -z with y up: x is the body's -y, y is forward-and-up.
     ElementTree.SubElement(
-        base, "camera", name="mast_camera", pos=_text((_MAST_X_M + 0.03, 0.0, top_m)),
+        base,
+        "camera",
+        name="mast_camera",
+        pos=_text((_MAST_X_M + 0.03, 0.0, top_m)),
         xyaxes=f"0 -1 0 {math.sin(CAMERA_PITCH_DOWN_RAD)!r} 0 {math.cos(CAMERA_PITCH_DOWN_RAD)!r}",
-        fovy=f"{math.degrees(fovy_rad)!r}", resolution=f"{width} {height}",
-    )  # fmt: skip
+        fovy=f"{math.degrees(fovy_rad)!r}",
+        resolution=f"{width} {height}",
+    )
 
 
 def _text(values: tuple[float, ...]) -> str:

@@ -55,9 +55,9 @@ def inverse_dynamics(
         moment = data.xmat[robot.base].reshape(3, 3) @ torque[frame, 3:6]
         drop = floor_z_m - qpos[frame, 2]
         # The zero-moment point, where the whole force would balance the moment.
-        balance = qpos[frame, :2] + np.array(
-            [drop * force[0] - moment[1], moment[0] + drop * force[1]]
-        ) / max(force[2], 1.0)
+        balance = qpos[frame, :2] + np.array([drop * force[0] - moment[1], moment[0] + drop * force[1]]) / max(
+            force[2], 1.0
+        )
         load = gait.load[:, frame]
         shift = balance - load @ gait.feet[:, frame, :2]
         for leg, share, foot in zip(robot.legs, load, gait.feet[:, frame], strict=True):

@@ -100,9 +100,7 @@ def spans(flags: np.ndarray) -> np.ndarray:
     return np.flatnonzero(np.diff(np.pad(flags.astype(int), 1))).reshape(-1, 2)
 
 
-def _move_foot(
-    robot: RobotModel, data: mujoco.MjData, leg: Leg, configuration: np.ndarray, move_m: np.ndarray
-) -> None:
+def _move_foot(robot: RobotModel, data: mujoco.MjData, leg: Leg, configuration: np.ndarray, move_m: np.ndarray) -> None:
     """Move one foot of ``configuration`` (nq,) by ``move_m`` (3,), turning it as little as can be."""
     model, joints = robot.model, list(leg.joints)
     address, dof = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
@@ -127,6 +125,4 @@ def _move_foot(
 
 def _small_turn(matrix: np.ndarray) -> np.ndarray:
     """(3,) the rotation vector of a small rotation (3, 3)."""
-    return 0.5 * np.array(
-        [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
-    )
+    return 0.5 * np.array([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]])

@@ -81,9 +81,7 @@ def plan_motion(
     return ReferenceMotion(root.behaviour, qpos, qvel, torque, root.goal, mount, root.seat)
 
 
-def _place_base(
-    robot: RobotModel, root: RootTrajectory, gait: Gait, qpos: np.ndarray, standing_z_m: float
-) -> None:
+def _place_base(robot: RobotModel, root: RootTrajectory, gait: Gait, qpos: np.ndarray, standing_z_m: float) -> None:
     """Write the base's pose into ``qpos`` (T, nq): on its way, swaying, crouching."""
     cos, sin = np.cos(root.yaw), np.sin(root.yaw)
     sway_m = gait.sway_m * (1.0 - root.sit)
@@ -95,9 +93,8 @@ def _place_base(
 
 
 def _sit(
-    robot: RobotModel, composition: Composition, root: RootTrajectory, seat: Seat, qpos: np.ndarray,
-    soles: np.ndarray,
-) -> float | None:  # fmt: skip
+    robot: RobotModel, composition: Composition, root: RootTrajectory, seat: Seat, qpos: np.ndarray, soles: np.ndarray
+) -> float | None:
     """Move the base in ``qpos`` (T, nq) back onto ``seat``; the height it comes to rest at.
 
     Where the legs are too short to sit as deep as drawn it sits nearer to the edge; None

@@ -38,10 +38,31 @@ _UPRIGHT_BY = 0.05
 _CURE = "Give a CSV or NPZ of the robot's joints, or the bodies of a human; see docs/controllers.md."
 
 HUMAN_BODIES = (
-    "pelvis", "left_hip", "left_knee", "left_ankle", "left_toe", "right_hip", "right_knee", "right_ankle",
-    "right_toe", "torso", "spine", "chest", "neck", "head", "left_thorax", "left_shoulder", "left_elbow",
-    "left_wrist", "left_hand", "right_thorax", "right_shoulder", "right_elbow", "right_wrist", "right_hand",
-)  # fmt: skip
+    "pelvis",
+    "left_hip",
+    "left_knee",
+    "left_ankle",
+    "left_toe",
+    "right_hip",
+    "right_knee",
+    "right_ankle",
+    "right_toe",
+    "torso",
+    "spine",
+    "chest",
+    "neck",
+    "head",
+    "left_thorax",
+    "left_shoulder",
+    "left_elbow",
+    "left_wrist",
+    "left_hand",
+    "right_thorax",
+    "right_shoulder",
+    "right_elbow",
+    "right_wrist",
+    "right_hand",
+)
 """Bodies of the SMPL humanoid, in the order of its files."""
 
 
@@ -109,9 +130,10 @@ def robot_motion(recording: RobotRecording, robot: RobotModel) -> np.ndarray:
     names = recording.names or tuple(model.joint(joint).name for joint in own)
     if recording.joints.shape[1] != len(names):
         raise _error(
-            recording.where, f"it moves {recording.joints.shape[1]} joints; the robot has {len(names)}",
+            recording.where,
+            f"it moves {recording.joints.shape[1]} joints; the robot has {len(names)}",
             "Give a motion of this robot, or name the joints in its first line.",
-        )  # fmt: skip
+        )
     known = {model.joint(joint).name: joint for joint in own}
     if unknown := [name for name in names if name not in known]:
         raise _error(recording.where, f"the robot has no joint {unknown[0]}", f"It has: {', '.join(known)}.")
@@ -123,9 +145,10 @@ def robot_motion(recording: RobotRecording, robot: RobotModel) -> np.ndarray:
             beyond = max(float((low - angles).max()), float((angles - high).max()))
             if beyond > _BEYOND_RAD:
                 raise _error(
-                    recording.where, f"{name} is {beyond:.2f} rad beyond the robot's limit",
+                    recording.where,
+                    f"{name} is {beyond:.2f} rad beyond the robot's limit",
                     "Give a motion of this robot.",
-                )  # fmt: skip
+                )
             angles = np.clip(angles, low + _LIMIT_MARGIN_RAD, high - _LIMIT_MARGIN_RAD)
         qpos[:, model.jnt_qposadr[joint]] = angles
     if recording.root_m is not None:
@@ -248,9 +271,10 @@ def _human(path: Path, arrays: Mapping[str, np.ndarray]) -> HumanRecording:
     bodies = len(HUMAN_BODIES)
     if position.shape[1:] != (bodies, 3) or rotation.shape != (*position.shape[:2], 4):
         raise _error(
-            path, f"rigid_body_pos {position.shape} and rigid_body_rot {rotation.shape} are no human",
+            path,
+            f"rigid_body_pos {position.shape} and rigid_body_rot {rotation.shape} are no human",
             f"Give (T, {bodies}, 3) and (T, {bodies}, 4), xyzw: the bodies of the SMPL humanoid.",
-        )  # fmt: skip
+        )
     _check_frames(path, len(position))
     if np.abs(position).max() > _FARTHEST_M:
         raise _error(path, "rigid_body_pos lies farther than a kilometre", "Metres are expected.")
@@ -286,9 +310,7 @@ def _checked(recording: RobotRecording) -> RobotRecording:
     _check_frames(path, count)
     numbers = [recording.joints, recording.root_m, recording.quaternion]
     widths = (recording.joints.shape[1], 3, 4)
-    for field, values, width in zip(
-        ("the joints", "the root", "the quaternion"), numbers, widths, strict=True
-    ):
+    for field, values, width in zip(("the joints", "the root", "the quaternion"), numbers, widths, strict=True):
         if values is not None and (values.shape != (count, width) or not np.isfinite(values).all()):
             raise _error(path, f"{field} are not {count} rows of {width} finite numbers", _CURE)
     if recording.root_m is not None and np.abs(recording.root_m).max() > _FARTHEST_M:

@@ -70,21 +70,15 @@ def retarget(human: HumanRecording, robot: RobotModel) -> np.ndarray:
     no biped with knees.
     """
     if len(robot.legs) != 2:
-        raise RobotError(
-            f"the robot has {len(robot.legs)} legs", where=human.where, cure="A human's motion needs two."
-        )
+        raise RobotError(f"the robot has {len(robot.legs)} legs", where=human.where, cure="A human's motion needs two.")
     position, rotation = _resampled(human)
     chains = [_leg_chain(robot, leg) for leg in robot.legs]
-    human_leg_m = np.mean(
-        [_bone_m(position, f"{side}_hip", f"{side}_knee", f"{side}_ankle") for side in _SIDES]
-    )
+    human_leg_m = np.mean([_bone_m(position, f"{side}_hip", f"{side}_knee", f"{side}_ankle") for side in _SIDES])
     scale = float(np.mean([chain.thigh_m + chain.shin_m for chain in chains])) / human_leg_m
     base = np.tile(np.eye(4), (len(position), 1, 1))
     base[:, :3, :3] = rotation[:, _BODY["pelvis"]]
     base[:, :2, 3] = scale * (position[:, 0, :2] - position[0, 0, :2])
-    feet = np.stack(
-        [_chain_foot(chain, side, base, position) for chain, side in zip(chains, _SIDES, strict=True)]
-    )
+    feet = np.stack([_chain_foot(chain, side, base, position) for chain, side in zip(chains, _SIDES, strict=True)])
     # The base is as high as the lower foot's leg carries it.
     sole_m = np.array([leg.sole_m for leg in robot.legs])
     below = (feet[..., 2] - sole_m[:, None]).min(axis=0)
@@ -136,9 +130,14 @@ def _chain_foot(chain: _Chain, side: str, base: np.ndarray, position: np.ndarray
 
 
 def _solve(
-    robot: RobotModel, base: np.ndarray, chest: np.ndarray, feet: np.ndarray, yaws: list[np.ndarray],
-    position: np.ndarray, where: str,
-) -> np.ndarray:  # fmt: skip
+    robot: RobotModel,
+    base: np.ndarray,
+    chest: np.ndarray,
+    feet: np.ndarray,
+    yaws: list[np.ndarray],
+    position: np.ndarray,
+    where: str,
+) -> np.ndarray:
     """(T, nq): each frame's inverse kinematics, begun from the frame before."""
     model = robot.model
     parts = segments(robot)
@@ -200,10 +199,12 @@ def _leg_chain(robot: RobotModel, leg: Leg) -> _Chain:
     anchors = data.xanchor[joints]
     hip, ankle = anchors[_proximal(anchors[: knee + 1])], anchors[knee + 1]
     return _Chain(
-        leg, data.xmat[robot.base].reshape(3, 3).T @ (hip - data.xpos[robot.base]),
-        float(np.linalg.norm(anchors[knee] - hip)), float(np.linalg.norm(ankle - anchors[knee])),
+        leg,
+        data.xmat[robot.base].reshape(3, 3).T @ (hip - data.xpos[robot.base]),
+        float(np.linalg.norm(anchors[knee] - hip)),
+        float(np.linalg.norm(ankle - anchors[knee])),
         data.xpos[leg.foot] - ankle,
-    )  # fmt: skip
+    )
 
 
 def _limb(
@@ -229,9 +230,7 @@ def _limb(
             _BODY[f"{side}_{human_from}"],
             _BODY[f"{side}_{human_to}"],
         )
-        for (name, human_from, human_to), body, start, end in zip(
-            (upper, lower), bodies, starts, ends, strict=True
-        )
+        for (name, human_from, human_to), body, start, end in zip((upper, lower), bodies, starts, ends, strict=True)
     ]
 
 

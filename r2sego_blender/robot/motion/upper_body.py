@@ -33,9 +33,7 @@ def upper_body(
         if joint is not None:
             sign = np.sign(axes[joint, axis])
             low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.inf, np.inf)
-            qpos[:, model.jnt_qposadr[joint]] = np.clip(
-                sign * angle, low + _LIMIT_MARGIN_RAD, high - _LIMIT_MARGIN_RAD
-            )
+            qpos[:, model.jnt_qposadr[joint]] = np.clip(sign * angle, low + _LIMIT_MARGIN_RAD, high - _LIMIT_MARGIN_RAD)
     for joint, side in zip(robot.shoulders, (1.0, -1.0), strict=False):
         lifted = -np.sign(axes[joint, 1]) * root.reach  # about the left, an arm falls
         qpos[:, model.jnt_qposadr[joint]] += side * _ARM_SWING_RAD * gait.swing + lifted

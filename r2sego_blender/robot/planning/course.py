@@ -37,9 +37,10 @@ def require_legs(robot: RobotModel, scope: BehaviourScope) -> None:
     for one in BEHAVIOURS:
         if one.needs_legs and robot.is_wheeled and getattr(scope.behaviours, one.name) > 0.0:
             raise RobotError(
-                f"behaviours.{one.name} takes legs, and {robot.source} has none", where=scope.name,
+                f"behaviours.{one.name} takes legs, and {robot.source} has none",
+                where=scope.name,
                 cure="Set it to 0, or give a robot with legs.",
-            )  # fmt: skip
+            )
 
 
 def draw(limits: Range, rng: np.random.Generator) -> float:

@@ -79,10 +79,11 @@ def free_floor(robot: RobotModel, scope: BehaviourScope, collision_mjcf: Path) -
     floor_z = _floor_heights(model, data, probe, centres, inside)
     if not np.isfinite(floor_z).any():
         raise RobotError(
-            "the collision scene has no floor to stand on", where=collision_mjcf,
+            "the collision scene has no floor to stand on",
+            where=collision_mjcf,
             cure="Photograph the floor; or lay the ground (`r2sego register`, in Blender Captures), or draw "
             "a floor at z = 0 (`r2sego edit-proxy --draw`, in Blender Edit Proxy).",
-        )  # fmt: skip
+        )
     floor_z_m = float(np.nanmedian(floor_z))
     free = inside & (np.abs(floor_z - floor_z_m) < FLATNESS_M)
     with mujoco_warnings() as warned:
@@ -95,10 +96,11 @@ def free_floor(robot: RobotModel, scope: BehaviourScope, collision_mjcf: Path) -
     pieces, count = ndimage.label(free)
     if count == 0:
         raise RobotError(
-            f"there is no free floor of {2.0 * radius_m:.2f} m across in the region", where=collision_mjcf,
+            f"there is no free floor of {2.0 * radius_m:.2f} m across in the region",
+            where=collision_mjcf,
             cure="Check the collision surface, or give the behaviour scope a smaller region.clearance_m "
             "(`r2sego robot --set`, in Blender Clearance under Behaviour Region).",
-        )  # fmt: skip
+        )
     free = pieces == 1 + np.argmax(np.bincount(pieces.ravel())[1:])
     # The padding counts as not free, so the grid's own edge has no clearance.
     clearance = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] * CELL_M
@@ -115,9 +117,12 @@ def _with_probe(collision_mjcf: Path, radius_m: float, height_m: float) -> tuple
     body = spec.worldbody.add_body(name="free_floor_probe", pos=(0.0, 0.0, -1000.0))
     body.add_freejoint()  # MuJoCo never collides two bodies that cannot move
     body.add_geom(
-        name="free_floor_probe", type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-        size=(radius_m, (height_m - FLATNESS_M) / 2.0, 0.0), contype=1, conaffinity=2,
-    )  # fmt: skip
+        name="free_floor_probe",
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        size=(radius_m, (height_m - FLATNESS_M) / 2.0, 0.0),
+        contype=1,
+        conaffinity=2,
+    )
     model = compile_scene(spec, collision_mjcf)
     return model, model.geom("free_floor_probe").id
 
@@ -135,16 +140,18 @@ def _grid(
         bounded[probe] = False
         if not bounded.any():
             raise RobotError(
-                "the collision scene has no bounds", where=collision_mjcf,
+                "the collision scene has no bounds",
+                where=collision_mjcf,
                 cure="Give the behaviour scope a polygon as region.within.",
-            )  # fmt: skip
+            )
         low, high = low[bounded].min(axis=0)[:2], high[bounded].max(axis=0)[:2]
     columns, rows = (np.floor((high - low) / CELL_M).astype(int) + 1).tolist()
     if rows * columns > _MAX_CELLS:
         raise RobotError(
-            f"the region is {high[0] - low[0]:.0f} m by {high[1] - low[1]:.0f} m", where=collision_mjcf,
+            f"the region is {high[0] - low[0]:.0f} m by {high[1] - low[1]:.0f} m",
+            where=collision_mjcf,
             cure="Give the behaviour scope a polygon of at most 1000 square metres as region.within.",
-        )  # fmt: skip
+        )
     return low + ((high - low) - CELL_M * np.array([columns - 1, rows - 1])) / 2.0, rows, columns
 
 

@@ -35,9 +35,8 @@ def draw_cell(free: np.ndarray, rng: np.random.Generator) -> tuple[int, int]:
 
 
 def draw_path(
-    floor: FreeFloor, start: tuple[int, int], scope: BehaviourScope, speed_m_s: float,
-    rng: np.random.Generator,
-) -> np.ndarray | None:  # fmt: skip
+    floor: FreeFloor, start: tuple[int, int], scope: BehaviourScope, speed_m_s: float, rng: np.random.Generator
+) -> np.ndarray | None:
     """A smooth path (n, 2), about ``CELL_M`` between points, to a goal drawn in the scope's range.
 
     None where no place lies in it.
@@ -95,9 +94,13 @@ def _resampled(corners: np.ndarray) -> np.ndarray:
 
 
 def pursue(
-    path: np.ndarray, heading: float, final: Callable[[float], float], speed_m_s: float, turn_rate: float,
+    path: np.ndarray,
+    heading: float,
+    final: Callable[[float], float],
+    speed_m_s: float,
+    turn_rate: float,
     duration_s: float,
-) -> Pursuit:  # fmt: skip
+) -> Pursuit:
     """Pursue ``path`` (n, 2) from ``heading``, then turn to ``final`` of the heading at its end."""
     frames = round(duration_s * RATE_HZ) + 1
     dt = 1.0 / RATE_HZ

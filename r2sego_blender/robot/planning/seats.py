@@ -41,9 +41,7 @@ TARGET_M = 0.8
 """A target named by a place means a seat no farther away than this."""
 
 
-def find_seats(
-    half_width_m: float, floor: FreeFloor, sit_on: SitOn, collision_mjcf: Path
-) -> tuple[Seat, ...]:
+def find_seats(half_width_m: float, floor: FreeFloor, sit_on: SitOn, collision_mjcf: Path) -> tuple[Seat, ...]:
     """Every seat that ``sit_on`` admits for a robot and that the free floor leads to.
 
     ``half_width_m`` is the standing robot's, to either side. A seat is a level surface of an
@@ -147,8 +145,7 @@ def _facing(
     under = beside(-np.arange(0.0, _DEPTH_M, _CELL_M), hips_m)
     around = beside(-np.arange(0.0, _TORSO_M, _CELL_M), arms_m)
     points = points[
-        (np.abs(under - level_m) < 2.0 * _STEP_M).all(axis=(1, 2))
-        & (around < level_m + _ELBOW_M).all(axis=(1, 2))
+        (np.abs(under - level_m) < 2.0 * _STEP_M).all(axis=(1, 2)) & (around < level_m + _ELBOW_M).all(axis=(1, 2))
     ]
     # Before them the rim, then floor as far as the robot steps back, with room for its arms.
     level_m = height(points)

@@ -59,17 +59,31 @@ class Attempts:
         drive = controller.draw(np.random.default_rng(key))
         if drive is None:
             return Rollout(
-                success=False, reason=str(Reason.NO_GOAL), frame=0, qpos=np.empty((0, robot.model.nq)),
-                times_s=np.empty(0), camera_poses=np.empty((0, 4, 4)), seed=key, controller=controller.name,
+                success=False,
+                reason=str(Reason.NO_GOAL),
+                frame=0,
+                qpos=np.empty((0, robot.model.nq)),
+                times_s=np.empty(0),
+                camera_poses=np.empty((0, 4, 4)),
+                seed=key,
+                controller=controller.name,
                 detail="no reachable place lies in the scope's ranges",
-            )  # fmt: skip
+            )
         done = simulate(controller.composition, drive, self._judge, self.scope.episode.camera_rate_hz)
         poses = robot.camera_poses(done.qpos, drive.mount)
         return Rollout(
-            success=not done.reason, reason=str(done.reason), frame=len(done.qpos) - 1, qpos=done.qpos,
-            times_s=done.times_s, camera_poses=poses, seed=key, behaviour=drive.behaviour,
-            detail=done.detail, controller=controller.name, quality=done.meter.quality(poses),
-        )  # fmt: skip
+            success=not done.reason,
+            reason=str(done.reason),
+            frame=len(done.qpos) - 1,
+            qpos=done.qpos,
+            times_s=done.times_s,
+            camera_poses=poses,
+            seed=key,
+            behaviour=drive.behaviour,
+            detail=done.detail,
+            controller=controller.name,
+            quality=done.meter.quality(poses),
+        )
 
     @cached_property
     def _model(self) -> RobotModel:
@@ -102,9 +116,10 @@ def in_order(attempts: Attempts) -> Generator[Rollout]:
                 yield ahead.popleft().result()
         except BrokenExecutor as error:
             raise NativeError(
-                "a process that simulates died, as of too little memory", where="rollouts",
+                "a process that simulates died, as of too little memory",
+                where="rollouts",
                 cure="Close other programs, or let fewer run with rollouts.processes=1.",
-            ) from error  # fmt: skip
+            ) from error
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
 

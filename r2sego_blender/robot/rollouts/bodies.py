@@ -61,12 +61,13 @@ def body_shapes(model: mujoco.MjModel) -> tuple[BodyShape, ...]:
         starts = np.cumsum([0] + [len(vertices) for vertices, _, _ in parts[:-1]])
         shapes.append(
             BodyShape(
-                body, model.body(body).name,
+                body,
+                model.body(body).name,
                 np.concatenate([vertices for vertices, _, _ in parts]).astype(np.float32),
                 np.concatenate([f + s for (_, f, _), s in zip(parts, starts, strict=True)]).astype(np.int32),
                 np.concatenate([np.tile(colour, (len(f), 1)) for _, f, colour in parts]).astype(np.float32),
             )
-        )  # fmt: skip
+        )
     return tuple(shapes)
 
 
@@ -140,9 +141,10 @@ def _check_robot(robot: RobotModel, rollout: Rollout, index: int, where: Path) -
         fits = bool(np.abs(mounted - mounted[0]).max() < _SAME_MOUNT)
     if not fits:
         raise RobotError(
-            f"rollout {index} is another robot's than {robot.source}", where=where,
+            f"rollout {index} is another robot's than {robot.source}",
+            where=where,
             cure="Run Refine again, or declare the robot it was made with.",
-        )  # fmt: skip
+        )
 
 
 def _triangles(model: mujoco.MjModel, geom: int) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:

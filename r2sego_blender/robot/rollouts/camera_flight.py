@@ -33,18 +33,13 @@ _GOALS_TRIED, _STARTS_TRIED = 40, 20
 class FreeSpace:
     """Where a camera can be: points away from all surfaces, in one piece with the captures."""
 
-    def __init__(
-        self, vertices: np.ndarray, faces: np.ndarray, outline: np.ndarray, places: np.ndarray
-    ) -> None:
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray, outline: np.ndarray, places: np.ndarray) -> None:
         """``vertices`` (V, 3) and ``faces`` (F, 3) are the proxy's, ``outline`` (n, 2) the
         polygon of the floor it may be above, and ``places`` (N, 3) the captures' centres;
         metres, in the world. Raises RobotError where nothing is free."""
         self._surface = cKDTree(_surface_points(vertices, faces))
         low, high = vertices.min(axis=0), vertices.max(axis=0)
-        low[:2], high[:2] = (
-            np.maximum(low[:2], outline.min(axis=0)),
-            np.minimum(high[:2], outline.max(axis=0)),
-        )
+        low[:2], high[:2] = (np.maximum(low[:2], outline.min(axis=0)), np.minimum(high[:2], outline.max(axis=0)))
         counts = np.maximum(np.ceil((high - low) / _VOXEL_M), 1).astype(int)
         axes = [start + _VOXEL_M * (np.arange(n) + 0.5) for start, n in zip(low, counts, strict=True)]
         centres = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
@@ -52,9 +47,10 @@ class FreeSpace:
         pieces, number = ndimage.label(free)
         if not number:
             raise RobotError(
-                "the proxy leaves no free space to fly in", where="robot proxy",
+                "the proxy leaves no free space to fly in",
+                where="robot proxy",
                 cure="Use the robot's rollouts: selection.candidates=rollouts.",
-            )  # fmt: skip
+            )
         labels = pieces[free]
         _, nearest = cKDTree(centres[free]).query(places)
         votes = np.bincount(labels[np.atleast_1d(nearest)])
@@ -87,13 +83,20 @@ def _flight(space: FreeSpace, scope: BehaviourScope, key: tuple[int, int]) -> Ro
     poses = np.stack([look_at(place, place + gaze) for place, gaze in zip(positions, ahead, strict=True)])
     pitch_deg, height_m = np.degrees(pitch), positions[:, 2]
     return Rollout(
-        success=True, reason="", frame=frames - 1, qpos=np.empty((frames, 0)), times_s=times_s,
-        camera_poses=poses, seed=key, behaviour=NAME, controller=NAME,
+        success=True,
+        reason="",
+        frame=frames - 1,
+        qpos=np.empty((frames, 0)),
+        times_s=times_s,
+        camera_poses=poses,
+        seed=key,
+        behaviour=NAME,
+        controller=NAME,
         quality=Quality(
             camera_height_m=(float(height_m.min()), float(height_m.max())),
             camera_pitch_deg=(float(pitch_deg.min()), float(pitch_deg.max())),
         ),
-    )  # fmt: skip
+    )
 
 
 def _way(space: FreeSpace, distances_m: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -18,11 +18,7 @@ from .quality import Meter
 # On scene geoms that are more than floor a foot may stand where they are as flat as this.
 _FLOOR_NORMAL_Z = 0.7
 # MuJoCo counts these, and goes on from the resting robot at the origin.
-_DIVERGED = (
-    mujoco.mjtWarning.mjWARN_BADQPOS,
-    mujoco.mjtWarning.mjWARN_BADQVEL,
-    mujoco.mjtWarning.mjWARN_BADQACC,
-)
+_DIVERGED = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
 
 class Reason(StrEnum):
@@ -50,9 +46,7 @@ SUCCESS: Verdict = (Reason.NONE, "")
 class Judge:
     """Judges rollouts of one robot in one scene."""
 
-    def __init__(
-        self, composition: Composition, floor: FreeFloor, scope: BehaviourScope, rest_height_m: float
-    ) -> None:
+    def __init__(self, composition: Composition, floor: FreeFloor, scope: BehaviourScope, rest_height_m: float) -> None:
         self._composition = composition
         self._floor = floor
         self._failures = scope.failures

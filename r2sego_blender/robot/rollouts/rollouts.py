@@ -81,5 +81,6 @@ def _too_few(
     return RobotError(
         f"only {successes} of {settings.successes} rollouts succeeded in {len(attempts)} attempts; "
         f"{count} failed by {reason} ({example})",
-        where=collision_mjcf, cure=_CURES[Reason(reason)],
-    )  # fmt: skip
+        where=collision_mjcf,
+        cure=_CURES[Reason(reason)],
+    )

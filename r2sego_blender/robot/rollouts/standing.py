@@ -46,9 +46,7 @@ class Standing:
         return not self.reason and self.offset_m <= STANDS_WITHIN_M
 
 
-def stand(
-    robot: RobotModel, scope: BehaviourScope, collision_mjcf: Path, settings: RolloutSettings
-) -> Standing:
+def stand(robot: RobotModel, scope: BehaviourScope, collision_mjcf: Path, settings: RolloutSettings) -> Standing:
     """Hold the standing posture for two seconds, as rollouts track their references.
 
     The robot stands where the floor is free, as near the world's origin as that allows.
@@ -72,9 +70,8 @@ def stand(
     offset_m = np.abs(held.qpos[:, 2] - drive.qpos[2]).max()
     place = drive.qpos[:2]
     return Standing(
-        (float(place[0]), float(place[1])), float(held.times_s[-1]), float(offset_m),
-        str(held.reason), held.detail,
-    )  # fmt: skip
+        (float(place[0]), float(place[1])), float(held.times_s[-1]), float(offset_m), str(held.reason), held.detail
+    )
 
 
 def _nearest_to_origin(floor: FreeFloor) -> FreeFloor:

@@ -21,9 +21,10 @@ def parse_polygon(text: str) -> Polygon:
         corners = tuple((float(x), float(y)) for x, y in (pair.split(",") for pair in text.split()))
     except ValueError as error:
         raise RobotError(
-            f"'{text[:80]}' is no polygon", where="region.within",
+            f"'{text[:80]}' is no polygon",
+            where="region.within",
             cure="Write corners in metres as x,y with spaces between: 0,0 2,0 2,1.5.",
-        ) from error  # fmt: skip
+        ) from error
     if problem := problem_of(corners):
         raise RobotError(f"the polygon {problem}", where="region.within", cure="Draw another.")
     return corners

@@ -68,9 +68,7 @@ def _within(value: Any, scope: Path) -> str | tuple[tuple[float, float], ...]:
 class Robot:
     """The robot this scope is meant for; what is left out is the scene's own declaration."""
 
-    model: str = setting(
-        "", "An MJCF or URDF file, beside this one, or an embedded robot's name.", read=_file
-    )
+    model: str = setting("", "An MJCF or URDF file, beside this one, or an embedded robot's name.", read=_file)
     mount: Any = setting(  # the robot's loader knows its forms
         None, "A camera's name, [parent, xyz, rpy, fov], or a table of these; absent: the file's own."
     )
@@ -81,16 +79,10 @@ class Control:
     """The behaviour controller; its files lie beside the scope's."""
 
     kind: str = setting(
-        "reference",
-        "Reference motions tracked, a learned policy, or recorded motions replayed.",
-        choices=CONTROLLERS,
+        "reference", "Reference motions tracked, a learned policy, or recorded motions replayed.", choices=CONTROLLERS
     )
-    file: str = setting(
-        "", "The policy: ONNX, or TorchScript, which can run code of its maker's.", read=_file
-    )
-    layout: str = setting(
-        "", "The policy's observation layout: a shipped one's name, or a TOML file.", read=_layout
-    )
+    file: str = setting("", "The policy: ONNX, or TorchScript, which can run code of its maker's.", read=_file)
+    layout: str = setting("", "The policy's observation layout: a shipped one's name, or a TOML file.", read=_layout)
     motions: tuple[str, ...] = setting((), "The recorded motions.", read=_motions)
 
 
@@ -106,15 +98,9 @@ class Region:
 
 Behaviours: Any = dataclasses.make_dataclass(
     "Behaviours",
-    [
-        (one.name, float, setting(one.weight, one.doc, 0.0, 1000.0, added=one.place is None))
-        for one in BEHAVIOURS
-    ],
+    [(one.name, float, setting(one.weight, one.doc, 0.0, 1000.0, added=one.place is None)) for one in BEHAVIOURS],
     frozen=True,
-    namespace={
-        "__module__": __name__,
-        "__doc__": "How often each behaviour is drawn, relative to the others.",
-    },
+    namespace={"__module__": __name__, "__doc__": "How often each behaviour is drawn, relative to the others."},
 )
 
 
@@ -183,10 +169,7 @@ if TYPE_CHECKING:  # which knows no behaviours: those are Any
 else:
     _WithRanges = dataclasses.make_dataclass(
         "_WithRanges",
-        [
-            (one.name, one.parameters, setting(one.parameters(), added=one.place is None))
-            for one in BEHAVIOURS
-        ],
+        [(one.name, one.parameters, setting(one.parameters(), added=one.place is None)) for one in BEHAVIOURS],
         bases=(_Common,),
         frozen=True,
     )

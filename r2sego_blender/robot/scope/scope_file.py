@@ -50,9 +50,10 @@ def changed_scope(scope: BehaviourScope, changes: Mapping[str, Any], where: Path
         table = tables.setdefault(section, {})
         if not field or not isinstance(table, dict):
             raise RobotError(
-                f"'{key}' is no field of a behaviour scope", where=where,
+                f"'{key}' is no field of a behaviour scope",
+                where=where,
                 cure="Name a section and a field, such as walk_to.speed_m_s.",
-            )  # fmt: skip
+            )
         if value is None and hasattr(getattr(scope, section, None), field):
             table.pop(field, None)
         else:
@@ -86,9 +87,10 @@ def value_of(text: str) -> Any:
     except (ValueError, RecursionError) as error:
         if text.lstrip()[:1] in ("[", "{"):
             raise RobotError(
-                f"'{text}' is no TOML value: {error}", where="--set",
+                f"'{text}' is no TOML value: {error}",
+                where="--set",
                 cure='Write a list as ["a", 1.5] and a table as {name = 1.5}.',
-            ) from error  # fmt: skip
+            ) from error
         return text
 
 

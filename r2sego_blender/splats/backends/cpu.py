@@ -33,9 +33,7 @@ class CpuBackend:
     def forward(
         self, camera: Camera, background: Background, degree: int, with_depth: bool, dilation_px2: float
     ) -> None:
-        self._rasterizer.forward(
-            self.gaussians, camera, background, degree, with_depth, dilation_px2=dilation_px2
-        )
+        self._rasterizer.forward(self.gaussians, camera, background, degree, with_depth, dilation_px2=dilation_px2)
 
     @property
     def planes(self) -> np.ndarray:
@@ -53,9 +51,7 @@ class CpuBackend:
         with_alpha: bool,
         with_depth: bool,
     ) -> None:
-        self._rasterizer.step(
-            self._state, rates, opacity_regularization, scale_regularization, with_alpha, with_depth
-        )
+        self._rasterizer.step(self._state, rates, opacity_regularization, scale_regularization, with_alpha, with_depth)
 
     def pose_gradient(self) -> np.ndarray:
         return self._rasterizer.pose_gradient()

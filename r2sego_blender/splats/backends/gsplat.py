@@ -18,16 +18,7 @@ import torch
 from ...core.cameras import Camera
 from ...core.errors import SettingsError
 from ..kernels.adam import AdamState
-from ..kernels.packing import (
-    HARMONICS,
-    LOG_SCALE,
-    LOGIT_OPACITY,
-    MEAN,
-    QUATERNION,
-    PackedGaussians,
-    pack,
-    unpack,
-)
+from ..kernels.packing import HARMONICS, LOG_SCALE, LOGIT_OPACITY, MEAN, QUATERNION, PackedGaussians, pack, unpack
 from ..kernels.projection import NEAREST_M
 from ..kernels.projection_gradient import BETA_1, BETA_2, TINIEST_SQUARE
 from ..kernels.tiles import DEPTH_PLANE, IMAGE_PLANES, TILE_PX, TRANSMITTANCE_PLANE
@@ -38,8 +29,7 @@ BACKENDS = {"gsplat": "gsplat on CUDA"}
 ORDER = 1
 
 _CURE = (
-    "Install R2S-EGO with its extra `cuda` on a machine with an NVIDIA GPU and nvcc, or set "
-    "training.backend to cpu."
+    "Install R2S-EGO with its extra `cuda` on a machine with an NVIDIA GPU and nvcc, or set training.backend to cpu."
 )
 
 
@@ -83,11 +73,7 @@ class GsplatBackend:
     _second: torch.Tensor
 
     def __init__(
-        self,
-        gaussians: PackedGaussians,
-        state: AdamState,
-        rasterization: Callable[..., Any],
-        device: torch.device,
+        self, gaussians: PackedGaussians, state: AdamState, rasterization: Callable[..., Any], device: torch.device
     ) -> None:
         self._packed, self._state = gaussians, state
         self._rasterization, self._device = rasterization, device
@@ -112,13 +98,21 @@ class GsplatBackend:
         self._view = self._tensor(camera.camera_from_world).requires_grad_()
         intrinsics = [[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]]
         colours, alphas, self._meta = self._rasterization(
-            rows[:, MEAN:LOG_SCALE], quaternions, rows[:, LOG_SCALE:QUATERNION].exp(), opacities,
+            rows[:, MEAN:LOG_SCALE],
+            quaternions,
+            rows[:, LOG_SCALE:QUATERNION].exp(),
+            opacities,
             rows[:, HARMONICS:].unflatten(1, (-1, 3)),
-            self._view[None], self._tensor(intrinsics)[None], camera.width, camera.height,
-            near_plane=NEAREST_M, eps2d=dilation_px2,
-            sh_degree=min(degree, round(self._packed.coefficients**0.5) - 1), packed=False,
+            self._view[None],
+            self._tensor(intrinsics)[None],
+            camera.width,
+            camera.height,
+            near_plane=NEAREST_M,
+            eps2d=dilation_px2,
+            sh_degree=min(degree, round(self._packed.coefficients**0.5) - 1),
+            packed=False,
             render_mode="RGB+D" if with_depth else "RGB",
-        )  # fmt: skip
+        )
         self._meta["means2d"].retain_grad()
         transmittance = 1.0 - alphas[0, ..., 0]
         colour = colours[0, ..., :3] + transmittance[..., None] * self._behind(background, camera.shape)
@@ -174,13 +168,9 @@ class GsplatBackend:
 
     def pose_gradient(self) -> np.ndarray:
         assert self._view.grad is not None
-        gradient, view = (
-            x.cpu().numpy()[:3].astype(np.float64) for x in (self._view.grad, self._view.detach())
-        )
+        gradient, view = (x.cpu().numpy()[:3].astype(np.float64) for x in (self._view.grad, self._view.detach()))
         turn = gradient @ view.T  # of exp(w, 0) camera_from_world = (1 + [w]) camera_from_world
-        return np.array(
-            [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1], *gradient[:, 3]]
-        )
+        return np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1], *gradient[:, 3]])
 
     @contextlib.contextmanager
     def leaving_out(self, left_out: np.ndarray | None) -> Iterator[None]:
@@ -212,9 +202,11 @@ class GsplatBackend:
         """Adam's state in the host's chunks, and on the device."""
         state = self._state
         return [
-            (state.first, self._first), (state.second, self._second), (state.statistics, self._statistics),
+            (state.first, self._first),
+            (state.second, self._second),
+            (state.statistics, self._statistics),
             (state.steps[:, None], self._steps),
-        ]  # fmt: skip
+        ]
 
     def _load(self) -> None:
         state = self._state

@@ -36,9 +36,8 @@ def unpacked(elements: dict[str, np.ndarray], path: Path) -> SplatAsset:
     chunks, vertices = elements["chunk"], elements["vertex"]
     if len(chunks) * _CHUNK < len(vertices):
         raise AssetError(
-            f"there are {len(chunks)} chunks for {len(vertices)} Gaussians", where=path,
-            cure="Export it again.",
-        )  # fmt: skip
+            f"there are {len(chunks)} chunks for {len(vertices)} Gaussians", where=path, cure="Export it again."
+        )
     chunk_of = np.arange(len(vertices)) // _CHUNK
 
     def within(name: str, recipe: tuple, axes: str, bounds: str) -> np.ndarray:
@@ -94,8 +93,9 @@ def _harmonics(rows: np.ndarray | None, count: int, path: Path) -> np.ndarray:
     if stored not in _DEGREES or (rows is not None and stored and len(rows) != count):
         raise AssetError(
             f"the element 'sh' has {stored} properties of {0 if rows is None else len(rows)} Gaussians",
-            where=path, cure="Export it again.",
-        )  # fmt: skip
+            where=path,
+            cure="Export it again.",
+        )
     harmonics = np.empty((count, stored // 3, 3), np.float32)
     for k in range(stored):
         assert rows is not None

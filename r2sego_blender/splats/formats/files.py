@@ -43,9 +43,10 @@ def publishing(path: Path) -> Iterator[Path]:
             rename(staging, path)
     except OSError as error:
         raise AssetError(
-            f"the file cannot be written: {error.strerror or error}", where=path,
+            f"the file cannot be written: {error.strerror or error}",
+            where=path,
             cure="Check that the folder is there, can be written and has room.",
-        ) from error  # fmt: skip
+        ) from error
     finally:
         with contextlib.suppress(OSError):
             staging.unlink(missing_ok=True)

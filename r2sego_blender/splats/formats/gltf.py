@@ -20,15 +20,7 @@ from ..asset import SplatAsset
 from ..quaternions import to_rotation
 from .files import content, publishing
 from .record import SplatFormat
-from .values import (
-    WORLD_FROM_Y_UP,
-    Y_UP_FROM_WORLD,
-    in_world,
-    linear_scales,
-    log_scales,
-    logits,
-    unit_quaternions,
-)
+from .values import WORLD_FROM_Y_UP, Y_UP_FROM_WORLD, in_world, linear_scales, log_scales, logits, unit_quaternions
 
 _EXTENSION = "KHR_gaussian_splatting"
 _COLOUR_SPACE = "srgb_rec709_display"
@@ -45,9 +37,7 @@ _GLB_HEADER, _GLB_CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
 _GLB_MAGIC, _GLB_VERSION, _JSON_CHUNK, _BINARY_CHUNK = b"glTF", 2, b"JSON", b"BIN\0"
 _LARGEST_GLB = 2**32 - 1
 
-_DAMAGE = (
-    ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError, struct.error,
-)  # fmt: skip
+_DAMAGE = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError, struct.error)
 """What following indices through JSON of another structure raises."""
 
 
@@ -68,9 +58,8 @@ def save_gltf(path: Path, asset: SplatAsset) -> None:
             whole = _GLB_HEADER.size + 2 * _GLB_CHUNK.size + len(text) + size
             if whole > _LARGEST_GLB:
                 raise AssetError(
-                    "the asset is too large for a .glb, which ends at 4 GiB", where=path,
-                    cure="Use .ply or .usdc.",
-                )  # fmt: skip
+                    "the asset is too large for a .glb, which ends at 4 GiB", where=path, cure="Use .ply or .usdc."
+                )
             file.write(_GLB_HEADER.pack(_GLB_MAGIC, _GLB_VERSION, whole))
             file.write(_GLB_CHUNK.pack(len(text), _JSON_CHUNK) + text)
             file.write(_GLB_CHUNK.pack(size, _BINARY_CHUNK))
@@ -98,15 +87,10 @@ def load_gltf(path: Path) -> SplatAsset:
     try:
         document, binary = _opened(data, path)
         scene = _Scene(document, binary, path)
-        assets = [
-            in_world(asset, WORLD_FROM_Y_UP @ scene_from_node, path)
-            for scene_from_node, asset in scene.splats()
-        ]
+        assets = [in_world(asset, WORLD_FROM_Y_UP @ scene_from_node, path) for scene_from_node, asset in scene.splats()]
         empty = "meshes" not in document and _EXTENSION in document.get("extensionsUsed", [])
     except _DAMAGE as error:
-        raise AssetError(
-            "the structure of the glTF is damaged", where=path, cure="Copy or export it again."
-        ) from error
+        raise AssetError("the structure of the glTF is damaged", where=path, cure="Copy or export it again.") from error
     if not assets and not empty:
         raise AssetError(
             f"there is no mesh with {_EXTENSION} in the scene", where=path, cure="Export the splats as such."
@@ -134,9 +118,7 @@ def _attributes(asset: SplatAsset) -> dict[str, np.ndarray]:
 
 
 def _harmonic_names(degree: int) -> list[str]:
-    return [
-        f"{_EXTENSION}:SH_DEGREE_{band}_COEF_{k}" for band in range(degree + 1) for k in range(2 * band + 1)
-    ]
+    return [f"{_EXTENSION}:SH_DEGREE_{band}_COEF_{k}" for band in range(degree + 1) for k in range(2 * band + 1)]
 
 
 def _document(attributes: dict[str, np.ndarray], size: int) -> dict[str, Any]:
@@ -153,13 +135,15 @@ def _document(attributes: dict[str, np.ndarray], size: int) -> dict[str, Any]:
     offset = 0
     kinds = {width: kind for kind, width in _WIDTHS.items()}
     for values in attributes.values():
-        views.append({
-            "buffer": 0, "byteOffset": offset, "byteLength": values.nbytes, "target": _ARRAY_BUFFER,
-        })  # fmt: skip
-        accessors.append({
-            "bufferView": len(accessors), "count": len(values), "type": kinds[values.shape[1]],
-            "componentType": _FLOAT,
-        })  # fmt: skip
+        views.append({"buffer": 0, "byteOffset": offset, "byteLength": values.nbytes, "target": _ARRAY_BUFFER})
+        accessors.append(
+            {
+                "bufferView": len(accessors),
+                "count": len(values),
+                "type": kinds[values.shape[1]],
+                "componentType": _FLOAT,
+            }
+        )
         if values.dtype == np.uint16:
             accessors[-1] |= {"componentType": _UNSIGNED_SHORT, "normalized": True}
         offset += values.nbytes
@@ -202,9 +186,7 @@ def _opened(data: bytes, path: Path) -> tuple[dict[str, Any], bytes]:
 
 def _cut_short(path: Path) -> AssetError:
     return AssetError(
-        "the file is cut short: it claims more data than it holds",
-        where=path,
-        cure="Copy or export it again.",
+        "the file is cut short: it claims more data than it holds", where=path, cure="Copy or export it again."
     )
 
 
@@ -225,9 +207,8 @@ class _Scene:
                     left -= len(asset)
                     if left < 0:
                         raise AssetError(
-                            "the scene repeats its splats too often", where=self._path,
-                            cure="Export one copy of them.",
-                        )  # fmt: skip
+                            "the scene repeats its splats too often", where=self._path, cure="Export one copy of them."
+                        )
                     yield scene_from_node, asset
 
     def _meshes(self) -> Iterator[tuple[np.ndarray, int]]:
@@ -255,9 +236,10 @@ class _Scene:
         extension = primitive["extensions"][_EXTENSION]
         if extension.get("colorSpace", _COLOUR_SPACE) != _COLOUR_SPACE:
             raise AssetError(
-                f"the splats' colours are in {extension['colorSpace']}", where=self._path,
+                f"the splats' colours are in {extension['colorSpace']}",
+                where=self._path,
                 cure=f"Export them in {_COLOUR_SPACE}: harmonics cannot be converted.",
-            )  # fmt: skip
+            )
         degree = 0
         while degree < _HIGHEST_DEGREE and _harmonic_names(degree + 1)[-1] in attributes:
             degree += 1
@@ -266,9 +248,10 @@ class _Scene:
         for name in names:
             if name not in attributes:
                 raise AssetError(
-                    f"the attribute '{name}' is missing", where=self._path,
+                    f"the attribute '{name}' is missing",
+                    where=self._path,
                     cure="Export the splats whole and without compression.",
-                )  # fmt: skip
+                )
         arrays = [self._values(attributes[name]) for name in names]
         if len({len(values) for values in arrays}) > 1:
             raise ValueError("the attributes differ in number")
@@ -286,9 +269,10 @@ class _Scene:
         accessor = self._document["accessors"][index]
         if "bufferView" not in accessor or "sparse" in accessor:
             raise AssetError(
-                "the splats are in a sparse or compressed accessor", where=self._path,
+                "the splats are in a sparse or compressed accessor",
+                where=self._path,
                 cure="Export them without compression.",
-            )  # fmt: skip
+            )
         view = self._document["bufferViews"][accessor["bufferView"]]
         kind = np.dtype(_COMPONENTS[accessor["componentType"]])
         width, count = _WIDTHS[accessor["type"]], accessor["count"]
@@ -316,9 +300,10 @@ class _Scene:
             name = PurePosixPath(urllib.parse.unquote(uri))
             if name.is_absolute() or ".." in name.parts or ":" in str(name):
                 raise AssetError(
-                    f"the buffer '{uri}' is not beside the file", where=self._path,
+                    f"the buffer '{uri}' is not beside the file",
+                    where=self._path,
                     cure="Put it there, or export a .glb.",
-                )  # fmt: skip
+                )
             data = content(self._path.parent / name)
         if len(data) < entry["byteLength"]:
             raise _cut_short(self._path)

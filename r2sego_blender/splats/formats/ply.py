@@ -89,9 +89,7 @@ def from_vertices(vertices: np.ndarray, path: Path) -> SplatAsset:
         for name in wanted:
             if name not in names:
                 raise AssetError(
-                    f"the property '{name}' is missing",
-                    where=path,
-                    cure="Export it as a 3DGS PLY with all properties.",
+                    f"the property '{name}' is missing", where=path, cure="Export it as a 3DGS PLY with all properties."
                 )
         values = np.empty((len(vertices), len(wanted)), np.float32)
         for start in range(0, len(vertices), _ROWS_AT_ONCE):
@@ -104,9 +102,7 @@ def from_vertices(vertices: np.ndarray, path: Path) -> SplatAsset:
     stored = rest_count // 3
     if rest_count % 3 or stored + 1 not in (1, 4, 9, 16, 25):
         raise AssetError(
-            f"there are {rest_count} f_rest properties",
-            where=path,
-            cure="Degrees 0 to 4 have 0, 9, 24, 45 or 72.",
+            f"there are {rest_count} f_rest properties", where=path, cure="Degrees 0 to 4 have 0, 9, 24, 45 or 72."
         )
     kept = min(stored, _MOST_REST)
     harmonics = [f"f_dc_{channel}" for channel in range(3)]

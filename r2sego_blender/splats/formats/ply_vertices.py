@@ -13,10 +13,23 @@ import numpy as np
 from ...core.errors import AssetError, may_not_be_read
 
 _SCALARS = {
-    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2",
-    "ushort": "u2", "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4",
-    "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
-}  # fmt: skip
+    "char": "i1",
+    "int8": "i1",
+    "uchar": "u1",
+    "uint8": "u1",
+    "short": "i2",
+    "int16": "i2",
+    "ushort": "u2",
+    "uint16": "u2",
+    "int": "i4",
+    "int32": "i4",
+    "uint": "u4",
+    "uint32": "u4",
+    "float": "f4",
+    "float32": "f4",
+    "double": "f8",
+    "float64": "f8",
+}
 _BYTE_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 _LONGEST_HEADER = 1 << 20
 _VERTICES = re.compile(rb"^element vertex (\d+)\s*$", re.MULTILINE)
@@ -75,9 +88,8 @@ def _elements(data: bytes, names: Collection[str], path: Path) -> dict[str, np.n
         wanted = element.name in names
         if wanted and element.unread:
             raise AssetError(
-                f"the line '{element.unread}' is no scalar property", where=path,
-                cure="Export it as a 3DGS PLY.",
-            )  # fmt: skip
+                f"the line '{element.unread}' is no scalar property", where=path, cure="Export it as a 3DGS PLY."
+            )
         if element.count and (element.unread or (order == "ascii" and not wanted)):
             break  # where the next one starts is not known
         if wanted and order == "ascii":
@@ -116,9 +128,7 @@ def _header(data: bytes, path: Path) -> tuple[str, list[_Element], int]:
     vertices = [element for element in elements if element.name == "vertex"]
     usable = len(vertices) == 1 and bool(vertices[0].fields or vertices[0].unread)
     if not usable or any(len(dict(element.fields)) < len(element.fields) for element in elements):
-        raise AssetError(
-            "the header has no usable vertex element", where=path, cure="Export it as a 3DGS PLY."
-        )
+        raise AssetError("the header has no usable vertex element", where=path, cure="Export it as a 3DGS PLY.")
     return order, elements, data.find(b"\n", end) + 1
 
 
@@ -129,8 +139,9 @@ def _binary_rows(data: bytes, place: int, layout: np.dtype, element: _Element, p
         raise AssetError(
             f"the file is cut short: {what} need{'' if what.endswith('s') else 's'} {needed} bytes "
             f"and {there} are there",
-            where=path, cure="Copy or export it again.",
-        )  # fmt: skip
+            where=path,
+            cure="Copy or export it again.",
+        )
     return np.frombuffer(data, layout, element.count, place)
 
 
@@ -141,12 +152,8 @@ def _ascii_rows(text: bytes, element: _Element, path: Path) -> np.ndarray:
         try:
             values = np.loadtxt(io.BytesIO(text), np.float32, max_rows=element.count, ndmin=2)
         except ValueError as error:
-            raise AssetError(
-                "the text of the file is damaged", where=path, cure="Export it again."
-            ) from error
+            raise AssetError("the text of the file is damaged", where=path, cure="Export it again.") from error
     if values.shape != shape:
-        raise AssetError(
-            f"the file has {values.shape} numbers, not {shape}", where=path, cure="Export it again."
-        )
+        raise AssetError(f"the file has {values.shape} numbers, not {shape}", where=path, cure="Export it again.")
     layout = np.dtype([(name, "f4") for name, _ in element.fields])
     return np.ascontiguousarray(values).reshape(shape).view(layout)[:, 0]

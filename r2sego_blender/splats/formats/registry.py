@@ -38,9 +38,7 @@ def format_of(path: Path | str) -> SplatFormat:
     for found in FORMATS:
         if suffix.lower() in found.suffixes:
             return found
-    raise AssetError(
-        f"'{suffix}' is no format of splats", where=path, cure=f"Use one of {', '.join(SUFFIXES)}."
-    )
+    raise AssetError(f"'{suffix}' is no format of splats", where=path, cure=f"Use one of {', '.join(SUFFIXES)}.")
 
 
 def load_asset(path: Path | str) -> SplatAsset:
@@ -54,9 +52,8 @@ def load_asset(path: Path | str) -> SplatAsset:
     found = format_of(path)
     if not found.magic and content(path, max(map(len, _MAGIC))).startswith(_MAGIC):
         raise AssetError(
-            f"the file is not a {found.suffixes[0]} but another format", where=path,
-            cure="Give it its own suffix.",
-        )  # fmt: skip
+            f"the file is not a {found.suffixes[0]} but another format", where=path, cure="Give it its own suffix."
+        )
     with np.errstate(over="ignore", invalid="ignore"):  # of values that are dropped
         return found.load(path)
 

@@ -11,17 +11,9 @@ from ..asset import SplatAsset
 from ..harmonics import SH_BAND_0
 from .files import content, publishing
 from .record import SplatFormat
-from .values import (
-    linear_scales,
-    log_scales,
-    logits_of_bytes,
-    to_bytes,
-    unit_quaternions,
-)
+from .values import linear_scales, log_scales, logits_of_bytes, to_bytes, unit_quaternions
 
-_RECORD = np.dtype(
-    [("mean", "<f4", 3), ("scale", "<f4", 3), ("colour", "u1", 4), ("quaternion", "u1", 4)]
-)  # fmt: skip
+_RECORD = np.dtype([("mean", "<f4", 3), ("scale", "<f4", 3), ("colour", "u1", 4), ("quaternion", "u1", 4)])
 
 
 def save_splat(path: Path, asset: SplatAsset) -> None:
@@ -50,8 +42,9 @@ def load_splat(path: Path) -> SplatAsset:
     if len(data) % _RECORD.itemsize:
         raise AssetError(
             f"the file is cut short: {len(data)} bytes are not a multiple of {_RECORD.itemsize}",
-            where=path, cure="Copy or export it again.",
-        )  # fmt: skip
+            where=path,
+            cure="Copy or export it again.",
+        )
     records = np.frombuffer(data, _RECORD)
     colours = records["colour"][:, :3].astype(np.float32) / np.float32(255.0)
     asset = SplatAsset(

@@ -18,13 +18,7 @@ from ...core.errors import AssetError
 from ..asset import SplatAsset
 from .files import content, publishing
 from .record import SplatFormat
-from .values import (
-    Y_UP_FROM_WORLD,
-    in_world,
-    logits_of_bytes,
-    to_bytes,
-    unit_quaternions,
-)
+from .values import Y_UP_FROM_WORLD, in_world, logits_of_bytes, to_bytes, unit_quaternions
 
 _MAGIC = b"NGSP"
 _GZIP_MAGIC = b"\x1f\x8b"
@@ -43,9 +37,7 @@ _COORDINATE_SYSTEMS = (
     *("LFD", "RFD", "LFU", "RFU", "LBD", "RBD", "LBU", "RBU"),
 )
 """By the number of the coordinate system extension: where x, y and z point; 0 is unspecified."""
-_AXES = {
-    "R": (1, 0, 0), "L": (-1, 0, 0), "F": (0, 1, 0), "B": (0, -1, 0), "U": (0, 0, 1), "D": (0, 0, -1),
-}  # fmt: skip
+_AXES = {"R": (1, 0, 0), "L": (-1, 0, 0), "F": (0, 1, 0), "B": (0, -1, 0), "U": (0, 0, 1), "D": (0, 0, -1)}
 
 _MOST_FRACTIONAL_BITS = 14
 """Steps of 0.06 mm within 512 m: finer ones would be noise that does not compress."""
@@ -81,8 +73,9 @@ def save_spz(path: Path, asset: SplatAsset) -> None:
     if reach > _LARGEST_FIXED:
         raise AssetError(
             f"a Gaussian stands {reach:.3g} m from the origin, beyond the reach of SPZ",
-            where=path, cure="Remove it, or use .ply.",
-        )  # fmt: skip
+            where=path,
+            cure="Remove it, or use .ply.",
+        )
     fixed = np.rint(asset.means.astype(np.float64) * 2.0**bits).astype("<i4")
     parts = [
         fixed.view(np.uint8).reshape(-1, 4)[:, :3],
@@ -156,9 +149,8 @@ def _checked_header(header: bytes, versions: range, file_bytes: int, path: Path)
     _, version, count, degree, *rest = _HEADER.unpack_from(header)
     if version not in versions:
         raise AssetError(
-            f"SPZ version {version} is unknown in this kind of file", where=path,
-            cure="Export it as version 1 to 4.",
-        )  # fmt: skip
+            f"SPZ version {version} is unknown in this kind of file", where=path, cure="Export it as version 1 to 4."
+        )
     if degree > _HIGHEST_DEGREE:
         raise AssetError(f"the degree {degree} is unknown", where=path, cure="Degrees 0 to 4 are known.")
     if count > _MOST_GAUSSIANS_PER_BYTE * file_bytes:
@@ -229,8 +221,9 @@ def _unzstd(stream: bytes, size: int, path: Path) -> bytes:
 def _cut_short(path: Path) -> AssetError:
     return AssetError(
         "the file is cut short: its header claims more Gaussians than it holds",
-        where=path, cure="Copy or export it again.",
-    )  # fmt: skip
+        where=path,
+        cure="Copy or export it again.",
+    )
 
 
 def _records(extensions: bytes) -> Iterator[tuple[int, bytes]]:
@@ -254,9 +247,10 @@ def _world_from_file(extensions: bytes, path: Path) -> np.ndarray:
         world_from_file[:3, :3] = np.array([_AXES[letter] for letter in name]).T
     if system >= len(_COORDINATE_SYSTEMS) or np.linalg.det(world_from_file) < 0.0:
         raise AssetError(
-            f"the file is in the coordinate system {name}, not a right-handed one", where=path,
+            f"the file is in the coordinate system {name}, not a right-handed one",
+            where=path,
             cure="Export it as RUB, SPZ's own.",
-        )  # fmt: skip
+        )
     return world_from_file
 
 

@@ -18,14 +18,7 @@ from ..quaternions import to_rotation
 from . import usd_stage
 from .files import content, publishing
 from .record import SplatFormat
-from .values import (
-    WORLD_FROM_Y_UP,
-    in_world,
-    linear_scales,
-    log_scales,
-    logits,
-    unit_quaternions,
-)
+from .values import WORLD_FROM_Y_UP, in_world, linear_scales, log_scales, logits, unit_quaternions
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -57,9 +50,7 @@ def save_usd(path: Path, asset: SplatAsset) -> None:
     field.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(linear_scales(asset)))
     field.CreateOpacitiesAttr(Vt.FloatArray.FromNumpy(asset.opacities))
     field.CreateRadianceSphericalHarmonicsDegreeAttr(asset.degree)
-    harmonics = field.CreateRadianceSphericalHarmonicsCoefficientsAttr(
-        Vt.Vec3fArray.FromNumpy(asset.sh.reshape(-1, 3))
-    )
+    harmonics = field.CreateRadianceSphericalHarmonicsCoefficientsAttr(Vt.Vec3fArray.FromNumpy(asset.sh.reshape(-1, 3)))
     harmonics.SetMetadata("elementSize", asset.sh.shape[1])
     if len(asset):
         field.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(_extent(asset, quaternions)))
@@ -70,9 +61,7 @@ def save_usd(path: Path, asset: SplatAsset) -> None:
             else:
                 stage.GetRootLayer().Export(str(staging))
     except Tf.ErrorException as error:
-        raise AssetError(
-            "the file cannot be written", where=path, cure="Check the folder and the disk."
-        ) from error
+        raise AssetError("the file cannot be written", where=path, cure="Check the folder and the disk.") from error
 
 
 def load_usd(path: Path) -> SplatAsset:
@@ -89,15 +78,12 @@ def load_usd(path: Path) -> SplatAsset:
         try:
             subprocess.run(command, capture_output=True, check=True, timeout=_LONGEST_READING_S)
         except subprocess.SubprocessError as error:
-            raise AssetError(
-                "the file is not a readable USD", where=path, cure="Copy or export it again."
-            ) from error
+            raise AssetError("the file is not a readable USD", where=path, cure="Copy or export it again.") from error
         with opened_arrays(arrays_file, AssetError, "the stage's arrays are damaged", "Try again.") as arrays:
             if not arrays["count"]:
                 raise AssetError(
-                    f"there is no {usd_stage.PRIM_TYPE} in the stage", where=path,
-                    cure="Export the splats as such.",
-                )  # fmt: skip
+                    f"there is no {usd_stage.PRIM_TYPE} in the stage", where=path, cure="Export the splats as such."
+                )
             world_from_stage = WORLD_FROM_Y_UP.copy() if arrays["y_up"] else np.eye(4)
             world_from_stage[:3] *= arrays["metres_per_unit"]
             assets = []

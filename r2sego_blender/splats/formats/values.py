@@ -9,9 +9,7 @@ import numpy as np
 from ...core.errors import AssetError
 from ..asset import SplatAsset
 
-Y_UP_FROM_WORLD = np.array(
-    [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
-)
+Y_UP_FROM_WORLD = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 """(4, 4): right-handed, Y up, the world's y axis pointing away from the viewer (-z), as Blender exports."""
 
 WORLD_FROM_Y_UP = Y_UP_FROM_WORLD.T
@@ -35,8 +33,9 @@ def in_world(asset: SplatAsset, world_from_file: np.ndarray, path: Path) -> Spla
             raise
         raise AssetError(
             "the splats stand under a transform that shears, mirrors or scales unevenly",
-            where=path, cure="Apply the transform in the program that wrote the file.",
-        ) from error  # fmt: skip
+            where=path,
+            cure="Apply the transform in the program that wrote the file.",
+        ) from error
 
 
 def unit_quaternions(quaternions: np.ndarray) -> np.ndarray:

@@ -28,6 +28,4 @@ class AdamState:
     @staticmethod
     def of(gaussians: PackedGaussians) -> AdamState:
         shape = gaussians.chunks.shape
-        return AdamState(
-            aligned(shape), aligned(shape), aligned((shape[0], LANES)), aligned((shape[0], 2, LANES))
-        )
+        return AdamState(aligned(shape), aligned(shape), aligned((shape[0], LANES)), aligned((shape[0], 2, LANES)))

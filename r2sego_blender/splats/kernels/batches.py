@@ -17,17 +17,7 @@ from numba.core.types import int64, void
 
 from ..vector_language.vectors import LANES, VECTOR_BYTES, Code, Value, vector_kernel
 from .binning import ENTRY_BYTES
-from .projection import (
-    DEPTH,
-    EIGHTH,
-    FACTOR_A,
-    FACTOR_B,
-    FACTOR_C,
-    RECORD_BYTES,
-    RED,
-    U,
-    V,
-)
+from .projection import DEPTH, EIGHTH, FACTOR_A, FACTOR_B, FACTOR_C, RECORD_BYTES, RED, U, V
 from .tiles import BLOCK_PX, BLOCKS_A_SIDE, SIDE_SHIFT, TILE_PX
 
 BATCH = 32
@@ -52,9 +42,15 @@ _BLOCK_FROM_MIDDLE = [BLOCK_PX * (k % BLOCKS_A_SIDE) + 0.5 - TILE_PX / 2 for k i
 
 @vector_kernel(void(int64, int64, int64, int64, int64, int64, int64))
 def fetch(
-    code: Code, order: Value, count: Value, entries: Value, records: Value, middle_x: Value, middle_y: Value,
+    code: Code,
+    order: Value,
+    count: Value,
+    entries: Value,
+    records: Value,
+    middle_x: Value,
+    middle_y: Value,
     batch: Value,
-) -> None:  # fmt: skip
+) -> None:
     """Fill a batch with the next ``count`` entries; the tile's middle is in pixels."""
     middle_x, middle_y = code.to_floats(middle_x), code.to_floats(middle_y)
     with code.loop(count) as i:
@@ -80,9 +76,8 @@ def ask_for_slots(code: Code, order: Value, count: Value, slots: Value) -> None:
 
 
 def ask_ahead(
-    code: Code, order: Value, i: Value, left: Value, entries: Value, records: Value,
-    slots: Value | None = None,
-) -> None:  # fmt: skip
+    code: Code, order: Value, i: Value, left: Value, entries: Value, records: Value, slots: Value | None = None
+) -> None:
     """While entry ``i`` of a batch is blended, have what one of the next two needs in the cache.
 
     One entry at a time: the processor waits when it is asked for a whole batch at once. ``left``

@@ -50,9 +50,15 @@ _SHORT_LIST = 1024  # moving one entry after the other takes no longer than this
 
 @vector_kernel(int64(int64, int64, int64, int64, int64, int64, int64))
 def _append_entries(
-    code: Code, record: Value, gaussian: Value, entries: Value, count: Value, capacity: Value,
-    width: Value, height: Value,
-) -> Value:  # fmt: skip
+    code: Code,
+    record: Value,
+    gaussian: Value,
+    entries: Value,
+    count: Value,
+    capacity: Value,
+    width: Value,
+    height: Value,
+) -> Value:
     """Append a Gaussian's entries; returns how many there are then.
 
     At most ``capacity`` are written, the last one over and over; the count goes on.
@@ -92,8 +98,9 @@ def _append_entries(
             return half, held * (b * inverse_a)
 
         (half_right, middle_right), (half_left, middle_left) = (
-            reach(code.vector(0.0) + skew), reach(code.vector(0.0) - skew)
-        )  # fmt: skip
+            reach(code.vector(0.0) + skew),
+            reach(code.vector(0.0) - skew),
+        )
         right = (half_right - middle_right + (u - 0.5 + _SLACK_PX)) * (1.0 / BLOCK_PX)
         left = (u - (BLOCK_PX - 0.5) - _SLACK_PX - half_left - middle_left) * (1.0 / BLOCK_PX)
         # Rounded up and down; both are held so that rounding towards zero does it.
@@ -144,17 +151,14 @@ def append_entries(records, visible, width, height, entries, capacity, starts, c
         base = entries + segment * capacity * ENTRY_BYTES
         total = 0
         for chunk in range(
-            blocks * segment // SEGMENTS * BLOCK,
-            min(visible.shape[0], blocks * (segment + 1) // SEGMENTS * BLOCK),
+            blocks * segment // SEGMENTS * BLOCK, min(visible.shape[0], blocks * (segment + 1) // SEGMENTS * BLOCK)
         ):
             bits = visible[chunk]
             lane = 0
             while bits:
                 if bits & 1:
                     i = chunk * LANES + lane
-                    after = _append_entries(
-                        records + i * RECORD_BYTES, i, base, total, capacity, width, height
-                    )
+                    after = _append_entries(records + i * RECORD_BYTES, i, base, total, capacity, width, height)
                     starts[i] = segment * capacity + total
                     counts[i] = after - total
                     total = after

@@ -48,15 +48,11 @@ def constant(code: Code, table: Value, place: int) -> Value:
 class Splat(Fetched):
     """A fetched entry and its alpha at a block; ``constant`` gives those of the table."""
 
-    def __init__(
-        self, code: Code, state: Value, fetched: Value, depth: bool, constant: Callable[[int], Value]
-    ) -> None:
+    def __init__(self, code: Code, state: Value, fetched: Value, depth: bool, constant: Callable[[int], Value]) -> None:
         super().__init__(code, fetched, depth)
         self._state, self.constant = state, constant
 
-    def visit(
-        self, blocks: Value, blend: Callable[[bool, Value, list[Value]], None], with_small: bool = False
-    ) -> None:
+    def visit(self, blocks: Value, blend: Callable[[bool, Value, list[Value]], None], with_small: bool = False) -> None:
         """``blend(held, place, [alpha, e, f, eighth])`` for each block, whose state is at ``place``.
 
         alpha is 0 where it is below 1/255. ``with_small`` leaves that to ``blend``, by ``is_taken``.
@@ -102,9 +98,18 @@ class Splat(Fetched):
 
 
 def write_blend(
-    code: Code, depth: bool, state: Value, table: Value, batch: Value, count: Value, alive: Value,
-    order: Value, left: Value, entries: Value, records: Value,
-) -> None:  # fmt: skip
+    code: Code,
+    depth: bool,
+    state: Value,
+    table: Value,
+    batch: Value,
+    count: Value,
+    alive: Value,
+    order: Value,
+    left: Value,
+    entries: Value,
+    records: Value,
+) -> None:
     """Put a batch's Gaussians behind what the blocks of ``alive`` already have.
 
     ``order`` and ``left`` are where the batch begins and what is left of its tile from there on.

@@ -35,9 +35,20 @@ GRADIENTS_BYTES = BLOCKS * VECTOR_BYTES
 
 
 def write_blend_gradient(
-    code: Code, depth: bool, sum_lanes: int, state: Value, table: Value, batch: Value, count: Value,
-    alive: Value, order: Value, left: Value, entries: Value, records: Value, slots: Value,
-) -> None:  # fmt: skip
+    code: Code,
+    depth: bool,
+    sum_lanes: int,
+    state: Value,
+    table: Value,
+    batch: Value,
+    count: Value,
+    alive: Value,
+    order: Value,
+    left: Value,
+    entries: Value,
+    records: Value,
+    slots: Value,
+) -> None:
     """Replay ``write_blend`` and fill the slots of a batch's entries.
 
     With sixteen ``sum_lanes`` a visit adds to all sums; with fewer, a second loop follows.
@@ -104,9 +115,7 @@ def _sums_beside(code: Code, splat: Splat, channels: int, blocks: Value) -> list
     return [total.get() for total in sums]
 
 
-def _sums_after(
-    code: Code, splat: Splat, channels: int, blocks: Value, lanes: int, buffer: Value
-) -> list[Value]:
+def _sums_after(code: Code, splat: Splat, channels: int, blocks: Value, lanes: int, buffer: Value) -> list[Value]:
     """The same, in ``lanes`` of sixteen: the moments are summed after the visits."""
     nothing = code.cut(code.vector(0.0), lanes)[0]
     colours = [code.variable(nothing) for _ in range(channels)]

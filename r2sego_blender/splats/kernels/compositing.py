@@ -81,9 +81,8 @@ def _clear_slots(code: Code, order: Value, count: Value, slots: Value) -> None:
 
 @kernel
 def _blend_tile(
-    state, start, stop, order, entries, records, middle_x, middle_y, table, planes, plane_bytes, pitch,
-    with_depth,
-):  # fmt: skip
+    state, start, stop, order, entries, records, middle_x, middle_y, table, planes, plane_bytes, pitch, with_depth
+):
     """Blend a tile's entries; returns the place in ``order`` after the last one needed."""
     batch = state + STATE_BYTES
     alive, row = -1, 0
@@ -105,10 +104,23 @@ def _blend_tile(
 
 @parallel_kernel
 def composite(
-    records, entries, order, tile_starts, tile_stops, tiles_x, planes, plane_bytes, background,
-    background_plane_bytes, background_pitch, background_step, scratch, table, with_depth,
+    records,
+    entries,
+    order,
+    tile_starts,
+    tile_stops,
+    tiles_x,
+    planes,
+    plane_bytes,
+    background,
+    background_plane_bytes,
+    background_pitch,
+    background_step,
+    scratch,
+    table,
+    with_depth,
     threads,
-):  # fmt: skip
+):
     """Render all tiles into image planes of whole tiles: red, green, blue, transmittance, depth sum.
 
     All but ``tile_starts`` and ``tile_stops`` (tiles,) int64 are addresses or numbers. The
@@ -129,22 +141,52 @@ def composite(
         target = planes + y * pitch + 4 * x
         open_tile(state)
         tile_stops[tile] = _blend_tile(
-            state, tile_starts[tile], tile_starts[tile + 1], order, entries, records,
-            x + TILE_PX // 2, y + TILE_PX // 2, table, target, plane_bytes, pitch, with_depth,
-        )  # fmt: skip
+            state,
+            tile_starts[tile],
+            tile_starts[tile + 1],
+            order,
+            entries,
+            records,
+            x + TILE_PX // 2,
+            y + TILE_PX // 2,
+            table,
+            target,
+            plane_bytes,
+            pitch,
+            with_depth,
+        )
         store_tile(
-            state, target, plane_bytes, pitch,
+            state,
+            target,
+            plane_bytes,
+            pitch,
             background + y * background_pitch + x // LANES * background_step,
-            background_plane_bytes, background_pitch, background_step, with_depth,
-        )  # fmt: skip
+            background_plane_bytes,
+            background_pitch,
+            background_step,
+            with_depth,
+        )
         restore_denormals(flags)
 
 
 @parallel_kernel
 def composite_backward(
-    records, entries, order, tile_starts, tile_stops, tiles_x, planes, gradients, plane_bytes, slots,
-    scratch, table, with_alpha, with_depth, threads,
-):  # fmt: skip
+    records,
+    entries,
+    order,
+    tile_starts,
+    tile_stops,
+    tiles_x,
+    planes,
+    gradients,
+    plane_bytes,
+    slots,
+    scratch,
+    table,
+    with_alpha,
+    with_depth,
+    threads,
+):
     """Fill the slots of all entries from ``gradients``, planes in the layout of ``planes``.
 
     The plane of transmittance holds the gradient of alpha = 1 - transmittance. It, and that
@@ -162,10 +204,7 @@ def composite_backward(
         batch = state + STATE_BYTES
         x, y = tile % tiles_x * TILE_PX, tile // tiles_x * TILE_PX
         corner = y * pitch + 4 * x
-        open_gradient(
-            state, planes + corner, gradients + corner, plane_bytes, pitch,
-            with_alpha, with_depth,
-        )  # fmt: skip
+        open_gradient(state, planes + corner, gradients + corner, plane_bytes, pitch, with_alpha, with_depth)
         start, stop, alive = tile_starts[tile], tile_stops[tile], -1
         while start < stop:
             count = min(BATCH, stop - start)
@@ -174,9 +213,7 @@ def composite_backward(
             if start == tile_starts[tile]:
                 ask_for_slots(some, count, slots)
             if with_depth:
-                _blend_backward_with_depth(
-                    state, table, batch, count, alive, some, left, entries, records, slots
-                )
+                _blend_backward_with_depth(state, table, batch, count, alive, some, left, entries, records, slots)
             else:
                 _blend_backward(state, table, batch, count, alive, some, left, entries, records, slots)
             start += count

@@ -67,9 +67,8 @@ def _add_up(code: Code, scratch: Value, values: Value) -> None:
 
 @vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64))
 def _load_images(
-    code: Code, scratch: Value, x: Value, y: Value, pitch: Value, start: Value, width: Value, row: Value,
-    inside: Value,
-) -> None:  # fmt: skip
+    code: Code, scratch: Value, x: Value, y: Value, pitch: Value, start: Value, width: Value, row: Value, inside: Value
+) -> None:
     """Put a row of x, y, x x + y y and x y into its lines, zeros outside the image.
 
     ``x`` and ``y`` are the addresses of an image row's first sample, ``pitch`` bytes above the
@@ -108,9 +107,7 @@ def _load_derivatives(code: Code, scratch: Value, left: Value, own: Value, right
 
 
 @vector_kernel(void(int64, int64, int64, int64, int64))
-def _similarity_row(
-    code: Code, scratch: Value, derivatives: Value, columns: Value, row: Value, there: Value
-) -> None:
+def _similarity_row(code: Code, scratch: Value, derivatives: Value, columns: Value, row: Value, there: Value) -> None:
     """Blur the lines of ``row``; add up SSIM in the row ``DELAY`` above it, and store its derivatives.
 
     These are by the blurred x, x x and x y, in a strip's row, dealt. ``columns`` of the strip
@@ -141,9 +138,19 @@ def _similarity_row(
 
 @vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64, int64, float32, float32))
 def _gradient_row(
-    code: Code, scratch: Value, x: Value, y: Value, weights: Value, gradient: Value, pitch: Value,
-    columns: Value, row: Value, there: Value, by_difference: Value, by_similarity: Value,
-) -> None:  # fmt: skip
+    code: Code,
+    scratch: Value,
+    x: Value,
+    y: Value,
+    weights: Value,
+    gradient: Value,
+    pitch: Value,
+    columns: Value,
+    row: Value,
+    there: Value,
+    by_difference: Value,
+    by_similarity: Value,
+) -> None:
     """Blur the lines of ``row``; the gradient of the row ``DELAY`` above it.
 
     Its absolute differences are added up. ``x``, ``y``, ``weights`` and ``gradient`` are where
@@ -220,9 +227,23 @@ def _similarity_strip(x, y, derivatives, start, height, width, pitch, top, botto
 
 @kernel
 def _gradient_strip(
-    x, y, left, own, right, weights, gradient, start, height, width, pitch, top, bottom, by_difference,
-    by_similarity, scratch,
-):  # fmt: skip
+    x,
+    y,
+    left,
+    own,
+    right,
+    weights,
+    gradient,
+    start,
+    height,
+    width,
+    pitch,
+    top,
+    bottom,
+    by_difference,
+    by_similarity,
+    scratch,
+):
     """Store the gradient of a strip in a band; returns the sum of the absolute differences."""
     total = 0.0
     first = max(top - SSIM_RADIUS_PX, 0)
@@ -239,18 +260,38 @@ def _gradient_strip(
             at = pitch * done + 4 * start
             weight = weights + at if weights != 0 else 0
             _gradient_row(
-                scratch, x + at, y + at, weight, gradient + at, pitch, width - start, row - 1,
-                1 if done >= top else 0, by_difference, by_similarity,
-            )  # fmt: skip
+                scratch,
+                x + at,
+                y + at,
+                weight,
+                gradient + at,
+                pitch,
+                width - start,
+                row - 1,
+                1 if done >= top else 0,
+                by_difference,
+                by_similarity,
+            )
             total += _read_sum(scratch)
     return total
 
 
 @parallel_kernel
 def _loss_and_gradient(
-    x, y, weights, gradient, height, width, pitch, plane_bytes, by_difference, by_similarity, scratch,
-    similarity, difference,
-):  # fmt: skip
+    x,
+    y,
+    weights,
+    gradient,
+    height,
+    width,
+    pitch,
+    plane_bytes,
+    by_difference,
+    by_similarity,
+    scratch,
+    similarity,
+    difference,
+):
     """``gradient`` times ``weights`` (one plane, or address 0); the sums of each strip in each band.
 
     ``similarity`` and ``difference`` are (channels, bands, strips) float64; ``scratch`` holds
@@ -274,10 +315,23 @@ def _loss_and_gradient(
                 _clear(right, _BAND_BYTES // VECTOR_BYTES)
             if strip > 0:
                 difference[channel, band, strip - 1] = _gradient_strip(
-                    x + plane, y + plane, left, middle, right, weights, gradient + plane,
-                    (strip - 1) * COLUMNS, height, width, pitch, top, bottom, by_difference, by_similarity,
+                    x + plane,
+                    y + plane,
+                    left,
+                    middle,
+                    right,
+                    weights,
+                    gradient + plane,
+                    (strip - 1) * COLUMNS,
+                    height,
+                    width,
+                    pitch,
+                    top,
+                    bottom,
+                    by_difference,
+                    by_similarity,
                     own,
-                )  # fmt: skip
+                )
         restore_denormals(flags)
 
 
@@ -308,10 +362,18 @@ class PhotometricLoss:
         similarity, difference = self._sums
         plane_bytes, pitch, _ = target.strides
         _loss_and_gradient(
-            image.ctypes.data, target.ctypes.data, 0 if weights is None else weights.ctypes.data,
-            gradient.ctypes.data, *self._shape, pitch, plane_bytes,
-            np.float32(scale * (1.0 - ssim_weight) / samples), np.float32(-scale * ssim_weight / samples),
-            self._scratch.ctypes.data, similarity, difference,
-        )  # fmt: skip
+            image.ctypes.data,
+            target.ctypes.data,
+            0 if weights is None else weights.ctypes.data,
+            gradient.ctypes.data,
+            *self._shape,
+            pitch,
+            plane_bytes,
+            np.float32(scale * (1.0 - ssim_weight) / samples),
+            np.float32(-scale * ssim_weight / samples),
+            self._scratch.ctypes.data,
+            similarity,
+            difference,
+        )
         loss = (1.0 - ssim_weight) * difference.sum() / samples
         return float(loss + ssim_weight * (1.0 - similarity.sum() / samples))

@@ -128,9 +128,13 @@ def point_on_screen(code: Code, lens: Lens, chunk: Value) -> SimpleNamespace:
     ahead = (point[2] > NEAREST_M) & (point[2] < _LARGEST_VARIANCE_PX2)
     inverse_z = 1.0 / code.maximum(point[2], NEAREST_M)
     return SimpleNamespace(
-        mean=mean, point=point, ahead=ahead, inverse_z=inverse_z,
-        slope_x=point[0] * inverse_z, slope_y=point[1] * inverse_z,
-    )  # fmt: skip
+        mean=mean,
+        point=point,
+        ahead=ahead,
+        inverse_z=inverse_z,
+        slope_x=point[0] * inverse_z,
+        slope_y=point[1] * inverse_z,
+    )
 
 
 def ellipsoid_on_screen(code: Code, lens: Lens, chunk: Value, at: SimpleNamespace) -> SimpleNamespace:
@@ -144,9 +148,7 @@ def ellipsoid_on_screen(code: Code, lens: Lens, chunk: Value, at: SimpleNamespac
     scales = [exp2(code.minimum(code.maximum(s, low), high) * (1.0 / math.log(2.0))) for s in logs]
     free = [(s > low) & (s < high) for s in logs]
     bound = _LARGEST_QUATERNION
-    raw = [
-        code.minimum(code.maximum(parameter(code, chunk, QUATERNION + k), -bound), bound) for k in range(4)
-    ]
+    raw = [code.minimum(code.maximum(parameter(code, chunk, QUATERNION + k), -bound), bound) for k in range(4)]
     length2 = raw[0] * raw[0] + raw[1] * raw[1] + raw[2] * raw[2] + raw[3] * raw[3]
     inverse_norm = 1.0 / code.sqrt(length2 + _TINY)
     w, x, y, z = (q * inverse_norm for q in raw)
@@ -166,11 +168,24 @@ def ellipsoid_on_screen(code: Code, lens: Lens, chunk: Value, at: SimpleNamespac
     dilation = lens[_DILATION]
     determinant = dot(normal, normal) + dilation * (xx + yy) + dilation * dilation
     return SimpleNamespace(
-        scales=scales, free=free, quaternion=(w, x, y, z), inverse_norm=inverse_norm,
-        has_length=length2 > 2.0 * _TINY, rotation=rotation, axes=axes, held_x=held_x, held_y=held_y,
-        jacobian_x=jacobian_x, jacobian_y=jacobian_y, row_x=row_x, row_y=row_y,
-        xx=xx + dilation, xy=dot(row_x, row_y), yy=yy + dilation, determinant=determinant,
-    )  # fmt: skip
+        scales=scales,
+        free=free,
+        quaternion=(w, x, y, z),
+        inverse_norm=inverse_norm,
+        has_length=length2 > 2.0 * _TINY,
+        rotation=rotation,
+        axes=axes,
+        held_x=held_x,
+        held_y=held_y,
+        jacobian_x=jacobian_x,
+        jacobian_y=jacobian_y,
+        row_x=row_x,
+        row_y=row_y,
+        xx=xx + dilation,
+        xy=dot(row_x, row_y),
+        yy=yy + dilation,
+        determinant=determinant,
+    )
 
 
 def factor(code: Code, shape: SimpleNamespace) -> tuple[Value, Value, Value, Value]:

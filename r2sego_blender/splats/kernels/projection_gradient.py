@@ -82,9 +82,15 @@ def _screen_gradients(a: Value, b: Value, c: Value, eighth: Value, sums: list[Va
 
 
 def _point_gradient(
-    lens: Lens, code: Code, at: SimpleNamespace, shape: SimpleNamespace, g: SimpleNamespace,
-    g_x: list[Value], g_y: list[Value], g_depth: Value,
-) -> list[Value]:  # fmt: skip
+    lens: Lens,
+    code: Code,
+    at: SimpleNamespace,
+    shape: SimpleNamespace,
+    g: SimpleNamespace,
+    g_x: list[Value],
+    g_y: list[Value],
+    g_depth: Value,
+) -> list[Value]:
     """Of the camera point: through the centre, the linearised projection, and the depth."""
     (x, y), iz = (at.slope_x, at.slope_y), at.inverse_z
     jx, jy = shape.jacobian_x, shape.jacobian_y
@@ -106,17 +112,14 @@ def _quaternion_gradient(code: Code, shape: SimpleNamespace, g: list[list[Value]
     w, x, y, z = shape.quaternion
     gw = 2.0 * (x * (g[2][1] - g[1][2]) + y * (g[0][2] - g[2][0]) + z * (g[1][0] - g[0][1]))
     gx = 2.0 * (
-        -2.0 * x * (g[1][1] + g[2][2]) + y * (g[0][1] + g[1][0]) + z * (g[0][2] + g[2][0])
-        + w * (g[2][1] - g[1][2])
-    )  # fmt: skip
+        -2.0 * x * (g[1][1] + g[2][2]) + y * (g[0][1] + g[1][0]) + z * (g[0][2] + g[2][0]) + w * (g[2][1] - g[1][2])
+    )
     gy = 2.0 * (
-        x * (g[0][1] + g[1][0]) - 2.0 * y * (g[0][0] + g[2][2]) + z * (g[1][2] + g[2][1])
-        + w * (g[0][2] - g[2][0])
-    )  # fmt: skip
+        x * (g[0][1] + g[1][0]) - 2.0 * y * (g[0][0] + g[2][2]) + z * (g[1][2] + g[2][1]) + w * (g[0][2] - g[2][0])
+    )
     gz = 2.0 * (
-        x * (g[0][2] + g[2][0]) + y * (g[1][2] + g[2][1]) - 2.0 * z * (g[0][0] + g[1][1])
-        + w * (g[1][0] - g[0][1])
-    )  # fmt: skip
+        x * (g[0][2] + g[2][0]) + y * (g[1][2] + g[2][1]) - 2.0 * z * (g[0][0] + g[1][1]) + w * (g[1][0] - g[0][1])
+    )
     along = gw * w + gx * x + gy * y + gz * z
     # A quaternion of no length has no direction to turn in.
     length = code.select(shape.has_length, shape.inverse_norm, 0.0)
@@ -124,9 +127,15 @@ def _quaternion_gradient(code: Code, shape: SimpleNamespace, g: list[list[Value]
 
 
 def _write_gradients(
-    code: Code, chunk: Value, degree: Value, lens: Lens, gathered: Value,
-    opacity_pull: Value, scale_pull: Value, emit: Callable[[int, Value], None],
-) -> SimpleNamespace:  # fmt: skip
+    code: Code,
+    chunk: Value,
+    degree: Value,
+    lens: Lens,
+    gathered: Value,
+    opacity_pull: Value,
+    scale_pull: Value,
+    emit: Callable[[int, Value], None],
+) -> SimpleNamespace:
     """``emit(row, gradient)`` for each parameter; returns the gradients of ``pose`` and centre.
 
     The pose moves by a small rotation w and translation t of the camera frame,
@@ -227,14 +236,23 @@ def _one_minus_power(code: Code, log2_base: float, steps: Value) -> Value:
     return code.select(x > -_SHORT, series, direct)
 
 
-@vector_kernel(
-    void(int64, int64, int64, int64, int64, int64, int64, int64, int64, int64, float32, float32, int64)
-)
+@vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64, int64, int64, float32, float32, int64))
 def _adam_chunk(
-    code: Code, chunk: Value, chunk_bytes: Value, degree: Value, lens: Value, gathered: Value, first: Value,
-    second: Value, steps: Value, statistics: Value, rates: Value, opacity_pull: Value, scale_pull: Value,
+    code: Code,
+    chunk: Value,
+    chunk_bytes: Value,
+    degree: Value,
+    lens: Value,
+    gathered: Value,
+    first: Value,
+    second: Value,
+    steps: Value,
+    statistics: Value,
+    rates: Value,
+    opacity_pull: Value,
+    scale_pull: Value,
     pose: Value,
-) -> None:  # fmt: skip
+) -> None:
     """One step of a chunk's blended Gaussians; ``rates`` has a float for each row.
 
     ``statistics`` (2, 16) adds up the centres' gradients, in half images as 3DGS measures
@@ -258,9 +276,7 @@ def _adam_chunk(
             code.store(place + offset, code.select(blended, new, old))
             code.prefetch(place + chunk_bytes + offset, write=True)  # of the next chunk
 
-    moved = _write_gradients(
-        code, chunk, degree, Lens.load(code, lens), gathered, opacity_pull, scale_pull, emit
-    )
+    moved = _write_gradients(code, chunk, degree, Lens.load(code, lens), gathered, opacity_pull, scale_pull, emit)
     _store_pose_gradient(code, moved.pose, blended, pose)
     shift = code.sqrt(moved.u * moved.u + moved.v * moved.v)
     for row, term in enumerate((shift, code.vector(1.0))):
@@ -296,9 +312,8 @@ def _gather(bits, chunk, starts, counts, slots, gathered):
 
 @parallel_kernel
 def project_backward(
-    chunks, count, chunk_bytes, degree, lens, visible, starts, counts, slots, scratch, gradients, pose,
-    threads,
-):  # fmt: skip
+    chunks, count, chunk_bytes, degree, lens, visible, starts, counts, slots, scratch, gradients, pose, threads
+):
     """Fill ``gradients``, chunks as ``chunks``, and ``pose``, a vector a chunk; all addresses.
 
     Chunks of which nothing was blended get zeros.
@@ -320,9 +335,26 @@ def project_backward(
 
 @parallel_kernel
 def project_backward_adam(
-    chunks, count, chunk_bytes, degree, lens, visible, starts, counts, slots, scratch, first, second,
-    steps, statistics, rates, opacity_pull, scale_pull, pose, threads,
-):  # fmt: skip
+    chunks,
+    count,
+    chunk_bytes,
+    degree,
+    lens,
+    visible,
+    starts,
+    counts,
+    slots,
+    scratch,
+    first,
+    second,
+    steps,
+    statistics,
+    rates,
+    opacity_pull,
+    scale_pull,
+    pose,
+    threads,
+):
     """The same with a step of Adam in place of the gradients.
 
     ``first`` and ``second`` are the moments, chunks as ``chunks``; ``steps`` a vector a chunk,
@@ -337,9 +369,20 @@ def project_backward_adam(
             at, row = i * chunk_bytes, i * VECTOR_BYTES
             if visible[i] and _gather(visible[i], i, starts, counts, slots, gathered):
                 _adam_chunk(
-                    chunks + at, chunk_bytes, degree, lens, gathered, first + at, second + at, steps + row,
-                    statistics + 2 * row, rates, opacity_pull, scale_pull, pose + row,
-                )  # fmt: skip
+                    chunks + at,
+                    chunk_bytes,
+                    degree,
+                    lens,
+                    gathered,
+                    first + at,
+                    second + at,
+                    steps + row,
+                    statistics + 2 * row,
+                    rates,
+                    opacity_pull,
+                    scale_pull,
+                    pose + row,
+                )
             else:
                 _clear(pose + row, VECTOR_BYTES)
         restore_denormals(state)

@@ -59,9 +59,7 @@ def _outermost(first: list[int], last: list[int]) -> list[int]:
     return first + [0] * (LANES - len(first) - len(last)) + last
 
 
-def store_line(
-    code: Code, blur: Value, row: Value, image: int, own: Sequence[Value], between: Sequence[Value]
-) -> None:
+def store_line(code: Code, blur: Value, row: Value, image: int, own: Sequence[Value], between: Sequence[Value]) -> None:
     """Put a row of an image into its line."""
     line = _line(blur, row, image)
     for k, vector in enumerate(between):

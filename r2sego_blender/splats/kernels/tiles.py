@@ -100,9 +100,7 @@ class _Group:
 
 
 @vector_kernel(void(int64, int64, int64, int64, int64))
-def ask_for_rows(
-    code: Code, planes: Value, plane_bytes: Value, pitch: Value, count: Value, row: Value
-) -> None:
+def ask_for_rows(code: Code, planes: Value, plane_bytes: Value, pitch: Value, count: Value, row: Value) -> None:
     """Have four rows, of ``count`` planes from the first, in the cache when ``store_tile`` writes them.
 
     ``planes`` is where the tile begins in the first plane. A few rows at a time: the
@@ -116,9 +114,17 @@ def ask_for_rows(
 
 @vector_kernel(void(int64, int64, int64, int64, int64, int64, int64, int64, int64))
 def store_tile(
-    code: Code, state: Value, planes: Value, plane_bytes: Value, pitch: Value, background: Value,
-    background_plane_bytes: Value, background_pitch: Value, background_step: Value, with_depth: Value,
-) -> None:  # fmt: skip
+    code: Code,
+    state: Value,
+    planes: Value,
+    plane_bytes: Value,
+    pitch: Value,
+    background: Value,
+    background_plane_bytes: Value,
+    background_pitch: Value,
+    background_step: Value,
+    with_depth: Value,
+) -> None:
     """Put the sums over the background into the image's planes.
 
     ``planes`` and ``background`` are where the tile begins in the first plane; ``pitch`` are
@@ -133,9 +139,7 @@ def store_tile(
             targets = group.rows(planes + plane_bytes * k, pitch)
             for index, colour in enumerate(group.load_blocks(SUMS + k)):
                 code.store(targets[index], code.fma(transmittance[index], code.load(behind[index]), colour))
-        for at, row in zip(
-            group.rows(planes + plane_bytes * TRANSMITTANCE_PLANE, pitch), transmittance, strict=True
-        ):
+        for at, row in zip(group.rows(planes + plane_bytes * TRANSMITTANCE_PLANE, pitch), transmittance, strict=True):
             code.store(at, row)
         with code.when(with_depth.differs(0)):
             depth = group.load_blocks(SUMS + 3)
@@ -145,9 +149,15 @@ def store_tile(
 
 @vector_kernel(void(int64, int64, int64, int64, int64, int64, int64))
 def open_gradient(
-    code: Code, state: Value, planes: Value, gradients: Value, plane_bytes: Value,
-    pitch: Value, with_alpha: Value, with_depth: Value,
-) -> None:  # fmt: skip
+    code: Code,
+    state: Value,
+    planes: Value,
+    gradients: Value,
+    plane_bytes: Value,
+    pitch: Value,
+    with_alpha: Value,
+    with_depth: Value,
+) -> None:
     """Before the first Gaussian: the image's gradients, and as the rest all that was blended.
 
     ``planes`` and ``gradients`` are where the tile begins in the first plane of the image and

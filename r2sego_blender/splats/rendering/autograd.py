@@ -40,9 +40,14 @@ def rasterize(
 class _Rasterize(torch.autograd.Function):
     @staticmethod
     def forward(
-        ctx: Any, means: torch.Tensor, log_scales: torch.Tensor, quaternions: torch.Tensor,
-        logit_opacities: torch.Tensor, sh: torch.Tensor, camera: Camera,
-    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:  # fmt: skip
+        ctx: Any,
+        means: torch.Tensor,
+        log_scales: torch.Tensor,
+        quaternions: torch.Tensor,
+        logit_opacities: torch.Tensor,
+        sh: torch.Tensor,
+        camera: Camera,
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         arrays = [t.detach().numpy() for t in (means, log_scales, quaternions, logit_opacities, sh)]
         ctx.save_for_backward(means, log_scales, quaternions, logit_opacities, sh)
         ctx.rasterizer = Rasterizer()
@@ -62,11 +67,5 @@ class _Rasterize(torch.autograd.Function):
         g_depth_sum = g_depth.numpy() * inverse
         g_alpha = g_alpha.numpy() - g_depth_sum * ctx.rasterizer.depth_sum * inverse
         gradients = ctx.rasterizer.backward(g_colour.numpy(), g_alpha, g_depth_sum)
-        groups = (
-            gradients.means,
-            gradients.log_scales,
-            gradients.quaternions,
-            gradients.logit_opacities,
-            gradients.sh,
-        )
+        groups = (gradients.means, gradients.log_scales, gradients.quaternions, gradients.logit_opacities, gradients.sh)
         return (*map(torch.from_numpy, groups), None)

@@ -18,16 +18,7 @@ from ..asset import SplatAsset
 from ..kernels.blending import FINISHED
 from ..kernels.compiled import kernel, parallel_kernel, prange
 from ..kernels.packing import PackedGaussians
-from ..kernels.projection import (
-    EIGHTH,
-    EIGHTH_SMALLEST,
-    FACTOR_A,
-    FACTOR_B,
-    FACTOR_C,
-    LARGEST_ALPHA,
-    U,
-    V,
-)
+from ..kernels.projection import EIGHTH, EIGHTH_SMALLEST, FACTOR_A, FACTOR_B, FACTOR_C, LARGEST_ALPHA, U, V
 from ..kernels.tiles import BLOCK_PX, BLOCKS, BLOCKS_A_SIDE, TILE_PX
 from ..quaternions import to_rotation
 from ..vector_language.exponentials import EXP2_COEFFICIENTS_BELOW_0
@@ -67,10 +58,7 @@ class Outputs(Rendering):
 
 
 def render_outputs(
-    asset: SplatAsset,
-    camera: Camera,
-    instances: np.ndarray | None = None,
-    background: Background = (0.0, 0.0, 0.0),
+    asset: SplatAsset, camera: Camera, instances: np.ndarray | None = None, background: Background = (0.0, 0.0, 0.0)
 ) -> Outputs:
     """What ``camera`` sees of ``asset``.
 

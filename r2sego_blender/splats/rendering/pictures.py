@@ -48,9 +48,8 @@ def load_cameras(file: Path) -> dict[str, Camera]:
             name = str(entry.get("name", f"{index:03d}"))
         except KeyError as error:
             raise AssetError(
-                f"the camera has no {error}", where=where,
-                cure=f"Give {', '.join(_LENS)} and world_from_camera.",
-            ) from error  # fmt: skip
+                f"the camera has no {error}", where=where, cure=f"Give {', '.join(_LENS)} and world_from_camera."
+            ) from error
         except (TypeError, ValueError, OverflowError, AttributeError) as error:
             raise AssetError(
                 f"the camera is damaged: {error}", where=where, cure="Give all fields as numbers."
@@ -68,9 +67,12 @@ def load_cameras(file: Path) -> dict[str, Camera]:
 
 
 def save_pictures(
-    asset: SplatAsset, cameras: Mapping[str, Camera], folder: Path, passes: Sequence[str] = ("colour",),
+    asset: SplatAsset,
+    cameras: Mapping[str, Camera],
+    folder: Path,
+    passes: Sequence[str] = ("colour",),
     progress: Progress = SILENT,
-) -> list[Path]:  # fmt: skip
+) -> list[Path]:
     """Render ``asset`` from every camera into ``folder``, made if missing; returns the files.
 
     ``<name>.png`` is the colour over black, clipped and rounded to 8 bits as the evaluation
@@ -83,9 +85,7 @@ def save_pictures(
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise AssetError(
-            f"it cannot be made: {error.strerror}", where=folder, cure="Name another."
-        ) from error
+        raise AssetError(f"it cannot be made: {error.strerror}", where=folder, cure="Name another.") from error
     written = []
     renderings = _renderings(asset, cameras, "normals" in passes)
     for name, rendering in progress.track(

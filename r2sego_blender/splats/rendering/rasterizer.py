@@ -21,13 +21,7 @@ from ..kernels.compositing import SCRATCH_BYTES, composite, composite_backward
 from ..kernels.packing import PackedGaussians, unpack
 from ..kernels.projection import DILATION_PX2, RECORD_BYTES, RED, lens_of, project
 from ..kernels.projection_gradient import GATHER_BYTES, POSE_SUMS, project_backward, project_backward_adam
-from ..kernels.tiles import (
-    DEPTH_PLANE,
-    IMAGE_PLANES,
-    TILE_PX,
-    TRANSMITTANCE_PLANE,
-    planes_of,
-)
+from ..kernels.tiles import DEPTH_PLANE, IMAGE_PLANES, TILE_PX, TRANSMITTANCE_PLANE, planes_of
 from ..vector_language.aligned_memory import aligned, aligned_copy
 from ..vector_language.vectors import LANES, VECTOR_BYTES
 
@@ -162,23 +156,42 @@ class Rasterizer:
         self._lens[: len(lens)] = lens
         values, visible = gaussians.values, self._visible[: len(gaussians.values)]
         project(
-            values.ctypes.data, len(values), values.strides[0], self._degree, self._lens.ctypes.data,
-            self._records.ctypes.data, visible, numba.get_num_threads(),
-        )  # fmt: skip
+            values.ctypes.data,
+            len(values),
+            values.strides[0],
+            self._degree,
+            self._lens.ctypes.data,
+            self._records.ctypes.data,
+            visible,
+            numba.get_num_threads(),
+        )
         if colours is not None:
             self._records[: len(gaussians), RED : RED + 3] = colours[gaussians.order]
         self._append_entries(visible)
         frame = self._frame
         sort_entries(
-            self._entry_words, self._capacity, self._totals, self._record_bits, frame.histogram,
-            frame.tile_starts, self._order, self._spare_order, numba.get_num_threads(),
-        )  # fmt: skip
+            self._entry_words,
+            self._capacity,
+            self._totals,
+            self._record_bits,
+            frame.histogram,
+            frame.tile_starts,
+            self._order,
+            self._spare_order,
+            numba.get_num_threads(),
+        )
         behind, strides = self._behind(background)
         composite(
-            *self._sorted_entries(), frame.planes.ctypes.data, frame.plane_bytes,
-            behind.ctypes.data, *strides, self._scratch.ctypes.data, TABLE.ctypes.data,
-            with_depth, numba.get_num_threads(),
-        )  # fmt: skip
+            *self._sorted_entries(),
+            frame.planes.ctypes.data,
+            frame.plane_bytes,
+            behind.ctypes.data,
+            *strides,
+            self._scratch.ctypes.data,
+            TABLE.ctypes.data,
+            with_depth,
+            numba.get_num_threads(),
+        )
 
     @property
     def planes(self) -> np.ndarray:
@@ -239,15 +252,18 @@ class Rasterizer:
         self._composite_backward(g_alpha is not None, g_depth_sum is not None)
         gradients = aligned(self._gaussians.values.shape)
         project_backward(
-            *self._backward_arguments(), gradients.ctypes.data, self._pose_rows.ctypes.data,
-            numba.get_num_threads(),
-        )  # fmt: skip
+            *self._backward_arguments(), gradients.ctypes.data, self._pose_rows.ctypes.data, numba.get_num_threads()
+        )
         columns = np.empty((len(self._gaussians), gradients.shape[1]), np.float32)
         columns[self._gaussians.order] = unpack(gradients, len(self._gaussians))
         return Gradients(
-            columns[:, :3], columns[:, 3:6], columns[:, 6:10], columns[:, 10],
-            columns[:, 11:].reshape(len(columns), self._gaussians.coefficients, 3), self.pose_gradient(),
-        )  # fmt: skip
+            columns[:, :3],
+            columns[:, 3:6],
+            columns[:, 6:10],
+            columns[:, 10],
+            columns[:, 11:].reshape(len(columns), self._gaussians.coefficients, 3),
+            self.pose_gradient(),
+        )
 
     def step(
         self,
@@ -266,11 +282,17 @@ class Rasterizer:
         self._composite_backward(with_alpha, with_depth)
         rates = np.ascontiguousarray(rates, np.float32)
         project_backward_adam(
-            *self._backward_arguments(), state.first.ctypes.data, state.second.ctypes.data,
-            state.steps.ctypes.data, state.statistics.ctypes.data, rates.ctypes.data,
-            np.float32(opacity_pull), np.float32(scale_pull), self._pose_rows.ctypes.data,
+            *self._backward_arguments(),
+            state.first.ctypes.data,
+            state.second.ctypes.data,
+            state.steps.ctypes.data,
+            state.statistics.ctypes.data,
+            rates.ctypes.data,
+            np.float32(opacity_pull),
+            np.float32(scale_pull),
+            self._pose_rows.ctypes.data,
             numba.get_num_threads(),
-        )  # fmt: skip
+        )
 
     def pose_gradient(self) -> np.ndarray:
         """(6,) float64, as in ``Gradients``: of the last ``backward`` or ``step``."""
@@ -281,9 +303,16 @@ class Rasterizer:
         height, width = self._camera.shape
         while True:
             append_entries(
-                self._records.ctypes.data, visible, width, height, self._entries.ctypes.data, self._capacity,
-                self._starts, self._counts, self._totals,
-            )  # fmt: skip
+                self._records.ctypes.data,
+                visible,
+                width,
+                height,
+                self._entries.ctypes.data,
+                self._capacity,
+                self._starts,
+                self._counts,
+                self._totals,
+            )
             needed = int(self._totals.max(initial=0))
             if needed < self._capacity:
                 return
@@ -296,26 +325,42 @@ class Rasterizer:
             self._slots = aligned((len(self._entries), SLOT_BYTES // 4))
         frame = self._frame
         composite_backward(
-            *self._sorted_entries(), frame.planes.ctypes.data, frame.gradient_planes.ctypes.data,
-            frame.plane_bytes, self._slots.ctypes.data, self._scratch.ctypes.data, TABLE.ctypes.data,
-            with_alpha, with_depth, numba.get_num_threads(),
-        )  # fmt: skip
+            *self._sorted_entries(),
+            frame.planes.ctypes.data,
+            frame.gradient_planes.ctypes.data,
+            frame.plane_bytes,
+            self._slots.ctypes.data,
+            self._scratch.ctypes.data,
+            TABLE.ctypes.data,
+            with_alpha,
+            with_depth,
+            numba.get_num_threads(),
+        )
 
     def _sorted_entries(self) -> tuple[int, int, int, np.ndarray, np.ndarray, int]:
         return (
-            self._records.ctypes.data, self._entries.ctypes.data, self._order.ctypes.data,
-            self._frame.tile_starts, self._frame.tile_stops, self._frame.tiles_x,
-        )  # fmt: skip
+            self._records.ctypes.data,
+            self._entries.ctypes.data,
+            self._order.ctypes.data,
+            self._frame.tile_starts,
+            self._frame.tile_stops,
+            self._frame.tiles_x,
+        )
 
-    def _backward_arguments(
-        self,
-    ) -> tuple[int, int, int, int, int, np.ndarray, np.ndarray, np.ndarray, int, int]:
+    def _backward_arguments(self) -> tuple[int, int, int, int, int, np.ndarray, np.ndarray, np.ndarray, int, int]:
         values = self._gaussians.values
         return (
-            values.ctypes.data, len(values), values.strides[0], self._degree, self._lens.ctypes.data,
-            self._visible[: len(values)], self._starts, self._counts, self._slots.ctypes.data,
+            values.ctypes.data,
+            len(values),
+            values.strides[0],
+            self._degree,
+            self._lens.ctypes.data,
+            self._visible[: len(values)],
+            self._starts,
+            self._counts,
+            self._slots.ctypes.data,
             self._scratch.ctypes.data,
-        )  # fmt: skip
+        )
 
     def _behind(self, background: Background) -> tuple[np.ndarray, tuple[int, int, int]]:
         """The background as ``store_tile`` reads it: planes, and their strides in bytes."""

@@ -99,9 +99,10 @@ def _farthest(
     far_m[seen] = distance_m[chosen]
     is_far = distance_m >= _FAR_SHARE * far_m[cell]
     total = np.bincount(cell[is_far], minlength=len(around))
-    colour = np.stack(
-        [np.bincount(cell[is_far], colours[is_far, k], minlength=len(around)) for k in range(3)], axis=1
-    ) / np.maximum(total, 1)[:, None]  # fmt: skip
+    colour = (
+        np.stack([np.bincount(cell[is_far], colours[is_far, k], minlength=len(around)) for k in range(3)], axis=1)
+        / np.maximum(total, 1)[:, None]
+    )
     return far_m, colour, total > 0
 
 

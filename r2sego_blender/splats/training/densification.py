@@ -40,9 +40,8 @@ class Densification:
     """Adds and removes Gaussians of a population by the step; see the module's text."""
 
     def __init__(
-        self, population: Population, steps: int, extent_m: float, settings: TrainingSettings,
-        rng: np.random.Generator,
-    ) -> None:  # fmt: skip
+        self, population: Population, steps: int, extent_m: float, settings: TrainingSettings, rng: np.random.Generator
+    ) -> None:
         self._population, self._settings, self._rng = population, settings, rng
         self._extent_m, self._start = extent_m, len(population)
         self._sorted = len(population)
@@ -63,9 +62,9 @@ class Densification:
         if not self.is_due(step):
             return
         if done % settings.densify_every_steps == 0:
-            {"growth": self._grow, "relocation": self._relocate, "original": self._original}[
-                settings.densification
-            ](done)
+            {"growth": self._grow, "relocation": self._relocate, "original": self._original}[settings.densification](
+                done
+            )
             if len(self._population) > _SORT_GROWTH * self._sorted:
                 self._population.sort()
                 self._sorted = len(self._population)

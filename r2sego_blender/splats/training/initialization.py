@@ -136,11 +136,7 @@ def merge_views(views: Sequence[DepthView]) -> SplatAsset:
 
 
 def gaussians(
-    means: np.ndarray,
-    sigmas_m: np.ndarray,
-    quaternions: np.ndarray,
-    opacity: float | np.ndarray,
-    colours: np.ndarray,
+    means: np.ndarray, sigmas_m: np.ndarray, quaternions: np.ndarray, opacity: float | np.ndarray, colours: np.ndarray
 ) -> SplatAsset:
     """Gaussians of degree 0 from plain quantities: ``means`` (N, 3) and ``sigmas_m`` (N, 3) in
     metres, ``quaternions`` (N, 4) wxyz, ``opacity`` one or (N,), ``colours`` (N, 3) in [0, 1]."""
@@ -182,9 +178,7 @@ def _detailed(image: np.ndarray, stride_px: int, share: float) -> np.ndarray:
     return detailed
 
 
-def _even_discs(
-    view: DepthView, stride: int, normals: np.ndarray, usable: np.ndarray
-) -> tuple[SplatAsset, np.ndarray]:
+def _even_discs(view: DepthView, stride: int, normals: np.ndarray, usable: np.ndarray) -> tuple[SplatAsset, np.ndarray]:
     """One disc for each ``usable`` square of ``stride``, and the footprints of the view's strides."""
     camera = view.camera
     rays = camera.rays()

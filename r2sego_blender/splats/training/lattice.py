@@ -45,11 +45,14 @@ class Lattice:
             return camera
         rows, columns = (range(side)[place] for side, place in zip(camera.shape, self._places, strict=True))
         return replace(
-            camera, width=len(columns), height=len(rows),
-            fx=camera.fx / self.stride, fy=camera.fy / self.stride,
+            camera,
+            width=len(columns),
+            height=len(rows),
+            fx=camera.fx / self.stride,
+            fy=camera.fy / self.stride,
             cx=(camera.cx - self.column - 0.5) / self.stride + 0.5,
             cy=(camera.cy - self.row - 0.5) / self.stride + 0.5,
-        )  # fmt: skip
+        )
 
     def pixels(self, image: np.ndarray) -> np.ndarray:
         """Those of an image (H, W, ...), a view of it."""

@@ -60,9 +60,7 @@ class Observation:
         for name in ("background", "normals"):
             self._check(name, getattr(self, name), (*self.camera.shape, 3))
         if self.normals is not None and self.depth is None:
-            raise AssetError(
-                "an observation has normals but no depth", cure="Give the depth of the same surface."
-            )
+            raise AssetError("an observation has normals but no depth", cure="Give the depth of the same surface.")
 
     def loaded(self) -> np.ndarray:
         """The image. Raises AssetError when a loaded one is not of the camera's size."""
@@ -107,9 +105,12 @@ class Target:
 
     @staticmethod
     def of(
-        view: Observation, lattice: Lattice, image: np.ndarray, confidence: np.ndarray | None,
+        view: Observation,
+        lattice: Lattice,
+        image: np.ndarray,
+        confidence: np.ndarray | None,
         with_geometry: bool = True,
-    ) -> Target:  # fmt: skip
+    ) -> Target:
         """What the lattice's pixels show, with or without depth, of an observation.
 
         ``image`` (H, W, 3) and ``confidence`` (H, W) are its own, loaded; those of uint8 have 255
@@ -153,9 +154,7 @@ class Targets:
     normals, which only their losses need.
     """
 
-    def __init__(
-        self, observations: Sequence[Observation], budget_bytes: int, with_geometry: bool = True
-    ) -> None:
+    def __init__(self, observations: Sequence[Observation], budget_bytes: int, with_geometry: bool = True) -> None:
         self._observations = observations
         self._with_geometry = with_geometry
         self._budget_bytes = budget_bytes

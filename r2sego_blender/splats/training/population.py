@@ -61,9 +61,7 @@ class Population:
 
     def set_column(self, places: np.ndarray, row: int, values: np.ndarray) -> None:
         """Change one parameter of some Gaussians and forget its moments."""
-        for chunks, new in (
-            (self.gaussians.chunks, values), (self.state.first, 0.0), (self.state.second, 0.0)
-        ):  # fmt: skip
+        for chunks, new in ((self.gaussians.chunks, values), (self.state.first, 0.0), (self.state.second, 0.0)):
             chunks[places // LANES, row, places % LANES] = new
 
     def forget(self, places: np.ndarray) -> None:
@@ -85,9 +83,12 @@ class Population:
         """Keep the Gaussians of ``places``, in that order; the others are gone."""
         count, old = len(places), -(-len(self) // LANES)
         for chunks in (
-            self.gaussians.chunks, self.state.first, self.state.second, self.state.statistics,
+            self.gaussians.chunks,
+            self.state.first,
+            self.state.second,
+            self.state.statistics,
             self.state.steps[:, None],
-        ):  # fmt: skip
+        ):
             rows = chunks[places // LANES, :, places % LANES]
             chunks[:old] = 0.0
             index = np.arange(count)

@@ -28,9 +28,14 @@ _LARGEST_STEP = 0.1
 
 
 def depth_gradients(
-    depth_sum: np.ndarray, alpha: np.ndarray, camera: Camera, depth: np.ndarray, weight: np.ndarray,
-    normals: np.ndarray | None, settings: TrainingSettings,
-) -> tuple[float, np.ndarray, np.ndarray]:  # fmt: skip
+    depth_sum: np.ndarray,
+    alpha: np.ndarray,
+    camera: Camera,
+    depth: np.ndarray,
+    weight: np.ndarray,
+    normals: np.ndarray | None,
+    settings: TrainingSettings,
+) -> tuple[float, np.ndarray, np.ndarray]:
     """The loss, and its gradients (H, W) float32 in ``depth_sum`` and ``alpha``.
 
     ``depth`` (H, W) planar metres, 0 unknown; ``weight`` (H, W) in [0, 1]; ``normals``
@@ -56,9 +61,8 @@ def depth_gradients(
 
 
 def _slope_term(
-    expected: np.ndarray, covered: np.ndarray, rays: np.ndarray, normals: np.ndarray, weight: np.ndarray,
-    axis: int,
-) -> tuple[float, np.ndarray]:  # fmt: skip
+    expected: np.ndarray, covered: np.ndarray, rays: np.ndarray, normals: np.ndarray, weight: np.ndarray, axis: int
+) -> tuple[float, np.ndarray]:
     """The sum over neighbours along ``axis``, and its gradient in the expected depth."""
     here = tuple(slice(None, -1) if k == axis else slice(None) for k in range(2))
     there = tuple(slice(1, None) if k == axis else slice(None) for k in range(2))
@@ -75,7 +79,5 @@ def _slope_term(
     gradient = np.zeros_like(expected)
     gradient[there] += sign * other
     # |residual| / near: the quotient's own derivative as well.
-    gradient[here] -= sign * own + np.where(
-        usable, scale * np.abs(residual) / np.where(usable, near, 1.0), 0.0
-    )
+    gradient[here] -= sign * own + np.where(usable, scale * np.abs(residual) / np.where(usable, near, 1.0), 0.0)
     return total, gradient

@@ -154,9 +154,7 @@ class _Schedule:
 class _Trainer:
     """One optimisation step after the other, on buffers that are kept."""
 
-    def __init__(
-        self, engine: SplatBackend, observations: Sequence[Observation], settings: TrainingSettings
-    ) -> None:
+    def __init__(self, engine: SplatBackend, observations: Sequence[Observation], settings: TrainingSettings) -> None:
         self._engine = engine
         self._observations = observations
         self._settings = settings
@@ -181,9 +179,12 @@ class _Trainer:
         with_alpha = self._supervise(target, self._observations[index].weight, geometry)
         count = max(len(engine), 1)
         engine.step(
-            stage.rates, settings.opacity_regularization / count, settings.scale_regularization / count,
-            with_alpha, geometry,
-        )  # fmt: skip
+            stage.rates,
+            settings.opacity_regularization / count,
+            settings.scale_regularization / count,
+            with_alpha,
+            geometry,
+        )
         if correction is not None and correction.refines_pose:
             correction.learn_pose(engine.pose_gradient())
         return loss
@@ -197,12 +198,7 @@ class _Trainer:
         image = engine.planes[:3]
         shown = image if exposure is None else aligned_copy(exposure.expose(image))
         loss = self._losses[target.camera.shape](
-            shown,
-            target.image,
-            self._settings.ssim_weight,
-            engine.gradient_planes,
-            target.weights,
-            weight,
+            shown, target.image, self._settings.ssim_weight, engine.gradient_planes, target.weights, weight
         )
         if exposure is not None:
             inside = (slice(None), slice(height), slice(width))
@@ -216,9 +212,14 @@ class _Trainer:
         if geometry:
             assert target.depth is not None and target.depth_weight is not None
             _, planes[DEPTH_PLANE], planes[TRANSMITTANCE_PLANE] = depth_gradients(
-                image[DEPTH_PLANE], 1.0 - image[TRANSMITTANCE_PLANE], target.camera, target.depth,
-                weight * target.depth_weight, target.normals, self._settings,
-            )  # fmt: skip
+                image[DEPTH_PLANE],
+                1.0 - image[TRANSMITTANCE_PLANE],
+                target.camera,
+                target.depth,
+                weight * target.depth_weight,
+                target.normals,
+                self._settings,
+            )
         if target.opaque is not None:
             if not geometry:
                 planes[TRANSMITTANCE_PLANE] = 0.0

@@ -29,9 +29,8 @@ def shown_from(observations: Sequence[Observation], title: str, progress: Progre
         camera = observation.camera.scaled(min(1.0, _WIDTH_PX / observation.camera.width))
         behind = observation.background
         rasterizer.forward(
-            gaussians, camera,
-            (0.0, 0.0, 0.0) if behind is None else resize(behind, camera.width, camera.height),
-        )  # fmt: skip
+            gaussians, camera, (0.0, 0.0, 0.0) if behind is None else resize(behind, camera.width, camera.height)
+        )
         return np.clip(rasterizer.rendering().colour, 0.0, 1.0)
 
     def watch(step: int, gaussians: Callable[[], PackedGaussians]) -> bool:

@@ -27,9 +27,7 @@ EXP2_COEFFICIENTS_BELOW_0 = _fitted_exp2(5, -1.0, 0.0)
 _COUNTS_EIGHTHS = 1.5 * 2.0**20
 """Added to a float32 it leaves a sum that counts the nearest eighths in its lowest bits."""
 
-EXP2_OF_EIGHTHS = (
-    *(c * 8.0 ** (4 - k) for k, c in enumerate(_fitted_exp2(4, -0.5, 0.5))), _COUNTS_EIGHTHS,
-)  # fmt: skip
+EXP2_OF_EIGHTHS = (*(c * 8.0 ** (4 - k) for k, c in enumerate(_fitted_exp2(4, -0.5, 0.5))), _COUNTS_EIGHTHS)
 """The constants of ``exp2_of_eighths``."""
 
 _MANTISSA_BITS = 23

@@ -39,9 +39,7 @@ def quarters_exchanged(vectors: Sequence[Value]) -> list[Value]:
     a, b, c, d = vectors
     shuffled = a.code.shuffled
     low, high = list(range(LANES // 2)), list(range(LANES // 2, LANES))
-    halves = [
-        shuffled(x, y, half + [LANES + k for k in half]) for half in (low, high) for x, y in ((a, b), (c, d))
-    ]
+    halves = [shuffled(x, y, half + [LANES + k for k in half]) for half in (low, high) for x, y in ((a, b), (c, d))]
     even = [k for k in range(2 * LANES) if k // 4 % 2 == 0]
     odd = [k for k in range(2 * LANES) if k // 4 % 2 == 1]
     return [shuffled(x, y, order) for x, y in (halves[:2], halves[2:]) for order in (even, odd)]

@@ -78,10 +78,20 @@ class ValidityRenderer:
         planes = self._planes_for(len(cameras), lens)
         _render(
             np.stack([camera.camera_from_world[:3] for camera in cameras]),
-            np.array([lens.fx, lens.fy, lens.cx, lens.cy]), lens.width, lens.height, offsets,
-            self._vertices, self._starts, self._spheres, self._faces, self._supported,
-            x.ctypes.data, y.ctypes.data, planes.ctypes.data, planes.strides[0],
-        )  # fmt: skip
+            np.array([lens.fx, lens.fy, lens.cx, lens.cy]),
+            lens.width,
+            lens.height,
+            offsets,
+            self._vertices,
+            self._starts,
+            self._spheres,
+            self._faces,
+            self._supported,
+            x.ctypes.data,
+            y.ctypes.data,
+            planes.ctypes.data,
+            planes.strides[0],
+        )
         enough = int(np.ceil(validity_threshold * SAMPLES**2 - 1e-9))
         return _count_available(planes, lens.width, lens.height, SAMPLES, enough) / (lens.width * lens.height)
 
@@ -112,9 +122,8 @@ def _pitch_bytes(columns):
 
 @parallel_kernel
 def _render(
-    poses, lens, width, height, offsets, vertices, starts, spheres, faces, supported, x, y, planes,
-    plane_bytes,
-):  # fmt: skip
+    poses, lens, width, height, offsets, vertices, starts, spheres, faces, supported, x, y, planes, plane_bytes
+):
     """Fill each view's z-buffer; ``x``, ``y``, the samples' rays, and ``planes`` are addresses."""
     for view in prange(poses.shape[0]):
         plane, pose = planes + view * plane_bytes, poses[view]
@@ -150,10 +159,29 @@ def _clear(code: Code, plane: Value, vectors: Value) -> None:
 
 @vector_kernel(void(*[int64] * 7, *[float32] * 14))
 def _fill(
-    code: Code, corner: Value, pitch: Value, x: Value, y: Value, columns: Value, rows: Value, valid: Value,
-    ax: Value, ay: Value, az: Value, bx: Value, by: Value, bz: Value, cx: Value, cy: Value, cz: Value,
-    dx: Value, dy: Value, dz: Value, farthest: Value, closest: Value,
-) -> None:  # fmt: skip
+    code: Code,
+    corner: Value,
+    pitch: Value,
+    x: Value,
+    y: Value,
+    columns: Value,
+    rows: Value,
+    valid: Value,
+    ax: Value,
+    ay: Value,
+    az: Value,
+    bx: Value,
+    by: Value,
+    bz: Value,
+    cx: Value,
+    cy: Value,
+    cz: Value,
+    dx: Value,
+    dy: Value,
+    dz: Value,
+    farthest: Value,
+    closest: Value,
+) -> None:
     """Draw a face into the samples from ``corner``, sixteen columns at a time.
 
     The edge functions and the inverse depth are z + x right + y down; two faces of an edge
@@ -171,9 +199,7 @@ def _fill(
         top = corner + done.get() * 4
         with code.loop(rows) as row:
             slope = code.spread(code.load_float(y + row * 4))
-            *edges, inverse = (
-                code.fma(slope, down, start) for down, start in zip(downs, starts, strict=True)
-            )
+            *edges, inverse = (code.fma(slope, down, start) for down, start in zip(downs, starts, strict=True))
             inside = present
             for edge in edges:
                 inside = inside & (edge >= 0.0)
@@ -219,13 +245,28 @@ def _draw(local, screen, face, supported, lens, width, height, offsets, x, y, pl
     closest = min(1.0 / low, _GREATEST) if low > 0.0 else _GREATEST
     pitch = _pitch_bytes(width * offsets.shape[0])
     _fill(
-        plane + first_row * pitch + 4 * first_column, pitch, x + 4 * first_column, y + 4 * first_row,
-        end_column - first_column, end_row - first_row, valid,
-        np.float32(ax), np.float32(ay), np.float32(az), np.float32(bx), np.float32(by), np.float32(bz),
-        np.float32(cx), np.float32(cy), np.float32(cz),
-        np.float32((ax + bx + cx) * scale), np.float32((ay + by + cy) * scale),
-        np.float32((az + bz + cz) * scale), np.float32(1.0 / high), np.float32(closest),
-    )  # fmt: skip
+        plane + first_row * pitch + 4 * first_column,
+        pitch,
+        x + 4 * first_column,
+        y + 4 * first_row,
+        end_column - first_column,
+        end_row - first_row,
+        valid,
+        np.float32(ax),
+        np.float32(ay),
+        np.float32(az),
+        np.float32(bx),
+        np.float32(by),
+        np.float32(bz),
+        np.float32(cx),
+        np.float32(cy),
+        np.float32(cz),
+        np.float32((ax + bx + cx) * scale),
+        np.float32((ay + by + cy) * scale),
+        np.float32((az + bz + cz) * scale),
+        np.float32(1.0 / high),
+        np.float32(closest),
+    )
 
 
 @parallel_kernel

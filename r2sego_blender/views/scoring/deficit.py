@@ -77,9 +77,7 @@ class AlphaRenderer:
         whole = rows.reshape(len(planes), planes.shape[1] * BLOCK_PX, planes.shape[2] * BLOCK_PX)
         return 1.0 - whole[:, :height, :width]
 
-    def _transmittances(
-        self, cameras: Sequence[Camera], enough: np.float32, dilation_px2: float
-    ) -> np.ndarray:
+    def _transmittances(self, cameras: Sequence[Camera], enough: np.float32, dilation_px2: float) -> np.ndarray:
         """(M, blocks down, blocks across, 16) float32, the lanes a block's pixels row by row."""
         if len({camera.shape for camera in cameras}) > 1:
             raise ValueError("the views must have one size")
@@ -93,9 +91,18 @@ class AlphaRenderer:
         values = self._gaussians.values
         records = aligned((max(len(cameras), 1), LANES, LANES))
         _render(
-            values.ctypes.data, len(values), values.strides[0], lenses.ctypes.data, len(cameras),
-            height, width, enough, records.ctypes.data, planes.ctypes.data, planes.strides[0],
-        )  # fmt: skip
+            values.ctypes.data,
+            len(values),
+            values.strides[0],
+            lenses.ctypes.data,
+            len(cameras),
+            height,
+            width,
+            enough,
+            records.ctypes.data,
+            planes.ctypes.data,
+            planes.strides[0],
+        )
         return planes
 
 
@@ -164,9 +171,7 @@ def _dim(code: Code, record: Value, plane: Value, width: Value, height: Value, e
 
 
 @parallel_kernel
-def _render(
-    chunks, count, chunk_bytes, lenses, views, height, width, enough, records, planes, plane_bytes
-):  # fmt: skip
+def _render(chunks, count, chunk_bytes, lenses, views, height, width, enough, records, planes, plane_bytes):
     """Fill each view's plane of transmittances; all but sizes and ``enough`` are addresses."""
     for view in prange(views):
         state = flush_denormals()

@@ -11,8 +11,11 @@ def run_example(script, environment, *arguments):
     """What came of ``script`` with these arguments."""
     return subprocess.run(
         [sys.executable, str(EXAMPLES / script), "--", *map(str, arguments)],
-        env=environment, capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=1200,
+    )
 
 
 def run_with_engine(script, environment, *arguments, engine=sys.executable):

@@ -27,8 +27,10 @@ def run(blender_environment, bundle_path, tmp_path):
         return subprocess.run(
             [sys.executable, str(SCRIPT), "--", str(bundle_path), "--to", str(tmp_path / "out"), *arguments],
             env={**blender_environment, "R2SEGO_PYTHON": sys.executable},
-            capture_output=True, text=True, timeout=1200,
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            timeout=1200,
+        )
 
     return run
 

@@ -37,9 +37,19 @@ def test_what_is_marked_is_deleted_as_the_command_does(bundle_path, blender_envi
     assert 0 < floating.sum() < gone.sum() < room.sum()
 
     done = run(
-        blender_environment, bundle_path, "--distance", 0.3, "--fewest", 3, "--faint", 0.4, "--box", *BOX,
-        "--delete", "floaters",
-    )  # fmt: skip
+        blender_environment,
+        bundle_path,
+        "--distance",
+        0.3,
+        "--fewest",
+        3,
+        "--faint",
+        0.4,
+        "--box",
+        *BOX,
+        "--delete",
+        "floaters",
+    )
     assert done.returncode == 0, done.stderr + done.stdout
     for fewest in (2, 5, 10):
         assert f"{few[fewest].sum()} splats have fewer than {fewest} within 0.3 m" in done.stdout

@@ -36,9 +36,7 @@ def test_picks_are_told_applied_and_taken_back(bundle_path, blender_environment,
     after = load_captures(bundle_path / "captures")
     for old, new in zip(before, after, strict=True):
         assert new.camera.centre[2] == pytest.approx(2.0 * (old.camera.centre[2] - 0.1), abs=1e-4)
-    assert f"capture_0 stands at (0.0, 0.0, {after[0].camera.centre[2]:.4g}" in done.stdout.replace(
-        "-0.0", "0.0"
-    )
+    assert f"capture_0 stands at (0.0, 0.0, {after[0].camera.centre[2]:.4g}" in done.stdout.replace("-0.0", "0.0")
     done = run(blender_environment, bundle_path, "--undo")
     assert done.returncode == 0, done.stderr
     assert "0 corrections" in done.stdout

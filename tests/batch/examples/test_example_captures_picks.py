@@ -28,10 +28,7 @@ def picks():
     points = picked_points(SPOTS)
     points[2]["views"][0]["x_px"] += 6.0
     far = {ends: float(np.linalg.norm(np.subtract(*(SPOTS[end] for end in ends)))) for ends in ("AB", "AD")}
-    lengths = [
-        {"from": "A", "to": "B", "metres": far["AB"]},
-        {"from": "A", "to": "D", "metres": far["AD"] + 0.05},
-    ]
+    lengths = [{"from": "A", "to": "B", "metres": far["AB"]}, {"from": "A", "to": "D", "metres": far["AD"] + 0.05}]
     return {"points": points, "lengths": lengths}
 
 
@@ -42,9 +39,18 @@ def test_the_wrong_pick_stands_out_and_the_rest_corrects_as_the_command_does(
     file, rest, blend = (tmp_path / name for name in ("picks.json", "rest.json", "worst.blend"))
     file.write_text(json.dumps(picks))
     done = run(
-        blender_environment, bundle_path, "--picks", file, "--without", "C", "--without", "A-D",
-        "--correct", "--to", blend,
-    )  # fmt: skip
+        blender_environment,
+        bundle_path,
+        "--picks",
+        file,
+        "--without",
+        "C",
+        "--without",
+        "A-D",
+        "--correct",
+        "--to",
+        blend,
+    )
     assert done.returncode == 0, done.stderr + done.stdout
     told = dict(line.split(": ", 1) for line in done.stdout.splitlines() if line.startswith("without "))
     assert list(told) == [f"without {one}" for one in ("A", "B", "C", "D", "A-B", "A-D")]

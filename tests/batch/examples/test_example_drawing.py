@@ -15,8 +15,11 @@ def test_fewer_faces_are_drawn_and_all_are_kept(blender_environment, bundle_path
     blend = tmp_path / "room.blend"
     done = subprocess.run(
         [sys.executable, str(SCRIPT), "--", str(bundle_path), str(blend), "--faces", "6"],
-        env=blender_environment, capture_output=True, text=True, timeout=600,
-    )  # fmt: skip
+        env=blender_environment,
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
     assert done.returncode == 0, done.stderr
     (line,) = (line for line in done.stdout.splitlines() if line.endswith("faces are drawn"))
     drawn, kept = (int(word) for word in line.split() if word.isdigit())

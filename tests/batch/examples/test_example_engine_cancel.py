@@ -31,8 +31,10 @@ def begin(bundle_path, blender_environment, engine):
         return subprocess.Popen(
             [sys.executable, str(SCRIPT), "--", str(bundle_path), "--after", str(after_s)],
             env={**blender_environment, "R2SEGO_PYTHON": str(engine)},
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
 
     return begin
 

@@ -26,9 +26,7 @@ def test_views_are_decided_on_listed_and_pictured(bundle_path, blender_environme
     assert names == ["000.png", "002.png", "003.png", "view.blend"]
 
 
-def test_conditions_of_a_clip_are_rendered_as_the_z_buffer_has_them(
-    bundle_path, blender_environment, tmp_path
-):
+def test_conditions_of_a_clip_are_rendered_as_the_z_buffer_has_them(bundle_path, blender_environment, tmp_path):
     pytest.importorskip("OpenEXR", reason="OpenEXR is not installed")
     done = run(blender_environment, bundle_path, "--to", tmp_path / "out", "--conditions", 50)
     assert done.returncode == 0, done.stderr

@@ -13,9 +13,18 @@ run = partial(run_example, "press_buttons.py")
 def test_buttons_are_pressed_in_their_order_with_their_properties(bundle_path, blender_environment, tmp_path):
     blend = tmp_path / "room.blend"
     done = run(
-        blender_environment, bundle_path, "import_captures", "points=False", "look_through", "show_proxy",
-        "look_inside=False", "--select", "capture_1", "--save", blend,
-    )  # fmt: skip
+        blender_environment,
+        bundle_path,
+        "import_captures",
+        "points=False",
+        "look_through",
+        "show_proxy",
+        "look_inside=False",
+        "--select",
+        "capture_1",
+        "--save",
+        blend,
+    )
     assert done.returncode == 0, done.stderr
     pressed = [line for line in done.stdout.splitlines() if line.endswith(": finished")]
     assert pressed == ["import_captures: finished", "look_through: finished", "show_proxy: finished"]
@@ -40,9 +49,7 @@ def test_every_operator_is_listed_with_what_it_does(blender_environment):
     assert done.returncode == 0, done.stderr
     lines = [line for line in done.stdout.splitlines() if "): " in line]
     assert len(lines) >= 80
-    listed = {
-        name: words.partition("): ")[0].split(", ") for name, _, words in (x.partition("(") for x in lines)
-    }
+    listed = {name: words.partition("): ")[0].split(", ") for name, _, words in (x.partition("(") for x in lines)}
     assert listed["show_proxy"] == ["look_inside"] and listed["clear_region"] == [""]
     known = ""  # the script's own examples name what there is
     for word in (EXAMPLES / "press_buttons.py").read_text(encoding="utf-8").split('"""')[1].split():

@@ -27,9 +27,10 @@ def inside(capture: int, text: str) -> set[int]:
     pixels, depth = camera.project(proxy.vertices[proxy.faces].mean(axis=1))
     near = (depth > 0.0) & (depth <= FARTHEST_M)
     return {
-        face for face in np.flatnonzero(near).tolist()
+        face
+        for face in np.flatnonzero(near).tolist()
         if cv2.pointPolygonTest(polygon, tuple(map(float, pixels[face])), False) > 0
-    }  # fmt: skip
+    }
 
 
 def test_what_lies_in_the_lassos_is_cut_as_the_command_does(bundle_path, blender_environment, tmp_path):
@@ -38,11 +39,25 @@ def test_what_lies_in_the_lassos_is_cut_as_the_command_does(bundle_path, blender
     assert faces == [2, 8, 12]
     lassos = [part for k, text in LASSOS.items() for part in ("--lasso", f"capture_{k}:{text}")]
     done = subprocess.run(
-        [sys.executable, str(SCRIPT), "--", str(bundle_path), "--round", "0", *lassos, "--behind",
-         "--farthest", str(FARTHEST_M), "--name", "window"],
+        [
+            sys.executable,
+            str(SCRIPT),
+            "--",
+            str(bundle_path),
+            "--round",
+            "0",
+            *lassos,
+            "--behind",
+            "--farthest",
+            str(FARTHEST_M),
+            "--name",
+            "window",
+        ],
         env={**blender_environment, "R2SEGO_PYTHON": sys.executable},
-        capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=1200,
+    )
     assert done.returncode == 0, done.stderr + done.stdout
     assert "3 of 13 faces are selected" in done.stdout and "edit window: cut away, 3 faces" in done.stdout
     proxy = fake_bundle.proxy(0)
@@ -56,15 +71,14 @@ def test_what_lies_in_the_lassos_is_cut_as_the_command_does(bundle_path, blender
         np.testing.assert_array_equal(edits[0][name], edits[1][name])
 
 
-def test_what_faces_the_capture_is_selected_and_nothing_is_kept_without_a_name(
-    bundle_path, blender_environment
-):
+def test_what_faces_the_capture_is_selected_and_nothing_is_kept_without_a_name(bundle_path, blender_environment):
     done = subprocess.run(
-        [sys.executable, str(SCRIPT), "--", str(bundle_path), "--round", "0", "--lasso",
-         f"capture_1:{LASSOS[1]}"],
+        [sys.executable, str(SCRIPT), "--", str(bundle_path), "--round", "0", "--lasso", f"capture_1:{LASSOS[1]}"],
         env={**blender_environment, "R2SEGO_PYTHON": sys.executable},
-        capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=1200,
+    )
     assert done.returncode == 0, done.stderr + done.stdout
     assert "1 of 13 faces are selected" in done.stdout  # the raised triangle alone
     assert [file.name for file in (bundle_path / "geometry" / "edits").iterdir()] == ["hole.npz"]

@@ -31,9 +31,15 @@ def test_painted_masks_are_declared_as_the_command_does(bundle_path, blender_env
     wide = picture(masks.parent / "shelf" / "capture_0.png", 48, 64)
     tall = picture(masks.parent / "shelf" / "capture_2.png", 80, 60)
     done = run(
-        blender_environment, bundle_path, "--paint", f"shelf:capture_0={wide}",
-        "--paint", f"shelf:capture_2={tall}", "--remove", "lamp",
-    )  # fmt: skip
+        blender_environment,
+        bundle_path,
+        "--paint",
+        f"shelf:capture_0={wide}",
+        "--paint",
+        f"shelf:capture_2={tall}",
+        "--remove",
+        "lamp",
+    )
     assert done.returncode == 0, done.stderr + done.stdout
     assert "crate: 3 masks, aligned" in done.stdout and "shelf: 2 masks, not run yet" in done.stdout
     assert "lamp: " not in done.stdout

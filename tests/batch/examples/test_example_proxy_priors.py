@@ -40,9 +40,18 @@ def test_what_the_script_says_of_priors_is_what_the_command_writes(
     r2sego("objects", bundle_path, "--mesh", f"crate={crate_file}")
     same = shutil.copytree(bundle_path, tmp_path / "same.r2s")
     done = run(
-        blender_environment, bundle_path, "--move", "crate=0.3,0,-0.125", "--start",
-        "--mesh", f"lamp={crate_file}", "--place", "lock", "--decide", "lamp=accept",
-    )  # fmt: skip
+        blender_environment,
+        bundle_path,
+        "--move",
+        "crate=0.3,0,-0.125",
+        "--start",
+        "--mesh",
+        f"lamp={crate_file}",
+        "--place",
+        "lock",
+        "--decide",
+        "lamp=accept",
+    )
     assert done.returncode == 0, done.stderr + done.stdout
     assert "crate: placed, its own mesh, 3 masks" in done.stdout or "crate: aligned, " in done.stdout
     assert "lamp: locked, its own mesh, 3 masks; it overlaps too little" in done.stdout
@@ -58,9 +67,8 @@ def test_what_the_script_says_of_priors_is_what_the_command_writes(
         file.write_text(json.dumps({"world_from_own": pose.tolist(), "locked": locked}))
     r2sego("objects", same, "--place", f"crate={tmp_path / 'crate.json'}")
     r2sego(
-        "objects", same, "--mesh", f"lamp={crate_file}", "--place", f"lamp={tmp_path / 'lamp.json'}",
-        "--accept", "lamp",
-    )  # fmt: skip
+        "objects", same, "--mesh", f"lamp={crate_file}", "--place", f"lamp={tmp_path / 'lamp.json'}", "--accept", "lamp"
+    )
     made, expected = bundle_path / "objects", same / "objects"
     files = sorted(str(file.relative_to(expected)) for file in expected.rglob("*.*"))
     assert sorted(str(file.relative_to(made)) for file in made.rglob("*.*")) == files

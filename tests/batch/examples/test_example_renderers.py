@@ -21,19 +21,19 @@ EXAMPLES = Path(__file__).parents[3] / "batch" / "examples"
 
 def run(environment, script, *arguments):
     return subprocess.run(
-        [sys.executable, str(EXAMPLES / script), *map(str, arguments)], env=environment,
-        capture_output=True, text=True, timeout=1200,
-    )  # fmt: skip
+        [sys.executable, str(EXAMPLES / script), *map(str, arguments)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=1200,
+    )
 
 
-def test_a_round_s_conditions_are_rendered_as_the_z_buffer_has_them(
-    bundle_path, blender_environment, tmp_path
-):
+def test_a_round_s_conditions_are_rendered_as_the_z_buffer_has_them(bundle_path, blender_environment, tmp_path):
     out = tmp_path / "out"
     done = run(
-        blender_environment, "render_conditions.py", "--", bundle_path, "--to", out, "--round", 0, "--scale",
-        0.5,
-    )  # fmt: skip
+        blender_environment, "render_conditions.py", "--", bundle_path, "--to", out, "--round", 0, "--scale", 0.5
+    )
     assert done.returncode == 0, done.stderr
     assert f"view 0: {fake_bundle.PATH_FRAMES} frames in {out / '000'}" in done.stdout
     assert json.loads((out / "000" / "manifest.json").read_text())["complete"]
@@ -56,6 +56,4 @@ def test_renderers_are_compared_frame_by_frame(bundle_path, blender_environment)
     assert [row[0] for row in rows] == ["64", "64", "48", "worst"]
     worst = [float(number) for number in rows[-1][1:]]
     assert len(worst) == 5 and min(worst) > 95.0
-    assert worst == [
-        min(column) for column in zip(*([*map(float, row[3:8])] for row in rows[:-1]), strict=True)
-    ]
+    assert worst == [min(column) for column in zip(*([*map(float, row[3:8])] for row in rows[:-1]), strict=True)]

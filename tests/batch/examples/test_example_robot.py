@@ -17,10 +17,23 @@ run = partial(run_example, "robot_rollouts.py")
 def test_a_robot_is_declared_tried_and_played(blender_environment, tmp_path):
     scene = made_up_bundle(tmp_path / "room.r2s")
     done = run(
-        blender_environment, scene.path, "--robot", "wheeled", "--pitch", "20,40", "--weights", "0,1",
-        "--region", "-1,-1 1,-1 1,1 -1,1", "--clearance", 0.06, "--try", 2,
-        "--blend", tmp_path / "room.blend",
-    )  # fmt: skip
+        blender_environment,
+        scene.path,
+        "--robot",
+        "wheeled",
+        "--pitch",
+        "20,40",
+        "--weights",
+        "0,1",
+        "--region",
+        "-1,-1 1,-1 1,1 -1,1",
+        "--clearance",
+        0.06,
+        "--try",
+        2,
+        "--blend",
+        tmp_path / "room.blend",
+    )
     assert done.returncode == 0, done.stderr
     assert "Region: polygon, 4.00 m²" in done.stdout
     assert "Pitch: 20° to 40° down, drawn" in done.stdout

@@ -71,14 +71,16 @@ def test_an_object_that_is_not_there_is_told_in_one_line(bundle_path, blender_en
 def test_the_rollouts_of_a_round_are_those_of_the_command(blender_environment, blend, tmp_path):
     room = ROOT / "demo" / "room"
     scene = create_scene(
-        tmp_path / "room.r2s", room / "captures", room / "cameras.json",
-        settings=CaptureSettings(max_side_px=240),
+        tmp_path / "room.r2s", room / "captures", room / "cameras.json", settings=CaptureSettings(max_side_px=240)
     ).declare(
         overrides={
-            "stereo.max_side_px": 160, "stereo.iterations": 3, "proxy.voxel_m": 0.06,
-            "collision.tolerance_m": 0.05, "rollouts.successes": 2,
+            "stereo.max_side_px": 160,
+            "stereo.iterations": 3,
+            "proxy.voxel_m": 0.06,
+            "collision.tolerance_m": 0.05,
+            "rollouts.successes": 2,
         }
-    )  # fmt: skip
+    )
     done = run(blender_environment, scene.path, "--blend", blend, "--object", "rug", "--run", 0)
     assert done.returncode == 0, done.stderr + done.stdout
     made = content_digest(scene.round_folder(0) / "rollouts")

@@ -27,16 +27,16 @@ def run(blender_environment, tmp_path):
         return subprocess.run(
             [sys.executable, str(SCRIPT), "--", *map(str, arguments)],
             env={**blender_environment, "R2SEGO_PYTHON": str(engine)},
-            capture_output=True, text=True, timeout=1200,
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            timeout=1200,
+        )
 
     return run
 
 
 def test_settings_are_kept_taken_and_refined_with(run, bundle_path, tmp_path):
-    done = run(
-        bundle_path, "--reset", "--set", "rounds=2", "--set", "training.steps_per_round=50", "--keep", "quick"
-    )
+    done = run(bundle_path, "--reset", "--set", "rounds=2", "--set", "training.steps_per_round=50", "--keep", "quick")
     assert done.returncode == 0, done.stderr
     assert "rounds = 2" in done.stdout and "training.steps_per_round = 50" in done.stdout
     assert "captures, Photos: 3" in done.stdout

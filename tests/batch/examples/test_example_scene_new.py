@@ -63,8 +63,6 @@ def test_a_bundle_is_made_as_the_command_does(blender_environment, photographs, 
         ours, theirs = made.path / file, expected.path / file
         if file.suffix == ".npz":  # the archive has the time it was written
             with np.load(ours) as one, np.load(theirs) as other:
-                assert {name: one[name].tobytes() for name in one} == {
-                    name: other[name].tobytes() for name in other
-                }
+                assert {name: one[name].tobytes() for name in one} == {name: other[name].tobytes() for name in other}
         else:
             assert ours.read_bytes() == theirs.read_bytes(), file

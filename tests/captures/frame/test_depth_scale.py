@@ -84,12 +84,10 @@ def test_maps_of_one_name_are_told_apart(tmp_path, rng, room, room_cameras, room
 
 
 @settings(max_examples=20, deadline=None)
-@given(
-    seed=st.integers(0, 10**6), scale=st.floats(0.02, 50.0), wrong=st.floats(0.0, 0.3),
-    noise=st.floats(0.0, 0.03),
-)  # fmt: skip
-def test_noise_and_wrong_depths_leave_the_scale(tmp_path_factory, room, room_cameras, room_captures, seed,
-                                                scale, wrong, noise):  # fmt: skip
+@given(seed=st.integers(0, 10**6), scale=st.floats(0.02, 50.0), wrong=st.floats(0.0, 0.3), noise=st.floats(0.0, 0.03))
+def test_noise_and_wrong_depths_leave_the_scale(
+    tmp_path_factory, room, room_cameras, room_captures, seed, scale, wrong, noise
+):
     rng = np.random.default_rng(seed)
     folder = tmp_path_factory.mktemp("depth")
     for capture in room_captures:
@@ -115,8 +113,10 @@ def test_the_registration_says_how_sure_it_is(tmp_path, rng, room, room_cameras,
 
 def test_depth_seen_through_a_lens_that_distorts(tmp_path, rng, room, room_bounds, room_cameras):
     lens = Lens(400, 300, 300.0, 310.0, 190.0, 156.0, (-0.2, 0.05, 0.003, -0.002))
-    captures = [Capture(f"{i}.jpg", None, lens.straight(camera.world_from_camera), lens)
-                for i, camera in enumerate(room_cameras)]  # fmt: skip
+    captures = [
+        Capture(f"{i}.jpg", None, lens.straight(camera.world_from_camera), lens)
+        for i, camera in enumerate(room_cameras)
+    ]
     y, x = np.mgrid[:150, :200]
     rays = lens.rays(np.stack([2 * x + 1.0, 2 * y + 1.0], axis=-1).reshape(-1, 2))
     for capture in captures:
@@ -217,8 +217,9 @@ def test_a_real_offices_depth_tells_its_metre(shared, first):
     paths = sorted((folder / "images").glob("*.png"))
     lens = Camera(540, 360, matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], np.eye(4))
     unit = np.diag([0.3, 0.3, 0.3, 1.0])
-    captures = [Capture(paths[i].name, paths[i], lens.at(poses[i]).transformed(unit))
-                for i in range(first, first + 12, 2)]  # fmt: skip
+    captures = [
+        Capture(paths[i].name, paths[i], lens.at(poses[i]).transformed(unit)) for i in range(first, first + 12, 2)
+    ]
     found = depth_scale(captures, triangulate(captures, SETTINGS), SensorDepth(folder / "depth"))
     assert found.metres_per_unit * 0.3 == pytest.approx(1.0, abs=0.015)
     assert abs(found.metres_per_unit * 0.3 - 1.0) < 2 * found.uncertainty

@@ -17,7 +17,7 @@ PICKS = Picks(
     ),
     (PickedLength("A", "shelf", 1.75),),
     (CameraHeight("p0", 1.5),),
-)  # fmt: skip
+)
 
 
 def test_picks_come_back_from_json():

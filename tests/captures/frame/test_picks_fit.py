@@ -145,9 +145,7 @@ def test_a_wrong_pick_and_a_wrong_length_are_named():
         fit_picks(Picks(tuple(points[:4]), lengths), views, None).check()
 
 
-@pytest.mark.parametrize(
-    ("pick", "message"), [(Pick("p9", 1, 1), "no capture 'p9'"), (Pick("p0", 161, 1), "outside")]
-)
+@pytest.mark.parametrize(("pick", "message"), [(Pick("p9", 1, 1), "no capture 'p9'"), (Pick("p0", 161, 1), "outside")])
 def test_a_pick_must_lie_in_a_capture(pick, message):
     views = _views()
     point = _point("A", views)

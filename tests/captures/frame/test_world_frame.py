@@ -34,14 +34,16 @@ def _furnished(rng, floor=250, table=900, noise_m=0.006):
     def plane(count, low, high):
         return rng.uniform(low, high, (count, 3)) + rng.normal(0, noise_m, (count, 3))
 
-    return np.concatenate([
-        plane(floor, [-2, -1, 0], [2, 2, 0]),
-        plane(table, [-0.6, 0, 0.74], [0.7, 0.8, 0.74]),
-        plane(300, [-2, 2, 0], [2, 2, 2.4]),
-        plane(200, [2, -1, 0], [2, 2, 2.4]),
-        rng.uniform([-0.6, 0, 0.05], [0.7, 0.8, 0.7], (120, 3)),
-        rng.uniform([-2, -2, -0.4], [2, 3, 2.5], (60, 3)),
-    ])  # fmt: skip
+    return np.concatenate(
+        [
+            plane(floor, [-2, -1, 0], [2, 2, 0]),
+            plane(table, [-0.6, 0, 0.74], [0.7, 0.8, 0.74]),
+            plane(300, [-2, 2, 0], [2, 2, 2.4]),
+            plane(200, [2, -1, 0], [2, 2, 2.4]),
+            rng.uniform([-0.6, 0, 0.05], [0.7, 0.8, 0.7], (120, 3)),
+            rng.uniform([-2, -2, -0.4], [2, 3, 2.5], (60, 3)),
+        ]
+    )
 
 
 def _held(rng, count=6):
@@ -94,8 +96,12 @@ def test_any_similarity_of_the_capture_frame_is_undone(seed, scale):
     for truth, capture in zip(captures, world, strict=True):
         expected = turn @ (truth.camera.centre - captures[0].camera.centre * [1, 1, 0])
         assert np.linalg.norm(capture.camera.centre - expected) < 0.1
-        assert np.degrees(rotation_angle_rad(turn @ truth.camera.world_from_camera[:3, :3],
-                                             capture.camera.world_from_camera)) < 1.0  # fmt: skip
+        assert (
+            np.degrees(
+                rotation_angle_rad(turn @ truth.camera.world_from_camera[:3, :3], capture.camera.world_from_camera)
+            )
+            < 1.0
+        )
 
 
 def test_the_same_points_give_the_same_registration(rng):
@@ -173,9 +179,8 @@ def test_points_as_near_as_is_set_belong_to_the_floor(rng):
     support = []
     for tolerance_m in (0.005, 0.04):
         found = register(
-            Imported(captures, "test", True), sparse, Scale.automatic(),
-            CaptureSettings(floor_tolerance_m=tolerance_m),
-        )  # fmt: skip
+            Imported(captures, "test", True), sparse, Scale.automatic(), CaptureSettings(floor_tolerance_m=tolerance_m)
+        )
         support.append(int(re.fullmatch(r"floor plane through (\d+) points", found.ground)[1]))
     assert support[0] < 150 and support[1] > 230  # of 250: within half a standard deviation, and four
 

@@ -21,8 +21,13 @@ coefficient = st.floats(-0.12, 0.12)
 tangential = st.floats(-0.004, 0.004)
 lenses = st.builds(
     lambda k1, k2, p1, p2, cx, cy: Lens(640, 480, 500.0, 520.0, cx, cy, (k1, k2 / 4, p1, p2)),
-    coefficient, coefficient, tangential, tangential, st.floats(290, 350), st.floats(220, 260),
-)  # fmt: skip
+    coefficient,
+    coefficient,
+    tangential,
+    tangential,
+    st.floats(290, 350),
+    st.floats(220, 260),
+)
 
 
 @settings(max_examples=40, deadline=None)
@@ -57,8 +62,7 @@ def test_a_straight_photograph_has_no_blank_pixels(lens):
     camera = lens.straight(np.eye(4))
     corners = np.array([[0, 0], [camera.width, 0], [0, camera.height], [camera.width, camera.height]])
     edge = np.linspace(0, 1, 20)[:, None]
-    border = np.concatenate([corners[i] * (1 - edge) + corners[j] * edge for i, j in
-                             ((0, 1), (0, 2), (1, 3), (2, 3))])  # fmt: skip
+    border = np.concatenate([corners[i] * (1 - edge) + corners[j] * edge for i, j in ((0, 1), (0, 2), (1, 3), (2, 3))])
     source = lens.project((border - [camera.cx, camera.cy]) / [camera.fx, camera.fy])
     assert source.min() > -0.6
     assert (source < [640.6, 480.6]).all()

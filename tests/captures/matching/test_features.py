@@ -10,13 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from r2sego_blender.captures.matching.features import (
-    Features,
-    epipolar_errors,
-    match,
-    match_along_epipolar_lines,
-    sift,
-)
+from r2sego_blender.captures.matching.features import Features, epipolar_errors, match, match_along_epipolar_lines, sift
 from r2sego_blender.core.cameras import Camera, look_at
 
 
@@ -85,8 +79,7 @@ def test_of_equal_descriptors_the_first_is_matched(rng):
 def test_matching_of_nothing_is_empty(count_a, count_b):
     camera = Camera(320, 240, 260.0, 265.0, 161.0, 118.0, look_at([0, -3, 1.5], [0, 0, 1]))
     a, b = (
-        Features(np.zeros((count, 2), np.float32), np.zeros((count, 128), np.uint8))
-        for count in (count_a, count_b)
+        Features(np.zeros((count, 2), np.float32), np.zeros((count, 128), np.uint8)) for count in (count_a, count_b)
     )
     assert match(a.descriptors, b.descriptors).shape == (0, 2)
     assert match_along_epipolar_lines(a, b, camera, camera, 2.0).shape == (0, 2)
@@ -107,11 +100,15 @@ def test_epipolar_matching_equals_the_plain_reference(rng):
     descriptors = b.descriptors.copy()
     descriptors[75:] = descriptors[:75]
     a, b = Features(a_pixels, descriptors), Features(b.keypoints, descriptors)
-    allowed = np.array([
-        [epipolar_errors(a_pixels[i : i + 1], b.keypoints[j : j + 1], camera_a, camera_b)[0] <= 2.0
-         for j in range(150)]
-        for i in range(150)
-    ])  # fmt: skip
+    allowed = np.array(
+        [
+            [
+                epipolar_errors(a_pixels[i : i + 1], b.keypoints[j : j + 1], camera_a, camera_b)[0] <= 2.0
+                for j in range(150)
+            ]
+            for i in range(150)
+        ]
+    )
     found = match_along_epipolar_lines(a, b, camera_a, camera_b, 2.0, 0.8)
     assert np.array_equal(found, _reference_match(a.descriptors, b.descriptors, 0.8, allowed))
     assert (found[:, 0] == found[:, 1]).mean() > 0.9 and len(found) > 100
@@ -122,7 +119,5 @@ def test_true_projections_lie_on_their_epipolar_lines(rng):
     camera_a = Camera(640, 480, 400.0, 410.0, 300.0, 250.0, look_at([1, -3, 1.5], [0, 0, 1]))
     camera_b = camera_a.at(look_at([-1.2, -2.5, 1.6], [0, 0.3, 1]))
     points = rng.uniform([-1, -1, 0], [1, 1, 2], (50, 3))
-    errors = epipolar_errors(
-        camera_a.project(points)[0], camera_b.project(points)[0], camera_a, camera_b
-    )  # fmt: skip
+    errors = epipolar_errors(camera_a.project(points)[0], camera_b.project(points)[0], camera_a, camera_b)
     assert errors.max() < 1e-3

@@ -24,8 +24,10 @@ def twins():
     like, other = descriptors.copy(), descriptors.copy()
     like[:, 0] += 7
     other[:, 1] += 10
-    there = Features(np.concatenate([keypoints - (5.0, 0.0), keypoints - (9.0, 0.0)]).astype(np.float32),
-                     np.concatenate([like, other]))  # fmt: skip
+    there = Features(
+        np.concatenate([keypoints - (5.0, 0.0), keypoints - (9.0, 0.0)]).astype(np.float32),
+        np.concatenate([like, other]),
+    )
     return [Features(keypoints, descriptors), there]
 
 
@@ -52,8 +54,9 @@ def test_of_many_cameras_those_are_near_that_see_the_same(unit_m):
     places = np.linspace(0.0, 8.0, 80)
     cameras = [
         CAMERA.at(look_at(np.array([x, 0.0, 1.5]) / unit_m, np.array([x, way, 1.4]) / unit_m))
-        for way in (1.0, -1.0) for x in places
-    ]  # fmt: skip
+        for way in (1.0, -1.0)
+        for x in places
+    ]
     pairs = near_pairs(cameras)
     assert all(i < j and (i < 80) == (j < 80) and j - i <= 20 for i, j in pairs)
     assert {(i, i + step) for i in range(72) for step in range(2, 6)} <= set(pairs)

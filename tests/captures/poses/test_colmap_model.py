@@ -32,12 +32,8 @@ def _rigid(pose):
 def _rig_model(folder, rng, binary=True, frames=3):
     """A rig of two cameras of different models, moved together; returns name -> pose."""
     solved = pycolmap.Reconstruction()
-    solved.add_camera(
-        pycolmap.Camera(model="PINHOLE", width=64, height=48, params=PARAMETERS[1], camera_id=1)
-    )
-    solved.add_camera(
-        pycolmap.Camera(model="SIMPLE_RADIAL", width=40, height=32, params=PARAMETERS[2], camera_id=2)
-    )
+    solved.add_camera(pycolmap.Camera(model="PINHOLE", width=64, height=48, params=PARAMETERS[1], camera_id=1))
+    solved.add_camera(pycolmap.Camera(model="SIMPLE_RADIAL", width=40, height=32, params=PARAMETERS[2], camera_id=2))
     rig_from_second = look_at(np.array([0.1, 0.02, 0.0]), np.array([0.3, 0.1, 1.0]), up=(0, -1, 0))
     rig = pycolmap.Rig(rig_id=1)
     rig.add_ref_sensor(pycolmap.sensor_t(pycolmap.SensorType.CAMERA, 1))
@@ -47,10 +43,7 @@ def _rig_model(folder, rng, binary=True, frames=3):
     for index in range(frames):
         pose = look_at(rng.uniform([-2, -2, 1], [2, 2, 5]), rng.uniform(-1, 1, 3))
         frame = pycolmap.Frame(frame_id=index + 1, rig_id=1)
-        images = [
-            pycolmap.Image(name=f"cam{k}/{index:03d}.png", camera_id=k, image_id=10 * index + k)
-            for k in (1, 2)
-        ]
+        images = [pycolmap.Image(name=f"cam{k}/{index:03d}.png", camera_id=k, image_id=10 * index + k) for k in (1, 2)]
         for image in images:
             frame.add_data_id(image.data_id)
         frame.rig_from_world = _rigid(pose)
@@ -224,9 +217,7 @@ def test_texts_that_were_cut_off_are_told(tmp_path, rng, blank_photograph, name,
         ("\n", "\n", r"line 2 is not the measurements of the image before it"),
     ],
 )
-def test_of_images_that_another_program_wrote_none_is_lost(
-    tmp_path, rng, blank_photograph, between, end, words
-):
+def test_of_images_that_another_program_wrote_none_is_lost(tmp_path, rng, blank_photograph, between, end, words):
     """COLMAP reads five of six, and of poses alone every other one, without a word."""
     _rig_model(tmp_path / "sparse", rng, binary=False)
     _photographs(tmp_path / "images", blank_photograph)

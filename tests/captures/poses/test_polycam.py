@@ -23,12 +23,14 @@ from r2sego_blender.core.images import load_image_uint8, save_image
 SETTINGS = CaptureSettings()
 # ARKit's world: +Y up; here the room is turned and moved in it too.
 _TURN = 0.7
-ARKIT_FROM_ROOM = np.array([
-    [np.cos(_TURN), -np.sin(_TURN), 0.0, 1.0],
-    [0.0, 0.0, 1.0, -1.4],
-    [-np.sin(_TURN), -np.cos(_TURN), 0.0, 0.5],
-    [0.0, 0.0, 0.0, 1.0],
-])  # fmt: skip
+ARKIT_FROM_ROOM = np.array(
+    [
+        [np.cos(_TURN), -np.sin(_TURN), 0.0, 1.0],
+        [0.0, 0.0, 1.0, -1.4],
+        [-np.sin(_TURN), -np.cos(_TURN), 0.0, 0.5],
+        [0.0, 0.0, 0.0, 1.0],
+    ]
+)
 GL = np.diag([1.0, -1.0, -1.0, 1.0])
 QUARTER = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
 
@@ -45,19 +47,23 @@ def _camera_json(camera, pose=None):
     matrix = (ARKIT_FROM_ROOM @ camera.world_from_camera if pose is None else pose) @ GL
     numbers = {f"t_{i}{j}": float(matrix[i, j]) for i in range(3) for j in range(4)}
     return numbers | {
-        "fx": camera.fx, "fy": camera.fy, "cx": camera.cx, "cy": camera.cy, "width": camera.width,
-        "height": camera.height, "blur_score": 115.28, "timestamp": 638443502, "neighbors": [],
-    }  # fmt: skip
+        "fx": camera.fx,
+        "fy": camera.fy,
+        "cx": camera.cx,
+        "cy": camera.cy,
+        "width": camera.width,
+        "height": camera.height,
+        "blur_score": 115.28,
+        "timestamp": 638443502,
+        "neighbors": [],
+    }
 
 
 def _export(folder, room, cameras, corrected=True, depth_factor=1.0):
     """``keyframes`` as the app writes it; corrected images have a black border."""
     keyframes = folder / "keyframes"
     kinds = ("", "corrected_") if corrected else ("",)
-    for name in [f"{kind}{what}" for kind in kinds for what in ("images", "cameras")] + [
-        "depth",
-        "confidence",
-    ]:
+    for name in [f"{kind}{what}" for kind in kinds for what in ("images", "cameras")] + ["depth", "confidence"]:
         (keyframes / name).mkdir(parents=True)
     for index, camera in enumerate(cameras):
         stem = str(638443502000 + 999_999 * index)
@@ -80,10 +86,12 @@ def _export(folder, room, cameras, corrected=True, depth_factor=1.0):
 
 def _measured(room, captures, cameras, rng):
     """Sparse points of the room in ARKit's frame, as each capture measures them."""
-    points = np.concatenate([
-        camera.unproject(room.depth(camera)).reshape(-1, 3)[rng.choice(320 * 240, 250, replace=False)]
-        for camera in cameras
-    ])  # fmt: skip
+    points = np.concatenate(
+        [
+            camera.unproject(room.depth(camera)).reshape(-1, 3)[rng.choice(320 * 240, 250, replace=False)]
+            for camera in cameras
+        ]
+    )
     points = points @ ARKIT_FROM_ROOM[:3, :3].T + ARKIT_FROM_ROOM[:3, 3]
     return measured(points, [capture.camera for capture in captures])
 
@@ -97,9 +105,7 @@ def test_an_export_is_known_by_its_folders(tmp_path, room, given):
     assert np.array_equal(imported.up, [0, 1, 0]) and imported.depth.folder == keyframes / "depth"
     assert [c.name for c in imported.captures] == sorted(c.name for c in imported.captures)
     for capture, camera in zip(imported.captures, _cameras(), strict=True):
-        assert (
-            np.abs(capture.camera.world_from_camera - ARKIT_FROM_ROOM @ camera.world_from_camera).max() < 1e-9
-        )
+        assert np.abs(capture.camera.world_from_camera - ARKIT_FROM_ROOM @ camera.world_from_camera).max() < 1e-9
 
 
 def test_the_black_border_of_corrected_images_is_cut_off_exactly(tmp_path, room, rng):
@@ -137,8 +143,9 @@ def test_gravity_floor_and_metre_of_an_export(tmp_path, room, rng, portrait, mes
     for capture, camera in zip(found.captures(imported.captures), cameras, strict=True):
         assert capture.camera.centre[2] == pytest.approx(camera.centre[2], abs=0.01)
         assert capture.camera.forward[2] == pytest.approx(camera.forward[2], abs=0.01)
-    nothing = SparsePoints(*(values[:0] for values in (
-        sparse.points, sparse.colours, sparse.visibility, sparse.error_px, sparse.pixels)))  # fmt: skip
+    nothing = SparsePoints(
+        *(values[:0] for values in (sparse.points, sparse.colours, sparse.visibility, sparse.error_px, sparse.pixels))
+    )
     blind = register(imported, nothing, Scale(), SETTINGS, messages)
     assert "measured gravity" in blind.ground
     up = blind.world_from_capture[:3, :3] @ [0, 1, 0]

@@ -43,21 +43,29 @@ def test_what_instant_ngps_script_writes(tmp_path, rng, blank_photograph):
     _photographs(tmp_path, blank_photograph)
     fl_x, fl_y = 51.0, 52.5
     top = {
-        "camera_angle_x": 2 * np.arctan(32 / fl_x), "camera_angle_y": 2 * np.arctan(24 / fl_y),
-        "fl_x": fl_x, "fl_y": fl_y, "k1": 0.01, "k2": -0.002, "k3": 0, "k4": 0, "p1": 0.0003, "p2": -0.0002,
-        "is_fisheye": False, "cx": 31.2, "cy": 25.1, "w": 64.0, "h": 48.0, "aabb_scale": 32,
-    }  # fmt: skip
+        "camera_angle_x": 2 * np.arctan(32 / fl_x),
+        "camera_angle_y": 2 * np.arctan(24 / fl_y),
+        "fl_x": fl_x,
+        "fl_y": fl_y,
+        "k1": 0.01,
+        "k2": -0.002,
+        "k3": 0,
+        "k4": 0,
+        "p1": 0.0003,
+        "p2": -0.0002,
+        "is_fisheye": False,
+        "cx": 31.2,
+        "cy": 25.1,
+        "w": 64.0,
+        "h": 48.0,
+        "aabb_scale": 32,
+    }
     poses = _poses(rng)
     frames = [{"sharpness": 30.2 + i} for i in range(4)]
     path = _written(tmp_path, poses, top, frames, "./images/{}.jpg")
     for given in (path, tmp_path):
         for capture, pose in zip(import_captures(tmp_path, given, SETTINGS).captures, poses, strict=True):
-            assert (capture.lens.fx, capture.lens.fy, capture.lens.cx, capture.lens.cy) == (
-                51,
-                52.5,
-                31.2,
-                25.1,
-            )
+            assert (capture.lens.fx, capture.lens.fy, capture.lens.cx, capture.lens.cy) == (51, 52.5, 31.2, 25.1)
             assert capture.lens.distortion[:4] == (0.01, -0.002, 0.0003, -0.0002)
             assert np.abs(capture.camera.world_from_camera - pose).max() < 1e-9
 
@@ -99,15 +107,28 @@ def test_what_nerfstudio_writes(tmp_path, rng, blank_photograph):
     """Intrinsics a frame, an applied transform, depth, masks and a point cloud beside them."""
     _photographs(tmp_path, blank_photograph)
     top = {
-        "camera_model": "OPENCV", "orientation_override": "none", "ply_file_path": "sparse_pc.ply",
-        "applied_transform": [[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0]], "applied_scale": 0.5,
+        "camera_model": "OPENCV",
+        "orientation_override": "none",
+        "ply_file_path": "sparse_pc.ply",
+        "applied_transform": [[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0]],
+        "applied_scale": 0.5,
         "train_filenames": ["images/0000.jpg"],
-    }  # fmt: skip
+    }
     frames = [
-        {"fl_x": 50.0 + i, "fl_y": 51.0, "cx": 30.0, "cy": 25.0, "w": 64, "h": 48, "k1": 0.01 * i,
-         "depth_file_path": f"depth/{i:04d}.png", "mask_path": "no/such/mask.png", "colmap_im_id": i}
+        {
+            "fl_x": 50.0 + i,
+            "fl_y": 51.0,
+            "cx": 30.0,
+            "cy": 25.0,
+            "w": 64,
+            "h": 48,
+            "k1": 0.01 * i,
+            "depth_file_path": f"depth/{i:04d}.png",
+            "mask_path": "no/such/mask.png",
+            "colmap_im_id": i,
+        }
         for i in range(4)
-    ]  # fmt: skip
+    ]
     poses = _poses(rng)
     captures = import_captures(tmp_path, _written(tmp_path, poses, top, frames), SETTINGS).captures
     for i, (capture, pose) in enumerate(zip(captures, poses, strict=True)):
@@ -120,8 +141,9 @@ def _nerfstudio_radial(rays, k1, k2, k3, k4, p1, p2):
     x, y = rays.T
     r = x * x + y * y
     d = 1 + r * (k1 + r * (k2 + r * (k3 + r * k4)))
-    return np.stack([x * d + 2 * p1 * x * y + p2 * (r + 2 * x * x),
-                     y * d + 2 * p2 * x * y + p1 * (r + 2 * y * y)], axis=1)  # fmt: skip
+    return np.stack(
+        [x * d + 2 * p1 * x * y + p2 * (r + 2 * x * x), y * d + 2 * p2 * x * y + p1 * (r + 2 * y * y)], axis=1
+    )
 
 
 def test_k4_is_a_radial_term_to_nerfstudio(tmp_path, rng, blank_photograph):
@@ -143,10 +165,9 @@ def test_k4_is_a_radial_term_to_nerfstudio(tmp_path, rng, blank_photograph):
         ({"camera_model": "OPENCV_FISHEYE", "k1": 0.1, "k4": 0.01}, "opencv_fisheye", (0.1, 0, 0, 0.01)),
         ({"is_fisheye": True, "k1": 0.1}, "opencv_fisheye", (0.1, 0, 0, 0)),
         ({"camera_model": "FULL_OPENCV", "k4": 0.02, "k6": 0.01}, "opencv", (0, 0, 0, 0, 0, 0.02, 0, 0.01)),
-        ({"camera_model": "FISHEYE624", "distortion_params": [0.01] * 12}, "rad_tan_thin_prism_fisheye",
-         (0.01,) * 12),
+        ({"camera_model": "FISHEYE624", "distortion_params": [0.01] * 12}, "rad_tan_thin_prism_fisheye", (0.01,) * 12),
     ],
-)  # fmt: skip
+)
 def test_lens_models(tmp_path, rng, blank_photograph, top, model, distortion):
     _photographs(tmp_path, blank_photograph)
     path = _written(tmp_path, _poses(rng), {"fl_x": 50.0} | top)
@@ -158,9 +179,7 @@ def test_lens_models(tmp_path, rng, blank_photograph, top, model, distortion):
 @pytest.mark.parametrize("orientation", [6, 8])
 def test_portrait_photographs_with_exif_orientation(tmp_path, rng, orientation, said):
     """The file says the lens of the stored pixels or of the upright ones; the dot is found in both."""
-    stored = Camera(
-        64, 48, 50.0, 50.0, *((32.0, 24.0) if said == "nothing" else (34.0, 23.0)), _poses(rng, 1)[0]
-    )
+    stored = Camera(64, 48, 50.0, 50.0, *((32.0, 24.0) if said == "nothing" else (34.0, 23.0)), _poses(rng, 1)[0])
     upright, height = orientation == 6, 2.0
     spot = stored.unproject(np.full((48, 64), height))[10, 50]
     pixels = np.zeros((48, 64, 3), np.uint8)
@@ -257,9 +276,7 @@ def test_of_two_kinds_the_named_one_is_taken_or_none(tmp_path, rng, blank_photog
 @pytest.mark.parametrize(
     ("listed", "taken"), [("{}.HEIC", "HEIC"), ("{}", "jpg"), ("{}.JPG", "jpg"), ("{}.png", "jpg")]
 )
-def test_a_heic_is_taken_beside_its_jpeg_only_where_it_is_named(
-    tmp_path, rng, blank_photograph, listed, taken
-):
+def test_a_heic_is_taken_beside_its_jpeg_only_where_it_is_named(tmp_path, rng, blank_photograph, listed, taken):
     _photographs(tmp_path, blank_photograph, "HEIC")
     _photographs(tmp_path, blank_photograph, "jpg")
     path = _written(tmp_path, _poses(rng), {"fl_x": 50.0}, names=f"images/{listed}")

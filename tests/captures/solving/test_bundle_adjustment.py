@@ -107,13 +107,14 @@ def test_a_frame_far_from_the_origin_and_another_unit_change_nothing(rng):
     moved[:3, :3] = 7.0 * Rotation.from_rotvec((0.4, -1.0, 0.3)).as_matrix()
     moved[:3, 3] = 300.0, -500.0, 40.0
     elsewhere, found_there = adjusted(
-        [camera.transformed(moved) for camera in given], points @ moved[:3, :3].T + moved[:3, 3], pixels,
-        7.0 * SIGMA_M, SIGMA_RAD,
-    )  # fmt: skip
+        [camera.transformed(moved) for camera in given],
+        points @ moved[:3, :3].T + moved[:3, 3],
+        pixels,
+        7.0 * SIGMA_M,
+        SIGMA_RAD,
+    )
     for here, there in zip(cameras, elsewhere, strict=True):
-        np.testing.assert_allclose(
-            here.transformed(moved).world_from_camera, there.world_from_camera, atol=1e-4
-        )
+        np.testing.assert_allclose(here.transformed(moved).world_from_camera, there.world_from_camera, atol=1e-4)
     off = found @ moved[:3, :3].T + moved[:3, 3] - found_there
     assert np.median(np.abs(off)) < 1e-4
 

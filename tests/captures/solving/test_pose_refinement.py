@@ -84,9 +84,7 @@ def scatter_and_foretold(rng, noise, focal_sigma, repetitions):
     for _ in range(repetitions):
         pixels = exact + rng.normal(0, noise, exact.shape)
         focal_px = TRUTH.fx * np.exp(rng.normal(0, focal_sigma))
-        found = refine_pose(
-            TRUTH, pixels, points, np.zeros((60, 3)), 1.0, 6.0 * noise, focal_px, focal_sigma, 1e-3
-        )
+        found = refine_pose(TRUTH, pixels, points, np.zeros((60, 3)), 1.0, 6.0 * noise, focal_px, focal_sigma, 1e-3)
         centres.append(found.camera.centre)
         foretold.append(found.sigma_m)
     return np.sqrt(np.linalg.eigvalsh(np.cov(np.transpose(centres)))[-1]), np.mean(foretold)

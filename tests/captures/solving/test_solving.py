@@ -32,7 +32,7 @@ def _relative_errors_deg(captures, truth):
 
 def test_photographs_without_poses_are_solved_the_same_way_each_time_and_in_any_folder(
     room_captures, room_cameras, tmp_path, messages, elsewhere
-):  # fmt: skip
+):
     for capture in room_captures:
         save_image(tmp_path / capture.name, capture.image())
     save_image(tmp_path / "stranger.png", np.full((300, 400, 3), 0.5, np.float32))

@@ -64,8 +64,13 @@ def test_blender_finds_the_passes_by_name(tmp_path, conditions, points):
     node.image = image
     assert image.type == "MULTILAYER"
     assert {output.name for output in node.outputs} == {
-        "Depth", "Normal", "Provenance", "Validity", "Instance", "Visibility",
-    }  # fmt: skip
+        "Depth",
+        "Normal",
+        "Provenance",
+        "Validity",
+        "Instance",
+        "Visibility",
+    }
     bpy.data.node_groups.remove(tree)
     bpy.data.images.remove(image)
 

@@ -74,9 +74,11 @@ def test_passes_are_those_of_the_face_at_each_pixel_for_any_number_of_threads(wi
     loose = GeometryProxy(
         rng.normal(size=(3 * count, 3)).astype(np.float32),
         np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
-        rng.integers(0, 3, count).astype(np.uint8), rng.integers(0, 2, count).astype(np.uint16),
-        np.ones(count, np.float32), rng.integers(0, 9, count).astype(np.int32),
-    )  # fmt: skip
+        rng.integers(0, 3, count).astype(np.uint8),
+        rng.integers(0, 2, count).astype(np.uint16),
+        np.ones(count, np.float32),
+        rng.integers(0, 9, count).astype(np.int32),
+    )
     camera = lens().at(look_at([0.2, -2.5, 0.4], [0.0, 0.0, 0.0]))
     face = MeshRasterizer(loose.vertices, loose.faces).render(camera).face
     seen = face >= 0

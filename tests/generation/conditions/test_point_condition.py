@@ -72,9 +72,7 @@ def test_at_the_references_pose_the_frame_is_its_photograph(box_room, points):
     photograph = box_room.captures[2].image()
     np.testing.assert_allclose(frame.colour, photograph, atol=1e-6)
     assert frame.known.all()
-    np.testing.assert_allclose(
-        half.colour, photograph.reshape(60, 2, 80, 2, 3).mean(axis=(1, 3)), atol=2.0 / 255.0
-    )
+    np.testing.assert_allclose(half.colour, photograph.reshape(60, 2, 80, 2, 3).mean(axis=(1, 3)), atol=2.0 / 255.0)
 
 
 def test_a_wider_lens_shows_the_photograph_and_points_around_it(box_room, points):

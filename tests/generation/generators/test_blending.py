@@ -25,9 +25,7 @@ def bicubic(image, column, row, across, down):
     def cubic(p, f):
         slope, next_slope = (p[2] - p[0]) / 2, (p[3] - p[1]) / 2
         rise = p[2] - p[1]
-        return p[1] + f * (
-            slope + f * (3 * rise - 2 * slope - next_slope + f * (slope + next_slope - 2 * rise))
-        )
+        return p[1] + f * (slope + f * (3 * rise - 2 * slope - next_slope + f * (slope + next_slope - 2 * rise)))
 
     def line(r):
         r = np.clip(r, 0, height - 1)
@@ -157,9 +155,7 @@ def test_no_foreground_colour_on_the_background(tmp_path, shift_px, erosion_px):
         red = np.all((points > screen[0] - 1e-6) & (points < screen[1] + 1e-6), axis=-1)
         return np.where(red[..., None], [0.9, 0.1, 0.1], [0.1, 0.1, 0.9])
 
-    cameras = [
-        lens(320, 240).at(look_at([x, -1.8, 1.2], [x * 0.5, 1.0, 1.2])) for x in (-1.2, -0.4, 0.4, 1.2)
-    ]
+    cameras = [lens(320, 240).at(look_at([x, -1.8, 1.2], [x * 0.5, 1.0, 1.2])) for x in (-1.2, -0.4, 0.4, 1.2)]
     captures, _ = write_captures(tmp_path, cameras, (screen,), colour)
     moved = [c.camera.at(c.camera.world_from_camera) for c in captures]
     moved = [replace(camera, cx=camera.cx + shift_px) for camera in moved]

@@ -65,8 +65,14 @@ def test_another_program_is_another_identity(tmp_path, named):
         assert identity == named(*words).identity == json.loads(json.dumps(identity))
         return known.setdefault(json.dumps(identity), words)
 
-    different = [(command,), (command, "1024x576"), (f"{command} --fast",), (f"{command} {weights}",),
-                 (str(own),), (f"{own} {weights}",)]  # fmt: skip
+    different = [
+        (command,),
+        (command, "1024x576"),
+        (f"{command} --fast",),
+        (f"{command} {weights}",),
+        (str(own),),
+        (f"{own} {weights}",),
+    ]
     assert [told(*words) for words in different] == different
     for file, words in ((script, (command,)), (weights, (f"{command} {weights}",)), (own, (str(own),))):
         file.write_text("#!/bin/sh\n# mended\n")

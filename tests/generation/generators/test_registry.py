@@ -31,10 +31,13 @@ from r2sego_blender.workers.external_environment import PROTOCOL
 
 SETTINGS = with_overrides(
     {
-        "selection.target_views": 1, "generation.clip_frames": 3, "generation.clip_scale": 0.25,
-        "generation.max_replacements": 1, "generation.generator": "command",
+        "selection.target_views": 1,
+        "generation.clip_frames": 3,
+        "generation.clip_scale": 0.25,
+        "generation.max_replacements": 1,
+        "generation.generator": "command",
     }
-)  # fmt: skip
+)
 
 ANSWERING = """
 import json, pathlib, shutil, sys
@@ -98,9 +101,7 @@ def test_the_embedded_one_is_the_default(room, tmp_path):
 
 
 @pytest.mark.parametrize("size", ["", "1024x576"])
-def test_a_program_is_asked_for_its_size_and_answers_at_the_conditions(
-    room, generator_in, tmp_path, monkeypatch, size
-):
+def test_a_program_is_asked_for_its_size_and_answers_at_the_conditions(room, generator_in, tmp_path, monkeypatch, size):
     captures, _, target = room
     kept = generator_in()
     monkeypatch.setenv(SIZE_VARIABLE, size)
@@ -158,12 +159,14 @@ def test_a_program_may_tell_its_confidence(room, generator_in, tmp_path):
     [
         ("(folder / 'frames' / '002.png').unlink()", r"left no frames/002\.png: the image is missing"),
         ("(folder / 'frames' / '001.png').write_bytes(b'x')", r"left no frames/001\.png: the image cannot"),
-        ("Image.new('RGB', (9, 8)).save(folder / 'frames' / '000.png')",
-         r"made frames/000\.png 9x8 pixels, not 480x360\. Mend it, or use --set generation\.gener"),
+        (
+            "Image.new('RGB', (9, 8)).save(folder / 'frames' / '000.png')",
+            r"made frames/000\.png 9x8 pixels, not 480x360\. Mend it, or use --set generation\.gener",
+        ),
         ("result['frames'] = 2", r"made 2 frames, not 3\."),
         ("result['frames'] = 'all'", r"made all frames, not 3\."),
     ],
-)  # fmt: skip
+)
 def test_an_answer_that_is_not_whole_is_told_in_a_line(room, generator_in, tmp_path, mend, said):
     generator_in(ANSWERING + mend + "\n" + TELLING)
     with (
@@ -177,10 +180,7 @@ def test_an_answer_that_is_not_whole_is_told_in_a_line(room, generator_in, tmp_p
 def test_what_is_not_set_up_is_told_before_anything_is_made(room, tmp_path, monkeypatch):
     monkeypatch.delenv(COMMAND_VARIABLE, raising=False)
     monkeypatch.delenv(viewcrafter.PYTHON_VARIABLE, raising=False)
-    with (
-        pytest.raises(MachineError, match=r"no generator is named\. Set R2SEGO_GENERATOR"),
-        opened(room, tmp_path),
-    ):
+    with pytest.raises(MachineError, match=r"no generator is named\. Set R2SEGO_GENERATOR"), opened(room, tmp_path):
         pass
     for name in viewcrafter.SIZES:
         learned = with_overrides({"generation.generator": name})
@@ -208,18 +208,23 @@ def ego_views(room, folder):
     captures, depths, target = room
     renderer = ZBufferRenderer(box_room.proxy())
     candidates = [target, target.at(look_at([-0.2, -1.5, 1.2], [0.0, 0.5, 0.6]))]
-    selection = select_targets(
-        np.array([0.8, 0.7]), np.ones(2), np.arange(2), np.zeros(2), SETTINGS.selection
-    )
+    selection = select_targets(np.array([0.8, 0.7]), np.ones(2), np.arange(2), np.zeros(2), SETTINGS.selection)
     selection = with_references(
         selection, candidates, [capture.camera for capture in captures], renderer.depth, SETTINGS.selection, 2
     )
     folder.mkdir()
     with opened(room, folder) as generator:
         return ego_video_reg(
-            selection, candidates, captures, renderer, generator, Landmarks.build(captures, depths),
-            SETTINGS, folder, colours=PointConditions(captures, depths, SETTINGS.generation),
-        )  # fmt: skip
+            selection,
+            candidates,
+            captures,
+            renderer,
+            generator,
+            Landmarks.build(captures, depths),
+            SETTINGS,
+            folder,
+            colours=PointConditions(captures, depths, SETTINGS.generation),
+        )
 
 
 def test_the_loop_runs_with_a_program(room, generator_in, tmp_path):

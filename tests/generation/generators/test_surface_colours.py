@@ -8,12 +8,7 @@ from r2sego_blender.config.settings import GenerationSettings
 from r2sego_blender.core.cameras import look_at
 from r2sego_blender.generation.conditions.conditions import ZBufferRenderer
 from r2sego_blender.generation.generators.blending import BlendingGenerator
-from r2sego_blender.generation.generators.surface_colours import (
-    SurfaceColours,
-    _sample,
-    _splat,
-    spread,
-)
+from r2sego_blender.generation.generators.surface_colours import SurfaceColours, _sample, _splat, spread
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -41,9 +36,7 @@ def sides():
 def test_a_surface_continues_its_own_colour(sides):
     """The floor under the table and behind the cameras is floor; the table's top is table."""
     floor = np.array([[0.0, 0.5, 0.0], [0.0, -1.9, 0.0], [1.9, -1.9, 0.0]])
-    np.testing.assert_allclose(
-        sides.at(floor, np.tile(UP, (3, 1))), np.tile([0.1, 0.1, 0.5], (3, 1)), atol=0.06
-    )
+    np.testing.assert_allclose(sides.at(floor, np.tile(UP, (3, 1))), np.tile([0.1, 0.1, 0.5], (3, 1)), atol=0.06)
     table = sides.at(np.array([[0.0, 0.5, TABLE[1][2]]]), UP[None])
     np.testing.assert_allclose(table, [[0.9, 0.2, 0.9]], atol=0.03)
 
@@ -114,8 +107,7 @@ def test_kernels_are_their_plain_references(seed):
     grid = rng.random((*shape, 3), np.float32)
     inside = np.clip(places, 0, np.array(shape) - 1)
     expected = [
-        np.einsum("abc,abck->k", np.prod(np.maximum(1.0 - np.abs(corners - p), 0.0), axis=-1), grid)
-        for p in inside
+        np.einsum("abc,abck->k", np.prod(np.maximum(1.0 - np.abs(corners - p), 0.0), axis=-1), grid) for p in inside
     ]
     np.testing.assert_allclose(_sample(grid, places), expected, atol=0.005)
 

@@ -18,9 +18,7 @@ def test_it_is_its_plain_definition():
     blurred = [gaussian_filter(image[..., c] * weight, 96 / 256, mode="mirror") for c in range(3)]
     mean = np.stack(blurred, axis=-1) / gaussian_filter(weight, 96 / 256, mode="mirror")[..., None]
     doubt = np.maximum(1.0 - confidence / 0.6, 0.0)[..., None]
-    np.testing.assert_allclose(
-        soften_uncertain(image, confidence), image + 0.9 * doubt * (mean - image), atol=2e-2
-    )
+    np.testing.assert_allclose(soften_uncertain(image, confidence), image + 0.9 * doubt * (mean - image), atol=2e-2)
 
 
 def test_sure_pixels_stay_and_doubtful_ones_become_alike():

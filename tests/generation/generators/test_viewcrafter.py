@@ -100,10 +100,7 @@ def repository(tmp_path, monkeypatch) -> Path:
     repository, packages = tmp_path / "ViewCrafter", tmp_path / "packages"
 
     def configuration(height, width):
-        params = {
-            "image_size": [height // 8, width // 8],
-            "unet_config": {"params": {"use_checkpoint": True}},
-        }
+        params = {"image_size": [height // 8, width // 8], "unet_config": {"params": {"use_checkpoint": True}}}
         return json.dumps({"model": {"params": params}})
 
     for path, text in {
@@ -167,9 +164,7 @@ def test_viewcrafter_gets_its_values_and_its_model_stays(tmp_path, repository):
 
 
 def test_viewcrafter_that_is_not_there_says_what_to_do(repository, monkeypatch):
-    with pytest.raises(
-        MachineError, match=r"makes clips of 25 frames, not of 7\. Use --set generation\.clip"
-    ):
+    with pytest.raises(MachineError, match=r"makes clips of 25 frames, not of 7\. Use --set generation\.clip"):
         command(7)
     weights = repository / "checkpoints" / "model.ckpt"
     other = weights.rename(weights.with_name("model_sparse.ckpt"))
@@ -204,13 +199,12 @@ def test_viewcrafter_that_breaks_is_an_error_in_a_line(tmp_path, repository):
     with viewcrafter_program_of() as program, pytest.raises(MachineError, match="25 frames, not of 24"):
         program.answer(folder)
     utils = repository / "utils" / "diffusion_utils.py"
-    utils.write_text(
-        DIFFUSION_UTILS.replace("    filled =", "    raise RuntimeError('out of memory')\n    #")
-    )
+    utils.write_text(DIFFUSION_UTILS.replace("    filled =", "    raise RuntimeError('out of memory')\n    #"))
     folder, _ = request_of(tmp_path / "memory", 512, 320)
-    with viewcrafter_program_of() as program, pytest.raises(
-        NativeError, match=r"ended with exit status 1\. .* Its last words: RuntimeError: out of memory$"
-    ):  # fmt: skip
+    with (
+        viewcrafter_program_of() as program,
+        pytest.raises(NativeError, match=r"ended with exit status 1\. .* Its last words: RuntimeError: out of memory$"),
+    ):
         program.answer(folder)
 
 

@@ -12,10 +12,7 @@ from r2sego_blender.config.settings import GenerationSettings, RegistrationSetti
 from r2sego_blender.core.cameras import look_at, rotation_angle_rad
 from r2sego_blender.core.errors import GenerationError
 from r2sego_blender.generation.generators.blending import BlendingGenerator
-from r2sego_blender.generation.registration.frame_registration import (
-    hopeless,
-    register_frame,
-)
+from r2sego_blender.generation.registration.frame_registration import hopeless, register_frame
 from r2sego_blender.generation.registration.landmarks import Landmarks
 
 SETTINGS = RegistrationSettings()
@@ -145,9 +142,7 @@ ALIKE = {
 def test_where_all_looks_alike_frames_are_placed_rightly_or_not_at_all(tmp_path, name):
     colour, centre = ALIKE[name]
     lens = box_room.lens(320, 240)
-    cameras = [
-        lens.at(look_at(np.add(centre, [aside, 0.0, 0.0]), [0.0, 2.0, 1.2])) for aside in (-0.3, 0.0, 0.3)
-    ]
+    cameras = [lens.at(look_at(np.add(centre, [aside, 0.0, 0.0]), [0.0, 2.0, 1.2])) for aside in (-0.3, 0.0, 0.3)]
     captures, depths = box_room.write_captures(tmp_path, cameras, boxes=(), colour=colour)
     landmarks = Landmarks.build(captures, depths)
     for seed in range(8):
@@ -266,9 +261,7 @@ def test_completed_depth_leaves_the_pose_less_certain(room_a, landmarks):
     nothing = [np.zeros_like(depth) for depth in room_a.depths]
     completed = Landmarks.build(room_a.captures, nothing, room_a.depths)
     image, query = room_a.frozen[4].image(), room_a.frozen[4].camera
-    sure, unsure = (
-        registered(room_a, known, image, query, max_captures=1) for known in (landmarks, completed)
-    )
+    sure, unsure = (registered(room_a, known, image, query, max_captures=1) for known in (landmarks, completed))
     assert unsure.sigma_m > 1.2 * sure.sigma_m
 
 

@@ -4,11 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from r2sego_blender.generation.registration.patch_matching import (
-    RADIUS_PX,
-    corners,
-    match_patches,
-)
+from r2sego_blender.generation.registration.patch_matching import RADIUS_PX, corners, match_patches
 
 
 @pytest.fixture
@@ -23,9 +19,7 @@ def texture(rng, height=160, width=200):
 def shifted(image, dx, dy):
     """The image moved by (dx, dy) pixels, sampled smoothly."""
     moving = np.array([[1.0, 0.0, dx], [0.0, 1.0, dy]])
-    return cv2.warpAffine(
-        image, moving, image.shape[::-1], flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT
-    )
+    return cv2.warpAffine(image, moving, image.shape[::-1], flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
 
 
 def matched(image, other, reach_px=12, ratio=0.85):

@@ -24,9 +24,7 @@ def angle() -> trimesh.Trimesh:
     upper = trimesh.creation.box((0.1, 0.3, 0.5))
     upper.apply_translation((-0.25, 0, 0.3))
     corner = np.array([[-0.3, -0.05], [0.3, -0.05], [0.3, 0.05], [-0.2, 0.05], [-0.2, 0.55], [-0.3, 0.55]])
-    mesh = trimesh.creation.extrude_triangulation(
-        corner, np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]]), 0.3
-    )
+    mesh = trimesh.creation.extrude_triangulation(corner, np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]]), 0.3)
     mesh.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (1, 0, 0)))
     mesh.apply_translation((2.0, 1.0, 0.5))
     assert mesh.is_watertight and mesh.volume == pytest.approx(lower.volume + upper.volume)
@@ -94,13 +92,7 @@ def test_the_setting_chooses_coacd():
 def test_a_region_out_of_time_is_cut_into_planes_and_named(angle):
     recorder = ProgressRecorder()
     pieces = decompose_by_coacd(
-        np.asarray(angle.vertices),
-        np.asarray(angle.faces),
-        1.0,
-        LIMITS,
-        100,
-        timeout_s=0.05,
-        progress=recorder,
+        np.asarray(angle.vertices), np.asarray(angle.faces), 1.0, LIMITS, 100, timeout_s=0.05, progress=recorder
     )
     ((level, text),) = recorder.messages
     assert level == "warning" and "object 0" in text and "longer" in text
@@ -115,14 +107,10 @@ def test_what_would_end_coacd_is_refused_in_the_child(tmp_path, faces, words):
     region = tmp_path / "region.npz"
     np.savez(region, vertices=np.eye(3), faces=np.asarray(faces, int))
     with pytest.raises(GeometryError, match=words):
-        call_in_child(
-            coacd_regions.cut, {"region": str(region), "pieces": str(tmp_path / "pieces.npz")}, timeout_s=60
-        )
+        call_in_child(coacd_regions.cut, {"region": str(region), "pieces": str(tmp_path / "pieces.npz")}, timeout_s=60)
 
 
-@pytest.mark.parametrize(
-    "vertices, faces", [(np.full((3, 3), np.nan), [[0, 1, 2]]), (np.eye(3), [[0, 1, 3]])]
-)
+@pytest.mark.parametrize("vertices, faces", [(np.full((3, 3), np.nan), [[0, 1, 2]]), (np.eye(3), [[0, 1, 3]])])
 def test_damaged_surfaces_are_refused_before(vertices, faces):
     with pytest.raises(GeometryError, match="not there"):
         decompose_by_coacd(vertices, np.array(faces), 1.0, LIMITS, 100)

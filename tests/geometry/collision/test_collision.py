@@ -84,9 +84,7 @@ def test_balls_come_to_rest_on_the_surface(room, surface, model, tmp_path):
     for index, start in enumerate(starts):
         body = spec.worldbody.add_body(name=f"ball {index}", pos=start)
         body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(0, 0, 1), damping=0.02)
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(radius, 0, 0), mass=0.05, contype=2, conaffinity=1
-        )
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(radius, 0, 0), mass=0.05, contype=2, conaffinity=1)
     scene = spec.compile()
     data = mujoco.MjData(scene)
     while data.time < 1.5:
@@ -123,9 +121,7 @@ def _grid(x, y, height):
 
 def test_low_bumps_that_nothing_observed_are_floor_and_what_stands_on_it_stays():
     """A floor with two bumps 6 cm high, one of them observed, and a completed wall of loose cells."""
-    floor = _grid(
-        (-1.0, 1.0), (-1.0, 1.0), lambda x, y: 0.06 * (np.maximum(np.abs(np.abs(x) - 0.5), np.abs(y)) < 0.2)
-    )
+    floor = _grid((-1.0, 1.0), (-1.0, 1.0), lambda x, y: 0.06 * (np.maximum(np.abs(np.abs(x) - 0.5), np.abs(y)) < 0.2))
     wall = _grid((-1.0, 1.0), (0.0, 0.5), lambda x, y: 0 * x)
     wall.vertices = wall.vertices[:, [0, 2, 1]] + (0.0, 1.0, 0.0)
     loose = trimesh.Trimesh(
@@ -137,9 +133,7 @@ def test_low_bumps_that_nothing_observed_are_floor_and_what_stands_on_it_stays()
     surface = collision_surface(replace(as_proxy(both), provenance=provenance), SETTINGS)
 
     def highest(x):
-        over = [
-            v for v, _ in surface.pieces if (v.min(0)[:2] < (x, 0)).all() and (v.max(0)[:2] > (x, 0)).all()
-        ]
+        over = [v for v, _ in surface.pieces if (v.min(0)[:2] < (x, 0)).all() and (v.max(0)[:2] > (x, 0)).all()]
         return max((v[:, 2].max() for v in over), default=0.0)
 
     assert highest(-0.5) == 0.0
@@ -192,9 +186,7 @@ def test_a_piece_is_as_thick_as_is_set_behind_its_surface(thickness_m):
     wall.vertices = wall.vertices[:, [0, 2, 1]] + (0.0, 1.0, 0.0)  # its front looks to -y
     surface = collision_surface(as_proxy(wall), replace(SETTINGS, thickness_m=thickness_m))
     corners = np.concatenate([vertices for vertices, _ in surface.pieces])
-    np.testing.assert_allclose(
-        (corners[:, 1].min(), corners[:, 1].max()), (1.0, 1.0 + thickness_m), atol=1e-6
-    )
+    np.testing.assert_allclose((corners[:, 1].min(), corners[:, 1].max()), (1.0, 1.0 + thickness_m), atol=1e-6)
 
 
 @pytest.mark.parametrize(("tolerance_m", "is_floor"), [(0.03, True), (0.015, False)])
@@ -212,12 +204,10 @@ def _valley(steepness):
 def _fill_m(surface):
     """How high pieces stand in the middle of the gutter."""
     heights = [
-        z for z in np.linspace(1.0, 1.3, 61)
-        if any(
-            (ConvexHull(vertices).equations @ (0.0, 0.013, z, 1.0) <= 1e-6).all()
-            for vertices, _ in surface.pieces
-        )
-    ]  # fmt: skip
+        z
+        for z in np.linspace(1.0, 1.3, 61)
+        if any((ConvexHull(vertices).equations @ (0.0, 0.013, z, 1.0) <= 1e-6).all() for vertices, _ in surface.pieces)
+    ]
     return max(heights) - 1.0
 
 

@@ -7,11 +7,7 @@ import trimesh
 
 from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.geometry.collision.collision import CollisionSurface
-from r2sego_blender.geometry.collision.collision_check import (
-    SPHERE_RADIUS_M,
-    CollisionCheck,
-    check_collision,
-)
+from r2sego_blender.geometry.collision.collision_check import SPHERE_RADIUS_M, CollisionCheck, check_collision
 from r2sego_blender.geometry.collision.collision_files import read_obj, write_collision
 
 FLOOR = np.array([[-1, -0.8, 0], [1, -0.8, 0], [1, 0.8, 0], [-1, 0.8, 0]], float)
@@ -149,9 +145,7 @@ def outcome(gaps_m, fell_through=(), left=(), rolling=()) -> CollisionCheck:
     through, gone, moving = flags
     gap_m[through | gone] = np.inf
     places = np.zeros((200, 3))
-    return CollisionCheck(
-        10, 0.0, places, places, ~(through | gone | moving), through, gone, gap_m, gap_m, 2.0
-    )  # fmt: skip
+    return CollisionCheck(10, 0.0, places, places, ~(through | gone | moving), through, gone, gap_m, gap_m, 2.0)
 
 
 @pytest.mark.parametrize(

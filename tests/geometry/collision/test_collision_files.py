@@ -23,14 +23,11 @@ def surface() -> CollisionSurface:
     """A floor turned by 30 degrees with three random convex pieces on it."""
     rng = np.random.default_rng(0)
     pieces = tuple(
-        convex_hull(rng.uniform(-0.3, 0.3, (12, 3)) + centre)
-        for centre in ((1, 0, 0.4), (0, 2, 1), (-3, 1, 2))
+        convex_hull(rng.uniform(-0.3, 0.3, (12, 3)) + centre) for centre in ((1, 0, 0.4), (0, 2, 1), (-3, 1, 2))
     )
     turn = np.radians(30)
     axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    floor = np.column_stack(
-        [np.array([[-2, -1], [2, -1], [2, 1], [-2, 1]]) @ axes + (0.5, 0.25), np.zeros(4)]
-    )
+    floor = np.column_stack([np.array([[-2, -1], [2, -1], [2, 1], [-2, 1]]) @ axes + (0.5, 0.25), np.zeros(4)])
     return CollisionSurface(*pieces[0], pieces, floor, 0.02)
 
 
@@ -241,9 +238,7 @@ def test_obj_files_are_read_as_they_were_written(surface, folder):
     np.testing.assert_array_equal(faces, surface.pieces[1][1])
 
 
-@pytest.mark.parametrize(
-    "text", ["v 0 0\n", "v 0 0 nan\nf 1 1 1\n", "v 0 0 0\nf 1 2 3\n", "f 0 1 2\n", "v a b c\n"]
-)
+@pytest.mark.parametrize("text", ["v 0 0\n", "v 0 0 nan\nf 1 1 1\n", "v 0 0 0\nf 1 2 3\n", "f 0 1 2\n", "v a b c\n"])
 def test_a_damaged_obj_file_is_refused(tmp_path, text):
     (tmp_path / "mesh.obj").write_text(text)
     with pytest.raises(GeometryError, match=r"mesh\.obj"):

@@ -5,12 +5,7 @@ import pytest
 import trimesh
 
 from r2sego_blender.geometry.collision.convex import Soup
-from r2sego_blender.geometry.collision.protrusion import (
-    FreeSide,
-    parts_by_area,
-    parts_by_side,
-    sampled,
-)
+from r2sego_blender.geometry.collision.protrusion import FreeSide, parts_by_area, parts_by_side, sampled
 
 
 def free_side(mesh: trimesh.Trimesh, floored: bool = False) -> FreeSide:

@@ -9,10 +9,7 @@ from r2sego_blender.geometry.mesh.triangles import columns, crossed, distances
 
 @pytest.fixture(scope="module")
 def triangles() -> np.ndarray:
-    return (
-        np.random.default_rng(0).normal(size=(300, 1, 3))
-        + np.random.default_rng(1).normal(size=(300, 3, 3)) * 0.3
-    )
+    return np.random.default_rng(0).normal(size=(300, 1, 3)) + np.random.default_rng(1).normal(size=(300, 3, 3)) * 0.3
 
 
 def test_distances_are_those_to_the_nearest_of_all_triangles(triangles):
@@ -56,13 +53,7 @@ def test_a_path_crosses_a_surface_only_from_its_front():
     down = np.array([[0.3, 0.4, 1.0], [0.3, 0.4, 0.2], [0.35, 0.45, -0.5]])
     beside, stops = down + np.array([2, 0, 0]), down[:2]
     broken = np.array([[0.3, 0.4, 1.0], [np.nan, 0, 0], [0.3, 0.4, -1.0]])
-    for path, crosses in (
-        (down, True),
-        (down[::-1], False),
-        (beside, False),
-        (stops, False),
-        (broken, False),
-    ):
+    for path, crosses in ((down, True), (down[::-1], False), (beside, False), (stops, False), (broken, False)):
         assert crossed(square, path[None]).tolist() == [crosses]
 
 

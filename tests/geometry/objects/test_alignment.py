@@ -8,13 +8,7 @@ from furniture import FURNITURE, cameras_around, moved, observed_object, random_
 from scipy.spatial.transform import Rotation
 
 from r2sego_blender.core.errors import GeometryError
-from r2sego_blender.geometry.objects.alignment import (
-    ObjectEvidence,
-    align,
-    rated,
-    realigned,
-    screened,
-)
+from r2sego_blender.geometry.objects.alignment import ObjectEvidence, align, rated, realigned, screened
 from r2sego_blender.geometry.objects.shapes import Shape
 from tools.benchmarks.geometry_scores import alignment_score
 

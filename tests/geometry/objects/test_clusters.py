@@ -15,9 +15,8 @@ from r2sego_blender.geometry.room.planes import RoomPlanes
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 
 ROOM = RoomPlanes(
-    np.array([[0, 0, 1.0], [0, -1.0, 0], [1.0, 0, 0]]), np.array([0.0, -2.0, -2.0]),
-    np.zeros(3, int), np.ones(3, bool),
-)  # fmt: skip
+    np.array([[0, 0, 1.0], [0, -1.0, 0], [1.0, 0, 0]]), np.array([0.0, -2.0, -2.0]), np.zeros(3, int), np.ones(3, bool)
+)
 EYES = [(1.8, -1.8, 1.7), (0.0, -2.0, 1.6), (2.2, 0.6, 1.6), (-1.7, -1.9, 1.5)]
 
 
@@ -27,11 +26,7 @@ def box(low, high):
 
 def seen(things):
     """Captures of a room with ``things`` in it, their completed depth, and what each pixel shows."""
-    room = [
-        box((-2.2, -3, -0.2), (3, 2.2, 0)),
-        box((-2.2, 2, 0), (3, 2.2, 2.5)),
-        box((-2.2, -3, 0), (-2, 2, 2.5)),
-    ]
+    room = [box((-2.2, -3, -0.2), (3, 2.2, 0)), box((-2.2, 2, 0), (3, 2.2, 2.5)), box((-2.2, -3, 0), (-2, 2, 2.5))]
     meshes = [trimesh.util.concatenate(room), *things]
     ids = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
     whole = trimesh.util.concatenate(meshes)
@@ -49,19 +44,13 @@ def seen(things):
 
 
 def overlap(found, captures, shown, number):
-    inter = sum(
-        (found.masks[c.name] & (image == number)).sum() for c, image in zip(captures, shown, strict=True)
-    )
-    union = sum(
-        (found.masks[c.name] | (image == number)).sum() for c, image in zip(captures, shown, strict=True)
-    )
+    inter = sum((found.masks[c.name] & (image == number)).sum() for c, image in zip(captures, shown, strict=True))
+    union = sum((found.masks[c.name] | (image == number)).sum() for c, image in zip(captures, shown, strict=True))
     return inter / union
 
 
 def test_things_that_stand_free_are_found_with_their_outline():
-    captures, completed, shown = seen(
-        [box((-1, -0.4, 0), (-0.2, 0.4, 0.8)), box((0.6, 0.4, 0), (1.2, 1.1, 0.6))]
-    )
+    captures, completed, shown = seen([box((-1, -0.4, 0), (-0.2, 0.4, 0.8)), box((0.6, 0.4, 0), (1.2, 1.1, 0.6))])
     found = find_objects(captures, completed, ROOM)
     assert len(found) == 2
     best = [max(overlap(one, captures, shown, number) for one in found) for number in (1, 2)]
@@ -69,9 +58,7 @@ def test_things_that_stand_free_are_found_with_their_outline():
 
 
 def test_things_that_touch_are_one_object():
-    captures, completed, _ = seen(
-        [box((-1, -0.4, 0), (-0.2, 0.4, 0.8)), box((-0.2, -0.4, 0), (0.5, 0.4, 0.5))]
-    )
+    captures, completed, _ = seen([box((-1, -0.4, 0), (-0.2, 0.4, 0.8)), box((-0.2, -0.4, 0), (0.5, 0.4, 0.5))])
     assert len(find_objects(captures, completed, ROOM)) == 1
 
 

@@ -13,9 +13,7 @@ POINTS = np.array([[0.0, 0.0, 0.0], [0.4, 0.4, 0.0]])
 def views():
     """Three cameras around the origin, and masks of what is near it."""
     centres = ([2.0, 0.0, 1.0], [-1.0, 2.0, 1.0], [-1.0, -2.0, 1.0])
-    cameras = [
-        Camera(40, 30, 40.0, 40.0, 20.0, 15.0, look_at(np.array(centre), np.zeros(3))) for centre in centres
-    ]
+    cameras = [Camera(40, 30, 40.0, 40.0, 20.0, 15.0, look_at(np.array(centre), np.zeros(3))) for centre in centres]
     mask = np.zeros((30, 40), bool)
     mask[13:18, 18:23] = True
     return cameras, [mask] * 3

@@ -17,13 +17,7 @@ from r2sego_blender.captures.lenses.lens import Lens
 from r2sego_blender.core.cameras import Camera
 from r2sego_blender.core.errors import CaptureError, GeometryError
 from r2sego_blender.core.images import save_image
-from r2sego_blender.geometry.objects.objects import (
-    DeclaredObject,
-    Placement,
-    load_objects,
-    read_masks,
-    save_objects,
-)
+from r2sego_blender.geometry.objects.objects import DeclaredObject, Placement, load_objects, read_masks, save_objects
 from r2sego_blender.geometry.objects.shapes import load_shape
 
 CAMERA = Camera(80, 60, 70.0, 70.0, 40.0, 30.0, np.eye(4))
@@ -228,9 +222,7 @@ def test_objects_of_one_name_are_told_apart(tmp_path):
     for number in range(1, 5):
         image[disc(18 * number, 30, 5)] = number
     cv2.imwrite(str(tmp_path / "a.png"), image)
-    (tmp_path / "names.json").write_text(
-        json.dumps({"1": "chair", "2": "chair", "3": "Chair", "4": "chair_2"})
-    )
+    (tmp_path / "names.json").write_text(json.dumps({"1": "chair", "2": "chair", "3": "Chair", "4": "chair_2"}))
     found = read_masks(tmp_path, captures("a"))
     assert [one.name for one in found] == ["chair", "chair_2", "Chair_3", "chair_2_2"]
     save_objects(tmp_path / "objects", found, ["a"])

@@ -50,10 +50,16 @@ def problem(chair) -> Problem:
     masks = [wider(m).astype(np.uint8) + m + narrower(m) for m in seen.masks]
     bounds, mean_area_px = room_bounds(), float(np.mean([m.sum() for m in seen.masks]))
     return Problem(
-        MaskViews.of(cameras, masks, seen.depths), np.ones(3, bool), mean_area_px,
-        np.ascontiguousarray(seen.points), 0.05, bounds.normals, bounds.offsets,
-        *chair.drawn[2], chair.surface,
-    )  # fmt: skip
+        MaskViews.of(cameras, masks, seen.depths),
+        np.ones(3, bool),
+        mean_area_px,
+        np.ascontiguousarray(seen.points),
+        0.05,
+        bounds.normals,
+        bounds.offsets,
+        *chair.drawn[2],
+        chair.surface,
+    )
 
 
 def pose_of(world_from_own: np.ndarray, shape: Shape) -> np.ndarray:

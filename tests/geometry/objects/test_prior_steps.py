@@ -86,9 +86,7 @@ def masks(scene, room) -> dict[str, np.ndarray]:
 
 
 def run(scene: Scene) -> list[dict]:
-    Steps(Runner(scene), scene.declaration.settings, SILENT).align_priors(
-        RegisteredCaptures(), OBSERVED, PLANES
-    )
+    Steps(Runner(scene), scene.declaration.settings, SILENT).align_priors(RegisteredCaptures(), OBSERVED, PLANES)
     return scene.read(PRIOR_RECORDS)
 
 

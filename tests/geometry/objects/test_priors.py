@@ -8,15 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import trimesh
-from furniture import (
-    FURNITURE,
-    boxes,
-    cameras_around,
-    moved,
-    observed_object,
-    random_similarity,
-    standing,
-)
+from furniture import FURNITURE, boxes, cameras_around, moved, observed_object, random_similarity, standing
 from progress_recorder import ProgressRecorder
 from scipy.spatial import cKDTree
 
@@ -24,13 +16,7 @@ from r2sego_blender.captures.capture import Capture
 from r2sego_blender.config.settings import PriorSettings
 from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.geometry.objects.objects import DeclaredObject, Placement
-from r2sego_blender.geometry.objects.prior_files import (
-    AlignedPrior,
-    ObjectPrior,
-    load_priors,
-    read_record,
-    save_priors,
-)
+from r2sego_blender.geometry.objects.prior_files import AlignedPrior, ObjectPrior, load_priors, read_record, save_priors
 from r2sego_blender.geometry.objects.priors import (
     NEARER_THAN_ANYTHING_M,
     align_objects,
@@ -82,9 +68,12 @@ def scene_of(vertices, faces, cameras, count) -> SimpleNamespace:
     )
     return SimpleNamespace(
         captures=[Capture(name, Path(f"{name}.jpg"), c) for name, c in zip("abc", cameras, strict=True)],
-        masks=dict(zip("abc", seen.masks, strict=True)), depths=seen.depths, observed=observed,
-        on_chair=len(seen.points), bounds=seen.bounds,
-    )  # fmt: skip
+        masks=dict(zip("abc", seen.masks, strict=True)),
+        depths=seen.depths,
+        observed=observed,
+        on_chair=len(seen.points),
+        bounds=seen.bounds,
+    )
 
 
 def aligned(scene, objects, library=(), settings=PriorSettings()):
@@ -189,9 +178,7 @@ def test_a_mesh_that_fits_is_not_replaced_by_symmetry(scene, chair_file):
 def test_evidence_is_the_points_within_most_masks(scene):
     one = DeclaredObject("seat", scene.masks)
     anything = list(scene.masks.values())
-    evidence = gather_evidence(
-        one, scene.captures, scene.observed, scene.depths, scene.depths, anything, scene.bounds
-    )
+    evidence = gather_evidence(one, scene.captures, scene.observed, scene.depths, scene.depths, anything, scene.bounds)
     truth = trimesh.Trimesh(moved(FURNITURE["chair"]()[0], WORLD_FROM_CHAIR), FURNITURE["chair"]()[1])
     assert 0.7 * scene.on_chair < len(evidence.points) <= scene.on_chair * 1.05
     low, high = truth.bounds
@@ -212,9 +199,7 @@ def test_what_another_object_may_hide_is_nearer_than_anything(scene):
     camera = scene.captures[1].camera
     left, top = round(camera.cx - views.lenses[0, 2]), round(camera.cy - views.lenses[0, 3])
     window = np.s_[top : top + views.sizes[0, 0], left : left + views.sizes[0, 1]]
-    expected = np.where(
-        stereo > 0, stereo, np.where(other & ~mask, np.float32(NEARER_THAN_ANYTHING_M), filled)
-    )
+    expected = np.where(stereo > 0, stereo, np.where(other & ~mask, np.float32(NEARER_THAN_ANYTHING_M), filled))
     np.testing.assert_array_equal(views.depths.reshape(views.sizes[0]), expected[window])
     assert set(np.unique(np.where(stereo > 0, 0, expected)[window])) >= {np.float32(0.01), np.float32(7.0)}
 

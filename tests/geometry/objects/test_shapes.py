@@ -86,9 +86,7 @@ def test_files_of_every_format_give_the_same_shape(tmp_path, suffix):
     shape = load_shape(path)
     assert shape.name == "stool" and len(shape.faces) == len(faces)
     corners = np.sort(vertices[faces].reshape(-1, 9), axis=0)
-    np.testing.assert_allclose(
-        np.sort(shape.vertices[shape.faces].reshape(-1, 9), axis=0), corners, atol=1e-6
-    )
+    np.testing.assert_allclose(np.sort(shape.vertices[shape.faces].reshape(-1, 9), axis=0), corners, atol=1e-6)
 
 
 def test_all_meshes_of_a_scene_are_one_shape(tmp_path):

@@ -18,10 +18,7 @@ def two_stools():
     cameras = cameras_around((0.0, 0.0, 0.4), count=4, width=200)
     buffers = [rasterizer.render(camera) for camera in cameras]
     points = np.concatenate(
-        [
-            camera.unproject(one.depth)[one.face >= 0][::4]
-            for camera, one in zip(cameras, buffers, strict=True)
-        ]
+        [camera.unproject(one.depth)[one.face >= 0][::4] for camera, one in zip(cameras, buffers, strict=True)]
     )
     visibility = np.zeros((len(points), 4), bool)
     for k, (camera, one) in enumerate(zip(cameras, buffers, strict=True)):

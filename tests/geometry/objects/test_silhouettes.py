@@ -65,9 +65,7 @@ def random_views(rng, count):
         place = rng.normal(size=3)
         place *= 3.0 / np.linalg.norm(place)
         focal_px = rng.uniform(30, 60, 2)
-        camera = Camera(
-            int(width), int(height), *focal_px, width / 2, height / 2, look_at(place, np.zeros(3))
-        )
+        camera = Camera(int(width), int(height), *focal_px, width / 2, height / 2, look_at(place, np.zeros(3)))
         cameras.append(camera)
         masks.append(blob(rng, camera.shape))
         depth = rng.uniform(2.5, 3.5, camera.shape).astype(np.float32)

@@ -20,10 +20,14 @@ def proxy_of(mesh, size_m: float) -> GeometryProxy:
     count = len(faces)
     rng = np.random.default_rng(count)
     return GeometryProxy(
-        vertices.astype(np.float32), faces.astype(np.int32), rng.integers(0, 3, count).astype(np.uint8),
-        rng.integers(0, 9, count).astype(np.uint16), rng.random(count, np.float32),
-        rng.integers(0, 2, count).astype(np.int32), ("crate",),
-    )  # fmt: skip
+        vertices.astype(np.float32),
+        faces.astype(np.int32),
+        rng.integers(0, 3, count).astype(np.uint8),
+        rng.integers(0, 9, count).astype(np.uint16),
+        rng.random(count, np.float32),
+        rng.integers(0, 2, count).astype(np.int32),
+        ("crate",),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -81,8 +85,9 @@ def test_a_cut_of_one_side_of_a_board_leaves_the_other():
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     board = trimesh.Trimesh(
         np.concatenate([vertices, np.add(vertices, (0, 0.01, 0))]),
-        np.concatenate([faces, faces[:, ::-1] + 4]), process=False,
-    )  # fmt: skip
+        np.concatenate([faces, faces[:, ::-1] + 4]),
+        process=False,
+    )
     coarse, fine = proxy_of(board, 0.2), proxy_of(board, 0.1)
     front = coarse.vertices[coarse.faces][:, :, 1].max(1) < 0.005
     after = edited(fine, [Edit("cut", 1, cut_of(coarse, corners(coarse, front)))], ())
@@ -139,10 +144,7 @@ def test_what_is_no_surface_is_refused(vertices, faces, message):
 
 def test_edits_are_kept_in_their_order_and_move_with_the_world(proxy, tmp_path):
     chosen = within(proxy, (-1.0, 1.4, 0.5), (0.3, 1.6, 1.5))
-    edits = [
-        Edit("b", 1, cut_of(proxy, corners(proxy, chosen))),
-        Edit("a", 2, drawn_surface(np.eye(3), [[0, 1, 2]])),
-    ]
+    edits = [Edit("b", 1, cut_of(proxy, corners(proxy, chosen))), Edit("a", 2, drawn_surface(np.eye(3), [[0, 1, 2]]))]
     for edit in edits:
         edit.save(tmp_path)
     read = load_proxy_edits(tmp_path)

@@ -72,9 +72,7 @@ def test_the_prior_alone_stands_in_its_region():
     kept, others = split(proxy)
     assert len(kept) == len(prior.faces)
     np.testing.assert_allclose(
-        proxy.vertices[proxy.faces[proxy.provenance == Provenance.PRIOR]],
-        prior.vertices[prior.faces],
-        atol=1e-6,
+        proxy.vertices[proxy.faces[proxy.provenance == Provenance.PRIOR]], prior.vertices[prior.faces], atol=1e-6
     )
     assert not on_the_box(others, TABLE, 0.03).any()
     inside = ((others > np.array(TABLE[0]) + 0.02) & (others < np.array(TABLE[1]) - 0.02)).all(1)
@@ -102,9 +100,7 @@ def test_what_captures_saw_on_top_of_a_prior_stays():
     upper = np.array([(-0.1, -0.1, 0.78), BOOKS[1]])
     before = on_the_box(split(bare)[1], upper, 0.03).sum()
     assert on_the_box(others, upper, 0.03).sum() > 0.9 * before > 100
-    assert (
-        proxy.provenance[proxy.provenance != Provenance.PRIOR][on_top] == Provenance.OBSERVED
-    ).mean() > 0.8
+    assert (proxy.provenance[proxy.provenance != Provenance.PRIOR][on_top] == Provenance.OBSERVED).mean() > 0.8
 
 
 @pytest.mark.parametrize("seen_by", range(4))

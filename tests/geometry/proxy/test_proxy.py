@@ -49,12 +49,14 @@ def test_the_ply_tells_faces_by_colour_and_object(tmp_path):
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"support": np.ones(2, np.uint16)}, {"confidence": np.ones((3, 1), np.float32)},
-        {"provenance": np.zeros(3)}, {"provenance": np.full(3, 7, np.uint8)},
+        {"support": np.ones(2, np.uint16)},
+        {"confidence": np.ones((3, 1), np.float32)},
+        {"provenance": np.zeros(3)},
+        {"provenance": np.full(3, 7, np.uint8)},
         {"faces": np.array([[0, 1, 2], [1, 2, 3], [2, 3, 5]], np.int32)},
         {"vertices": np.full((5, 3), np.nan, np.float32)},
     ],
-)  # fmt: skip
+)
 def test_a_file_whose_arrays_do_not_belong_together_is_no_proxy(tmp_path, wrong):
     """Else the step that reads it fails on the way, and its message names no file."""
     dataclasses.replace(proxy(), **wrong).save(tmp_path / "proxy.npz")

@@ -37,10 +37,7 @@ DOOR_LOW, DOOR_HIGH = (0.1, 0.0), (0.8, 1.9)  # y and z in the wall x = 2
 
 def photographed(folder, room, mesh, cameras):
     """(captures, depth maps) of a mesh that is painted as the room is."""
-    rasterizer, normals = (
-        MeshRasterizer(mesh.vertices, mesh.faces),
-        np.asarray(mesh.face_normals, np.float32),
-    )
+    rasterizer, normals = (MeshRasterizer(mesh.vertices, mesh.faces), np.asarray(mesh.face_normals, np.float32))
     captures, maps = [], []
     for index, camera in enumerate(cameras):
         buffers = rasterizer.render(camera)
@@ -64,9 +61,11 @@ def corner(room, tmp_path_factory):
 
 def looking_right():
     return cameras_at(
-        ((-1.4, -1.1, 1.3), (1.5, 0.6, 1.2)), ((-1.3, -0.5, 1.5), (1.8, 0.5, 1.0)),
-        ((-0.9, -1.2, 1.2), (1.2, 0.9, 1.3)), ((-1.5, 0.1, 1.4), (1.8, 0.3, 1.2)),
-    )  # fmt: skip
+        ((-1.4, -1.1, 1.3), (1.5, 0.6, 1.2)),
+        ((-1.3, -0.5, 1.5), (1.8, 0.5, 1.0)),
+        ((-0.9, -1.2, 1.2), (1.2, 0.9, 1.3)),
+        ((-1.5, 0.1, 1.4), (1.8, 0.3, 1.2)),
+    )
 
 
 def without(depth_maps, normal, offset):
@@ -214,13 +213,7 @@ def plain_likeness(view, other, pixel, normal, offset):
     pixels, depth = other.camera.project(points)
     u, v = pixels.T - 0.5
     height, width = other.grey.shape
-    if (
-        (depth <= 0).any()
-        or (u < 0).any()
-        or (v < 0).any()
-        or (u > width - 2).any()
-        or (v > height - 2).any()
-    ):
+    if (depth <= 0).any() or (u < 0).any() or (v < 0).any() or (u > width - 2).any() or (v > height - 2).any():
         return None
     m, n = u.astype(int), v.astype(int)
     s, t = u - m, v - n
@@ -236,9 +229,7 @@ def test_the_kernel_computes_what_a_plain_program_does(room):
     blind = [dataclasses.replace(one, support=np.zeros_like(one.support)) for one in room.depth_maps]
     a, b = (
         _View.of(*one)
-        for one in zip(
-            room.captures[1:3], blind[1:3], trusted_depth(blind, SETTINGS.stereo)[1:3], strict=True
-        )
+        for one in zip(room.captures[1:3], blind[1:3], trusted_depth(blind, SETTINGS.stereo)[1:3], strict=True)
     )
     everything = RoomPlanes(np.zeros((0, 3)), np.zeros(0), np.zeros(0, int), np.zeros(0, bool))
     pixels, compared = _unexplained(a), 0

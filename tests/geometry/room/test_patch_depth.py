@@ -153,10 +153,7 @@ def test_choices_lower_the_energy_until_none_alone_lowers_it():
     weights = np.triu(rng.uniform(0, 2.0, (patches, patches)) * (rng.random((patches, patches)) < 0.4), 1)
     weights += weights.T
     patch, neighbour = np.nonzero(weights)
-    start, end = (
-        np.searchsorted(patch, np.arange(patches)),
-        np.searchsorted(patch, np.arange(patches), "right"),
-    )
+    start, end = (np.searchsorted(patch, np.arange(patches)), np.searchsorted(patch, np.arange(patches), "right"))
     costs = rng.uniform(0, 3.0, (len(tried) + 1, patches))
 
     def energy(choice: np.ndarray) -> float:

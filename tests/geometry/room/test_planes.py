@@ -34,9 +34,13 @@ def matching(planes, normal, offset):
 def test_the_rooms_planes_are_found_through_noise_and_outliers(room, observed_points):
     planes = found(room, observed_points, noise_m=0.004, outliers=800)
     for normal, offset, bounds in (
-        ((0, 0, 1), 0.0, True), ((0, -1, 0), -1.5, True), ((1, 0, 0), -2.0, True), ((-1, 0, 0), -2.0, True),
-        ((0, 0, 1), 0.7, False), ((0, -1, 0), 0.5 * -1, False),
-    ):  # fmt: skip
+        ((0, 0, 1), 0.0, True),
+        ((0, -1, 0), -1.5, True),
+        ((1, 0, 0), -2.0, True),
+        ((-1, 0, 0), -2.0, True),
+        ((0, 0, 1), 0.7, False),
+        ((0, -1, 0), 0.5 * -1, False),
+    ):
         index = matching(planes, np.array(normal, float), offset)
         assert len(index) == 1, (normal, offset)
         assert planes.bounding[index[0]] == bounds
@@ -64,9 +68,11 @@ def test_what_hangs_on_a_wall_does_not_bound_the_room(room, observed_points):
 def test_of_bounds_on_both_sides_of_one_the_outermost_stays():
     """The first, in the middle, gives way to the outer; the inner is then no twin of any that is left."""
     planes = RoomPlanes(
-        np.array([[0.0, 0, 1], [0, -1, 0], [0, -1, 0], [0, -1, 0]]), np.array([0.0, -1.5, -1.6, -1.4]),
-        np.array([900, 100, 100, 100]), np.zeros(4, bool),
-    )  # fmt: skip
+        np.array([[0.0, 0, 1], [0, -1, 0], [0, -1, 0], [0, -1, 0]]),
+        np.array([0.0, -1.5, -1.6, -1.4]),
+        np.array([900, 100, 100, 100]),
+        np.zeros(4, bool),
+    )
     points = np.random.default_rng(0).uniform((-1, -1, 0.1), (1, 1, 2), (1000, 3))
     found = _bounding(planes, points, np.array([[0.0, -1.0, 1.5]]), SETTINGS)
     np.testing.assert_array_equal(found, [True, False, True, False])

@@ -71,8 +71,12 @@ def test_slanted_surfaces_are_extended_along_their_own_plane():
 
 def test_the_fused_field_of_one_plane_is_that_plane():
     camera = Camera(80, 60, 60.0, 60.0, 40.0, 30.0, look_at((0, -2, 1), (0, 0, 0.8)))
-    plane = RoomPlanes(np.array([[0.1, -1.0, 0.05]]) / np.linalg.norm([0.1, -1.0, 0.05]), np.zeros(1),
-                       np.ones(1, int), np.ones(1, bool))  # fmt: skip
+    plane = RoomPlanes(
+        np.array([[0.1, -1.0, 0.05]]) / np.linalg.norm([0.1, -1.0, 0.05]),
+        np.zeros(1),
+        np.ones(1, int),
+        np.ones(1, bool),
+    )
     depth = plane.depths(camera)[0]
     field = DistanceField.covering(np.array([-0.5, -0.3, 0.5]), np.array([0.5, 0.3, 1.2]), 0.03, 0.1)
     field.integrate(camera, depth, np.ones_like(depth))

@@ -29,10 +29,13 @@ def random_pair():
     greys = [rng.integers(0, 256, (48, 64)).astype(np.float32) / 255 for _ in range(2)]
     reference = matching.Reference(greys[0], np.array([*LENS, 1 / 8, 1 / 0.5], np.float32))
     sources = matching.Sources(
-        matching.pack_texels(greys[1]), np.array([[0, 64, 48]], np.int32),
-        transfer(a, b)[None].astype(np.float32), transfer(b, a)[None].astype(np.float32),
-        np.tile(np.float32([0.0, 0.0, 1 / 3]), (48 * 64, 1)), np.float32(0.0),
-    )  # fmt: skip
+        matching.pack_texels(greys[1]),
+        np.array([[0, 64, 48]], np.int32),
+        transfer(a, b)[None].astype(np.float32),
+        transfer(b, a)[None].astype(np.float32),
+        np.tile(np.float32([0.0, 0.0, 1 / 3]), (48 * 64, 1)),
+        np.float32(0.0),
+    )
     planes = np.zeros((48, 64, 3), np.float32)
     planes[..., :2] = rng.uniform(-1e-3, 1e-3, (48, 64, 2))
     planes[..., 2] = rng.uniform(0.25, 0.5, (48, 64))
@@ -100,9 +103,7 @@ def test_a_patch_that_leaves_the_source_has_the_worst_cost(pair) -> None:
 
 def test_identical_images_at_infinity_cost_nothing(pair) -> None:
     *_, reference, sources, field = pair
-    same = sources._replace(
-        texels=matching.pack_texels(reference.grey), to_source=np.eye(3, 4, dtype=np.float32)[None]
-    )
+    same = sources._replace(texels=matching.pack_texels(reference.grey), to_source=np.eye(3, 4, dtype=np.float32)[None])
     patchmatch.score(field, reference, same, matching.window(5))
     # Not nothing: the noise added to the variances keeps the correlation below 1.
     assert np.abs(field.source_costs[8:-8, 8:-8, 0]).max() < 1e-2

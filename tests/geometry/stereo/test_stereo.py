@@ -131,9 +131,7 @@ def test_sweeps_of_the_geometric_rounds_are_as_many_as_is_set(scene) -> None:
     captures, _, _, points = scene
 
     def found(rounds: int, sweeps: int) -> np.ndarray:
-        settings = replace(
-            SETTINGS, max_side_px=80, iterations=2, geometric_rounds=rounds, geometric_sweeps=sweeps
-        )
+        settings = replace(SETTINGS, max_side_px=80, iterations=2, geometric_rounds=rounds, geometric_sweeps=sweeps)
         return dense_stereo(captures, [RANGE_M] * 4, points, settings, seed=1)[0].depth
 
     assert np.array_equal(found(0, 1), found(0, 4))

@@ -67,14 +67,10 @@ def test_a_sphere_is_found_whole_and_faces_outwards(name):
 
 @pytest.mark.parametrize("name", EMBEDDED)
 def test_a_room_is_found_and_nothing_else(room, name):
-    vertices, faces = surface_backend(name).surface(
-        room_views(room), field([-2.1, -1.6, -0.1], [2.1, 1.6, 2.5])
-    )
+    vertices, faces = surface_backend(name).surface(room_views(room), field([-2.1, -1.6, -0.1], [2.1, 1.6, 2.5]))
     distance = room.distance(vertices[faces].mean(1))
     assert np.quantile(distance, 0.98) < TOLERANCE_M
-    seen = np.concatenate(
-        [d.camera.unproject(d.depth)[3:-3:7, 3:-3:7].reshape(-1, 3) for d in room.depth_maps]
-    )
+    seen = np.concatenate([d.camera.unproject(d.depth)[3:-3:7, 3:-3:7].reshape(-1, 3) for d in room.depth_maps])
     found = np.linalg.norm(seen[:, None] - vertices[None, ::3], axis=2).min(1)
     assert (found < 2 * VOXEL_M).mean() > 0.97
     towards = room.depth_maps[1].camera.centre - vertices[faces].mean(1)
@@ -103,10 +99,7 @@ def test_points_follow_the_evidence_where_views_disagree():
     """The same plane 4 cm off in a view of little weight hardly moves the points."""
     camera = Camera(80, 60, 60.0, 60.0, 40.0, 30.0, np.eye(4))
     sure, guess = np.full(camera.shape, 1.0, np.float32), np.full(camera.shape, 1.04, np.float32)
-    views = [
-        WeightedDepth(camera, sure, np.ones_like(sure)),
-        WeightedDepth(camera, guess, 0.1 * np.ones_like(sure)),
-    ]
+    views = [WeightedDepth(camera, sure, np.ones_like(sure)), WeightedDepth(camera, guess, 0.1 * np.ones_like(sure))]
     cloud = OrientedPoints.of(views, np.full(3, -2.0), np.full(3, 2.0), 0.02, 0.09)
     assert np.abs(cloud.points[:, 2] - 1.0).mean() < 0.012
     np.testing.assert_allclose(cloud.normals, np.broadcast_to([0, 0, -1.0], cloud.normals.shape), atol=1e-3)

@@ -71,9 +71,7 @@ def test_overlaps_are_what_two_faces_cover(seed):
             depth.append(np.full(len(centres), -1.0))
             continue
         weights = np.linalg.solve(matrix, np.column_stack([centres, np.ones(len(centres))]).T)
-        heights = abs(np.linalg.det(matrix)) / np.linalg.norm(
-            uvs[np.roll(face, 1)] - uvs[np.roll(face, -1)], axis=1
-        )
+        heights = abs(np.linalg.det(matrix)) / np.linalg.norm(uvs[np.roll(face, 1)] - uvs[np.roll(face, -1)], axis=1)
         depth.append((weights * heights[:, None]).min(0) * SIZE)  # texels inside the nearest edge
     for index in range(len(faces)):
         others = np.any([depth[j] > 2e-3 for j in range(index)], axis=0) if index else False

@@ -34,9 +34,7 @@ np.save(sys.argv[3], renderer.render())
 @pytest.fixture(scope="module")
 def mesh() -> TexturedMesh:
     """Two walls in a corner, a patchwork of 8 x 8 colours on each."""
-    vertices = np.float32(
-        [(-2, 2, 0), (0, 2, 0), (0, 2, 2), (-2, 2, 2), (0, 2, 0), (2, 1, 0), (2, 1, 2), (0, 2, 2)]
-    )
+    vertices = np.float32([(-2, 2, 0), (0, 2, 0), (0, 2, 2), (-2, 2, 2), (0, 2, 0), (2, 1, 0), (2, 1, 2), (0, 2, 2)])
     faces = np.int32([(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)])
     uvs = np.float32([(0, 0.5), (0.5, 0.5), (0.5, 0), (0, 0), (0.5, 1), (1, 1), (1, 0.5), (0.5, 0.5)])
     patches = np.random.default_rng(0).integers(30, 230, (16, 16, 3), dtype=np.uint8)
@@ -55,9 +53,7 @@ def test_another_library_reads_the_same_mesh_and_texture(mesh, folder):
     loaded = trimesh.load(folder / "my room.obj", force="mesh", process=False)
     corners = loaded.vertices[loaded.faces]
     np.testing.assert_allclose(corners, mesh.vertices[mesh.faces], atol=1e-6)
-    np.testing.assert_allclose(
-        loaded.visual.uv[loaded.faces] * [1, -1] + [0, 1], mesh.uvs[mesh.faces], atol=1e-6
-    )
+    np.testing.assert_allclose(loaded.visual.uv[loaded.faces] * [1, -1] + [0, 1], mesh.uvs[mesh.faces], atol=1e-6)
     np.testing.assert_array_equal(np.asarray(Image.open(folder / "my room.png")), mesh.texture)
     assert loaded.visual.material.image.size == (256, 256)
 

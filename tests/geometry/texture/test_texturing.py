@@ -124,8 +124,7 @@ def test_a_wall_behind_no_capture_continues_its_surroundings(textured, room):
     again, known = textured.render(camera)
     assert known.all()
     low, high = (
-        f([capture.image().reshape(-1, 3) for capture in room.captures], axis=(0, 1))
-        for f in (np.min, np.max)
+        f([capture.image().reshape(-1, 3) for capture in room.captures], axis=(0, 1)) for f in (np.min, np.max)
     )
     assert (again > low - 0.01).all() and (again < high + 0.01).all()
     assert 0.2 < textured.seen < 0.8
@@ -159,9 +158,7 @@ def test_captures_of_two_exposures_pass_softly_into_each_other(room, mesh, image
     assert steps[3] < 0.2 * steps[1]
 
 
-def test_the_same_input_gives_the_same_bits_on_any_number_of_threads(
-    mesh, images, cameras, textured, with_threads
-):
+def test_the_same_input_gives_the_same_bits_on_any_number_of_threads(mesh, images, cameras, textured, with_threads):
     again = with_threads(1, lambda: bake(mesh, images, cameras, SETTINGS))
     np.testing.assert_array_equal(again.texture, textured.texture)
     assert again.glb() == textured.glb()

@@ -42,9 +42,7 @@ def check_charts(mesh, vertices, faces, uvs, size_px):
     assert uvs.dtype == np.float32 and uvs.min() >= 0 and uvs.max() <= 1
     assert not overlapping_faces(uvs, faces, size_px).any()
     assert not overlapping_faces(uvs, faces, 4 * size_px).any()
-    np.testing.assert_array_equal(
-        sorted_triangles(vertices, faces), sorted_triangles(mesh.vertices, mesh.faces)
-    )
+    np.testing.assert_array_equal(sorted_triangles(vertices, faces), sorted_triangles(mesh.vertices, mesh.faces))
     assert texel_map(uvs, faces, size_px, 0.0).inside.mean() > 0.15
 
 
@@ -89,9 +87,7 @@ def test_boxes_never_overlap_whatever_the_mesh(seed):
     vertices, faces, uvs = box_unwrapped(mesh.vertices.astype(np.float32), np.asarray(mesh.faces), 256, 1)
     assert uvs.min() >= 0 and uvs.max() <= 1
     assert not overlapping_faces(uvs, faces, 256).any()
-    np.testing.assert_array_equal(
-        sorted_triangles(vertices, faces), sorted_triangles(mesh.vertices, mesh.faces)
-    )
+    np.testing.assert_array_equal(sorted_triangles(vertices, faces), sorted_triangles(mesh.vertices, mesh.faces))
 
 
 def test_charts_are_the_padding_apart():

@@ -92,9 +92,7 @@ def test_areas_are_told_by_what_sees_them(tmp_path):
     coverage.save(tmp_path / "coverage.npz")
     read = Coverage.load(tmp_path / "coverage.npz")
     assert read.views == 4
-    assert read.areas_m2() == {
-        "proxy": 4.0, "supported": 3.0, "seen": 3.0, "gap": 1.0, "weak": 1.0, "covered": 1.0
-    }  # fmt: skip
+    assert read.areas_m2() == {"proxy": 4.0, "supported": 3.0, "seen": 3.0, "gap": 1.0, "weak": 1.0, "covered": 1.0}
     replace(coverage, seen=coverage.seen[:, None]).save(tmp_path / "coverage.npz")
     with pytest.raises(GeometryError, match="no coverage"):
         Coverage.load(tmp_path / "coverage.npz")

@@ -152,11 +152,7 @@ def test_an_empty_mesh_renders_nothing():
 
 @pytest.mark.parametrize(
     ("vertices", "faces"),
-    [
-        (np.zeros((3, 3)), [[0, 1, 3]]),
-        (np.zeros((3, 3)), [[-1, 1, 2]]),
-        (np.full((3, 3), np.nan), [[0, 1, 2]]),
-    ],
+    [(np.zeros((3, 3)), [[0, 1, 3]]), (np.zeros((3, 3)), [[-1, 1, 2]]), (np.full((3, 3), np.nan), [[0, 1, 2]])],
 )
 def test_broken_meshes_are_refused(vertices, faces):
     with pytest.raises(GeometryError):

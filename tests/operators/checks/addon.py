@@ -28,8 +28,17 @@ def check_every_operator_is_there_with_a_description():
 
 def check_without_a_bundle_the_buttons_say_why():
     bpy.ops.wm.read_homefile(use_empty=True)
-    for name in ("import_captures", "show_proxy", "show_candidates", "refine", "evaluate",
-                 "export_collision", "render_conditions", "open_report", "refresh_scene"):  # fmt: skip
+    for name in (
+        "import_captures",
+        "show_proxy",
+        "show_candidates",
+        "refine",
+        "evaluate",
+        "export_collision",
+        "render_conditions",
+        "open_report",
+        "refresh_scene",
+    ):
         assert "Open a scene first" in refused(getattr(bpy.ops.r2sego, name)), name
 
 
@@ -83,11 +92,19 @@ def check_a_bundle_that_is_gone_is_told_in_one_sentence():
     blend = copy.with_name("room.blend")
     bpy.ops.wm.save_as_mainfile(filepath=str(blend))
     away = copy.rename(copy.with_name("elsewhere.r2s"))
-    sentence = (
-        "this scene is no longer there. Put its folder back, or open it where it is now with Open Scene."
-    )
-    for name in ("show_proxy", "show_candidates", "import_captures", "show_asset", "refine", "show_rollout",
-                 "compare_view", "show_priors", "place_frame", "export_asset"):  # fmt: skip
+    sentence = "this scene is no longer there. Put its folder back, or open it where it is now with Open Scene."
+    for name in (
+        "show_proxy",
+        "show_candidates",
+        "import_captures",
+        "show_asset",
+        "refine",
+        "show_rollout",
+        "compare_view",
+        "show_priors",
+        "place_frame",
+        "export_asset",
+    ):
         given = {"filepath": "/out/a.ply"} if name == "export_asset" else {}
         said = refused(getattr(bpy.ops.r2sego, name), **given)
         assert sentence in said and "Traceback" not in said, (name, said)
@@ -135,9 +152,7 @@ def check_a_bundle_moved_together_with_its_blend_is_found_again():
 
 def places_of_bodies():
     """Where the shown robot's bodies stand."""
-    return {
-        body.name: tuple(body.matrix_world.translation) for body in bpy.data.objects if "r2sego_body" in body
-    }
+    return {body.name: tuple(body.matrix_world.translation) for body in bpy.data.objects if "r2sego_body" in body}
 
 
 def check_a_file_that_fails_is_told_in_one_sentence():
@@ -151,8 +166,12 @@ def check_a_sentence_begins_with_a_capital_and_a_files_name_stays():
     sentence = importlib.import_module(f"{MODULE}.operators.job").sentence
     assert sentence("there is no scene.") == "There is no scene."
     assert sentence("stopped: the disk is full.") == "Stopped: the disk is full."
-    for line in ("images/a.png: it is cut off.", "cameras.json: no captures.", "a\\b: gone.",
-                 "embedded:wheeled: the robot has no body."):  # fmt: skip
+    for line in (
+        "images/a.png: it is cut off.",
+        "cameras.json: no captures.",
+        "a\\b: gone.",
+        "embedded:wheeled: the robot has no body.",
+    ):
         assert sentence(line) == line
 
 
@@ -160,8 +179,11 @@ def check_registering_twice_leaves_nothing_behind():
     import addon_utils
 
     def registered():
-        kinds = [cls for base in (bpy.types.Operator, bpy.types.Panel, bpy.types.PropertyGroup,
-                                  bpy.types.AddonPreferences) for cls in base.__subclasses__()]  # fmt: skip
+        kinds = [
+            cls
+            for base in (bpy.types.Operator, bpy.types.Panel, bpy.types.PropertyGroup, bpy.types.AddonPreferences)
+            for cls in base.__subclasses__()
+        ]
         names = {cls.__name__ for cls in kinds if cls.__name__.startswith("R2SEGO") and cls.is_registered}
         return names | ({"Scene.r2sego"} if hasattr(bpy.types.Scene, "r2sego") else set())
 

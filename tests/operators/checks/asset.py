@@ -14,10 +14,21 @@ from shown_asset import BACKDROP_SPLATS, SPLATS, centres, group, show, values
 from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle, refused, state
 
 OPERATORS = {
-    "add_splat_box", "clear_splat_marks", "compare_photograph", "delete_splats", "evaluate", "export_asset",
-    "mark_floaters", "mark_selected_splats", "mark_splats_box", "mark_splats_lasso", "move_wipe",
-    "render_asset", "restore_splats", "show_asset",
-}  # fmt: skip
+    "add_splat_box",
+    "clear_splat_marks",
+    "compare_photograph",
+    "delete_splats",
+    "evaluate",
+    "export_asset",
+    "mark_floaters",
+    "mark_selected_splats",
+    "mark_splats_box",
+    "mark_splats_lasso",
+    "move_wipe",
+    "render_asset",
+    "restore_splats",
+    "show_asset",
+}
 
 
 def check_evaluating_asks_the_engine():
@@ -68,9 +79,7 @@ def check_the_asset_is_shown_as_points_with_their_attributes():
 
 
 def check_the_shown_splats_keep_their_shape():
-    splats = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.asset.show_asset").drawn_splats(
-        show().data
-    )
+    splats = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.asset.show_asset").drawn_splats(show().data)
     chosen = np.array([5, 0, 40])
     for index, told in zip(chosen, splats.covariances(chosen), strict=True):
         turned = np.array(Quaternion(splats.quaternions[index]).normalized().to_matrix())

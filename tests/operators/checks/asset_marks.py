@@ -25,9 +25,7 @@ def check_splats_in_a_box_are_marked():
     assert (values(shown, "marked") == inside).all()  # the empty's cube is that box
     assert bpy.ops.r2sego.clear_splat_marks() == {"FINISHED"}
     assert not values(shown, "marked").any() and group().marked == 0
-    assert "No splat is there" in refused(
-        bpy.ops.r2sego.mark_splats_box, lowest=(50, 0, 0), highest=(51, 1, 1)
-    )
+    assert "No splat is there" in refused(bpy.ops.r2sego.mark_splats_box, lowest=(50, 0, 0), highest=(51, 1, 1))
 
 
 def check_marks_stay_when_another_round_is_shown():
@@ -58,9 +56,7 @@ def check_a_lasso_marks_what_a_view_shows_inside_it():
 
     shown = show()
     places = centres(shown).astype(float)
-    view = Matrix.LocRotScale(
-        (0.0, -5.0, 1.2), Matrix.Rotation(np.pi / 2, 3, "X").to_quaternion(), None
-    ).inverted()
+    view = Matrix.LocRotScale((0.0, -5.0, 1.2), Matrix.Rotation(np.pi / 2, 3, "X").to_quaternion(), None).inverted()
     corners = [(100, 80), (260, 80), (260, 220), (100, 220)]
     path = [{"name": "", "loc": corner, "time": 0.0} for corner in corners]
     size = (400, 300)
@@ -75,16 +71,14 @@ def check_a_lasso_marks_what_a_view_shows_inside_it():
         matrices = {
             "view_matrix": [value for row in view for value in row],
             "window_matrix": [value for row in window for value in row],
-        }  # fmt: skip
+        }
         done = bpy.ops.r2sego.mark_splats_lasso(path=path, region_size=size, near=0.0, far=6.0, **matrices)
         assert done == {"FINISHED"} and 0 < inside.sum() < len(places)
         assert (values(shown, "marked") == inside).all()
         bpy.ops.r2sego.clear_splat_marks()
         height_m = float(np.median(places[inside][:, 2]))  # above it a Clipping Region cuts the view
         planes = [0.0, 0.0, -1.0, height_m, *[0.0] * 20]
-        bpy.ops.r2sego.mark_splats_lasso(
-            path=path, region_size=size, near=0.0, far=6.0, clip_planes=planes, **matrices
-        )
+        bpy.ops.r2sego.mark_splats_lasso(path=path, region_size=size, near=0.0, far=6.0, clip_planes=planes, **matrices)
         below = inside & (places[:, 2] < np.float32(height_m))
         assert 0 < below.sum() < inside.sum() and (values(shown, "marked") == below).all()
         bpy.ops.r2sego.clear_splat_marks()

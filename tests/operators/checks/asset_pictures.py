@@ -28,9 +28,7 @@ def check_a_camera_is_handed_to_the_engine_exactly():
     conduct("fail")
     assert "images/a.png" in refused(bpy.ops.r2sego.render_asset, camera="capture_1", stage="0")
     (call,) = calls()
-    assert call[:2] == ["render", str(copy)] and call[6:] == [
-        "--round", "0", "--pass", "colour", "--json-progress"
-    ]  # fmt: skip
+    assert call[:2] == ["render", str(copy)] and call[6:] == ["--round", "0", "--pass", "colour", "--json-progress"]
     (camera,) = json.loads(Path(call[3]).read_text())["cameras"]
     lens = json.loads((copy / "captures" / "cameras.json").read_text())["captures"][1]
     for name in ("width", "height", "fx", "fy", "cx", "cy", "world_from_camera"):
@@ -68,11 +66,7 @@ def check_any_perspective_camera_is_a_pinhole_in_pixels():
     own.location, own.rotation_euler, own.scale = (0.4, -3.0, 1.1), (1.4, 0.1, 0.3), (2.0, 2.0, 2.0)
     point = Vector((0.3, 0.2, 1.0))
     render = scene.render
-    for fit, size, aspect in (
-        ("AUTO", (320, 200), 1.0),
-        ("AUTO", (200, 320), 1.5),
-        ("VERTICAL", (320, 200), 1.5),
-    ):
+    for fit, size, aspect in (("AUTO", (320, 200), 1.0), ("AUTO", (200, 320), 1.5), ("VERTICAL", (320, 200), 1.5)):
         data.sensor_fit, data.shift_x, data.shift_y, data.lens = fit, 0.13, -0.07, 28.0
         render.resolution_x, render.resolution_y = size
         render.pixel_aspect_x, render.pixel_aspect_y = 1.0, aspect
@@ -82,9 +76,7 @@ def check_any_perspective_camera_is_a_pinhole_in_pixels():
         local = np.linalg.inv(camera["world_from_camera"]) @ (*point, 1.0)
         x, y, _ = world_to_camera_view(scene, own, point)
         np.testing.assert_allclose(camera["fx"] * local[0] / local[2] + camera["cx"], x * size[0], atol=1e-2)
-        np.testing.assert_allclose(
-            camera["fy"] * local[1] / local[2] + camera["cy"], (1 - y) * size[1], atol=1e-2
-        )  # fmt: skip
+        np.testing.assert_allclose(camera["fy"] * local[1] / local[2] + camera["cy"], (1 - y) * size[1], atol=1e-2)
     data.type = "ORTHO"
     assert "no perspective camera" in refused(bpy.ops.r2sego.render_asset, camera="own")
 

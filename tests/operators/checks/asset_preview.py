@@ -14,9 +14,7 @@ def check_what_the_preview_draws():
     preview = importlib.import_module(f"{MODULE}.panels.overlays.splat_preview")
     shown = show()
     bpy.ops.r2sego.mark_splats_box(lowest=(-0.6, -0.6, 0.4), highest=(0.6, 0.6, 2.0))
-    splats = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.asset.show_asset").drawn_splats(
-        shown.data
-    )
+    splats = importlib.import_module(f"{MODULE}.r2sego_blender.bridge.asset.show_asset").drawn_splats(shown.data)
     order = preview.drawn_order(splats, backdrop=False)
     assert sorted(order) == sorted(np.flatnonzero(~splats.backdrop & (splats.opacities >= 0.05)))
     marks = splats.marked[order]

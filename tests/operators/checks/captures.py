@@ -18,12 +18,20 @@ from support import (
     open_here,
     refused,
     state,
-)  # fmt: skip
+)
 
 OPERATORS = {
-    "import_captures", "look_through", "look_through_next", "pick_point", "remove_pick", "add_length",
-    "remove_length", "place_frame", "correct_registration", "undo_correction",
-}  # fmt: skip
+    "import_captures",
+    "look_through",
+    "look_through_next",
+    "pick_point",
+    "remove_pick",
+    "add_length",
+    "remove_length",
+    "place_frame",
+    "correct_registration",
+    "undo_correction",
+}
 SPOTS = {"A": (-0.4, 0.2, 0.0), "B": (0.5, 0.1, 0.0), "C": (0.1, 0.7, 0.0)}
 
 
@@ -49,9 +57,7 @@ def pick_all(floor=True):
         for lens in described():
             x, y = seen_at(lens, spot)
             if 0 <= x <= lens["width"] and 0 <= y <= lens["height"]:
-                done = bpy.ops.r2sego.pick_point(
-                    point=name, capture=lens["name"], x_px=x, y_px=y, floor=floor
-                )
+                done = bpy.ops.r2sego.pick_point(point=name, capture=lens["name"], x_px=x, y_px=y, floor=floor)
                 assert done == {"FINISHED"}
 
 
@@ -59,8 +65,10 @@ def check_import_captures():
     open_bundle()
     assert bpy.ops.r2sego.import_captures(points=True) == {"FINISHED"}
     assert [c.name for c in sorted(bpy.data.objects, key=lambda o: o.name) if c.type == "CAMERA"] == [
-        "capture_0", "capture_1", "capture_2"
-    ]  # fmt: skip
+        "capture_0",
+        "capture_1",
+        "capture_2",
+    ]
     bpy.context.view_layer.objects.active = bpy.data.objects["capture_2"]
     assert bpy.ops.r2sego.look_through() == {"FINISHED"}
     render = bpy.context.scene.render
@@ -91,9 +99,7 @@ def check_a_capture_sees_a_point_at_its_pixel():
 def check_the_list_says_what_each_capture_is():
     open_bundle()
     listed = [(one.name, one.width, one.height, one.points, one.overlaps) for one in shown().captures]
-    assert listed == [
-        ("capture_0", 64, 48, 50, 2), ("capture_1", 80, 60, 50, 2), ("capture_2", 60, 80, 50, 2)
-    ]  # fmt: skip
+    assert listed == [("capture_0", 64, 48, 50, 2), ("capture_1", 80, 60, 50, 2), ("capture_2", 60, 80, 50, 2)]
     assert abs(shown().captures[0].view_deg - 65.2) < 0.1
 
 

@@ -45,14 +45,23 @@ def check_checking_asks_mujoco_and_keeps_its_figures():
     assert group.checked and not group.passed  # the stand-in says nothing of it
     checked = sys.modules[f"{MODULE}.operators.collision.check_collision"]
     figures = {
-        "pieces": 12, "vertex_error_m": 2e-6, "spheres": 40, "at_rest": 39, "fell_through": 1,
-        "rest_within_1_cm": 38, "robot_stands": False, "robot_failure": "fall: it tipped over",
+        "pieces": 12,
+        "vertex_error_m": 2e-6,
+        "spheres": 40,
+        "at_rest": 39,
+        "fell_through": 1,
+        "rest_within_1_cm": 38,
+        "robot_stands": False,
+        "robot_failure": "fall: it tipped over",
         "off_surface": _OFF_SURFACE,
-    }  # fmt: skip
+    }
     assert checked._facts(figures) == [
-        ("Pieces", "12, exact to 0.002 mm"), ("Spheres", "39 of 40 at rest, 1 fell through"),
-        ("Within 1 cm", "38 of 40"), ("Farthest", "2.2 cm off"), ("Robot", "fall: it tipped over"),
-    ]  # fmt: skip
+        ("Pieces", "12, exact to 0.002 mm"),
+        ("Spheres", "39 of 40 at rest, 1 fell through"),
+        ("Within 1 cm", "38 of 40"),
+        ("Farthest", "2.2 cm off"),
+        ("Robot", "fall: it tipped over"),
+    ]
     stands = checked._facts({"robot_stands": True, "robot_pelvis_offset_m": 0.012})
     assert stands == [("Robot", "stands, within 1.2 cm")]
 
@@ -70,9 +79,7 @@ def check_spheres_off_the_surface_are_marked_till_the_next_check_or_surface():
     operator = sys.modules[f"{MODULE}.operators.collision.check_collision"].R2SEGO_OT_check_collision
     for _ in range(2):
         told = operator.finish(None, bpy.context, {"passed": False, "off_surface": _OFF_SURFACE})
-        fell, floats = sorted(
-            (one for one in bpy.data.objects if one.type == "EMPTY"), key=lambda one: one.name
-        )
+        fell, floats = sorted((one for one in bpy.data.objects if one.type == "EMPTY"), key=lambda one: one.name)
     assert told == "The collision surface did not pass; spheres off it are marked at 2 places"
     assert (fell.name, floats.name) == ("Sphere fell through", "Sphere floats by 2.2 cm")
     assert tuple(floats.location) == (1.0, -2.0, 0.5) and abs(floats.empty_display_size - 0.05) < 1e-6
@@ -108,8 +115,15 @@ def check_another_surface_forgets_the_check():
 def check_the_lines_of_a_texture_stay_while_the_proxy_is_the_same():
     copy = copied_bundle()
     texture_proxy = sys.modules[f"{MODULE}.operators.collision.texture_proxy"]
-    told = {"file": "/out/a.glb", "megabytes": 1.0, "faces": 13, "size_px": 64, "seen": 0.5, "psnr_db": 20.0,
-            "covered": 0.5}  # fmt: skip
+    told = {
+        "file": "/out/a.glb",
+        "megabytes": 1.0,
+        "faces": 13,
+        "size_px": 64,
+        "seen": 0.5,
+        "psnr_db": 20.0,
+        "covered": 0.5,
+    }
     operator = SimpleNamespace(show=False)
     texture_proxy.R2SEGO_OT_texture_proxy.finish(operator, bpy.context, told)
     group = bpy.context.scene.r2sego_collision
@@ -144,11 +158,17 @@ def check_texturing_and_formats_are_asked_of_the_engine():
     assert bpy.ops.r2sego.export_collision(directory="/out", **files) == {"FINISHED"}
     textured, exported = calls()
     assert textured == [
-        "texture", str(BUNDLE), "--faces", "5000", "--size", "512", "--json-progress", "--to", "/out/room.glb"
-    ]  # fmt: skip
-    assert exported == [
-        "export", str(BUNDLE), "--to", "/out", "--json-progress", "--splats", ".spz,.glb", "--textured"
-    ]  # fmt: skip
+        "texture",
+        str(BUNDLE),
+        "--faces",
+        "5000",
+        "--size",
+        "512",
+        "--json-progress",
+        "--to",
+        "/out/room.glb",
+    ]
+    assert exported == ["export", str(BUNDLE), "--to", "/out", "--json-progress", "--splats", ".spz,.glb", "--textured"]
 
 
 def check_a_textured_mesh_stands_where_the_proxy_does():

@@ -19,7 +19,7 @@ from support import (
     open_here,
     refused,
     state,
-)  # fmt: skip
+)
 
 OPERATORS = {"cancel", "check_engine", "demo_scene", "dismiss_job", "follow_job", "set_up_engine"}
 
@@ -91,9 +91,8 @@ def check_a_job_is_taken_over_with_its_operators_properties():
     conduct("slow")
     made = OUT.parent / "made.r2s"
     job = left_job(
-        bpy.ops.r2sego.new_scene, filepath=str(made), captures="/photographs", scale="CAMERA_HEIGHT",
-        camera_height=1.5,
-    )  # fmt: skip
+        bpy.ops.r2sego.new_scene, filepath=str(made), captures="/photographs", scale="CAMERA_HEIGHT", camera_height=1.5
+    )
     job_module().let_go()
     assert job.folder.parent == job_module().own_folder()
     kept = job.notes["properties"]
@@ -296,9 +295,11 @@ def check_a_job_and_its_end_name_their_bundle_where_the_scenes_show_several():
 
 
 def check_what_was_made_for_a_blender_scene_that_is_gone_is_told():
-    for name, leave in (("removed", lambda first: bpy.data.scenes.remove(first)),
-                        ("other_file", lambda first: open_bundle()),
-                        ("other_bundle", lambda first: open_here(BUNDLE))):  # fmt: skip
+    for name, leave in (
+        ("removed", lambda first: bpy.data.scenes.remove(first)),
+        ("other_file", lambda first: open_bundle()),
+        ("other_bundle", lambda first: open_here(BUNDLE)),
+    ):
         bpy.ops.wm.read_homefile(use_empty=True)
         first, made = bpy.context.scene, OUT.parent / f"{name}.r2s"
         conduct("slow")

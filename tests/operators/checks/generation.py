@@ -8,9 +8,7 @@ import bpy
 import numpy as np
 from support import OUT, calls, conduct, copied_bundle, open_bundle, refused, state
 
-OPERATORS = {
-    "render_conditions", "decide_view", "compare_view", "render_target_views", "show_camera_path", "play_clip"
-}  # fmt: skip
+OPERATORS = {"render_conditions", "decide_view", "compare_view", "render_target_views", "show_camera_path", "play_clip"}
 
 
 def group():
@@ -66,8 +64,7 @@ def check_a_view_is_decided_on_by_the_engine():
     assert told == "View 1 is decided by its figures: run Refine to train on what is accepted"
     start = ["views", str(copy), "--round", "1"]
     assert calls() == [
-        [*start, *words, "--json-progress"]
-        for words in (["--reject", "0"], ["--accept", "2"], ["--undecided", "1"])
+        [*start, *words, "--json-progress"] for words in (["--reject", "0"], ["--accept", "2"], ["--undecided", "1"])
     ], calls()
     given = bpy.context.window_manager.operator_properties_last("r2sego.decide_view")
     for given.decision, told in (("ACCEPT", "Train the asset on"), ("REJECT", "Do not train the asset on")):

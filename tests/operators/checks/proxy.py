@@ -18,14 +18,29 @@ from support import (
     open_here,
     refused,
     state,
-)  # fmt: skip
+)
 
 OPERATORS = {
-    "show_proxy", "measure_coverage", "select_proxy_lasso", "select_proxy_box", "cut_proxy",
-    "draw_proxy_surface", "remove_proxy_edit", "new_object", "remove_object", "draw_mask", "paint_mask",
-    "load_masks", "declare_masks", "show_priors", "place_prior", "save_placement", "use_mesh_as_prior",
-    "decide_prior", "plan_refine",
-}  # fmt: skip
+    "show_proxy",
+    "measure_coverage",
+    "select_proxy_lasso",
+    "select_proxy_box",
+    "cut_proxy",
+    "draw_proxy_surface",
+    "remove_proxy_edit",
+    "new_object",
+    "remove_object",
+    "draw_mask",
+    "paint_mask",
+    "load_masks",
+    "declare_masks",
+    "show_priors",
+    "place_prior",
+    "save_placement",
+    "use_mesh_as_prior",
+    "decide_prior",
+    "plan_refine",
+}
 
 
 def group():
@@ -98,8 +113,14 @@ def check_the_proxy_is_coloured_by_what_is_chosen():
     mesh = shown().data
     area = np.empty(13, np.float32)
     mesh.polygons.foreach_get("area", area)
-    for by, colours in (("PROVENANCE", 3), ("SUPPORT", 6), ("CONFIDENCE", 5), ("VIEWS", 5), ("COVERAGE", 4),
-                        ("SUPPORT_GAP", 4)):  # fmt: skip
+    for by, colours in (
+        ("PROVENANCE", 3),
+        ("SUPPORT", 6),
+        ("CONFIDENCE", 5),
+        ("VIEWS", 5),
+        ("COVERAGE", 4),
+        ("SUPPORT_GAP", 4),
+    ):
         group().colour_by = by
         assert len(mesh.materials) == len(group().legend) == colours, by
         assert abs(sum(legend().values()) - area.sum()) < 0.02, by
@@ -140,8 +161,9 @@ def check_switching_colours_of_a_large_proxy_is_quick():
     side = 320
     x, y = np.meshgrid(np.arange(side + 1.0), np.arange(side + 1.0))
     first = (np.arange(side)[:, None] * (side + 1) + np.arange(side)).ravel()
-    faces = np.concatenate([np.stack([first, first + 1, first + side + 2], 1),
-                            np.stack([first, first + side + 2, first + side + 1], 1)])  # fmt: skip
+    faces = np.concatenate(
+        [np.stack([first, first + 1, first + side + 2], 1), np.stack([first, first + side + 2, first + side + 1], 1)]
+    )
     mesh = bpy.data.meshes.new("large")
     mesh.from_pydata(np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], 1).tolist(), [], faces.tolist())
     for name in ("provenance", "support", "seen"):
@@ -169,9 +191,12 @@ def check_faces_are_selected_in_a_box_and_a_lasso_and_cut():
     window = Matrix(((1.0, 0, 0, 0), (0, 1.0, 0, 0), (0, 0, -1.0, -0.2), (0, 0, -1.0, 0)))
     path = [{"name": "", "loc": loc, "time": 0.0} for loc in ((0, 0), (200, 0), (200, 200), (0, 200))]
     given = {
-        "path": path, "region_size": (200, 200), "facing": False,
-        "view_matrix": [v for row in view for v in row], "window_matrix": [v for row in window for v in row],
-    }  # fmt: skip
+        "path": path,
+        "region_size": (200, 200),
+        "facing": False,
+        "view_matrix": [v for row in view for v in row],
+        "window_matrix": [v for row in window for v in row],
+    }
     assert bpy.ops.r2sego.select_proxy_lasso(**given) == {"FINISHED"}
     assert 12 in selected(mesh) and len(selected(mesh)) > 2
     assert bpy.ops.r2sego.select_proxy_lasso(**{**given, "farthest": 1.7}) == {"FINISHED"}
@@ -183,11 +208,7 @@ def check_faces_are_selected_in_a_box_and_a_lasso_and_cut():
     conduct("succeed")
     assert bpy.ops.r2sego.cut_proxy(name="window") == {"FINISHED"}
     (call,) = calls()
-    assert call[:3] == ["edit-proxy", str(BUNDLE), "--cut"] and call[4:] == [
-        "--name",
-        "window",
-        "--json-progress",
-    ]
+    assert call[:3] == ["edit-proxy", str(BUNDLE), "--cut"] and call[4:] == ["--name", "window", "--json-progress"]
     with np.load(call[3]) as cut:
         assert cut["round"] == 0
         with np.load(BUNDLE / "rounds/0/proxy/proxy.npz") as proxy:
@@ -220,19 +241,21 @@ def check_faces_of_a_moved_proxy_are_selected_where_they_stand():
     conduct("succeed")
     bpy.ops.r2sego.cut_proxy(name="window")
     with np.load(calls()[0][3]) as cut, np.load(BUNDLE / "rounds/0/proxy/proxy.npz") as own:
-        np.testing.assert_array_equal(
-            cut["corners"], own["vertices"][own["faces"][[12]]]
-        )  # as the file has it
-    view, window = Matrix.Translation((-5.0, 0.0, -2.0)), Matrix(
-        ((1.0, 0, 0, 0), (0, 1.0, 0, 0), (0, 0, -1.0, -0.2), (0, 0, -1.0, 0))
-    )  # fmt: skip
+        np.testing.assert_array_equal(cut["corners"], own["vertices"][own["faces"][[12]]])  # as the file has it
+    view, window = (
+        Matrix.Translation((-5.0, 0.0, -2.0)),
+        Matrix(((1.0, 0, 0, 0), (0, 1.0, 0, 0), (0, 0, -1.0, -0.2), (0, 0, -1.0, 0))),
+    )
     path = [{"name": "", "loc": loc, "time": 0.0} for loc in ((0, 0), (200, 0), (200, 200), (0, 200))]
     for mirror in (1.0, -1.0):
         proxy.scale.x = mirror
         bpy.ops.r2sego.select_proxy_lasso(
-            path=path, region_size=(200, 200), farthest=1.7,
-            view_matrix=[v for row in view for v in row], window_matrix=[v for row in window for v in row],
-        )  # fmt: skip
+            path=path,
+            region_size=(200, 200),
+            farthest=1.7,
+            view_matrix=[v for row in view for v in row],
+            window_matrix=[v for row in window for v in row],
+        )
         assert selected(proxy.data) == [12], mirror
 
 

@@ -20,7 +20,7 @@ from support import (
     open_bundle,
     open_here,
     refused,
-)  # fmt: skip
+)
 
 
 def check_objects_are_listed_with_what_became_of_them():
@@ -50,7 +50,7 @@ def check_masks_are_drawn_loaded_and_declared():
     assert bpy.ops.r2sego.draw_mask(capture="capture_1", points=square, tool="POLYGON") == {"FINISHED"}
     assert bpy.ops.r2sego.draw_mask(
         capture="capture_1", points="20,20 20,40", tool="BRUSH", radius=3.0, subtract=True
-    ) == {"FINISHED"}  # fmt: skip
+    ) == {"FINISHED"}
     assert group().objects[2].masks == 2
     image = bpy.data.images["my_chair in capture_0"]
     assert tuple(image.size) == (64, 48)
@@ -132,10 +132,7 @@ def check_a_mask_of_another_size_is_refused_and_loaded_anew():
     before = drawn_pixels("crate in capture_0")
     bpy.data.images["crate in capture_0"].scale(32, 24)
     given = {"object_name": "crate", "capture": "capture_0", "points": "0,0 4,0 4,4"}
-    for said in (
-        refused(bpy.ops.r2sego.draw_mask, **given),
-        refused(bpy.ops.r2sego.place_prior, object_name="crate"),
-    ):
+    for said in (refused(bpy.ops.r2sego.draw_mask, **given), refused(bpy.ops.r2sego.place_prior, object_name="crate")):
         assert "crate in capture_0: the mask is not of the capture's size" in said, said
         assert "64 by 48" in said and "Traceback" not in said, said
     assert bpy.ops.r2sego.load_masks() == {"FINISHED"}
@@ -280,9 +277,9 @@ def check_a_mask_drawn_anew_is_rated_at_once():
     whole = "0,0 64,0 64,48 0,48"
     assert bpy.ops.r2sego.draw_mask(object_name="crate", capture="capture_0", points=whole) == {"FINISHED"}
     assert group().fit_iou < before - 0.1
-    assert bpy.ops.r2sego.draw_mask(
-        object_name="crate", capture="capture_0", points=whole, subtract=True
-    ) == {"FINISHED"}  # fmt: skip
+    assert bpy.ops.r2sego.draw_mask(object_name="crate", capture="capture_0", points=whole, subtract=True) == {
+        "FINISHED"
+    }
     assert "capture_0" not in group().fit_views and group().fit_iou > 0.9
 
 

@@ -12,10 +12,21 @@ import numpy as np
 from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle, refused, state
 
 OPERATORS = {
-    "choose_robot", "choose_scope", "clear_region", "draw_region", "inspect_robot", "jump_to_attempt",
-    "pick_target", "region_from_object", "run_rollouts", "set_behaviours", "set_clearance", "set_mount",
-    "show_rollout", "try_rollouts",
-}  # fmt: skip
+    "choose_robot",
+    "choose_scope",
+    "clear_region",
+    "draw_region",
+    "inspect_robot",
+    "jump_to_attempt",
+    "pick_target",
+    "region_from_object",
+    "run_rollouts",
+    "set_behaviours",
+    "set_clearance",
+    "set_mount",
+    "show_rollout",
+    "try_rollouts",
+}
 
 
 def robot():
@@ -43,8 +54,11 @@ def check_opening_lists_the_attempts_and_the_seats():
     state().round_index = 0
     listed = robot().attempts
     assert [(one.number, one.success, one.reason, one.frame) for one in listed] == [
-        (0, True, "", 10), (1, False, "body_contact", 4), (2, False, "no_goal", 0), (3, True, "", 7)
-    ]  # fmt: skip
+        (0, True, "", 10),
+        (1, False, "body_contact", 4),
+        (2, False, "no_goal", 0),
+        (3, True, "", 7),
+    ]
     assert robot().succeeded == 2
     assert [listed[0].outcome, listed[1].outcome] == ["succeeded", "mast touched the chair"]
     assert abs(listed[1].time_s - 0.8) < 1e-6
@@ -78,9 +92,17 @@ def check_choosing_robot_and_scope_asks_the_engine():
     assert declared(ops.inspect_robot) == []
     assert declared(ops.inspect_robot, seats=True) == ["--seats"]
     assert declared(ops.set_behaviours, walk_to=0.25, look_around=0.0, sit_on=1.0) == [
-        "--set", "behaviours.walk_to=0.25", "--set", "behaviours.look_around=0",
-        "--set", "behaviours.step_around=0", "--set", "behaviours.squat=0", "--set", "behaviours.sit_on=1",
-    ]  # fmt: skip
+        "--set",
+        "behaviours.walk_to=0.25",
+        "--set",
+        "behaviours.look_around=0",
+        "--set",
+        "behaviours.step_around=0",
+        "--set",
+        "behaviours.squat=0",
+        "--set",
+        "behaviours.sit_on=1",
+    ]
     weights = ops.set_behaviours.get_rna_type().properties
     assert (weights["walk_to"].name, weights["walk_to"].hard_max) == ("Walk To", 1000.0)
     assert weights["squat"].description == "Stand, lower the body and look down, as for reaching; takes legs"
@@ -93,9 +115,10 @@ def check_the_dialog_of_the_scope_begins_with_what_is_declared():
     dialogs = SimpleNamespace(invoke_props_dialog=lambda operator, **how: {"RUNNING_MODAL"})
     context = SimpleNamespace(scene=bpy.context.scene, window_manager=dialogs)
     for scope, shown in (
-        ("walk_and_look", ("walk_and_look", "")), ("sit_down", ("sit_down", "")),
+        ("walk_and_look", ("walk_and_look", "")),
+        ("sit_down", ("sit_down", "")),
         (str(file), ("FILE", str(file))),
-    ):  # fmt: skip
+    ):
         declaration.write_text(text.replace('"walk_and_look"', json.dumps(scope)))
         dialog = SimpleNamespace(scope="", filepath="of before")
         assert bpy.types.R2SEGO_OT_choose_scope.invoke(dialog, context, None) == {"RUNNING_MODAL"}
@@ -146,9 +169,15 @@ def check_the_mount_is_told_in_toml():
     assert told(mount="OWN", pitch="MOUNTED") == [None, None]
     assert told(mount="CAMERA", camera='a "b"', pitch="MOUNTED") == ['a "b"', None]
     place, pitch = told(
-        mount="PLACE", body="torso", place=(0.1, 0.0, 0.25), turn=(0.0, 0.5, 0.0), pitch="DRAWN",
-        field_of_view=math.radians(80), pitch_low=math.radians(10), pitch_high=math.radians(40),
-    )  # fmt: skip
+        mount="PLACE",
+        body="torso",
+        place=(0.1, 0.0, 0.25),
+        turn=(0.0, 0.5, 0.0),
+        pitch="DRAWN",
+        field_of_view=math.radians(80),
+        pitch_low=math.radians(10),
+        pitch_high=math.radians(40),
+    )
     assert place[0] == "torso"
     np.testing.assert_allclose(place[1], (0.1, 0.0, 0.25), atol=1e-6)
     np.testing.assert_allclose(place[2], (0.0, 0.5, 0.0), atol=1e-6)
@@ -178,9 +207,10 @@ def check_a_mount_that_was_placed_is_shown_again_as_it_was_declared():
 
     def shown(mount, pitch=None):
         changed = dataclasses.replace(
-            scope, robot=dataclasses.replace(scope.robot, mount=mount),
+            scope,
+            robot=dataclasses.replace(scope.robot, mount=mount),
             look=dataclasses.replace(scope.look, camera_pitch_deg=pitch),
-        )  # fmt: skip
+        )
         return module.declared_properties(changed)
 
     place = ["pelvis", [0.1, -0.2, 0.5], [0.0, 0.25, 3.0]]
@@ -199,8 +229,9 @@ def check_regions_are_told_in_metres():
     open_bundle()
     polygon = "0,0 2,0.5 1.25,2"
     assert declared(bpy.ops.r2sego.draw_region, polygon=polygon) == [
-        "--region", "0.0000,0.0000 2.0000,0.5000 1.2500,2.0000"
-    ]  # fmt: skip
+        "--region",
+        "0.0000,0.0000 2.0000,0.5000 1.2500,2.0000",
+    ]
     assert "crosses itself" in refused(bpy.ops.r2sego.draw_region, polygon="0,0 1,1 1,0 0,1")
     assert "corners" in refused(bpy.ops.r2sego.draw_region)
     assert declared(bpy.ops.r2sego.clear_region) == ["--region", "free_floor"]

@@ -8,23 +8,20 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import bpy
-from support import (
-    BUNDLE,
-    MODULE,
-    OUT,
-    calls,
-    conduct,
-    copied_bundle,
-    open_bundle,
-    preferences,
-    refused,
-    state,
-)  # fmt: skip
+from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle, preferences, refused, state
 
 OPERATORS = {
-    "new_scene", "new_scene_from_files", "open_scene", "refine", "refresh_scene", "reset_settings",
-    "keep_settings", "load_settings", "remove_settings", "simplify_viewport",
-}  # fmt: skip
+    "new_scene",
+    "new_scene_from_files",
+    "open_scene",
+    "refine",
+    "refresh_scene",
+    "reset_settings",
+    "keep_settings",
+    "load_settings",
+    "remove_settings",
+    "simplify_viewport",
+}
 
 
 def check_opening_reads_what_the_bundle_holds():
@@ -37,8 +34,15 @@ def check_opening_reads_what_the_bundle_holds():
     assert facts["captures", "Photos"] == "3"
     assert facts["collision", "Convex Pieces"] == "3"
     assert {section for section, _ in facts} == {
-        "scene", "captures", "proxy", "robot", "views", "generation", "asset", "collision"
-    }  # fmt: skip
+        "scene",
+        "captures",
+        "proxy",
+        "robot",
+        "views",
+        "generation",
+        "asset",
+        "collision",
+    }
 
 
 def check_a_folder_that_is_no_bundle_is_reported_and_changes_nothing():
@@ -133,8 +137,9 @@ def check_lists_show_facts_in_blank_rows():
 
     def listed(name="", **how):
         given = {"filter_name": name, "use_filter_sort_alpha": False, "use_filter_invert": False} | how
-        drawn = SimpleNamespace(bitflag_filter_item=1, group=kind.group, facts=kind.facts,
-                                is_listed=lambda group, item: True, **given)  # fmt: skip
+        drawn = SimpleNamespace(
+            bitflag_filter_item=1, group=kind.group, facts=kind.facts, is_listed=lambda group, item: True, **given
+        )
         return kind.filter_items(drawn, bpy.context, bpy.context.window_manager, "r2sego_rows")
 
     beyond = len(rows) - 3
@@ -163,9 +168,20 @@ def check_a_new_scene_asks_the_engine():
     ) == {"FINISHED"}
     (made,) = calls()
     assert made == [
-        "new", str(BUNDLE), "--json-progress", "--captures", photographs, "--robot", "embedded:humanoid",
-        "--scope", "walk_and_look", "--poses", poses, "--camera-height", "1.5",
-    ]  # fmt: skip
+        "new",
+        str(BUNDLE),
+        "--json-progress",
+        "--captures",
+        photographs,
+        "--robot",
+        "embedded:humanoid",
+        "--scope",
+        "walk_and_look",
+        "--poses",
+        poses,
+        "--camera-height",
+        "1.5",
+    ]
     assert "photographs" in refused(bpy.ops.r2sego.new_scene, filepath=str(BUNDLE))
     given = {"filepath": str(BUNDLE), "captures": photographs, "scale": "DEPTH"}
     assert "No folder of depth maps" in refused(bpy.ops.r2sego.new_scene, **given)
@@ -182,9 +198,8 @@ def check_dropped_photographs_begin_a_scene():
     conduct("succeed")
     images = BUNDLE / "captures" / "images"
     assert bpy.ops.r2sego.new_scene_from_files(
-        directory=str(images), files=[{"name": "capture_0.png"}, {"name": "capture_1.png"}],
-        scene=str(BUNDLE),
-    ) == {"FINISHED"}  # fmt: skip
+        directory=str(images), files=[{"name": "capture_0.png"}, {"name": "capture_1.png"}], scene=str(BUNDLE)
+    ) == {"FINISHED"}
     assert calls()[0][:5] == ["new", str(BUNDLE), "--json-progress", "--captures", str(images)]
     assert "--poses" not in calls()[0]
 
@@ -321,8 +336,7 @@ def check_simplifying_the_viewport_changes_views_and_no_mesh():
     system = bpy.context.preferences.system
     assert system.viewport_aa == "OFF" and not system.use_overlay_smooth_wire
     assert not system.use_region_overlap
-    views = [area.spaces.active for screen in bpy.data.screens for area in screen.areas
-             if area.type == "VIEW_3D"]  # fmt: skip
+    views = [area.spaces.active for screen in bpy.data.screens for area in screen.areas if area.type == "VIEW_3D"]
     assert views and not any(view.overlay.show_floor or view.overlay.show_ortho_grid for view in views)
     assert not any(view.overlay.show_outline_selected or view.shading.show_object_outline for view in views)
     assert preferences().drawn_faces == 6_000 > faces and not proxy.modifiers  # nothing to leave out

@@ -54,9 +54,8 @@ def test_renderings_are_found_until_the_asset_changes(copied):
 
 def test_what_nothing_shows_any_more_is_removed(copied):
     current = [
-        rendered(views_folder(copied, index, stage_beside(copied, index, side)))
-        for index in (0, 1) for side in SIDES
-    ]  # fmt: skip
+        rendered(views_folder(copied, index, stage_beside(copied, index, side))) for index in (0, 1) for side in SIDES
+    ]
     earlier = [rendered(copied.path / FOLDER / f"{number:016x}") for number in range(5)]
     begun = rendered(copied.path / FOLDER / "begun", time.time())
     prune(copied)

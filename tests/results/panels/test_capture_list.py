@@ -23,13 +23,7 @@ def copy(bundle_path, tmp_path):
 
 def test_a_line_tells_size_lens_points_and_overlaps(bundle):
     first, second, _ = listed_captures(bundle)
-    assert (first.name, first.width, first.height, first.points, first.overlaps) == (
-        "capture_0",
-        64,
-        48,
-        50,
-        2,
-    )
+    assert (first.name, first.width, first.height, first.points, first.overlaps) == ("capture_0", 64, 48, 50, 2)
     assert first.view_deg == pytest.approx(2 * np.degrees(np.arctan(32 / 50)))
     off_centre = np.degrees(np.arctan(47.75 / 71.5) + np.arctan((80 - 47.75) / 71.5))
     assert second.view_deg == pytest.approx(off_centre) == horizontal_view_deg(80, 71.5, 47.75)

@@ -8,13 +8,7 @@ import numpy as np
 import pytest
 
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
-from r2sego_blender.results.panels.placement import (
-    fit_of,
-    mask_window,
-    outline,
-    silhouette,
-    surface_samples,
-)
+from r2sego_blender.results.panels.placement import fit_of, mask_window, outline, silhouette, surface_samples
 
 
 def world(shift=(0.0, 0.0, 0.0)):
@@ -72,9 +66,7 @@ def test_what_something_nearer_hides_does_not_count(cameras):
     half[:, np.flatnonzero(mask.any(0))[mask.any(0).sum() // 2] :] = False
     near = np.where(mask & ~half, np.float32(0.3), np.float32(0.0))
     points = surface_samples(*world())
-    (seen,), (hidden,) = (
-        fit_of([mask_window("a", camera, half, depth)], points).ious for depth in (None, near)
-    )
+    (seen,), (hidden,) = (fit_of([mask_window("a", camera, half, depth)], points).ious for depth in (None, near))
     assert seen < 0.7 and hidden > 0.9
 
 

@@ -27,22 +27,21 @@ def test_every_face_has_a_colour_of_its_own_kind(by, faces):
 
 
 def test_the_gap_is_what_the_robot_sees_without_captures():
-    faces = ProxyFaces(
-        np.zeros(5), np.array([0, 1, 2, 7, 0]), np.ones(5), np.array([3, 1, 9, 2, 0]), views=10
-    )  # fmt: skip
+    faces = ProxyFaces(np.zeros(5), np.array([0, 1, 2, 7, 0]), np.ones(5), np.array([3, 1, 9, 2, 0]), views=10)
     gap = coloured("SUPPORT_GAP", faces)
     assert gap.slot.tolist() == [0, 1, 2, 2, 3]
     coverage = coloured("COVERAGE", faces)
-    assert [coverage.labels[k] for k in coverage.slot] == ["Robot alone"] + ["Robot and captures"] * 3 + [
-        "Neither"
-    ]
+    assert [coverage.labels[k] for k in coverage.slot] == ["Robot alone"] + ["Robot and captures"] * 3 + ["Neither"]
 
 
 def test_shares_of_views_and_confidence_fall_into_their_steps():
     faces = ProxyFaces(
-        np.zeros(6), np.zeros(6), np.array([0.0, 0.19, 0.2, 0.99, 1.0, np.nan]),
-        np.array([0, 1, 10, 11, 200, 201]), views=1000,
-    )  # fmt: skip
+        np.zeros(6),
+        np.zeros(6),
+        np.array([0.0, 0.19, 0.2, 0.99, 1.0, np.nan]),
+        np.array([0, 1, 10, 11, 200, 201]),
+        views=1000,
+    )
     assert coloured("VIEWS", faces).slot.tolist() == [0, 1, 1, 2, 3, 4]
     assert coloured("CONFIDENCE", faces).slot.tolist() == [0, 0, 1, 4, 4, 0]
 

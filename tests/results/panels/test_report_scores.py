@@ -31,16 +31,14 @@ def _arm(psnr, lpips=None):
 
 def test_arms_rounds_and_causes(evaluated):
     arms = {"initial": _arm(19.5), "refined": _arm(25.0, 0.2), "vanilla_3dgs": _arm(21.5)}
-    scores = report_scores(
-        evaluated({"arms": arms, "rounds": fake_captures.ROUNDS, "causes": fake_captures.CAUSES})
-    )
+    scores = report_scores(evaluated({"arms": arms, "rounds": fake_captures.ROUNDS, "causes": fake_captures.CAUSES}))
     assert [(arm.label, arm.psnr, arm.lpips) for arm in scores.arms] == [
-        ("Refined", 25.0, 0.2), ("Vanilla 3DGS", 21.5, None), ("Initial", 19.5, None)
-    ]  # fmt: skip
+        ("Refined", 25.0, 0.2),
+        ("Vanilla 3DGS", 21.5, None),
+        ("Initial", 19.5, None),
+    ]
     assert scores.summary == "25.00 dB (+3.50), SSIM 0.800"
-    assert [(one.label, one.psnr) for one in scores.rounds] == [
-        ("Round 0", 24.2), ("Round 1", 23.9), ("Round 2", None)
-    ]  # fmt: skip
+    assert [(one.label, one.psnr) for one in scores.rounds] == [("Round 0", 24.2), ("Round 1", 23.9), ("Round 2", None)]
     assert [(one.label, one.error) for one in scores.causes] == [("Wrong depth", 0.41), ("Edges", None)]
     assert scores.mending == "Wrong depth: more photographs"
 
@@ -64,8 +62,7 @@ def test_of_an_asset_that_changed_since_there_is_no_summary(evaluated):
 
 
 @pytest.mark.parametrize(
-    "damage",
-    [{"arms": {"refined": {"psnr": 1}}}, {"arms": []}, {"rounds": [{}]}, {"causes": {"shares": [3]}}],
+    "damage", [{"arms": {"refined": {"psnr": 1}}}, {"arms": []}, {"rounds": [{}]}, {"causes": {"shares": [3]}}]
 )
 def test_damaged_figures_are_named(evaluated, damage):
     with refused(SceneError, "report/metrics.json", cure="Evaluate"):

@@ -45,8 +45,7 @@ WORDS = {
     2: "Not chosen: rank 4 is beyond the budget of 2; 30% of the pixels missing, 100% available; "
     "it scores 0.300, the last target 0.600.",
     3: "Not eligible: the asset renders every pixel.",
-    4: "Chosen, rank 2 of 2: 60% of the pixels missing, 100% available. "
-    "Its reference capture_0 sees 50% of it.",
+    4: "Chosen, rank 2 of 2: 60% of the pixels missing, 100% available. Its reference capture_0 sees 50% of it.",
 }
 
 
@@ -73,11 +72,7 @@ def test_candidates_are_found_by_rollout_and_frame(bundle):
 
 def test_a_rollout_says_which_attempt_it_is(bundle):
     scores = RoundScores.read(bundle, 0)
-    assert [scores.origin(rollout) for rollout in range(3)] == [
-        "Attempt 0, walk_to",
-        "Attempt 3, walk_to",
-        "",
-    ]
+    assert [scores.origin(rollout) for rollout in range(3)] == ["Attempt 0, walk_to", "Attempt 3, walk_to", ""]
 
 
 def test_damaged_attempts_are_an_error_and_missing_ones_are_not(told):

@@ -61,9 +61,7 @@ def test_a_file_without_opacity_is_refused(tmp_path):
 def test_the_backdrop_is_told_apart_in_every_stage(bundle):
     scene, backdrop = bundle.scene, bundle.scene.geometry_folder / "backdrop.ply"
     assert [stage.name for stage in stages(scene)] == ["initial", "0", "1", "final"]
-    behind = {
-        name: read_stage(stage_named(scene, name), backdrop).backdrop for name in ("initial", "0", "final")
-    }
+    behind = {name: read_stage(stage_named(scene, name), backdrop).backdrop for name in ("initial", "0", "final")}
     assert not behind["initial"].any()
     for name in ("0", "final"):
         assert behind[name].tolist() == [False] * fake_asset.SPLATS + [True] * fake_asset.BACKDROP_SPLATS

@@ -40,8 +40,10 @@ def test_parts_come_in_their_order_with_their_words(bundle, records, tmp_path):
     parts = view_parts(bundle, records[0], KINDS, asset={"asset before": picture}, truth=("truth", picture))
     assert [part.kind for part in parts] == list(KINDS)
     assert [part.label for part in parts if part.kind in ("asset", "reference", "clip")] == [
-        "asset before", "reference capture_1", "clip, frame 2 of 3",
-    ]  # fmt: skip
+        "asset before",
+        "reference capture_1",
+        "clip, frame 2 of 3",
+    ]
     assert all(part.file.is_file() for part in parts)
 
 

@@ -82,10 +82,14 @@ def test_observations_of_five_steps_per_term_equal_plain_numpy(humanoid):
         observed = observer.observe(data, Command(vx, vy, turn, True), action, 0.02 * index)
         steps.append(
             [
-                0.2 * data.qvel[3:6], gravity_in_base(data.qpos[3:7]), [vx, vy, turn],
-                data.qpos[qpos] - default, 0.05 * data.qvel[dof], action,
+                0.2 * data.qvel[3:6],
+                gravity_in_base(data.qpos[3:7]),
+                [vx, vy, turn],
+                data.qpos[qpos] - default,
+                0.05 * data.qvel[dof],
+                action,
             ]
-        )  # fmt: skip
+        )
         last = ([steps[0]] * 5 + steps)[-5:]  # the first observation fills the history
         expected = np.concatenate([np.concatenate([step[term] for step in last]) for term in range(6)])
         np.testing.assert_allclose(observed, expected, atol=1e-5)
@@ -105,12 +109,18 @@ def test_observations_of_whole_steps_equal_plain_numpy(humanoid):
         command = Command(vx, vy, turn, index % 2 == 0, height, waist)
         observed = observer.observe(data, command, action, 0.02 * index)
         terms = {
-            "actions": action, "base_ang_vel": 0.25 * data.qvel[3:6], "command_ang_vel": [turn],
-            "command_base_height": [2.0 * height], "command_lin_vel": [vx, vy],
-            "command_stand": [float(index % 2 == 0)], "command_waist_dofs": waist,
-            "dof_pos": data.qpos[qpos] - default, "dof_vel": 0.05 * data.qvel[dof],
-            "projected_gravity": gravity_in_base(data.qpos[3:7]), "ref_upper_dof_pos": np.zeros(14),
-        }  # fmt: skip
+            "actions": action,
+            "base_ang_vel": 0.25 * data.qvel[3:6],
+            "command_ang_vel": [turn],
+            "command_base_height": [2.0 * height],
+            "command_lin_vel": [vx, vy],
+            "command_stand": [float(index % 2 == 0)],
+            "command_waist_dofs": waist,
+            "dof_pos": data.qpos[qpos] - default,
+            "dof_vel": 0.05 * data.qvel[dof],
+            "projected_gravity": gravity_in_base(data.qpos[3:7]),
+            "ref_upper_dof_pos": np.zeros(14),
+        }
         history = [*history[1:], np.concatenate([terms[name] for name in sorted(terms)])]
         np.testing.assert_allclose(observed, np.concatenate(history), atol=1e-5)
 
@@ -168,9 +178,7 @@ def test_other_sizes_than_the_layout_s_are_refused(tmp_path, knees, write):
     path = tmp_path / ("p.onnx" if write is onnx_policy else "p.pt")
     with pytest.raises(RobotError, match=r"Correct observation and history of .*knees.toml"):
         PolicyFile(write(path, np.zeros((6, 2)), np.zeros(2)), knees)
-    with pytest.raises(
-        RobotError, match=r"the network gives 3 actions, the layout 2. Correct joints or action"
-    ):
+    with pytest.raises(RobotError, match=r"the network gives 3 actions, the layout 2. Correct joints or action"):
         PolicyFile(write(path, np.zeros((5, 3)), np.zeros(3)), knees)
     with pytest.raises(RobotError, match=r"the network's actions are not finite"):
         PolicyFile(write(path, np.zeros((5, 2)), np.full(2, np.nan)), knees)
@@ -345,9 +353,7 @@ def test_no_number_of_a_policy_s_is_an_error_with_the_joint(humanoid, box_room, 
     data = mujoco.MjData(made.composition.model)
     data.qpos[:] = drive.qpos
     data.qpos[7:] += 0.1
-    with pytest.raises(
-        RobotError, match=r"dividing.pt: the policy's action for left_knee_joint is not finite"
-    ):
+    with pytest.raises(RobotError, match=r"dividing.pt: the policy's action for left_knee_joint is not finite"):
         drive.apply(data, 0)
     data.qpos[:] = np.nan  # a simulation that diverged is no fault of the policy's
     drive.apply(data, 4)
@@ -359,9 +365,7 @@ def test_what_does_not_fit_the_robot_or_the_policy_is_refused(humanoid, box_room
     other = tmp_path / "other.toml"
     for old, field in (("left_knee_joint", "joints"), ("waist_yaw_joint", "held")):
         other.write_text(KNEES.replace(old, "tail_joint"))
-        with pytest.raises(
-            RobotError, match=rf"other.toml: {field} name tail_joint, which the robot embedded"
-        ):
+        with pytest.raises(RobotError, match=rf"other.toml: {field} name tail_joint, which the robot embedded"):
             controller(humanoid, box_room(), policy, other)
     with pytest.raises(RobotError, match=r"behaviours.sit_on is nothing that .* can be told. Set it to 0"):
         controller(humanoid, box_room(), policy, knees.where, only(SCOPE, sit_on=1.0))
@@ -375,9 +379,7 @@ def test_what_does_not_fit_the_robot_or_the_policy_is_refused(humanoid, box_room
 
 def rollouts(robot, scene, policy, layout, scope, count) -> list[Rollout]:
     scope = replace(scope, controller=Control(kind="policy", file=str(policy), layout=layout))
-    attempts = Attempts(
-        robot.source, robot.mount, scope, free_floor(robot, scope, scene), scene, RolloutSettings(), 5
-    )
+    attempts = Attempts(robot.source, robot.mount, scope, free_floor(robot, scope, scene), scene, RolloutSettings(), 5)
     return [attempts.run(number) for number in range(count)]
 
 
@@ -386,9 +388,7 @@ def test_a_policy_that_is_no_walker_falls_and_the_frame_is_kept(humanoid, box_ro
     layout.write_text(KNEES.replace("150.0, 4.0", "0.0, 0.1"))
     policy = onnx_policy(tmp_path / "p.onnx", np.zeros((5, 2)), np.zeros(2))
     scope = replace(
-        SCOPE,
-        episode=Episode(duration_s=4.0),
-        failures=Failures(penetration_m=0.0, slide_m=0.0, joint_limit_deg=90.0),
+        SCOPE, episode=Episode(duration_s=4.0), failures=Failures(penetration_m=0.0, slide_m=0.0, joint_limit_deg=90.0)
     )
     (rollout,) = rollouts(humanoid, box_room(), policy, str(layout), scope, 1)
     assert rollout.reason in {"fall", "body_contact"}

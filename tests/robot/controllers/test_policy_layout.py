@@ -59,9 +59,7 @@ def written(folder: Path, text: str) -> Path:
 )
 def test_shipped_layouts_have_their_policies_sizes(name, observations, actions, decimation):
     layout = PolicyLayout.load(name)
-    assert (layout.observation_size, layout.action_size, layout.decimation) == (
-        observations, actions, decimation,
-    )  # fmt: skip
+    assert (layout.observation_size, layout.action_size, layout.decimation) == (observations, actions, decimation)
     for joint in (*layout.joints, *layout.held):
         assert joint.servo.stiffness > 0.0
         assert abs(joint.default_rad) < 1.0
@@ -71,8 +69,11 @@ def test_shipped_layouts_have_their_policies_sizes(name, observations, actions, 
 
 def test_every_shipped_layout_is_tested():
     assert set(shipped_layouts()) == {
-        "unitree_rl_lab_g1_29dof", "unitree_rl_gym_g1_12dof", "unitree_rl_gym_h1", "falcon_g1_29dof",
-    }  # fmt: skip
+        "unitree_rl_lab_g1_29dof",
+        "unitree_rl_gym_g1_12dof",
+        "unitree_rl_gym_h1",
+        "falcon_g1_29dof",
+    }
 
 
 def test_left_and_right_of_a_shipped_layout_are_mirrored():
@@ -107,36 +108,20 @@ def test_a_small_layout_says_what_its_file_says(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        (
-            "rate_hz = 50.0",
-            "rate_h = 50.0",
-            r"rate_h is not a field of this observation layout. Did you mean rate_hz",
-        ),
+        ("rate_hz = 50.0", "rate_h = 50.0", r"rate_h is not a field of this observation layout. Did you mean rate_hz"),
         ("rate_hz = 50.0", "", "rate_hz is missing"),
         ("rate_hz = 50.0", 'rate_hz = "50"', r"rate_hz is '50'"),
         ("rate_hz = 50.0", "rate_hz = nan", "rate_hz is nan"),
         ("step_s = 0.005", "step_s = 0.006", "step_s is 0.006. The policy's period is a whole number"),
         ("step_s = 0.005", "step_s = 1.0", r"step_s is 1.0. It lies from 0.0001 to 0.02"),
         ('["left_knee_joint", 0.3, 150.0, 4.0]', '["left_knee_joint", 0.3]', r"joints\[0\] is \['left_knee"),
-        (
-            '["left_knee_joint", 0.3, 150.0, 4.0]',
-            '["right_knee_joint", 0.3, 1.0, 4.0]',
-            "joints name right_knee",
-        ),
+        ('["left_knee_joint", 0.3, 150.0, 4.0]', '["right_knee_joint", 0.3, 1.0, 4.0]', "joints name right_knee"),
         ("0.3, 150.0", "0.3, -150.0", r"joints\[0\] is .*stiffness"),
         ("0.3, 150.0", "inf, 150.0", r"joints\[0\] is "),
-        (
-            '"base_ang_vel"',
-            '"base_velocity"',
-            r"observation\[0\].term is 'base_velocity'. Give one of: base_lin_vel",
-        ),
+        ('"base_ang_vel"', '"base_velocity"', r"observation\[0\].term is 'base_velocity'. Give one of: base_lin_vel"),
         ("scale = [1.0, 2.0]", "scale = [1.0]", r"observation\[1\].scale is \[1.0\].*a list of 2"),
         (", period_s = 0.8", "", r"observation\[2\].period_s is missing"),
-        (
-            '"last_action"',
-            '"last_action", period_s = 1.0',
-            r"observation\[4\].period_s is no field of this term",
-        ),
+        ('"last_action"', '"last_action", period_s = 1.0', r"observation\[4\].period_s is no field of this term"),
         ("upper_body = ", "upper_bodies = ", "upper_bodies is not a field"),
         ('[["right_knee_joint", 0.5]]', "[]", r"observation\[3\] is upper_body_reference of no joints"),
         ("length = 3", "length = 2.5", "history.length is 2.5"),
@@ -170,7 +155,6 @@ def test_a_height_command_needs_its_ranges(tmp_path):
 
 def test_a_missing_layout_names_the_shipped_ones(tmp_path):
     with pytest.raises(
-        RobotError,
-        match=r"nowhere.toml: this observation layout \(controller.layout\) cannot be read. .*falcon_g1",
+        RobotError, match=r"nowhere.toml: this observation layout \(controller.layout\) cannot be read. .*falcon_g1"
     ):
         PolicyLayout.load(tmp_path / "nowhere.toml")

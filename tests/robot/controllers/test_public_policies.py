@@ -44,12 +44,8 @@ class Told:
 def walked(robot: RobotModel, policy: Path, layout: str, command, seconds: float, folder: Path) -> np.ndarray:
     """(T, 7) the base's poses, each step, of a robot on a wide floor that is told ``command``."""
     scene = folder / "floor.xml"
-    scene.write_text(
-        '<mujoco><worldbody><geom type="box" pos="0 0 -0.05" size="9 9 0.05"/></worldbody></mujoco>'
-    )
-    scope = replace(
-        SCOPE, region=replace(SCOPE.region, within=((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)))
-    )
+    scene.write_text('<mujoco><worldbody><geom type="box" pos="0 0 -0.05" size="9 9 0.05"/></worldbody></mujoco>')
+    scope = replace(SCOPE, region=replace(SCOPE.region, within=((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))))
     made = controller(robot, scene, policy, layout, scope)
     drawn = made.draw(np.random.default_rng(0))
     drawn._pursuit = Told(command)
@@ -129,9 +125,7 @@ def test_what_the_planner_does_not_know_is_a_bump_with_its_frame(g1, shared_robo
     for rollout in rollouts(g1, studs, shared_robot(RL_LAB[0]), RL_LAB[1], walks, 3, planned_in=box_room(())):
         assert rollout.reason in {"body_contact", "fall"}
         assert rollout.detail
-        assert (
-            rollout.frame == len(rollout.qpos) - 1 < SCOPE.episode.duration_s * SCOPE.episode.camera_rate_hz
-        )
+        assert rollout.frame == len(rollout.qpos) - 1 < SCOPE.episode.duration_s * SCOPE.episode.camera_rate_hz
 
 
 def test_squats_in_a_room(g1, shared_robot, box_room):

@@ -49,9 +49,7 @@ def rollouts(robot: RobotModel, scene: Path, scope: BehaviourScope, count: int) 
 @pytest.fixture(scope="module")
 def walk(humanoid, box_room, tmp_path_factory) -> tuple[Path, np.ndarray]:
     """A recorded walk: a reference motion of this project's own, as a table."""
-    scope = replace(
-        SCOPE, behaviours=Behaviours(walk_to=1.0, look_around=0.0), episode=Episode(duration_s=4.0)
-    )
+    scope = replace(SCOPE, behaviours=Behaviours(walk_to=1.0, look_around=0.0), episode=Episode(duration_s=4.0))
     floor = free_floor(humanoid, scope, box_room())
     motion = plan_motion(humanoid, floor, scope, np.random.default_rng(2), None)
     path = tmp_path_factory.mktemp("motions") / "walk.csv"
@@ -172,9 +170,7 @@ def test_the_same_seed_places_the_same_and_another_elsewhere(humanoid, walk, box
 def test_replay_begins_with_the_motion_s_velocity(humanoid, walk, box_room):
     scope = replaying(walk[0], duration_s=1.0)
     scene = box_room()
-    controller = ReplayController(
-        humanoid, free_floor(humanoid, scope, scene), scope, scene, RolloutSettings()
-    )
+    controller = ReplayController(humanoid, free_floor(humanoid, scope, scene), scope, scene, RolloutSettings())
     drive = controller.draw(np.random.default_rng(4))
     data = mujoco.MjData(controller.composition.model)
     data.qpos[:] = drive.qpos
@@ -226,8 +222,7 @@ def test_a_recorded_sitting_down_ends_on_the_scene_s_seat(humanoid, box_room, tm
     seats = find_seats(humanoid.half_width_m, floor, planned.sit_on, first)
     composition = compose(humanoid, first, RolloutSettings())
     drawn = (
-        plan_motion(humanoid, floor, planned, np.random.default_rng(seed), seats, composition)
-        for seed in range(20)
+        plan_motion(humanoid, floor, planned, np.random.default_rng(seed), seats, composition) for seed in range(20)
     )
     motion = next(motion for motion in drawn if motion is not None)
     path = tmp_path / "sit.csv"
@@ -257,9 +252,7 @@ def test_what_cannot_be_replayed_is_refused(humanoid, walk, box_room, tmp_path):
     with pytest.raises(RobotError, match=r"short.csv: the motion lasts 0.2 s"):
         made(replaying(short))
     sitting = replace(replaying(walk[0]), behaviours=Behaviours(sit_on=1.0))
-    with pytest.raises(
-        RobotError, match=r"no motion sits for sit_on.hold_s = 3 s. Set behaviours.sit_on to 0"
-    ):
+    with pytest.raises(RobotError, match=r"no motion sits for sit_on.hold_s = 3 s. Set behaviours.sit_on to 0"):
         made(sitting)
 
 

@@ -38,9 +38,7 @@ def start(heading: float) -> np.ndarray:
 
 @settings(max_examples=40, deadline=None)
 @given(
-    heading=st.floats(-3.1, 3.1),
-    corner=st.tuples(st.floats(0.5, 1.5), st.floats(-1.0, 1.0)),
-    speed=st.floats(0.3, 0.8),
+    heading=st.floats(-3.1, 3.1), corner=st.tuples(st.floats(0.5, 1.5), st.floats(-1.0, 1.0)), speed=st.floats(0.3, 0.8)
 )
 def test_walks_keep_to_their_way_and_limits_and_end_standing_at_the_goal(heading, corner, speed):
     corner, end = np.array(corner), np.array([corner[0] + 1.0, corner[1]])

@@ -16,9 +16,7 @@ from r2sego_blender.robot.model.model import RobotModel
 
 JOINT = "left_hip_pitch_joint"
 # The tendons' ids are those of joints: 1 is the hip's.
-TENDONS = "".join(
-    f'<fixed name="finger {i}"><joint joint="left_wrist_yaw_joint" coef="1"/></fixed>' for i in range(2)
-)
+TENDONS = "".join(f'<fixed name="finger {i}"><joint joint="left_wrist_yaw_joint" coef="1"/></fixed>' for i in range(2))
 FINGERS = "".join(f'<position tendon="finger {i}" kp="5" forcerange="-1 1"/>' for i in range(2))
 
 
@@ -71,12 +69,7 @@ def test_a_joint_is_driven_as_hard_as_its_file_says(tmp_path, box_room, actuator
 
 @pytest.mark.parametrize(
     "actuators",
-    [
-        FINGERS,
-        "<motor {j}/>",
-        "<position {j} kp='50' ctrlrange='-1 1'/>",
-        "<motor {j} ctrlrange='-1 1' gear='0'/>",
-    ],
+    [FINGERS, "<motor {j}/>", "<position {j} kp='50' ctrlrange='-1 1'/>", "<motor {j} ctrlrange='-1 1' gear='0'/>"],
 )
 def test_a_joint_that_nothing_bounds_has_no_effort(tmp_path, box_room, actuators):
     robot = robot_of(tmp_path, actuators.format(j=f"joint='{JOINT}'"))
@@ -89,9 +82,7 @@ def test_a_joint_that_nothing_bounds_has_no_effort(tmp_path, box_room, actuators
 def test_the_embedded_robots_are_as_strong_as_their_actuators(name, request):
     model = request.getfixturevalue(name).model
     for actuator in range(model.nu):
-        assert (
-            effort(model, model.actuator_trnid[actuator, 0]) == model.actuator_forcerange[actuator, 1] > 0.0
-        )
+        assert effort(model, model.actuator_trnid[actuator, 0]) == model.actuator_forcerange[actuator, 1] > 0.0
 
 
 def test_a_geared_servo_pulls_the_joint_as_mujoco_has_it(tmp_path):

@@ -92,9 +92,7 @@ def test_agrees_with_a_plain_least_squares_solver(humanoid):
     for frame, configuration in enumerate(plain):
         for leg, target in zip(humanoid.legs, tips[:, frame], strict=True):
             address = humanoid.model.jnt_qposadr[list(leg.joints)]
-            solution = least_squares(
-                _errors, configuration[address], args=(humanoid, configuration, leg, target)
-            )
+            solution = least_squares(_errors, configuration[address], args=(humanoid, configuration, leg, target))
             configuration[address] = solution.x
     np.testing.assert_allclose(qpos, plain, atol=1e-4)
 

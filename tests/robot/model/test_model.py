@@ -95,9 +95,7 @@ def names(robot: RobotModel, joints) -> list[str]:
 
 
 def test_structure_of_the_embedded_humanoid(humanoid):
-    assert names(humanoid, [humanoid.waist_yaw, humanoid.waist_pitch]) == [
-        "waist_yaw_joint", "waist_pitch_joint",
-    ]  # fmt: skip
+    assert names(humanoid, [humanoid.waist_yaw, humanoid.waist_pitch]) == ["waist_yaw_joint", "waist_pitch_joint"]
     assert names(humanoid, humanoid.shoulders) == ["left_shoulder_pitch_joint", "right_shoulder_pitch_joint"]
     left, right = humanoid.legs
     assert [len(left.joints), len(right.joints)] == [6, 6]
@@ -149,13 +147,9 @@ def test_legs_of_a_quadruped(quadruped):
 
 def test_legs_of_a_hexapod_go_on_tripods(hexapod):
     sides = [hexapod.model.body(leg.foot).name.removesuffix("_tibia") for leg in hexapod.legs]
-    assert sides == [
-        "front_left", "front_right", "middle_left", "middle_right", "rear_left", "rear_right",
-    ]  # fmt: skip
+    assert sides == ["front_left", "front_right", "middle_left", "middle_right", "rear_left", "rear_right"]
     assert [leg.group for leg in hexapod.legs] == [0, 1, 1, 0, 0, 1]
-    np.testing.assert_allclose(
-        [leg.tip for leg in hexapod.legs], np.tile([0.16, 0.0, 0.0], (6, 1)), atol=1e-9
-    )
+    np.testing.assert_allclose([leg.tip for leg in hexapod.legs], np.tile([0.16, 0.0, 0.0], (6, 1)), atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["humanoid", "quadruped", "hexapod", "wheeled"])
@@ -295,10 +289,7 @@ def test_file_that_does_not_compile_says_what_mujoco_says(tmp_path):
     ("body", "says"),
     [
         ('<body><geom size="1"/></body>', "0 free bodies"),
-        (
-            '<body name="a"><freejoint/><geom size="1"/><camera name="eye"/></body>',
-            "0 legs and 0 driven wheels",
-        ),
+        ('<body name="a"><freejoint/><geom size="1"/><camera name="eye"/></body>', "0 legs and 0 driven wheels"),
         ('<body><freejoint/><geom size="1"/><camera name="l"/><camera name="r"/></body>', "which camera"),
     ],
 )
@@ -311,9 +302,7 @@ def test_robot_without_the_needed_parts(tmp_path, body, says):
 def test_a_ball_joint_is_refused(tmp_path, limits):
     """Its four coordinates are no angles, and a servo that took one for an angle would tumble it."""
     lamp = f'<body><joint name="neck" type="ball" {limits}/><geom size=".03" mass=".2"/></body>'
-    text = humanoid_mjcf().replace(
-        '<body name="left_hip_pitch_link"', f'{lamp}<body name="left_hip_pitch_link"'
-    )
+    text = humanoid_mjcf().replace('<body name="left_hip_pitch_link"', f'{lamp}<body name="left_hip_pitch_link"')
     with pytest.raises(RobotError, match=r"robot\.xml: 'neck' is a ball joint.* Replace it by three hinges"):
         RobotModel.load(write(tmp_path, text))
 
@@ -331,9 +320,11 @@ def test_a_mount_is_a_row_or_a_table_and_its_rpy_turns_a_camera_that_looks_ahead
     row = parse_mount(["head", [0.1, 0.2, 0.3], [0.2, 0.4, -0.7], {"hfov_deg": 69}], "here")
     table = {"parent": "head", "xyz": [0.1, 0.2, 0.3], "rpy": [0.2, 0.4, -0.7], "hfov_deg": 69}
     named = parse_mount(table, "here")
-    assert (named.parent, named.fov_deg, named.vertical) == ("head", 69.0, False) == (
-        row.parent, row.fov_deg, row.vertical,
-    )  # fmt: skip
+    assert (
+        (named.parent, named.fov_deg, named.vertical)
+        == ("head", 69.0, False)
+        == (row.parent, row.fov_deg, row.vertical)
+    )
     np.testing.assert_array_equal(named.parent_from_camera, row.parent_from_camera)
     np.testing.assert_array_equal(row.parent_from_camera[:, 3], [0.1, 0.2, 0.3, 1.0])
     cr, sr, cp, sp, cy, sy = (f(angle) for angle in (0.2, 0.4, -0.7) for f in (math.cos, math.sin))

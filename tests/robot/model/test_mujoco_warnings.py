@@ -18,9 +18,8 @@ from r2sego_blender.robot.rollouts.rollouts import successful_rollouts
 from r2sego_blender.robot.scope.scope import BehaviourScope, Episode
 
 SCOPE = replace(
-    BehaviourScope.load("walk_and_look"),
-    episode=Episode(duration_s=2.0), walk_to=WalkTo(distance_m=(0.1, 1.0)),
-)  # fmt: skip
+    BehaviourScope.load("walk_and_look"), episode=Episode(duration_s=2.0), walk_to=WalkTo(distance_m=(0.1, 1.0))
+)
 BALL = "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
 
 

@@ -61,9 +61,7 @@ def mjcf(asset: str = '<mesh file="part.stl"/>', body: str = _BODY, before: str 
 
 
 def urdf(mesh: str, before: str = "") -> str:
-    inertial = (
-        '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
-    )
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
     shape = f'<collision><geometry><mesh filename="{mesh}"/></geometry></collision>'
     return f'<robot name="r">{before}<link name="base">{inertial}{shape}</link></robot>'
 
@@ -140,10 +138,8 @@ OUTSIDE = {
     "package": (urdf("package://robot/../secret/part.stl"), "<mesh filename>"),
     "URDF, parent": (urdf("../secret/part2.stl"), "<mesh filename>"),
     "URDF, file address": (urdf("file://{secret}/part.stl"), "<mesh filename>"),
-    "URDF, meshdir": (
-        urdf("part.stl", '<mujoco><compiler meshdir="../secret"/></mujoco>'), "<compiler meshdir>"
-    ),
-}  # fmt: skip
+    "URDF, meshdir": (urdf("part.stl", '<mujoco><compiler meshdir="../secret"/></mujoco>'), "<compiler meshdir>"),
+}
 
 
 @pytest.mark.parametrize("case", OUTSIDE)
@@ -196,7 +192,8 @@ REFUSED = {
     "other model": (mjcf('<model name="a" file="b.xml"/>'), "<model>: .* no other models"),
     "replicate": (mjcf(body='<replicate count="100000000"><body/></replicate>'), "<replicate>: .* 20000"),
     "replicate in replicate": (
-        mjcf(body='<replicate count="999"><replicate count="999"><body/></replicate></replicate>'), "20000"
+        mjcf(body='<replicate count="999"><replicate count="999"><body/></replicate></replicate>'),
+        "20000",
     ),
     "replicate, no count": (mjcf(body='<replicate count="1e8"><body/></replicate>'), "20000"),
     "composite": (mjcf(body='<body><composite count="9 9 9"/></body>'), "no composite objects"),
@@ -211,7 +208,7 @@ REFUSED = {
     "no robot": ("<svg/>", "<svg>: <svg> is no robot"),
     "no XML": ("solid part", "this is no XML"),
     "unknown file": (mjcf(body='<body><geom file="part.stl"/></body>'), "<geom file>: .* no files here"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", REFUSED)
@@ -247,11 +244,9 @@ def test_left_out_is_what_a_robot_does_not_need(folder):
         f'<body name="table"><geom size="1"/></body>{_BODY}',
         before='<option timestep="5"/><size memory="900G"/><sensor><clock/></sensor>'
         '<custom><numeric name="n" size="99999999"/></custom>',
-    )  # fmt: skip
+    )
     model = robot_spec(str(write(folder, text))).compile()
-    assert (model.ngeom, model.ntex, model.nhfield, model.nlight, model.nsensor, model.nnumeric) == (
-        1, 0, 0, 0, 0, 0,
-    )  # fmt: skip
+    assert (model.ngeom, model.ntex, model.nhfield, model.nlight, model.nsensor, model.nnumeric) == (1, 0, 0, 0, 0, 0)
     assert model.nbody == 2
     assert model.opt.timestep == mujoco.MjModel.from_xml_string("<mujoco/>").opt.timestep
 
@@ -331,10 +326,13 @@ def meshes_everywhere(tmp_path_factory) -> Path:
 
 
 @settings(max_examples=150, deadline=None)
-@given(name=st.recursive(
-    st.sampled_from(["..", ".", "part.stl", "a", "secret", "/", "//", "file:", "package://", "~", "%2e%2e"]),
-    lambda parts: st.lists(parts, min_size=1, max_size=4).map("/".join), max_leaves=6,
-))  # fmt: skip
+@given(
+    name=st.recursive(
+        st.sampled_from(["..", ".", "part.stl", "a", "secret", "/", "//", "file:", "package://", "~", "%2e%2e"]),
+        lambda parts: st.lists(parts, min_size=1, max_size=4).map("/".join),
+        max_leaves=6,
+    )
+)
 def test_no_name_opens_a_file_outside(meshes_everywhere, name):
     for text in (mjcf(f'<mesh name="part" file="{name}"/>'), urdf(name), include(name)):
         opened = opened_by(write(meshes_everywhere, text))

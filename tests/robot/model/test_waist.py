@@ -36,9 +36,7 @@ def test_the_waist_is_told_by_how_it_turns_the_robot(tmp_path, humanoid, link, t
     assert names == ["waist_yaw_joint", "waist_pitch_joint"]
     gaze = Look(waist_yaw_deg=(30.0, 30.0), waist_pitch_deg=(10.0, 10.0))
     scope, still = replace(BehaviourScope.load("walk_and_look"), look=gaze), np.zeros(3)
-    root = RootTrajectory(
-        "look_around", np.zeros((3, 2)), still, still, np.zeros(2), still, still, still, still
-    )
+    root = RootTrajectory("look_around", np.zeros((3, 2)), still, still, np.zeros(2), still, still, still, still)
     poses = [
         body.camera_poses(upper_body(body, root, plan_gait(root, body), scope, np.random.default_rng(0)))
         for body in (robot, humanoid)

@@ -9,12 +9,7 @@ import numpy as np
 import pytest
 
 from r2sego_blender.robot.model.structure import posed
-from r2sego_blender.robot.model.wheeled_base import (
-    CAMERA_HEIGHT_M,
-    TRACK_M,
-    WHEEL_RADIUS_M,
-    wheeled_base_mjcf,
-)
+from r2sego_blender.robot.model.wheeled_base import CAMERA_HEIGHT_M, TRACK_M, WHEEL_RADIUS_M, wheeled_base_mjcf
 
 
 @pytest.fixture(scope="module")

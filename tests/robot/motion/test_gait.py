@@ -65,8 +65,9 @@ def test_one_group_swings_while_the_other_stands(robot):
     assert not (up[groups == 0].any(axis=0) & up[groups == 1].any(axis=0)).any()
     middle = up[:, 100:200]
     for group in (0, 1):  # at full speed the legs of a group go together
-        np.testing.assert_array_equal(middle[groups == group], middle[groups == group][:1].repeat(
-            (groups == group).sum(), axis=0))  # fmt: skip
+        np.testing.assert_array_equal(
+            middle[groups == group], middle[groups == group][:1].repeat((groups == group).sum(), axis=0)
+        )
 
 
 def test_feet_stay_below_the_body_whatever_the_robot_s_size(robot):
@@ -74,9 +75,7 @@ def test_feet_stay_below_the_body_whatever_the_robot_s_size(robot):
     gait = plan_gait(root, robot)
     cos, sin = np.cos(root.yaw), np.sin(root.yaw)
     for foot, offset in zip(gait.feet, robot.foot_offsets_m, strict=True):
-        under = root.xy + np.stack(
-            [cos * offset[0] - sin * offset[1], sin * offset[0] + cos * offset[1]], axis=1
-        )
+        under = root.xy + np.stack([cos * offset[0] - sin * offset[1], sin * offset[0] + cos * offset[1]], axis=1)
         assert np.linalg.norm(foot[:, :2] - under, axis=1).max() < 0.6 * robot.leg_m
     assert gait.feet[..., 2].max() <= 0.15 * robot.leg_m + 1e-9
     assert gait.feet[..., 2].max() > 0.01

@@ -90,9 +90,7 @@ def test_joints_may_be_named_and_few(humanoid, tmp_path):
     qpos[:, 7] += np.linspace(0.0, 0.3, 31)
     found = robot_motion(read_recording(csv(tmp_path / "m.csv", qpos, head=",".join(names) + "\n")), humanoid)
     model = humanoid.model
-    np.testing.assert_allclose(
-        found[[0, -1], model.joint("left_elbow_joint").qposadr[0]], [0.5, 0.8], atol=1e-6
-    )
+    np.testing.assert_allclose(found[[0, -1], model.joint("left_elbow_joint").qposadr[0]], [0.5, 0.8], atol=1e-6)
     np.testing.assert_allclose(found[:, model.joint("waist_yaw_joint").qposadr[0]], -0.3)
     other = model.joint("right_elbow_joint").qposadr[0]
     np.testing.assert_allclose(found[:, other], humanoid.rest_qpos[other])
@@ -209,9 +207,14 @@ def test_the_dance_is_read_as_xyzw(shared_robot):
     robot = RobotModel.load(shared_robot(G1), G1_MOUNT)
     recording = read_recording(shared_robot("g1/motions/dance1_subject2.csv"))
     short = RobotRecording(
-        recording.where, recording.rate_hz, recording.joints[:200], (), recording.root_m[:200],
-        recording.quaternion[:200], None,
-    )  # fmt: skip
+        recording.where,
+        recording.rate_hz,
+        recording.joints[:200],
+        (),
+        recording.root_m[:200],
+        recording.quaternion[:200],
+        None,
+    )
     found = robot_motion(short, robot)
     np.testing.assert_allclose(found[0, 3:7], recording.quaternion[0, [3, 0, 1, 2]], atol=1e-6)
 
@@ -321,19 +324,21 @@ def test_other_files_are_refused(tmp_path, humanoid):
     (tmp_path / "m.bvh").write_text("HIERARCHY")
     np.savez(tmp_path / "empty.npz", nothing=np.zeros(3))
     for name, message in (
-        ("m.csv", "this is no text"), ("m.npz", "this NPZ cannot be read"), ("m.bvh", "'.bvh' is no motion"),
-        ("m.motion", "."), ("none.csv", "this motion cannot be read"),
+        ("m.csv", "this is no text"),
+        ("m.npz", "this NPZ cannot be read"),
+        ("m.bvh", "'.bvh' is no motion"),
+        ("m.motion", "."),
+        ("none.csv", "this motion cannot be read"),
         ("empty.npz", "it has neither qpos, joint_pos nor rigid_body_pos"),
-    ):  # fmt: skip
+    ):
         with pytest.raises(RobotError, match=message):
             read_recording(tmp_path / name)
     short = csv(tmp_path / "short.csv", np.tile([0.0, 0.0, 0.8, 1.0, 0.0, 0.0, 0.0, 0.1], (5, 1)))
     with pytest.raises(RobotError, match=r"it moves 1 joints; the robot has 29"):
         robot_motion(read_recording(short), humanoid)
     named = csv(
-        tmp_path / "named.csv", np.tile([0.0, 0.0, 0.8, 1.0, 0.0, 0.0, 0.0, 0.1], (5, 1)),
-        head="x,y,z,w,a,b,c,tail\n",
-    )  # fmt: skip
+        tmp_path / "named.csv", np.tile([0.0, 0.0, 0.8, 1.0, 0.0, 0.0, 0.0, 0.1], (5, 1)), head="x,y,z,w,a,b,c,tail\n"
+    )
     with pytest.raises(RobotError, match=r"the robot has no joint tail. It has: left_hip"):
         robot_motion(read_recording(named), humanoid)
 

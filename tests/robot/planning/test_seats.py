@@ -45,12 +45,7 @@ def test_a_chair_s_seat_faces_away_from_its_back(box_room, humanoid):
 def test_a_stool_is_sat_on_from_every_side(box_room, humanoid):
     seats, _ = seats_in(box_room, humanoid, CHAIR[:1])
     assert {round(math.degrees(seat.yaw_rad)) for seat in seats} >= {0, 90, 180, 270}
-    for degrees in (
-        0,
-        90,
-        180,
-        270,
-    ):  # the edge is where the seat ends, and the places spread about its middle
+    for degrees in (0, 90, 180, 270):  # the edge is where the seat ends, and the places spread about its middle
         facing = [seat for seat in seats if round(math.degrees(seat.yaw_rad)) == degrees]
         along = [math.cos(math.radians(degrees)), math.sin(math.radians(degrees))]
         places = np.array([seat.edge_m for seat in facing])
@@ -93,9 +88,7 @@ def test_a_target_names_the_surface_nearest_to_it(box_room, humanoid):
 
 @pytest.fixture(scope="module")
 def sat(humanoid, box_room):
-    return successful_rollouts(
-        humanoid, SCOPE, box_room(CHAIR), RolloutSettings(successes=4, max_attempts=10), seed=0
-    )
+    return successful_rollouts(humanoid, SCOPE, box_room(CHAIR), RolloutSettings(successes=4, max_attempts=10), seed=0)
 
 
 def test_it_sits_on_the_seat_at_the_end(sat):

@@ -21,9 +21,8 @@ from r2sego_blender.robot.rollouts.rollouts import successful_rollouts
 from r2sego_blender.robot.scope.scope import BehaviourScope, Episode
 
 SCOPE = replace(
-    BehaviourScope.load("walk_and_look"),
-    episode=Episode(duration_s=2.0), walk_to=WalkTo(distance_m=(0.1, 1.0)),
-)  # fmt: skip
+    BehaviourScope.load("walk_and_look"), episode=Episode(duration_s=2.0), walk_to=WalkTo(distance_m=(0.1, 1.0))
+)
 
 
 def test_the_number_of_processes_changes_nothing(humanoid, box_room):
@@ -106,9 +105,7 @@ def test_a_script_without_the_usual_guard_is_run_once(humanoid, box_room, tmp_pa
 
 
 def test_blurred_frames_are_no_candidates(humanoid, box_room):
-    attempts = successful_rollouts(
-        humanoid, SCOPE, box_room(), RolloutSettings(successes=3, processes=1), seed=1
-    )
+    attempts = successful_rollouts(humanoid, SCOPE, box_room(), RolloutSettings(successes=3, processes=1), seed=1)
     every, steady = candidate_stream(attempts), candidate_stream(attempts, max_turn_deg_s=20.0)
     assert 0 < len(steady) < len(every)
     kept = {(int(r), int(f)) for r, f in zip(steady.rollout, steady.frame, strict=True)}

@@ -19,14 +19,7 @@ from r2sego_blender.refine.behaviour import DeclaredBehaviour
 from r2sego_blender.results.robot_bodies import export_bodies
 from r2sego_blender.robot.model.collision_shapes import colliding
 from r2sego_blender.robot.model.model import RobotModel
-from r2sego_blender.robot.rollouts.bodies import (
-    DESCRIPTION,
-    POSES,
-    SHAPES,
-    body_poses,
-    body_shapes,
-    save_bodies,
-)
+from r2sego_blender.robot.rollouts.bodies import DESCRIPTION, POSES, SHAPES, body_poses, body_shapes, save_bodies
 from r2sego_blender.robot.rollouts.rollout import Rollout, save_rollouts
 
 PRIMITIVES = """<mujoco><worldbody><body name="b" pos="0 0 1"><freejoint/>
@@ -51,9 +44,14 @@ def rollout_of(robot: RobotModel, count: int = 6) -> Rollout:
     qpos = configurations(robot, count)
     mount = robot.mount.pitched(30.0)
     return Rollout(
-        success=True, reason="", frame=count - 1, qpos=qpos, times_s=0.2 * np.arange(count),
-        camera_poses=robot.camera_poses(qpos, mount), seed=(0, 0),
-    )  # fmt: skip
+        success=True,
+        reason="",
+        frame=count - 1,
+        qpos=qpos,
+        times_s=0.2 * np.arange(count),
+        camera_poses=robot.camera_poses(qpos, mount),
+        seed=(0, 0),
+    )
 
 
 @pytest.mark.parametrize("name", ["humanoid", "wheeled", "quadruped", "hexapod"])
@@ -117,8 +115,10 @@ def test_drawn_meshes_are_shown_in_place_of_those_that_collide(shared_robot):
 
 
 def test_files_hold_what_was_computed(humanoid, tmp_path):
-    rollouts = (rollout_of(humanoid), replace(rollout_of(humanoid), qpos=np.empty((0, 36)),
-                camera_poses=np.empty((0, 4, 4)), times_s=np.empty(0)))  # fmt: skip
+    rollouts = (
+        rollout_of(humanoid),
+        replace(rollout_of(humanoid), qpos=np.empty((0, 36)), camera_poses=np.empty((0, 4, 4)), times_s=np.empty(0)),
+    )
     (tmp_path / "rollouts.npz").write_bytes(b"these")
     save_bodies(tmp_path, humanoid, rollouts, humanoid.camera(64, 48), tmp_path)
     shapes = body_shapes(humanoid.model)
@@ -169,8 +169,7 @@ def test_bodies_are_made_anew_when_a_file_that_the_robots_names_has_changed(tmp_
 def test_the_camera_that_is_shown_is_the_one_that_rounds_score_of_upright_photographs_too(tmp_path, humanoid):
     scene = made_up_bundle(tmp_path / "room.r2s")
     upright = [
-        replace(capture, camera=replace(capture.camera, width=480, height=640))
-        for capture in scene.read(CAPTURES)
+        replace(capture, camera=replace(capture.camera, width=480, height=640)) for capture in scene.read(CAPTURES)
     ]
     (scene.path / "rounds/0/rollouts").mkdir()
     save_rollouts(scene.path / "rounds/0/rollouts", [rollout_of(humanoid)])

@@ -32,9 +32,10 @@ def joined(*meshes):
 def room():
     """A room of 4 x 3 x 2.5 m with a table; beyond a wall at x = 1.2 a closet nobody entered."""
     return joined(
-        box([-2.0, -1.5, 0.0], [2.0, 1.5, 2.5]), box([-0.4, -0.3, 0.0], [0.4, 0.3, 0.8]),
+        box([-2.0, -1.5, 0.0], [2.0, 1.5, 2.5]),
+        box([-0.4, -0.3, 0.0], [0.4, 0.3, 0.8]),
         box([1.2, -1.5, 0.0], [1.21, 1.5, 2.5]),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")

@@ -17,9 +17,14 @@ def turning(degrees, success=True):
     poses[:, :3, :3] = Rotation.from_euler("z", angles, degrees=True).as_matrix()
     poses[:, 0, 3] = np.arange(count)
     return Rollout(
-        success=success, reason="" if success else "fall", frame=count - 1, qpos=np.zeros((count, 7)),
-        times_s=np.arange(count) / RATE_HZ, camera_poses=poses, seed=(0, 0),
-    )  # fmt: skip
+        success=success,
+        reason="" if success else "fall",
+        frame=count - 1,
+        qpos=np.zeros((count, 7)),
+        times_s=np.arange(count) / RATE_HZ,
+        camera_poses=poses,
+        seed=(0, 0),
+    )
 
 
 def test_frames_beside_a_fast_turn_are_no_candidates():

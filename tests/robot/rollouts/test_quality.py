@@ -147,15 +147,11 @@ def test_a_seat_may_be_touched_by_who_sits_on_it(humanoid, composition, judge):
 def test_hinges_are_judged_in_degrees_and_slides_in_metres(tmp_path, room, joint, limit, beyond, says):
     mast = '<body><joint name="mast" type="slide" range="-0.1 0.3"/><geom size=".03" mass=".2"/></body>'
     path = tmp_path / "robot.xml"
-    path.write_text(
-        humanoid_mjcf().replace('<body name="waist_yaw_link"', f'{mast}<body name="waist_yaw_link"')
-    )
+    path.write_text(humanoid_mjcf().replace('<body name="waist_yaw_link"', f'{mast}<body name="waist_yaw_link"'))
     robot = RobotModel.load(path)
     composition = compose(robot, room, RolloutSettings())
     allowed = replace(SCOPE.failures, body_contact=False, penetration_m=0.0)
-    judge = Judge(
-        composition, free_floor(robot, SCOPE, room), replace(SCOPE, failures=allowed), robot.rest_height_m
-    )
+    judge = Judge(composition, free_floor(robot, SCOPE, room), replace(SCOPE, failures=allowed), robot.rest_height_m)
     data = mujoco.MjData(composition.model)
     data.qpos[:] = robot.rest_qpos
     data.qpos[composition.model.joint(f"robot/{joint}").qposadr] = limit + beyond
@@ -182,9 +178,7 @@ def test_help_is_measured(humanoid, room, judge, composition):
 
 
 def test_camera_ranges_are_those_of_the_poses(humanoid, room, composition, judge):
-    controller = TrackingController(
-        humanoid, free_floor(humanoid, SCOPE, room), SCOPE, room, RolloutSettings()
-    )
+    controller = TrackingController(humanoid, free_floor(humanoid, SCOPE, room), SCOPE, room, RolloutSettings())
     drive = controller.draw(np.random.default_rng(3))
     done = simulate(controller.composition, drive, judge, 5.0)
     poses = humanoid.camera_poses(done.qpos, drive.mount)

@@ -124,9 +124,10 @@ def test_failures_carry_reason_and_frame(humanoid, box_room, tmp_path):
     # Walks that begin with their back to the goal do not end in time.
     hasty = replace(
         SCOPE,
-        episode=Episode(duration_s=3.0), start=Start(heading_offset_deg=(-180.0, 180.0)),
+        episode=Episode(duration_s=3.0),
+        start=Start(heading_offset_deg=(-180.0, 180.0)),
         walk_to=WalkTo(distance_m=(0.8, 1.6)),
-    )  # fmt: skip
+    )
     settings = RolloutSettings(successes=4, max_attempts=40)
     attempts = successful_rollouts(humanoid, hasty, box_room(), settings, seed=0)
     failed = [attempt for attempt in attempts if not attempt.success]
@@ -138,16 +139,12 @@ def test_failures_carry_reason_and_frame(humanoid, box_room, tmp_path):
         assert np.isfinite(attempt.qpos).all()
     save_rollouts(tmp_path, attempts)
     for loaded, attempt in zip(load_rollouts(tmp_path), attempts, strict=True):
-        assert replace(loaded, qpos=0, times_s=0, camera_poses=0) == replace(
-            attempt, qpos=0, times_s=0, camera_poses=0
-        )
+        assert replace(loaded, qpos=0, times_s=0, camera_poses=0) == replace(attempt, qpos=0, times_s=0, camera_poses=0)
         np.testing.assert_array_equal(loaded.camera_poses, attempt.camera_poses)
 
 
 def test_too_small_a_room_names_the_reason(humanoid, box_room):
-    far = replace(
-        SCOPE, walk_to=WalkTo(distance_m=(3.0, 4.0)), behaviours=replace(SCOPE.behaviours, look_around=0.0)
-    )
+    far = replace(SCOPE, walk_to=WalkTo(distance_m=(3.0, 4.0)), behaviours=replace(SCOPE.behaviours, look_around=0.0))
     slow = replace(far, episode=Episode(duration_s=1.0))
     with pytest.raises(RobotError, match=r"4 failed by no_goal \(no reachable place.*shorter walk_to"):
         successful_rollouts(humanoid, slow, box_room(), RolloutSettings(max_attempts=4), seed=0)
@@ -174,10 +171,17 @@ def test_rollouts_whose_frames_do_not_belong_together_are_named(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("behaviour", None), ("frame", [4]), ("controller", 7), ("success", "yes"),
-     ("quality", {"foot_slide_m": "far"}), ("quality", {"camera_height_m": 1.4}),
-     ("quality", {"camera_pitch_deg": ["low", "high"]}), ("quality", {"camera_pitch_deg": [1.0]})],
-)  # fmt: skip
+    [
+        ("behaviour", None),
+        ("frame", [4]),
+        ("controller", 7),
+        ("success", "yes"),
+        ("quality", {"foot_slide_m": "far"}),
+        ("quality", {"camera_height_m": 1.4}),
+        ("quality", {"camera_pitch_deg": ["low", "high"]}),
+        ("quality", {"camera_pitch_deg": [1.0]}),
+    ],
+)
 def test_words_of_another_kind_are_named(tmp_path, name, value):
     frames = {"times_s": np.arange(3.0), "camera_poses": np.tile(np.eye(4), (3, 1, 1))}
     rollout = Rollout(True, "", 2, np.zeros((3, 7)), **frames, seed=(0, 0))

@@ -25,7 +25,6 @@ def test_modules_of_the_working_folder_are_not_run(tmp_path):
         (folder / f"{name}.py").write_text("print('run')\nraise ValueError\n")
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
-        [sys.executable, str(command)], cwd=folder, env=environment, capture_output=True, text=True,
-        timeout=120,
-    )  # fmt: skip
+        [sys.executable, str(command)], cwd=folder, env=environment, capture_output=True, text=True, timeout=120
+    )
     assert (done.returncode, done.stdout) == (0, "3\n"), done.stderr

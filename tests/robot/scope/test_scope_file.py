@@ -23,9 +23,11 @@ SQUARE = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.5), (-0.25, 1.5))
 @pytest.mark.parametrize("name", shipped_scopes())
 def test_every_field_survives(name, tmp_path):
     scope = replace(
-        BehaviourScope.load(name), region=Region(SQUARE, 0.03), sit_on=SitOn(target=(0.5, -1e-7)),
+        BehaviourScope.load(name),
+        region=Region(SQUARE, 0.03),
+        sit_on=SitOn(target=(0.5, -1e-7)),
         robot=Robot(mount=["torso_link", [0.0, 0.1, 0.4], [0.0, 0.8, 0.0], {"hfov_deg": 69}]),
-    )  # fmt: skip
+    )
     save_scope(scope, tmp_path / "scope.toml")
     assert BehaviourScope.load(tmp_path / "scope.toml") == scope
     assert "speed_m_s = [0.35, 0.7]\n" in (tmp_path / "scope.toml").read_text()
@@ -72,10 +74,15 @@ def test_changes_are_refused_as_in_a_file(tmp_path, changes, says):
 @pytest.mark.parametrize(
     ("text", "value"),
     [
-        ("", None), ("1.5", 1.5), ("true", True), ("[0, 1]", [0, 1]), ('"chair"', "chair"),
-        ("chair", "chair"), ("the chair", "the chair"),
+        ("", None),
+        ("1.5", 1.5),
+        ("true", True),
+        ("[0, 1]", [0, 1]),
+        ('"chair"', "chair"),
+        ("chair", "chair"),
+        ("the chair", "the chair"),
     ],
-)  # fmt: skip
+)
 def test_values_of_the_command_line(text, value):
     assert value_of(text) == value
 

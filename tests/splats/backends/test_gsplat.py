@@ -37,9 +37,21 @@ BLACK = (0.0, 0.0, 0.0)
 
 
 def rasterization(
-    means, quats, scales, opacities, colors, viewmats, Ks, width, height, near_plane, eps2d, sh_degree,  # noqa: N803
-    packed, render_mode,
-):  # fmt: skip
+    means,
+    quats,
+    scales,
+    opacities,
+    colors,
+    viewmats,
+    Ks,  # noqa: N803
+    width,
+    height,
+    near_plane,
+    eps2d,
+    sh_degree,
+    packed,
+    render_mode,
+):
     """gsplat's of one camera: images (1, H, W, 3 or 4), alphas (1, H, W, 1), and ``means2d`` (1, N, 2)."""
     assert near_plane == NEAREST_M and not packed and render_mode in ("RGB", "RGB+D")
     (fx, _, cx), (_, fy, cy), _ = Ks[0].tolist()
@@ -48,9 +60,8 @@ def rasterization(
     unused = torch.zeros(len(means), dtype=torch.float64)
     harmonics = colors[:, : (sh_degree + 1) ** 2].double()
     screen = on_screen(
-        means.double(), scales.double().log(), quats.double(), unused, harmonics, camera,
-        viewmats[0].double(), eps2d,
-    )  # fmt: skip
+        means.double(), scales.double().log(), quats.double(), unused, harmonics, camera, viewmats[0].double(), eps2d
+    )
     means2d = torch.zeros(1, len(means), 2, dtype=torch.float64)
     means2d = means2d.index_put((torch.zeros_like(screen.number), screen.number), screen.centre)
     screen.centre, screen.opacity = means2d[0, screen.number], opacities.double()[screen.number]
@@ -119,9 +130,12 @@ def upstream(engine: SplatBackend, camera: Camera, seed: int) -> None:
 
 def remembered(packed: PackedGaussians, state: AdamState) -> dict[str, np.ndarray]:
     chunks = {
-        "values": packed.chunks, "first": state.first, "second": state.second,
-        "statistics": state.statistics, "steps": state.steps[:, None],
-    }  # fmt: skip
+        "values": packed.chunks,
+        "first": state.first,
+        "second": state.second,
+        "statistics": state.statistics,
+        "steps": state.steps[:, None],
+    }
     return {name: unpack(values, len(packed)).copy() for name, values in chunks.items()}
 
 
@@ -181,17 +195,19 @@ def scene(count: int, size: tuple[int, int]) -> tuple[SplatAsset, list[Observati
         seen = render(true, camera := Camera(width, height, width, width, width / 2, height / 2, pose))
         views.append(
             Observation(
-                camera, np.clip(seen.colour, 0, 1), depth=seen.depth,
+                camera,
+                np.clip(seen.colour, 0, 1),
+                depth=seen.depth,
                 background=np.full((*camera.shape, 3), 0.1, np.float32) if k % 2 else None,
-                opaque=(seen.alpha > 0.9).astype(np.float32), refines_exposure=k == 3, refines_pose=k == 3,
+                opaque=(seen.alpha > 0.9).astype(np.float32),
+                refines_exposure=k == 3,
+                refines_pose=k == 3,
             )
-        )  # fmt: skip
+        )
     return start, views
 
 
-def trained_db(
-    start: SplatAsset, views: list[Observation], steps: int, settings: TrainingSettings
-) -> list[float]:
+def trained_db(start: SplatAsset, views: list[Observation], steps: int, settings: TrainingSettings) -> list[float]:
     """The quality after a training with our kernels, and with gsplat."""
     found = []
     for backend in ("cpu", "gsplat"):
@@ -204,21 +220,21 @@ def trained_db(
 
 
 SETTINGS = dataclasses.replace(
-    TrainingSettings(**UNREGULARISED), sh_degree=1, every_third_pixel_share=0.2, every_second_pixel_share=0.2,
-    depth_weight=0.05, exposure_learning_rate=1e-3, pose_learning_rate=1e-4,
-)  # fmt: skip
+    TrainingSettings(**UNREGULARISED),
+    sh_degree=1,
+    every_third_pixel_share=0.2,
+    every_second_pixel_share=0.2,
+    depth_weight=0.05,
+    exposure_learning_rate=1e-3,
+    pose_learning_rate=1e-4,
+)
 
 
 @pytest.mark.parametrize(
     "changes",
     [
         {},
-        {
-            "dropout_share": 0.2,
-            "max_scale_m": 0.3,
-            "opacity_regularization": 0.01,
-            "scale_regularization": 0.01,
-        },
+        {"dropout_share": 0.2, "max_scale_m": 0.3, "opacity_regularization": 0.01, "scale_regularization": 0.01},
         {"densification": "growth", "max_gaussians": 1000, "densify_every_steps": 10},
         {"densification": "relocation", "max_gaussians": 1000, "densify_every_steps": 10},
     ],
@@ -235,9 +251,7 @@ def test_training_comes_as_far_as_with_our_kernels(without_gpu, changes: dict) -
 def test_a_training_is_watched_without_gaussians_being_fetched_each_time(without_gpu, monkeypatch) -> None:
     start, views = scene(40, (48, 36))
     fetched, fetch = [], gsplat.GsplatBackend._fetch
-    monkeypatch.setattr(
-        gsplat.GsplatBackend, "_fetch", lambda *arguments: (fetched.append(1), fetch(*arguments))
-    )
+    monkeypatch.setattr(gsplat.GsplatBackend, "_fetch", lambda *arguments: (fetched.append(1), fetch(*arguments)))
     sizes = []
 
     def watch(step: int, gaussians: Callable[[], PackedGaussians]) -> bool:
@@ -255,9 +269,7 @@ def test_an_engine_that_cannot_run_is_an_error_with_a_cure_and_never_another(mon
     start, views = scene(40, (48, 36))
     for refused in (
         lambda: require_backend("gsplat"),
-        lambda: train(
-            start, views, 1, dataclasses.replace(SETTINGS, backend="gsplat"), np.random.default_rng(0)
-        ),
+        lambda: train(start, views, 1, dataclasses.replace(SETTINGS, backend="gsplat"), np.random.default_rng(0)),
     ):
         with pytest.raises(SettingsError) as error:
             refused()

@@ -21,9 +21,7 @@ COUNT = 400
 def asset() -> SplatAsset:
     """Long, flat and round Gaussians of degree 3 in a room of 3 m, some opaque, some faint."""
     rng = np.random.default_rng(7)
-    sh = np.concatenate(
-        [rng.normal(scale=0.8, size=(COUNT, 1, 3)), rng.normal(scale=0.15, size=(COUNT, 15, 3))], 1
-    )
+    sh = np.concatenate([rng.normal(scale=0.8, size=(COUNT, 1, 3)), rng.normal(scale=0.15, size=(COUNT, 15, 3))], 1)
     return SplatAsset(
         means=rng.uniform([-1.5, -1.5, 0.0], [1.5, 1.5, 2.0], (COUNT, 3)),
         log_scales=rng.uniform(-4.0, -1.5, (COUNT, 3)),

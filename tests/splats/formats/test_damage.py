@@ -42,18 +42,7 @@ def whole(asset, tmp_path, request) -> tuple:
 def test_files_that_are_missing_empty_or_something_else(tmp_path, suffix):
     path = tmp_path / f"room{suffix}"
     assert "cannot be read" in loaded_or_refused(path)
-    contents = [
-        b"",
-        b"glTF",
-        b"NGSP",
-        b"\x1f\x8b\x08",
-        b"ply\n",
-        b"PXR-USDC",
-        b"#usda 1.0\n",
-        b"{}",
-        b"[1]",
-        b"{" * 9,
-    ]
+    contents = [b"", b"glTF", b"NGSP", b"\x1f\x8b\x08", b"ply\n", b"PXR-USDC", b"#usda 1.0\n", b"{}", b"[1]", b"{" * 9]
     for content in contents:
         path.write_bytes(content)
         assert loaded_or_refused(path)

@@ -78,9 +78,7 @@ def test_the_file_has_the_names_and_values_of_the_extension(asset, written):
 def test_the_numbers_in_the_file_are_the_scene_with_y_up(asset, fidelity_db, written):
     """Read literally, with cameras turned to Y up, they give the same views: harmonics are turned too."""
     document, buffer = written
-    values = {
-        name: attribute(document, buffer, f"{SPLATS}:{name}") for name in ("ROTATION", "SCALE", "OPACITY")
-    }
+    values = {name: attribute(document, buffer, f"{SPLATS}:{name}") for name in ("ROTATION", "SCALE", "OPACITY")}
     harmonics = [f"{SPLATS}:SH_DEGREE_{d}_COEF_{k}" for d in range(4) for k in range(2 * d + 1)]
     literal = SplatAsset(
         means=attribute(document, buffer, "POSITION"),
@@ -115,9 +113,7 @@ def test_the_buffer_may_lie_beside_the_file(asset, fidelity_db, written, tmp_pat
     assert fidelity_db(load_asset(tmp_path / "a.gltf"), asset) >= 50.0
 
 
-@pytest.mark.parametrize(
-    "uri", ["../secret.bin", "/etc/hostname", "http://host/a.bin", "a/../../b.bin", "%2e%2e/b"]
-)
+@pytest.mark.parametrize("uri", ["../secret.bin", "/etc/hostname", "http://host/a.bin", "a/../../b.bin", "%2e%2e/b"])
 def test_a_buffer_elsewhere_is_refused(written, tmp_path, uri):
     document, _ = written
     document["buffers"][0]["uri"] = uri
@@ -162,12 +158,7 @@ def test_quantised_attributes_are_read(asset, fidelity_db, written, tmp_path):
         nonlocal buffer
         padded = np.zeros((len(values), -(-values[0].nbytes // 4) * 4 // values.itemsize), values.dtype)
         padded[:, : values.shape[1]] = values
-        view = {
-            "buffer": 0,
-            "byteOffset": len(buffer),
-            "byteLength": padded.nbytes,
-            "byteStride": padded[0].nbytes,
-        }
+        view = {"buffer": 0, "byteOffset": len(buffer), "byteLength": padded.nbytes, "byteStride": padded[0].nbytes}
         document["bufferViews"].append(view)
         document["accessors"][attributes[name]] |= {
             "bufferView": len(document["bufferViews"]) - 1,
@@ -213,19 +204,14 @@ CHANGES = {
     "a huge buffer": (lambda d: d["buffers"][0].update(byteLength=10**15), "cut short"),
     "a negative index": (lambda d: d["accessors"][0].update(bufferView="x"), "damaged"),
     "a cycle": (lambda d: d["nodes"][0].update(children=[0]), "damaged"),
-    "a shear": (
-        lambda d: d["nodes"][0].update(matrix=[1, 1, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]), "shears"
-    ),
+    "a shear": (lambda d: d["nodes"][0].update(matrix=[1, 1, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]), "shears"),
     "a mirror": (lambda d: d["nodes"][0].update(scale=[-1, 1, 1]), "mirrors"),
     "text for a matrix": (lambda d: d["nodes"][0].update(matrix="no"), "damaged"),
     "thousands of copies": (
-        lambda d: (
-            d["nodes"].extend({"mesh": 0} for _ in range(5000)),
-            d["scenes"][0].update(nodes=list(range(5001))),
-        ),
+        lambda d: (d["nodes"].extend({"mesh": 0} for _ in range(5000)), d["scenes"][0].update(nodes=list(range(5001)))),
         "repeats its splats too often",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", CHANGES)

@@ -45,20 +45,11 @@ def test_the_layout_is_that_of_the_original_code(tmp_path: Path) -> None:
     np.testing.assert_array_equal(rows[:, 58:], asset.quaternions)
 
 
-def written(
-    path: Path, fields: list[str], values: np.ndarray, kind: str = "float", order: str = "little"
-) -> Path:
-    header = [
-        "ply",
-        f"format binary_{order}_endian 1.0",
-        "comment antialiased",
-        f"element vertex {len(values)}",
-    ]
+def written(path: Path, fields: list[str], values: np.ndarray, kind: str = "float", order: str = "little") -> Path:
+    header = ["ply", f"format binary_{order}_endian 1.0", "comment antialiased", f"element vertex {len(values)}"]
     header += [f"property {kind} {name}" for name in fields] + ["end_header\n"]
     code = {"float": "f4", "double": "f8"}[kind]
-    path.write_bytes(
-        "\n".join(header).encode() + values.astype(("<" if order == "little" else ">") + code).tobytes()
-    )
+    path.write_bytes("\n".join(header).encode() + values.astype(("<" if order == "little" else ">") + code).tobytes())
     return path
 
 

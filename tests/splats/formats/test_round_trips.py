@@ -12,9 +12,7 @@ from r2sego_blender.splats.formats.registry import SUFFIXES, load_asset, save_as
 LOSSLESS = (".ply", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 
 
-@pytest.mark.parametrize(
-    ("suffix", "least_db"), [*((s, 50.0) for s in LOSSLESS), (".spz", 35.0), (".splat", 35.0)]
-)
+@pytest.mark.parametrize(("suffix", "least_db"), [*((s, 50.0) for s in LOSSLESS), (".spz", 35.0), (".splat", 35.0)])
 def test_a_file_loaded_again_gives_the_same_views(asset, fidelity_db, tmp_path, suffix, least_db):
     save_asset(tmp_path / f"room{suffix}", asset)
     loaded = load_asset(tmp_path / f"room{suffix}")

@@ -60,9 +60,7 @@ def written(asset: SplatAsset, version: int, degree: int | None = None, extensio
         return gzip.compress(b"".join([header, *parts, extensions]))
     streams = [zstandard.compress(p) for p in parts]
     table = b"".join(struct.pack("<QQ", len(s), len(p)) for s, p in zip(streams, parts, strict=True))
-    header = struct.pack(
-        "<4sIIBBBBI12x", b"NGSP", 4, len(asset), degree, 12, flags, len(parts), 32 + len(extensions)
-    )
+    header = struct.pack("<4sIIBBBBI12x", b"NGSP", 4, len(asset), degree, 12, flags, len(parts), 32 + len(extensions))
     return header + extensions + table + b"".join(streams)
 
 
@@ -115,9 +113,7 @@ def test_rotations_keep_a_quarter_of_a_degree(tmp_path_factory, quaternion):
     if np.linalg.norm(q) < 1e-3:
         return
     path = tmp_path_factory.mktemp("q") / "a.spz"
-    save_asset(
-        path, SplatAsset(np.zeros((1, 3)), np.zeros((1, 3)), q[None], np.zeros(1), np.zeros((1, 1, 3)))
-    )
+    save_asset(path, SplatAsset(np.zeros((1, 3)), np.zeros((1, 3)), q[None], np.zeros(1), np.zeros((1, 1, 3))))
     loaded = load_asset(path).quaternions[0].astype(np.float64)
     cosine = abs(loaded @ q) / np.linalg.norm(loaded) / np.linalg.norm(q)
     assert np.degrees(2 * np.arccos(min(cosine, 1.0))) < 0.25
@@ -138,9 +134,7 @@ def coordinate_system(number: int) -> bytes:
         (0, RUB_FROM_WORLD[:3, :3]),
     ],
 )
-def test_the_coordinate_system_extension_is_obeyed(
-    asset, fidelity_db, tmp_path, version, number, file_from_world
-):
+def test_the_coordinate_system_extension_is_obeyed(asset, fidelity_db, tmp_path, version, number, file_from_world):
     turn = np.eye(4)
     turn[:3, :3] = file_from_world
     path = tmp_path / "a.spz"

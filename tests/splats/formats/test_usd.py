@@ -21,9 +21,7 @@ def test_the_stage_says_what_the_schema_says(asset, tmp_path, suffix):
     prim = stage.GetDefaultPrim()
     assert prim.IsA(UsdVol.ParticleField3DGaussianSplat)
     np.testing.assert_array_equal(np.array(prim.GetAttribute("positions").Get()), asset.means)
-    np.testing.assert_allclose(
-        np.array(prim.GetAttribute("scales").Get()), np.exp(asset.log_scales), rtol=1e-6
-    )
+    np.testing.assert_allclose(np.array(prim.GetAttribute("scales").Get()), np.exp(asset.log_scales), rtol=1e-6)
     np.testing.assert_array_equal(np.array(prim.GetAttribute("opacities").Get()), asset.opacities)
     first = prim.GetAttribute("orientations").Get()[0]
     unit = asset.quaternions[0] / np.linalg.norm(asset.quaternions[0])
@@ -64,9 +62,14 @@ def test_the_file_reads_as_text_without_the_schema(asset, tmp_path):
     assert spec.typeName == "ParticleField3DGaussianSplat"
     types = {name: str(spec.attributes[name].typeName) for name in spec.attributes.keys()}  # noqa: SIM118
     assert types == {
-        "positions": "point3f[]", "orientations": "quatf[]", "scales": "float3[]", "opacities": "float[]",
-        "extent": "float3[]", SH: "float3[]", "radiance:sphericalHarmonicsDegree": "int",
-    }  # fmt: skip
+        "positions": "point3f[]",
+        "orientations": "quatf[]",
+        "scales": "float3[]",
+        "opacities": "float[]",
+        "extent": "float3[]",
+        SH: "float3[]",
+        "radiance:sphericalHarmonicsDegree": "int",
+    }
 
 
 def stage_of(path, asset, up: str, metres: float, under: Gf.Matrix4d) -> Usd.Stage:

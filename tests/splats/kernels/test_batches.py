@@ -8,16 +8,7 @@ from made_up_batch import ENTRIES, MIDDLE, made_up_entries, made_up_records, pix
 from numba.core.types import int64, void
 
 from r2sego_blender.splats.kernels.batches import BATCH, FETCHED_BYTES, Fetched, fetch
-from r2sego_blender.splats.kernels.projection import (
-    DEPTH,
-    EIGHTH,
-    FACTOR_A,
-    FACTOR_B,
-    FACTOR_C,
-    RED,
-    U,
-    V,
-)
+from r2sego_blender.splats.kernels.projection import DEPTH, EIGHTH, FACTOR_A, FACTOR_B, FACTOR_C, RED, U, V
 from r2sego_blender.splats.kernels.tiles import BLOCKS
 from r2sego_blender.splats.vector_language.aligned_memory import aligned
 from r2sego_blender.splats.vector_language.vectors import LANES, VECTOR_BYTES, vector_kernel

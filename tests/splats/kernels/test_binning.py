@@ -8,16 +8,7 @@ from splat_reference import parameters, random_asset, rasterize, scenes, small_c
 from r2sego_blender.core.cameras import Camera
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.kernels.packing import PackedGaussians
-from r2sego_blender.splats.kernels.projection import (
-    DEPTH,
-    EIGHTH,
-    EIGHTH_SMALLEST,
-    FACTOR_A,
-    FACTOR_B,
-    FACTOR_C,
-    U,
-    V,
-)
+from r2sego_blender.splats.kernels.projection import DEPTH, EIGHTH, EIGHTH_SMALLEST, FACTOR_A, FACTOR_B, FACTOR_C, U, V
 from r2sego_blender.splats.kernels.tiles import BLOCK_PX, BLOCKS_A_SIDE, TILE_PX
 from r2sego_blender.splats.rendering.rasterizer import Rasterizer, TileEntries
 
@@ -127,9 +118,12 @@ def test_equal_depths_keep_the_order_of_numbers_over_all_segments(levels: int) -
     means = rng.uniform([-0.8, -0.6, 0.0], [0.8, 0.6, 0.0], (count, 3))
     means[:, 2] = 1.0 + rng.integers(levels, size=count) / levels
     asset = SplatAsset(
-        means=means, log_scales=np.full((count, 3), -5.0), quaternions=np.ones((count, 4)),
-        logit_opacities=rng.normal(size=count), sh=np.zeros((count, 1, 3)),
-    )  # fmt: skip
+        means=means,
+        log_scales=np.full((count, 3), -5.0),
+        quaternions=np.ones((count, 4)),
+        logit_opacities=rng.normal(size=count),
+        sh=np.zeros((count, 1, 3)),
+    )
     tiles = entries_of(asset, camera)
     assert len(tiles.order) > count // 2
     assert_sorted(tiles)
@@ -140,9 +134,11 @@ def everywhere(count: int) -> SplatAsset:
     rng = np.random.default_rng(0)
     return SplatAsset(
         means=rng.uniform([-0.5, -0.5, 2.0], [0.5, 0.5, 4.0], (count, 3)),
-        log_scales=np.full((count, 3), 4.0), quaternions=rng.normal(size=(count, 4)),
-        logit_opacities=np.full(count, -3.0), sh=rng.normal(size=(count, 1, 3)),
-    )  # fmt: skip
+        log_scales=np.full((count, 3), 4.0),
+        quaternions=rng.normal(size=(count, 4)),
+        logit_opacities=np.full(count, -3.0),
+        sh=rng.normal(size=(count, 1, 3)),
+    )
 
 
 def test_a_gaussian_can_cover_every_block() -> None:

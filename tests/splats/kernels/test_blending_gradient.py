@@ -13,12 +13,7 @@ from numba.core.types import int64, void
 
 from r2sego_blender.splats.kernels.batches import BATCH, BATCH_BYTES, SLOT_BYTES, fetch
 from r2sego_blender.splats.kernels.blending import FINISHED, TABLE
-from r2sego_blender.splats.kernels.blending_gradient import (
-    BLENDED,
-    GRADIENTS_BYTES,
-    MOMENTS,
-    write_blend_gradient,
-)
+from r2sego_blender.splats.kernels.blending_gradient import BLENDED, GRADIENTS_BYTES, MOMENTS, write_blend_gradient
 from r2sego_blender.splats.kernels.projection import (
     DEPTH,
     EIGHTH,
@@ -113,9 +108,16 @@ def _filled(depth: bool, sum_lanes: int, seed: int) -> tuple[np.ndarray, np.ndar
     slots[:] = _UNTOUCHED
     batch = aligned((BATCH_BYTES + GRADIENTS_BYTES,), np.uint8)
     _filling(depth, sum_lanes)(
-        state.ctypes.data, TABLE.ctypes.data, batch.ctypes.data, BATCH, _ALIVE, order.ctypes.data,
-        entries.ctypes.data, records.ctypes.data, slots.ctypes.data,
-    )  # fmt: skip
+        state.ctypes.data,
+        TABLE.ctypes.data,
+        batch.ctypes.data,
+        BATCH,
+        _ALIVE,
+        order.ctypes.data,
+        entries.ctypes.data,
+        records.ctypes.data,
+        slots.ctypes.data,
+    )
     return slots[:, : MOMENTS + 1], state
 
 

@@ -45,9 +45,15 @@ def projected(asset: SplatAsset, camera: Camera, degree: int = 3) -> tuple[np.nd
     records, bits = aligned((len(values) * LANES, 16)), np.zeros(len(values), np.int32)
     degree = min(degree, asset.degree)
     project(
-        values.ctypes.data, len(values), values.strides[0], degree, lens.ctypes.data,
-        records.ctypes.data, bits, numba.get_num_threads(),
-    )  # fmt: skip
+        values.ctypes.data,
+        len(values),
+        values.strides[0],
+        degree,
+        lens.ctypes.data,
+        records.ctypes.data,
+        bits,
+        numba.get_num_threads(),
+    )
     flags = (bits[:, None] >> np.arange(LANES) & 1).ravel().astype(bool)
     assert not flags[len(asset) :].any()
     in_order, visible = np.zeros((len(asset), 16)), np.zeros(len(asset), bool)
@@ -132,12 +138,7 @@ def one(camera: Camera, distance_m: float, **changes: object) -> SplatAsset:
 
 def test_what_is_near_behind_or_faint_is_not_visible() -> None:
     camera = Camera(40, 30, 30.0, 30.0, 20.0, 15.0, small_camera().world_from_camera)
-    for distance_m, seen in (
-        (1.01 * NEAREST_M, True),
-        (0.99 * NEAREST_M, False),
-        (-1.0, False),
-        (0.0, False),
-    ):
+    for distance_m, seen in ((1.01 * NEAREST_M, True), (0.99 * NEAREST_M, False), (-1.0, False), (0.0, False)):
         assert projected(one(camera, distance_m), camera)[1].all() == seen
     threshold = math.log(SMALLEST_ALPHA / (1.0 - SMALLEST_ALPHA))
     for logit, seen in ((threshold + 1e-4, True), (threshold - 1e-4, False), (-1e30, False), (1e30, True)):

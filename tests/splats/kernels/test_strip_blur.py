@@ -21,9 +21,9 @@ def check_line(own: np.ndarray, between: np.ndarray, columns: np.ndarray) -> Non
 
 def test_a_dealt_rows_neighbours_lie_beside_its_vectors() -> None:
     columns = random((COLUMNS + 2 * LANES,))
-    vectors = compiled(
-        lambda code, *v: [x for part in dealt_row(v[0], v[1:-1], v[-1]) for x in part], VECTORS + 2
-    )(columns.reshape(-1, LANES))
+    vectors = compiled(lambda code, *v: [x for part in dealt_row(v[0], v[1:-1], v[-1]) for x in part], VECTORS + 2)(
+        columns.reshape(-1, LANES)
+    )
     check_line(vectors[:VECTORS], vectors[VECTORS:], columns)
 
 

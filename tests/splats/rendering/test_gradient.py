@@ -119,9 +119,11 @@ def test_the_pose_gradient_is_the_slope_of_the_loss() -> None:
     rng, camera = np.random.default_rng(3), small_camera()
     asset = SplatAsset(
         means=np.column_stack([rng.uniform(-0.5, 0.5, (12, 2)), np.linspace(1.0, 3.0, 12)]),
-        log_scales=rng.uniform(0.0, 0.4, (12, 3)), quaternions=rng.normal(size=(12, 4)),
-        logit_opacities=rng.uniform(-2.0, 0.0, 12), sh=rng.normal(scale=0.2, size=(12, 16, 3)),
-    )  # fmt: skip
+        log_scales=rng.uniform(0.0, 0.4, (12, 3)),
+        quaternions=rng.normal(size=(12, 4)),
+        logit_opacities=rng.uniform(-2.0, 0.0, 12),
+        sh=rng.normal(scale=0.2, size=(12, 16, 3)),
+    )
     smooth = np.sin(np.arange(camera.width) / 6.0) + np.cos(np.arange(camera.height) / 5.0)[:, None]
     weight = np.repeat(smooth[..., None], 3, axis=2).astype(np.float32)
     nothing = np.zeros(camera.shape, np.float32)
@@ -196,14 +198,7 @@ def test_the_same_bits_for_every_run_and_number_of_threads(with_threads) -> None
             rasterizer.step(state, rates, 1e-3, 1e-3, with_alpha=True, with_depth=True)
         arrays = [getattr(gradients, name) for name in (*GROUPS, "pose")]
         arrays += [getattr(packed.asset(), name) for name in GROUPS]
-        return [
-            *arrays,
-            rasterizer.pose_gradient(),
-            rasterizer.planes,
-            state.first,
-            state.second,
-            state.steps,
-        ]
+        return [*arrays, rasterizer.pose_gradient(), rasterizer.planes, state.first, state.second, state.steps]
 
     with_one = with_threads(1, results)
     for with_all in (results(), results()):

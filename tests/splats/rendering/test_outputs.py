@@ -12,12 +12,7 @@ from r2sego_blender.core.errors import AssetError
 from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.kernels.packing import PackedGaussians
 from r2sego_blender.splats.quaternions import to_rotation
-from r2sego_blender.splats.rendering.outputs import (
-    NONE,
-    facing_normals,
-    render_batch,
-    render_outputs,
-)
+from r2sego_blender.splats.rendering.outputs import NONE, facing_normals, render_batch, render_outputs
 from r2sego_blender.splats.rendering.rasterizer import Rasterizer, render
 
 MAPS = ("colour", "alpha", "depth", "normals", "gaussian", "instance", "visibility")
@@ -104,10 +99,12 @@ def wall(z: float, colour: float, normal_axis: int) -> SplatAsset:
     scales = np.full((count, 3), 0.1)
     scales[:, normal_axis] = 1e-4
     return SplatAsset(
-        means=np.column_stack([x.ravel(), y.ravel(), np.full(count, z)]), log_scales=np.log(scales),
-        quaternions=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)), logit_opacities=np.full(count, 6.0),
+        means=np.column_stack([x.ravel(), y.ravel(), np.full(count, z)]),
+        log_scales=np.log(scales),
+        quaternions=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+        logit_opacities=np.full(count, 6.0),
         sh=np.full((count, 1, 3), colour),
-    )  # fmt: skip
+    )
 
 
 def test_a_wall_before_another_hides_it() -> None:
@@ -132,9 +129,12 @@ def test_a_wall_before_another_hides_it() -> None:
 
 def test_the_sum_of_an_instance_beats_one_stronger_gaussian() -> None:
     stack = SplatAsset(
-        means=np.array([[0.0, 0.0, z] for z in (1.0, 1.1, 1.2)]), log_scales=np.full((3, 3), 0.0),
-        quaternions=np.ones((3, 4)), logit_opacities=np.array([-0.4, -0.4, 0.0]), sh=np.zeros((3, 1, 3)),
-    )  # fmt: skip
+        means=np.array([[0.0, 0.0, z] for z in (1.0, 1.1, 1.2)]),
+        log_scales=np.full((3, 3), 0.0),
+        quaternions=np.ones((3, 4)),
+        logit_opacities=np.array([-0.4, -0.4, 0.0]),
+        sh=np.zeros((3, 1, 3)),
+    )
     camera = Camera(8, 8, 8.0, 8.0, 4.0, 4.0, np.eye(4))
     outputs = render_outputs(stack, camera, np.int32([5, 9, 9]))
     assert (outputs.gaussian == 0).all()

@@ -47,9 +47,15 @@ def test_names_of_photographs_lose_their_suffix_unless_two_would_be_one(room, tm
     cameras = dict.fromkeys(names, room.views[0].camera.scaled(0.25))
     files = [file.name for file in save_pictures(room.asset, cameras, tmp_path)]
     assert files == [
-        "capture_00.png", "a.JPG.png", "a.png.png", "b.jpg.png", "B.png", "view.1.png",
-        "c.png.jpg.png", "c.png",
-    ]  # fmt: skip
+        "capture_00.png",
+        "a.JPG.png",
+        "a.png.png",
+        "b.jpg.png",
+        "B.png",
+        "view.1.png",
+        "c.png.jpg.png",
+        "c.png",
+    ]
     assert len({name.lower() for name in files}) == len(names)
 
 
@@ -113,9 +119,7 @@ def test_a_camera_that_cannot_be_rendered_or_named_is_refused(room, tmp_path, ch
         load_cameras(file)
 
 
-@pytest.mark.parametrize(
-    "change", [np.diag([2.0, 2.0, 2.0, 1.0]), np.diag([1.0, 1.0, -1.0, 1.0]), np.eye(4)[::-1]]
-)
+@pytest.mark.parametrize("change", [np.diag([2.0, 2.0, 2.0, 1.0]), np.diag([1.0, 1.0, -1.0, 1.0]), np.eye(4)[::-1]])
 def test_a_pose_that_is_not_rigid_is_refused(room, tmp_path, change):
     file = tmp_path / "cameras.json"
     camera = room.views[0].camera.to_json()

@@ -67,9 +67,11 @@ def test_it_never_hides_a_surface_that_a_view_shows(views):
 def test_a_near_thing_in_the_middle_does_not_pull_it_forward(views):
     """In each direction the farthest counts: a pillar close to one camera is not the wall."""
     pillar = DepthView(
-        views[0].camera, np.where(np.arange(96) < 20, 0.7, views[0].depth).astype(np.float32),
-        views[0].image, stride_px=2,
-    )  # fmt: skip
+        views[0].camera,
+        np.where(np.arange(96) < 20, 0.7, views[0].depth).astype(np.float32),
+        views[0].image,
+        stride_px=2,
+    )
     asset = backdrop([pillar, *views[1:]], COUNT)
     centre = np.median([v.camera.centre for v in views], axis=0)
     column = asset.means - centre

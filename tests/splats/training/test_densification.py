@@ -150,9 +150,12 @@ def test_adding_gaussians_reproduces_the_images_better(way: str, gain_db: float)
 
     def quality(densification: str) -> tuple[float, int]:
         settings = with_settings(
-            densification=densification, max_gaussians=600, opacity_reset_steps=10**6,
-            densify_every_steps=5 if densification == "relocation" else 20, densify_until_share=0.6,
-        )  # fmt: skip
+            densification=densification,
+            max_gaussians=600,
+            opacity_reset_steps=10**6,
+            densify_every_steps=5 if densification == "relocation" else 20,
+            densify_until_share=0.6,
+        )
         asset = train(start, views, 400, settings, np.random.default_rng(0))
         scores = [psnr(np.clip(render(asset, v.camera).colour, 0, 1), v.image) for v in views]
         return float(np.mean(scores)), len(asset)

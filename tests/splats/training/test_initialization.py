@@ -13,12 +13,7 @@ from r2sego_blender.core.images import load_image, resize
 from r2sego_blender.splats.metrics import psnr
 from r2sego_blender.splats.quaternions import to_rotation
 from r2sego_blender.splats.rendering.rasterizer import render
-from r2sego_blender.splats.training.initialization import (
-    DepthView,
-    from_depth,
-    from_points,
-    merge_views,
-)
+from r2sego_blender.splats.training.initialization import DepthView, from_depth, from_points, merge_views
 from r2sego_blender.splats.training.training import Observation, train
 
 ROOM = Path(__file__).resolve().parents[3] / "../shared/scenes/room_a"

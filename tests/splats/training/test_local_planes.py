@@ -20,9 +20,7 @@ def test_points_of_a_plane_show_it_wherever_it_lies(seed: int, size_m: float, co
     np.testing.assert_allclose(np.abs(axes[:, :, 0] @ rotation[:, 2]), 1.0, atol=1e-6)
     assert thickness.max() < 1e-4
     np.testing.assert_allclose(np.linalg.det(axes), 1.0, atol=1e-9)
-    np.testing.assert_allclose(
-        axes @ axes.transpose(0, 2, 1), np.broadcast_to(np.eye(3), axes.shape), atol=1e-9
-    )
+    np.testing.assert_allclose(axes @ axes.transpose(0, 2, 1), np.broadcast_to(np.eye(3), axes.shape), atol=1e-9)
 
 
 def test_thickness_is_the_noise_of_a_surface_and_high_in_a_cloud() -> None:

@@ -27,9 +27,15 @@ def full_observation(seed: int = 0) -> Observation:
     plane = rng.random((6, *CAMERA.shape)).astype(np.float32)
     depth = np.where(plane[2] > 0.3, 1.0 + plane[3], 0.0).astype(np.float32)
     return Observation(
-        CAMERA, picture(seed), confidence=plane[0], background=picture(seed + 1), opaque=plane[1],
-        depth=depth, normals=picture(seed + 2), depth_confidence=plane[4],
-    )  # fmt: skip
+        CAMERA,
+        picture(seed),
+        confidence=plane[0],
+        background=picture(seed + 1),
+        opaque=plane[1],
+        depth=depth,
+        normals=picture(seed + 2),
+        depth_confidence=plane[4],
+    )
 
 
 class Loads:

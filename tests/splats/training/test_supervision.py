@@ -33,9 +33,7 @@ def camera(width: int = 40, height: int = 30) -> Camera:
 def test_the_true_depth_has_no_loss() -> None:
     depth, normals = slanted_plane(camera())
     alpha = np.full(depth.shape, 0.9, np.float32)
-    loss, by_sum, _ = depth_gradients(
-        depth * alpha, alpha, camera(), depth, np.ones_like(depth), normals, BOTH
-    )
+    loss, by_sum, _ = depth_gradients(depth * alpha, alpha, camera(), depth, np.ones_like(depth), normals, BOTH)
     assert loss < 1e-6
     slope_only = dataclasses.replace(BOTH, depth_weight=0.0)
     loss, by_sum, _ = depth_gradients(
@@ -73,9 +71,7 @@ def test_unknown_depth_and_what_is_not_covered_teach_nothing() -> None:
     alpha[:10] = 0.2
     depth[20:] = 0.0
     weight = (depth > 0.0).astype(np.float32)
-    _, by_sum, by_alpha = depth_gradients(
-        1.1 * np.ones_like(depth), alpha, camera(), depth, weight, normals, BOTH
-    )
+    _, by_sum, by_alpha = depth_gradients(1.1 * np.ones_like(depth), alpha, camera(), depth, weight, normals, BOTH)
     assert not by_sum[:10].any() and not by_alpha[:10].any()
     assert not by_sum[21:].any()
     assert by_sum[12:18].any()
@@ -102,9 +98,7 @@ def test_training_with_depth_puts_the_surface_where_it_is() -> None:
 
 
 def test_random_scenes_give_finite_gradients() -> None:
-    lens = Camera(
-        45, 35, 40.0, 40.0, 22.0, 17.0, look_at([0.1, -0.2, -1.0], [0.0, 0.0, 2.0], up=(0.0, -1.0, 0.0))
-    )
+    lens = Camera(45, 35, 40.0, 40.0, 22.0, 17.0, look_at([0.1, -0.2, -1.0], [0.0, 0.0, 2.0], up=(0.0, -1.0, 0.0)))
     image = render(random_asset(np.random.default_rng(0)), lens)
     depth = np.full(lens.shape, 2.0, np.float32)
     normals = np.zeros((*lens.shape, 3), np.float32)

@@ -279,9 +279,7 @@ def test_the_regularised_training_is_the_same_for_any_number_of_threads(with_thr
 def test_depth_that_no_loss_asks_for_changes_nothing_and_is_not_prepared() -> None:
     _, start, views = scene()
     deep = [dataclasses.replace(v, depth=np.full(v.camera.shape, 2.0, np.float32)) for v in views]
-    without, with_depth = (
-        train(start, seen, 20, SETTINGS, np.random.default_rng(0)) for seen in (views, deep)
-    )
+    without, with_depth = (train(start, seen, 20, SETTINGS, np.random.default_rng(0)) for seen in (views, deep))
     assert same_bits(without, with_depth)
     small, large = (Targets(deep, 1 << 20, with_geometry=g).get(0, Lattice(2)) for g in (False, True))
     assert small.depth is None and small.depth_weight is None and large.depth.shape == small.camera.shape

@@ -34,12 +34,7 @@ def test_pictures_show_the_asset_of_now_and_change_nothing():
     small = Observation(camera.scaled(0.1), np.zeros((48, 64, 3), np.float32))
     gallery = Gallery()
     watched = train(
-        asset,
-        [view],
-        5,
-        SETTINGS,
-        np.random.default_rng(1),
-        watch=shown_from([view, small], "Training", gallery),
+        asset, [view], 5, SETTINGS, np.random.default_rng(1), watch=shown_from([view, small], "Training", gallery)
     )
     alone = train(asset, [view], 5, SETTINGS, np.random.default_rng(1))
     for name in ("means", "log_scales", "quaternions", "logit_opacities", "sh"):

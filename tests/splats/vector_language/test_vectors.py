@@ -86,16 +86,40 @@ def test_arithmetic_of_vectors_scalars_and_numbers() -> None:
     def write(code: Code, x: Value, y: Value) -> list[Value]:
         first = y.lane(0)
         return [
-            x + y, x - y, x * y, x / y, -x, 2.0 + x, 2.0 - x, 2.0 / x, x * first, first - x,
-            code.fma(x, y, 1.0), code.fma(x, first, y), code.with_lane(x, 5, first), code.spread(first),
-        ]  # fmt: skip
+            x + y,
+            x - y,
+            x * y,
+            x / y,
+            -x,
+            2.0 + x,
+            2.0 - x,
+            2.0 / x,
+            x * first,
+            first - x,
+            code.fma(x, y, 1.0),
+            code.fma(x, first, y),
+            code.with_lane(x, 5, first),
+            code.spread(first),
+        ]
 
     found = compiled(write, 2)(np.stack([a, b]))
     replaced = np.where(LANE == 5, b[0], a)
     expected = [
-        a + b, a - b, a * b, a / b, -a, 2 + a, 2 - a, 2 / a, a * b[0], b[0] - a,
-        a * b + 1, a * b[0] + b, replaced, np.full(LANES, b[0]),
-    ]  # fmt: skip
+        a + b,
+        a - b,
+        a * b,
+        a / b,
+        -a,
+        2 + a,
+        2 - a,
+        2 / a,
+        a * b[0],
+        b[0] - a,
+        a * b + 1,
+        a * b[0] + b,
+        replaced,
+        np.full(LANES, b[0]),
+    ]
     np.testing.assert_allclose(found, expected, rtol=5e-7)
 
 
@@ -105,15 +129,31 @@ def test_integers_shift_divide_and_become_floats() -> None:
     def write(code: Code) -> list[Value]:
         x = code.integers(numbers)
         return [
-            x + 5, 5 - x, x * 3, x / 7, x >> 2, code.integers(1) << code.integers(LANE), x & 255, x | 1,
-            code.to_integers(code.vector(numbers * 0.3)), code.select(x > 0, x, code.integers(-1)),
-        ]  # fmt: skip
+            x + 5,
+            5 - x,
+            x * 3,
+            x / 7,
+            x >> 2,
+            code.integers(1) << code.integers(LANE),
+            x & 255,
+            x | 1,
+            code.to_integers(code.vector(numbers * 0.3)),
+            code.select(x > 0, x, code.integers(-1)),
+        ]
 
     found = as_int32(compiled(write, 0)(np.zeros((0, LANES))))
     expected = [
-        numbers + 5, 5 - numbers, numbers * 3, np.trunc(numbers / 7), numbers >> 2, 1 << LANE, numbers & 255,
-        numbers | 1, np.trunc(numbers * 0.3), np.where(numbers > 0, numbers, -1),
-    ]  # fmt: skip
+        numbers + 5,
+        5 - numbers,
+        numbers * 3,
+        np.trunc(numbers / 7),
+        numbers >> 2,
+        1 << LANE,
+        numbers & 255,
+        numbers | 1,
+        np.trunc(numbers * 0.3),
+        np.where(numbers > 0, numbers, -1),
+    ]
     np.testing.assert_array_equal(found, np.array(expected, np.int64))
     as_floats = compiled(lambda code: [code.to_floats(code.integers(numbers))], 0)(np.zeros((0, LANES)))
     np.testing.assert_array_equal(as_floats[0], numbers)

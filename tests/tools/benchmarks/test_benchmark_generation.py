@@ -17,9 +17,7 @@ from r2sego_blender.refine.steps import Steps
 from tools.benchmarks.figures import write_figures
 from tools.benchmarks.generation import bench_generation, lines
 
-TINY = {
-    "stereo.max_side_px": 160, "proxy.voxel_m": 0.05, "proxy.truncation_m": 0.12, "generation.clip_frames": 4,
-}  # fmt: skip
+TINY = {"stereo.max_side_px": 160, "proxy.voxel_m": 0.05, "proxy.truncation_m": 0.12, "generation.clip_frames": 4}
 
 
 @pytest.fixture(scope="module")

@@ -23,14 +23,30 @@ from tools.benchmarks.geometry import _stereo_scores, bench_geometry, lines
 
 ROOT = Path(__file__).parents[3]
 SECONDS = (
-    "creation", "stereo", "initial_asset", "observed", "planes", "completion", "backdrop", "priors",
-    "composition", "refresh", "proxy",
-)  # fmt: skip
+    "creation",
+    "stereo",
+    "initial_asset",
+    "observed",
+    "planes",
+    "completion",
+    "backdrop",
+    "priors",
+    "composition",
+    "refresh",
+    "proxy",
+)
 SHARES = (
-    "stereo_coverage", "stereo_accuracy", "stereo_view1_coverage", "stereo_view1_accuracy",
-    "noisy_stereo_coverage", "noisy_stereo_accuracy", "noisy_stereo_view2_coverage",
-    "proxy_fscore", "proxy_precision", "proxy_recall",
-)  # fmt: skip
+    "stereo_coverage",
+    "stereo_accuracy",
+    "stereo_view1_coverage",
+    "stereo_view1_accuracy",
+    "noisy_stereo_coverage",
+    "noisy_stereo_accuracy",
+    "noisy_stereo_view2_coverage",
+    "proxy_fscore",
+    "proxy_precision",
+    "proxy_recall",
+)
 
 
 @pytest.fixture(scope="module")
@@ -95,8 +111,10 @@ def test_depth_of_a_rig_is_scored_too(tmp_path):
         save_image(tmp_path / f"{k}.png", np.full((24, 32, 3), 0.5, np.float32))
     names = ["cam0/0000.png", "cam1/0000.png"]
     captures = [Capture(name, tmp_path / f"{k}.png", camera) for k, name in enumerate(names)]
-    true = [TrueView(name, camera, np.full(camera.shape, 2.0 + k, np.float32), np.zeros(camera.shape, int))
-            for k, name in enumerate(names)]  # fmt: skip
+    true = [
+        TrueView(name, camera, np.full(camera.shape, 2.0 + k, np.float32), np.zeros(camera.shape, int))
+        for k, name in enumerate(names)
+    ]
     nothing = np.zeros((0, 3))
     truth = GroundTruth(tuple(true), nothing, nothing, nothing[:, 0], ())
 
@@ -105,9 +123,12 @@ def test_depth_of_a_rig_is_scored_too(tmp_path):
         (folder / DEPTH).mkdir(parents=True)
         for view, file in zip(true, capture_files(names), strict=True):
             found = DepthMap(
-                view.depth, np.zeros((*camera.shape, 3), np.float32), np.zeros(camera.shape, np.float32),
-                np.full(camera.shape, 2, np.uint8), camera,
-            )  # fmt: skip
+                view.depth,
+                np.zeros((*camera.shape, 3), np.float32),
+                np.zeros(camera.shape, np.float32),
+                np.full(camera.shape, 2, np.uint8),
+                camera,
+            )
             found.save(folder / DEPTH / file)
 
     scores = _stereo_scores(new_bundle(tmp_path / "rig.r2s", fill), truth)

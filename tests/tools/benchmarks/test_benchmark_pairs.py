@@ -43,12 +43,7 @@ def brute_force(asset: SplatAsset, camera: Camera) -> tuple[int, int]:
             continue
         axes = Rotation.from_quat(np.roll(asset.quaternions[i], -1)).as_matrix() * np.exp(asset.log_scales[i])
         slopes = [np.clip(p[i] / z[i], *bound) for p, bound in zip((x, y), bounds, strict=True)]
-        jacobian = np.array(
-            [
-                [camera.fx, 0, -camera.fx * slopes[0]],
-                [0, camera.fy, -camera.fy * slopes[1]],
-            ]
-        )
+        jacobian = np.array([[camera.fx, 0, -camera.fx * slopes[0]], [0, camera.fy, -camera.fy * slopes[1]]])
         screen = jacobian / z[i] @ transform[:3, :3] @ axes
         conic = np.linalg.inv(screen @ screen.T + 0.3 * np.eye(2))
         d = np.stack([u - camera.fx * x[i] / z[i] - camera.cx, v - camera.fy * y[i] / z[i] - camera.cy])

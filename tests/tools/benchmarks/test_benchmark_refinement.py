@@ -17,12 +17,21 @@ from tools.benchmarks.figures import write_figures
 from tools.benchmarks.refinement import bench_refinement, lines
 
 TINY = {
-    "rounds": 2, "stereo.max_side_px": 120, "proxy.voxel_m": 0.06, "proxy.truncation_m": 0.15,
-    "collision.tolerance_m": 0.1, "rollouts.successes": 2, "selection.candidates": "flight",
-    "selection.target_views": 2, "selection.scoring_scale": 0.25, "generation.clip_frames": 2,
-    "generation.max_replacements": 1, "training.steps_per_round": 30, "training.max_gaussians": 6000,
+    "rounds": 2,
+    "stereo.max_side_px": 120,
+    "proxy.voxel_m": 0.06,
+    "proxy.truncation_m": 0.15,
+    "collision.tolerance_m": 0.1,
+    "rollouts.successes": 2,
+    "selection.candidates": "flight",
+    "selection.target_views": 2,
+    "selection.scoring_scale": 0.25,
+    "generation.clip_frames": 2,
+    "generation.max_replacements": 1,
+    "training.steps_per_round": 30,
+    "training.max_gaussians": 6000,
     "training.sh_degree": 0,
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")

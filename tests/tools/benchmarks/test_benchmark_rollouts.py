@@ -55,25 +55,55 @@ def test_figures_are_the_extremes_of_the_successes():
     def rollout(success, **quality):
         poses = np.tile(np.eye(4), (5 if success else 2, 1, 1))
         return Rollout(
-            success, "" if success else "fall", 0, np.zeros((len(poses), 7)), np.arange(len(poses)) / 5.0,
-            poses, (0, 0), behaviour="sit_on", controller="reference motions", quality=Quality(**quality),
-        )  # fmt: skip
+            success,
+            "" if success else "fall",
+            0,
+            np.zeros((len(poses), 7)),
+            np.arange(len(poses)) / 5.0,
+            poses,
+            (0, 0),
+            behaviour="sit_on",
+            controller="reference motions",
+            quality=Quality(**quality),
+        )
 
     figures = bench.quality_figures(
         [
-            rollout(True, foot_slide_m=0.01, penetration_m=0.004, seated_s=4.0, assist_n=10.0,
-                    camera_height_m=(1.0, 1.2), camera_pitch_deg=(20.0, 45.0)),
+            rollout(
+                True,
+                foot_slide_m=0.01,
+                penetration_m=0.004,
+                seated_s=4.0,
+                assist_n=10.0,
+                camera_height_m=(1.0, 1.2),
+                camera_pitch_deg=(20.0, 45.0),
+            ),
             rollout(False, foot_slide_m=0.5, penetration_m=0.3, camera_height_m=(0.1, 3.0)),
-            rollout(True, foot_slide_m=0.02, penetration_m=0.001, seated_s=3.5, assist_n=20.0,
-                    camera_height_m=(1.1, 1.3), camera_pitch_deg=(25.0, 50.0)),
+            rollout(
+                True,
+                foot_slide_m=0.02,
+                penetration_m=0.001,
+                seated_s=3.5,
+                assist_n=20.0,
+                camera_height_m=(1.1, 1.3),
+                camera_pitch_deg=(25.0, 50.0),
+            ),
         ]
-    )  # fmt: skip
+    )
     assert figures == {
-        "controller": "reference motions", "attempts": 3, "succeeded": 2, "failures": {"fall": 1},
-        "behaviours": {"sit_on": 2}, "candidates": 10, "camera_height_m": [1.0, 1.3],
-        "camera_pitch_deg": [20.0, 50.0], "foot_slide_m": 0.02, "penetration_m": 0.004, "seated_s": 3.5,
+        "controller": "reference motions",
+        "attempts": 3,
+        "succeeded": 2,
+        "failures": {"fall": 1},
+        "behaviours": {"sit_on": 2},
+        "candidates": 10,
+        "camera_height_m": [1.0, 1.3],
+        "camera_pitch_deg": [20.0, 50.0],
+        "foot_slide_m": 0.02,
+        "penetration_m": 0.004,
+        "seated_s": 3.5,
         "assist_n": 15.0,
-    }  # fmt: skip
+    }
 
 
 def test_a_bundle_that_was_not_refined_is_told(tmp_path):

@@ -17,12 +17,31 @@ from tools.benchmarks.splats import Rates, bench_splats, floor_ms, lines
 from tools.benchmarks.workloads import made_up_room
 
 POSITIVE = (
-    "forward_cpu_ms", "step_cpu_ms", "loss_cpu_ms", "backward_cpu_ms", "floor_cpu_ms", "peak_rss_mb",
-    "pairs_per_s", "gaussians", "visible", "contributing", "pairs", "threads", "repeats", "views",
-    "forward_wall_ms", "step_wall_ms", "loss_wall_ms", "forward_cpu_ms_min", "step_cpu_ms_min",
+    "forward_cpu_ms",
+    "step_cpu_ms",
+    "loss_cpu_ms",
+    "backward_cpu_ms",
+    "floor_cpu_ms",
+    "peak_rss_mb",
+    "pairs_per_s",
+    "gaussians",
+    "visible",
+    "contributing",
+    "pairs",
+    "threads",
+    "repeats",
+    "views",
+    "forward_wall_ms",
+    "step_wall_ms",
+    "loss_wall_ms",
+    "forward_cpu_ms_min",
+    "step_cpu_ms_min",
     "loss_cpu_ms_min",
-    "step_wall_ms_min", "fma_rate_per_s", "bandwidth_bytes_per_s", "step_over_floor",
-)  # fmt: skip
+    "step_wall_ms_min",
+    "fma_rate_per_s",
+    "bandwidth_bytes_per_s",
+    "step_over_floor",
+)
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +60,7 @@ def test_the_least_is_not_above_the_median_and_parts_make_the_step(figures):
         assert figures[f"{part}_cpu_ms_min"] <= figures[f"{part}_cpu_ms"]
     assert figures["step_cpu_ms_min"] >= sum(
         figures[f"{part}_cpu_ms_min"] for part in ("forward", "loss", "backward")
-    ) * (1 - 1e-9)  # fmt: skip
+    ) * (1 - 1e-9)
 
 
 def test_figures_can_be_written_and_read_by_a_person(figures, tmp_path):

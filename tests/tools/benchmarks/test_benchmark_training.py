@@ -34,9 +34,7 @@ def photographs(tmp_path: Path) -> Path:
 
 
 def test_both_runs_are_told_step_by_step(photographs: Path) -> None:
-    figures = bench_training(
-        photographs, points=photographs / "points.ply", hold_out=3, gaussians=1000, steps=60
-    )
+    figures = bench_training(photographs, points=photographs / "points.ply", hold_out=3, gaussians=1000, steps=60)
     assert (figures["images"], figures["held_out"]) == (4, 2)
     plain, usual = figures["plain"], figures["usual"]
     assert plain["gaussians"] == 1000

@@ -17,9 +17,7 @@ def test_a_size_is_width_by_height():
     assert parse_size("640x480") == (640, 480) == parse_size("640X480")
 
 
-@pytest.mark.parametrize(
-    "text", ["640", "640x", "x", "0x480", "-3x4", "6.5x3", "640x480x3", "²x4", "99999x9"]
-)
+@pytest.mark.parametrize("text", ["640", "640x", "x", "0x480", "-3x4", "6.5x3", "640x480x3", "²x4", "99999x9"])
 def test_what_is_no_size_is_said(text):
     with pytest.raises(SettingsError, match="640x480"):
         parse_size(text)

@@ -14,13 +14,7 @@ from r2sego_blender.core.errors import EvaluationError
 from r2sego_blender.evaluation.ground_truth import GroundTruth, TrueView
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 from tools.benchmarks import geometry_scores
-from tools.benchmarks.geometry_scores import (
-    Surface,
-    alignment_score,
-    chamfer_distance_m,
-    depth_score,
-    surface_score,
-)
+from tools.benchmarks.geometry_scores import Surface, alignment_score, chamfer_distance_m, depth_score, surface_score
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -170,9 +164,7 @@ def test_half_a_surface_loses_recall_and_a_false_one_precision(truth):
     assert half.precision == 1.0
     assert half.recall == pytest.approx(1.05 / 2.0, abs=0.02)  # 5 cm beyond its rim count too
     assert half.fscore == pytest.approx(2 * half.recall / (1 + half.recall))
-    false = trimesh.util.concatenate(
-        [trimesh.Trimesh(*plate(2.0, 1.0)), trimesh.Trimesh(*plate(2.0, 0.5, 0.5))]
-    )
+    false = trimesh.util.concatenate([trimesh.Trimesh(*plate(2.0, 1.0)), trimesh.Trimesh(*plate(2.0, 0.5, 0.5))])
     score = surface_score(false.vertices, false.faces, truth, rng())
     assert score.recall == 1.0
     assert score.precision == pytest.approx(2 / 3, abs=0.01)

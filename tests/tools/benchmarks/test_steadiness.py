@@ -10,8 +10,7 @@ from tools.benchmarks.steadiness import flow_differences
 def clip(frames: int = 4):
     """Views of a wall at y = 2 whose colour is linear in x and z, so bilinear reading is exact."""
     cameras = [
-        Camera(80, 60, 60.0, 60.0, 40.0, 30.0, look_at((0.1 * t, 0.0, 1.0), (0.1 * t, 1.0, 1.0)))
-        for t in range(frames)
+        Camera(80, 60, 60.0, 60.0, 40.0, 30.0, look_at((0.1 * t, 0.0, 1.0), (0.1 * t, 1.0, 1.0))) for t in range(frames)
     ]
     depths = [np.full((60, 80), 2.0, np.float32)] * frames
     images = []

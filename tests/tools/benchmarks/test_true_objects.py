@@ -12,13 +12,7 @@ from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.evaluation.ground_truth import GroundTruth, TrueView
 from r2sego_blender.geometry.objects.shapes import Shape, load_shape, mesh_files
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
-from tools.benchmarks.true_objects import (
-    TrueObject,
-    rough_masks,
-    symmetries,
-    true_objects,
-    write_library,
-)
+from tools.benchmarks.true_objects import TrueObject, rough_masks, symmetries, true_objects, write_library
 
 CHAIR = (
     ((-0.2, -0.2, 0.4), (0.2, 0.2, 0.45)),
@@ -75,9 +69,7 @@ def test_what_stands_on_the_floor_gets_a_frame_of_its_own(objects):
     for one in objects:
         mesh = things()[one.name]
         world = one.vertices @ one.world_from_own[:3, :3].T + one.world_from_own[:3, 3]
-        corners = [
-            np.sort(v[f].reshape(-1, 9), axis=0) for v, f in ((world, one.faces), (mesh.vertices, mesh.faces))
-        ]
+        corners = [np.sort(v[f].reshape(-1, 9), axis=0) for v, f in ((world, one.faces), (mesh.vertices, mesh.faces))]
         np.testing.assert_allclose(*corners, atol=1e-9)
         scale = np.cbrt(np.linalg.det(one.world_from_own[:3, :3]))
         assert 0.3 < scale < 3.4
@@ -103,9 +95,7 @@ def test_twins_are_found_and_strangers_are_not(objects):
     assert bent.pose_of(chair) is None
 
 
-@pytest.mark.parametrize(
-    ("size", "count"), [((1.0, 0.6, 0.3), 4), ((1.0, 0.5, 0.5), 8), ((1.0, 1.0, 1.0), 24)]
-)
+@pytest.mark.parametrize(("size", "count"), [((1.0, 0.6, 0.3), 4), ((1.0, 0.5, 0.5), 8), ((1.0, 1.0, 1.0), 24)])
 def test_symmetries_of_boxes(size, count):
     box = trimesh.creation.box(size)
     turn = trimesh.transformations.random_rotation_matrix(np.random.default_rng(3).random(3))
@@ -147,9 +137,7 @@ def test_masks_are_the_outlines_a_pixel_wider_or_narrower(truth, objects):
             wide, narrow = cv2.dilate(outline, square) > 0, cv2.erode(outline, square) > 0
             mask = one.masks[view.name]
             assert outline.sum() > 50 and (mask != (outline > 0)).any()
-            kinds.add(
-                "wide" if np.array_equal(mask, wide) else "narrow" if np.array_equal(mask, narrow) else "else"
-            )
+            kinds.add("wide" if np.array_equal(mask, wide) else "narrow" if np.array_equal(mask, narrow) else "else")
     assert kinds == {"wide", "narrow"}
 
 
@@ -166,7 +154,5 @@ def test_the_library_holds_the_objects_among_wrong_meshes(tmp_path, objects):
     assert names == ["chair", "chair_2", *wrong, "table"]
     kept = load_shape(tmp_path / "library" / "table.ply")
     np.testing.assert_allclose(kept.vertices, objects[2].vertices, atol=1e-5)
-    fewer = write_library(
-        tmp_path / "fewer", objects[:1], tmp_path / "other.glb", 1, np.random.default_rng(0)
-    )
+    fewer = write_library(tmp_path / "fewer", objects[:1], tmp_path / "other.glb", 1, np.random.default_rng(0))
     assert len(fewer) == 1 and len(mesh_files(tmp_path / "fewer")) == 2

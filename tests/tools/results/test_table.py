@@ -69,9 +69,21 @@ def test_a_scene_without_scores_is_named(tmp_path, made):
     scene = tmp_path / "room.r2s"
     if made:
         subprocess.run(
-            [sys.executable, "-m", "r2sego_blender", "new", scene, "--captures", ROOT / "demo/room/captures",
-             "--poses", ROOT / "demo/room/cameras.json"], cwd=ROOT, check=True, capture_output=True,
-        )  # fmt: skip
+            [
+                sys.executable,
+                "-m",
+                "r2sego_blender",
+                "new",
+                scene,
+                "--captures",
+                ROOT / "demo/room/captures",
+                "--poses",
+                ROOT / "demo/room/cameras.json",
+            ],
+            cwd=ROOT,
+            check=True,
+            capture_output=True,
+        )
     done = run(scene)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
@@ -84,9 +96,7 @@ def test_the_table_is_printed_and_nothing_written(readme, evaluated, capsys):
     evaluated("room_a")
     assert readme.read_bytes() == before
     printed = capsys.readouterr().out
-    assert (
-        "| room_a | 6 | 2 | 20.00 / 0.500 |" in printed and "| `--preset preview --set rounds=1` |" in printed
-    )
+    assert "| room_a | 6 | 2 | 20.00 / 0.500 |" in printed and "| `--preset preview --set rounds=1` |" in printed
     assert "| desk | old |" in printed and "Before" not in printed
 
 

@@ -100,11 +100,7 @@ def test_an_empty_proxy_is_available_nowhere():
 
 @pytest.mark.parametrize(
     ("vertices", "faces"),
-    [
-        ([[0, 0, np.nan], [1, 0, 1], [0, 1, 1]], [[0, 1, 2]]),
-        (np.eye(3), [[0, 1, 3]]),
-        (np.eye(3), [[0, 1, -1]]),
-    ],
+    [([[0, 0, np.nan], [1, 0, 1], [0, 1, 1]], [[0, 1, 2]]), (np.eye(3), [[0, 1, 3]]), (np.eye(3), [[0, 1, -1]])],
 )
 def test_meshes_that_cannot_be_drawn_are_refused(vertices, faces):
     with pytest.raises(GeometryError, match="proxy"):

@@ -58,9 +58,7 @@ def test_the_deficit_is_the_share_of_pixels_below_the_threshold(views, threshold
 def test_fewer_pixels_are_a_sample_of_the_full_image(views):
     """At a third, the dilation a ninth, a pixel's alpha is that of the middle of the nine."""
     asset, _, _ = views
-    small = [
-        camera.scaled(1.0 / 3.0) for camera in random_cameras(np.random.default_rng(1), 3, LENS.scaled(3))
-    ]
+    small = [camera.scaled(1.0 / 3.0) for camera in random_cameras(np.random.default_rng(1), 3, LENS.scaled(3))]
     large = [camera.scaled(3.0) for camera in small]
     renderer = AlphaRenderer(asset)
     sampled = renderer.alphas(small, DILATION_PX2 / 9.0)

@@ -24,8 +24,7 @@ def read(keyframes: Path, folder: Path, settings: CaptureSettings, progress: Pro
 
 def _holds_cameras(keyframes: Path) -> bool:
     return any(
-        all((keyframes / f"{kind}{name}").is_dir() for name in ("cameras", "images"))
-        for kind in ("corrected_", "")
+        all((keyframes / f"{kind}{name}").is_dir() for name in ("cameras", "images")) for kind in ("corrected_", "")
     )
 
 
