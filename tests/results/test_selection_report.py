@@ -12,7 +12,7 @@ from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import GenerationError
 from r2sego_blender.results.selection_report import describe_selection, lines
 from r2sego_blender.views.references import with_references
-from r2sego_blender.views.selection import select_targets
+from r2sego_blender.views.selection import save_candidates, select_targets
 
 LENS = Camera(64, 48, 40.0, 40.0, 32.0, 24.0, np.eye(4))
 NAMES = ("door", "sofa", "window")
@@ -50,6 +50,7 @@ def scene(tmp_path) -> Scene:
     wall = lambda camera: np.full(camera.shape, 3.0, np.float32)  # noqa: E731
     captures = [turned(x) for x in (-1.0, 0.0, 1.0)]
     with_references(selection, cameras, captures, wall, settings, 2).save(scene.path / "rounds/0/selection")
+    save_candidates(scene.path / "rounds/0/selection", cameras)
     return scene
 
 
