@@ -1,20 +1,15 @@
-"""Lets every test import this folder's helpers, choose numba's threads, and take its time."""
+"""Lets every test choose numba's threads, and take its time."""
 
 import signal
-import sys
 import tempfile
-from pathlib import Path
 
+import dead_workers
+import own_process
 import pytest
 from hypothesis import settings
 
 settings.register_profile("busy machines", deadline=None)
 settings.load_profile("busy machines")
-
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent / "fakes")]
-
-import dead_workers  # noqa: E402  # found beside this file
-import own_process  # noqa: E402
 
 if hasattr(signal, "SIGHUP"):  # tests under nohup would hand on to their commands that it means nothing
     signal.signal(signal.SIGHUP, signal.SIG_DFL)

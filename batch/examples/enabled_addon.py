@@ -1,4 +1,4 @@
-"""What the example scripts share: the add-on's operators, installed or straight from this checkout."""
+"""What the example scripts share: this checkout on the path, and the operators, installed or of it."""
 
 import contextlib
 import importlib.util
@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from r2sego_blender.core.errors import SceneError
 

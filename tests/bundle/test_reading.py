@@ -4,13 +4,12 @@ import json
 import threading
 import time
 
-import numpy as np
 import pytest
+from bundles import new_bundle
+from expected_errors import refused
 
 from r2sego_blender.bundle import damage
-from r2sego_blender.bundle.creating import create_bundle
 from r2sego_blender.bundle.damage import damaged_results
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.journal import Journal
 from r2sego_blender.bundle.layout import REFINED_ASSET
 from r2sego_blender.bundle.reading import read_beside_jobs
@@ -22,8 +21,6 @@ from r2sego_blender.core.errors import SceneError
 from r2sego_blender.results.plan import describe_plan
 from r2sego_blender.results.status import describe, lines
 
-IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
-
 
 def fill(folder):
     (folder / "captures").mkdir(exist_ok=True)
@@ -32,7 +29,7 @@ def fill(folder):
 
 @pytest.fixture
 def scene(tmp_path) -> Scene:
-    return create_bundle(tmp_path / "room.r2s", Declaration("photos", IDENTITY, "floor", "metric"), fill)
+    return new_bundle(tmp_path / "room.r2s", fill)
 
 
 def status(scene):
@@ -68,7 +65,7 @@ def test_a_correction_that_was_cut_off_halfway_is_told(scene, monkeypatch):
     assert told["half_corrected"] and not told["refined"] and told["ground"] == "floor"
     assert "a correction was cut off before all of it was in its place; refine" in "\n".join(lines(told))
     assert describe_plan([], half_corrected=True)["line"].startswith("A correction was cut off")
-    with pytest.raises(SceneError, match="is finished now"), scene.locked():
+    with refused(SceneError, scene.path, "finished now"), scene.locked():
         pass
     told = status(scene)
     assert not told["half_corrected"] and told["ground"] == "corrected"
@@ -77,7 +74,7 @@ def test_a_correction_that_was_cut_off_halfway_is_told(scene, monkeypatch):
 def test_captures_put_aside_by_a_correction_that_was_cut_off_are_not_called_damaged(scene, monkeypatch):
     correct(scene, monkeypatch, killed_at=2)
     assert not scene.captures_folder.exists()
-    with pytest.raises(SceneError, match=r"a correction was cut off .* Run `r2sego refine`, which finishes"):
+    with refused(SceneError, scene.path, "correction", cure="`r2sego refine`, which finishes it"):
         status(scene)
 
 
@@ -107,7 +104,7 @@ def test_what_is_damaged_for_good_is_told_at_once(scene):
         reads.append(opened)
         return describe(opened)
 
-    with pytest.raises(SceneError, match="the list of captures is damaged"):
+    with refused(SceneError, "captures/cameras.json", "damaged", cure="`r2sego new`"):
         read_beside_jobs(scene.path, read)
     assert len(reads) == 2
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from expected_errors import refused
 
 from r2sego_blender.captures.frame.scale import Scale
 from r2sego_blender.captures.frame.world_frame import register
@@ -68,17 +69,17 @@ def test_poses_that_contradict_the_photographs_are_told_from_no_overlap(room_cap
     opengl = [
         replace(c, camera=c.camera.at(c.camera.world_from_camera @ np.diag([1.0, -1, -1, 1]))) for c in room_captures
     ]
-    with pytest.raises(CaptureError, match=r"contradict|axis convention"):
+    with refused(CaptureError, "camera poses", cure="axis convention"):
         triangulate(opengl, SETTINGS)
     swapped = [replace(room_captures[i], camera=room_captures[j].camera) for i, j in ((0, 4), (2, 1), (4, 2))]
-    with pytest.raises(CaptureError, match=r"contradict|axis convention"):
+    with refused(CaptureError, "camera poses", cure="axis convention"):
         triangulate(swapped, SETTINGS)
     strangers = []
     for index, capture in enumerate(room_captures[:3]):
         path = tmp_path / f"{index}.png"
         save_image(path, rng.random((150, 200, 3)).astype(np.float32))
         strangers.append(replace(capture, image_path=path))
-    with pytest.raises(CaptureError, match="no two photographs share"):
+    with refused(CaptureError, "captures", cure="overlap by half"):
         triangulate(strangers, SETTINGS)
 
 
@@ -126,22 +127,22 @@ def test_captures_are_stored_and_loaded(sparse, room_captures, tmp_path):
 def test_damaged_stores_are_named(room_captures, tmp_path):
     save_captures(tmp_path, room_captures[:3])
     (tmp_path / "images" / "photo1.png").unlink()
-    with pytest.raises(CaptureError, match=r"photo1\.png"):
+    with refused(CaptureError, "images/photo1.png", cure="`r2sego new`"):
         load_captures(tmp_path)
     (tmp_path / "cameras.json").write_text('{"captures": [{"file": 3}]}')
-    with pytest.raises(CaptureError, match=r"captures\[0\]"):
+    with refused(CaptureError, "cameras.json, captures[0]", cure="`r2sego new`"):
         load_captures(tmp_path)
     (tmp_path / "cameras.json").write_text('{"captures": []}')
-    with pytest.raises(CaptureError, match=r"cameras\.json: 'captures' is an empty list\. Make the scene"):
+    with refused(CaptureError, "cameras.json", "'captures'", cure="`r2sego new`"):
         load_captures(tmp_path)
     (tmp_path / "sparse.npz").write_bytes(b"PK")
-    with pytest.raises(CaptureError, match="no sparse points"):
+    with refused(CaptureError, "sparse.npz", cure="`r2sego new`"):
         SparsePoints.load(tmp_path / "sparse.npz")
     short = np.zeros((1, 3), np.uint8)
     pixels = np.ones((2, 3, 2))
     points = SparsePoints(np.zeros((2, 3)), short, np.ones((2, 3), bool), np.ones(2), pixels)
     points.save(tmp_path / "sparse.npz")
-    with pytest.raises(CaptureError, match="no sparse points"):
+    with refused(CaptureError, "sparse.npz", cure="`r2sego new`"):
         SparsePoints.load(tmp_path / "sparse.npz")
 
 
@@ -174,10 +175,10 @@ def test_photographs_are_located_by_matches_as_clear_as_is_set(sparse, room_capt
 
 
 def test_photographs_that_cannot_be_located_are_refused(sparse, room_captures, tmp_path):
-    with pytest.raises(CaptureError, match="no photographs"):
+    with refused(CaptureError, tmp_path, "no photographs"):
         locate_views(tmp_path, room_captures, sparse, SETTINGS)
     save_image(tmp_path / "tall.png", np.zeros((200, 100, 3), np.float32))
-    with pytest.raises(CaptureError, match="100x200, a shape that no capture has"):
+    with refused(CaptureError, "tall.png", "100x200"):
         locate_views(tmp_path, room_captures, sparse, SETTINGS)
 
 

@@ -11,10 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bundles import new_bundle
 from click.testing import CliRunner
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.frame.world_frame import ASSUMED_CAMERA_HEIGHT_M
 from r2sego_blender.commands import bench as bench_commands
@@ -29,7 +28,6 @@ from r2sego_blender.robot.scope.scope import shipped_scopes
 
 ROOT = Path(__file__).parents[2]
 ROOM = ROOT / "demo" / "room"
-IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 
 
 def r2sego(*arguments: object, **variables: str) -> subprocess.CompletedProcess:
@@ -58,8 +56,7 @@ def noise(path: Path, seed: int) -> None:
 
 
 def bundle(folder: Path) -> Scene:
-    declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
-    return create_bundle(folder / "room.r2s", declaration, lambda f: (f / "captures").mkdir())
+    return new_bundle(folder / "room.r2s")
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bundles import IDENTITY, new_bundle
 from click.testing import CliRunner
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.runner import Plan, Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.capture import Capture
@@ -29,7 +28,6 @@ from r2sego_blender.results.coverage_report import measure_coverage
 from r2sego_blender.results.plan import describe_plan, plan_refinement
 from r2sego_blender.views.selection import save_candidates
 
-IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
 LENS = Camera(64, 48, 80.0, 80.0, 32.0, 24.0, np.eye(4))
 
 
@@ -58,7 +56,7 @@ def scene(tmp_path) -> Scene:
         save_candidates(folder / "rounds/0/selection", [LENS.at(pose) for pose in (ahead, ahead, away)])
         (folder / "rounds/0/selection/selection.npz").write_bytes(b"")
 
-    return create_bundle(tmp_path / "room.r2s", Declaration("photos", IDENTITY, "floor", "metric"), fill)
+    return new_bundle(tmp_path / "room.r2s", fill)
 
 
 @pytest.fixture
@@ -197,8 +195,7 @@ def demo(tmp_path):
         (folder / "captures").mkdir()
         save_captures(folder / "captures", captures)
 
-    declared = Declaration("photos", IDENTITY, "floor", "metric", overrides={"rounds": 1})
-    made = create_bundle(tmp_path / "demo.r2s", declared, fill)
+    made = new_bundle(tmp_path / "demo.r2s", fill, overrides={"rounds": 1})
 
     class StandIn(Plan):
         def do(self, step):

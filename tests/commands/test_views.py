@@ -4,25 +4,16 @@ import json
 import subprocess
 import sys
 
-import numpy as np
 import pytest
+from bundles import new_bundle
 from click.testing import CliRunner
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.commands.cli import main
 
 
 @pytest.fixture
 def room(tmp_path):
     """A bundle with one round of two views, the second of which the gate rejected."""
-    declaration = Declaration(
-        captures_source="cameras.json",
-        world_from_capture=tuple(map(tuple, np.eye(4).tolist())),
-        ground="floor plane",
-        scale_source="metric poses",
-        overrides={"selection.target_views": 2},
-    )
 
     def fill(folder):
         for rank, accepted in enumerate((True, False)):
@@ -44,7 +35,7 @@ def room(tmp_path):
             }
             (view / "pose.json").write_text(json.dumps(record))
 
-    return create_bundle(tmp_path / "room.r2s", declaration, fill).path
+    return new_bundle(tmp_path / "room.r2s", fill, overrides={"selection.target_views": 2}).path
 
 
 def r2sego(*arguments):

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from expected_errors import refused
 
 from r2sego_blender.config.declared_files import Reader, did_you_mean, parse_toml
 from r2sego_blender.config.fields import Range, fields_of, in_keys, setting
@@ -125,7 +126,7 @@ def test_brackets_and_dots_in_texts_and_comments_nest_nothing():
 
 def test_a_file_without_end_is_read_to_its_bound(tmp_path):
     (tmp_path / "a.toml").write_text("a = 1\n" * 200000)
-    with pytest.raises(RobotError, match=r"a\.toml: this whole is no TOML: it has more than"):
+    with refused(RobotError, "a.toml", "more than 1048576"):
         Reader(tmp_path / "a.toml", "whole", RobotError).tables("See.")
 
 

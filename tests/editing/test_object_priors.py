@@ -9,10 +9,9 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
+from bundles import new_bundle
 from click.testing import CliRunner
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.capture import Capture
@@ -24,8 +23,6 @@ from r2sego_blender.core.images import save_image
 from r2sego_blender.editing.object_priors import declare_objects, describe_objects, lines, move_objects
 from r2sego_blender.geometry.objects.objects import load_objects
 from r2sego_blender.geometry.stereo.observed_geometry import ObservedGeometry
-
-IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
 
 
 @pytest.fixture
@@ -41,7 +38,7 @@ def scene(tmp_path: Path) -> Scene:
         (folder / "captures").mkdir()
         save_captures(folder / "captures", captures)
 
-    return create_bundle(tmp_path / "room.r2s", Declaration("photographs", IDENTITY, "floor", "metric"), fill)
+    return new_bundle(tmp_path / "room.r2s", fill)
 
 
 @pytest.fixture

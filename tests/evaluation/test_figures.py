@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from room_meshes import observed_proxy
 
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.images import load_image
@@ -84,13 +85,7 @@ def test_the_camera_map_marks_captures_and_targets(proxy):
 
 
 def test_an_empty_proxy_has_an_empty_plan():
-    nothing = GeometryProxy(
-        np.zeros((0, 3), np.float32),
-        np.zeros((0, 3), np.int32),
-        np.zeros(0, np.uint8),
-        np.zeros(0, np.uint16),
-        np.zeros(0, np.float32),
-    )
+    nothing = observed_proxy(np.zeros((0, 3)), np.zeros((0, 3)))
     assert np.ptp(top_view(nothing, 120).image, axis=(0, 1)).max() == 0.0
 
 

@@ -7,7 +7,8 @@ import re
 
 import numpy as np
 import pytest
-from small_bundle import FACES, HEIGHT, PHOTOGRAPH, VERTICES, WIDTH, bundle, camera, photographs, proxy_of, splats
+from room_meshes import observed_proxy
+from small_bundle import FACES, HEIGHT, PHOTOGRAPH, VERTICES, WIDTH, bundle, camera, photographs, splats
 
 from r2sego_blender.config.presets import entries
 from r2sego_blender.evaluation.cause_figures import CAUSE_COLOURS, cause_picture, report_causes
@@ -134,7 +135,8 @@ def save_truth(folder, vertices=VERTICES, faces=FACES):
 def split_of(tmp_path, frozen=None, **changes):
     """The split of a bundle whose proxy has a panel that the room lacks, brighter by 0.2 there."""
     vertices, faces = with_panel()
-    scene = bundle(tmp_path, [splats(0.5)] * 2, SplatAsset.empty(), proxy_of(vertices, faces), **changes)
+    proxy = observed_proxy(vertices, faces)
+    scene = bundle(tmp_path, [splats(0.5)] * 2, SplatAsset.empty(), proxy, **changes)
     views = photographs(tmp_path, (-0.1, 0.1), "frozen")
     found, room = MeshRasterizer(vertices, faces), MeshRasterizer(VERTICES, FACES)
     images, depths, panels = [], [], []

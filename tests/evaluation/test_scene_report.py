@@ -4,10 +4,9 @@ import json
 
 import numpy as np
 import pytest
+from bundles import new_bundle
 from small_bundle import bundle, camera
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.captures.store import load_captures
 from r2sego_blender.config.settings import SelectionSettings
@@ -25,19 +24,12 @@ def scene(tmp_path):
     """A bundle without rounds, whose behaviour scope brings its own robot."""
     scope = tmp_path / "scope.toml"
     scope.write_text('[robot]\nmodel = "embedded:wheeled"\n')
-    declaration = Declaration(
-        captures_source="cameras.json",
-        world_from_capture=tuple(map(tuple, np.eye(4).tolist())),
-        ground="floor plane",
-        scale_source="metric poses",
-        scope=str(scope),
-    )
 
     def fill(folder):
         (folder / "captures" / "images").mkdir(parents=True)
         (folder / "captures" / "cameras.json").write_text(json.dumps({"captures": []}))
 
-    return create_bundle(tmp_path / "room.r2s", declaration, fill)
+    return new_bundle(tmp_path / "room.r2s", fill, scope=str(scope))
 
 
 def test_the_robot_is_the_one_in_use(scene):

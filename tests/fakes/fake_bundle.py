@@ -4,14 +4,13 @@ import json
 from pathlib import Path
 
 import numpy as np
+from bundles import new_bundle
 from fake_asset import write_assets
 from fake_captures import fill_captures, fill_report
 from fake_proxy import write_coverage, write_edit, write_objects
 from fake_rollouts import fill_rollouts, fill_trial
 from fake_views import write_views
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.images import save_image
 from r2sego_blender.geometry.proxy.proxy import GeometryProxy
@@ -87,16 +86,15 @@ def selection() -> Selection:
 
 def write_bundle(path: Path) -> Path:
     """Write the bundle: three captures, two rounds, a collision surface and a report."""
-    declaration = Declaration(
+    return new_bundle(
+        path,
+        _fill,
         captures_source="cameras.json",
-        world_from_capture=tuple(map(tuple, np.eye(4).tolist())),
         ground="floor plane",
         scale_source="metric poses",
         preset="preview",
         overrides={"selection.target_views": 3},
-    )
-    create_bundle(path, declaration, _fill)
-    return path
+    ).path
 
 
 def _fill(folder: Path) -> None:

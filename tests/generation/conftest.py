@@ -1,14 +1,11 @@
 """The synthetic box room beside the tests, and the furnished room with ground truth."""
 
 import json
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 ROOM_A = Path(__file__).resolve().parents[2] / "../shared/scenes/room_a"
 
@@ -28,10 +25,11 @@ def box_room(tmp_path_factory):
 @pytest.fixture(scope="session")
 def room_a():
     """The furnished room: captures and frozen views with their true depths, and its mesh."""
+    from room_meshes import observed_proxy
+
     from r2sego_blender.captures.capture import Capture
     from r2sego_blender.core.cameras import Camera
     from r2sego_blender.generation.conditions.conditions import ZBufferRenderer
-    from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 
     if not (ROOM_A / "cameras.json").is_file():
         pytest.skip(f"no ground truth at {ROOM_A}")
@@ -48,14 +46,10 @@ def room_a():
     captures, depths = views("captures", "cap")
     frozen, frozen_depths = views("frozen", "ego")
     mesh = np.load(ROOM_A / "room.npz")
-    count = len(mesh["F"])
-    proxy = GeometryProxy(
-        mesh["V"].astype(np.float32),
-        mesh["F"].astype(np.int32),
-        np.zeros(count, np.uint8),
-        np.ones(count, np.uint16),
-        np.ones(count, np.float32),
-    )
     return SimpleNamespace(
-        captures=captures, depths=depths, frozen=frozen, frozen_depths=frozen_depths, renderer=ZBufferRenderer(proxy)
+        captures=captures,
+        depths=depths,
+        frozen=frozen,
+        frozen_depths=frozen_depths,
+        renderer=ZBufferRenderer(observed_proxy(mesh["V"], mesh["F"])),
     )

@@ -4,14 +4,12 @@ import json
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 from box_room import arc
+from bundles import new_bundle
 from progress_recorder import ProgressRecorder
 
 from r2sego_blender.bundle.artifacts import Artifact
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.config.settings import Settings
 from r2sego_blender.core.cameras import Camera
@@ -21,8 +19,6 @@ from r2sego_blender.generation.decisions import DECISION, decision_of, save_deci
 from r2sego_blender.refine import steps as steps_module
 from r2sego_blender.refine.capture_steps import AlignedPriors, RegisteredCaptures
 from r2sego_blender.refine.steps import Steps
-
-IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
 
 
 def write_view(folder: Path, camera: Camera, conditions, estimate: bool = True) -> Path:
@@ -86,11 +82,7 @@ def test_the_step_carries_them_and_warns(tmp_path, box_room, cameras, monkeypatc
     """The step of the bundle, with a generator that only writes conditions."""
     shown = box_room.renderer.render(cameras)
 
-    def fill(folder: Path) -> None:
-        (folder / "captures").mkdir()
-
-    declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
-    scene = create_bundle(tmp_path / "room.r2s", declaration, fill)
+    scene = new_bundle(tmp_path / "room.r2s")
     (scene.path / "targets").mkdir()
 
     def generate(selection, candidates, captures, renderer, generator, landmarks, h, folder, *others):

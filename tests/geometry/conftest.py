@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from painted_room import BOX_HIGH, BOX_LOW, LENS, SIZE_M, paint, room_mesh
 
 from r2sego_blender.captures.capture import Capture
-from r2sego_blender.core.cameras import Camera, look_at
+from r2sego_blender.core.cameras import look_at
 from r2sego_blender.core.images import save_image
 from r2sego_blender.geometry.stereo.stereo import DepthMap
 from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-SIZE_M = np.array([4.0, 3.0, 2.4])
-BOX_LOW, BOX_HIGH = np.array([0.4, 0.5, 0.0]), np.array([1.4, 1.1, 0.7])
 
 
 @dataclass(frozen=True)
@@ -50,25 +44,6 @@ class Room:
         return paint(points)
 
 
-def room_mesh() -> trimesh.Trimesh:
-    shell = trimesh.creation.box(SIZE_M)
-    shell.apply_translation((0, 0, SIZE_M[2] / 2))
-    shell.invert()
-    box = trimesh.creation.box(BOX_HIGH - BOX_LOW)
-    box.apply_translation((BOX_LOW + BOX_HIGH) / 2)
-    return trimesh.util.concatenate([shell, box])
-
-
-def paint(points: np.ndarray) -> np.ndarray:
-    """A smooth, non-repeating colour for points (..., 3): (..., 3) in [0, 1]."""
-    rng = np.random.default_rng(11)
-    value = np.zeros((*points.shape[:-1], 3))
-    for _ in range(24):
-        wave = rng.normal(size=(3, 3)) * 14.0
-        value += np.sin(points @ wave.T + rng.uniform(0, 6.28, 3))
-    return np.clip(0.5 + value * 0.06, 0, 1)
-
-
 @pytest.fixture(scope="session")
 def room(tmp_path_factory: pytest.TempPathFactory) -> Room:
     folder = tmp_path_factory.mktemp("room")
@@ -78,7 +53,7 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Room:
     captures, maps = [], []
     for index, x in enumerate((-1.4, -0.5, 0.4, 1.3)):
         pose = look_at((x, -1.2, 1.5), (0.3 * x, 1.0, 0.5))
-        camera = Camera(160, 120, 105.0, 105.0, 80.0, 60.0, pose)
+        camera = LENS.at(pose)
         buffers = rasterizer.render(camera)
         path = folder / f"{index}.png"
         save_image(path, paint(camera.unproject(buffers.depth)).astype(np.float32))

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from bundles import IDENTITY, new_bundle
 from click.testing import CliRunner
+from room_meshes import closed_room, observed_proxy
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.commands.cli import main
@@ -21,26 +21,12 @@ from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 from r2sego_blender.results.collision_report import CollisionReport, check_scene, lines
 from r2sego_blender.robot.rollouts.standing import Standing
 
-IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
-
 
 @pytest.fixture(scope="module")
 def proxy() -> GeometryProxy:
     """A closed room of 4 by 3 m with a box on its floor."""
-    room = trimesh.creation.box((4, 3, 2.4))
-    room.invert()
-    box = trimesh.creation.box((0.8, 0.6, 0.5))
-    room.apply_translation((0, 0, 1.2))
-    box.apply_translation((1.2, 0.8, 0.25))
-    mesh = trimesh.util.concatenate([room, box]).subdivide_to_size(0.1)
-    count = len(mesh.faces)
-    return GeometryProxy(
-        np.asarray(mesh.vertices, np.float32),
-        np.asarray(mesh.faces, np.int32),
-        np.zeros(count, np.uint8),
-        np.ones(count, np.uint16),
-        np.ones(count, np.float32),
-    )
+    mesh = closed_room((4, 3, 2.4), ((0.8, 0.5, 0.0), (1.6, 1.1, 0.5))).subdivide_to_size(0.1)
+    return observed_proxy(mesh.vertices, mesh.faces)
 
 
 @pytest.fixture(scope="module")
@@ -58,8 +44,7 @@ def scene(proxy, surface, tmp_path) -> Scene:
         proxy.save(folder / "rounds/0/proxy/proxy.npz")
         write_collision(surface, folder / "collision")
 
-    declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
-    return create_bundle(tmp_path / "room.r2s", declaration, fill)
+    return new_bundle(tmp_path / "room.r2s", fill)
 
 
 def checked(scene: Scene) -> tuple[int, dict]:
@@ -170,7 +155,6 @@ def test_a_surface_of_an_earlier_world_frame_is_not_checked(scene, surface):
 
 
 def test_a_scene_that_was_not_refined_is_refused(tmp_path):
-    declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
-    create_bundle(tmp_path / "room.r2s", declaration, lambda folder: None)
+    new_bundle(tmp_path / "room.r2s")
     done = CliRunner().invoke(main, ["check-collision", str(tmp_path / "room.r2s")])
     assert done.exit_code == 1 and "no collision surface yet" in done.stderr

@@ -6,12 +6,13 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from bundles import new_bundle
+from expected_errors import refused
 from PIL import Image
 from progress_recorder import ProgressRecorder
 from pxr import Usd, UsdGeom, UsdPhysics, UsdVol
+from room_meshes import observed_proxy
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.capture import Capture
@@ -23,13 +24,11 @@ from r2sego_blender.core.errors import AssetError, CaptureError, R2SEgoError, Sc
 from r2sego_blender.geometry.collision.collision import CollisionSurface
 from r2sego_blender.geometry.collision.collision_files import write_collision
 from r2sego_blender.geometry.collision.convex import convex_hull
-from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 from r2sego_blender.results.export import export_scene
 from r2sego_blender.results.status import describe, lines
 from r2sego_blender.splats.formats.registry import load_asset, save_asset
 from tools.benchmarks.workloads import made_up_room
 
-IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 PLAIN = ["asset.ply", "collision", "proxy.ply", "cameras.json"]
 ABOUT = "about.txt"
 ENTRY = {"file": "images/a.png", "name": "a.png", **Camera(64, 48, 50.0, 50.0, 32.0, 24.0, np.eye(4)).to_json()}
@@ -46,17 +45,9 @@ def scene(tmp_path) -> Scene:
         (folder / "collision" / "mesh.obj").write_text("v 0 0 0\n")
         for name in ("asset.ply", "rounds/0/asset.ply"):
             save_asset(folder / name, made_up_room(200, (64, 48)).asset)
-        proxy = GeometryProxy(
-            np.eye(3, dtype=np.float32),
-            np.array([[0, 1, 2]], np.int32),
-            np.zeros(1, np.uint8),
-            np.ones(1, np.uint16),
-            np.ones(1, np.float32),
-        )
-        proxy.save(folder / "rounds/0/proxy/proxy.npz")
+        observed_proxy(np.eye(3), [[0, 1, 2]]).save(folder / "rounds/0/proxy/proxy.npz")
 
-    declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
-    return create_bundle(tmp_path / "room.r2s", declaration, fill)
+    return new_bundle(tmp_path / "room.r2s", fill)
 
 
 def test_a_scene_is_exported_as_before_when_no_format_is_named(scene, tmp_path):
@@ -136,7 +127,7 @@ def test_a_folder_textured_that_no_export_made_is_left_alone(scene, tmp_path):
     kept = tmp_path / "out" / "textured" / "mine.png"
     kept.parent.mkdir(parents=True)
     kept.write_text("mine")
-    with pytest.raises(SceneError, match="no export made it"):
+    with refused(SceneError, tmp_path / "out" / "textured", "no export made it"):
         export_scene(scene, tmp_path / "out", textured=True)
     export_scene(scene, tmp_path / "out")
     assert kept.read_text() == "mine"
@@ -156,14 +147,7 @@ def _add_captured_wall(scene: Scene) -> None:
     camera = Camera(64, 48, 60.0, 60.0, 32.0, 24.0, look_at((0.0, 0.0, 1.0), (0.0, 2.0, 1.0)))
     save_captures(scene.captures_folder, [Capture("wall", picture, camera)])
     corners = np.float32([(-1, 2, 0), (1, 2, 0), (1, 2, 2), (-1, 2, 2)])
-    proxy = GeometryProxy(
-        corners,
-        np.array([[0, 1, 2], [0, 2, 3]], np.int32),
-        np.zeros(2, np.uint8),
-        np.ones(2, np.uint16),
-        np.ones(2, np.float32),
-    )
-    proxy.save(scene.round_folder(0) / "proxy" / "proxy.npz")
+    observed_proxy(corners, [[0, 1, 2], [0, 2, 3]]).save(scene.round_folder(0) / "proxy" / "proxy.npz")
 
 
 def _seen(stage: Usd.Stage) -> list[str]:
@@ -249,7 +233,7 @@ def test_a_file_that_no_export_made_is_left_alone(scene, tmp_path, name):
     mine = tmp_path / "mine" / name
     mine.parent.mkdir()
     mine.write_text("mine")
-    with pytest.raises(SceneError, match=rf"{name}: it is there already, and no export made it"):
+    with refused(SceneError, mine, "no export made it"):
         export_scene(scene, mine.parent, [".spz"])
     assert list(mine.parent.iterdir()) == [mine] and mine.read_text() == "mine"
 
@@ -261,7 +245,7 @@ def test_what_a_person_put_into_an_exported_folder_is_not_deleted(scene, tmp_pat
     mine = out / "collision" / name
     mine.parent.mkdir(exist_ok=True)
     mine.write_text("mine")
-    with pytest.raises(SceneError, match=rf"{mine.name}: it is there already, and no export made it"):
+    with refused(SceneError, mine, "no export made it"):
         export_scene(scene, out)
     assert mine.read_text() == "mine" and sorted(file.name for file in out.iterdir()) == sorted(
         ("about.txt", "asset.ply", "cameras.json", "collision", "proxy.ply")
@@ -274,14 +258,14 @@ def test_a_folder_collision_that_no_export_made_is_left_alone(scene, tmp_path):
     mine = tmp_path / "package" / "collision" / "gripper.stl"
     mine.parent.mkdir(parents=True)
     mine.write_text("mine")
-    with pytest.raises(SceneError, match=r"package.collision: it is there already, and no export made it"):
+    with refused(SceneError, mine.parent, "no export made it"):
         export_scene(scene, tmp_path / "package")
     assert mine.read_text() == "mine" and [one.name for one in (tmp_path / "package").iterdir()] == ["collision"]
 
 
 def test_nothing_appears_when_a_part_is_damaged(scene, tmp_path):
     (scene.round_folder(0) / "proxy" / "proxy.npz").write_bytes(b"cut off")
-    with pytest.raises(R2SEgoError, match=r"proxy\.npz"):
+    with refused(R2SEgoError, scene.round_folder(0) / "proxy" / "proxy.npz"):
         export_scene(scene, tmp_path / "out")
     assert list((tmp_path / "out").iterdir()) == []
 
@@ -302,7 +286,7 @@ def test_a_result_that_was_cut_off_since_is_neither_exported_nor_called_refined(
     assert describe(scene, look_at_results=True)["refined"]
     whole = (scene.path / damaged).read_bytes()
     (scene.path / damaged).write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(SceneError, match=f"{result}: it is not as it was made.*refine"):
+    with refused(SceneError, scene.path / result, "not as it was made", cure="r2sego refine"):
         export_scene(scene, tmp_path / "out")
     assert not (tmp_path / "out").exists()
     told = describe(scene, look_at_results=True)
@@ -312,14 +296,15 @@ def test_a_result_that_was_cut_off_since_is_neither_exported_nor_called_refined(
 @pytest.mark.parametrize("wrong", [{}, {"captures": []}, {"captures": 5}, {"captures": [ENTRY | {"fx": np.nan}]}])
 def test_cameras_that_are_damaged_are_not_exported(scene, tmp_path, wrong):
     (scene.captures_folder / "cameras.json").write_text(json.dumps(wrong))
-    with pytest.raises(CaptureError, match=r"cameras\.json.* Make the scene"):
+    with refused(CaptureError, cure="`r2sego new`") as caught:
         export_scene(scene, tmp_path / "out")
+    assert "cameras.json" in caught.value.where
     assert not (tmp_path / "out" / "asset.ply").exists()
 
 
 @pytest.mark.parametrize("inside", ["", "rounds/0", "collision"])
 def test_a_scene_is_not_exported_into_itself(scene, inside):
     before = content_digest(scene.path)
-    with pytest.raises(SceneError, match="into itself"):
+    with refused(SceneError, scene.path / inside, "into itself"):
         export_scene(scene, scene.path / inside)
     assert content_digest(scene.path) == before

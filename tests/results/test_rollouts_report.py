@@ -4,15 +4,12 @@ import json
 
 import numpy as np
 import pytest
+from bundles import new_bundle
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.core.errors import RobotError
 from r2sego_blender.results.rollouts_report import describe_rollouts, lines
 from r2sego_blender.robot.rollouts.rollout import Quality, Rollout, save_rollouts
-
-IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
 
 
 def attempt(number, frames, reason="", detail="", height=(1.2, 1.3), pitch=(20.0, 40.0)):
@@ -33,14 +30,10 @@ def attempt(number, frames, reason="", detail="", height=(1.2, 1.3), pitch=(20.0
 
 @pytest.fixture
 def scene(tmp_path) -> Scene:
-    declaration = Declaration(
-        "photographs",
-        IDENTITY,
-        ground="floor",
-        scale_source="metric",
-        overrides={"rollouts.successes": 2, "selection.ranking": "random"},
+    overrides = {"rollouts.successes": 2, "selection.ranking": "random"}
+    scene = new_bundle(
+        tmp_path / "room.r2s", lambda f: (f / "rounds/0/rollouts").mkdir(parents=True), overrides=overrides
     )
-    scene = create_bundle(tmp_path / "room.r2s", declaration, lambda f: (f / "rounds/0/rollouts").mkdir(parents=True))
     attempts = [
         attempt(0, 41),
         attempt(1, 13, "body_contact", "left_hand touched table", height=(0.5, 1.9), pitch=(-10.0, 80.0)),

@@ -4,18 +4,16 @@ import json
 
 import numpy as np
 import pytest
+from bundles import new_bundle
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.config.settings import SelectionSettings
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import GenerationError
 from r2sego_blender.results.selection_report import describe_selection, lines
 from r2sego_blender.views.references import with_references
-from r2sego_blender.views.selection import select_targets
+from r2sego_blender.views.selection import save_candidates, select_targets
 
-IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
 LENS = Camera(64, 48, 40.0, 40.0, 32.0, 24.0, np.eye(4))
 NAMES = ("door", "sofa", "window")
 FRAMES = 20
@@ -41,8 +39,7 @@ def scene(tmp_path) -> Scene:
             (images / f"{name}.png").write_bytes(b"")
         (folder / "captures" / "cameras.json").write_text(json.dumps({"captures": captures}))
 
-    declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
-    scene = create_bundle(tmp_path / "room.r2s", declaration, fill)
+    scene = new_bundle(tmp_path / "room.r2s", fill)
     rng = np.random.default_rng(0)
     order = rng.permutation(2 * FRAMES)
     rollout, frame = order // FRAMES, order % FRAMES
@@ -53,6 +50,7 @@ def scene(tmp_path) -> Scene:
     wall = lambda camera: np.full(camera.shape, 3.0, np.float32)  # noqa: E731
     captures = [turned(x) for x in (-1.0, 0.0, 1.0)]
     with_references(selection, cameras, captures, wall, settings, 2).save(scene.path / "rounds/0/selection")
+    save_candidates(scene.path / "rounds/0/selection", cameras)
     return scene
 
 

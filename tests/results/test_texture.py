@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from bundles import new_bundle
 from click.testing import CliRunner, Result
+from room_meshes import closed_room, observed_proxy
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import save_captures
@@ -22,7 +22,6 @@ from r2sego_blender.results.texture import FILE
 
 ROOM = Path(__file__).parents[2] / "demo" / "room"
 SIZE_M = (5.0, 4.4, 2.6)
-IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 SMALL = ["--size", 256, "--faces", 300]
 
 
@@ -35,20 +34,10 @@ def r2sego(*arguments: object) -> Result:
     return CliRunner().invoke(cli.main, list(map(str, arguments)))
 
 
-def shell() -> GeometryProxy:
+def shell(size: float) -> GeometryProxy:
     """The demo room's walls, floor and ceiling, without its furniture."""
-    box = trimesh.creation.box(SIZE_M)
-    box.apply_translation((0, 0, SIZE_M[2] / 2))
-    box.invert()
-    box = box.subdivide_to_size(0.5)
-    count = len(box.faces)
-    return GeometryProxy(
-        box.vertices.astype(np.float32),
-        box.faces.astype(np.int32),
-        np.zeros(count, np.uint8),
-        np.ones(count, np.uint16),
-        np.ones(count, np.float32),
-    )
+    mesh = closed_room(SIZE_M).subdivide_to_size(0.5)
+    return observed_proxy(mesh.vertices * size, mesh.faces)
 
 
 @pytest.fixture
@@ -69,12 +58,9 @@ def scene(tmp_path) -> Scene:
         save_captures(folder / "captures", captures)
         for index, size in enumerate((2.0, 1.0)):
             (folder / f"rounds/{index}/proxy").mkdir(parents=True)
-            proxy = shell()
-            GeometryProxy(proxy.vertices * np.float32(size), *list(vars(proxy).values())[1:]).save(
-                folder / f"rounds/{index}/proxy/proxy.npz"
-            )
+            shell(size).save(folder / f"rounds/{index}/proxy/proxy.npz")
 
-    return create_bundle(tmp_path / "room.r2s", Declaration("photographs", IDENTITY, "floor", "metric"), fill)
+    return new_bundle(tmp_path / "room.r2s", fill)
 
 
 def test_the_newest_proxy_is_baked_into_the_bundle(scene):

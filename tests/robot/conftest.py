@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
+from legged_robots import hexapod_mjcf, quadruped_mjcf
 
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.model.robot_file import EMBEDDED_WHEELED
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-from legged_robots import hexapod_mjcf, quadruped_mjcf
 
 ROBOTS = Path(__file__).resolve().parents[3] / "shared" / "robots"
 _HALF_ROOM_M = (2.2, 2.0)

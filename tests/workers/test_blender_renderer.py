@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from room_meshes import observed_proxy
 
 from r2sego_blender.config.settings import GenerationSettings
 from r2sego_blender.core.cameras import Camera, look_at
@@ -26,11 +27,8 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="looks processes up i
 
 def ground(height_m: float = 0.0) -> GeometryProxy:
     """One square of the ground."""
-    corners = np.array([[-9, -9, height_m], [9, -9, height_m], [9, 9, height_m], [-9, 9, height_m]])
-    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
-    return GeometryProxy(
-        corners.astype(np.float32), faces, np.zeros(2, np.uint8), np.ones(2, np.uint16), np.ones(2, np.float32)
-    )
+    corners = [[-9, -9, height_m], [9, -9, height_m], [9, 9, height_m], [-9, 9, height_m]]
+    return observed_proxy(corners, [[0, 1, 2], [0, 2, 3]])
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,9 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
+from bundles import new_bundle
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.scene import Scene
 
 ROOT = Path(__file__).parents[2]
@@ -21,8 +19,7 @@ ROOM = ROOT / "demo" / "room"
 
 @pytest.fixture
 def scene(tmp_path) -> Scene:
-    declared = Declaration("photographs", tuple(map(tuple, np.eye(4).tolist())), ground="floor", scale_source="metric")
-    return create_bundle(tmp_path / "room.r2s", declared, lambda place: (place / "captures").mkdir())
+    return new_bundle(tmp_path / "room.r2s")
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")

@@ -4,11 +4,10 @@ import json
 import subprocess
 import sys
 
-import numpy as np
 import pytest
+from room_meshes import observed_proxy
 
 from r2sego_blender.core.cameras import Camera, look_at
-from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 CAMERA = Camera(32, 24, 30.0, 30.0, 16.0, 12.0, look_at((0.0, -2.0, 1.0), (0.0, 0.0, 0.0)))
@@ -18,10 +17,8 @@ CAMERA = Camera(32, 24, 30.0, 30.0, 16.0, 12.0, look_at((0.0, -2.0, 1.0), (0.0, 
 def scene(tmp_path):
     """A folder with a proxy and two cameras' file."""
     (tmp_path / "proxy").mkdir()
-    corners = np.array([[-9, -9, 0], [9, -9, 0], [0, 9, 0]], np.float32)
-    GeometryProxy(
-        corners, np.array([[0, 1, 2]], np.int32), np.zeros(1, np.uint8), np.ones(1, np.uint16), np.ones(1, np.float32)
-    ).save(tmp_path / "proxy" / "proxy.npz")
+    corners = [[-9, -9, 0], [9, -9, 0], [0, 9, 0]]
+    observed_proxy(corners, [[0, 1, 2]]).save(tmp_path / "proxy" / "proxy.npz")
     (tmp_path / "cameras.json").write_text(json.dumps([CAMERA.to_json()] * 2))
     return tmp_path
 

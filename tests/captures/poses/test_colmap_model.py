@@ -6,6 +6,7 @@ import struct
 
 import numpy as np
 import pytest
+from expected_errors import refused
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -93,7 +94,7 @@ def test_photographs_that_are_missing_are_left_out_and_named(tmp_path, rng, blan
     assert any("1 of the 6" in text and "cam2/001.png" in text for text in messages.warnings)
     for name in ("000.png", "001.png", "002.png"):
         (tmp_path / "images" / "cam1" / name).unlink()
-    with pytest.raises(CaptureError, match=r"4 of the 6 photographs listed are missing.*cam1/000\.png"):
+    with refused(CaptureError, "sparse", "4 of the 6", "cam1/000.png"):
         import_captures(tmp_path / "images", tmp_path, SETTINGS)
 
 
@@ -101,7 +102,7 @@ def test_one_cameras_folder_is_never_taken_for_anothers(tmp_path, rng, blank_pho
     """cam1/000.png and cam2/000.png: given the folder cam1 alone, neither camera is meant by 000.png."""
     _rig_model(tmp_path / "sparse", rng)
     _photographs(tmp_path / "images", blank_photograph)
-    with pytest.raises(CaptureError, match="6 of the 6 photographs listed are missing"):
+    with refused(CaptureError, "sparse", "6 of the 6"):
         import_captures(tmp_path / "images" / "cam1", tmp_path / "sparse", SETTINGS)
 
 
@@ -123,7 +124,7 @@ def test_points_cut_short_or_garbled_are_told_at_once(tmp_path_factory, data):
     assert read_colmap_points(folder)[0].tolist() == [[1.0, 2.0, 3.0]] * count
     cut = data.draw(st.integers(0, len(whole) - 1))
     (folder / "points3D.bin").write_bytes(whole[:cut])
-    with pytest.raises(CaptureError, match=r"points3D\.bin"):
+    with refused(CaptureError, "points3D.bin"):
         read_colmap_points(folder)
 
 
@@ -152,7 +153,7 @@ def test_images_cut_short_or_with_wrong_counts_never_reach_colmap(tmp_path_facto
     else:
         spoilt[-8:] = struct.pack("<Q", data.draw(st.integers(1, 2**64 - 1)))
     path.write_bytes(spoilt)
-    with pytest.raises(CaptureError, match=r"images\.bin"):
+    with refused(CaptureError, "images.bin"):
         check_images(path)
 
 
@@ -238,5 +239,5 @@ def test_points_in_a_text_that_was_cut_off_are_told(tmp_path, kept):
     path.write_text(f"{head}# Number of points: 2, mean track length: 2\n{points}")
     assert read_colmap_points(tmp_path)[0].tolist() == [[0.5, 2.0, 3.0], [1.5, 2.0, 3.0]]
     _cut(path, kept)
-    with pytest.raises(CaptureError, match=r"points3D\.txt: .* Export or copy the COLMAP model again"):
+    with refused(CaptureError, "points3D.txt", cure="Export or copy the COLMAP model again"):
         read_colmap_points(tmp_path)

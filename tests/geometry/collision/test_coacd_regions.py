@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 from progress_recorder import ProgressRecorder
+from room_meshes import observed_proxy
 
 from r2sego_blender.config.settings import CollisionSettings
 from r2sego_blender.core.errors import GeometryError
@@ -11,7 +12,6 @@ from r2sego_blender.geometry.collision import coacd_regions
 from r2sego_blender.geometry.collision.coacd_regions import Region, decompose_by_coacd, regions
 from r2sego_blender.geometry.collision.collision import collision_surface
 from r2sego_blender.geometry.collision.convex import Limits, convex_hull
-from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 from r2sego_blender.workers.child import call_in_child
 
 LIMITS = Limits(0.4, 0.06, 0.02, 0.01, 0.05)
@@ -84,14 +84,7 @@ def test_the_setting_chooses_coacd():
     box = trimesh.creation.box((0.5, 0.4, 0.3))
     box.apply_translation((0, 0, 0.25))
     mesh = trimesh.util.concatenate([floor, box]).subdivide_to_size(0.1)
-    count = len(mesh.faces)
-    proxy = GeometryProxy(
-        np.asarray(mesh.vertices, np.float32),
-        np.asarray(mesh.faces, np.int32),
-        np.zeros(count, np.uint8),
-        np.ones(count, np.uint16),
-        np.ones(count, np.float32),
-    )
+    proxy = observed_proxy(mesh.vertices, mesh.faces)
     surface = collision_surface(proxy, CollisionSettings(decomposition="coacd"))
     assert len(surface.floor) == 4 and len(surface.pieces) == 1 and np.isinf(surface.tolerance_m)
 

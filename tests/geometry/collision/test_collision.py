@@ -9,6 +9,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from progress_recorder import ProgressRecorder
+from room_meshes import observed_proxy
 from scipy.spatial import ConvexHull
 
 from r2sego_blender.config.settings import CollisionSettings
@@ -16,20 +17,13 @@ from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.geometry.collision.collision import collision_surface
 from r2sego_blender.geometry.collision.collision_files import write_collision
 from r2sego_blender.geometry.collision.convex import Limits, Soup, decompose
-from r2sego_blender.geometry.proxy.proxy import GeometryProxy, Provenance
+from r2sego_blender.geometry.proxy.proxy import Provenance
 
 SETTINGS = CollisionSettings()
 
 
 def as_proxy(mesh):
-    count = len(mesh.faces)
-    return GeometryProxy(
-        np.asarray(mesh.vertices, np.float32),
-        np.asarray(mesh.faces, np.int32),
-        np.zeros(count, np.uint8),
-        np.ones(count, np.uint16),
-        np.ones(count, np.float32),
-    )
+    return observed_proxy(mesh.vertices, mesh.faces)
 
 
 @pytest.fixture(scope="module")
@@ -302,12 +296,6 @@ def test_pieces_cover_the_whole_surface(seed):
 
 
 def test_a_proxy_without_surface_is_refused():
-    nothing = GeometryProxy(
-        np.zeros((0, 3), np.float32),
-        np.zeros((0, 3), np.int32),
-        np.zeros(0, np.uint8),
-        np.zeros(0, np.uint16),
-        np.zeros(0, np.float32),
-    )
+    nothing = observed_proxy(np.zeros((0, 3)), np.zeros((0, 3)))
     with pytest.raises(GeometryError):
         collision_surface(nothing, SETTINGS)

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from bundles import new_bundle
+from painted_room import BOX_HIGH, BOX_LOW
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.capture import Capture
@@ -28,7 +28,6 @@ from r2sego_blender.refine import capture_steps
 from r2sego_blender.refine.capture_steps import RegisteredCaptures
 from r2sego_blender.refine.steps import Steps
 
-IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 SMALL = {"training.backdrop_gaussians": 0, "proxy.planes": 4}
 
 
@@ -41,7 +40,7 @@ def room_planes() -> RoomPlanes:
 @pytest.fixture(scope="module")
 def crate() -> trimesh.Trimesh:
     """The box on the room's floor."""
-    return trimesh.creation.box(bounds=((0.4, 0.5, 0.0), (1.4, 1.1, 0.7)))
+    return trimesh.creation.box(bounds=(BOX_LOW, BOX_HIGH))
 
 
 def registered(path: Path, room, captures: Sequence[Capture]) -> Scene:
@@ -58,8 +57,7 @@ def registered(path: Path, room, captures: Sequence[Capture]) -> Scene:
         )
         save_captures(folder / "captures", captures, sparse)
 
-    declaration = Declaration("photos", IDENTITY, "floor plane", "metric poses", overrides=SMALL)
-    return create_bundle(path, declaration, fill)
+    return new_bundle(path, fill, overrides=SMALL)
 
 
 @pytest.fixture(scope="module")

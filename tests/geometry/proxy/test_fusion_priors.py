@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import trimesh
-from furniture import boxes, room_bounds
+from furniture import boxes, in_the_room, room_bounds
 
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.config.settings import ProxySettings
@@ -14,7 +14,6 @@ from r2sego_blender.geometry.objects.prior_files import AlignedPrior
 from r2sego_blender.geometry.proxy.fusion import compose_proxy
 from r2sego_blender.geometry.proxy.proxy import Provenance
 from r2sego_blender.geometry.room.completed_depth import CompletedDepth, DepthSource
-from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 
 SETTINGS = ProxySettings(voxel_m=0.04)
 TABLE = (-0.5, -0.3, 0.0), (0.5, 0.3, 0.7)
@@ -24,11 +23,7 @@ BOOKS = (-0.1, -0.1, 0.7), (0.3, 0.15, 1.0)  # a pile of them
 def composed(things, priors, seen_by=4):
     """The proxy of a room with ``things`` (boxes) in it; ``seen_by`` of the four captures know
     by stereo what stands on the table, for the others it is filled in."""
-    shell = trimesh.creation.box(bounds=((-2.5, -2.0, 0.0), (2.5, 2.0, 2.5)))
-    vertices, faces = boxes(*things)
-    rasterizer = MeshRasterizer(
-        np.concatenate([vertices, shell.vertices]), np.concatenate([faces, shell.faces + len(vertices)])
-    )
+    rasterizer = in_the_room(*boxes(*things))
     captures, completed = [], []
     for index, x in enumerate((-1.2, -0.4, 0.5, 1.3)):
         camera = Camera(160, 120, 110.0, 110.0, 80.0, 60.0, look_at((x, -1.7, 1.7), (0.0, 0.1, 0.6)))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from room_meshes import observed_proxy
 
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import GeometryError
@@ -16,14 +17,7 @@ def floor_proxy(support: list[int], height_m: float = 0.0) -> GeometryProxy:
         start = len(vertices)
         vertices += [(x, 0, height_m), (x + 1, 0, height_m), (x + 1, 1, height_m), (x, 1, height_m)]
         faces += [(start, start + 1, start + 2), (start, start + 2, start + 3)]
-    count = len(faces)
-    return GeometryProxy(
-        np.array(vertices, np.float32),
-        np.array(faces, np.int32),
-        np.zeros(count, np.uint8),
-        np.repeat(support, 2).astype(np.uint16),
-        np.ones(count, np.float32),
-    )
+    return observed_proxy(vertices, faces, np.repeat(support, 2))
 
 
 def camera_at(x: float, y: float) -> Camera:

@@ -6,6 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import trimesh
+from painted_room import SIZE_M
+from room_meshes import closed_room
 
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.config.settings import Settings
@@ -28,7 +30,6 @@ from r2sego_blender.geometry.visibility.rasterizer import MeshRasterizer
 
 SETTINGS = Settings()
 COARSE = dataclasses.replace(SETTINGS.proxy, voxel_m=0.05, truncation_m=0.12)
-SIZE_M = (4.0, 3.0, 2.4)  # of the room of conftest
 FAR, LEFT, RIGHT = ((0.0, -1.0, 0.0), -1.5), ((1.0, 0.0, 0.0), -2.0), ((-1.0, 0.0, 0.0), -2.0)
 CEILING = ((0.0, 0.0, -1.0), -2.4)
 DOOR_LOW, DOOR_HIGH = (0.1, 0.0), (0.8, 1.9)  # y and z in the wall x = 2
@@ -55,13 +56,7 @@ def cameras_at(*places):
 @pytest.fixture(scope="module")
 def corner(room, tmp_path_factory):
     """Captures of the empty room that see its right wall and some of its ceiling."""
-    return photographed(tmp_path_factory.mktemp("corner"), room, empty_room(), looking_right())
-
-
-def empty_room():
-    shell = trimesh.creation.box(SIZE_M)
-    shell.apply_translation((0, 0, SIZE_M[2] / 2))
-    return trimesh.Trimesh(shell.vertices, shell.faces[:, ::-1], process=False)
+    return photographed(tmp_path_factory.mktemp("corner"), room, closed_room(SIZE_M), looking_right())
 
 
 def looking_right():
@@ -149,7 +144,7 @@ def outdoors():
 
 def room_with_right_side(pieces):
     """The empty room; of its right wall only rectangles (y low, z low, y high, z high)."""
-    shell = empty_room()
+    shell = closed_room(SIZE_M)
     shell.update_faces(shell.face_normals[:, 0] > -0.9)
     walls = []
     for y0, z0, y1, z1 in pieces:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from expected_errors import refused
 
 from r2sego_blender.captures.sparse_points import SPARSE
 from r2sego_blender.core.errors import SceneError
@@ -46,7 +47,7 @@ def test_without_sparse_points_there_are_no_counts(copy):
 def test_points_of_other_captures_are_refused(copy):
     sparse = copy.read(SPARSE)
     replace(sparse, visibility=sparse.visibility[:, :2], pixels=sparse.pixels[:, :2]).save(copy.sparse_file)
-    with pytest.raises(SceneError, match=r"sparse\.npz"):
+    with refused(SceneError, "captures/sparse.npz", "2 captures, there are 3"):
         listed_captures(copy)
 
 

@@ -5,6 +5,7 @@ import shutil
 
 import fake_captures
 import pytest
+from expected_errors import refused
 
 from r2sego_blender.core.errors import SceneError
 from r2sego_blender.results.panels.bundle import Bundle
@@ -64,5 +65,5 @@ def test_of_an_asset_that_changed_since_there_is_no_summary(evaluated):
     "damage", [{"arms": {"refined": {"psnr": 1}}}, {"arms": []}, {"rounds": [{}]}, {"causes": {"shares": [3]}}]
 )
 def test_damaged_figures_are_named(evaluated, damage):
-    with pytest.raises(SceneError, match=r"metrics\.json"):
+    with refused(SceneError, "report/metrics.json", cure="Evaluate"):
         report_scores(evaluated(damage))

@@ -6,6 +6,7 @@ import fake_bundle
 import fake_views
 import numpy as np
 import pytest
+from expected_errors import refused
 
 from r2sego_blender.core.cameras import look_at
 from r2sego_blender.core.errors import CaptureError, GenerationError
@@ -109,5 +110,5 @@ def test_a_file_without_frozen_views_is_an_error(tmp_path):
 def test_a_missing_photograph_is_an_error(tmp_path):
     file = write_frozen(tmp_path, POSE)
     (tmp_path / "ego0.png").unlink()
-    with pytest.raises(CaptureError, match="missing"):
+    with refused(CaptureError, "cameras.json, frozen[0]", "missing"):
         nearest_truth(file, np.eye(4), POSE)

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bundles import new_bundle
 from painted_room import write_painted_room
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.layout import DEPTH, capture_files
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import save_captures
@@ -132,8 +131,7 @@ def test_depth_of_a_rig_is_scored_too(tmp_path):
             )
             found.save(folder / DEPTH / file)
 
-    declared = Declaration("cameras.json", tuple(map(tuple, np.eye(4).tolist())), "floor plane", "metric poses")
-    scores = _stereo_scores(create_bundle(tmp_path / "rig.r2s", declared, fill), truth)
+    scores = _stereo_scores(new_bundle(tmp_path / "rig.r2s", fill), truth)
     for name in ("stereo", *(f"stereo_{name}" for name in names)):
         assert scores[f"{name}_coverage"] == scores[f"{name}_accuracy"] == 1.0
 

@@ -5,9 +5,8 @@ import json
 import mujoco
 import numpy as np
 import pytest
+from bundles import new_bundle
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.config.settings import SelectionSettings
 from r2sego_blender.core.digests import content_digest
 from r2sego_blender.core.errors import SettingsError
@@ -108,8 +107,7 @@ def test_figures_are_the_extremes_of_the_successes():
 
 
 def test_a_bundle_that_was_not_refined_is_told(tmp_path):
-    declaration = Declaration("photographs", tuple(map(tuple, np.eye(4))), "floor", "metric")
-    made = create_bundle(tmp_path / "room.r2s", declaration, lambda folder: (folder / "captures").mkdir())
+    made = new_bundle(tmp_path / "room.r2s")
     with pytest.raises(SettingsError, match="no collision surface"):
         bench.bench_rollouts(made.path)
 

@@ -2,31 +2,21 @@
 
 import numpy as np
 import pytest
+from room_meshes import observed_proxy
 
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import GeometryError
 from r2sego_blender.generation.conditions.conditions import ZBufferRenderer
-from r2sego_blender.geometry.proxy.proxy import GeometryProxy
 from r2sego_blender.views.scoring.availability import SAMPLES, ValidityRenderer
 
 LENS = Camera(94, 67, 70.0, 72.0, 46.0, 35.5, np.eye(4))
 
 
-def proxy_of(vertices, faces, support):
-    count = len(faces)
-    return GeometryProxy(
-        np.asarray(vertices, np.float32),
-        np.asarray(faces, np.int32),
-        np.zeros(count, np.uint8),
-        np.asarray(support, np.uint16),
-        np.ones(count, np.float32),
-    )
-
-
 def triangle_soup(rng, count, size):
     """Triangles of all orientations, some of them crossing each other and the cameras' planes."""
     corners = rng.uniform(-2.0, 2.0, (count, 1, 3)) + rng.normal(0.0, size, (count, 3, 3))
-    return proxy_of(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), rng.integers(0, 2, count))
+    faces = np.arange(3 * count).reshape(-1, 3)
+    return observed_proxy(corners.reshape(-1, 3), faces, rng.integers(0, 2, count))
 
 
 def wavy_surface(rng, side=70):
@@ -45,7 +35,7 @@ def wavy_surface(rng, side=70):
     number = np.arange(side * side).reshape(side, side)
     a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
     faces = np.concatenate([np.stack([a, c, b], -1), np.stack([a, d, c], -1)]).reshape(-1, 3)
-    return proxy_of(vertices, faces, np.ones(len(faces)))
+    return observed_proxy(vertices, faces, np.ones(len(faces)))
 
 
 def cameras_inside(rng, count):
@@ -78,7 +68,7 @@ def test_no_ray_slips_through_a_closed_surface():
     rng = np.random.default_rng(1)
     proxy, cameras = wavy_surface(rng), cameras_inside(rng, 12)
     inside = ValidityRenderer(proxy).available_shares(cameras, 1.0)
-    outwards = proxy_of(proxy.vertices, proxy.faces[:, ::-1], proxy.support)
+    outwards = observed_proxy(proxy.vertices, proxy.faces[:, ::-1], proxy.support)
     behind = ValidityRenderer(outwards).available_shares(cameras, 0.01)
     assert sorted({float(inside.min()), float(behind.max())}) == [0.0, 1.0]
     np.testing.assert_array_equal(inside + behind, 1.0)
@@ -87,7 +77,7 @@ def test_no_ray_slips_through_a_closed_surface():
 def test_faces_that_no_capture_saw_are_not_available():
     rng = np.random.default_rng(2)
     proxy, cameras = wavy_surface(rng), cameras_inside(rng, 4)
-    unseen = proxy_of(proxy.vertices, proxy.faces, np.zeros(len(proxy.faces)))
+    unseen = observed_proxy(proxy.vertices, proxy.faces, np.zeros(len(proxy.faces)))
     assert not ValidityRenderer(unseen).available_shares(cameras, 0.01).any()
 
 
@@ -103,7 +93,7 @@ def test_the_bits_do_not_depend_on_the_threads_nor_on_the_company(with_threads):
 
 
 def test_an_empty_proxy_is_available_nowhere():
-    empty = proxy_of(np.zeros((0, 3)), np.zeros((0, 3)), [])
+    empty = observed_proxy(np.zeros((0, 3)), np.zeros((0, 3)), [])
     assert ValidityRenderer(empty).available_shares([LENS], 0.8).tolist() == [0.0]
     assert ValidityRenderer(empty).available_shares([], 0.8).tolist() == []
 
@@ -114,4 +104,4 @@ def test_an_empty_proxy_is_available_nowhere():
 )
 def test_meshes_that_cannot_be_drawn_are_refused(vertices, faces):
     with pytest.raises(GeometryError, match="proxy"):
-        ValidityRenderer(proxy_of(vertices, faces, [1]))
+        ValidityRenderer(observed_proxy(vertices, faces, [1]))

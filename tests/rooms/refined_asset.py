@@ -3,10 +3,9 @@
 from pathlib import Path
 
 import numpy as np
+from bundles import new_bundle
 from click.testing import CliRunner, Result
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.commands import cli
@@ -16,7 +15,6 @@ from r2sego_blender.splats.artifacts import ASSET
 from r2sego_blender.splats.formats.ply import save_ply
 from tools.benchmarks.workloads import made_up_room
 
-IDENTITY = tuple(tuple(float(i == j) for j in range(4)) for i in range(4))
 ROOM = made_up_room(900, (64, 48))
 CAMERA = ROOM.views[0].camera
 BACKDROP = ROOM.asset.subset(np.arange(0, 900, 10)).with_degree(0)
@@ -43,7 +41,6 @@ def refined_scene(folder: Path) -> Scene:
         save_ply(folder / "geometry/backdrop.ply", BACKDROP)
         save_ply(folder / "geometry/initial_asset.ply", ROOM.asset.subset(np.arange(100)))
 
-    declaration = Declaration("photographs", IDENTITY, ground="floor", scale_source="metric")
-    made = create_bundle(folder / "room.r2s", declaration, fill)
+    made = new_bundle(folder / "room.r2s", fill)
     publish(made)
     return made

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from bundles import new_bundle
+from room_meshes import observed_proxy
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import save_captures
@@ -29,17 +29,6 @@ FACES = np.array([(0, 1, 2), (0, 2, 3), (4, 5, 1), (4, 1, 0)], np.int32)
 def camera(x: float = 0.0) -> Camera:
     """Looks at the wall, 2 m away, and a little of the floor."""
     return Camera(WIDTH, HEIGHT, 50.0, 50.0, WIDTH / 2, HEIGHT / 2, look_at((x, 0.0, 1.0), (x, 2.0, 0.9)))
-
-
-def proxy_of(vertices: np.ndarray = VERTICES, faces: np.ndarray = FACES) -> GeometryProxy:
-    count = len(faces)
-    return GeometryProxy(
-        vertices.astype(np.float32),
-        faces.astype(np.int32),
-        np.zeros(count, np.uint8),
-        np.ones(count, np.uint16),
-        np.ones(count, np.float32),
-    )
 
 
 def splats(grey: float, at: Camera | None = None, columns: slice = slice(None)) -> SplatAsset:
@@ -71,7 +60,7 @@ def bundle(
 ) -> Scene:
     """A bundle with a round for each of ``assets``; None leaves that round's asset out."""
     captures = photographs(folder, (-0.4, 0.4), "capture")
-    proxy = proxy or proxy_of()
+    proxy = proxy or observed_proxy(VERTICES, FACES)
 
     def fill(place: Path) -> None:
         save_captures(place / "captures", captures)
@@ -85,11 +74,9 @@ def bundle(
                 save_ply(place / f"rounds/{index}/asset.ply", asset)
 
     similarity = np.eye(4) if world_from_capture is None else world_from_capture
-    declaration = Declaration(
-        "photographs",
-        tuple(map(tuple, similarity.tolist())),
-        ground="floor",
-        scale_source="metric",
+    return new_bundle(
+        folder / "room.r2s",
+        fill,
+        world_from_capture=tuple(map(tuple, similarity.tolist())),
         overrides={"rounds": len(assets)},
     )
-    return create_bundle(folder / "room.r2s", declaration, fill)

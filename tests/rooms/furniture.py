@@ -91,6 +91,14 @@ def cameras_around(target: Sequence[float], count: int = 5, width: int = 320) ->
     return cameras
 
 
+def in_the_room(vertices: np.ndarray, faces: np.ndarray) -> MeshRasterizer:
+    """A mesh, its faces first, and the room around it."""
+    shell = trimesh.creation.box(bounds=(ROOM_LOW, ROOM_HIGH))
+    return MeshRasterizer(
+        np.concatenate([vertices, shell.vertices]), np.concatenate([faces, shell.faces + len(vertices)])
+    )
+
+
 def observed_object(
     vertices: np.ndarray,
     faces: np.ndarray,
@@ -104,10 +112,7 @@ def observed_object(
     ``masks`` (H, W) bool, ``depths`` (H, W) float32 of everything, ``points`` (P, 3) on the
     object with noise along the rays.
     """
-    shell = trimesh.creation.box(bounds=(ROOM_LOW, ROOM_HIGH))
-    room = MeshRasterizer(
-        np.concatenate([vertices, shell.vertices]), np.concatenate([faces, shell.faces + len(vertices)])
-    )
+    room = in_the_room(vertices, faces)
     masks, depths, points = [], [], []
     for camera in cameras:
         buffers = room.render(camera)

@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from bundles import new_bundle
 from measured_points import measured
 from scipy.spatial.transform import Rotation
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.frame.floor_points import FloorPoint
 from r2sego_blender.captures.frame.picks import Pick, PickedLength, PickedPoint, Picks
@@ -61,13 +60,9 @@ def wrong_scene(folder, similarity, source="metric poses"):
         (place / "captures" / "masks").mkdir()
         (place / "captures" / "masks" / "chair.png").write_bytes(b"drawn by hand")
 
-    declared = Declaration(
-        "photographs",
-        tuple(map(tuple, (2.0 * np.diag([1, 1, 1, 0.5])).tolist())),
-        ground="no floor seen",
-        scale_source=source,
-    )
-    return create_bundle(folder / "room.r2s", declared, fill), turn, cameras
+    given = tuple(map(tuple, (2.0 * np.diag([1, 1, 1, 0.5])).tolist()))
+    scene = new_bundle(folder / "room.r2s", fill, world_from_capture=given, ground="no floor seen", scale_source=source)
+    return scene, turn, cameras
 
 
 def shown_points(turn, cameras, spots=FLOOR, views=(0, 2)):

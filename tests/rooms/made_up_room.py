@@ -3,17 +3,14 @@
 from pathlib import Path
 
 import numpy as np
+from bundles import new_bundle
 
-from r2sego_blender.bundle.creating import create_bundle
-from r2sego_blender.bundle.declaration import Declaration
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.captures.capture import Capture
 from r2sego_blender.captures.store import save_captures
 from r2sego_blender.core.images import save_image
 from r2sego_blender.geometry.collision.collision_files import write_collision
 from tools.benchmarks.workloads import made_up_collision, made_up_path, made_up_proxy, made_up_room
-
-IDENTITY = tuple(map(tuple, np.eye(4).tolist()))
 
 
 def made_up_bundle(path: Path, **overrides: object) -> Scene:
@@ -32,4 +29,4 @@ def made_up_bundle(path: Path, **overrides: object) -> Scene:
         write_collision(made_up_collision(), folder / "rounds" / "0" / "collision")
 
     settings = {"rollouts.processes": 1, **overrides}
-    return create_bundle(path, Declaration("made up", IDENTITY, "floor", "metric", overrides=settings), fill)
+    return new_bundle(path, fill, overrides=settings)
