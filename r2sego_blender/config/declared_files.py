@@ -135,8 +135,8 @@ class Reader:
 
     def _fitted(self, kind: Any, value: Any, place: str, field: Field) -> Any:
         origin, parts = typing.get_origin(kind), typing.get_args(kind)
-        if dataclasses.is_dataclass(kind):
-            return self.table(kind, value, place)  # type: ignore[arg-type]
+        if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+            return self.table(kind, value, place)
         if origin in (typing.Union, UnionType):
             # One that is written as a list, and one that is not; None is what is left out.
             of_kind = [part for part in parts if (typing.get_origin(part) is tuple) == isinstance(value, list)]

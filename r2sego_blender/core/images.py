@@ -116,7 +116,8 @@ def stored_values(path: Path) -> np.ndarray | None:
 
 def to_uint8(image: np.ndarray) -> np.ndarray:
     """Float [0, 1] values as uint8, rounded and clipped."""
-    return (np.clip(image, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    levels: np.ndarray = np.clip(image, 0.0, 1.0) * 255.0 + 0.5
+    return levels.astype(np.uint8)
 
 
 def save_image(path: Path, image: np.ndarray) -> None:

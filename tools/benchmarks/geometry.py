@@ -143,7 +143,8 @@ def _with_priors(
     for one in objects:
         (folder / "library" / f"{one.name}.ply").unlink()
     bundle = bundle.declare(mesh_library=str(folder / "library"))
-    bundle.begun(progress).align_priors(OBSERVED, layout.PLANES)
+    steps = Steps(Runner(bundle), bundle.declaration.settings, progress)
+    steps.align_priors(RegisteredCaptures(), OBSERVED, AlignedPriors().planes)
     accepted = [one["name"] for one in bundle.read(PRIOR_RECORDS) if not one["refusal"]]
     pairs = len(objects) * len(wrong)
     return figures | {"wrong_accepted": accepted, "wrong_rejected": 1 - len(accepted) / pairs}

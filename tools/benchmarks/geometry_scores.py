@@ -192,7 +192,8 @@ def chamfer_distance_m(
 
 
 def _moved(points: np.ndarray, similarity: np.ndarray) -> np.ndarray:
-    return points @ similarity[:3, :3].T + similarity[:3, 3]
+    moved: np.ndarray = points @ similarity[:3, :3].T + similarity[:3, 3]
+    return moved
 
 
 def _scale_and_rotation(similarity: np.ndarray) -> tuple[float, np.ndarray]:

@@ -75,10 +75,10 @@ def bandwidth_bytes_per_s() -> float:
     arrays = [aligned(_TRIAD_BYTES // 4) for _ in range(3)]
     for value, array in enumerate(arrays):
         array[:] = value  # memory that was never written is not there yet
-    addresses = [array.ctypes.data for array in arrays]
+    target, a, b = (array.ctypes.data for array in arrays)
     vectors = _TRIAD_BYTES // VECTOR_BYTES
-    _triad(*addresses, 1)
-    return 3 * _TRIAD_BYTES / _fastest_s(lambda: _triad(*addresses, vectors))
+    _triad(target, a, b, 1)
+    return 3 * _TRIAD_BYTES / _fastest_s(lambda: _triad(target, a, b, vectors))
 
 
 def _fastest_s(run: Callable[[], None]) -> float:
@@ -111,10 +111,10 @@ def _pass(code: Code, target: Value, a: Value, b: Value, vectors: Value) -> None
 
 
 @kernel
-def _multiply_add(values, turns):
+def _multiply_add(values: int, turns: int) -> None:
     _chains(values, turns)
 
 
 @kernel
-def _triad(target, a, b, vectors):
+def _triad(target: int, a: int, b: int, vectors: int) -> None:
     _pass(target, a, b, vectors)

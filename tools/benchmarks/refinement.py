@@ -74,7 +74,7 @@ def bench_refinement(
             else:
                 made = made.declare(overrides={**made.declaration.overrides, **changes})
             frozen = len(frozen_views(made, cameras))  # before an hour's work: are they there?
-            if library is not None:
+            if library is not None and truth is not None:
                 # masks and meshes are the same in every call, so that nothing is made twice
                 rng = np.random.default_rng([made.declaration.settings.seed, _LIBRARY])
                 in_world = truth.transformed(np.array(made.declaration.world_from_capture))

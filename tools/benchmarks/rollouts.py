@@ -98,7 +98,7 @@ def lines(figures: dict[str, Any]) -> list[str]:
 
 def _summary(s: dict[str, Any]) -> str:
     if "error" in s:
-        return s["error"]
+        return str(s["error"])
     seconds = f"{s['wall_s']:.1f} s ({s['cpu_s']:.1f} s CPU)"
     by = f"{s['robot']} by {s['controller']}"
     return f"{s['succeeded']} rollouts of {s['attempts']} attempts in {seconds}, {by}"

@@ -16,10 +16,10 @@ import numba
 import numpy as np
 
 from r2sego_blender.commands.bench_defaults import SIZE, SPLATS_GAUSSIANS, SPLATS_REPEATS
-from r2sego_blender.config.settings import TrainingSettings
+from r2sego_blender.config.training_settings import TrainingSettings
 from r2sego_blender.core.cameras import Camera
 from r2sego_blender.core.errors import SettingsError
-from r2sego_blender.core.progress import SILENT, Progress
+from r2sego_blender.core.progress import SILENT, Progress, Task
 from r2sego_blender.core.resources import forget_peak_memory, peak_memory_mb
 from r2sego_blender.splats.kernels.adam import AdamState
 from r2sego_blender.splats.kernels.loss import PhotometricLoss
@@ -88,7 +88,7 @@ def bench_splats(
             where="--threads",
             cure=f"This machine, or NUMBA_NUM_THREADS, gives 1 to {numba.config.NUMBA_NUM_THREADS}.",
         )
-    if asset is None:
+    if asset is None or cameras is None:
         workload = made_up_room(gaussians, parse_size(size or SIZE))
     else:
         workload = of_files(asset, cameras, None if size is None else parse_size(size))
@@ -204,7 +204,7 @@ class _Steps:
         self._rasterizer = Rasterizer()
         self._losses = {camera.shape: PhotometricLoss(*camera.shape) for camera in self._cameras}
 
-    def run(self, task) -> np.ndarray:
+    def run(self, task: Task) -> np.ndarray:
         """Seconds (3, 2) of forward, loss and backward with Adam, CPU and wall: means over the views."""
         total_s = np.zeros((len(_PARTS), 2))
         for camera, target in zip(self._cameras, self._targets, strict=True):

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -152,8 +153,8 @@ def _random_similarity(rng: np.random.Generator) -> np.ndarray:
 
 def _meshes(scene: Path, count: int, rng: np.random.Generator) -> Mapping[str, trimesh.Trimesh]:
     """Up to ``count`` different solid meshes of a scene's file."""
-    loaded = trimesh.load(scene, skip_materials=True)
-    different = {}
+    loaded: Any = trimesh.load(scene, skip_materials=True)
+    different: dict[tuple[float, ...], tuple[str, trimesh.Trimesh]] = {}
     for node in sorted(loaded.graph.nodes_geometry):
         _, name = loaded.graph[node]
         mesh = loaded.geometry[name]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +18,9 @@ from r2sego_blender.core.errors import SettingsError
 from r2sego_blender.core.images import resize
 from r2sego_blender.geometry.collision.collision import CollisionSurface
 from r2sego_blender.geometry.proxy.proxy import GeometryProxy, Provenance
-from r2sego_blender.splats.asset import SH_BAND_0, SplatAsset
+from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.formats.registry import load_asset
+from r2sego_blender.splats.harmonics import SH_BAND_0
 from r2sego_blender.splats.quaternions import from_rotation
 
 _ROOM_M = ((-2.5, -2.0, 0.0), (2.5, 2.0, 2.6))
@@ -112,7 +114,7 @@ def of_files(asset: Path, cameras: Path, size: tuple[int, int] | None = None) ->
     for photograph in photographs:
         capture = capture_of(photograph, ANY_SIZE_PX, files_needed=False)
         camera = capture.camera if size is None else _sized(capture.camera, size)
-        views.append(View(camera, lambda c=camera, p=capture: _target(p, c)))
+        views.append(View(camera, partial(_target, capture, camera)))
     kind = "frozen views" if has_frozen else "captures"
     if not views:
         raise SettingsError(f"there are no {kind}", where=cameras, cure="Give a cameras.json with some.")
@@ -210,7 +212,7 @@ def made_up_collision() -> CollisionSurface:
     """The same room as a robot meets it: walls, ceiling and furniture as boxes on a flat floor."""
     proxy = made_up_proxy(1)
     low, high = (np.array(corner) for corner in _ROOM_M)
-    boxes = list(_FURNITURE_M)
+    boxes = [(np.array(near), np.array(far)) for near, far in _FURNITURE_M]
     for axis in range(3):
         for side in ((high, high + _WALL_M), (low - _WALL_M, low)):
             if axis == 2 and side[0] is not high:
@@ -219,7 +221,7 @@ def made_up_collision() -> CollisionSurface:
             near[axis], far[axis] = side[0][axis], side[1][axis]
             boxes.append((near, far))
     floor = np.array([[x, y, 0.0] for x, y in _around(low, high)])
-    pieces = tuple(_box(np.array(a), np.array(b)) for a, b in boxes)
+    pieces = tuple(_box(near, far) for near, far in boxes)
     return CollisionSurface(proxy.vertices.astype(np.float64), proxy.faces, pieces, floor, tolerance_m=0.0)
 
 
@@ -248,8 +250,8 @@ def _box(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _faces() -> tuple[np.ndarray, np.ndarray]:
     """Corner (F, 3) and the two edges (F, 2, 3) of every box's six rectangles, metres."""
     corners, edges = [], []
-    for low, high in (_ROOM_M, *_FURNITURE_M):
-        low, high = np.array(low), np.array(high)
+    for box in (_ROOM_M, *_FURNITURE_M):
+        low, high = np.array(box[0]), np.array(box[1])
         for axis in range(3):
             across = [np.eye(3)[k] * (high - low) for k in range(3) if k != axis]
             for corner in (low, np.where(np.arange(3) == axis, high, low)):

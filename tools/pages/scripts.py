@@ -74,10 +74,11 @@ def calls() -> list[Call]:
         tree = ast.parse(text)
         names = {"bpy.ops.r2sego", *_names_of_operators(tree)}
         for one in ast.walk(tree):
-            called = one.func if isinstance(one, ast.Call) else None
-            if isinstance(called, ast.Attribute) and ast.unparse(called.value) in names:
+            if not isinstance(one, ast.Call) or not isinstance(one.func, ast.Attribute):
+                continue
+            if ast.unparse(one.func.value) in names:
                 given = tuple(word.arg for word in one.keywords if word.arg is not None)
-                found.append(Call(file.name, called.attr, given))
+                found.append(Call(file.name, one.func.attr, given))
     return found
 
 
@@ -121,7 +122,7 @@ def _command(one: ast.ClassDef, classes: dict[str, ast.ClassDef]) -> str:
     for line in one.body:
         if isinstance(line, ast.FunctionDef) and line.name == "arguments":
             begins = (node.elts[0] for node in ast.walk(line) if isinstance(node, ast.List) and node.elts)
-            texts = (first.value for first in begins if isinstance(first, ast.Constant))
+            texts = (str(first.value) for first in begins if isinstance(first, ast.Constant))
             return next((text for text in texts if text in main.commands), "")
     bases = (classes[name] for name in map(ast.unparse, one.bases) if name in classes)
     return next(filter(None, (_command(base, classes) for base in bases)), "")
@@ -132,8 +133,9 @@ def _names_of_operators(tree: ast.Module) -> Iterator[str]:
     for one in ast.walk(tree):
         if isinstance(one, ast.Assign) and len(one.targets) == 1:
             target, value = one.targets[0], one.value
-            several = isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple)
-            pairs = zip(target.elts, value.elts, strict=True) if several else [(target, value)]
+            pairs = [(target, value)]
+            if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
+                pairs = list(zip(target.elts, value.elts, strict=True))
             yield from (ast.unparse(name) for name, what in pairs if ast.unparse(what) == "bpy.ops.r2sego")
 
 

@@ -32,7 +32,7 @@ def settings_page() -> str:
         if name != section:
             section = name
             title, doc = (section.capitalize(), docs[section]) if section else ("Whole run", Settings.__doc__)
-            lines += ["", f"## {title}", "", doc.strip().splitlines()[0], ""]
+            lines += ["", f"## {title}", "", (doc or "").strip().splitlines()[0], ""]
             lines += ["| key | default | range | meaning | preview |", "| --- | --- | --- | --- | --- |"]
         allowed = ", ".join(entry.choices) if entry.low is None else f"{entry.low:g} to {entry.high:g}"
         preview = PRESETS["preview"].get(entry.key, "")

@@ -22,7 +22,7 @@ from r2sego_blender.splats.formats.registry import load_asset
 PICTURES = Path(__file__).resolve().parents[2] / "docs" / "pictures"
 PLACE_M, YAW_DEG = (0.25, -1.0), 80.0
 ELBOW_RAD = 0.0  # forearms forward, where the head camera sees them
-BESIDE, TOWARDS = (1.5, -1.9, 1.6), (0.2, 0.4, 0.75)
+BESIDE, TOWARDS = np.array([1.5, -1.9, 1.6]), np.array([0.2, 0.4, 0.75])
 
 
 def room_with_robot(folder: Path) -> mujoco.MjModel:
@@ -51,7 +51,7 @@ def main(folder: Path) -> None:
     pictures = []
     for name in ("beside", "head_camera"):
         with SimulatedCamera(model, name, asset) as camera:
-            pictures.append(np.float32(camera.see(data).colour) / 255)
+            pictures.append(camera.see(data).colour.astype(np.float32) / 255)
     save_figure(PICTURES / "mujoco.jpg", strip(pictures))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -203,7 +204,7 @@ def write_database(
 
 def save_matches(path: Path, features: Sequence[Features], pairs: Pairs) -> None:
     """Write features and matches as an ``.npz`` for a child process."""
-    arrays = {}
+    arrays: dict[str, Any] = {}
     for index, found in enumerate(features):
         arrays[f"keypoints_{index}"] = found.keypoints
         arrays[f"descriptors_{index}"] = found.descriptors

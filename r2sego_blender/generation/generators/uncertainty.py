@@ -27,6 +27,6 @@ def soften_uncertain(image: np.ndarray, confidence: np.ndarray) -> np.ndarray:
         return image
     sigma_px = _REACH * image.shape[1]
     weight = confidence + _LEAST_WEIGHT
-    mean = cv2.GaussianBlur(image * weight[..., None], (0, 0), sigma_px)
+    mean: np.ndarray = cv2.GaussianBlur(image * weight[..., None], (0, 0), sigma_px)
     mean /= cv2.GaussianBlur(weight, (0, 0), sigma_px)[..., None]
     return image + np.float32(_MOST) * uncertainty[..., None] * (mean - image)

@@ -246,8 +246,8 @@ def _closed(
             near = cKDTree(centroids[on_plane]).query(samples, distance_upper_bound=field.voxel_m)[0]
             covered = np.isfinite(near)
         added.append(cells[(votes.through <= votes.agree) & ~covered.all(1)])
-    added = np.concatenate([np.zeros((0, 3)), *(cells.reshape(-1, 3) for cells in added)])
-    welded, corner = merged(added, places(added))  # neighbouring cells share their corners
+    corners = np.concatenate([np.zeros((0, 3)), *(cells.reshape(-1, 3) for cells in added)])
+    welded, corner = merged(corners, places(corners))  # neighbouring cells share their corners
     corner = (len(vertices) + corner.reshape(-1, 4)).astype(np.int32)
     new = np.concatenate([corner[:, [0, 1, 2]], corner[:, [0, 2, 3]]])
     return np.concatenate([vertices, welded]), np.concatenate([faces, new])

@@ -184,7 +184,7 @@ def _anchor(index: int, views: Sequence[_View]) -> np.ndarray:
     """(H, W) reliable depth: the capture's own, else what the others saw, where visible here."""
     view = views[index]
     height, width = view.camera.shape
-    seen = np.full(height * width, np.inf, np.float32)
+    seen: np.ndarray = np.full(height * width, np.inf, np.float32)
     for j, other in enumerate(views):
         if j == index:
             continue

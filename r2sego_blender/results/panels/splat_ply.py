@@ -54,7 +54,7 @@ def read_splats(path: Path, backdrop: bool = False) -> ShownSplats:
     the property or size that is wrong.
     """
     vertices = read_vertices(path)
-    names = vertices.dtype.names
+    names = vertices.dtype.names or ()
 
     def columns(*wanted: str) -> np.ndarray:
         for name in wanted:

@@ -25,9 +25,9 @@ def effort(model: mujoco.MjModel, joint: int) -> float:
     if model.jnt_actfrclimited[joint]:
         limits.append(model.jnt_actfrcrange[joint])
     actuators = np.flatnonzero(on_joints(model) & (model.actuator_trnid[:, 0] == joint))
-    geared = [actuator for actuator in actuators if model.actuator_gear[actuator, 0] != 0.0]
+    geared = [actuator for actuator in actuators.tolist() if model.actuator_gear[actuator, 0] != 0.0]
     if geared:
-        limits.append(sum(_joint_range(model, actuator) for actuator in geared))
+        limits.append(sum((_joint_range(model, actuator) for actuator in geared), np.zeros(2)))
     least = min((float(np.abs(limit).max()) for limit in limits), default=np.inf)
     return least if np.isfinite(least) else 0.0
 
