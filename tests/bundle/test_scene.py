@@ -358,7 +358,7 @@ def test_what_a_killed_process_left_of_a_new_bundle_goes_with_the_next(tmp_path)
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, Path(__file__).parents[1:3]))},
     ) as making:
         left = tmp_path / making.stdout.readline().strip()
         first = make_scene(tmp_path)

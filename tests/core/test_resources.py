@@ -9,7 +9,7 @@ import pytest
 from r2sego_blender.core import resources
 
 _ANEW = """
-from r2sego_blender import resources
+from r2sego_blender.core import resources
 first = bytearray(128 << 20)
 first[::4096] = b"x" * len(first[::4096])
 del first

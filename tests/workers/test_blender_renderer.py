@@ -138,7 +138,7 @@ def test_cancelling_ends_a_render_under_way_and_the_next_starts_anew(blender, pr
 def test_it_ends_with_its_parent(proxy_file, tmp_path, busy):
     pytest.importorskip("bpy", reason="pip bpy is not installed")
     code = (
-        "import sys, time; from pathlib import Path; sys.path.insert(0, 'tests/workers')\n"
+        "import sys, time; from pathlib import Path; sys.path[:0] = ['tests/workers', 'tests/rooms']\n"
         "from test_blender_renderer import CAMERA; from r2sego_blender.workers.blender_renderer import *\n"
         "worker = BlenderWorker(); worker.version; print(worker.process_id, flush=True)\n"
         f"tell = lambda frame: print('frame', flush=True)\n"

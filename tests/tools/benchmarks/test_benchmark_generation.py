@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from painted_room import write_painted_room
 
-from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
 from r2sego_blender.core.errors import SceneError
-from r2sego_blender.core.progress import SILENT
 from r2sego_blender.evaluation.error_causes import CAUSES
+from r2sego_blender.geometry.proxy.proxy import PROXY
+from r2sego_blender.pipeline import refine
 from r2sego_blender.refine.creation import create_scene
-from r2sego_blender.refine.steps import Steps
 from tools.benchmarks.figures import write_figures
 from tools.benchmarks.generation import bench_generation, lines
 
@@ -31,10 +30,7 @@ def bundle(scene, tmp_path_factory):
     path = tmp_path_factory.mktemp("bundle") / "scene.r2s"
     create_scene(path, scene, scene / "cameras.json")
     made = Scene.open(path).declare(overrides=TINY)
-    step = Steps(Runner(made), made.declaration.settings, SILENT)
-    captures, asset = step.register_inputs()
-    observed, priors = step.observed_and_prior_geometry(captures)
-    step.geometry_proxy(0, captures, observed, step.align_priors(observed, priors), asset)
+    refine(made, until=PROXY.of_round(0).name)
     return path
 
 
