@@ -98,9 +98,7 @@ def bench_training(file: Path | None, **given: Any) -> None:
 @_figures_file
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the pipeline and the noise.")
 @click.option("--no-noise", is_flag=True, help="Leave out the stereo of disturbed captures.")
-def bench_geometry(
-    context: click.Context, scene: Path, library: Path | None, file: Path | None, seed: int, no_noise: bool
-) -> None:
+def bench_geometry(scene: Path, library: Path | None, file: Path | None, seed: int, no_noise: bool) -> None:
     """Time stereo and geometry proxy of a scene whose truth is known, and score them against it."""
     _measure("geometry", file, scene=scene, library=library, seed=seed, noise=not no_noise)
 

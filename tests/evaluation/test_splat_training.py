@@ -106,7 +106,7 @@ def test_a_long_training_that_is_cancelled_leaves_its_last_kept_state(photograph
 
 
 def test_an_output_that_cannot_be_written_is_said_at_once(tmp_path):
-    with pytest.raises(AssetError, match=r"\.splat, \.spz"):
+    with pytest.raises(AssetError, match=r"\.spz, \.splat"):
         check_output(tmp_path / "asset.obj")
     with pytest.raises(AssetError, match="nowhere"):
         check_output(tmp_path / "nowhere" / "asset.ply")

@@ -30,7 +30,8 @@ def label(key: str) -> str:
     unit = _UNITS.get(words[-1], "") if len(words) > 1 else ""
     named = [_ABBREVIATIONS.get(word, word.capitalize()) for word in (words[:-1] if unit else words)]
     small = [word.lower() if word.lower() in _SMALL_WORDS else word for word in named[1:]]
-    return " ".join([named[0], *small]) + (f" ({unit})" if unit else "")
+    name = " ".join([named[0], *small]).replace("Learning Rate", "LR")  # it stands beside its number
+    return name + (f" ({unit})" if unit else "")
 
 
 @functools.cache

@@ -38,7 +38,10 @@ def evaluated(tmp_path, monkeypatch):
         (captures / "cameras.json").write_text(json.dumps({"captures": [{}] * 6}))
         declared = SimpleNamespace(overrides={"rounds": 1}, preset="preview")
         return SimpleNamespace(
-            path=path, declaration=declared, metrics_file=report / "metrics.json", captures_folder=captures
+            path=path,
+            declaration=declared,
+            metrics_file=report / "metrics.json",
+            read=lambda artifact: artifact.load(path / artifact.name),
         )
 
     def run_it(*names, options=()):
