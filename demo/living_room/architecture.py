@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from demo.living_room.build import Piece, grid_mesh
-from demo.living_room.materials import Palette
+from .build import Piece, grid_mesh
+from .materials import Palette
 
 WIDTH_M, DEPTH_M, HEIGHT_M = 5.0, 4.4, 2.6
 """x from west to east, y from south to north, z up; the floor's middle is the origin."""

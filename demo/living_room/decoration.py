@@ -6,10 +6,10 @@ from math import cos, pi, radians, sin
 
 import numpy as np
 
-from demo.living_room import artworks
-from demo.living_room.architecture import EAST_M, NORTH_M
-from demo.living_room.build import ON_WALL, Piece, grid_mesh
-from demo.living_room.materials import Palette, picture
+from . import artworks
+from .architecture import EAST_M, NORTH_M
+from .build import ON_WALL, Piece, grid_mesh
+from .materials import Palette, picture
 
 GOLDEN_ANGLE = pi * (3 - 5**0.5)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from demo.living_room.architecture import EAST_M, NORTH_M
-from demo.living_room.build import Piece, grid_mesh
-from demo.living_room.materials import Palette
+from .architecture import EAST_M, NORTH_M
+from .build import Piece, grid_mesh
+from .materials import Palette
 
 
 def add_furniture(palette: Palette, rng: np.random.Generator) -> None:

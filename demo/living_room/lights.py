@@ -7,7 +7,7 @@ from math import radians
 import bpy
 from mathutils import Vector
 
-from demo.living_room.architecture import EAST_M, NORTH_M
+from .architecture import EAST_M, NORTH_M
 
 WARM = (1.0, 0.78, 0.55)
 SUNLIGHT = (1.0, 0.83, 0.64)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 import bpy
 import numpy as np
 
-from demo.living_room import artworks, textures
+from . import artworks, textures
 
 
 def colour(code: str) -> tuple[float, float, float, float]:
