@@ -77,8 +77,9 @@ class Runner:
                 made.save(compute(*taken), place)
 
         def read() -> None:
-            (made.check or made.load)(self.scene.path / made.name)
-            if fits is not None:
+            if fits is None:
+                (made.check or made.load)(self.scene.path / made.name)
+            else:
                 fits(self.scene.read(made), *(self.scene.read(one) for one in takes))
 
         inputs = [*dict.fromkeys([*(one.key for one in takes), *also])]
