@@ -1,4 +1,4 @@
-"""Lets every test choose numba's threads, and take its time."""
+"""Lets every test choose numba's threads and take its time, and gives a small bundle to those that ask."""
 
 import signal
 import tempfile
@@ -52,3 +52,19 @@ def with_threads():
             numba.set_num_threads(before)
 
     return result
+
+
+@pytest.fixture(scope="session")
+def bundle_path(tmp_path_factory):
+    """A fake bundle; tests only read it."""
+    from fake_bundle import write_bundle
+
+    return write_bundle(tmp_path_factory.mktemp("bundle") / "room.r2s")
+
+
+@pytest.fixture
+def bundle(bundle_path):
+    """The fake bundle, opened."""
+    from r2sego_blender.results.panels.bundle import Bundle
+
+    return Bundle.open(bundle_path)
