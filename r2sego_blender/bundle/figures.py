@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import SceneError
-from ..core.text_files import write_json
+from ..core.json_files import write_json
 from .artifacts import Artifact
 
 _CURE = "Run `r2sego refine` again."

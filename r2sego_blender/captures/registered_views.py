@@ -11,7 +11,7 @@ from ..bundle import layout
 from ..bundle.artifacts import Artifact
 from ..core.cameras import Camera
 from ..core.errors import CaptureError
-from ..core.text_files import opened_json
+from ..core.json_files import opened_json
 
 CURE = "Make the scene anew with `r2sego new`."
 

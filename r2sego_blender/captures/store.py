@@ -11,7 +11,7 @@ from ..bundle import layout
 from ..bundle.artifacts import Artifact
 from ..core.errors import CaptureError
 from ..core.images import save_image
-from ..core.text_files import write_json
+from ..core.json_files import write_json
 from .capture import Capture
 from .lenses.lens import Lens
 from .poses.colmap_model import save_colmap_model

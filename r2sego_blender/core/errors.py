@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+from .printable import printable
+
 
 class R2SEgoError(Exception):
     """Base of every error this library raises on purpose.
 
     The message is one line a person can act on: what is wrong, in which file and
     field, and what to do. A command prints it and exits with a non-zero code; an
-    operator reports it and returns ``CANCELLED``.
+    operator reports it and returns ``CANCELLED``. Names in it are others': what would control a
+    terminal is written out, and what is long is cut.
     """
 
     def __init__(self, what: str, *, where: object = None, cure: str = "") -> None:
@@ -18,7 +21,7 @@ class R2SEgoError(Exception):
         self.where = None if where is None else str(where)
         self.cure = cure
         place = f"{self.where}: " if self.where else ""
-        super().__init__(" ".join(f"{place}{what}. {cure}".split()))
+        super().__init__(" ".join(printable(" ".join(part.split())) for part in (place, f"{what}.", cure) if part))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """As it is told to another process, which makes the message anew."""

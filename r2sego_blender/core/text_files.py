@@ -7,12 +7,11 @@ the standard library alone.
 from __future__ import annotations
 
 import contextlib
-import json
+import os
+import stat
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
-
-from .errors import R2SEgoError, may_not_be_read
+from typing import IO
 
 
 def write_text(file: Path, text: str) -> None:
@@ -20,22 +19,28 @@ def write_text(file: Path, text: str) -> None:
     file.write_text(text, encoding="utf-8", newline="\n")
 
 
-def write_json(file: Path, record: Any) -> None:
-    """Write JSON for people, too, one value a line."""
-    write_text(file, json.dumps(record, indent=1) + "\n")
-
-
 @contextlib.contextmanager
-def opened_json(
-    file: Path, error: type[R2SEgoError], what: str, cure: str = "Run `r2sego refine` again."
-) -> Iterator[Any]:
-    """What a JSON file of a bundle holds; reads it whole inside the ``with``.
+def opened_file(file: Path) -> Iterator[IO[bytes]]:
+    """A file to read that is one: a pipe or a device would never end. Raises OSError and ValueError."""
+    with open(file, "rb", opener=_without_waiting) as stream:  # noqa: PTH123  (a path takes no opener)
+        if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+            raise ValueError("it is no file, but a pipe or a device")
+        yield stream
 
-    Whatever damage is met there raises ``error`` with the file's name and cure.
-    """
-    try:
-        yield json.loads(file.read_text(encoding="utf-8"))
-    except PermissionError as cause:
-        raise may_not_be_read(file, error) from cause
-    except (OSError, LookupError, TypeError, ValueError, AttributeError) as cause:
-        raise error(what, where=file, cure=cure) from cause
+
+def read_bytes(file: Path, most_bytes: int) -> bytes:
+    """The bytes of a file of at most so many. Raises OSError, and ValueError for a larger one."""
+    with opened_file(file) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        if size > most_bytes:
+            raise ValueError(f"it has {size} bytes, of at most {most_bytes}")
+        return stream.read(most_bytes)
+
+
+def read_text(file: Path, most_bytes: int) -> str:
+    """The UTF-8 text of a file of at most so many bytes. Raises as ``read_bytes``, and ValueError for none."""
+    return read_bytes(file, most_bytes).decode("utf-8-sig")
+
+
+def _without_waiting(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))

@@ -25,8 +25,8 @@ from ..captures.sparse_points import SPARSE, SparsePoints
 from ..captures.store import CAPTURES, save_captures
 from ..core.digests import content_digest
 from ..core.errors import CaptureError
+from ..core.json_files import write_json
 from ..core.progress import SILENT, Progress
-from ..core.text_files import write_json
 from ..geometry.objects.objects import OBJECTS
 from ..geometry.proxy.edits import PROXY_EDITS
 from ..robot.scope.scope import BehaviourScope

@@ -15,7 +15,7 @@ from ..bundle.layout import SCOPE_FILE
 from ..bundle.scene import Scene
 from ..captures.store import CAPTURES
 from ..core.errors import GeometryError, RobotError
-from ..core.text_files import write_json
+from ..core.json_files import write_json
 from ..geometry.objects.prior_files import PRIOR_RECORDS, PRIORS, object_place
 from ..geometry.proxy.proxy import PROXY
 from ..refine.behaviour import DeclaredBehaviour

@@ -20,8 +20,8 @@ from ..config.settings import Settings
 from ..core.cameras import Camera
 from ..core.errors import CaptureError, GenerationError
 from ..core.images import load_image, save_image, to_uint8
+from ..core.json_files import write_json
 from ..core.progress import SILENT, Progress
-from ..core.text_files import write_json
 from ..views.selection import Selection
 from .conditions.condition_files import save_conditions
 from .conditions.conditions import Condition, Renderer

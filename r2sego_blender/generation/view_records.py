@@ -12,7 +12,7 @@ from typing import Any
 
 from ..core.cameras import Camera
 from ..core.errors import GenerationError
-from ..core.text_files import opened_json
+from ..core.json_files import opened_json
 from .decisions import decision_of, save_decision
 
 _WORDS = {True: "accepted by hand", False: "rejected by hand"}

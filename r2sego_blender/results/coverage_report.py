@@ -12,8 +12,8 @@ from ..bundle.runner import Runner
 from ..bundle.scene import Scene
 from ..core.cameras import Camera
 from ..core.errors import SceneError
+from ..core.json_files import write_json
 from ..core.progress import SILENT, Progress
-from ..core.text_files import write_json
 from ..geometry.proxy.proxy import PROXY, GeometryProxy
 from ..geometry.visibility.coverage import COVERAGE, COVERAGE_FILE, Coverage, count_seen, face_areas
 from ..views.selection import CANDIDATES

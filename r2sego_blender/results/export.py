@@ -15,9 +15,10 @@ from ..bundle.stale import require_present_frame
 from ..captures.registered_views import REGISTERED_VIEWS
 from ..core.atomic_files import remove, rename
 from ..core.errors import AssetError, SceneError
+from ..core.json_files import write_json
 from ..core.progress import SILENT, Progress
 from ..core.scratch import keeping, scratch_place
-from ..core.text_files import write_json, write_text
+from ..core.text_files import write_text
 from ..geometry.collision.collision_files import HULLS, MESH_OBJ, SCENE_USD
 from ..geometry.objects.objects import read_backends
 from ..geometry.proxy.proxy import PROXY, GeometryProxy

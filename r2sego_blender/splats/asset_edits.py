@@ -18,7 +18,7 @@ from ..bundle import layout
 from ..bundle.artifacts import Artifact
 from ..bundle.scene import Scene
 from ..core.errors import AssetError
-from ..core.text_files import write_json
+from ..core.json_files import write_json
 from .regions import Box, Region, region_of
 
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")

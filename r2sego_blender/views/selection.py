@@ -19,8 +19,8 @@ from ..config.settings import SelectionSettings
 from ..core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
 from ..core.cameras import Camera
 from ..core.errors import GenerationError
+from ..core.json_files import opened_json, write_json
 from ..core.progress import SILENT, Progress
-from ..core.text_files import opened_json, write_json
 
 _ARRAYS = (
     "rollout",

@@ -1,5 +1,9 @@
+import io
+import os
 import subprocess
 import sys
+import tracemalloc
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from r2sego_blender.core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
+from r2sego_blender.core.arrays import arrays_of, load_array, opened_arrays, require_finite, require_shapes, save_arrays
 from r2sego_blender.core.errors import GeometryError
 
 
@@ -58,12 +62,84 @@ def test_an_array_that_is_not_there_is_damage(tmp_path):
 
 
 def test_a_file_that_may_not_be_read_is_not_called_damaged(tmp_path, monkeypatch):
-    def refused(path, **_):
+    def refused(path, *_):
         raise PermissionError(13, "Permission denied", str(path))
 
-    monkeypatch.setattr(np, "load", refused)
+    monkeypatch.setattr(os, "open", refused)
     with pytest.raises(GeometryError, match=r"table\.npz: it may not be read\. Allow"):
         read(tmp_path / "table.npz")
+
+
+ORDERS = st.sampled_from("CF")
+DTYPES = st.sampled_from(["<f8", ">f4", "<i2", "|u1", "|b1", "<U3", "|S2"])
+
+
+@given(st.lists(st.integers(0, 4), max_size=4), DTYPES, ORDERS, st.booleans())
+def test_any_array_is_read_as_by_numpy(tmp_path_factory, shape, dtype, order, packed):
+    file = tmp_path_factory.mktemp("any") / "any.npz"
+    values = np.random.default_rng(0).integers(0, 2, shape).astype(dtype, order=order)
+    (np.savez_compressed if packed else np.savez)(file, values=values)
+    np.save(file.with_suffix(".npy"), values)
+    with arrays_of(file) as data, np.load(file) as known:
+        for found in (data["values"], load_array(file.with_suffix(".npy"))):
+            assert found.dtype == known["values"].dtype
+            assert found.flags.c_contiguous == known["values"].flags.c_contiguous
+            np.testing.assert_array_equal(found, known["values"])
+            assert found.flags.writeable
+
+
+def npy(header: str, body: bytes = b"") -> bytes:
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(stream, {"descr": "<f8", "fortran_order": False, "shape": ()})
+    lead = stream.getvalue()[:8]
+    return lead + len(header).to_bytes(2, "little") + header.encode() + body
+
+
+HEADER = "{{'descr': {}, 'fortran_order': False, 'shape': {}}}\n"
+
+
+@pytest.mark.parametrize(
+    "member",
+    [
+        b"",
+        b"no array",
+        npy(HEADER.format("'<f8'", "(1099511627776,)"), bytes(80)),
+        npy(HEADER.format("'<f8'", "(-1, 10)"), bytes(80)),
+        npy(HEADER.format("'<f8'", "(9,)"), bytes(80)),
+        npy(HEADER.format("'<f8'", "(11,)"), bytes(80)),
+        npy(HEADER.format("'<U536870911'", "(9,)"), bytes(80)),
+        npy(HEADER.format("'|O'", "(10,)"), bytes(80)),
+        npy(HEADER.format("[('a', '<f8')]", "(10,)"), bytes(80)),
+        npy(HEADER.format("'<f8'", "(10,"), bytes(80)),
+        npy("(" * 9000, bytes(80)),
+        npy("{'descr': '<f8'}", bytes(80)),
+    ],
+)
+def test_a_header_that_lies_is_refused_before_anything_is_allocated(tmp_path, member):
+    with zipfile.ZipFile(tmp_path / "table.npz", "w") as archive:
+        archive.writestr("points.npy", member)
+    tracemalloc.start()
+    try:
+        with pytest.raises(GeometryError, match=r"table\.npz: this is not a table"):
+            read(tmp_path / "table.npz")
+        assert tracemalloc.get_traced_memory()[1] < 4e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_packed_bomb_is_refused_before_it_is_taken_apart(tmp_path):
+    with zipfile.ZipFile(tmp_path / "table.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        body = bytes(30_000_000)
+        for name in ("points", *"abcdefg"):
+            archive.writestr(f"{name}.npy", npy(HEADER.format("'|u1'", f"({len(body)},)"), body))
+    assert (tmp_path / "table.npz").stat().st_size < 300_000
+    tracemalloc.start()
+    try:
+        with pytest.raises(GeometryError, match=r"table\.npz"):
+            read(tmp_path / "table.npz")
+        assert tracemalloc.get_traced_memory()[1] < 4e6
+    finally:
+        tracemalloc.stop()
 
 
 def test_pickled_objects_are_refused(tmp_path):

@@ -1,13 +1,12 @@
 """Text is written and read alike by every system: UTF-8, and lines that end in a line feed."""
 
 import ast
-import json
+import os
 from pathlib import Path
 
 import pytest
 
-from r2sego_blender.core.errors import SceneError
-from r2sego_blender.core.text_files import opened_json, write_json, write_text
+from r2sego_blender.core.text_files import read_text, write_text
 
 LIBRARY = Path(__file__).parents[2] / "r2sego_blender"
 WRITERS = {"text_files.py", "viewcrafter_program.py"}
@@ -19,31 +18,17 @@ ONLY_LINUX = {"resources.py", "processes.py"}
 def test_a_file_has_the_bytes_of_its_text_in_utf_8(tmp_path):
     write_text(tmp_path / "a.txt", "Größe\n部屋\n")
     assert (tmp_path / "a.txt").read_bytes() == "Größe\n部屋\n".encode()
-    write_json(tmp_path / "a.json", {"rounds": [1, 2]})
-    assert (tmp_path / "a.json").read_bytes() == b'{\n "rounds": [\n  1,\n  2\n ]\n}\n'
-    assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == {"rounds": [1, 2]}
 
 
-@pytest.mark.parametrize("text", ["", "[]", "3", '{"others": 1}', "\udcff"])
-def test_a_damaged_file_is_named_with_its_cure(tmp_path, text):
-    (tmp_path / "a.json").write_bytes(text.encode("utf-8", "surrogateescape"))
-    with (
-        pytest.raises(SceneError, match=r"a\.json: it is damaged\. Run `r2sego refine` again\."),
-        opened_json(tmp_path / "a.json", SceneError, "it is damaged") as read,
-    ):
-        assert read["rounds"]
-
-
-def test_a_file_that_may_not_be_read_is_not_called_damaged(tmp_path, monkeypatch):
-    def refused(path, **_):
-        raise PermissionError(13, "Permission denied", str(path))
-
-    monkeypatch.setattr(Path, "read_text", refused)
-    with (
-        pytest.raises(SceneError, match=r"a\.json: it may not be read\. Allow"),
-        opened_json(tmp_path / "a.json", SceneError, "it is damaged"),
-    ):
-        pass
+def test_a_pipe_is_refused_at_once_and_a_large_file_before_it_is_read(tmp_path):
+    (tmp_path / "a.txt").write_bytes(b"x" * 100)
+    assert read_text(tmp_path / "a.txt", 100) == "x" * 100
+    with pytest.raises(ValueError, match="100 bytes"):
+        read_text(tmp_path / "a.txt", 99)
+    if hasattr(os, "mkfifo"):
+        os.mkfifo(tmp_path / "pipe")
+        with pytest.raises(ValueError, match="pipe"):
+            read_text(tmp_path / "pipe", 100)
 
 
 def _calls():

@@ -250,5 +250,5 @@ def test_ranks_choices_and_references_that_contradict_each_other_are_damage(tmp_
     selection.save(tmp_path)
     assert Selection.load(tmp_path).targets.tolist() == [0, 1]
     replace(selection, **{name: np.array(values) for name, values in wrong.items()}).save(tmp_path)
-    with pytest.raises(GenerationError, match=r"selection\.npz: this is not a selection"):
+    with pytest.raises(GenerationError, match=r"selection\.(npz|json): this is not a selection"):
         Selection.load(tmp_path)

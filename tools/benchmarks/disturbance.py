@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from r2sego_blender.captures.poses.cameras_json import read_cameras_json
 from r2sego_blender.captures.poses.json_fields import read_json
 from r2sego_blender.core.images import load_image, save_image
-from r2sego_blender.core.text_files import write_json
+from r2sego_blender.core.json_files import write_json
 
 NOISE_SIGMA = 4.0 / 255.0
 GAIN = 0.05

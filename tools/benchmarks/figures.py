@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from r2sego_blender.core.errors import SettingsError
-from r2sego_blender.core.text_files import write_json
+from r2sego_blender.core.json_files import write_json
 
 
 def write_figures(path: Path, figures: dict[str, Any]) -> None:

@@ -14,7 +14,7 @@ from mathutils.bvhtree import BVHTree
 from ...captures.registered_views import RegisteredView
 from ...core.cameras import Camera
 from ...core.errors import GeometryError
-from ...core.text_files import write_json
+from ...core.json_files import write_json
 from ...geometry.objects.masked_points import points_on_object
 from ...geometry.room.completed_depth import COMPLETED, CompletedDepth
 from ...geometry.stereo.observed_geometry import OBSERVED

@@ -14,7 +14,7 @@ import numpy as np
 from ...core.cameras import Camera
 from ...core.errors import CaptureError, NativeError
 from ...core.images import load_image, resize, save_image
-from ...core.text_files import write_json
+from ...core.json_files import write_json
 from ...workers.external_environment import PROTOCOL
 from ...workers.generator_program import GeneratorProgram
 from ..conditions.condition_files import save_conditions

@@ -28,7 +28,8 @@ from ...captures.capture import Capture
 from ...core.errors import GeometryError
 from ...core.file_names import plain_name
 from ...core.images import load_image_uint8, save_image, stored_values
-from ...core.text_files import write_json, write_text
+from ...core.json_files import write_json
+from ...core.text_files import write_text
 from .shapes import MESH_SUFFIXES, load_shape
 
 _WHITE = 128

@@ -17,7 +17,7 @@ from ...bundle import layout
 from ...bundle.artifacts import Artifact
 from ...core.arrays import opened_arrays, save_arrays
 from ...core.errors import GeometryError
-from ...core.text_files import write_json
+from ...core.json_files import write_json
 
 REFUSED = "refused"
 """The folder of those that were refused, beside the accepted ones."""

@@ -15,7 +15,7 @@ from ...core.arrays import save_arrays
 from ...core.cameras import Camera
 from ...core.digests import content_digest
 from ...core.errors import RobotError
-from ...core.text_files import write_json
+from ...core.json_files import write_json
 from ..model.model import RobotModel
 from .rollout import Rollout
 

@@ -14,7 +14,7 @@ import numpy as np
 from ...bundle.artifacts import Artifact
 from ...core.arrays import opened_arrays, require_shapes, save_arrays
 from ...core.errors import RobotError
-from ...core.text_files import opened_json, write_json
+from ...core.json_files import opened_json, write_json
 
 _ARRAYS, REASONS = "rollouts.npz", "rollouts.json"
 _FRAMES = ("qpos", "times_s", "camera_poses")
