@@ -21,8 +21,18 @@ import numpy as np
 from .errors import R2SEgoError, may_not_be_read
 from .text_files import opened_file
 
-_DAMAGE = (OSError, EOFError, KeyError, TypeError, ValueError, AttributeError, ArithmeticError, zipfile.BadZipFile)
-_DAMAGE += (zlib.error, NotImplementedError, RuntimeError)
+_DAMAGE = (
+    OSError,
+    EOFError,
+    KeyError,
+    TypeError,
+    ValueError,
+    AttributeError,
+    ArithmeticError,
+    RuntimeError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 """What reading a cut-off, overwritten or foreign file raises."""
 
 _MOST_UNPACKED = 192 << 20
@@ -143,8 +153,10 @@ def _read_array(stream: IO[bytes], size: int) -> np.ndarray:
     """The array that ``size`` bytes hold. Raises ValueError where they hold another number of values."""
     try:
         version = np.lib.format.read_magic(stream)
-        read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-        shape, by_column, dtype = read_header[version](stream)
+        if version == (1, 0):
+            shape, by_column, dtype = np.lib.format.read_array_header_1_0(stream)
+        else:
+            shape, by_column, dtype = np.lib.format.read_array_header_2_0(stream)
     except (tokenize.TokenError, SyntaxError, KeyError, MemoryError, RecursionError) as error:
         raise ValueError("it has no header of an array") from error
     if dtype.kind not in _KINDS or dtype.itemsize < 1 or dtype.subdtype is not None:

@@ -22,7 +22,7 @@ def write_text(file: Path, text: str) -> None:
 @contextlib.contextmanager
 def opened_file(file: Path) -> Iterator[IO[bytes]]:
     """A file to read that is one: a pipe or a device would never end. Raises OSError and ValueError."""
-    with open(file, "rb", opener=_without_waiting) as stream:  # noqa: PTH123  (a path takes no opener)
+    with open(file, "rb", opener=_without_waiting) as stream:
         if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
             raise ValueError("it is no file, but a pipe or a device")
         yield stream
