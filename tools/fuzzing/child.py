@@ -16,9 +16,14 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Iterator
+import unicodedata
+import warnings
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
+
+from PIL import Image
 
 from r2sego_blender.core.errors import R2SEgoError
 
@@ -32,8 +37,14 @@ CLASSES = ("refused", "clean", "traceback", "death", "hang", "memory", "slow", "
 """What may become of an input; the first two are right."""
 
 SLOW_S = 1.0
+"""For a refusal."""
+
+LONGEST_READING_S = 5.0
+"""For what is accepted: a large picture and a detailed mesh take their time."""
+
 LARGEST_GROWTH_MB = 200.0
 _MOST_TIMES_FILE = 10
+_PIXEL_BYTES, _MOST_PIXELS = 16, 50_000_000  # of a picture: three values of 32 bits, and what it is made from
 _ADDRESS_SPACE = 16 << 30
 _LONGEST_MESSAGE = 2000
 _TRIES = 3  # other work on the machine makes a reader slow now and then
@@ -75,12 +86,17 @@ class Reader:
         finally:
             file.write_bytes(data)
 
-    def outcome(self, harness: Harness) -> dict[str, Any]:
-        """What becomes of the file as it is: its class, and what is to be said of it."""
+    def outcome(self, harness: Harness, begin: Callable[[], None] = lambda: None) -> dict[str, Any]:
+        """What becomes of the file as it is: its class, and what is to be said of it.
+
+        ``begin`` is called before each reading of it.
+        """
+        begin()
         found = self._once(harness)
         for _ in range(_TRIES - 1):
             if found["class"] not in ("slow", "memory"):
                 break
+            begin()
             again = self._once(harness)
             found = again if again["class"] not in ("slow", "memory") else {**again, "s": min(found["s"], again["s"])}
         return found
@@ -88,6 +104,7 @@ class Reader:
     def _once(self, harness: Harness) -> dict[str, Any]:
         place = self.place(harness)
         size = (place / harness.file).stat().st_size
+        pixels = _declared_pixels(place / harness.file) if harness.is_picture else 0
         gc.collect(0)
         before, grandchildren = _reset_peak_mb(), _children_peak_mb()
         began = time.perf_counter()
@@ -109,9 +126,9 @@ class Reader:
         if kind in ("clean", "refused", "message"):
             if escapes:
                 kind, text = "escape", escapes[0]
-            elif grown > max(LARGEST_GROWTH_MB, _MOST_TIMES_FILE * size / 1e6):
+            elif grown > max(LARGEST_GROWTH_MB, _MOST_TIMES_FILE * size / 1e6, _PIXEL_BYTES * pixels / 1e6):
                 kind = "memory"
-            elif seconds > SLOW_S:
+            elif seconds > (LONGEST_READING_S if kind == "clean" else SLOW_S):
                 kind = "slow"
         return {"class": kind, "text": text[:400], "s": round(seconds, 3), "mb": round(grown)}
 
@@ -133,11 +150,21 @@ def _children_peak_mb() -> float:
     return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
 
 
+def _declared_pixels(file: Path) -> int:
+    """How many pixels a picture says that it has; 0 for what is none."""
+    try:
+        with warnings.catch_warnings(), Image.open(file) as image:
+            warnings.simplefilter("ignore")
+            return min(image.width * image.height, _MOST_PIXELS)
+    except Exception:  # of Pillow's many kinds
+        return 0
+
+
 def _fault_of_message(error: R2SEgoError) -> str:
     text = str(error)
     if len(text) > _LONGEST_MESSAGE:
         return f"{len(text)} characters"
-    if any(not (one.isprintable() or one == "\n") for one in text):
+    if any(unicodedata.category(one) == "Cc" and one != "\n" for one in text):
         return "control characters"
     if not error.where or not error.cure:
         return "no file" if not error.where else "no cure"
@@ -167,8 +194,9 @@ def run(answers: TextIO, folder: Path, seed: int) -> None:
                 for number in range(int(first), int(after)):
                     content, change = named[name].changed(data, seed, number)
                     file.write_bytes(content)
-                    tell(begins=number, change=change[:200])
-                    tell(number=number, change=change[:200], bytes=len(content), **reader.outcome(named[name]))
+                    begin = partial(tell, begins=number, change=change[:200])
+                    outcome = reader.outcome(named[name], begin)
+                    tell(number=number, change=change[:200], bytes=len(content), **outcome)
         except Exception:  # of the harness: what readers raise is an outcome
             tell(wrong=traceback.format_exc(limit=-6))
         tell(done=name)

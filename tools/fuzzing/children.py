@@ -67,7 +67,7 @@ class Child:
                     first, begun = told["number"] + 1, {}
             if not begun:
                 self.end()
-                raise RuntimeError(f"{name}: the child process ended by itself, before or after an input")
+                raise RuntimeError(f"{name} {first}: the process that reads ended between two inputs: {told}")
             hung = told is None
             size = file.stat().st_size if file.is_file() else 0
             outcome = {"number": begun["begins"], "change": begun["change"], "bytes": size, "s": HANG_S, "mb": 0}

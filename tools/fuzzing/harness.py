@@ -58,6 +58,11 @@ class Harness:
     read: Callable[[Path], Any]
     share: float = 1.0
 
+    @property
+    def is_picture(self) -> bool:
+        """Whether memory is measured by what it declares to hold."""
+        return self.kind == "png" or self.name.startswith("pictures/")
+
     def changed(self, data: bytes, seed: int, number: int) -> tuple[bytes, str]:
         """Input ``number`` of a seed, the same whatever came before it, and what was changed."""
         return CHANGES[self.kind](data, Random(f"{seed}/{self.name}/{number}"))

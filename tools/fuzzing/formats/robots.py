@@ -82,8 +82,10 @@ def _read_layout(folder: Path) -> Any:
     from r2sego_blender.robot.controllers.policy_layout import PolicyLayout
 
     layout = PolicyLayout.load(str(folder / "layout.toml"))
-    # A term that is no phase has no period, which is told by NaN.
-    return replace(layout, terms=tuple(replace(term, period_s=1.0) for term in layout.terms))
+    # What is not declared is NaN or infinite: a term's period and clip, a policy's height.
+    terms = tuple(replace(term, period_s=1.0, clip=1.0) for term in layout.terms)
+    commands = replace(layout.commands, walking_height_m=1.0)
+    return replace(layout, terms=terms, commands=commands, action_clip=min(layout.action_clip, 1e9))
 
 
 def _policy(name: str) -> Callable[[Path], None]:

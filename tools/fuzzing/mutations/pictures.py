@@ -76,12 +76,14 @@ def _png(chunks: list[tuple[bytes, bytes]]) -> bytes:
 
 
 @cache
-def _packed_zeros() -> bytes:
-    return zlib.compress(bytes(200 << 20))
+def _packed_zeros(count: int = 200 << 20) -> bytes:
+    packer, piece = zlib.compressobj(1), bytes(1 << 20)
+    parts = [packer.compress(piece) for _ in range(count >> 20)]
+    return b"".join([*parts, packer.compress(piece[: count % (1 << 20)]), packer.flush()])
 
 
 @cache
 def _bomb() -> bytes:
     side = 13_000
-    pixels = zlib.compress(bytes(side * (3 * side + 1)))
+    pixels = _packed_zeros(side * (3 * side + 1))
     return _png([(b"IHDR", struct.pack(">IIBBBBB", side, side, 8, 2, 0, 0, 0)), (b"IDAT", pixels), (b"IEND", b"")])

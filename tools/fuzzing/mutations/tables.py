@@ -120,7 +120,9 @@ def _number(holder: Any, key: Any, rng: Random) -> str:
     value = holder[key]
     if isinstance(value, bool) or not isinstance(value, int | float):
         return _set(holder, key, rng)
-    holder[key] = rng.choice((-value, value * 1e-9, value * 1e9, value + 1, value - 1, int(value), str(value)))
+    if not abs(value) < 1e18:  # it was changed before
+        return _set(holder, key, rng)
+    holder[key] = rng.choice((-value, value * 1e-9, value * 1e9, value + 1, value - 1, round(value), str(value)))
     return repr(holder[key])[:24]
 
 
