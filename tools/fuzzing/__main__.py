@@ -41,7 +41,9 @@ def main() -> None:
     elif given.command == "guided":
         from .guided import guide
 
-        guide(given.format, given.seconds, given.to)
+        found = guide(given.format, given.seconds, given.to)
+        print(f"{found} failing inputs, see {given.to}")
+        sys.exit(1 if found else 0)
     else:
         chosen = [one for one in HARNESSES if not given.format or one.name.startswith(tuple(given.format))]
         tally = mutate(given.count, given.seed, chosen, given.to, given.processes, given.again)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import faulthandler
 import gc
+import importlib
 import json
 import os
 import resource
@@ -18,7 +19,7 @@ import time
 import traceback
 import unicodedata
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
@@ -28,7 +29,6 @@ from PIL import Image
 from r2sego_blender.core.errors import R2SEgoError
 
 from . import guarding
-from .formats import HARNESSES
 from .harness import Harness
 from .mutations.text import OUTSIDE
 from .oracle import fault_of
@@ -178,9 +178,9 @@ def _last_frame(error: BaseException) -> str:
     return f"{type(error).__name__}: {str(error)[:200]}{at}"
 
 
-def run(answers: TextIO, folder: Path, seed: int) -> None:
+def run(answers: TextIO, folder: Path, seed: int, harnesses: Sequence[Harness]) -> None:
     """Do what the standard input tells, until it ends."""
-    reader, named = Reader(folder), {harness.name: harness for harness in HARNESSES}
+    reader, named = Reader(folder), {harness.name: harness for harness in harnesses}
 
     def tell(**said: Any) -> None:
         answers.write(json.dumps(said) + "\n")
@@ -203,7 +203,7 @@ def run(answers: TextIO, folder: Path, seed: int) -> None:
 
 
 def main() -> None:
-    """Run with the seed as the only argument; answers go where the standard output did."""
+    """Run with the seed, a folder and the module of the harnesses; answers go where the standard output did."""
     faulthandler.enable()
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what readers print is none
@@ -213,7 +213,7 @@ def main() -> None:
     Path(OUTSIDE).parent.mkdir(exist_ok=True)
     tempfile.tempdir = str(folder)
     try:
-        run(answers, folder, int(sys.argv[1]))
+        run(answers, folder, int(sys.argv[1]), importlib.import_module(sys.argv[3]).HARNESSES)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 

@@ -19,14 +19,18 @@ HANG_S = 20.0
 _READY_S = 300.0
 """For what is built and imported before the first input."""
 
+_CHILD = (sys.executable, "-m", "tools.fuzzing.child")
 _ROOT = Path(__file__).parents[2]
 
 
 class Child:
-    """A process that reads inputs of a seed; a new one is started where it died or hung."""
+    """A process that reads inputs of a seed; a new one is started where it died or hung.
 
-    def __init__(self, seed: int) -> None:
-        self._seed = seed
+    ``formats`` is the module whose ``HARNESSES`` it knows, ``hang_s`` how long it may be silent.
+    """
+
+    def __init__(self, seed: int, formats: str = "tools.fuzzing.formats", hang_s: float = HANG_S) -> None:
+        self._seed, self._formats, self._hang_s = seed, formats, hang_s
         self._process: subprocess.Popen[bytes] | None = None
         self._folder = Path()
         self._unread = b""
@@ -40,7 +44,7 @@ class Child:
     def outcomes(self, name: str, first: int, after: int) -> Iterator[tuple[dict[str, Any], Path]]:
         """What becomes of each input of a format, and the file that holds it at that moment.
 
-        A death or a silence of more than ``HANG_S`` is of the input that had begun. Raises RuntimeError
+        A death or a silence of more than ``hang_s`` is of the input that had begun. Raises RuntimeError
         where it was none's.
         """
         while first < after:
@@ -57,7 +61,7 @@ class Child:
                     return
                 if "wrong" in told:
                     raise RuntimeError(f"{name}: {told['wrong']}")
-                limit_s = HANG_S
+                limit_s = self._hang_s
                 if "ready" in told:
                     file = Path(told["file"])
                 elif "begins" in told:
@@ -70,7 +74,7 @@ class Child:
                 raise RuntimeError(f"{name} {first}: the process that reads ended between two inputs: {told}")
             hung = told is None
             size = file.stat().st_size if file.is_file() else 0
-            outcome = {"number": begun["begins"], "change": begun["change"], "bytes": size, "s": HANG_S, "mb": 0}
+            outcome = {"number": begun["begins"], "change": begun["change"], "bytes": size, "s": self._hang_s, "mb": 0}
             said = "" if hung else str(told)
             yield {**outcome, "class": "hang" if hung else "death", "text": said}, file
             self.end()
@@ -84,7 +88,7 @@ class Child:
         self._folder = Path(tempfile.mkdtemp(prefix="r2sego_fuzzing_", dir=shared))
         (self._folder / "inputs").mkdir()
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "tools.fuzzing.child", str(self._seed), str(self._folder / "inputs")],
+            [*_CHILD, str(self._seed), str(self._folder / "inputs"), self._formats],
             cwd=_ROOT,
             env=os.environ | {"TMPDIR": str(self._folder), "PYTHONHASHSEED": "0"},
             stdin=subprocess.PIPE,

@@ -150,7 +150,9 @@ def write_index(folder: Path, tally: Tally) -> None:
         place = _place(one["format"], key, one)
         what = one["text"].replace("\n", " ")[:200]
         figures = f"{one['bytes']} bytes | +{one['mb']} MB {one['s']} s"
-        line = f"{one['format']} | {one['count']}x | {one['class']} | {what} | mutation: {one['change'][:80]} | {figures}"
+        line = (
+            f"{one['format']} | {one['count']}x | {one['class']} | {what} | mutation: {one['change'][:80]} | {figures}"
+        )
         lines.append(ascii(f"{line} | input {one['number']} | {place}")[1:-1])
     (folder / "INDEX.txt").write_text("\n".join([*lines, ""]))
 

@@ -143,7 +143,9 @@ def _human_npz(folder: Path) -> None:
 def _human_motion(folder: Path) -> None:
     import torch
 
-    torch.save({name: torch.from_numpy(values) for name, values in _bodies().items()} | {"fps": 30}, folder / "m.motion")
+    torch.save(
+        {name: torch.from_numpy(values) for name, values in _bodies().items()} | {"fps": 30}, folder / "m.motion"
+    )
 
 
 def _motion(name: str) -> Callable[[Path], Any]:

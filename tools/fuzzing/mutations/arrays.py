@@ -13,7 +13,18 @@ import numpy as np
 from .raw import changed_bytes
 
 _DTYPES = ("f2", "f4", "f8", ">f8", "c16", "?", "i1", "u1", "i4", "i8", "u8", "U3", "S4", "M8[s]")
-_DESCRIPTIONS = ("'|O'", "'<U-1'", "'<U-73741824'", "'<f3'", "'V8'", "[('a','<f8')]", "('<f8', (4,))", "'<U0'", "5", "'")
+_DESCRIPTIONS = (
+    "'|O'",
+    "'<U-1'",
+    "'<U-73741824'",
+    "'<f3'",
+    "'V8'",
+    "[('a','<f8')]",
+    "('<f8', (4,))",
+    "'<U0'",
+    "5",
+    "'",
+)
 _SHAPES = ("(10000000000,)", "(-1,)", "(1, -3)", "(1099511627776, 3)", "(0,)", "()", "(3.5,)", "('a',)", "(" * 300)
 _BAD = (np.nan, np.inf, -np.inf, 1e308, 1e38, -1.0, 0.0, 0.5, 1e-320, 2.0**31, 2.0**63, -(2.0**63))
 
@@ -113,7 +124,9 @@ def _values(array: np.ndarray, rng: Random) -> tuple[np.ndarray, str]:
             case 2:
                 flat[:] = np.array(bad).astype(array.dtype)
             case 3:
-                new = -new[::-1] if array.dtype.kind in "if" and array.ndim else ~new if array.dtype.kind == "b" else new
+                new = (
+                    -new[::-1] if array.dtype.kind in "if" and array.ndim else ~new if array.dtype.kind == "b" else new
+                )
             case _:
                 new = np.frombuffer(rng.randbytes(new.nbytes), array.dtype).reshape(array.shape)
     return new, f"values {bad}"
@@ -143,7 +156,9 @@ def _header(data: bytes, rng: Random) -> tuple[bytes, str]:
 
 def _lying(packed: bytes, rng: Random) -> tuple[bytes, str]:
     """Other sizes, methods or flags in one of the archive's entries."""
-    signature, fields = rng.choice(((b"PK\x01\x02", (8, 10, 16, 20, 24, 28, 42)), (b"PK\x03\x04", (6, 8, 14, 18, 22, 26))))
+    signature, fields = rng.choice(
+        ((b"PK\x01\x02", (8, 10, 16, 20, 24, 28, 42)), (b"PK\x03\x04", (6, 8, 14, 18, 22, 26)))
+    )
     places = [at for at in range(len(packed)) if packed.startswith(signature, at)]
     if not places:
         return packed, ""

@@ -48,7 +48,10 @@ def changed_png(data: bytes, rng: Random) -> tuple[bytes, str]:
                 (b"tRNS", rng.randbytes(6)),
                 (b"gAMA", struct.pack(">I", 0)),
                 (b"eXIf", b"MM\0*\0\0\0\x08" + rng.randbytes(40)),
-                (b"eXIf", b"MM\0*\0\0\0\x08\0\1\x01\x12\0\3\0\0\0\1" + struct.pack(">H", rng.randrange(12)) + b"\0" * 6),
+                (
+                    b"eXIf",
+                    b"MM\0*\0\0\0\x08\0\1\x01\x12\0\3\0\0\0\1" + struct.pack(">H", rng.randrange(12)) + b"\0" * 6,
+                ),
                 (b"PLTE", rng.randbytes(9)),
                 (b"acTL", struct.pack(">II", 0xFFFFFFFF, 0)),
             )

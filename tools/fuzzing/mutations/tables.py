@@ -14,7 +14,12 @@ import tomli_w
 from .text import WORDS, changed_text
 
 _DEEP, _DIGITS, _LARGE, _HALF = "@@deep@@", "@@digits@@", "@@large@@", "@@half@@"
-_RAW = {_DEEP: "[" * 20_000 + "]" * 20_000, _DIGITS: "9" * 5000, _LARGE: "[" + "0," * 200_000 + "0]", _HALF: '"\\ud800"'}
+_RAW = {
+    _DEEP: "[" * 20_000 + "]" * 20_000,
+    _DIGITS: "9" * 5000,
+    _LARGE: "[" + "0," * 200_000 + "0]",
+    _HALF: '"\\ud800"',
+}
 _VALUES: tuple[Any, ...] = (
     float("nan"), float("inf"), -float("inf"), 1e308, -1e308, 1e38, 1e18, 1e-320, 0, -1, 0.0, 0.5, 1, 3, True, False,
     1 << 31, 1 << 32, (1 << 63) - 1, 1 << 63, 1 << 64, -(1 << 63), 10**29, None, [], {}, [[]], [None], {"a": {"b": {}}},

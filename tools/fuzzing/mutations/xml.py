@@ -7,7 +7,7 @@ from random import Random
 
 from .text import NUMBERS, OUTSIDE, WORDS, changed_text
 
-_ATTRIBUTE = re.compile(rb'([\w:]+)="([^"]*)"')
+_ATTRIBUTE = re.compile(rb'\b([\w:]{1,40})="([^"]*)"')
 _ELEMENT = re.compile(rb"<\w[^<>]*/>")
 _LAUGHS = b'<!DOCTYPE a [<!ENTITY a "aaaaaaaaaa">' + b"".join(
     b'<!ENTITY %c "%s">' % (98 + i, b"&%c;" % (97 + i) * 10) for i in range(9)
