@@ -45,7 +45,8 @@ def _hear(event: str, arguments: tuple[Any, ...]) -> None:
             _seen.append(f"writes {place}")
     elif event in _WRITES:
         place = os.fsdecode(arguments[0]) if isinstance(arguments[0], str | bytes | os.PathLike) else ""
-        if os.path.isabs(place) and not _is_own(place):  # names in an open folder are of those that are removed whole
+        # Names in an open folder are of those that are removed whole.
+        if place.startswith("/") and not _is_own(place):
             _seen.append(f"{event} {place}")
     elif event in _CODE or (event in _NETWORK and "127.0.0.1" not in str(arguments)):
         _seen.append(f"{event} {str(arguments)[:100]}")

@@ -19,7 +19,6 @@ from typing import Any
 
 from .child import CLASSES
 from .children import Child
-from .formats import HARNESSES
 from .harness import Harness
 
 RIGHT = CLASSES[:2]

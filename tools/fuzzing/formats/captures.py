@@ -86,7 +86,7 @@ def _polycam(folder: Path) -> None:
 
 
 def _sparse() -> SparsePoints:
-    points = np.random.default_rng(1).uniform(-0.3, 0.3, (6, 3)) + (0.1, 0.5, 0.7)
+    points = np.random.default_rng(1).uniform((-0.2, 0.2, 0.4), (0.4, 0.8, 1.0), (6, 3))
     cameras: list[Camera] = [camera(i) for i in range(3)]
     places = np.stack([one.project(points)[0] for one in cameras], axis=1).astype(np.float32)
     return SparsePoints(points, np.full((6, 3), 99, np.uint8), np.ones((6, 3), bool), np.zeros(6), places)

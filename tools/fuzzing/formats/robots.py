@@ -35,10 +35,12 @@ yaw_rate_rad_s = [-1.0, 1.0]
 """
 _URDF = """<?xml version="1.0"?>
 <robot name="cart">
-  <link name="base"><inertial><mass value="8"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+  <link name="base"><inertial><mass value="8"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
     <collision><origin xyz="0 0 0.2"/><geometry><box size="0.4 0.3 0.2"/></geometry></collision></link>
   {wheels}
-  <link name="caster"><inertial><mass value="0.1"/><inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/>
+  <link name="caster"><inertial><mass value="0.1"/>
+    <inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/>
     </inertial><collision><geometry><sphere radius="0.05"/></geometry></collision></link>
   <joint name="caster" type="fixed"><parent link="base"/><child link="caster"/><origin xyz="-0.15 0 0.05"/></joint>
 </robot>
