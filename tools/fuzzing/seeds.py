@@ -6,6 +6,7 @@ import importlib
 import sys
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -30,7 +31,7 @@ def camera(number: int = 0) -> Camera:
     """One of the cameras of ``photographs``."""
     width, height = SIZE
     centre = np.array([0.3 + 0.4 * number, -1.9, 1.5])
-    return Camera(width, height, 25.0, 25.0, width / 2, height / 2, look_at(centre, (0.1, 0.5, 0.7)))
+    return Camera(width, height, 25.0, 25.0, width / 2, height / 2, look_at(centre, np.array([0.1, 0.5, 0.7])))
 
 
 def pixels(number: int = 0) -> np.ndarray:
@@ -46,7 +47,7 @@ def photographs(folder: Path) -> None:
         save_image(folder / name, pixels(number))
 
 
-def save_picture(file: Path, **options: object) -> None:
+def save_picture(file: Path, **options: Any) -> None:
     """Write a picture of the file's suffix with Pillow."""
     import r2sego_blender.core.images  # noqa: F401  (registers HEIC)
 

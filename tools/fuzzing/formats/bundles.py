@@ -30,7 +30,7 @@ def build(folder: Path) -> None:
     path = of_tests("fake_bundle").write_bundle(folder / BUNDLE)
     scene, lens = Scene.open(path), camera()
     depth = np.full(lens.shape, 2.0, np.float32)
-    up = np.broadcast_to(np.float32((0.0, 0.0, 1.0)), (*lens.shape, 3))
+    up = np.broadcast_to(np.array([0.0, 0.0, 1.0], np.float32), (*lens.shape, 3))
     for name in ("depth", "completed"):
         (path / "geometry" / name).mkdir()
     DepthMap(depth, up, depth * 0, (depth > 0).astype(np.uint8), lens).save(path / "geometry/depth/a.png.npz")

@@ -22,10 +22,9 @@ def _scene(folder: Path) -> Any:
 
 def _scope(folder: Path) -> None:
     from r2sego_blender.robot.scope.scope import BehaviourScope
+    from r2sego_blender.robot.scope.scope_file import save_scope
 
-    text = (Path(__import__("r2sego_blender").__file__).parent / "robot/scopes/walk_and_look.toml").read_text()
-    (folder / "scope.toml").write_text(text)
-    BehaviourScope.load(str(folder / "scope.toml"))
+    save_scope(BehaviourScope.load("walk_and_look"), folder / "scope.toml")
 
 
 def _read_scope(folder: Path) -> Any:

@@ -18,7 +18,8 @@ def _mesh(suffix: str) -> Callable[[Path], None]:
     def build(folder: Path) -> None:
         import trimesh
 
-        made = trimesh.Trimesh(*of_tests("fake_proxy").crate(), process=False)
+        vertices, faces = of_tests("fake_proxy").crate()
+        made = trimesh.Trimesh(vertices, faces, process=False)
         if suffix == ".gltf":
             scene: Any = trimesh.Scene(made)
             for name, data in scene.export(file_type="gltf").items():

@@ -14,7 +14,7 @@ from r2sego_blender.core.images import load_image, load_image_uint8, save_image
 from ..harness import Harness
 from ..seeds import SIZE, camera, photographs, pixels, save_picture
 
-_OPTIONS: dict[str, dict[str, object]] = {".tif": {"compression": "tiff_lzw"}, ".webp": {"lossless": True}}
+_OPTIONS: dict[str, dict[str, Any]] = {".tif": {"compression": "tiff_lzw"}, ".webp": {"lossless": True}}
 
 
 def _picture(suffix: str) -> Callable[[Path], None]:

@@ -107,7 +107,7 @@ def _conditions(folder: Path) -> None:
 
     lens = camera()
     depth = np.full(lens.shape, 2.0, np.float32)
-    normal = np.broadcast_to(np.float32((0.0, 0.0, 1.0)), (*lens.shape, 3))
+    normal = np.broadcast_to(np.array([0.0, 0.0, 1.0], np.float32), (*lens.shape, 3))
     kinds = (depth > 0).astype(np.uint8)
     save_conditions(folder / "conditions", [Condition(lens, depth, normal, kinds, depth / 2, kinds.astype(np.int32))])
 

@@ -48,9 +48,9 @@ def _loop(times: int) -> bytes:
     attribute = _field(1, b"body") + _field(6, body) + _number(20, 5)
     loop = b"".join(_field(1, name) for name in (b"n", b"c", b"obs")) + _field(2, b"actions")
     loop += _field(4, b"Loop") + _field(5, attribute)
-    nodes = (_field(2, b"n") + _field(4, b"Constant") + _field(5, count),)
-    nodes += (_field(2, b"c") + _field(4, b"Constant") + _field(5, goes_on), loop)
-    return b"".join(_field(1, node) for node in nodes)
+    times_of_it = _field(2, b"n") + _field(4, b"Constant") + _field(5, count)
+    always = _field(2, b"c") + _field(4, b"Constant") + _field(5, goes_on)
+    return b"".join(_field(1, node) for node in (times_of_it, always, loop))
 
 
 def _tensor(name: bytes, kind: int, values: bytes, one: bool = False) -> bytes:
