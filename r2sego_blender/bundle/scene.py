@@ -158,6 +158,9 @@ class Scene:
                 locks.require_there(self.path)
                 with keeping(staging):
                     swap_in(staging, place)
+        except FileNotFoundError:
+            locks.require_there(self.path)  # that is why, and what a person has to know
+            raise
         finally:
             remove(staging)
 
