@@ -13,6 +13,7 @@ import numpy as np
 
 from ...core.errors import RobotError
 from .policy_layout import PolicyLayout
+from .telemetry import onnxruntime_without_telemetry
 
 _MAX_BYTES = 512 * 1024 * 1024
 # In ONNX's protocol buffers: the key of a tensor whose numbers lie in another file.
@@ -74,8 +75,7 @@ class PolicyFile:
             raise self._error("the network's actions are not finite", "Export the policy again.")
 
     def _onnx(self) -> Network:
-        import onnxruntime
-
+        onnxruntime = onnxruntime_without_telemetry()
         if _EXTERNAL_DATA in self._content:
             raise self._error("its tensors lie in other files", "Export the policy as one file.")
         options = onnxruntime.SessionOptions()
