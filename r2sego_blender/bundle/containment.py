@@ -72,7 +72,7 @@ def _lies_in(path: str, home: str) -> bool:
 def _is_junction(entry: os.DirEntry[str]) -> bool:
     if _JUNCTION is None:
         return False
-    return getattr(entry.stat(follow_symlinks=False), "st_reparse_tag", 0) == _JUNCTION
+    return bool(getattr(entry.stat(follow_symlinks=False), "st_reparse_tag", 0) == _JUNCTION)
 
 
 def _leads_out(place: object) -> SceneError:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,9 +12,7 @@ from ..core.atomic_files import write_whole
 from ..core.errors import SettingsError, may_not_be_read
 from ..core.json_files import parse_json
 from ..core.text_files import read_text
-
-CONFIGURATION_VARIABLE = "R2SEGO_CONFIG"
-"""Names the folder of what a person decides for a machine; else it is where the system keeps such."""
+from ..core.user_configuration import configuration_folder
 
 _FILE, _MOST_BYTES, _DIGEST = "trusted_programs.json", 1 << 20, re.compile("[0-9a-f]{64}")
 
@@ -37,17 +33,6 @@ class Program:
     def __str__(self) -> str:
         size = f"{self.size / 1e6:.1f} MB" if self.size >= 100_000 else f"{self.size / 1e3:.1f} kB"
         return f"{self.name}, sha256 {self.sha256}, {size}"
-
-
-def configuration_folder() -> Path:
-    """Where this machine's decisions are kept; it need not be there yet."""
-    if chosen := os.environ.get(CONFIGURATION_VARIABLE):
-        return Path(chosen)
-    if sys.platform == "win32":
-        return Path(os.environ.get("APPDATA") or Path.home() / "AppData/Roaming") / "r2sego"
-    if sys.platform == "darwin":
-        return Path.home() / "Library/Application Support/r2sego"
-    return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "r2sego"
 
 
 def trusted_programs() -> tuple[Program, ...]:

@@ -11,19 +11,24 @@ from pathlib import Path
 
 from .errors import MachineError
 
+CONFIGURATION_VARIABLE = "R2SEGO_CONFIG"
+"""Names another folder."""
+
 _NAME = "r2sego"
 
 
 def configuration_folder() -> Path:
     """The person's folder ``r2sego`` among their programs' settings; it need not be there yet.
 
-    That is ``$XDG_CONFIG_HOME``, else ``~/.config``, on Windows ``%APPDATA%``, on macOS ``~/Library/Application
-    Support``. Never a relative one: a program may be started inside a bundle. Raises MachineError without a home.
+    That is ``$R2SEGO_CONFIG`` itself, else in ``$XDG_CONFIG_HOME`` or ``~/.config``, on Windows in ``%APPDATA%``,
+    on macOS in ``~/Library/Application Support``. Never a relative one: a program may be started inside a
+    bundle. Raises MachineError without a home.
     """
-    for variable in ("XDG_CONFIG_HOME", "APPDATA"):
-        named = Path(os.environ.get(variable, ""))
-        if named.is_absolute() and (variable != "APPDATA" or sys.platform == "win32"):
-            return named / _NAME
+    if (chosen := Path(os.environ.get(CONFIGURATION_VARIABLE, ""))).is_absolute():
+        return chosen
+    named = Path(os.environ.get("APPDATA" if sys.platform == "win32" else "XDG_CONFIG_HOME", ""))
+    if named.is_absolute():
+        return named / _NAME
     try:
         home = Path.home()
     except RuntimeError as error:

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from fake_bundle import write_bundle
 
-from r2sego_blender.config.trusted_programs import CONFIGURATION_VARIABLE, Program
+from r2sego_blender.config.trusted_programs import Program
+from r2sego_blender.core.user_configuration import CONFIGURATION_VARIABLE
 
 ROOT = Path(__file__).parents[2]
 

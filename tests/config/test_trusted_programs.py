@@ -4,16 +4,9 @@ import json
 
 import pytest
 
-from r2sego_blender.config.trusted_programs import (
-    CONFIGURATION_VARIABLE,
-    Program,
-    configuration_folder,
-    is_trusted,
-    trust,
-    trusted_programs,
-    withdraw,
-)
+from r2sego_blender.config.trusted_programs import Program, is_trusted, trust, trusted_programs, withdraw
 from r2sego_blender.core.errors import SettingsError
+from r2sego_blender.core.user_configuration import CONFIGURATION_VARIABLE
 
 
 @pytest.fixture(autouse=True)
@@ -62,13 +55,3 @@ def test_the_list_is_what_people_can_read(folder):
     (record,) = json.loads((folder / "trusted_programs.json").read_text())["programs"]
     assert record == {"name": "walk.pt", "size": 1_234_567, "sha256": program.sha256}
     assert str(program) == f"walk.pt, sha256 {program.sha256}, 1.2 MB"
-
-
-def test_the_folder_is_the_system_s_for_what_a_person_decides(monkeypatch, tmp_path):
-    monkeypatch.delenv(CONFIGURATION_VARIABLE)
-    monkeypatch.setattr("sys.platform", "linux")
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
-    assert configuration_folder() == tmp_path / "r2sego"
-    monkeypatch.setattr("sys.platform", "win32")
-    monkeypatch.setenv("APPDATA", str(tmp_path / "roaming"))
-    assert configuration_folder() == tmp_path / "roaming" / "r2sego"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from legged_robots import hexapod_mjcf, quadruped_mjcf
 
-from r2sego_blender.config.trusted_programs import CONFIGURATION_VARIABLE
+from r2sego_blender.core.user_configuration import CONFIGURATION_VARIABLE
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.model.robot_file import EMBEDDED_WHEELED
 

@@ -5,12 +5,10 @@ import os
 import shutil
 import stat
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import pytest
 
 from r2sego_blender.core.errors import MachineError
-from r2sego_blender.core.user_configuration import configuration_folder
 from r2sego_blender.workers.signed_records import read_record, read_signed, write_signed
 
 RECORD = {"command": ["python", "-m", "ü"], "started": 1764156155.25, "notes": {"b": [1, 2.5, None], "a": True}}
@@ -100,10 +98,3 @@ def test_a_secret_that_cannot_be_kept_is_told_with_a_cure(file, configuration):
     configuration.parent.write_text("a file")
     with pytest.raises(MachineError, match=r"jobs\.key.*XDG_CONFIG_HOME"):
         write_signed(file, RECORD)
-
-
-def test_a_relative_folder_is_none_of_the_persons(monkeypatch):
-    """The program may be started inside a bundle."""
-    monkeypatch.setenv("XDG_CONFIG_HOME", "configuration")
-    assert configuration_folder().is_absolute()
-    assert configuration_folder().is_relative_to(Path.home())
