@@ -29,9 +29,10 @@ from r2sego_blender.workers.engine import engine_environment
 
 ROOM = Path(__file__).resolve().parents[2] / "demo" / "room"
 FEW = (
-    *("rounds=2", "training.steps_per_round=60", "training.disc_stride_px=6", "rollouts.successes=2"),
-    *("selection.target_views=2", "generation.clip_frames=3", "selection.scoring_scale=0.25"),
-    *("captures.max_side_px=320", "stereo.max_side_px=320", "training.max_gaussians=20000"),
+    *("rounds=1", "captures.max_side_px=160", "stereo.max_side_px=160", "stereo.iterations=1", "proxy.voxel_m=0.06"),
+    *("stereo.geometric_rounds=1", "collision.simplification_m=0.1", "collision.cell_m=1.0", "rollouts.successes=1"),
+    *("selection.target_views=2", "selection.scoring_scale=0.25", "generation.clip_frames=3"),
+    *("training.steps_per_round=40", "training.disc_stride_px=6", "training.max_gaussians=20000"),
 )
 """Settings of a refinement of half a minute."""
 
