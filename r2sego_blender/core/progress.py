@@ -23,6 +23,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
+from .printable import printable
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -135,7 +137,7 @@ class TerminalProgress(Progress):
         self._print(f"{'warning: ' if level == 'warning' else ''}{text}", style)
 
     def _print(self, text: str, style: str | None = None) -> None:
-        self._console.print(text, style=style, soft_wrap=not self._shown)
+        self._console.print(printable(text), style=style, soft_wrap=not self._shown)
 
 
 class _BarTask(Task):
