@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -177,7 +178,32 @@ def _jobs(folder: Path) -> Any:
     return job.title, job.command, job.running(), job.events(), job.words()
 
 
+def _collision(folder: Path) -> Any:
+    from r2sego_blender.geometry.collision.collision_files import read_obj
+    from r2sego_blender.geometry.objects.prior_files import AlignedPrior
+
+    return AlignedPrior("collision", *read_obj(folder / BUNDLE / "collision/mesh.obj"))
+
+
+def _cut_off(folder: Path) -> None:
+    """A small bundle that was ended as several of its parts took their places."""
+    scene = of_tests("bundles").new_bundle(folder / BUNDLE)
+    (scene.path / ".changes").mkdir()
+    (scene.path / ".changes/parts.json").write_text(json.dumps(["scene.toml", "captures"]))
+
+
+def _finished(folder: Path) -> Any:
+    """A copy of it, whose parts are put in their places as whoever locks it does."""
+    copy = folder / "copy.r2s"
+    shutil.rmtree(copy, ignore_errors=True)
+    shutil.copytree(folder / BUNDLE, copy)
+    with Scene.open(copy).locked():
+        return sorted(str(file.relative_to(copy)) for file in copy.rglob("*"))
+
+
 HARNESSES = (
+    Harness("bundle/changes/parts.json", _cut_off, f"{BUNDLE}/.changes/parts.json", "json", _finished),
+    _of("text", "collision/mesh.obj", "collision/mesh.obj", _collision),
     _of("json", "captures/cameras.json", "captures/cameras.json", _artifact(_captures)),
     _of("json", "registered/cameras.json", "captures/cameras.json", _artifact(lambda: figures.CAMERAS)),
     _of("npz", "captures/sparse.npz", "captures/sparse.npz", _artifact(_sparse)),

@@ -67,6 +67,20 @@ def _urdf(folder: Path) -> None:
     (folder / "robot.urdf").write_text(_URDF.format(wheels=wheels))
 
 
+def _with_mesh(suffix: str) -> Callable[[Path], None]:
+    def build(folder: Path) -> None:
+        import trimesh
+
+        vertices, faces = of_tests("fake_proxy").crate()
+        trimesh.Trimesh(0.1 * vertices, faces, process=False).export(folder / f"m{suffix}")
+        text = of_tests("legged_robots").quadruped_mjcf()
+        text = text.replace("<worldbody>", f'<asset><mesh name="m" file="m{suffix}"/></asset><worldbody>')
+        text = text.replace('<geom type="box" size="0.2 0.05 0.05"', '<geom type="mesh" mesh="m"')
+        (folder / "robot.xml").write_text(text)
+
+    return build
+
+
 def _robot(name: str, mount: Any = None) -> Callable[[Path], Any]:
     def read(folder: Path) -> Any:
         from r2sego_blender.robot.model.model import RobotModel
@@ -165,6 +179,8 @@ HARNESSES = (
     Harness("robots/wheeled.xml", _mjcf, "robot.xml", "xml", _robot("robot.xml")),
     Harness("robots/legged.xml", _legged, "robot.xml", "xml", _robot("robot.xml")),
     Harness("robots/urdf", _urdf, "robot.urdf", "xml", _robot("robot.urdf", _MOUNT)),
+    Harness("robots/mesh.stl", _with_mesh(".stl"), "m.stl", "bytes", _robot("robot.xml"), share=0.5),
+    Harness("robots/mesh.obj", _with_mesh(".obj"), "m.obj", "text", _robot("robot.xml"), share=0.5),
     Harness("policies/layout.toml", _layout, "layout.toml", "toml", _read_layout),
     Harness("policies/onnx", _policy("p.onnx"), "p.onnx", "onnx", _read_policy("p.onnx"), share=0.1),
     Harness("policies/torchscript", _policy("p.pt"), "p.pt", "archive", _read_policy("p.pt"), share=0.05),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from r2sego_blender.splats.asset import SplatAsset
 from r2sego_blender.splats.formats.registry import load_asset, save_asset
 
 from ..harness import Harness
-from ..seeds import of_tests
+from ..seeds import camera, of_tests
 
 _COUNT = 12
 
@@ -49,7 +50,19 @@ def _shown(folder: Path) -> Any:
     return read_splats(folder / "a.ply")
 
 
+def _cameras(folder: Path) -> None:
+    listed = [camera(number).to_json() for number in range(2)]
+    (folder / "cameras.json").write_text(json.dumps({"width": 32, "cameras": listed}))
+
+
+def _read_cameras(folder: Path) -> Any:
+    from r2sego_blender.splats.rendering.pictures import load_cameras
+
+    return load_cameras(folder / "cameras.json")
+
+
 HARNESSES = (
+    Harness("splats/cameras.json", _cameras, "cameras.json", "json", _read_cameras),
     Harness("splats/ply", _as("a.ply"), "a.ply", "header", _load("a.ply")),
     Harness("splats/ascii.ply", _as_ascii, "a.ply", "text", _load("a.ply")),
     Harness("splats/compressed.ply", _as("a.compressed.ply"), "a.compressed.ply", "header", _load("a.compressed.ply")),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from r2sego_blender.bundle import figures
 from r2sego_blender.bundle.scene import Scene
 
 from ..harness import Harness
-from ..seeds import camera
+from ..seeds import NAMES, camera, photographs
 from .bundles import BUNDLE, build
 
 _ROUND = f"{BUNDLE}/rounds/0"
@@ -118,7 +119,20 @@ def _read_conditions(folder: Path) -> Any:
     return load_conditions(folder / "conditions")
 
 
+def _truth(folder: Path) -> None:
+    listed = [{"file": name, **camera(number).to_json()} for number, name in enumerate(NAMES)]
+    (folder / "cameras.json").write_text(json.dumps({"frozen": listed}))
+    photographs(folder)
+
+
+def _nearest_truth(folder: Path) -> Any:
+    from r2sego_blender.results.panels.view_parts import nearest_truth
+
+    return nearest_truth(folder / "cameras.json", np.eye(4), camera().world_from_camera)
+
+
 HARNESSES = (
+    Harness("round/nearest-truth.json", _truth, "cameras.json", "json", _nearest_truth),
     _of("npz", "proxy.npz", "proxy/proxy.npz", _proxy),
     _of("npz", "coverage.npz", "coverage/coverage.npz", _coverage),
     _of("npz", "rollouts.npz", "rollouts/rollouts.npz", _rollouts),
