@@ -40,6 +40,9 @@ CHANGES: Mapping[str, Callable[[bytes, Random], tuple[bytes, str]]] = {
 """By the kind of a file, how it is changed."""
 
 
+_LONGEST_BYTES = 4 << 20
+
+
 @dataclass(frozen=True)
 class Harness:
     """How one format is read.
@@ -65,4 +68,5 @@ class Harness:
 
     def changed(self, data: bytes, seed: int, number: int) -> tuple[bytes, str]:
         """Input ``number`` of a seed, the same whatever came before it, and what was changed."""
-        return CHANGES[self.kind](data, Random(f"{seed}/{self.name}/{number}"))
+        content, told = CHANGES[self.kind](data, Random(f"{seed}/{self.name}/{number}"))
+        return content[:_LONGEST_BYTES], told

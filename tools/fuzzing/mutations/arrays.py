@@ -43,10 +43,12 @@ def changed_npz(data: bytes, rng: Random) -> tuple[bytes, str]:
             content, change = changed_npy(content, rng)
             members[at] = (name, content)
             told.append(f"{name}: {change}")
+    compression = rng.choice((zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED))
     if rng.random() < 0.02:
-        members.insert(0, ("bomb.npy", _bomb()))
+        name, compression = rng.choice((members[0][0], "bomb.npy")), zipfile.ZIP_DEFLATED
+        members = [(name, _bomb()), *(one for one in members if one[0] != name)]
         told.append("bomb")
-    packed = _packed(members, rng.choice((zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)))
+    packed = _packed(members, compression)
     if rng.random() < 0.08:
         packed, change = _lying(packed, rng)
         told.append(change)
@@ -175,4 +177,4 @@ def _saved(array: np.ndarray, name: str, pickled: bool = False) -> tuple[bytes, 
 
 @cache
 def _bomb() -> bytes:
-    return _saved(np.zeros(60_000_000), "")[0]
+    return _saved(np.zeros(40_000_000), "")[0]
