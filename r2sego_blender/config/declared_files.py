@@ -24,7 +24,7 @@ from .fields import Field, Range, fields_of
 T = TypeVar("T")
 
 # Bounds of a file, kept before it is parsed: the parser's time grows with the square of some of them.
-_MOST_BYTES = 1 << 20
+MOST_BYTES = 1 << 20
 _MOST_NESTING = 32
 _LONGEST_WORD = 1000
 _TOKENS = re.compile(
@@ -50,8 +50,8 @@ def did_you_mean(name: str, known: Iterable[str], otherwise: str) -> str:
 
 def parse_toml(text: str) -> dict[str, Any]:
     """The tables of a file's text. Raises ValueError: no TOML, too long, or nested too deep."""
-    if len(text) > _MOST_BYTES:
-        raise ValueError(f"it has more than {_MOST_BYTES} characters")
+    if len(text) > MOST_BYTES:
+        raise ValueError(f"it has more than {MOST_BYTES} characters")
     depth = dots = 0
     for token in _TOKENS.findall(text):
         depth += (token in ("[", "{")) - (token in ("]", "}"))
@@ -98,7 +98,7 @@ class Reader:
         """The tables of the file, not yet checked. Raises OSError, or the reader's error: no TOML."""
         try:
             with self.where.open("rb") as file:
-                return parse_toml(file.read(_MOST_BYTES + 1).decode("utf-8"))
+                return parse_toml(file.read(MOST_BYTES + 1).decode("utf-8"))
         except (ValueError, RecursionError) as failed:
             raise self.error(f"this {self.what} is no TOML: {failed}", where=self.where, cure=cure) from failed
 
