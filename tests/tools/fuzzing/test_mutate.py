@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 
+from r2sego_blender.captures.poses.registry import FORMATS as POSES
+from r2sego_blender.core.images import SUFFIXES
+from r2sego_blender.splats.formats.registry import SUFFIXES as SPLAT_SUFFIXES
 from tools.fuzzing.children import Child
 from tools.fuzzing.formats import HARNESSES
 from tools.fuzzing.harness import CHANGES
@@ -36,6 +40,16 @@ def test_the_same_seed_makes_the_same_inputs_and_they_differ(harness, right_inpu
 def test_every_kind_of_file_is_changed_somewhere():
     assert {one.kind for one in HARNESSES} == set(CHANGES)
     assert len({one.name for one in HARNESSES}) == len(HARNESSES)
+
+
+def test_every_registered_format_of_splats_and_poses_is_tried():
+    files = {one.name: Path(one.file) for one in HARNESSES}
+    splats = {place.suffix for name, place in files.items() if name.startswith("splats/")}
+    assert splats >= set(SPLAT_SUFFIXES)
+    poses = {place.name for name, place in files.items() if name.startswith("poses/")}
+    assert all(any(name in poses for name in (*one.files, *one.parts)) or one.photographs_too for one in POSES)
+    pictures = {place.suffix for name, place in files.items() if name.startswith("pictures/")}
+    assert pictures | {".jpeg", ".tiff", ".heif"} == SUFFIXES  # the same by other names
 
 
 def test_the_count_is_shared_out_and_every_format_has_its_part():
