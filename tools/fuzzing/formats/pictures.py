@@ -107,6 +107,6 @@ HARNESSES = (
     Harness("depth/npy", _depth(".npy"), "depth/a.npy", "npy", _read_depth),
     Harness("depth/npz", _depth(".npz"), "depth/a.npz", "npz", _read_depth),
     Harness("depth/packed.npz", _depth(".npz", compressed=True), "depth/a.npz", "npz", _read_depth),
-    Harness("depth/exr", _depth(".exr"), "depth/a.exr", "bytes", _read_depth, share=0.05),
+    Harness("depth/exr", _depth(".exr"), "depth/a.exr", "bytes", _read_depth, share=0.04),
     Harness("depth/confidence.png", _confidence, "confidence/a.png", "png", _read_depth),
 )

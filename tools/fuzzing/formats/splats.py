@@ -70,8 +70,8 @@ HARNESSES = (
     Harness("splats/spz", _as("a.spz"), "a.spz", "bytes", _load("a.spz")),
     Harness("splats/gltf", _as("a.gltf"), "a.gltf", "json", _load("a.gltf")),
     Harness("splats/glb", _as("a.glb"), "a.glb", "header", _load("a.glb")),
-    Harness("splats/usda", _as("a.usda"), "a.usda", "text", _load("a.usda"), share=0.1),
-    Harness("splats/usdc", _as("a.usdc"), "a.usdc", "bytes", _load("a.usdc"), share=0.1),
-    Harness("splats/usdz", _as("a.usdz"), "a.usdz", "archive", _load("a.usdz"), share=0.1),
+    Harness("splats/usda", _as("a.usda"), "a.usda", "text", _load("a.usda"), share=0.04),
+    Harness("splats/usdc", _as("a.usdc"), "a.usdc", "bytes", _load("a.usdc"), share=0.04),
+    Harness("splats/usdz", _as("a.usdz"), "a.usdz", "archive", _load("a.usdz"), share=0.04),
     Harness("splats/shown.ply", _as("a.ply"), "a.ply", "header", _shown),
 )
