@@ -59,7 +59,9 @@ def load_captures(folder: Path) -> tuple[Capture, ...]:
         try:
             lens = Lens.from_json(entry["photograph_lens"]) if "photograph_lens" in entry else None
             turns = int(entry.get("photograph_turns", 0))
-        except (KeyError, TypeError, ValueError) as error:
+            if turns not in range(4):
+                raise ValueError(f"it is turned {turns} times")
+        except (LookupError, TypeError, ValueError, AttributeError) as error:
             raise damaged_entry(folder / "cameras.json", index, error) from error
         if not view.image_path.is_file():
             raise CaptureError("the capture's image is missing", where=view.image_path, cure=CURE)

@@ -149,6 +149,13 @@ def require_finite(**arrays: np.ndarray) -> None:
             raise ValueError(f"{name} are not all finite")
 
 
+def require_between(low: float, high: float | None, **arrays: np.ndarray) -> None:
+    """Raises ValueError, as damage in ``opened_arrays``, where a number is less, more or none."""
+    for name, array in arrays.items():
+        if array.size and not (low <= array.min() and (high is None or array.max() <= high)):
+            raise ValueError(f"{name} are not all from {low} to {high}")
+
+
 def _read_array(stream: IO[bytes], size: int) -> np.ndarray:
     """The array that ``size`` bytes hold. Raises ValueError where they hold another number of values."""
     try:

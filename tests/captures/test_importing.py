@@ -279,7 +279,7 @@ def _valid(tmp_path, rng, blank_photograph):
         (lambda d: d["captures"][1].update(world_from_camera=[[1, 2], [3]]), r"captures\[1\].*4x4"),
         (lambda d: d["captures"][1].update(world_from_camera=np.diag([2.0, 2, 2, 1]).tolist()), "rotation"),
         (lambda d: d["captures"][1].update(world_from_camera=np.diag([1.0, 1, -1, 1]).tolist()), "rotation"),
-        (lambda d: d["captures"][1].update(world_from_camera=[[float("nan")] * 4] * 4), "4x4"),
+        (lambda d: d["captures"][1].update(world_from_camera=[[float("nan")] * 4] * 4), "NaN"),
         (lambda d: d.update(fx=-3), "'fx' is -3"),
         (lambda d: d.update(fx="wide"), "'fx' is 'wide'"),
         (lambda d: d.pop("fx"), "'fx' is missing"),
@@ -321,7 +321,7 @@ def test_a_pose_file_that_may_not_be_read_is_not_called_damaged(tmp_path, monkey
         load_frozen_views(file)
     file.rmdir()
     file.write_text("{}")
-    monkeypatch.setattr(type(file), "read_text", denied)
+    monkeypatch.setattr("os.open", denied)
     with refused(CaptureError, file, cure="Allow reading it"):
         load_frozen_views(file)
 
