@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from ...core.arrays import save_arrays
 from ...core.cameras import RIGID_CURE, Camera, is_rigid
 from ...core.errors import AssetError
+from ...core.json_files import read_json
 from ...core.images import SUFFIXES, save_image
 from ...core.progress import SILENT, Progress
 from ..asset import SplatAsset
@@ -31,7 +31,7 @@ def load_cameras(file: Path) -> dict[str, Camera]:
     Raises AssetError with the entry that is wrong.
     """
     try:
-        data = json.loads(file.read_text(encoding="utf-8"))
+        data = read_json(file)
     except OSError as error:
         raise AssetError("the cameras cannot be read", where=file, cure="Check the path.") from error
     except ValueError as error:
