@@ -73,6 +73,19 @@ def gltf_buffers(document: dict[str, Any], binary: bytes, path: Path, error: typ
     return buffers
 
 
+def require_whole(path: Path, error: type[R2SEgoError]) -> None:
+    """Raises ``error`` for a glTF that cannot be read, or whose buffers and images are not all inside it."""
+    try:
+        with opened_file(path) as stream:
+            document, _ = gltf_document(stream.read(), path, error)
+        uris = [entry.get("uri", "data:") for entry in document.get("buffers", []) + document.get("images", [])]
+        elsewhere = [uri for uri in uris if not uri.startswith("data:")]
+    except (OSError, *DAMAGE) as cause:
+        raise error("the glTF is damaged", where=path, cure="Make or export it again.") from cause
+    if elsewhere:
+        raise error(f"the glTF names the file '{elsewhere[0]}'", where=path, cure="Make or export it again, as .glb.")
+
+
 def gltf_tree(document: dict[str, Any], path: Path, error: type[R2SEgoError]) -> list[tuple[int, int | None]]:
     """(node, its parent) of each node of the scene, parents first.
 

@@ -11,8 +11,8 @@ import numpy as np
 from ...core.arrays import save_arrays
 from ...core.cameras import RIGID_CURE, Camera, is_rigid
 from ...core.errors import AssetError
-from ...core.json_files import read_json
 from ...core.images import SUFFIXES, save_image
+from ...core.json_files import read_json
 from ...core.progress import SILENT, Progress
 from ..asset import SplatAsset
 from ..formats.files import publishing
