@@ -6,29 +6,36 @@
 #   make extension  the Blender add-on, dist/r2sego-*.zip
 #   make window     the tab in a real Blender with its window: BLENDER=/path/to/blender make window
 #   make measure    how quickly it draws with a large scene, and its memory: BLENDER=... make measure
+#   make lock       requirements/, the packages with their hashes, after a change of pyproject.toml's lists
+# For an NVIDIA GPU under Linux: make install CUDA=1, which fetches 3 GB more
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/pip install --quiet --disable-pip-version-check
+LOCKED := $(PIP) --require-hashes
 DEMO_SCENE := build/demo_room.r2s
-TORCH := $(shell sed -n 's/^ *"\(torch==[^"]*\)",$$/\1/p' pyproject.toml)
+# Of torch the index of packages has for Linux the build with CUDA; PyTorch's own has the one for processors.
+TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
+TORCH_FROM := $(if $(filter Linux,$(shell uname -s)),--retries 1 --index-url $(TORCH_INDEX))
 
-.PHONY: demo test window measure install install-tests python system extension lint clean help
+.PHONY: demo test window measure install install-tests python system extension lint lock clean help
 .DEFAULT_GOAL := help
 
 help:
 	@sed -n 's/^#   //p' Makefile
 
-# torch comes first and by exact pin: a CPU build on disk is taken where there is one.
-$(VENV)/.installed: pyproject.toml | python
+# torch comes first, alone and by its hash: no other package is looked for in its index. A build on disk is
+# taken where pip knows of one.
+$(VENV)/.installed: pyproject.toml requirements/torch.txt requirements/engine.txt requirements/cuda.txt | python
 	$(PYTHON) -m venv $(VENV)
-	$(PIP) $(TORCH)
-	$(PIP) --editable .
+	$(if $(CUDA),,$(LOCKED) --no-deps $(TORCH_FROM) --requirement requirements/torch.txt)
+	$(LOCKED) --requirement requirements/engine.txt $(if $(CUDA),--requirement requirements/cuda.txt)
+	$(PIP) --no-index --no-deps --no-build-isolation --editable .
 	@touch $@
 
 # On top, for tests alone: bpy is 350 MB, and needs libraries of X11 and GL that the demo does not.
-$(VENV)/.tests-installed: $(VENV)/.installed
-	$(PIP) --editable '.[blender,test]'
+$(VENV)/.tests-installed: $(VENV)/.installed requirements/tests.txt
+	$(LOCKED) --requirement requirements/engine.txt --requirement requirements/tests.txt
 	@touch $@
 
 install: $(VENV)/.installed
@@ -62,6 +69,9 @@ lint: install-tests
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 	$(BIN)/mypy
+
+lock: install-tests
+	$(BIN)/python batch/lock_packages.py
 
 extension: system install-tests
 	$(BIN)/python batch/build_extension.py --out dist

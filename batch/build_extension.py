@@ -1,5 +1,8 @@
 """Build and validate the Blender extension: ``python batch/build_extension.py [--out dist]``.
 
+The same tree gives the same bytes, whatever its files' times, modes and order. Beside the zip lies its bill of
+materials, ``.cdx.json``.
+
 ``addon_manifest.toml`` is the one manifest. It is written as ``blender_manifest.toml`` into
 a staged copy of the repository, which Blender's own builder then packs and checks: that of
 a ``blender`` binary (``--blender``), or the one that pip bpy brings.
@@ -12,15 +15,21 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+import zipfile
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+from bill_of_materials import write_bill  # a script beside this one
 
 ROOT = Path(__file__).resolve().parents[1]
 MANIFEST = "addon_manifest.toml"
 _BUILDERS_MANIFEST = "blender_manifest.toml"
+_FIRST_TIME = (1980, 1, 1, 0, 0, 0)  # that a zip can tell
+_UNIX, _FILE_MODE = 3, 0o100644
 
 
 def build(out: Path, blender: str = "") -> Path:
-    """Pack the extension into ``out`` and validate it; returns the zip.
+    """Pack the extension into ``out``, validate it and write its bill of materials; returns the zip.
 
     Raises SystemExit with the builder's words when it refuses.
     """
@@ -33,8 +42,22 @@ def build(out: Path, blender: str = "") -> Path:
         shutil.copytree(ROOT, staged, ignore=_excluded(manifest["build"]["paths_exclude_pattern"]))
         shutil.copy2(ROOT / MANIFEST, staged / _BUILDERS_MANIFEST)
         _run([*builder, "build", "--source-dir", str(staged), "--output-filepath", str(package)], builder)
+    _pack_anew(package)
     _run([*builder, "validate", str(package)], builder)
+    write_bill(ROOT, package)
     return package
+
+
+def _pack_anew(package: Path) -> None:
+    """The same files, without what the builder took from this checkout: their times, modes and order."""
+    with zipfile.ZipFile(package) as built:
+        entries = [(entry, built.read(entry)) for entry in built.infolist() if not entry.is_dir()]
+    with zipfile.ZipFile(package, "w") as archive:
+        for entry, content in sorted(entries, key=lambda one: one[0].filename):
+            packed = zipfile.ZipInfo(entry.filename, _FIRST_TIME)
+            packed.compress_type = entry.compress_type
+            packed.create_system, packed.external_attr = _UNIX, _FILE_MODE << 16
+            archive.writestr(packed, content, compresslevel=9)
 
 
 def _excluded(patterns: list[str]):

@@ -1,6 +1,7 @@
 """What tests need of the system and pip does not bring: name it in one line, or install it.
 
-pip's bpy wants libraries of X11 and GL, EEVEE aborts its process without EGL, and one test asks ``ps``.
+pip's bpy wants libraries of X11 and GL, EEVEE aborts its process without EGL, one test asks ``ps``, and what
+watches the network is strace.
 Needs only the standard library, so that it can run before anything is installed:
 
     python3 batch/check_system.py            exit 0, or 1 and the one line that installs what is missing;
@@ -33,7 +34,7 @@ LIBRARIES = {
     "libEGL.so.1": ("libegl1", "mesa-libEGL", "mesa"),
 }
 
-PROGRAMS = {"ps": ("procps", "procps-ng", "procps-ng")}
+PROGRAMS = {"ps": ("procps", "procps-ng", "procps-ng"), "strace": ("strace", "strace", "strace")}
 
 INSTALLERS = (
     # A bare machine has no lists of packages yet.

@@ -14,7 +14,8 @@ from ..r2sego_blender.bridge.engine.user_folder import user_folder
 from ..r2sego_blender.bridge.shared.engine_python import interpreter
 from ..r2sego_blender.bridge.shared.operator_properties import given_properties
 from ..r2sego_blender.core.errors import SceneError
-from ..r2sego_blender.workers.jobs import JOBS_FOLDER, Event, Job, start_job
+from ..r2sego_blender.core.printable import printable
+from ..r2sego_blender.workers.jobs import PICTURE_FILE, Event, Job, jobs_folder, start_job
 from . import state
 
 _BUNDLE_FILE = "scene.toml"
@@ -70,7 +71,8 @@ def start(
         "scene": scene.name if of_scene else "",
         "open": state.bundle_path(scene),
     }
-    folder = Path(bundle, JOBS_FOLDER) if bundle and os.access(bundle, os.W_OK) else own_folder()
+    in_bundle = jobs_folder(Path(bundle)) if bundle and os.access(bundle, os.W_OK) else None
+    folder = in_bundle or own_folder()
     started = start_job(arguments, python or interpreter(), operator.bl_label, folder, module, notes)
     _started_from[started.folder] = scene.session_uid
     bpy.context.window_manager.r2sego_engine.ended.clear()
@@ -118,9 +120,9 @@ def show_event(event: Event) -> None:
         left = "" if remaining_s is None else f"{_duration(remaining_s)} left"
         bpy.context.window_manager.r2sego_engine.time_left = left
     elif event.kind == "message":
-        shown.message = str(data.get("text", ""))
-    elif event.kind == "picture":
-        bpy.context.window_manager.r2sego_engine.picture = str(data.get("file", ""))
+        shown.message = printable(str(data.get("text", "")))
+    elif event.kind == "picture" and _followed is not None:
+        bpy.context.window_manager.r2sego_engine.picture = str(_followed.folder / PICTURE_FILE)
 
 
 def cancel() -> None:

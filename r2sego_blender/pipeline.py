@@ -12,6 +12,7 @@ import contextlib
 from .bundle.runner import Runner
 from .bundle.scene import Scene
 from .core.progress import SILENT, Progress
+from .refine.behaviour import DeclaredBehaviour
 from .refine.capture_steps import Reached
 from .refine.steps import Steps, Views
 
@@ -23,8 +24,11 @@ def refine(scene: Scene, progress: Progress = SILENT, until: str = "", runner: R
     L, the budget K and the rest of H come from the scene's declaration. With ``until``, the
     bundle's name of what a step publishes, it ends when that is there. Another ``runner`` of the
     scene may look at the steps in place of running them. Raises SceneError while another process
-    or thread writes to the scene.
+    or thread writes to the scene, and RobotError before anything runs where its scope names a program as
+    policy that nobody has trusted on this machine.
     """
+    if runner is None:
+        DeclaredBehaviour.of(scene).require_trusted()
     runner = runner or Runner(scene)
     with runner.held(), contextlib.suppress(Reached):
         _algorithm_1(Steps(runner, scene.declaration.settings, progress, until))

@@ -26,6 +26,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("scene", type=Path)
     parser.add_argument("--robot", help="humanoid, wheeled, or an MJCF or URDF file")
     parser.add_argument("--scope", help="walk_and_look, sit_down, or a TOML file")
+    parser.add_argument("--trust", metavar="POLICY", help="a TorchScript policy, a program, may run with your rights")
     parser.add_argument("--region", help="corners 'x,y x,y x,y' in metres, or free_floor")
     parser.add_argument("--clearance", type=float, help="metres kept from obstacles")
     parser.add_argument("--target", help="any, an object's name, or x,y: what to sit on")
@@ -52,6 +53,8 @@ def declare(options: argparse.Namespace) -> None:
         ops.choose_robot(robot=options.robot.upper())
     elif options.robot:
         ops.choose_robot(robot="FILE", filepath=str(Path(options.robot).absolute()))
+    if options.trust:
+        ops.trust_policy(filepath=str(Path(options.trust).absolute()))
     if options.scope in ("walk_and_look", "sit_down"):
         ops.choose_scope(scope=options.scope)
     elif options.scope:

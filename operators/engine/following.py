@@ -15,7 +15,7 @@ from ...r2sego_blender.bridge.shared.views_3d import redraw_views
 from ...r2sego_blender.bundle.journal import JOURNAL
 from ...r2sego_blender.core.errors import R2SEgoError
 from ...r2sego_blender.results.panels.bundle import Bundle
-from ...r2sego_blender.workers.jobs import JOBS_FOLDER, Job, find_jobs
+from ...r2sego_blender.workers.jobs import Job, find_jobs, jobs_folder
 from .. import job, state
 from . import pictures
 from .demo_scene import open_begun
@@ -42,10 +42,9 @@ def unfollowed_jobs(context) -> list[Job]:
     bundle that is open here too.
     """
     name = state.bundle_path(context.scene)
+    folder = jobs_folder(Path(name)) if name else None
     in_bundle = [
-        found
-        for found in (find_jobs(f"{name}/{JOBS_FOLDER}") if name else [])
-        if found.running() or not found.followed_elsewhere
+        found for found in (find_jobs(folder) if folder else []) if found.running() or not found.followed_elsewhere
     ]
     others = [found for found in find_jobs(job.own_folder()) if not found.followed_elsewhere]
     return [found for found in in_bundle + others if found.folder not in _given_up]

@@ -9,7 +9,7 @@ from ...r2sego_blender.bridge.engine.user_folder import engine_folder
 from ...r2sego_blender.bridge.shared.engine_python import addon_preferences, examine
 from ...r2sego_blender.core.errors import MachineError
 from ...r2sego_blender.results.doctor import PACKAGES, REQUIRED_MB
-from ...r2sego_blender.workers.environment import DOWNLOAD_MB, not_packaged
+from ...r2sego_blender.workers.environment import DOWNLOAD_MB, not_packaged, python_of
 from .. import job
 from ..base import EngineOperator, needs_idle_engine
 
@@ -77,10 +77,11 @@ class R2SEGO_OT_set_up_engine(EngineOperator, bpy.types.Operator):
         return [str(engine_folder()), "--needed-mb", str(REQUIRED_MB), *wheels]
 
     def finish(self, context, result):
+        python = str(python_of(engine_folder()))  # by its place, whatever was told
         preferences = addon_preferences()
         if preferences is None:  # a script on a checkout
-            return f"The engine's Python is {result['python']}: name it in R2SEGO_PYTHON"
-        preferences.engine_python = result["python"]
+            return f"The engine's Python is {python}: name it in R2SEGO_PYTHON"
+        preferences.engine_python = python
         context.preferences.is_dirty = True  # so that Blender saves them
         line = context.window_manager.r2sego_engine.found = examine()
         return line

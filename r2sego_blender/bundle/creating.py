@@ -71,6 +71,8 @@ def require_place(path: Path) -> None:
 def _remove_abandoned(folder: Path) -> None:
     """Remove the unfinished bundles that processes left in ``folder`` when they were killed."""
     for file in folder.glob(f"{UNFINISHED}*/{LOCK}"):
+        if file.is_symlink() or file.parent.is_symlink():  # nobody's unfinished bundle
+            continue
         with contextlib.suppress(OSError, SceneError):  # what cannot go disturbs nobody
             with file.open("a+") as lock:
                 free = try_lock(lock)

@@ -13,6 +13,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from ..core.atomic_files import write_whole
 from .frames import is_frame
 
 JOURNAL = "journal.jsonl"
@@ -42,6 +43,8 @@ class Journal:
 
     def write(self, **record: Any) -> None:
         """Add a record, JSON values, and see it on the disk. Raises OSError."""
+        if self.file.is_file() and self.file.stat().st_nlink > 1:  # a copy by hard links, as backups have
+            write_whole(self.file, self.file.read_text(encoding="utf-8", errors="replace"))
         with self.file.open("ab+") as file:
             if file.tell() and file.seek(-1, os.SEEK_END) and file.read() != b"\n":
                 file.write(b"\n")  # a cut-off line ends there

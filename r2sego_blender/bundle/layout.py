@@ -21,8 +21,21 @@ REFINED_ASSET = "asset.ply"
 COLLISION = "collision"
 PROXY_EDITS = "geometry/edits"
 ASSET_EDITS = "asset_edits"
+CORRECTIONS = "corrections.json"
+"""Every correction of the world frame that can be taken back, with the registration before it."""
+
+BEFORE_CORRECTIONS = "before_corrections"
+"""By the number of a correction, from 0, the files that it moved, as they were."""
+
+GROUND_PICTURES = "report/ground"
+"""The world's floor drawn into the photographs."""
+
 SCOPE_FILE = "robot/scope.toml"
 """The bundle's own behaviour scope, once a person has changed a field of one."""
+
+EDITED = (OBJECTS, PROXY_EDITS, ASSET_EDITS)
+IN_WORLD_FRAME = (CAPTURES, *EDITED, CORRECTIONS, BEFORE_CORRECTIONS, GROUND_PICTURES, SCOPE_FILE)
+"""What stands in the bundle's world frame and is no result of a step: a correction replaces it all together."""
 
 REPORT_PAGE = "index.html"
 """In the folder of the report."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from ..core.scratch import keeping, scratch_place
 from . import locks
 from .artifacts import Artifact, Held
 from .backends import controller_backend
+from .containment import inside, make_folder, require_contained
 from .declaration import DECLARATION, Declaration, name_in, read_declaration, write_declaration
 from .disk import disk_errors
 from .journal import Journal
@@ -37,6 +38,7 @@ class Scene:
     def open(path: Path) -> Scene:
         """Read a bundle. Raises SceneError when it is missing, damaged or of another version."""
         path = Path(path)
+        require_contained(path)
         return Scene(path, read_declaration(path))
 
     def declare(self, **changes: Any) -> Scene:
@@ -48,12 +50,13 @@ class Scene:
         declaration = dataclasses.replace(present, **changes)
         _ = declaration.settings  # refuse unknown settings before anything is written
         if declaration != present:
+            locks.require_there(self.path)
             with disk_errors(self.path):
                 write_declaration(self.path / DECLARATION, declaration)
         return Scene(self.path, declaration)
 
     def _declaration_now(self) -> Declaration:
-        """As it stands on disk; one that ``changing_together`` made has none there yet."""
+        """As it stands on disk; one that ``corrected`` made has none there yet."""
         there = (self.path / DECLARATION).is_file()
         return read_declaration(self.path) if there else self.declaration
 
@@ -98,6 +101,13 @@ class Scene:
         """The refined visual asset, an Inria PLY."""
         return self.path / "asset.ply"
 
+    def made_folder(self, name: str) -> Path:
+        """The folder ``name`` of the bundle, made where it is missing. Raises SceneError as ``publishing``."""
+        folder = inside(self.path, name)
+        locks.require_there(self.path)
+        make_folder(folder, self.path)
+        return folder
+
     def round_folder(self, round_index: int) -> Path:
         """What one round of Algorithm 1 left."""
         return self.path / "rounds" / str(round_index)
@@ -131,31 +141,37 @@ class Scene:
     def publishing(self, target: str) -> Iterator[Path]:
         """A path to write at; on leaving without an error it takes ``target``'s place.
 
-        A cancelled process leaves nothing of it.
+        A cancelled process leaves nothing of it. Raises SceneError where the place is outside of the
+        bundle, and where the bundle was removed or replaced meanwhile.
         """
-        place = self.path / target
-        place.parent.mkdir(parents=True, exist_ok=True)
+        place = inside(self.path, target)
         staging = place.with_name(UNFINISHED + place.name)
-        remove(staging)
-        if not place.suffix:
-            staging.mkdir()
         try:
+            locks.require_there(self.path)
+            make_folder(place.parent, self.path)
+            remove(staging)
+            if not place.suffix:
+                staging.mkdir()
             with scratch_place(staging):
                 yield staging
                 flush(staging)
+                locks.require_there(self.path)
                 with keeping(staging):
                     swap_in(staging, place)
+        except FileNotFoundError:
+            locks.require_there(self.path)  # that is why, and what a person has to know
+            raise
         finally:
             remove(staging)
 
     @contextlib.contextmanager
-    def changing_together(self, parts: Sequence[str]) -> Iterator[Scene]:
-        """A scene without content to publish ``parts`` in, and to declare.
+    def corrected(self) -> Iterator[Scene]:
+        """A scene without content to publish in what stands in the world frame, and to declare.
 
-        On leaving without an error they all replace this one's. Killed on the way, none has, or
+        On leaving without an error all of that replaces this one's. Killed on the way, none has, or
         the next who holds the lock puts the rest there.
         """
-        with disk_errors(self.path), replacing_together(self.path, (*parts, DECLARATION)) as folder:
+        with disk_errors(self.path), replacing_together(self.path, locks.CORRECTED_TOGETHER) as folder:
             yield Scene(folder, self._declaration_now())
 
     @property
@@ -176,7 +192,8 @@ class Scene:
         return self._journal.outputs()
 
     def note(self, **record: Any) -> None:
-        """Add a record to the journal. Raises OSError."""
+        """Add a record to the journal. Raises OSError, and SceneError where the bundle was removed."""
+        locks.require_there(self.path)
         self._journal.write(**record)
 
     def locked(self) -> contextlib.AbstractContextManager[None]:

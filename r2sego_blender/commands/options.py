@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import click
 
 from ..core.errors import SettingsError
+from ..core.printable import printable
 from ..core.progress import JsonProgress, Progress, TerminalProgress
 
 FOLDER = click.Path(file_okay=False, path_type=Path)
@@ -20,6 +21,7 @@ FIRST_NOT_DONE = "the first that is not done, else the last"
 Result = TypeVar("Result")
 
 _EVENTS = "Tell progress and result as JSON lines."
+_LONGEST_LINE = 4000  # characters
 _WHOLE = 1000  # characters; no command's first sentence has as many
 
 
@@ -51,7 +53,7 @@ class Output:
             assert isinstance(result, dict)
             self.tell(**result)
         else:
-            click.echo(json.dumps(result, indent=1) if self.as_object else "\n".join(lines(result)))
+            click.echo(json.dumps(result, indent=1) if self.as_object else "\n".join(map(_line, lines(result))))
 
     def tell(self, **result: Any) -> None:
         """A result as an event, or as lines of names and values on standard output."""
@@ -61,7 +63,12 @@ class Output:
         for name, value in result.items():
             if isinstance(value, dict):  # of counts
                 value = ", ".join(f"{what} ({count})" for what, count in value.items()) or "none"
-            click.echo(f"{name}: {value}")
+            click.echo(_line(f"{name}: {value}"))
+
+
+def _line(text: str) -> str:
+    """What others named, as in a table of captures, moves no cursor."""
+    return "\n".join(printable(line, _LONGEST_LINE) for line in text.split("\n"))
 
 
 def output_options(*names: str, whole: str = "As one JSON object.") -> Callable[[Callable], Callable]:

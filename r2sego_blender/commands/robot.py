@@ -1,4 +1,4 @@
-"""``r2sego robot``, ``try-rollouts``, ``rollouts`` and ``robot-bodies``: declared, tried, let go, shown."""
+"""``r2sego robot``, ``try-rollouts``, ``rollouts``, ``robot-bodies`` and ``trust``: declared, tried, let go, shown."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from ..bundle.scene import Scene
+from ..core.printable import printable
 from .options import ANY_PATH, FIRST_NOT_DONE, Output, output_options, overrides_of, round_option
 
 
@@ -116,4 +117,43 @@ def rollouts(scene: Path, round_index: int | None, output: Output) -> None:
     output.show(describe_rollouts(opened, index), lines)
 
 
-COMMANDS = (robot, robot_bodies, try_rollouts, rollouts)
+@click.command()
+@click.argument("policy", type=ANY_PATH, required=False)
+@click.option("--list", "listed", is_flag=True, help="List what is trusted.")
+@click.option("--withdraw", metavar="SHA256", help="Trust a program no more.")
+@output_options("--json", "--json-progress")
+def trust(policy: Path | None, listed: bool, withdraw: str | None, output: Output) -> None:
+    """Trust POLICY, a TorchScript file, on this machine.
+
+    It is a program: whoever made it decides what it does, with your rights, when a behaviour scope names it.
+    Its content is trusted, under whatever name; a bundle that brings other content is refused. Where the
+    system can, it runs without writing files, without reading yours and without the network; what cannot be
+    taken away here is said. ONNX files are data and need no trust.
+    """
+    from ..config import trusted_programs
+    from ..robot.controllers.policy_trust import kept_rights, program_at
+
+    if (policy is not None) + listed + (withdraw is not None) != 1:
+        raise click.UsageError("Give one of POLICY, --list and --withdraw.")
+    if policy is not None:
+        program = program_at(policy)
+        trusted_programs.trust(program)
+        told = {"trusted": [vars(program)], "kept": list(kept_rights())}
+    elif withdraw is not None:
+        told = {"withdrawn": [vars(trusted_programs.withdraw(withdraw.lower()))]}
+    else:
+        told = {"trusted": [vars(one) for one in trusted_programs.trusted_programs()]}
+    output.show(told, _trust_lines)
+
+
+def _trust_lines(told: dict[str, Any]) -> list[str]:
+    from ..config.trusted_programs import Program
+
+    lines = [printable(f"{what}: {Program(**one)}") for what in ("trusted", "withdrawn") for one in told.get(what, ())]
+    if "kept" in told:
+        lines.append("It is a program and runs with your rights where a behaviour scope names it.")
+        lines += [f"This system cannot take {', '.join(told['kept'])} away from it."] if told["kept"] else []
+    return lines or ["nothing is trusted"]
+
+
+COMMANDS = (robot, robot_bodies, try_rollouts, rollouts, trust)

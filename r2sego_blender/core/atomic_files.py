@@ -8,16 +8,20 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
+from .json_files import read_json
 from .scratch import keeping, scratch_place
 from .text_files import write_text
 
 UNFINISHED = ".unfinished-"
 """How the names begin of what is not in its place yet."""
 
-_CHANGES, _PARTS = ".changes", "parts.json"
+CHANGES = ".changes"
+"""The folder of what takes its place together, once all of it is written."""
+
+_PARTS = "parts.json"
 _OLD = f"{UNFINISHED}old-"
 _PLACES = ("", "*/", "*/*/")
 """Where a bundle has what is published: at its top, as in ``geometry/``, as in ``rounds/0/``."""
@@ -39,7 +43,7 @@ def write_whole(file: Path, text: str) -> None:
 
 
 @contextlib.contextmanager
-def replacing_together(folder: Path, parts: Sequence[str]) -> Iterator[Path]:
+def replacing_together(folder: Path, parts: Collection[str]) -> Iterator[Path]:
     """A new folder to write ``parts`` in, files and folders of ``folder`` by their names there.
 
     On leaving without an error those that were written take their places. Killed before
@@ -54,17 +58,18 @@ def replacing_together(folder: Path, parts: Sequence[str]) -> Iterator[Path]:
             write_text(staging / _PARTS, json.dumps(list(parts)))
             flush(staging)
             with keeping(staging):
-                rename(staging, folder / _CHANGES)  # from here on they count
-        finish_replacing(folder)
+                rename(staging, folder / CHANGES)  # from here on they count
+        finish_replacing(folder, parts)
     finally:
         remove(staging)
 
 
-def finish_replacing(folder: Path) -> bool:
-    """Put in place what ``replacing_together`` had written when it was killed; whether there was any.
+def finish_replacing(folder: Path, parts: Collection[str]) -> bool:
+    """Put in place what ``replacing_together`` had written of ``parts`` when it was killed; whether it had.
 
     What ``swap_in`` had put aside in ``folder``, or in one of those within, when it was killed is put
     back, whoever called it; other folders that are not in their places go. Nobody else may be writing.
+    Raises ValueError where it is said to be of other parts: then nobody's ``replacing_together`` wrote it.
     """
     for where in _PLACES:
         for left in list(folder.glob(f"{where}{UNFINISHED}*")):
@@ -74,11 +79,14 @@ def finish_replacing(folder: Path) -> bool:
             elif left.is_dir():  # files are written again, and those of others may be on their way
                 with contextlib.suppress(OSError):  # what cannot go disturbs nobody
                     remove(left)
-    changes = folder / _CHANGES
+    changes = folder / CHANGES
     if not (changes / _PARTS).is_file():
         remove(changes)
         return False
-    for part in json.loads((changes / _PARTS).read_text(encoding="utf-8")):
+    written = read_json(changes / _PARTS)
+    if not (isinstance(written, list) and all(isinstance(part, str) and part in parts for part in written)):
+        raise ValueError(f"{CHANGES}/{_PARTS} names what is never replaced")
+    for part in written:
         if (changes / part).exists():
             (folder / part).parent.mkdir(parents=True, exist_ok=True)
             swap_in(changes / part, folder / part)
@@ -89,7 +97,7 @@ def finish_replacing(folder: Path) -> bool:
 
 def is_replacing(folder: Path) -> bool:
     """Whether ``replacing_together`` is putting things in their places, or was killed as it did."""
-    return (folder / _CHANGES / _PARTS).is_file()
+    return (folder / CHANGES / _PARTS).is_file()
 
 
 def flush(path: Path) -> None:

@@ -17,6 +17,7 @@ RIGID_CURE = "Give a 4x4 rigid matrix without scale or mirroring, last row 0 0 0
 """What to do about a pose that is not."""
 
 _RIGID_TOLERANCE = 1e-3
+_LARGEST = 1e12  # number of a similarity, and its inverse the smallest scale
 
 
 def is_rigid(pose: np.ndarray) -> bool:
@@ -26,6 +27,14 @@ def is_rigid(pose: np.ndarray) -> bool:
         return False
     skew = np.abs(rotation.T @ rotation - np.eye(3)).max()
     return bool(skew <= _RIGID_TOLERANCE and np.linalg.det(rotation) > 0.0)
+
+
+def is_similarity(matrix: np.ndarray) -> bool:
+    """Whether (4, 4) is a rotation, a translation and one scale above 0, as near as files have them."""
+    if not np.isfinite(matrix).all() or np.abs(matrix).max() > _LARGEST:
+        return False
+    scale = np.cbrt(np.linalg.det(matrix[:3, :3]))
+    return bool(scale > 1.0 / _LARGEST) and is_rigid(matrix / np.array([[scale], [scale], [scale], [1.0]]))
 
 
 @dataclass(frozen=True)

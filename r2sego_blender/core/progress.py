@@ -23,6 +23,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 
+from .printable import printable
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -135,7 +137,7 @@ class TerminalProgress(Progress):
         self._print(f"{'warning: ' if level == 'warning' else ''}{text}", style)
 
     def _print(self, text: str, style: str | None = None) -> None:
-        self._console.print(text, style=style, soft_wrap=not self._shown)
+        self._console.print(printable(text), style=style, soft_wrap=not self._shown)
 
 
 class _BarTask(Task):
@@ -146,6 +148,15 @@ class _BarTask(Task):
     def advance(self, units: int = 1) -> None:
         super().advance(units)
         self._on_advance(units)
+
+
+def _finite(value: Any) -> Any:
+    """A JSON value with null for numbers that are infinite or none."""
+    if isinstance(value, dict):
+        return {key: _finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 class JsonProgress(Progress):
@@ -162,8 +173,8 @@ class JsonProgress(Progress):
         self._pictured_s = -math.inf
 
     def emit(self, **event: Any) -> None:
-        """Write one event as a line, at once."""
-        self._stream.write(json.dumps(event) + "\n")
+        """Write one event as a line, at once; numbers that are none are null, as JSON has it."""
+        self._stream.write(json.dumps(_finite(event)) + "\n")
         self._stream.flush()
 
     def emit_error(self, error: Exception) -> None:

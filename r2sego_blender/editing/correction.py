@@ -13,10 +13,10 @@ from ..bundle import layout
 from ..bundle.layout import SCOPE_FILE
 from ..bundle.scene import Scene
 from ..captures.capture import Capture
-from ..captures.frame.correction_history import BEFORE, CORRECTIONS, corrections_of
+from ..captures.frame.correction_history import corrections_of
 from ..captures.frame.floor_points import FloorPoint, ground_of, ground_through
 from ..captures.frame.ground import Ground
-from ..captures.frame.ground_picture import GROUND_PICTURES, save_ground_pictures
+from ..captures.frame.ground_picture import save_ground_pictures
 from ..captures.frame.picks import Picks
 from ..captures.frame.picks_fit import PicksFit, fit_picks
 from ..captures.frame.scale import Scale
@@ -34,10 +34,6 @@ from ..robot.scope.scope_file import moved_scope, save_scope
 from ..splats.asset_edits import ASSET_EDITS, move_edits
 from .object_priors import move_objects
 from .proxy_edits import move_proxy_edits
-
-_EDITED = (layout.OBJECTS, layout.PROXY_EDITS, layout.ASSET_EDITS)
-_MOVED = (layout.CAPTURES, *_EDITED, CORRECTIONS, BEFORE, GROUND_PICTURES, SCOPE_FILE)
-"""What of a bundle stands in its world frame and is no result of a step."""
 
 
 def correct_registration(
@@ -163,13 +159,13 @@ def _moved(
     given = BehaviourScope.load(scene.declaration.scope)
     own_scope = (scene.path / SCOPE_FILE).absolute()
     scope = moved_scope(given, similarity, own_scope)
-    with scene.changing_together(_MOVED) as new:
+    with scene.corrected() as new:
         with new.publishing(layout.CAPTURES) as folder:
             # What others keep there, such as masks, does not depend on the frame.
             shutil.copytree(scene.captures_folder, folder, dirs_exist_ok=True)
             moved = [capture.transformed(similarity) for capture in captures]
             save_captures(folder, moved, sparse.transformed(similarity))
-        for edited in _EDITED:
+        for edited in layout.EDITED:
             if (scene.path / edited).is_dir():
                 shutil.copytree(scene.path / edited, new.path / edited)
         move_objects(new, similarity)
@@ -186,15 +182,15 @@ def _moved(
         else:
             made = _changed(scene.path, new.path)
             history.append(_remembered(_registration(scene), similarity, made))
-        with new.publishing(BEFORE) as folder:
+        with new.publishing(layout.BEFORE_CORRECTIONS) as folder:
             for earlier in range(number):
-                if (scene.path / BEFORE / str(earlier)).is_dir():
-                    shutil.copytree(scene.path / BEFORE / str(earlier), folder / str(earlier))
+                if (scene.path / layout.BEFORE_CORRECTIONS / str(earlier)).is_dir():
+                    shutil.copytree(scene.path / layout.BEFORE_CORRECTIONS / str(earlier), folder / str(earlier))
             for name in made:
                 _copy(scene.path / name, folder / str(number) / name)
-        with new.publishing(CORRECTIONS) as file:
+        with new.publishing(layout.CORRECTIONS) as file:
             write_json(file, history)
-        with new.publishing(GROUND_PICTURES) as folder:
+        with new.publishing(layout.GROUND_PICTURES) as folder:
             save_ground_pictures(folder, new.read(CAPTURES))
         new.declare(
             scope=source,
@@ -225,7 +221,7 @@ def _changed(old: Path, new: Path) -> dict[str, str]:
 
 def _restore(old: Path, new: Path, number: int, made: Mapping[str, str]) -> None:
     """Put back in ``new`` what correction ``number`` changed, where ``old`` still has what it made."""
-    kept = old / BEFORE / str(number)
+    kept = old / layout.BEFORE_CORRECTIONS / str(number)
     for before in sorted(kept.rglob("*")):
         name = before.relative_to(kept).as_posix()
         if (new / name).is_file() and content_digest(old / name) == made.get(name):

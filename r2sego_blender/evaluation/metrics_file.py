@@ -35,7 +35,6 @@ def write_metrics(path: Path, arms: Mapping[str, ArmScore], **more: Any) -> dict
     ``more`` are further parts of it, ready for JSON.
     """
     document = {"arms": {name: _arm(arms[name]) for name in sorted(arms)}, **more}
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, json.dumps(document, indent=1, sort_keys=True, allow_nan=False) + "\n")
     return document
 

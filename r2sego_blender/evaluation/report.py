@@ -26,7 +26,8 @@ def write_report(folder: Path, report: ReportData) -> Path:
     Figures of an earlier report that this one does not show are removed.
     """
     figures = folder / "figures"
-    figures.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(exist_ok=True)
+    figures.mkdir(exist_ok=True)
     writer = _FigureWriter(figures)
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_TEMPLATES),

@@ -91,7 +91,7 @@ def _evaluated(scene: Scene, frozen: Path, progress: Progress) -> dict[str, Any]
     rounds = score_rounds(scene, views, progress)
     causes = _causes(scene, frozen, views, renderings[REFINED], refined_depths, progress)
     metrics = write_metrics(
-        scene.metrics_file,
+        scene.made_folder(scene.report_folder.name) / scene.metrics_file.name,
         scores,
         rounds=round_scores.as_entries(rounds),
         causes=scene_causes.as_entry(causes),

@@ -77,7 +77,7 @@ def write_scene_report(
     last = scene.read(PROXY.of_round(rounds[-1])) if rounds else None
     reasons = [score.lpips_reason for score in (scores or {}).values()]
     return write_report(
-        scene.report_folder,
+        scene.made_folder(scene.report_folder.name),
         ReportData(
             title=scene.name.removesuffix(".r2s").replace("_", " "),
             about=f"{len(list((scene.captures_folder / 'images').iterdir()))} photographs, "

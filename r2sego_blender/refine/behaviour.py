@@ -13,6 +13,7 @@ from ..geometry.objects.prior_files import AlignedPrior, object_place
 from ..geometry.proxy.proxy import GeometryProxy
 from ..geometry.proxy.seen_floor import seen_floor
 from ..robot.behaviours.sit_on import ANY_SEAT
+from ..robot.controllers.policy_trust import require_trusted
 from ..robot.model.model import RobotModel
 from ..robot.model.robot_file import robot_digest
 from ..robot.rollouts.candidates import ego_camera
@@ -43,6 +44,11 @@ class DeclaredBehaviour:
     def model(self) -> RobotModel:
         """The robot with its camera's mount."""
         return RobotModel.load(*self.scope.robot_for(self.robot))
+
+    def require_trusted(self) -> None:
+        """Raises RobotError where the scope's policy is a program that nobody has trusted on this machine."""
+        if self.scope.controller.kind == "policy":
+            require_trusted(self.scope.controller.file)
 
     def ego_camera(self, captures: Sequence[Capture]) -> Camera:
         """The head camera's lens, with images of the first capture's sides: robots' lie, whichever way a

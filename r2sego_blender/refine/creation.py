@@ -6,8 +6,9 @@ from pathlib import Path
 
 from ..bundle.creating import create_bundle, require_place
 from ..bundle.declaration import Declaration
+from ..bundle.layout import GROUND_PICTURES
 from ..bundle.scene import Scene
-from ..captures.frame.ground_picture import GROUND_PICTURES, save_ground_pictures
+from ..captures.frame.ground_picture import save_ground_pictures
 from ..captures.frame.lifting import in_photograph
 from ..captures.frame.scale import KNOWN_LENGTH, Scale, require_marker
 from ..captures.frame.world_frame import register

@@ -11,7 +11,6 @@ import functools
 import importlib.util
 import json
 import os
-import shutil
 import subprocess
 import sys
 import threading
@@ -26,6 +25,7 @@ from ..core.cameras import Camera
 from ..core.errors import MachineError, NativeError
 from .child import RUNNING, forget
 from .library_path import IMPORT_LIBRARY, LIBRARY
+from .programs import find_program
 
 FRAME_LIMIT_S = 600.0
 """Silence after which a Blender counts as hung, seconds: EEVEE first compiles its shaders."""
@@ -211,7 +211,7 @@ def _command(blender: str) -> list[str]:
         return [sys.executable, "-c", serve]
     program = Path(blender).expanduser()
     named_safely = program.is_absolute() or len(program.parts) == 1
-    found = shutil.which(str(program)) if named_safely else None
+    found = find_program(str(program)) if named_safely else None
     if found is None:
         raise MachineError(
             "this Blender is not there or cannot be run",

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
 import signal
 import subprocess
 import threading
@@ -18,6 +17,7 @@ from pathlib import Path
 
 from ..core.errors import MachineError
 from .processes import NO_WINDOW
+from .programs import find_program
 
 LIBRARY = Path(__file__).resolve().parents[1]
 COMMAND_NAME = "r2sego"
@@ -39,7 +39,7 @@ def find_interpreter(preferred: str = "", fallback: str = "") -> str:
             cure=f"Set it in the add-on's preferences or in {_INTERPRETER_VARIABLE}: "
             "the python of an environment with r2sego-blender's packages.",
         )
-    found = shutil.which(str(Path(chosen).expanduser()))
+    found = find_program(str(Path(chosen).expanduser()))
     if found is None:
         raise MachineError(
             "the engine's Python is not there or cannot be run",

@@ -1,9 +1,11 @@
 """Make the engine's environment: ``python -m r2sego_blender.workers.environment FOLDER``.
 
 Needs nothing but the standard library, so Blender's own Python runs it. Packages come from
-the package index, or from a folder of wheels on a machine without a network. What was
-downloaded is kept until all is installed, so a second try fetches only what is missing.
-Progress is told as the engine tells it, in JSON lines.
+the package index, or from a folder of wheels on a machine without a network: exactly those of the
+lock in ``requirements/``, each file by its hash. torch is installed before all others and alone, so
+that none of them is looked for in the index that has its small build. What was downloaded is kept
+until all is installed, so a second try fetches only what is missing. Progress is told as the engine
+tells it, in JSON lines.
 """
 
 from __future__ import annotations
@@ -12,12 +14,12 @@ import argparse
 import contextlib
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
 import sysconfig
 import threading
-import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -25,12 +27,17 @@ from ..core.errors import MachineError, R2SEgoError, of_file
 from ..core.progress import JsonProgress, Progress
 from .processes import DYING_WITH_PARENT
 
-PROJECT_FILE = Path(__file__).resolve().parents[2] / "pyproject.toml"
+LOCK = Path(__file__).resolve().parents[2] / "requirements"
+"""The packages by version and hash: ``torch.txt`` and ``engine.txt``, of ``batch/lock_packages.py``."""
+
 DOWNLOADS = ".downloads"
 """Where an environment that is being made keeps what was downloaded."""
 
 DOWNLOAD_MB = 540
 """About what is downloaded for all packages, MB."""
+
+TORCH_MB = 190
+"""And for torch alone."""
 
 SMALL_TORCH = "https://download.pytorch.org/whl/cpu"
 """An index with the torch for processors: on Linux the usual one brings CUDA along, 3 GB more."""
@@ -59,19 +66,6 @@ _WORTH_TELLING = ("Collecting", "Downloading", "Using cached", "Processing", "In
 _LOOK_S = 0.5
 
 
-def required_packages(project_file: Path = PROJECT_FILE) -> list[str]:
-    """The engine's requirements, as the project declares them.
-
-    Raises MachineError when the file is missing or damaged.
-    """
-    try:
-        return list(tomllib.loads(project_file.read_text(encoding="utf-8"))["project"]["dependencies"])
-    except (OSError, tomllib.TOMLDecodeError, KeyError) as error:
-        raise MachineError(
-            "the list of the engine's packages cannot be read", where=project_file, cure="Install the extension again."
-        ) from error
-
-
 def python_of(folder: Path) -> Path:
     """The interpreter of the environment in ``folder``."""
     return folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
@@ -93,20 +87,21 @@ def not_packaged(system: str = sysconfig.get_platform(), macos: str = platform.m
 
 
 def make_environment(
-    folder: Path, requirements: Sequence[str], wheels: Path | None, progress: Progress, needed_mb: int = 0
+    folder: Path, wheels: Path | None, progress: Progress, needed_mb: int = 0, lock: Path = LOCK
 ) -> Path:
     """Make or complete the environment in ``folder``; returns its interpreter.
 
     With ``wheels`` nothing is fetched from a network. Raises MachineError when the disk has less
     room than ``needed_mb``, when the folder holds something else, when the index has no packages for
-    this system, and with pip's last line when something cannot be installed; what was downloaded stays
-    for the next try.
+    this system, when the lock is missing, and with pip's last line when something cannot be installed;
+    what was downloaded stays for the next try.
     """
     python, downloads = python_of(folder), folder / DOWNLOADS
     _require_room(folder, needed_mb)
     if wheels is not None and not wheels.is_dir():
         raise MachineError("there is no such folder of wheels", where=wheels, cure="Choose another.")
-    if wheels is None and (reason := not_packaged()):
+    reason = not_packaged()
+    if wheels is None and reason:
         raise MachineError(
             reason,
             cure="Make scenes on such a machine: this Blender opens and edits them. Or give a folder "
@@ -124,21 +119,41 @@ def make_environment(
         task.advance()
     shutil.rmtree(downloads / "unfinished", ignore_errors=True)
     (downloads / "unfinished").mkdir(parents=True, exist_ok=True)
-    source = ["--no-index", "--find-links", str(wheels)] if wheels else _indices()
+    for name, most_mb in (("torch", TORCH_MB), ("engine", DOWNLOAD_MB - TORCH_MB)):
+        asked = downloads / f"{name}.txt"
+        asked.write_text(_locked(lock / f"{name}.txt", by_hash=not reason), encoding="utf-8")
+        source = ["--no-index", "--find-links", str(wheels)] if wheels else _index(name)
+        alone = ["--no-deps"] if name == "torch" else []
+        _install(python, [*source, *alone, "--requirement", str(asked)], folder, progress, wheels is not None, most_mb)
+    shutil.rmtree(downloads, ignore_errors=True)
+    return python
+
+
+def _locked(file: Path, by_hash: bool) -> str:
+    """The requirements of a lock. Of what a person has built for another system there are no hashes.
+
+    Raises MachineError when the file is missing or damaged.
+    """
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise MachineError(
+            "the list of the engine's packages cannot be read", where=file, cure="Install the extension again."
+        ) from error
+    return f"--require-hashes\n{text}" if by_hash else re.sub(r"\s+\\?\s*--hash=\S+", "", text)
+
+
+def _install(
+    python: Path, asked: Sequence[str], folder: Path, progress: Progress, from_wheels: bool, most_mb: int
+) -> None:
+    """Have pip install what it is asked for."""
+    downloads = folder / DOWNLOADS
     command = [
-        str(python),
-        "-m",
-        "pip",
-        "install",
-        "--disable-pip-version-check",
-        "--progress-bar=off",
-        "--cache-dir",
-        str(downloads / "cache"),
-        *source,
-        *requirements,
+        *(str(python), "-m", "pip", "install", "--disable-pip-version-check", "--progress-bar=off"),
+        *("--cache-dir", str(downloads / "cache")),
+        *asked,
     ]
-    # One call, so that pip finds versions that agree with each other.
-    told = _PipProgress(progress, downloads, folder, "Reading wheels" if wheels else "Downloading, MB")
+    told = _PipProgress(progress, downloads, folder, "Reading wheels" if from_wheels else "Downloading, MB", most_mb)
     _run(
         command,
         "the packages cannot be installed",
@@ -149,21 +164,20 @@ def make_environment(
         {"TMPDIR": str(downloads / "unfinished"), "PYTHONNOUSERSITE": "1"},
     )
     told.close()
-    shutil.rmtree(downloads, ignore_errors=True)
-    return python
 
 
 class _PipProgress:
     """pip's lines and the files it makes, as two tasks: megabytes downloaded, packages installed."""
 
-    def __init__(self, progress: Progress, downloads: Path, folder: Path, title: str) -> None:
+    def __init__(self, progress: Progress, downloads: Path, folder: Path, title: str, most_mb: int) -> None:
         self._progress = progress
         self._downloads = downloads
         self._packages = Path(sysconfig.get_path("purelib", "venv", {"base": str(folder)}))
         self._open = contextlib.ExitStack()
-        self._task = self._open.enter_context(progress.task(title, DOWNLOAD_MB))
+        self._task = self._open.enter_context(progress.task(title, most_mb))
         self._installing = False
         self._before = 0
+        self._kept_mb = self._cached_mb()
 
     def line(self, line: str) -> None:
         """Take one line of pip."""
@@ -186,6 +200,9 @@ class _PipProgress:
         self._open.close()
 
     def _downloaded_mb(self) -> int:
+        return self._cached_mb() - self._kept_mb
+
+    def _cached_mb(self) -> int:
         # pip writes a file to its cache when it is whole, and until then to the temporary folder.
         size = 0
         for file in self._downloads.rglob("*"):
@@ -197,8 +214,8 @@ class _PipProgress:
         return sum(1 for _ in self._packages.glob("*.dist-info"))
 
 
-def _indices() -> list[str]:
-    return ["--extra-index-url", SMALL_TORCH] if sys.platform.startswith("linux") else []
+def _index(name: str) -> list[str]:
+    return ["--index-url", SMALL_TORCH] if name == "torch" and sys.platform.startswith("linux") else []
 
 
 def _require_room(folder: Path, needed_mb: int) -> None:
@@ -245,7 +262,7 @@ def _run(
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
-        env={**os.environ, "PYTHONUTF8": "1", **(variables or {})},
+        env={**os.environ, "PYTHONUTF8": "1", "PYTHONSAFEPATH": "1", **(variables or {})},
         text=True,
         encoding="utf-8",
         errors="replace",
@@ -284,7 +301,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     progress = JsonProgress()
     try:
-        python = make_environment(options.folder, required_packages(), options.wheels, progress, options.needed_mb)
+        python = make_environment(options.folder, options.wheels, progress, options.needed_mb)
     except (R2SEgoError, OSError) as error:
         progress.emit_error(of_file(error) if isinstance(error, OSError) else error)
         return 1

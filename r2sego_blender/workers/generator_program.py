@@ -8,7 +8,6 @@ standard input names the folder of the next clip, so that a large model is loade
 from __future__ import annotations
 
 import contextlib
-import json
 import subprocess
 import tempfile
 import time
@@ -17,6 +16,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from ..core.errors import GenerationError, MachineError, NativeError
+from ..core.json_files import read_json
 from .child import RUNNING, forget
 from .external_environment import PROTOCOL
 from .library_path import external_variables
@@ -26,6 +26,7 @@ CLIP_LIMIT_S = 3600.0
 """Time after which a program without an answer counts as hung, seconds."""
 
 _POLL_S = 0.05
+_MOST_BYTES = 1 << 20
 
 
 class GeneratorProgram:
@@ -158,6 +159,6 @@ class _Tree(subprocess.Popen):
 def _read(file: Path) -> dict[str, Any]:
     """The JSON object in ``file``; {} where there is none, or one that is still being written."""
     with contextlib.suppress(OSError, ValueError):
-        result = json.loads(file.read_text(encoding="utf-8"))
+        result = read_json(file, _MOST_BYTES)
         return result if isinstance(result, dict) else {}
     return {}

@@ -10,16 +10,17 @@ does not end it, and the next Blender finds it there and follows it:
     picture.png    its latest preview picture, if it made one
     cancel         there when somebody asked for the end
     follower.json  the process that follows it, where that is not its starter
-    end.json       the exit status, once it has ended
+    end.json       the exit status and the digest of its events, once it has ended
 
-Standard library alone.
+That folder may lie in a scene bundle, and a bundle may come from anybody: so job.json and end.json are
+signed, and without this person's signature there is no job, whatever lies there. Standard library alone.
 """
 
 from __future__ import annotations
 
 import contextlib
 import datetime
-import json
+import itertools
 import os
 import platform
 import secrets
@@ -34,19 +35,38 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import MachineError, R2SEgoError, SceneError
+from ..core.json_files import parse_json
+from ..core.printable import printable
 from ..core.progress import JOB_FOLDER_VARIABLE
 from .engine import COMMAND_NAME, GOING_ON, LIBRARY, engine_environment
 from .processes import birth, group_of_its_own
-from .supervisor import CANCEL_FILE, END_FILE, EVENTS_FILE, GRACE_S, JOB_FILE, PROCESS_FILE, WORDS_FILE, write_record
+from .signed_records import read_record, read_signed, write_signed
+from .supervisor import (
+    CANCEL_FILE,
+    END_FILE,
+    EVENTS_FILE,
+    GRACE_S,
+    JOB_FILE,
+    PROCESS_FILE,
+    WORDS_FILE,
+    digest_of_events,
+    write_record,
+)
 
 JOBS_FOLDER = ".jobs"
 """Where a scene bundle keeps its jobs."""
+
+PICTURE_FILE = "picture.png"
+"""A job's latest preview picture, in its folder."""
 
 _FORMAT = 1
 _FOLLOWER_FILE = "follower.json"
 _TELLS_RESULT = "--json-progress"  # a command with this option ends with a result event
 _START_LIMIT_S = 30.0  # a supervisor that has not said who it is by then did not start
 _TAIL_BYTES = 8192
+_MOST_FOLDERS = 1000  # of jobs that are looked at: a bundle may be full of others
+_READ_BYTES = 4 << 20  # at once; no line of the engine's is longer
+_LARGEST_PID = 1 << 31
 _started_here: set[subprocess.Popen] = set()  # so that none is left a zombie
 
 
@@ -95,7 +115,7 @@ def start_job(
     }
     try:
         place.mkdir(parents=True)
-        write_record(place / JOB_FILE, record)
+        write_signed(place / JOB_FILE, record)
         # Blender's own Python where there is one, and not the engine's, which may be broken.
         own_python = shutil.which(sys.executable or "") or interpreter
         process = subprocess.Popen(
@@ -106,6 +126,9 @@ def start_job(
             stderr=subprocess.DEVNULL,
             **group_of_its_own(window=False),
         )
+    except MachineError:
+        shutil.rmtree(place, ignore_errors=True)
+        raise
     except OSError as error:
         shutil.rmtree(place, ignore_errors=True)
         raise MachineError(
@@ -118,14 +141,20 @@ def start_job(
     return Job(place, record, process)
 
 
+def jobs_folder(bundle: Path) -> Path | None:
+    """Where a bundle keeps its jobs; None where what stands there is no folder, or leads out of it."""
+    folder = bundle / JOBS_FOLDER
+    return folder if not os.path.lexists(folder) or (folder.is_dir() and _in_place(folder)) else None
+
+
 def find_jobs(folder: Path) -> list[Job]:
     """The jobs in ``folder``, running or ended, oldest first.
 
-    What is damaged, or runs on another machine that shares the disk, is passed over.
+    What is damaged, is another person's, or runs on another machine that shares the disk, is passed over.
     """
     found = []
     with contextlib.suppress(OSError):
-        for place in sorted(Path(folder).iterdir()):
+        for place in sorted(itertools.islice(Path(folder).iterdir(), _MOST_FOLDERS)):
             with contextlib.suppress(SceneError):
                 job = Job.open(place)
                 if job.machine == platform.node():
@@ -153,13 +182,13 @@ class Job:
 
     @staticmethod
     def open(folder: Path) -> Job:
-        """The job of a folder. Raises SceneError when it is missing or damaged."""
+        """The job of a folder. Raises SceneError unless this machine's person started it, there."""
         file = Path(folder) / JOB_FILE
-        record = _record(file)
-        kinds = {"title": str, "command": list, "started": float, "machine": str, "notes": dict, "starter": dict}
-        wrong = [key for key, kind in kinds.items() if not isinstance(record.get(key), kind)]
-        if record.get("format") != _FORMAT or wrong:
-            raise SceneError("this is no job, or a damaged one", where=file, cure="Remove the folder.")
+        record = read_signed(file)
+        if record.get("format") != _FORMAT or not _holds_files_alone(Path(folder)):
+            raise SceneError(
+                "this is no job that was started on this machine, in this folder", where=file, cure="Remove the folder."
+            )
         return Job(Path(folder), record)
 
     @property
@@ -170,7 +199,7 @@ class Job:
     @property
     def followed_elsewhere(self) -> bool:
         """Whether another living process started it, or has taken it over with ``take_over``."""
-        follower = _record(self.folder / _FOLLOWER_FILE) or self._starter
+        follower = read_record(self.folder / _FOLLOWER_FILE) or self._starter
         return follower.get("pid") != os.getpid() and _lives(follower)
 
     def take_over(self) -> None:
@@ -184,7 +213,7 @@ class Job:
             return False
         if self._process is not None:
             return self._process.poll() is None
-        process = _record(self.folder / PROCESS_FILE)
+        process = read_record(self.folder / PROCESS_FILE)
         if process:
             return _lives(process)
         return time.time() - self.started < _START_LIMIT_S
@@ -234,8 +263,7 @@ class Job:
         """
         while self.running():
             time.sleep(0.02)
-        self._read()
-        end = _record(self.folder / END_FILE)
+        end = self._end()
         status = end.get("status")
         if self.cancelled and status != 0:
             raise EngineError("cancelled", cure=self._way_on())
@@ -264,12 +292,20 @@ class Job:
                 lines = stream.read().decode("utf-8", "replace").splitlines()
         except OSError:
             return []
-        return [line.strip() for line in lines if line.strip()]
+        return [printable(line.strip()) for line in lines if line.strip()]
 
     def forget(self) -> None:
         """Remove the folder of a job that has ended; one that runs is left alone."""
         if not self.running():
             shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _end(self) -> Mapping[str, Any]:
+        """How it ended, once all it told is read; {} where nobody saw its end, or that was changed since."""
+        end = read_signed(self.folder / END_FILE)
+        if not end or end["events"] != digest_of_events(self.folder):
+            return {}
+        self._read()
+        return end
 
     def _way_on(self) -> str:
         """What a command that was cut off has left."""
@@ -280,16 +316,24 @@ class Job:
         """Take over the whole lines written since; a half-written one waits for its end."""
         try:
             with (self.folder / EVENTS_FILE).open("rb") as stream:
-                stream.seek(self._offset)
-                data = stream.read()
+                while True:
+                    stream.seek(self._offset)
+                    data = stream.read(_READ_BYTES)
+                    whole, newline, rest = data.rpartition(b"\n")
+                    if not newline and len(data) == _READ_BYTES:
+                        whole, rest = data, b""
+                    self._offset += len(data) - len(rest)
+                    self._take_over(whole.decode("utf-8", "replace").splitlines())
+                    if len(data) < _READ_BYTES:
+                        return
         except OSError:
             return
-        whole, newline, _ = data.rpartition(b"\n")
-        self._offset += len(whole) + len(newline)
-        for line in whole.decode("utf-8", "replace").splitlines():
+
+    def _take_over(self, lines: Iterable[str]) -> None:
+        for line in lines:
             event = _parsed(line)
             if event is None:
-                self._last_line = line.strip() or self._last_line
+                self._last_line = line.strip()[:_TAIL_BYTES] or self._last_line
                 continue
             if event.kind == "result":
                 self._result = event.data
@@ -305,22 +349,26 @@ def _this_process() -> dict[str, Any]:
 def _lives(process: Mapping[str, Any]) -> bool:
     """Whether exactly this process lives, and not another with its number."""
     pid, born = process.get("pid"), process.get("birth")
-    return isinstance(pid, int) and bool(born) and birth(pid) == born
+    return isinstance(pid, int) and 0 < pid < _LARGEST_PID and bool(born) and birth(pid) == born
 
 
-def _record(file: Path) -> Mapping[str, Any]:
-    """A JSON object's fields; none when the file is missing or damaged."""
-    try:
-        data = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return data if isinstance(data, dict) else {}
+def _holds_files_alone(folder: Path) -> bool:
+    """No links, which would have this program write, read or remove elsewhere, and no pipes."""
+    with contextlib.suppress(OSError), os.scandir(folder) as entries:
+        return _in_place(folder) and all(entry.is_file(follow_symlinks=False) for entry in entries)
+    return False
+
+
+def _in_place(folder: Path) -> bool:
+    """Whether it stands where its name says: it is no link, and no Windows junction."""
+    parent = os.path.realpath(folder.parent)
+    return os.path.realpath(folder) == str(Path(parent, folder.name))
 
 
 def _parsed(line: str) -> Event | None:
     try:
-        data = json.loads(line)
-    except json.JSONDecodeError:
+        data = parse_json(line)
+    except ValueError:
         return None
     if not isinstance(data, dict) or not isinstance(data.get("event"), str):
         return None

@@ -53,7 +53,7 @@ def correct(scene, monkeypatch, killed_at):
 
     with monkeypatch.context() as patch, pytest.raises(_Killed):
         patch.setattr(whole_files, "rename", killed)
-        with scene.changing_together(["captures"]) as new:
+        with scene.corrected() as new:
             fill(new.path)
             new.declare(ground="corrected")
 

@@ -4,6 +4,7 @@ import dataclasses
 import errno
 import json
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -451,3 +452,47 @@ def test_the_journal_is_json_lines_with_digests(tmp_path):
     Runner(scene).step("a.txt", lambda file: file.write_text("a"))
     record = json.loads((scene.path / "journal.jsonl").read_text())
     assert record["output"] == content_digest(scene.path / "a.txt")
+
+
+@pytest.mark.parametrize("target", ["asset.ply", "rounds/0/proxy", "report"])
+@pytest.mark.parametrize("replaced", [False, True])
+def test_a_bundle_that_is_removed_while_it_is_worked_on_does_not_come_back(tmp_path, target, replaced):
+    """Nor is another that took its place written to."""
+    scene = make_scene(tmp_path)
+    aside = tmp_path / "aside"
+
+    def removed(place: Path) -> None:
+        (place / "made" if place.is_dir() else place).write_text("made")
+        scene.path.rename(aside)
+        shutil.rmtree(aside)
+        if replaced:
+            make_scene(tmp_path)
+
+    with scene.locked():
+        with refused(SceneError):
+            Runner(scene).step(target, removed)
+        with refused(SceneError):
+            Runner(scene).step(target, lambda place: pytest.fail("nothing is there to make it of"))
+        for change in (lambda: scene.note(step="a"), lambda: scene.declare(preset="preview")):
+            with refused(SceneError):
+                change()
+        with refused(SceneError):
+            scene.made_folder("report")
+    left = sorted(path.name for path in tmp_path.rglob("*"))
+    assert left == ([".lock", "captures", "room.r2s", "scene.toml"] if replaced else [])
+
+
+def test_a_bundle_that_is_removed_before_its_first_step_is_not_made(tmp_path):
+    scene = make_scene(tmp_path)
+    shutil.rmtree(scene.path)
+    with refused(SceneError):
+        Runner(scene).step("geometry/planes.npz", lambda place: place.write_text("made"))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["../out", "/out", "a/../../out", "C:/out", "\\\\host\\out", "a\0b", "..\\out"])
+def test_nothing_is_published_outside(tmp_path, name):
+    scene = make_scene(tmp_path)
+    with refused(SceneError), scene.publishing(name):
+        pytest.fail("it has a place to write at")
+    assert [path.name for path in tmp_path.iterdir()] == ["room.r2s"]

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 import r2sego_blender
-from r2sego_blender.config.presets import entries
+from r2sego_blender.config.presets import entries, with_overrides
 from r2sego_blender.config.slots import GENERATORS, LIBRARY, RENDERERS, SURFACES, TRAINERS, Slot
+from r2sego_blender.core.errors import SettingsError
 
 CHOICES = {entry.key: entry.choices for entry in entries()}
 NEW_FILES = {
@@ -108,3 +109,11 @@ def test_a_new_backend_is_one_file(tmp_path):
         env=os.environ | {"PYTHONPATH": str(tmp_path)},
     )
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("name", ["/tmp/evil.py", "../../evil", "./evil", "os", "slot", "", "blending\x00"])
+@pytest.mark.parametrize("key", ["generation.generator", "generation.renderer", "proxy.surface", "training.backend"])
+def test_no_setting_names_a_program_or_a_module(key, name):
+    """A bundle's settings choose among what this library has; programs are named by this machine alone."""
+    with pytest.raises(SettingsError):
+        with_overrides({key: name})

@@ -92,7 +92,7 @@ def test_a_folder_put_aside_by_who_was_killed_is_put_back(tmp_path, monkeypatch,
         whole_files.swap_in(tmp_path / "made", tmp_path / "objects")
     assert not (tmp_path / "objects").exists()
     monkeypatch.setattr(whole_files, "rename", rename)
-    assert not whole_files.finish_replacing(bundle)
+    assert not whole_files.finish_replacing(bundle, ())
     assert (tmp_path / "objects" / "said").read_text() == "objects"
     whole_files.swap_in(tmp_path / "made", tmp_path / "objects")
     assert (tmp_path / "objects" / "said").read_text() == "made"
@@ -110,7 +110,7 @@ def test_folders_that_who_was_killed_left_go(tmp_path):
         (tmp_path / name).mkdir(parents=True)
         (tmp_path / name / "said").write_text(name)
     (tmp_path / ".unfinished-1-asset.spz").write_text("on its way")
-    assert not whole_files.finish_replacing(tmp_path)
+    assert not whole_files.finish_replacing(tmp_path, ())
     left = sorted(file.relative_to(tmp_path).as_posix() for file in tmp_path.rglob("*"))
     assert left == [
         ".unfinished-1-asset.spz",
@@ -130,7 +130,7 @@ def test_a_folder_that_cannot_go_disturbs_nobody(tmp_path, monkeypatch):
         raise PermissionError(13, "may not", str(path))
 
     monkeypatch.setattr(shutil, "rmtree", refused)
-    assert not whole_files.finish_replacing(tmp_path)
+    assert not whole_files.finish_replacing(tmp_path, ())
 
 
 def test_a_file_that_is_being_written_is_hidden_from_digests(tmp_path, monkeypatch):

@@ -14,9 +14,9 @@ import pytest
 from progress_recorder import ProgressRecorder
 from wrong_world import FLOOR, assert_true, picked_points, shown_points, wrong_scene, wrong_similarity
 
+from r2sego_blender.bundle.layout import BEFORE_CORRECTIONS, CORRECTIONS
 from r2sego_blender.bundle.runner import Runner
 from r2sego_blender.bundle.scene import Scene
-from r2sego_blender.captures.frame.correction_history import BEFORE, CORRECTIONS
 from r2sego_blender.captures.frame.floor_points import FloorPoint
 from r2sego_blender.captures.frame.picks import PickedLength, Picks
 from r2sego_blender.captures.frame.scale import Scale
@@ -285,7 +285,7 @@ def test_what_a_taken_back_correction_moved_is_to_the_bit_as_before(tmp_path):
     undone = undo_correction(second)
     assert _moved_parts(undone) == between
     assert _moved_parts(undo_correction(undone)) == before
-    assert not [file for file in (scene.path / BEFORE).rglob("*") if file.is_file()]
+    assert not [file for file in (scene.path / BEFORE_CORRECTIONS).rglob("*") if file.is_file()]
 
 
 def test_what_was_changed_after_a_correction_is_moved_back_and_not_lost(tmp_path):

@@ -96,7 +96,7 @@ def arm(offset: float) -> ArmScore:
 
 
 def test_the_metrics_file_has_the_documented_shape(tmp_path):
-    path = tmp_path / "report" / "metrics.json"
+    path = tmp_path / "metrics.json"
     write_metrics(path, {"vanilla_3dgs": arm(0.0), "initial": arm(1.0), "refined": arm(2.0)})
     document = json.loads(path.read_text())
     assert list(document) == ["arms"]

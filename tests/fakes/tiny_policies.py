@@ -7,17 +7,24 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from r2sego_blender.config.trusted_programs import Program, trust
+
 
 def onnx_policy(path: Path, weight: np.ndarray, bias: np.ndarray) -> Path:
     """Write actions = observation @ ``weight`` (n, m) + ``bias`` (m,)."""
     inputs, outputs = weight.shape
-    node = b"".join(_field(1, name) for name in (b"obs", b"weight", b"bias"))
-    node += _field(2, b"actions") + _field(4, b"Gemm")
-    graph = _field(1, node) + _field(2, b"policy")
-    graph += _field(5, _tensor(b"weight", weight)) + _field(5, _tensor(b"bias", bias))
-    graph += _field(11, _value(b"obs", (1, inputs))) + _field(12, _value(b"actions", (1, outputs)))
-    path.write_bytes(_number(1, 8) + _field(7, graph) + _field(8, _number(2, 13)))
+    node = b"".join(field(1, name) for name in (b"obs", b"weight", b"bias"))
+    node += field(2, b"actions") + field(4, b"Gemm")
+    graph = field(1, node) + field(2, b"policy")
+    graph += field(5, tensor(b"weight", weight)) + field(5, tensor(b"bias", bias))
+    path.write_bytes(onnx_model(graph, inputs, outputs))
     return path
+
+
+def onnx_model(graph: bytes, inputs: int, outputs: int) -> bytes:
+    """The file of a graph from ``obs`` (1, inputs) to ``actions`` (1, outputs)."""
+    graph += field(11, value(b"obs", (1, inputs))) + field(12, value(b"actions", (1, outputs)))
+    return number(1, 8) + field(7, graph) + field(8, number(2, 13))
 
 
 def torchscript_policy(path: Path, weight: np.ndarray, bias: np.ndarray) -> Path:
@@ -30,21 +37,27 @@ def torchscript_policy(path: Path, weight: np.ndarray, bias: np.ndarray) -> Path
     return path
 
 
-def _tensor(name: bytes, values: np.ndarray) -> bytes:
-    dimensions = b"".join(_number(1, size) for size in values.shape)
-    return dimensions + _number(2, 1) + _field(8, name) + _field(9, values.astype("<f4").tobytes())
+def trusted(path: Path) -> Path:
+    """The file, which a person has trusted from now on."""
+    trust(Program.of(path.name, path.read_bytes()))
+    return path
 
 
-def _value(name: bytes, shape: tuple[int, ...]) -> bytes:
-    dimensions = b"".join(_field(1, _number(1, size)) for size in shape)
-    return _field(1, name) + _field(2, _field(1, _number(1, 1) + _field(2, dimensions)))
+def tensor(name: bytes, values: np.ndarray) -> bytes:
+    dimensions = b"".join(number(1, size) for size in values.shape)
+    return dimensions + number(2, 1) + field(8, name) + field(9, values.astype("<f4").tobytes())
 
 
-def _field(number: int, content: bytes) -> bytes:
+def value(name: bytes, shape: tuple[int, ...], kind: int = 1) -> bytes:
+    dimensions = b"".join(field(1, number(1, size)) for size in shape)
+    return field(1, name) + field(2, field(1, number(1, kind) + field(2, dimensions)))
+
+
+def field(number: int, content: bytes) -> bytes:
     return _varint(number << 3 | 2) + _varint(len(content)) + content
 
 
-def _number(number: int, value: int) -> bytes:
+def number(number: int, value: int) -> bytes:
     return _varint(number << 3) + _varint(value)
 
 

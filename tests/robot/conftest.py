@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from legged_robots import hexapod_mjcf, quadruped_mjcf
 
+from r2sego_blender.core.user_configuration import CONFIGURATION_VARIABLE
 from r2sego_blender.robot.model.model import RobotModel
 from r2sego_blender.robot.model.robot_file import EMBEDDED_WHEELED
 
@@ -18,6 +19,14 @@ _FURNITURE = ((1.0, 0.8, 0.4, 0.3, 0.4), (-1.2, -0.6, 0.3, 0.5, 0.35), (0.0, -1.
 
 Box = Sequence[float]  # centre x, y; half sizes x, y, z; standing on the floor
 BoxRoom = Callable[..., Path]
+
+
+@pytest.fixture(autouse=True)
+def configuration(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of this test's own for what a person decides for a machine: nobody has trusted anything."""
+    folder = tmp_path_factory.mktemp("configuration")
+    monkeypatch.setenv(CONFIGURATION_VARIABLE, str(folder))
+    return folder
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,7 @@
-"""Jobs are real processes: started, left, found again, followed, cancelled, failed and killed."""
+"""Jobs are real processes: started, left, found again, followed, cancelled, failed and killed.
+
+What others left in such a folder is no job: test_foreign_jobs.py.
+"""
 
 import json
 import os
@@ -15,6 +18,7 @@ from r2sego_blender.core.errors import MachineError, SceneError
 from r2sego_blender.workers.engine import LIBRARY
 from r2sego_blender.workers.jobs import EngineError, Job, find_jobs, start_job
 from r2sego_blender.workers.processes import birth
+from r2sego_blender.workers.signed_records import write_signed
 
 KILLED = getattr(signal, "SIGKILL", signal.SIGTERM)  # by which Windows ends a process at once
 not_on_windows = pytest.mark.skipif(os.name == "nt", reason="Windows has no such signals")
@@ -24,6 +28,11 @@ LEAVE_A_CHILD = (
     "print(json.dumps({'event': 'message', 'child': child.pid, 'own': os.getpid()}), flush=True)\n"
 )
 TELL_PIDS = LEAVE_A_CHILD + "time.sleep(60)"
+
+
+@pytest.fixture(autouse=True)
+def configuration(tmp_path, monkeypatch):
+    monkeypatch.setenv("R2SEGO_CONFIG", str(tmp_path / "configuration"))
 
 
 @pytest.fixture
@@ -65,6 +74,12 @@ def wait_until(condition, limit_s: float = 120.0):
 
 def first_event(job: Job) -> dict:
     return wait_until(job.events)[0].data
+
+
+def signed_part(job: Job) -> dict:
+    record = json.loads((job.folder / "job.json").read_text())
+    del record["signature"]
+    return record
 
 
 def left_job(tmp_path, interpreter, body: str) -> Job:
@@ -273,22 +288,22 @@ def test_damaged_folders_are_passed_over(start, tmp_path):
             (folder / "job.json").write_text(text)
         with pytest.raises(SceneError, match=r"job\.json"):
             Job.open(folder)
-    record = json.loads((job.folder / "job.json").read_text())
+    record = signed_part(job)
     elsewhere = tmp_path / "jobs" / "elsewhere"
     elsewhere.mkdir()
-    (elsewhere / "job.json").write_text(json.dumps(record | {"machine": "another"}))
+    write_signed(elsewhere / "job.json", record | {"machine": "another"})
     assert [found.folder for found in find_jobs(tmp_path / "jobs")] == [job.folder]
     assert find_jobs(tmp_path / "missing") == []
 
 
 def test_one_that_never_came_to_run_is_told_after_a_while(start):
     job = start("time.sleep(60)")
-    record = json.loads((job.folder / "job.json").read_text())
+    record = signed_part(job)
     silent = job.folder.with_name("silent")
     silent.mkdir()
-    (silent / "job.json").write_text(json.dumps(record))
+    write_signed(silent / "job.json", record)
     assert Job.open(silent).running()  # it may be starting
-    (silent / "job.json").write_text(json.dumps(record | {"started": record["started"] - 3600}))
+    write_signed(silent / "job.json", record | {"started": record["started"] - 3600})
     assert not Job.open(silent).running()
 
 

@@ -8,13 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ...bundle.layout import CORRECTIONS
 from ...core.errors import CaptureError
-
-CORRECTIONS = "corrections.json"
-"""In the bundle: every correction that can be taken back, with the registration before it."""
-
-BEFORE = "before_corrections"
-"""In the bundle: by the number of a correction, from 0, the files that it moved, as they were."""
 
 _REMEMBERED = {"new_from_old", "world_from_capture", "ground", "scale_source"}
 

@@ -11,9 +11,6 @@ import numpy as np
 from ...core.images import save_image, to_uint8
 from ..capture import Capture
 
-GROUND_PICTURES = "report/ground"
-"""Where in a bundle they are."""
-
 _REACH_M = 6.0
 _STEP_M = 0.05
 _NEAREST_M = 0.1

@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import re
 import shlex
-import shutil
 from contextlib import AbstractContextManager
 from pathlib import Path
 
 from ...config.settings import GenerationSettings
 from ...core.digests import file_identity
 from ...core.errors import MachineError
+from ...workers.programs import find_program
 from .program import program_generator
 from .slot import ClipInputs, Generator, Installation
 
@@ -66,7 +66,7 @@ def _named_command() -> list[str]:
         raise MachineError(f"{COMMAND_VARIABLE} is no command: {error}", where=named, cure=_CURE) from error
     if not command:
         raise MachineError("no generator is named", where="generation.generator", cure=_CURE)
-    found = shutil.which(command[0])
+    found = find_program(command[0])
     if found is None:
         raise MachineError(
             f"the program in {COMMAND_VARIABLE} is not there or cannot be run", where=command[0], cure=_CURE

@@ -26,8 +26,10 @@ from ..planning.free_floor import FLATNESS_M, FreeFloor
 from ..planning.navigation import draw_cell, draw_path, line_is_free
 from ..scope.scope import BehaviourScope
 from .policy_layout import PolicyLayout
+from .policy_networks import Evaluate
 from .policy_observation import Command, Observer
-from .policy_runtime import Network, PolicyFile, told_in_a_line
+from .policy_runtime import PolicyFile
+from .policy_worker import PolicyFailedError
 from .velocity_pursuit import Stage, VelocityPursuit, straight
 
 _BEHAVIOURS = ("walk_to", "look_around", "step_around", "squat")
@@ -189,7 +191,7 @@ class PolicyDrive:
         self,
         composition: Composition,
         layout: PolicyLayout,
-        network: Network,
+        network: Evaluate,
         file: Path,
         pursuit: VelocityPursuit,
         *,
@@ -232,9 +234,9 @@ class PolicyDrive:
     def _asked(self, observation: np.ndarray) -> np.ndarray:
         try:
             action = self._network(observation).astype(np.float64)
-        except Exception as error:  # torch and onnxruntime raise kinds of their own
+        except PolicyFailedError as error:
             raise RobotError(
-                f"the policy failed while it was driving: {told_in_a_line(error)}",
+                f"the policy failed while it was driving: {error}",
                 where=self._file,
                 cure="Export it again, or give another policy.",
             ) from error

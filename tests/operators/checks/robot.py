@@ -25,6 +25,7 @@ OPERATORS = {
     "set_clearance",
     "set_mount",
     "show_rollout",
+    "trust_policy",
     "try_rollouts",
 }
 
@@ -106,6 +107,16 @@ def check_choosing_robot_and_scope_asks_the_engine():
     weights = ops.set_behaviours.get_rna_type().properties
     assert (weights["walk_to"].name, weights["walk_to"].hard_max) == ("Walk To", 1000.0)
     assert weights["squat"].description == "Stand, lower the body and look down, as for reaching; takes legs"
+
+
+def check_a_program_is_trusted_by_a_file_that_a_person_chose():
+    open_bundle()
+    ops = bpy.ops.r2sego
+    assert declared(ops.choose_scope, scope="FILE", filepath="/a/b.toml") == ["--scope", "/a/b.toml"]  # and no more
+    conduct("succeed")
+    assert ops.trust_policy(filepath="/a/b.pt") == {"FINISHED"}
+    assert calls() == [["trust", "/a/b.pt", "--json-progress"]]
+    assert "no policy is chosen" in refused(ops.trust_policy, filepath="")
 
 
 def check_the_dialog_of_the_scope_begins_with_what_is_declared():

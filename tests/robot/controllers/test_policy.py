@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 from policy_controllers import SCOPE, controller, only
-from tiny_policies import onnx_policy, torchscript_policy
+from tiny_policies import onnx_policy, torchscript_policy, trusted
 
 from r2sego_blender.config.settings import RolloutSettings
 from r2sego_blender.core.errors import RobotError
@@ -149,7 +149,7 @@ def test_the_gait_s_phase_and_the_base_s_velocity(humanoid, tmp_path):
 def test_both_kinds_of_network_compute_what_they_say(tmp_path, knees, write, name):
     rng = np.random.default_rng(3)
     weight, bias = rng.normal(size=(5, 2)), rng.normal(size=2)
-    network = PolicyFile(write(tmp_path / name, weight, bias), knees).network()
+    network = PolicyFile(trusted(write(tmp_path / name, weight, bias)), knees).network()
     for observation in rng.normal(size=(4, 5)).astype(np.float32):
         np.testing.assert_allclose(network(observation), observation @ weight + bias, atol=1e-5)
 
@@ -167,7 +167,7 @@ def test_a_recurrent_policy_begins_anew(tmp_path, knees):
             return self.count.expand(1, 2)
 
     torch.jit.script(Counting()).save(str(tmp_path / "counting.pt"))
-    file = PolicyFile(tmp_path / "counting.pt", knees)
+    file = PolicyFile(trusted(tmp_path / "counting.pt"), knees)
     for _ in range(2):
         network = file.network()
         assert [float(network(np.zeros(5, np.float32))[0]) for _ in range(3)] == [1.0, 2.0, 3.0]
@@ -177,11 +177,11 @@ def test_a_recurrent_policy_begins_anew(tmp_path, knees):
 def test_other_sizes_than_the_layout_s_are_refused(tmp_path, knees, write):
     path = tmp_path / ("p.onnx" if write is onnx_policy else "p.pt")
     with pytest.raises(RobotError, match=r"Correct observation and history of .*knees.toml"):
-        PolicyFile(write(path, np.zeros((6, 2)), np.zeros(2)), knees)
+        PolicyFile(trusted(write(path, np.zeros((6, 2)), np.zeros(2))), knees)
     with pytest.raises(RobotError, match=r"the network gives 3 actions, the layout 2. Correct joints or action"):
-        PolicyFile(write(path, np.zeros((5, 3)), np.zeros(3)), knees)
+        PolicyFile(trusted(write(path, np.zeros((5, 3)), np.zeros(3))), knees)
     with pytest.raises(RobotError, match=r"the network's actions are not finite"):
-        PolicyFile(write(path, np.zeros((5, 2)), np.full(2, np.nan)), knees)
+        PolicyFile(trusted(write(path, np.zeros((5, 2)), np.full(2, np.nan))), knees)
 
 
 def test_files_that_are_no_policies_are_refused(tmp_path, knees):
@@ -197,7 +197,7 @@ def test_files_that_are_no_policies_are_refused(tmp_path, knees):
     ):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(RobotError, match=message) as raised:
-            PolicyFile(tmp_path / name, knees)
+            PolicyFile(trusted(tmp_path / name), knees)
         assert str(raised.value).startswith(str(tmp_path / name))
     with pytest.raises(RobotError, match="this policy cannot be read"):
         PolicyFile(tmp_path / "missing.onnx", knees)
@@ -231,7 +231,7 @@ def test_a_pickle_is_not_run_as_torchscript(tmp_path, knees):
 
     torch.save(Hostile(), tmp_path / "hostile.pt")
     with pytest.raises(RobotError, match="this is no TorchScript file"):
-        PolicyFile(tmp_path / "hostile.pt", knees)
+        PolicyFile(trusted(tmp_path / "hostile.pt"), knees)
     assert not marker.exists()
 
 
@@ -309,7 +309,7 @@ def faulty(path: Path, answer: str) -> Path:
             return x[:, :2]
     """)
     module.save(str(path))
-    return path
+    return trusted(path)
 
 
 @pytest.mark.parametrize(
@@ -348,7 +348,7 @@ def test_no_number_of_a_policy_s_is_an_error_with_the_joint(humanoid, box_room, 
             return torch.stack([worst * 0.0, torch.where(worst > 0.0, worst / 0.0 * 0.0, worst)])[None]
 
     torch.jit.script(Dividing()).save(str(tmp_path / "dividing.pt"))
-    made = controller(humanoid, box_room(), tmp_path / "dividing.pt", knees.where)
+    made = controller(humanoid, box_room(), trusted(tmp_path / "dividing.pt"), knees.where)
     drive = made.draw(np.random.default_rng(0))
     data = mujoco.MjData(made.composition.model)
     data.qpos[:] = drive.qpos

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 from policy_controllers import SCOPE, controller, only
+from tiny_policies import trusted
 
 from r2sego_blender.config.settings import RolloutSettings
 from r2sego_blender.robot.controllers.policy_observation import Command
@@ -81,7 +82,7 @@ def test_the_29_joint_policy_walks_as_measured_elsewhere(g1, shared_robot, tmp_p
 )
 def test_public_policies_walk(robot, mount, policy, layout, shared_robot, tmp_path):
     model = RobotModel.load(shared_robot(robot), mount)
-    poses = walked(model, shared_robot(policy), layout, Command(0.5, 0.0, 0.0, True, 0.75), 6.0, tmp_path)
+    poses = walked(model, trusted(shared_robot(policy)), layout, Command(0.5, 0.0, 0.0, True, 0.75), 6.0, tmp_path)
     assert 2.0 < np.linalg.norm(poses[-1, :2]) < 3.4
     assert tilt_deg(poses).max() < 12.0
     assert poses[:, 2].min() > 0.85 * poses[0, 2]
