@@ -19,14 +19,18 @@ from types import NoneType, UnionType
 from typing import Any, TypeVar
 
 from ..core.errors import R2SEgoError
+from ..core.text_files import read_text
 from .fields import Field, Range, fields_of
 
 T = TypeVar("T")
 
 # Bounds of a file, kept before it is parsed: the parser's time grows with the square of some of them.
-_MOST_BYTES = 1 << 20
+MOST_BYTES = 1 << 20
+"""The largest file of TOML that is read, bytes."""
+
 _MOST_NESTING = 32
 _LONGEST_WORD = 1000
+_LARGEST_INTEGER = 1 << 63
 _TOKENS = re.compile(
     r'''"""(?:\\.|[^\\])*?"""|"(?:\\.|[^"\\\n])*"'''  # text, and raw text, of many lines or of one
     r"""|'''.*?'''|'[^'\n]*'"""
@@ -50,8 +54,8 @@ def did_you_mean(name: str, known: Iterable[str], otherwise: str) -> str:
 
 def parse_toml(text: str) -> dict[str, Any]:
     """The tables of a file's text. Raises ValueError: no TOML, too long, or nested too deep."""
-    if len(text) > _MOST_BYTES:
-        raise ValueError(f"it has more than {_MOST_BYTES} characters")
+    if len(text) > MOST_BYTES:
+        raise ValueError(f"it has more than {MOST_BYTES} characters")
     depth = dots = 0
     for token in _TOKENS.findall(text):
         depth += (token in ("[", "{")) - (token in ("]", "}"))
@@ -60,7 +64,9 @@ def parse_toml(text: str) -> dict[str, Any]:
             raise ValueError(f"it is nested more than {_MOST_NESTING} levels deep")
         if len(token) > _LONGEST_WORD and token[0] not in "\"'#":
             raise ValueError(f"it has a word or number of more than {_LONGEST_WORD} characters")
-    return tomllib.loads(text)
+    tables = tomllib.loads(text)
+    _refuse_long_integers(tables)
+    return tables
 
 
 @dataclass(frozen=True)
@@ -97,8 +103,7 @@ class Reader:
     def tables(self, cure: str) -> dict[str, Any]:
         """The tables of the file, not yet checked. Raises OSError, or the reader's error: no TOML."""
         try:
-            with self.where.open("rb") as file:
-                return parse_toml(file.read(_MOST_BYTES + 1).decode("utf-8"))
+            return parse_toml(read_text(self.where, MOST_BYTES))
         except (ValueError, RecursionError) as failed:
             raise self.error(f"this {self.what} is no TOML: {failed}", where=self.where, cure=cure) from failed
 
@@ -127,6 +132,8 @@ class Reader:
                 return field.read(value, self.where)
             except ValueError as failed:
                 raise self.wrong(place, f"is {_shown(value)}", str(failed)) from failed
+            except (TypeError, ArithmeticError, LookupError) as failed:
+                raise self.wrong(place, f"is {_shown(value)}", _form(field.kind, field)) from failed
         return self._fitted(field.kind, value, place, field)
 
     def wrong(self, place: str, what: str, cure: str) -> R2SEgoError:
@@ -179,6 +186,18 @@ class Reader:
             named = (("from", low), ("to", high))
             limits = " ".join(f"{word} {limit:.10g}" for word, limit in named if limit is not None)
             raise self.wrong(place, f"is {_shown(value)}", f"It lies {limits}.")
+
+
+def _refuse_long_integers(value: Any, place: str = "") -> None:
+    """Raises ValueError for a whole number that TOML has none of, with its place: it is no float either."""
+    if isinstance(value, dict):
+        for name, one in value.items():
+            _refuse_long_integers(one, _at(place, name))
+    elif isinstance(value, list):
+        for index, one in enumerate(value):
+            _refuse_long_integers(one, f"{place}[{index}]")
+    elif isinstance(value, int) and abs(value) >= _LARGEST_INTEGER:
+        raise ValueError(f"{place} is a whole number of more than 64 bits")
 
 
 def is_number(value: Any) -> bool:

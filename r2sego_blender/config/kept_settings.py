@@ -10,7 +10,8 @@ from typing import Any
 
 from ..core.atomic_files import write_whole
 from ..core.errors import SettingsError
-from .declared_files import parse_toml
+from ..core.text_files import read_text
+from .declared_files import MOST_BYTES, parse_toml
 from .presets import present_keys, preset, with_overrides
 
 
@@ -40,8 +41,10 @@ def read_settings(folder: Path, name: str) -> tuple[str, dict[str, Any]]:
     """The preset and the overrides kept under a name. Raises SettingsError when they are damaged."""
     file = folder / f"{name}.toml"
     try:
-        data = parse_toml(file.read_text(encoding="utf-8"))
-        chosen, overrides = str(data["preset"]), present_keys(dict(data.get("overrides", {})))
+        data = parse_toml(read_text(file, MOST_BYTES))
+        chosen, overrides = data["preset"], present_keys(dict(data.get("overrides", {})))
+        if not isinstance(chosen, str):
+            raise TypeError("'preset' is no text")
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise SettingsError(
             f"these settings cannot be read: {error}", where=file, cure="Remove the file, and keep them anew."

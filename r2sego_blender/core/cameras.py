@@ -58,6 +58,14 @@ def require_pinhole(width: float, height: float, fx: float, fy: float, cx: float
         raise ValueError(f"a camera has no principal point at {cx:.6g}, {cy:.6g}")
 
 
+def is_similarity(matrix: np.ndarray) -> bool:
+    """Whether (4, 4) is a rotation, a translation and one scale above 0, as near as files have them."""
+    if not (np.abs(matrix) <= _FARTHEST).all():
+        return False
+    scale = np.cbrt(np.linalg.det(matrix[:3, :3]))
+    return bool(scale > 1.0 / _FARTHEST) and is_rigid(matrix / np.array([[scale], [scale], [scale], [1.0]]))
+
+
 @dataclass(frozen=True)
 class Camera:
     """A pinhole camera at a pose.

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from r2sego_blender.core.cameras import Camera, is_rigid, look_at, rotation_angle_rad
+from r2sego_blender.core.cameras import Camera, is_rigid, is_similarity, look_at, rotation_angle_rad
 
 finite = st.floats(-5.0, 5.0)
 
@@ -115,3 +115,19 @@ def test_a_camera_file_that_can_see_nothing_is_refused(wrong):
     told = Camera(4, 4, 1, 1, 2, 2, np.eye(4)).to_json()
     with pytest.raises(ValueError, match="a camera has no"):
         Camera.from_json(told | wrong)
+
+
+@given(
+    st.floats(1e-6, 1e6),
+    st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=3),
+    st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1),
+)
+def test_a_similarity_is_one_whatever_its_scale_and_a_shear_is_none(scale, offset, quaternion):
+    similarity = np.eye(4)
+    similarity[:3, :3] = scale * Rotation.from_quat(quaternion).as_matrix()
+    similarity[:3, 3] = offset
+    assert is_similarity(similarity)
+    for wrong in (np.diag([1.0, 1.0, 1.2, 1.0]), np.diag([1.0, 1.0, -1.0, 1.0]), np.diag([0.0, 0.0, 0.0, 1.0])):
+        assert not is_similarity(similarity @ wrong)
+    similarity[2, 3] = np.nan
+    assert not is_similarity(similarity)

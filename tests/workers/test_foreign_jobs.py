@@ -21,7 +21,7 @@ links = pytest.mark.skipif(os.name == "nt", reason="Windows lets few users make 
 
 @pytest.fixture(autouse=True)
 def configuration(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "configuration"))
+    monkeypatch.setenv("R2SEGO_CONFIG", str(tmp_path / "configuration"))
 
 
 @pytest.fixture

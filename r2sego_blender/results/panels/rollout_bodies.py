@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +11,12 @@ from typing import Any
 import numpy as np
 
 from ...bundle.artifacts import Artifact
-from ...core.arrays import opened_arrays
+from ...core.arrays import Arrays, opened_arrays, require_finite, require_shapes
 from ...core.cameras import Camera
 from ...core.digests import content_digest
 from ...core.errors import SceneError
+from ...core.json_files import read_json
+from ...robot.rollouts.rollout import require_rigid
 from .bundle import Bundle
 from .rollout_list import bodies_folder, rollouts_folder
 
@@ -47,10 +48,7 @@ class RobotBodies:
         try:
             told = _description(folder)
             with opened_arrays(folder / "shapes.npz", SceneError, "it cannot be read", _CURE) as arrays:
-                shapes = tuple(
-                    (arrays[f"vertices_{body}"], arrays[f"faces_{body}"], arrays[f"colours_{body}"])
-                    for body in (f"{index:04d}" for index in range(len(told["bodies"])))
-                )
+                shapes = tuple(_shape(arrays, index) for index in range(len(told["bodies"])))
             camera = Camera.from_json({**told["camera"], "world_from_camera": np.eye(4)})
             return RobotBodies(
                 folder, tuple(told["bodies"]), shapes, camera, float(told["camera_rate_hz"]), told["rollouts"]
@@ -62,8 +60,10 @@ class RobotBodies:
         """``world_from_body`` (T, B, 4, 4) float64 along an attempt. Raises SceneError: damaged."""
         with opened_arrays(self.folder / "poses.npz", SceneError, "it cannot be read", _CURE) as arrays:
             poses = arrays[f"world_from_body_{number:04d}"]
-        if poses.ndim != 4 or poses.shape[1:] != (len(self.names), 4, 4):
-            raise SceneError("the poses are not these bodies'", where=self.folder / "poses.npz", cure=_CURE)
+            if poses.ndim != 4 or poses.shape[1:] != (len(self.names), 4, 4):
+                raise SceneError("the poses are not these bodies'", where=self.folder / "poses.npz", cure=_CURE)
+            require_finite(poses=poses)
+            require_rigid(poses=poses)
         return poses
 
 
@@ -86,8 +86,21 @@ def digest_of(bundle: Bundle, round_index: int) -> str:
 
 
 def _description(folder: Path) -> Mapping[str, Any]:
-    told: dict[str, Any] = json.loads((folder / "bodies.json").read_text(encoding="utf-8"))
+    told = read_json(folder / "bodies.json")
+    if not isinstance(told, dict):
+        raise ValueError("it is no description of bodies")
     return told
+
+
+def _shape(arrays: Arrays, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices, faces and colours of a body. Raises ValueError where they are none."""
+    parts = {name: arrays[f"{name}_{index:04d}"] for name in ("vertices", "faces", "colours")}
+    require_shapes(parts, vertices="V 3", faces="F 3", colours="F 3")
+    require_finite(vertices=parts["vertices"], colours=parts["colours"])
+    faces = parts["faces"]
+    if faces.dtype.kind not in "iu" or (faces.size and not 0 <= faces.min() <= faces.max() < len(parts["vertices"])):
+        raise ValueError(f"faces of body {index} name no vertices")
+    return parts["vertices"], faces, parts["colours"]
 
 
 @functools.lru_cache(maxsize=16)

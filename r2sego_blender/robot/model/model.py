@@ -40,23 +40,25 @@ from .structure import (
 _SERVO_ROBOT_MASS_KG = 35.0
 # Casters and skids of a wheeled robot come this close to the floor at rest.
 _RESTS_M = 0.01
-# What must be finite in a compiled robot; the XML's own numbers are, but not all that follows.
-_TABLES = (
-    "qpos0",
-    "key_qpos",
-    "body_pos",
-    "body_quat",
-    "body_mass",
-    "body_inertia",
-    "jnt_pos",
-    "jnt_axis",
-    "jnt_range",
-    "dof_armature",
-    "dof_damping",
-    "geom_pos",
-    "geom_size",
-    "mesh_vert",
-)
+# What must be finite in a compiled robot, and no more than this: the XML's own numbers are finite, but not all
+# that follows. A robot reaches no kilometre, whose squares and sums would lose what is small.
+_FAR, _MUCH = 1e3, 1e15
+_TABLES = {
+    "qpos0": _FAR,
+    "key_qpos": _FAR,
+    "body_pos": _FAR,
+    "body_quat": 2.0,
+    "body_mass": _MUCH,
+    "body_inertia": _MUCH,
+    "jnt_pos": _FAR,
+    "jnt_axis": 2.0,
+    "jnt_range": _MUCH,
+    "dof_armature": _MUCH,
+    "dof_damping": _MUCH,
+    "geom_pos": _FAR,
+    "geom_size": _FAR,
+    "mesh_vert": _FAR,
+}
 _FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 
 
@@ -102,9 +104,12 @@ class RobotModel:
             model = spec.compile()
         except (ValueError, mujoco.FatalError) as error:
             raise does_not_compile(source, error) from error
-        for table in _TABLES:
-            if not np.isfinite(getattr(model, table)).all():
+        for table, most in _TABLES.items():
+            values = getattr(model, table)
+            if not np.isfinite(values).all():
                 raise RobotError(f"{table} is not finite", where=source, cure="Correct the file.")
+            if np.abs(values).max(initial=0.0) > most:
+                raise RobotError(f"{table} is beyond {most:g}", where=source, cure="Give metres, kilograms, radians.")
         base = _free_base(model, source)
         _refuse_balls(model, source)
         geoms = colliding(model)

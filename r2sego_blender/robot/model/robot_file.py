@@ -63,7 +63,7 @@ _REFUSED_SHAPES = {"hfield": "height fields", "sdf": "distance fields"}
 def robot_spec(source: str) -> mujoco.MjSpec:
     """The robot alone, editable: without the floor, lights and cameras of its file's world.
 
-    Every body and joint has a name; a URDF gets a free base, and joints with some armature.
+    Every body, joint and camera has a name; a URDF gets a free base, and joints with some armature.
     ``source`` is an embedded robot's name or a path. Raises RobotError, before MuJoCo sees
     anything, where the file is missing, unreadable or not to be trusted; and with MuJoCo's
     words where it is no robot.
@@ -87,7 +87,7 @@ def robot_spec(source: str) -> mujoco.MjSpec:
                 joint.armature = _URDF_ARMATURE_KG_M2
         if not any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in spec.joints):
             spec.worldbody.bodies[0].add_freejoint()
-    for kind, elements in (("body", spec.bodies[1:]), ("joint", spec.joints)):
+    for kind, elements in (("body", spec.bodies[1:]), ("joint", spec.joints), ("camera", spec.cameras)):
         for index, element in enumerate(elements):
             element.name = element.name or f"unnamed {kind} {index}"
     return spec

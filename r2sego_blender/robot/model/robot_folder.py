@@ -40,8 +40,11 @@ class RobotFolder:
 
     @staticmethod
     def of(path: Path) -> RobotFolder:
-        """The folder of the robot's file ``path``."""
-        path = path.resolve()
+        """The folder of the robot's file ``path``. Raises RobotError for a name that no file can have."""
+        try:
+            path = path.resolve()
+        except (OSError, ValueError, RuntimeError) as error:  # a null character, links in a circle
+            raise RobotError(f"this is no file's name: {error}", where=path, cure="Give an MJCF or a URDF.") from error
         is_package = path.parent.name.lower() in _PACKAGE_FOLDERS
         return RobotFolder(path, path.parent.parent if is_package else path.parent)
 

@@ -5,9 +5,10 @@ Nothing in these files is run: pickled objects are refused.
 
 from __future__ import annotations
 
+import io
 import re
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,17 +18,21 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial.transform import Rotation, Slerp
 
+from ...core.arrays import opened_arrays
 from ...core.errors import RobotError
+from ...core.text_files import opened_file
 from ..behaviours.trajectory import RATE_HZ
 from ..model.model import RobotModel
 from .foot_locking import foot_places, plant_feet
+from .motion_tensors import FIELDS, tensors_of
 
 DEFAULT_RATE_HZ = 30.0
 """Rate of recordings that declare none: the usual one of motion capture."""
 
 _MAX_BYTES = 256 * 1024 * 1024
 _MAX_FRAMES = 200_000
-_FARTHEST_M = 1000.0
+_FARTHEST_M, _FARTHEST_RAD = 1000.0, 1e6
+_LONGEST_LINE, _LONGEST_COMMENT = 100_000, 1000
 _DECLARED = re.compile(r"(\w+)\s*=\s*\"?([\w.]+)\"?")
 # A motion that leaves a joint's range by more is another robot's.
 _BEYOND_RAD = 0.5
@@ -104,7 +109,7 @@ def read_recording(path: str | Path) -> RobotRecording | HumanRecording:
     try:
         if path.stat().st_size > _MAX_BYTES:
             raise _error(path, "the motion is larger than 256 MB", "Cut it.")
-    except OSError as error:
+    except (OSError, ValueError) as error:  # also a name that no file can have
         raise _error(path, "this motion cannot be read", "Check controller.motions of the scope.") from error
     match path.suffix.lower():
         case ".csv":
@@ -194,25 +199,27 @@ def _is_scalar_first(robot: RobotModel, qpos: np.ndarray, quaternion: np.ndarray
 
 
 def _read_csv(path: Path) -> RobotRecording:
+    declared: dict[str, str] = {}
+    names: tuple[str, ...] = ()
+    rows: list[np.ndarray] = []
     try:
-        lines = [line.strip() for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+        for line in _lines(path):
+            if line.startswith("#") and not (rows or names):
+                declared.update(_DECLARED.findall(line[:_LONGEST_COMMENT]))
+            elif not (rows or names) and not _is_number(line.split(",")[0]):
+                names = tuple(name.strip() for name in line.split(","))
+            elif len(rows) == _MAX_FRAMES:
+                raise _error(path, f"the motion has more than {_MAX_FRAMES} frames", "Cut it.")
+            else:
+                rows.append(np.array([float(value) for value in line.split(",")]))
+        if unknown := sorted(set(declared) - {"rate_hz", "quaternion"}):
+            raise _error(path, f"'{unknown[0]}' is declared", "Known: # rate_hz = 30, quaternion = wxyz.")
+        table = np.stack(rows) if rows else np.empty(0)
     except UnicodeDecodeError as error:
         raise _error(path, "this is no text", _CURE) from error
-    declared: dict[str, str] = {}
-    while lines and lines[0].startswith("#"):
-        declared.update(_DECLARED.findall(lines.pop(0)))
-    if unknown := sorted(set(declared) - {"rate_hz", "quaternion"}):
-        raise _error(path, f"'{unknown[0]}' is declared", "Known: # rate_hz = 30, quaternion = wxyz.")
-    names: tuple[str, ...] = ()
-    if lines and not _is_number(lines[0].split(",")[0]):
-        names = tuple(name.strip() for name in lines.pop(0).split(","))
-    if len(lines) > _MAX_FRAMES:
-        raise _error(path, f"the motion has {len(lines)} frames", f"Cut it to {_MAX_FRAMES}.")
-    try:
-        rows = np.array([[float(value) for value in line.split(",")] for line in lines])
-    except ValueError as error:
+    except (ValueError, OSError) as error:
         raise _error(path, f"its rows are not numbers of one count: {error}", _CURE) from error
-    if rows.ndim != 2 or rows.shape[1] < 8 or (names and len(names) != rows.shape[1]):
+    if table.ndim != 2 or table.shape[1] < 8 or (names and len(names) != table.shape[1]):
         raise _error(path, "its rows are not a base's seven numbers and joints", _CURE)
     order = declared.get("quaternion")
     if order not in (None, "wxyz", "xyzw"):
@@ -221,49 +228,46 @@ def _read_csv(path: Path) -> RobotRecording:
         RobotRecording(
             str(path),
             _rate(path, declared.get("rate_hz", DEFAULT_RATE_HZ)),
-            rows[:, 7:],
+            table[:, 7:],
             names[7:],
-            rows[:, :3],
-            rows[:, 3:7],
+            table[:, :3],
+            table[:, 3:7],
             None if order is None else order == "wxyz",
         )
     )
 
 
+def _lines(path: Path) -> Iterator[str]:
+    """The lines that hold something, one at a time. Raises OSError and ValueError."""
+    with opened_file(path) as file, io.TextIOWrapper(file, encoding="utf-8") as text:
+        while line := text.readline(_LONGEST_LINE):
+            if len(line) == _LONGEST_LINE:
+                raise ValueError(f"a line has more than {_LONGEST_LINE} characters")
+            if line := line.strip():
+                yield line
+
+
 def _read_npz(path: Path) -> dict[str, np.ndarray]:
+    what = "this NPZ cannot be read"
+    _check_unpacked(path, what)
+    with opened_arrays(path, RobotError, what, _CURE) as arrays:
+        return {name: arrays[name] for name in FIELDS if name in arrays}
+
+
+def _check_unpacked(path: Path, what: str) -> None:
     try:
-        _check_unpacked(path)
-        with np.load(path, allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError) as error:
-        raise _error(path, f"this NPZ cannot be read: {str(error).splitlines()[0]}", _CURE) from error
-
-
-def _check_unpacked(path: Path) -> None:
-    with zipfile.ZipFile(path) as archive:
-        if sum(entry.file_size for entry in archive.infolist()) > _MAX_BYTES:
-            raise _error(path, "the motion is larger than 256 MB unpacked", "Cut it.")
+        with zipfile.ZipFile(path) as archive:
+            unpacked = sum(entry.file_size for entry in archive.infolist())
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, NotImplementedError) as error:
+        raise _error(path, f"{what}: {str(error).partition(chr(10))[0]}", _CURE) from error
+    if unpacked > _MAX_BYTES:
+        raise _error(path, "the motion is larger than 256 MB unpacked", "Cut it.")
 
 
 def _read_tensors(path: Path) -> dict[str, np.ndarray]:
-    """The tensors of a file of torch's; what would have to be run is refused by torch."""
-    import torch
-
-    try:
-        if zipfile.is_zipfile(path):
-            _check_unpacked(path)
-        content = torch.load(path, map_location="cpu", weights_only=True)
-    except RobotError:
-        raise
-    except Exception as error:  # its unpickler and its archives raise many kinds
-        raise _error(path, "this holds more than tensors, or is damaged", "Save tensors alone.") from error
-    if not isinstance(content, Mapping):
-        raise _error(path, f"it holds a {type(content).__name__}, not named tensors", _CURE)
-    return {
-        str(name): value.numpy() if isinstance(value, torch.Tensor) else np.asarray(value)
-        for name, value in content.items()
-        if isinstance(value, (torch.Tensor, int, float))
-    }
+    if zipfile.is_zipfile(path):
+        _check_unpacked(path, "this holds more than tensors, or is damaged")
+    return tensors_of(path)
 
 
 def _human(path: Path, arrays: Mapping[str, np.ndarray]) -> HumanRecording:
@@ -313,6 +317,8 @@ def _checked(recording: RobotRecording) -> RobotRecording:
     for field, values, width in zip(("the joints", "the root", "the quaternion"), numbers, widths, strict=True):
         if values is not None and (values.shape != (count, width) or not np.isfinite(values).all()):
             raise _error(path, f"{field} are not {count} rows of {width} finite numbers", _CURE)
+    if np.abs(recording.joints).max(initial=0.0) > _FARTHEST_RAD:
+        raise _error(path, "a joint turns more often than any does", "Radians are expected.")
     if recording.root_m is not None and np.abs(recording.root_m).max() > _FARTHEST_M:
         raise _error(path, "the root lies farther than a kilometre", "Metres are expected.")
     if recording.quaternion is not None:

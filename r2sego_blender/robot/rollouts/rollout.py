@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from ...bundle.artifacts import Artifact
-from ...core.arrays import opened_arrays, require_shapes, save_arrays
+from ...core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
 from ...core.errors import RobotError
 from ...core.json_files import opened_json, write_json
 
 _ARRAYS, REASONS = "rollouts.npz", "rollouts.json"
+_UNIT_WITHIN = 1e-3
 _FRAMES = ("qpos", "times_s", "camera_poses")
 _TOLD = {"success": bool, "reason": str, "frame": int, "behaviour": str, "detail": str, "controller": str}
 
@@ -123,8 +124,30 @@ def load_rollouts(folder: Path) -> tuple[Rollout, ...]:
         for index, record in enumerate(records):
             arrays = {name: data[f"{name}_{index:04d}"] for name in _FRAMES}
             require_shapes(arrays, qpos="T Q", times_s="T", camera_poses="T 4 4")
+            _require_sound(**arrays)
+            if not 0 <= record["frame"] <= len(arrays["qpos"]):
+                raise ValueError(f"rollout {index} ends at frame {record['frame']}")
             rollouts.append(Rollout(**{**record, **arrays}))
     return tuple(rollouts)
+
+
+def _require_sound(qpos: np.ndarray, times_s: np.ndarray, camera_poses: np.ndarray) -> None:
+    """Raises ValueError where numbers are infinite or none, or rotations are none."""
+    require_finite(qpos=qpos, times_s=times_s, camera_poses=camera_poses)
+    require_rigid(camera_poses=camera_poses)
+    turns = qpos[:, 3:7]  # of the free base, which stands first; camera flights have none
+    if turns.shape[1] == 4 and np.abs(np.linalg.norm(turns, axis=1) - 1.0).max(initial=0.0) > _UNIT_WITHIN:
+        raise ValueError("the base's quaternions have not length 1")
+
+
+def require_rigid(**poses: np.ndarray) -> None:
+    """Raises ValueError where poses (..., 4, 4) are more than a turn and a shift."""
+    for name, pose in poses.items():
+        turn = pose[..., :3, :3]
+        is_turn = np.abs(turn @ np.swapaxes(turn, -1, -2) - np.eye(3)).max(initial=0.0) < _UNIT_WITHIN
+        last = np.abs(pose[..., 3, :] - [0.0, 0.0, 0.0, 1.0]).max(initial=0.0) < _UNIT_WITHIN
+        if not (is_turn and last and (np.linalg.det(turn) > 0.0).all()):
+            raise ValueError(f"{name} are not rigid")
 
 
 def _of(kind: type, value: object) -> Any:

@@ -35,6 +35,8 @@ def _file(value: Any, scope: Path) -> str:
     """The whole path of a file beside the scope's, there or not; shipped names stay names."""
     if not isinstance(value, str):
         raise ValueError("Write a file's name in quotes.")
+    if "\0" in value:
+        raise ValueError("Write a name that a file can have.")
     beside = scope.parent / value
     is_shipped = value.startswith("embedded:") and not beside.exists()
     return value if not value or is_shipped else str(beside.resolve())
