@@ -44,4 +44,5 @@ def _is_whole(one: Any) -> bool:
         return False
     if not isinstance(one["ground"], str) or not isinstance(one["scale_source"], str):
         return False
-    return all(is_frame(one[name]) and is_similarity(np.array(one[name])) for name in ("new_from_old", "world_from_capture"))
+    matrices = one["new_from_old"], one["world_from_capture"]
+    return all(is_frame(rows) and is_similarity(np.array(rows)) for rows in matrices)
