@@ -60,7 +60,7 @@ def require_pinhole(width: float, height: float, fx: float, fy: float, cx: float
 
 def is_similarity(matrix: np.ndarray) -> bool:
     """Whether (4, 4) is a rotation, a translation and one scale above 0, as near as files have them."""
-    if not np.isfinite(matrix).all() or np.abs(matrix).max() > _FARTHEST:
+    if not (np.abs(matrix) <= _FARTHEST).all():
         return False
     scale = np.cbrt(np.linalg.det(matrix[:3, :3]))
     return bool(scale > 1.0 / _FARTHEST) and is_rigid(matrix / np.array([[scale], [scale], [scale], [1.0]]))

@@ -349,3 +349,36 @@ def test_the_room_imports_and_its_frozen_views_load(shared):
     imported = import_captures(folder, folder / "cameras.json", SETTINGS)
     assert len(imported.captures) == 6 and imported.metric
     assert len(load_frozen_views(folder / "cameras.json")) == 16
+
+
+@pytest.mark.parametrize("name", ["images/p\x1b[2J.png", "images/p\n.png", "images/p\u202e.png"])
+def test_a_name_that_controls_a_terminal_is_refused_in_words_that_do_not(tmp_path, rng, blank_photograph, name):
+    data = _valid(tmp_path, rng, blank_photograph)
+    (tmp_path / "images" / "p2.png").rename(tmp_path / name)
+    data["captures"][2]["file"] = name
+    (tmp_path / "cameras.json").write_text(json.dumps(data))
+    with pytest.raises(CaptureError, match=r"cameras\.json, captures\[2\]") as caught:
+        import_captures(tmp_path, tmp_path / "cameras.json", SETTINGS)
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"width": 0.5},
+        {"width": 10**300},
+        {"height": 70_000},
+        {"fx": 1e300},
+        {"cx": -1e300},
+        {"border_px": -1},
+        {"border_px": 40},
+        {"distortion": [1e300]},
+        {"distortion_model": ["fov"]},
+        {"distortion_model": {}},
+    ],
+)
+def test_a_lens_through_which_nothing_is_seen_is_refused(tmp_path, rng, blank_photograph, changes):
+    data = _valid(tmp_path, rng, blank_photograph)
+    (tmp_path / "cameras.json").write_text(json.dumps(data | changes))
+    with np.errstate(all="raise"), pytest.raises(CaptureError, match=r"cameras\.json"):
+        import_captures(tmp_path, tmp_path / "cameras.json", SETTINGS)

@@ -9,11 +9,10 @@ import numpy as np
 
 from ...bundle.frames import is_frame
 from ...bundle.layout import CORRECTIONS
-from ...core.cameras import is_rigid
+from ...core.cameras import is_similarity
 from ...core.errors import CaptureError
 from ...core.json_files import read_json
 
-_LARGEST = 1e12
 _REMEMBERED = {"new_from_old", "world_from_capture", "ground", "scale_source"}
 
 
@@ -39,21 +38,11 @@ def corrections_of(bundle: Path) -> list[dict[str, Any]]:
     return history
 
 
-def _is_similarity(rows: Any) -> bool:
-    """Whether (4, 4), as JSON has it, is a rotation with one scale above 0 and a translation."""
-    if not is_frame(rows):
-        return False
-    matrix = np.array(rows, np.float64)
-    if not np.abs(matrix).max() < _LARGEST or not np.linalg.det(matrix[:3, :3]) > 0.0:
-        return False
-    matrix[:3, :3] /= np.cbrt(np.linalg.det(matrix[:3, :3]))
-    return is_rigid(matrix)
-
-
 def _is_whole(one: Any) -> bool:
     """Whether a correction has all that taking it back needs; older bundles have no digests."""
     if not isinstance(one, dict) or not one.keys() >= _REMEMBERED or not isinstance(one.setdefault("made", {}), dict):
         return False
     if not isinstance(one["ground"], str) or not isinstance(one["scale_source"], str):
         return False
-    return all(_is_similarity(one[name]) for name in ("new_from_old", "world_from_capture"))
+    matrices = one["new_from_old"], one["world_from_capture"]
+    return all(is_frame(rows) and is_similarity(np.array(rows)) for rows in matrices)

@@ -92,7 +92,7 @@ def _distortion(places: Sequence[Mapping[str, Any]], path: Path, field: str) -> 
     fisheye = next((place["fisheye"] for place in places if "fisheye" in place), False)
     default = "opencv_fisheye" if fisheye else "opencv"
     model = next((place["distortion_model"] for place in places if "distortion_model" in place), default)
-    if model not in COEFFICIENTS:
+    if not isinstance(model, str) or model not in COEFFICIENTS:
         raise CaptureError(
             f"'distortion_model' is {model!r}, not one of {', '.join(COEFFICIENTS)}",
             where=f"{path}, {field}",
