@@ -32,6 +32,16 @@ def require_addresses() -> None:
         )
 
 
+def limit_memory(most_bytes: int) -> None:
+    """Let this process, a child that reads what others wrote, have so many bytes of addresses at most."""
+    try:
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (most_bytes, most_bytes))
+    except (ImportError, ValueError, OSError):  # Windows has no such limit, some systems forbid it
+        return
+
+
 def cpu_s() -> float:
     """Processor seconds that this process and its ended children have taken so far."""
     times = os.times()
