@@ -6,6 +6,7 @@ Needs the standard library alone, so Blender's Python reads it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import index
 from pathlib import Path
 from typing import Any
 
@@ -141,9 +142,9 @@ def _record(
         return ViewRecord(
             view,
             rank,
-            int(record["candidate"]),
-            int(record["rollout"]),
-            int(record["frame"]),
+            index(record["candidate"]),
+            index(record["rollout"]),
+            index(record["frame"]),
             printable(str(record["reference_name"]), _LONGEST),
             float(record["overlap"]),
             printable(str(record["generator"]), _LONGEST),

@@ -84,7 +84,7 @@ def _mesh(mesh: Any) -> str:
     faces, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices)
     if faces.dtype.kind not in "iu" or faces.ndim != 2 or faces.shape[1] != 3:
         return f"faces are {faces.dtype} {faces.shape}"
-    if vertices.dtype.kind not in "fiu" or vertices.ndim != 2 or vertices.shape[1] != 3:
+    if vertices.dtype.kind not in "fiub" or vertices.ndim != 2 or vertices.shape[1] != 3:
         return f"vertices are {vertices.dtype} {vertices.shape}"
     if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
         return "a face has no vertices"
