@@ -156,6 +156,13 @@ def require_between(low: float, high: float | None, **arrays: np.ndarray) -> Non
             raise ValueError(f"{name} are not all from {low} to {high}")
 
 
+def require_indices(count: int, **arrays: np.ndarray) -> None:
+    """Raises ValueError, as damage in ``opened_arrays``, where one is no whole number from 0 to below ``count``."""
+    for name, array in arrays.items():
+        if array.dtype.kind not in "iu" or (array.size and not 0 <= array.min() <= array.max() < count):
+            raise ValueError(f"{name} are no indices of {count}")
+
+
 def _read_array(stream: IO[bytes], size: int) -> np.ndarray:
     """The array that ``size`` bytes hold. Raises ValueError where they hold another number of values."""
     try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -13,6 +12,7 @@ from ...core.arrays import save_arrays
 from ...core.cameras import RIGID_CURE, Camera, NotRigidError
 from ...core.errors import AssetError
 from ...core.images import SUFFIXES, save_image
+from ...core.json_files import read_json
 from ...core.progress import SILENT, Progress
 from ..asset import SplatAsset
 from ..formats.files import publishing
@@ -31,7 +31,7 @@ def load_cameras(file: Path) -> dict[str, Camera]:
     Raises AssetError with the entry that is wrong.
     """
     try:
-        data = json.loads(file.read_text(encoding="utf-8"))
+        data = read_json(file)
     except OSError as error:
         raise AssetError("the cameras cannot be read", where=file, cure="Check the path.") from error
     except ValueError as error:

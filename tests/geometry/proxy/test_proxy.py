@@ -55,6 +55,14 @@ def test_the_ply_tells_faces_by_colour_and_object(tmp_path):
         {"provenance": np.full(3, 7, np.uint8)},
         {"faces": np.array([[0, 1, 2], [1, 2, 3], [2, 3, 5]], np.int32)},
         {"vertices": np.full((5, 3), np.nan, np.float32)},
+        {"confidence": np.full(3, np.nan, np.float32)},
+        {"confidence": np.full(3, 1.5, np.float32)},
+        {"confidence": np.full(3, -0.1, np.float32)},
+        {"provenance": np.full(3, -1, np.int8)},
+        {"faces": np.zeros((3, 3), np.float32)},
+        {"support": np.full(3, -1, np.int32)},
+        {"instance": np.array([0, 1, 0], np.int32)},
+        {"instance": np.array([0, -1, 0], np.int32)},
     ],
 )
 def test_a_file_whose_arrays_do_not_belong_together_is_no_proxy(tmp_path, wrong):
