@@ -90,7 +90,7 @@ _RESULTS = {
         *[("observed", "colours", value) for value in (NAN, -0.1, 1.5)],
         *[("observed", "confidence", value) for value in (NAN, -0.1, 1.5)],
         *[("sparse", "points", value) for value in (NAN, INFINITE, 1e300)],
-        *[("sparse", "error_px", value) for value in (NAN, -1.0)],
+        *[("sparse", "error_px", value) for value in (NAN, INFINITE, -1.0)],
         ("sparse", "pixels", NAN),
     ],
 )
