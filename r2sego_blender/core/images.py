@@ -39,6 +39,7 @@ DAMAGED = (
     AttributeError,
     LookupError,
     ArithmeticError,
+    AssertionError,
     MemoryError,
     struct.error,
     zlib.error,
