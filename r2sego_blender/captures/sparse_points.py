@@ -50,7 +50,7 @@ class SparsePoints:
             arrays = {field.name: data[field.name] for field in fields(SparsePoints)}
             require_shapes(arrays, points="P 3", colours="P 3", visibility="P N", error_px="P", pixels="P N 2")
             require_between(-_FARTHEST, _FARTHEST, points=arrays["points"])
-            require_between(0.0, None, error_px=arrays["error_px"])
+            require_between(0.0, _FARTHEST, error_px=arrays["error_px"])
             if arrays["visibility"].dtype != np.bool_ or arrays["colours"].dtype != np.uint8:
                 raise ValueError("visibility or colours are of another kind")
             if not np.isfinite(arrays["pixels"][arrays["visibility"]]).all():

@@ -13,12 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from .image_sizes import MOST_PX
+from .image_sizes import LONGEST_SIDE_PX, MOST_PX
 
 RIGID_CURE = "Give a 4x4 rigid matrix without scale or mirroring, last row 0 0 0 1."
 """What to do about a pose that is not."""
 
-_LONGEST_SIDE_PX = 65_535
 _LONGEST_FOCAL_PX = 1e8
 _FARTHEST_CENTRE_PX = 1e8
 _RIGID_TOLERANCE = 1e-3
@@ -50,7 +49,7 @@ def is_rigid(pose: np.ndarray) -> bool:
 
 def require_pinhole(width: float, height: float, fx: float, fy: float, cx: float, cy: float) -> None:
     """Raises ValueError unless a lens of these pixels can see something: for numbers that files tell."""
-    if not (1 <= width <= _LONGEST_SIDE_PX and 1 <= height <= _LONGEST_SIDE_PX and width * height <= MOST_PX):
+    if not (1 <= width <= LONGEST_SIDE_PX and 1 <= height <= LONGEST_SIDE_PX and width * height <= MOST_PX):
         raise ValueError(f"a camera has no {width:.6g} x {height:.6g} pixels")
     if not (0.0 < fx <= _LONGEST_FOCAL_PX and 0.0 < fy <= _LONGEST_FOCAL_PX):
         raise ValueError(f"a camera has no focal lengths of {fx:.6g} and {fy:.6g} pixels")

@@ -13,6 +13,7 @@ from .text_files import opened_file
 MOST_PX = 200_000_000
 """The pixels of the largest photograph there is, a phone's."""
 
+LONGEST_SIDE_PX = 65_535
 MOST_FILE_BYTES = 1 << 30
 
 _ALWAYS_PX = 50_000_000
@@ -28,7 +29,7 @@ def require_sensible_size(
 ) -> None:
     """Raises ``error`` where an image of so many bytes says that it has more pixels than is sensible."""
     most = min(max(_ALWAYS_PX, _MOST_PX_A_BYTE * file_bytes), MOST_PX)
-    if width * height > most or file_bytes > MOST_FILE_BYTES:
+    if width * height > most or max(width, height) > LONGEST_SIDE_PX or file_bytes > MOST_FILE_BYTES:
         raise error(
             f"the image has {width}x{height} pixels in {file_bytes} bytes, more pixels than is sensible",
             where=file,

@@ -40,6 +40,7 @@ DAMAGED = (
     AttributeError,
     LookupError,
     ArithmeticError,
+    AssertionError,
     MemoryError,
     struct.error,
     zlib.error,

@@ -5,8 +5,8 @@ Needs the standard library alone, so Blender's Python reads it.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from operator import index
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from ..core.printable import printable
 from .decisions import decision_of, save_decision
 
 _LONGEST = 2000
+_MOST = 2**31 - 1
 _WORDS = {True: "accepted by hand", False: "rejected by hand"}
 
 
@@ -111,7 +112,7 @@ def _read(view: Path) -> tuple[Path, dict[str, Any], bool | None, str]:
     try:
         record = read_json(file)
         checked = (record["rank"], record["estimate"], record["accepted"])
-        if not isinstance(checked[0], int) or checked[0] < 0 or not isinstance(checked[2], bool):
+        if not isinstance(checked[0], int) or not 0 <= checked[0] <= _MOST or not isinstance(checked[2], bool):
             raise TypeError("'rank' or 'accepted' is of another kind")
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise _damaged(file, error) from error
@@ -142,23 +143,37 @@ def _record(
         return ViewRecord(
             view,
             rank,
-            index(record["candidate"]),
-            index(record["rollout"]),
-            index(record["frame"]),
+            _index(record["candidate"]),
+            _index(record["rollout"]),
+            _index(record["frame"]),
             printable(str(record["reference_name"]), _LONGEST),
-            float(record["overlap"]),
+            _finite(record["overlap"]),
             printable(str(record["generator"]), _LONGEST),
             record["accepted"],
             by_hand,
             printable(str(record["reason"]), _LONGEST),
             record["estimate"] is not None,
-            {name: float(record[name]) for name in figures if name in record},
+            {name: _finite(record[name]) for name in figures if name in record},
             stood_for.get(rank, -1),
             stand_in.get(rank, -1),
             note,
         )
     except (KeyError, TypeError, ValueError) as error:
         raise _damaged(view / "pose.json", error) from error
+
+
+def _index(value: Any) -> int:
+    index = int(value)
+    if not 0 <= index <= _MOST:
+        raise ValueError(f"{value} counts nothing")
+    return index
+
+
+def _finite(value: Any) -> float:
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"{value} is no number")
+    return number
 
 
 def _damaged(file: Path, error: Exception) -> GenerationError:

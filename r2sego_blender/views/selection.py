@@ -41,6 +41,9 @@ _MOST = 1.0 + 1e-6
 """Of a share, as sums of pixels' round."""
 
 
+_MOST_VIEWS = 1_000_000
+
+
 @dataclass(frozen=True)
 class Selection:
     """What became of every candidate of a round, and why.
@@ -105,6 +108,8 @@ class Selection:
             *reason, note = _shown([*words["reasons"], words["note"]])
             ablations = _shown(words["ablations"])
             budget = int(words["budget"])
+            if not 0 <= budget <= _MOST_VIEWS:
+                raise ValueError(f"a budget of {budget}")
         with opened_arrays(folder / "selection.npz", GenerationError, what) as data:
             arrays = {name: data[name] for name in _ARRAYS}
             require_shapes(arrays, **dict.fromkeys(_ARRAYS, "M") | {"overlaps": "M N"})

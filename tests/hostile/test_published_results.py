@@ -90,7 +90,7 @@ _RESULTS = {
         *[("observed", "colours", value) for value in (NAN, -0.1, 1.5)],
         *[("observed", "confidence", value) for value in (NAN, -0.1, 1.5)],
         *[("sparse", "points", value) for value in (NAN, INFINITE, 1e300)],
-        *[("sparse", "error_px", value) for value in (NAN, -1.0)],
+        *[("sparse", "error_px", value) for value in (NAN, INFINITE, -1.0)],
         ("sparse", "pixels", NAN),
     ],
 )
@@ -210,6 +210,26 @@ def test_an_estimated_view_is_a_camera(bundle, changes):
 def check_views_of(views: Path) -> None:
     check_views(views)
     assert len(load_pseudo_observations(views)) == 3
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"focal_px": "inf"}, {"overlap": "nan"}, {"sigma_m": None}, {"candidate": 1e300}, {"frame": -1}, {"rank": 2**40}],
+)
+def test_a_view_is_told_in_numbers(bundle, changes):
+    views = bundle / "rounds" / "0" / "views"
+    assert len(read_views(views, 3)) == 4
+    _change(views / "000" / "pose.json", **changes)
+    with pytest.raises(GenerationError, match=r"pose\.json"):
+        read_views(views, 3)
+
+
+@pytest.mark.parametrize("budget", [-1, 1e300, "x", None])
+def test_a_budget_is_a_number_of_views(tmp_path, budget):
+    selection().save(tmp_path)
+    _change(tmp_path / "selection.json", budget=budget)
+    with pytest.raises(GenerationError, match=r"selection\.json"):
+        Selection.load(tmp_path)
 
 
 def test_what_a_view_says_controls_no_terminal(bundle):

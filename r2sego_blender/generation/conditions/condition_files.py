@@ -130,7 +130,7 @@ def _camera_of(path: Path) -> Camera:
     """
     with OpenEXR.File(str(path), header_only=True) as file:
         header, parts = dict(file.header()), len(file.parts)  # leaving empties its own
-    camera = Camera.from_json(parse_json(header[_CAMERA]))
+    camera = Camera.from_json(parse_json(str(header[_CAMERA])))
     low, high = (corner.tolist() for corner in header["dataWindow"])
     kind = header["compression"], header["type"], parts
     if kind != (OpenEXR.ZIP_COMPRESSION, OpenEXR.scanlineimage, 1) or len(header["channels"]) > _MOST_CHANNELS:
