@@ -33,6 +33,8 @@ def fault_of(value: Any, at: str = "", deep: int = 0) -> str:
     if deep > _DEEPEST:
         return ""
     parts: Mapping[Any, Any] = {}
+    if type(value).__name__ == "SparsePoints":  # where a capture did not measure a point it says so by NaN
+        value = dataclasses.replace(value, pixels=value.pixels[value.visibility])
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         parts = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
     elif isinstance(value, Mapping):
