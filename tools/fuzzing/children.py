@@ -17,7 +17,7 @@ from typing import Any
 
 HANG_S = 20.0
 _READY_S = 300.0
-"""For what is built and imported before the first input."""
+"""For what is built and imported before the first input, and for making the next."""
 
 _CHILD = (sys.executable, "-m", "tools.fuzzing.child")
 _ROOT = Path(__file__).parents[2]
@@ -61,14 +61,13 @@ class Child:
                     return
                 if "wrong" in told:
                     raise RuntimeError(f"{name}: {told['wrong']}")
-                limit_s = self._hang_s
                 if "ready" in told:
                     file = Path(told["file"])
                 elif "begins" in told:
-                    begun = told
+                    begun, limit_s = told, self._hang_s
                 else:
                     yield told, file
-                    first, begun = told["number"] + 1, {}
+                    first, begun, limit_s = told["number"] + 1, {}, _READY_S
             if not begun:
                 self.end()
                 raise RuntimeError(f"{name} {first}: the process that reads ended between two inputs: {told}")
