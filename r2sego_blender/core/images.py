@@ -30,6 +30,7 @@ except ImportError:  # an engine of before HEIC was read
 HEIC = frozenset({".heic", ".heif"})
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".avif"}) | HEIC
 DAMAGED = (
+    AssertionError,  # a picture of a palette that has none
     EOFError,
     OSError,
     RuntimeError,

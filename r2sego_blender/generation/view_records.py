@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from operator import index
 from pathlib import Path
 from typing import Any
 
@@ -163,10 +164,10 @@ def _record(
 
 
 def _index(value: Any) -> int:
-    index = int(value)
-    if not 0 <= index <= _MOST:
+    found = index(value)
+    if not 0 <= found <= _MOST:
         raise ValueError(f"{value} counts nothing")
-    return index
+    return found
 
 
 def _finite(value: Any) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -19,28 +20,37 @@ from random import Random
 _ROOT = Path(__file__).parents[2]
 _SEEDS = 200
 _TOLD = ".told"
+_RUNS = re.compile(r"^stat::number_of_executed_units:\s*(\d+)", re.MULTILINE)
 _LONGEST_BYTES = 1 << 19
 _HANG_S = 20
+_SLOW_S = 5.0  # instrumented code takes some times longer
 _MOST_MB = 4000
 
 
-def guide(name: str, seconds: int, folder: Path) -> int:
-    """Search for so long; how many kinds of failing inputs there are in ``folder`` then."""
+def guide(name: str, seconds: int, folder: Path) -> tuple[int, int]:
+    """Search for so long; how many inputs were tried, and how many kinds of failing ones ``folder`` has."""
     place = folder.absolute() / name.replace("/", "_")
     failing, corpus = place / "failing", place / "corpus"
     shutil.rmtree(failing, ignore_errors=True)
     for one in (failing, corpus):
         one.mkdir(parents=True, exist_ok=True)
+    (place / "log").unlink(missing_ok=True)
     until = time.monotonic() + seconds
     while (left := int(until - time.monotonic())) > 0:
         with tempfile.TemporaryDirectory(dir="/dev/shm" if os.access("/dev/shm", os.W_OK) else None) as scratch:
             command = [sys.executable, "-m", "tools.fuzzing.guided", name, str(failing), str(corpus)]
             options = [f"-max_total_time={left}", f"-max_len={_LONGEST_BYTES}", f"-timeout={_HANG_S}"]
-            options += [f"-rss_limit_mb={_MOST_MB}", f"-artifact_prefix={failing}/", "-detect_leaks=0"]
+            options += [
+                f"-rss_limit_mb={_MOST_MB}",
+                f"-artifact_prefix={failing}/",
+                "-detect_leaks=0",
+                "-print_final_stats=1",
+            ]
             with (place / "log").open("ab") as log:
                 environment = os.environ | {"TMPDIR": scratch}
                 subprocess.run([*command, *options], cwd=_ROOT, env=environment, stderr=log, stdout=log, check=False)
-    return sum(file.suffix != _TOLD for file in failing.iterdir())
+    runs = sum(map(int, _RUNS.findall((place / "log").read_text(errors="replace"))))
+    return runs, sum(file.suffix != _TOLD for file in failing.iterdir())
 
 
 def main() -> None:
@@ -72,7 +82,7 @@ def main() -> None:
     def try_one(content: bytes) -> None:
         place.write_bytes(content)
         outcome = reader.outcome(harness)
-        if outcome["class"] not in RIGHT:
+        if outcome["class"] not in RIGHT and not (outcome["class"] == "slow" and outcome["s"] < _SLOW_S):
             file = Path(failing, f"{outcome['class']}-{fault_key(name, outcome | {'bytes': 0})}{place.suffix}")
             if not file.exists() or file.stat().st_size > len(content):
                 file.write_bytes(content)

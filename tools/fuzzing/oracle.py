@@ -12,7 +12,7 @@ import numpy as np
 from r2sego_blender.core.cameras import Camera, is_rigid
 
 _FARTHEST_M = 1e18
-_LARGEST_INTEGER = 1 << 63
+_SMALLEST_INTEGER, _BEYOND_INTEGERS = -(1 << 63), 1 << 64
 _UNIT = 1e-3
 _DEEPEST = 12
 
@@ -25,7 +25,7 @@ def fault_of(value: Any, at: str = "", deep: int = 0) -> str:
     if isinstance(value, float | np.floating):
         return "" if math.isfinite(value) else f"{at} is not finite"
     if isinstance(value, int):
-        return "" if abs(value) < _LARGEST_INTEGER else f"{at} has more than 64 bits"
+        return "" if _SMALLEST_INTEGER <= value < _BEYOND_INTEGERS else f"{at} has more than 64 bits"
     if isinstance(value, np.ndarray):
         return _fault_of_array(value, at)
     if isinstance(value, Camera):
@@ -84,7 +84,7 @@ def _mesh(mesh: Any) -> str:
     faces, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices)
     if faces.dtype.kind not in "iu" or faces.ndim != 2 or faces.shape[1] != 3:
         return f"faces are {faces.dtype} {faces.shape}"
-    if vertices.dtype.kind not in "fiu" or vertices.ndim != 2 or vertices.shape[1] != 3:
+    if vertices.dtype.kind not in "fiub" or vertices.ndim != 2 or vertices.shape[1] != 3:
         return f"vertices are {vertices.dtype} {vertices.shape}"
     if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
         return "a face has no vertices"

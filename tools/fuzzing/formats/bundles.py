@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -28,6 +29,7 @@ def build(folder: Path) -> None:
     from r2sego_blender.geometry.stereo.stereo import DepthMap
     from r2sego_blender.splats.asset_edits import AssetEdit, save_edit
     from r2sego_blender.splats.regions import Box, Cells, Lasso
+    from r2sego_blender.workers.signed_records import write_signed
 
     path = of_tests("fake_bundle").write_bundle(folder / BUNDLE)
     scene, lens = Scene.open(path), camera()
@@ -54,7 +56,8 @@ def build(folder: Path) -> None:
     (path / ".jobs/one").mkdir(parents=True)
     record = {"format": 1, "title": "Refine", "command": ["python", "-m", "r2sego_blender", "refine"], "started": 1.5}
     record |= {"machine": "here", "notes": {}, "starter": {"pid": 1, "birth": "2"}}
-    (path / ".jobs/one/job.json").write_text(json.dumps(record))
+    _configure(folder)
+    write_signed(path / ".jobs/one/job.json", record)
     events = [{"event": "progress", "done": 1, "total": 2}, {"event": "result", "data": 3.5}]
     (path / ".jobs/one/events.jsonl").write_text("".join(json.dumps(event) + "\n" for event in events))
 
@@ -172,9 +175,15 @@ def _robot_facts(folder: Path) -> Any:
     return facts.told, facts.seats, list(facts.lines())
 
 
+def _configure(folder: Path) -> None:
+    """The secret that signs jobs lies here, and not where the person's is."""
+    os.environ["R2SEGO_CONFIG"] = str(folder / "config")
+
+
 def _jobs(folder: Path) -> Any:
     from r2sego_blender.workers.jobs import Job
 
+    _configure(folder)
     job = Job.open(folder / BUNDLE / ".jobs/one")
     return job.title, job.command, job.running(), job.events(), job.words()
 

@@ -86,11 +86,9 @@ def _members(data: bytes) -> list[tuple[str, bytes]]:
 
 def _packed(members: list[tuple[str, bytes]], compression: int) -> bytes:
     stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
+    with zipfile.ZipFile(stream, "w", compression, compresslevel=1) as archive:
         for name, content in members:
-            info = zipfile.ZipInfo(name or "a")
-            info.compress_type = compression
-            with archive.open(info, "w", force_zip64=len(content) > 1 << 30) as file:
+            with archive.open(name or "a", "w") as file:
                 file.write(content)
     return stream.getvalue()
 
@@ -177,4 +175,4 @@ def _saved(array: np.ndarray, name: str, pickled: bool = False) -> tuple[bytes, 
 
 @cache
 def _bomb() -> bytes:
-    return _saved(np.zeros(40_000_000), "")[0]
+    return _saved(np.zeros(30_000_000), "")[0]
