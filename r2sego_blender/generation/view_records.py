@@ -163,10 +163,10 @@ def _record(
 
 
 def _index(value: Any) -> int:
-    index = int(value)
-    if not 0 <= index <= _MOST:
+    found = index(value)
+    if not 0 <= found <= _MOST:
         raise ValueError(f"{value} counts nothing")
-    return index
+    return found
 
 
 def _finite(value: Any) -> float:
