@@ -44,6 +44,7 @@ def guide(name: str, seconds: int, folder: Path) -> tuple[int, int]:
                 f"-rss_limit_mb={_MOST_MB}",
                 f"-artifact_prefix={failing}/",
                 "-detect_leaks=0",
+                f"-report_slow_units={_HANG_S}",
                 "-print_final_stats=1",
             ]
             with (place / "log").open("ab") as log:
