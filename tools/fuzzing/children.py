@@ -42,7 +42,7 @@ class Child:
         self.end()
 
     def outcomes(self, name: str, first: int, after: int) -> Iterator[tuple[dict[str, Any], Path]]:
-        """What becomes of each input of a format, and the file that holds it at that moment.
+        """What becomes of each input of a format, and a file that holds those that failed until the next is asked for.
 
         A death or a silence of more than ``hang_s`` is of the input that had begun. Raises RuntimeError
         where it was none's.
@@ -66,7 +66,10 @@ class Child:
                 elif "begins" in told:
                     begun, limit_s = told, self._hang_s
                 else:
-                    yield told, file
+                    kept = Path(told.pop("kept", file))
+                    yield told, kept
+                    if kept != file:
+                        kept.unlink()
                     first, begun, limit_s = told["number"] + 1, {}, _READY_S
             if not begun:
                 self.end()

@@ -65,9 +65,9 @@ def main() -> None:
         if "numba" in file.read_text(encoding="utf-8")
     ]
     with atheris.instrument_imports(include=["r2sego_blender"], exclude=compiled):
-        from .child import Reader
+        from .child import RIGHT, Reader
         from .formats import HARNESSES
-        from .mutate import RIGHT, fault_key
+        from .mutate import fault_key
 
         harness = next(one for one in HARNESSES if one.name == name)
         reader = Reader(Path(tempfile.gettempdir()))
