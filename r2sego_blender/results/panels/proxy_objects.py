@@ -83,10 +83,11 @@ def _object(bundle: Bundle, place: Path, record: Mapping[str, Any]) -> KnownObje
     locked = bool(held.get("locked", False))
     pose = record.get("world_from_own")
     try:
-        names = ("silhouette_iou", "energy", "point_distance_m")
-        overlap, energy, distance_m = (_number(record.get(name)) for name in names)
+        iou, energy, distance_m = (
+            _number(record.get(name)) for name in ("silhouette_iou", "energy", "point_distance_m")
+        )
         placed_at = np.eye(4) if pose is None else np.array(pose, np.float64).reshape(4, 4)
-        require_finite(figures=np.array([overlap, energy, distance_m]), world_from_own=placed_at)
+        require_finite(figures=np.array([iou, energy, distance_m]), world_from_own=placed_at)
     except (TypeError, ValueError) as error:
         raise GeometryError(
             f"the record of '{place.name}' is damaged: {error}",
@@ -100,7 +101,7 @@ def _object(bundle: Bundle, place: Path, record: Mapping[str, Any]) -> KnownObje
         True,
         str(record.get("refusal", "")),
         str(record.get("shape", "")),
-        overlap,
+        iou,
         energy,
         distance_m,
         prior_file(bundle, place.name) is not None,
