@@ -20,6 +20,7 @@ from random import Random
 _ROOT = Path(__file__).parents[2]
 _SEEDS = 200
 _TOLD = ".told"
+_COMPILED = re.compile(r"\bnumba\b|compiled import")
 _RUNS = re.compile(r"^stat::number_of_executed_units:\s*(\d+)", re.MULTILINE)
 _LONGEST_BYTES = 1 << 19
 _HANG_S = 20
@@ -62,7 +63,7 @@ def main() -> None:
     compiled = [
         ".".join(file.relative_to(_ROOT).with_suffix("").parts)
         for file in (_ROOT / "r2sego_blender").rglob("*.py")
-        if "numba" in file.read_text(encoding="utf-8")
+        if _COMPILED.search(file.read_text(encoding="utf-8"))
     ]
     with atheris.instrument_imports(include=["r2sego_blender"], exclude=compiled):
         from .child import RIGHT, Reader
