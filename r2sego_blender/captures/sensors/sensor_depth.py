@@ -88,7 +88,7 @@ def _metres(path: Path) -> np.ndarray:
         values = _read_exr(path)
     else:
         values = _read_image(path)
-    if values.ndim == 3:
+    if values.ndim == 3 and values.shape[2]:
         values = values[..., 0]
     if values.ndim != 2 or 0 in values.shape or values.dtype.kind not in "uif":
         raise _unreadable(path, f"it holds {values.dtype} of shape {values.shape}")

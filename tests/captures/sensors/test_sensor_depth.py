@@ -42,6 +42,13 @@ def test_what_is_no_depth_is_unknown(tmp_path, capture, suffix):
     assert (depth[0, :5] == 0.0).all() and (depth[1:] == 2.0).all()
 
 
+@pytest.mark.parametrize("shape", [(24, 32, 0), (0, 32), (24,), (1, 24, 32, 1)])
+def test_an_array_of_no_map_is_refused(tmp_path, capture, shape):
+    np.save(tmp_path / "c.npy", np.zeros(shape, np.float32))
+    with pytest.raises(CaptureError, match=r"c\.npy: .*no depth map"):
+        SensorDepth(tmp_path).of(capture, "c")
+
+
 @pytest.mark.parametrize("suffix", [".npz", ".exr"])
 def test_a_small_file_of_a_vast_map_takes_no_memory(tmp_path, capture, suffix):
     """3 MB of NPZ, 1.2 MB of EXR."""
