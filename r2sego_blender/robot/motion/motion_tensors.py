@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import io
 import pickle
+import struct
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -26,6 +27,7 @@ FIELDS = (
 """What a motion is made of; other arrays of its file are left alone."""
 
 _MOST_WORDS = 1 << 20
+_DAMAGE = (EOFError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError, AssertionError)
 _STORAGES = {
     "FloatStorage": "<f4",
     "DoubleStorage": "<f8",
@@ -59,7 +61,7 @@ def _read(archive: zipfile.ZipFile) -> Any:
         raise pickle.UnpicklingError("it has no description of tensors, or too long a one")
     try:
         return _Unpickler(archive, words[0].removesuffix("data.pkl")).load()
-    except (EOFError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+    except (*_DAMAGE, struct.error) as error:
         raise pickle.UnpicklingError(f"its description of tensors is damaged: {error}") from error
 
 
