@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ..config.declared_files import Reader
 from ..config.fields import setting
 from ..config.presets import present_keys, preset, with_overrides
 from ..config.settings import Settings
 from ..core.atomic_files import write_whole
+from ..core.cameras import is_similarity
 from ..core.errors import SceneError, SettingsError
 from .backends import BACKENDS, chosen_backends
 from .layout import SCOPE_FILE
@@ -151,12 +153,12 @@ def _by_dotted_keys(overrides: Mapping[str, Any], prefix: str = "") -> dict[str,
 
 
 def _matrix(rows: Any) -> tuple[tuple[float, ...], ...]:
-    """The (4, 4) finite numbers, row by row. Raises ValueError for anything else."""
+    """The (4, 4) similarity, row by row. Raises ValueError for anything else."""
     try:
         matrix = tuple(tuple(map(float, row)) for row in rows)
     except (TypeError, ValueError):
         matrix = ()
-    if [len(row) for row in matrix] != [4] * 4 or not all(map(math.isfinite, sum(matrix, ()))):
+    if [len(row) for row in matrix] != [4] * 4 or not is_similarity(np.array(matrix)):
         raise ValueError(_FORM_OF_MATRIX)
     return matrix
 

@@ -42,7 +42,9 @@ def read_settings(folder: Path, name: str) -> tuple[str, dict[str, Any]]:
     file = folder / f"{name}.toml"
     try:
         data = parse_toml(read_text(file, MOST_BYTES))
-        chosen, overrides = str(data["preset"]), present_keys(dict(data.get("overrides", {})))
+        chosen, overrides = data["preset"], present_keys(dict(data.get("overrides", {})))
+        if not isinstance(chosen, str):
+            raise TypeError("'preset' is no text")
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise SettingsError(
             f"these settings cannot be read: {error}", where=file, cure="Remove the file, and keep them anew."

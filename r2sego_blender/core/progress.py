@@ -150,6 +150,15 @@ class _BarTask(Task):
         self._on_advance(units)
 
 
+def _finite(value: Any) -> Any:
+    """A JSON value with null for numbers that are infinite or none."""
+    if isinstance(value, dict):
+        return {key: _finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 class JsonProgress(Progress):
     """One JSON object a line: what Blender's panel and other programs read.
 
@@ -164,8 +173,8 @@ class JsonProgress(Progress):
         self._pictured_s = -math.inf
 
     def emit(self, **event: Any) -> None:
-        """Write one event as a line, at once."""
-        self._stream.write(json.dumps(event) + "\n")
+        """Write one event as a line, at once; numbers that are none are null, as JSON has it."""
+        self._stream.write(json.dumps(_finite(event)) + "\n")
         self._stream.flush()
 
     def emit_error(self, error: Exception) -> None:

@@ -34,7 +34,7 @@ def read_bytes(file: Path, most_bytes: int) -> bytes:
         size = os.fstat(stream.fileno()).st_size
         if size > most_bytes:
             raise ValueError(f"it has {size} bytes, of at most {most_bytes}")
-        return stream.read(most_bytes)
+        return stream.read(size)  # what it is told to read it takes memory for first
 
 
 def read_text(file: Path, most_bytes: int) -> str:

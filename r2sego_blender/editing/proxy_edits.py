@@ -11,7 +11,7 @@ import numpy as np
 
 from ..bundle.scene import Scene
 from ..bundle.stale import require_present_frame
-from ..core.arrays import opened_arrays
+from ..core.arrays import opened_arrays, require_shapes
 from ..core.errors import GeometryError
 from ..geometry.objects.shapes import load_shape
 from ..geometry.proxy.edited_proxy import cut_of, drawn_surface
@@ -75,6 +75,7 @@ def lines(described: dict[str, Any]) -> list[str]:
 
 def _cut(scene: Scene, file: Path, edits: Sequence[Edit]) -> Any:
     with opened_arrays(file, GeometryError, "this is no cut of the proxy", "Make it anew.") as data:
+        require_shapes(data, corners="K 3 3")
         corners, round_index = data["corners"].astype(np.float32), int(data["round"])
     proxy = PROXY.of_round(round_index)
     if not (scene.path / proxy.name / PROXY_FILE).is_file():

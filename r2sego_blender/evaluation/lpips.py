@@ -10,9 +10,10 @@ takes a second and 180 MB, is not loaded.
 from __future__ import annotations
 
 import os
-import pickle
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from ..core.printable import printable
 
 if TYPE_CHECKING:
     from .lpips_network import Lpips
@@ -38,8 +39,8 @@ def find_lpips(folder: Path | None = None) -> tuple[Lpips | None, str]:
 
     try:
         return Lpips.load(backbone, heads), ""
-    except (OSError, EOFError, KeyError, RuntimeError, ValueError, TypeError, pickle.UnpicklingError) as error:
-        first_line = (str(error).splitlines() or [type(error).__name__])[0]
+    except Exception as error:  # PyTorch raises anything on damaged files
+        first_line = printable((str(error).splitlines() or [type(error).__name__])[0])
         return None, f"LPIPS weights in {folder} cannot be used: {first_line}"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,9 @@ _CONVOLUTIONS = {
 """AlexNet's layers by torchvision's index: channels in and out, kernel, stride, padding."""
 
 _POOLED_BEFORE = frozenset({3, 6})
+_MOST_BYTES = 1 << 30
+"""AlexNet's have 244 MB."""
+
 _MEAN = (-0.030, -0.088, -0.188)
 _DEVIATION = (0.458, 0.448, 0.450)
 
@@ -40,16 +44,17 @@ class Lpips(nn.Module):
     def load(backbone: Path, heads: Path) -> Lpips:
         """The network with the weights of two state-dict files.
 
-        The files are read as tensors only: one that holds other objects is refused. Raises
-        OSError, KeyError, RuntimeError, ValueError or ``pickle.UnpicklingError``.
+        The files are read as tensors only: one that holds other objects is refused. Raises anything
+        for damaged ones.
         """
-        alexnet = torch.load(backbone, map_location="cpu", weights_only=True)
-        linear = torch.load(heads, map_location="cpu", weights_only=True)
+        alexnet, linear = _state_dict(backbone), _state_dict(heads)
         network = Lpips()
         for index, layer in network.convolutions.items():
             layer.load_state_dict({kind: alexnet[f"features.{index}.{kind}"] for kind in ("weight", "bias")})
         for level, head in enumerate(network.heads):
             head.copy_(linear[f"lin{level}.model.1.weight"].reshape(head.shape))
+        if not all(torch.isfinite(values).all() for values in network.parameters()):
+            raise ValueError("they are not all finite")
         return network
 
     @torch.no_grad()
@@ -73,6 +78,19 @@ class Lpips(nn.Module):
             values = torch.relu(layer(values))
             maps.append(values)
         return maps
+
+
+def _state_dict(file: Path) -> dict[str, torch.Tensor]:
+    """What a file holds, of its own size: PyTorch packs none, and unpacks what others packed."""
+    size = file.stat().st_size
+    if zipfile.is_zipfile(file):
+        with zipfile.ZipFile(file) as archive:
+            if sum(member.file_size for member in archive.infolist()) > size:
+                raise ValueError(f"{file.name} is packed")
+    if size > _MOST_BYTES:
+        raise ValueError(f"{file.name} has {size} bytes, of at most {_MOST_BYTES}")
+    tensors: dict[str, torch.Tensor] = torch.load(file, map_location="cpu", weights_only=True)
+    return tensors
 
 
 def _normalised(features: torch.Tensor) -> torch.Tensor:

@@ -39,6 +39,9 @@ from .report_data import (
 )
 from .round_scores import RoundScore, below
 
+_STL_HEADER_BYTES, _STL_FACE_BYTES = 84, 50
+"""Of a binary STL, as the collision surface is written."""
+
 _PAPER_BACKENDS = {
     "initial_asset": "feed-forward pointmap-to-Gaussian reconstructor of the DUSt3R/VGGT family",
     "shape_prior": "SAM 3 and SAM 3D",
@@ -178,14 +181,12 @@ def _target(view: ViewRecord, selection: Selection, captures: Sequence[Capture])
 
 
 def _collision(scene: Scene) -> Collision | None:
-    import trimesh
-
     mesh_file = scene.collision_folder / "mesh.stl"
     if not mesh_file.is_file():
         return None
-    mesh: Any = trimesh.load(mesh_file, process=False)
+    faces = (mesh_file.stat().st_size - _STL_HEADER_BYTES) // _STL_FACE_BYTES
     pieces = len(list((scene.collision_folder / "hulls").glob("*.obj")))
-    return Collision(len(mesh.faces), pieces)
+    return Collision(max(faces, 0), pieces)
 
 
 def _settings(scene: Scene) -> tuple[SettingUsed, ...]:

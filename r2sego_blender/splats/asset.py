@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..core.errors import AssetError
 from .harmonics import SH_BAND_0, degree_of, rotated_coefficients
-from .quaternions import from_rotation, product
+from .quaternions import from_rotation, of_usable_length, product
+
+LARGEST = 1e9
+"""Of means, metres, harmonics and opacities: beyond it products of a few are infinite in float32, and so is
+what is rendered of them."""
+
+LARGEST_LOG_SCALE = 80.0
+"""Standard deviations that fit into float32."""
 
 _WIDTHS = {"means": 3, "log_scales": 3, "quaternions": 4}
 
@@ -85,16 +92,18 @@ class SplatAsset:
             sh=rotated_coefficients(self.sh, rotation),
         )
 
-    def concatenated(self, other: SplatAsset) -> SplatAsset:
-        """Both assets' Gaussians, at the higher of the two degrees."""
-        degree = max(self.degree, other.degree)
-        a, b = self.with_degree(degree), other.with_degree(degree)
+    def concatenated(self, *others: SplatAsset) -> SplatAsset:
+        """This asset's Gaussians, then the others', at the highest of their degrees."""
+        if not others:
+            return self
+        degree = max(one.degree for one in (self, *others))
+        assets = [one.with_degree(degree) for one in (self, *others)]
         return SplatAsset(
-            means=np.concatenate([a.means, b.means]),
-            log_scales=np.concatenate([a.log_scales, b.log_scales]),
-            quaternions=np.concatenate([a.quaternions, b.quaternions]),
-            logit_opacities=np.concatenate([a.logit_opacities, b.logit_opacities]),
-            sh=np.concatenate([a.sh, b.sh]),
+            means=np.concatenate([one.means for one in assets]),
+            log_scales=np.concatenate([one.log_scales for one in assets]),
+            quaternions=np.concatenate([one.quaternions for one in assets]),
+            logit_opacities=np.concatenate([one.logit_opacities for one in assets]),
+            sh=np.concatenate([one.sh for one in assets]),
         )
 
     def subset(self, chosen: np.ndarray | slice) -> SplatAsset:
@@ -108,17 +117,24 @@ class SplatAsset:
         )
 
     def finite(self, file: Path | None = None) -> SplatAsset:
-        """The asset without the Gaussians that have a value that is not finite.
+        """The asset without the Gaussians that ``usable`` does not name, its quaternions of usable length.
 
         Raises AssetError naming ``file``, where one is given, if that leaves none of them.
         """
-        keep = np.isfinite(self.logit_opacities)
-        for values in (self.means, self.log_scales, self.quaternions):
-            keep &= np.isfinite(values).all(axis=1)
-        keep &= np.isfinite(self.sh).all(axis=(1, 2))
-        if file is not None and len(self) and not keep.any():
-            raise AssetError("no Gaussian of the file has finite values", where=file, cure="Copy or export it again.")
-        return self if keep.all() else self.subset(keep)
+        parts = (self.means, self.log_scales, self.quaternions, self.logit_opacities, self.sh)
+        if all(_is_bounded(values, bound) for values, bound in zip(parts, _BOUNDS, strict=True)):
+            kept = self  # looked at whole in a fraction of the time
+        else:
+            keep = usable(*parts)
+            if file is not None and len(self) and not keep.any():
+                raise AssetError(
+                    "no Gaussian of the file has finite values, none of them beyond all bounds",
+                    where=file,
+                    cure="Copy or export it again.",
+                )
+            kept = self if keep.all() else self.subset(keep)
+        quaternions = of_usable_length(kept.quaternions)
+        return kept if quaternions is kept.quaternions else replace(kept, quaternions=quaternions)
 
     def with_degree(self, degree: int) -> SplatAsset:
         """The asset at another degree: harmonics cut off, or zeros appended."""
@@ -148,6 +164,32 @@ class SplatAsset:
             logit_opacities=np.zeros(0),
             sh=np.zeros((0, (degree + 1) ** 2, 3)),
         )
+
+
+_LARGEST_LENGTH = float(np.finfo(np.float32).max)
+_BOUNDS = (
+    (-LARGEST, LARGEST),
+    (-LARGEST, LARGEST_LOG_SCALE),
+    (-_LARGEST_LENGTH, _LARGEST_LENGTH),
+    (-LARGEST, LARGEST),
+    (-LARGEST, LARGEST),
+)
+"""Of an asset's means, log_scales, quaternions, logit_opacities and sh."""
+
+
+def usable(
+    means: np.ndarray, log_scales: np.ndarray, quaternions: np.ndarray, logit_opacities: np.ndarray, sh: np.ndarray
+) -> np.ndarray:
+    """(N,) bool: which Gaussians have finite values alone, none of them beyond LARGEST or LARGEST_LOG_SCALE."""
+    keep = np.ones(len(means), bool)
+    for values, (low, high) in zip((means, log_scales, quaternions, logit_opacities, sh), _BOUNDS, strict=True):
+        keep &= ((values >= low) & (values <= high)).reshape(len(means), -1).all(axis=1)
+    return keep
+
+
+def _is_bounded(values: np.ndarray, bounds: tuple[float, float]) -> bool:
+    """Whether all values lie within; no number does not."""
+    return not values.size or bool(values.min() >= bounds[0] and values.max() <= bounds[1])
 
 
 def _with_identity(quaternions: np.ndarray) -> np.ndarray:

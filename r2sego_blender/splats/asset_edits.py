@@ -6,7 +6,6 @@ whenever the asset is published. NumPy alone: Blender lists the edits too.
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ from ..bundle import layout
 from ..bundle.artifacts import Artifact
 from ..bundle.scene import Scene
 from ..core.errors import AssetError
-from ..core.json_files import write_json
+from ..core.json_files import read_json, write_json
 from .regions import Box, Region, region_of
 
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
@@ -115,7 +114,7 @@ def _load(file: Path) -> AssetEdit:
 
 def _json(file: Path) -> dict:
     try:
-        data = json.loads(file.read_text(encoding="utf-8"))
+        data = read_json(file)
     except OSError as error:
         raise AssetError("the file cannot be read", where=file, cure="Check the path.") from error
     except ValueError as error:

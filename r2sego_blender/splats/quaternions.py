@@ -4,6 +4,32 @@ from __future__ import annotations
 
 import numpy as np
 
+_SHORTEST, _LONGEST = 1e-9, 1e9
+"""Beyond these float32 has no square of a quaternion's length, or no digits of it."""
+
+
+def unit_quaternions(quaternions: np.ndarray) -> np.ndarray:
+    """(N, 4) float64 wxyz of length 1; a quaternion of length zero counts as the identity."""
+    quaternions = np.asarray(quaternions, np.float64)
+    lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    identity = np.array([1.0, 0.0, 0.0, 0.0])
+    return np.where(lengths < 1e-12, identity, quaternions / np.maximum(lengths, 1e-12))
+
+
+def of_usable_length(quaternions: np.ndarray) -> np.ndarray:
+    """Quaternions (N, 4) float32, finite, with those that float32 cannot give length 1 of that length already.
+
+    The same array where there are none such.
+    """
+    with np.errstate(over="ignore"):
+        squared = np.einsum("ij,ij->i", quaternions, quaternions)
+    odd = (squared < _SHORTEST**2) | (squared > _LONGEST**2)
+    if not odd.any():
+        return quaternions
+    usable = quaternions.copy()
+    usable[odd] = unit_quaternions(quaternions[odd])
+    return usable
+
 
 def from_rotation(rotations: np.ndarray) -> np.ndarray:
     """Unit quaternions wxyz (..., 4) float64 of rotation matrices (..., 3, 3)."""

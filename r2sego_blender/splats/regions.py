@@ -14,6 +14,9 @@ import numpy as np
 from ..core.cameras import Camera
 from ..core.errors import AssetError
 
+_MOST_CORNERS = 10_000
+"""Of a lasso: every one of them is asked of every point."""
+
 _LARGEST_CELL = 1 << 20
 """Cells are numbered from minus this to this along each axis, so that three fit into 64 bits."""
 
@@ -155,12 +158,15 @@ def region_of(data: Mapping[str, Any], where: object) -> Region:
                 polygon = _numbers(data["polygon_px"], (len(data["polygon_px"]), 2))
                 if len(polygon) < 3:
                     raise ValueError("polygon_px has fewer than three corners")
+                if len(polygon) > _MOST_CORNERS:
+                    raise ValueError(f"polygon_px has more than {_MOST_CORNERS} corners")
+                near_m, far_m = _numbers([data["near_m"], data["far_m"]], (2,)).tolist()
                 sides = data.get("kept_sides", [])
                 return Lasso(
                     Camera.from_json(data["camera"]),
                     polygon,
-                    float(data["near_m"]),
-                    float(data["far_m"]),
+                    near_m,
+                    far_m,
                     bool(data.get("orthographic", False)),
                     _numbers(np.reshape(sides, (-1, 4)), (len(sides), 4)),
                 )
@@ -169,7 +175,7 @@ def region_of(data: Mapping[str, Any], where: object) -> Region:
                 return Cells(_numbers(data["grid_from_world"], (4, 4)), cells)
             case kind:
                 raise ValueError(f"kind is {kind!r}, not one of {', '.join(KINDS)}")
-    except (KeyError, TypeError, ValueError, np.linalg.LinAlgError) as error:
+    except (AttributeError, ArithmeticError, KeyError, TypeError, ValueError, np.linalg.LinAlgError) as error:
         what = f"the field {error} is missing" if isinstance(error, KeyError) else str(error)
         raise AssetError(
             f"this is no region: {what}", where=where, cure="See docs/splats.md, Deleting splats."

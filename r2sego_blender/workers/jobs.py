@@ -21,7 +21,6 @@ from __future__ import annotations
 import contextlib
 import datetime
 import itertools
-import json
 import os
 import platform
 import secrets
@@ -36,6 +35,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import MachineError, R2SEgoError, SceneError
+from ..core.json_files import parse_json
 from ..core.printable import printable
 from ..core.progress import JOB_FOLDER_VARIABLE
 from .engine import COMMAND_NAME, GOING_ON, LIBRARY, engine_environment
@@ -367,8 +367,8 @@ def _in_place(folder: Path) -> bool:
 
 def _parsed(line: str) -> Event | None:
     try:
-        data = json.loads(line)
-    except (ValueError, RecursionError):
+        data = parse_json(line)
+    except ValueError:
         return None
     if not isinstance(data, dict) or not isinstance(data.get("event"), str):
         return None

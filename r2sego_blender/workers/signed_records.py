@@ -21,7 +21,7 @@ from typing import Any
 from ..core.atomic_files import write_whole
 from ..core.errors import MachineError
 from ..core.json_files import read_json
-from ..core.user_configuration import configuration_folder
+from ..core.user_configuration import CONFIGURATION_VARIABLE, configuration_folder
 
 _SECRET_FILE = "jobs.key"
 _SECRET_BYTES = 32
@@ -89,7 +89,7 @@ def _new_secret() -> bytes:
         raise MachineError(
             f"the secret that jobs are signed with cannot be kept: {error.strerror}",
             where=file,
-            cure="Allow writing this folder, or set XDG_CONFIG_HOME to another.",
+            cure=f"Allow writing this folder, or name another in {CONFIGURATION_VARIABLE}.",
         ) from error
     return _secret() or _new_secret()
 

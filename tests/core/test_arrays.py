@@ -11,7 +11,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from r2sego_blender.core.arrays import arrays_of, load_array, opened_arrays, require_finite, require_shapes, save_arrays
+from r2sego_blender.core.arrays import (
+    arrays_of,
+    load_array,
+    opened_arrays,
+    require_finite,
+    require_indices,
+    require_shapes,
+    save_arrays,
+)
 from r2sego_blender.core.errors import GeometryError
 
 
@@ -181,3 +189,10 @@ def test_a_number_that_is_none_is_damage(number):
     points[4, 1] = number
     with pytest.raises(ValueError, match="points are not all finite"):
         require_finite(points=points)
+
+
+@pytest.mark.parametrize("wrong", [[-1], [3], [0.0], [True]])
+def test_indices_are_whole_and_of_what_is_there(wrong):
+    require_indices(3, faces=np.array([0, 2]), none=np.zeros(0, np.uint8))
+    with pytest.raises(ValueError, match="faces"):
+        require_indices(3, faces=np.array(wrong))

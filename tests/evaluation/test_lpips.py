@@ -6,6 +6,7 @@ import os
 import pickle
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -130,6 +131,31 @@ def test_damaged_weights_give_a_reason(weights, content):
     network, reason = find_lpips(weights)
     assert network is None
     assert "cannot be used" in reason
+
+
+def test_what_pytorch_raises_on_other_bytes_is_a_reason_too(weights):
+    heads = weights / HEADS.name
+    whole = heads.read_bytes()
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        changed = bytearray(whole)
+        for place in rng.integers(0, min(len(whole), 1000), rng.integers(1, 6)):
+            changed[place] = rng.integers(256)
+        heads.write_bytes(changed[: rng.integers(1, len(changed) + 1)] if rng.random() < 0.3 else changed)
+        network, reason = find_lpips(weights)
+        assert (network is None) == ("cannot be used" in reason)
+
+
+def test_weights_that_are_packed_or_not_finite_are_not_used(weights):
+    heads = weights / HEADS.name
+    infinite = {f"lin{i}.model.1.weight": torch.full((1, width, 1, 1), torch.inf) for i, width in enumerate(WIDTHS)}
+    torch.save(infinite, heads)
+    assert "finite" in find_lpips(weights)[1]
+    torch.save({"lin0.model.1.weight": torch.zeros(10_000_000)}, weights / "large.pth")
+    with zipfile.ZipFile(weights / "large.pth") as large, zipfile.ZipFile(heads, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name in large.namelist():
+            packed.writestr(name, large.read(name))
+    assert "packed" in find_lpips(weights)[1]
 
 
 @pytest.mark.skipif(not HEADS.is_file(), reason="the LPIPS heads are not in ../shared/weights")

@@ -41,7 +41,7 @@ def said(tmp_path_factory):
     blender = os.environ.get("R2SEGO_TEST_BLENDER")
     start = [blender, "--background", "--python", str(CHECKS)] if blender else [sys.executable, str(CHECKS)]
     own = {"BLENDER_USER_RESOURCES": str(folder / "user"), "LOCALAPPDATA": str(folder / "local")}
-    own["XDG_CONFIG_HOME"] = str(folder / "configuration")
+    own["R2SEGO_CONFIG"] = str(folder / "configuration")
     environment = {**os.environ, **own}
     if blender:  # 4.3 loads an add-on in a new user folder only from the next start on
         install = ["--command", "extension", "install-file", "-r", "user_default", "-e", str(package)]

@@ -116,3 +116,25 @@ def test_a_missing_field_and_a_flat_polygon_are_refused():
     del lasso["near_m"]
     with pytest.raises(AssetError, match="near_m"):
         region_of(lasso, "a")
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"polygon_px": [[0.0, 0.0]] * 10_001},
+        {"near_m": "nan"},
+        {"far_m": float("inf")},
+        {"camera": []},
+        {"camera": "here"},
+        {"kept_sides": {"a": 1}},
+    ],
+)
+def test_a_lasso_of_a_stranger_is_finite_and_has_an_end(damage):
+    with pytest.raises(AssetError, match="strange"):
+        region_of({**Lasso(CAMERA, PENTAGON, 2.0, 5.0).to_json(), **damage}, "strange.json")
+
+
+@pytest.mark.parametrize("cells", [[[1e300, 0, 0]], [[2**70, 0, 0]], "abc", [[{}]]])
+def test_cells_of_a_stranger_are_numbers(cells):
+    with pytest.raises(AssetError, match="strange"):
+        region_of({**Cells(np.eye(4), np.zeros((1, 3), np.int64)).to_json(), "cells": cells}, "strange.json")

@@ -32,7 +32,7 @@ TELL_PIDS = LEAVE_A_CHILD + "time.sleep(60)"
 
 @pytest.fixture(autouse=True)
 def configuration(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "configuration"))
+    monkeypatch.setenv("R2SEGO_CONFIG", str(tmp_path / "configuration"))
 
 
 @pytest.fixture

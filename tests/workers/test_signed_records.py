@@ -16,8 +16,8 @@ RECORD = {"command": ["python", "-m", "ü"], "started": 1764156155.25, "notes": 
 
 @pytest.fixture(autouse=True)
 def configuration(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "configuration"))
-    return tmp_path / "configuration" / "r2sego"
+    monkeypatch.setenv("R2SEGO_CONFIG", str(tmp_path / "configuration"))
+    return tmp_path / "configuration"
 
 
 @pytest.fixture
@@ -95,6 +95,6 @@ def test_a_damaged_secret_is_made_anew(file, configuration):
 
 
 def test_a_secret_that_cannot_be_kept_is_told_with_a_cure(file, configuration):
-    configuration.parent.write_text("a file")
-    with pytest.raises(MachineError, match=r"jobs\.key.*XDG_CONFIG_HOME"):
+    configuration.write_text("a file")
+    with pytest.raises(MachineError, match=r"jobs\.key.*R2SEGO_CONFIG"):
         write_signed(file, RECORD)

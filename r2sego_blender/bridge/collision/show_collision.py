@@ -8,6 +8,8 @@ import bpy
 import numpy as np
 
 from ...core.errors import SceneError
+from ...core.gltf_files import require_whole
+from ...core.text_files import read_text
 from ...results.panels.bundle import Bundle
 from ...results.panels.file_stamps import MADE, when_written
 from ..shared.materials import ramp_materials
@@ -16,6 +18,7 @@ from ..shared.outliner import find_collection, fresh_collection, link, remove_un
 
 _PART, _TEXTURED = "Collision", "Textured proxy"
 _PIECE_COLOURS = 8
+_MOST_BYTES = 256 << 20
 
 
 def show_collision(scene: bpy.types.Scene, bundle: Bundle, *, pieces: bool = True) -> bpy.types.Object:
@@ -54,8 +57,10 @@ def show_textured(scene: bpy.types.Scene, bundle: Bundle, file: Path) -> list[bp
     """The textured proxy of a GLB file, in place of the one shown before.
 
     Blender's importer turns glTF's Y up into Z up; the file is in glTF's axes. Raises SceneError
-    when it cannot be read.
+    when it cannot be read, or names files that are not in it: the importer would follow them anywhere.
     """
+    if file.is_file():
+        require_whole(file, SceneError)
     before = set(bpy.data.objects)
     try:
         bpy.ops.import_scene.gltf(filepath=str(file))
@@ -93,10 +98,13 @@ def read_obj(file: Path) -> tuple[np.ndarray, np.ndarray]:
     Blender's own importer turns axes and makes objects; these files are in the world frame.
     """
     try:
-        rows = [line.split() for line in file.read_text(encoding="utf-8").splitlines()]
+        rows = [line.split() for line in read_text(file, _MOST_BYTES).splitlines()]
         vertices = np.array([row[1:4] for row in rows if row[:1] == ["v"]], np.float32)
         corners = [[corner.partition("/")[0] for corner in row[1:]] for row in rows if row[:1] == ["f"]]
         faces = np.array(corners, np.int32).reshape(-1, 3) - 1
-    except (OSError, ValueError) as error:
+        vertices = vertices.reshape(-1, 3)
+        if not np.isfinite(vertices).all() or (faces < 0).any() or (faces >= len(vertices)).any():
+            raise ValueError("a vertex is not finite, or a face names one that is not there")  # Blender would end
+    except (OSError, ValueError, OverflowError) as error:
         raise SceneError(f"the mesh cannot be read: {error}", where=file, cure="Run Refine again.") from error
     return vertices, faces

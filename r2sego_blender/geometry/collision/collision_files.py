@@ -17,10 +17,11 @@ import trimesh
 from ...bundle import layout
 from ...bundle.artifacts import Artifact
 from ...core.errors import GeometryError
-from ...core.text_files import write_text
+from ...core.text_files import read_text, write_text
 from .collision import CollisionSurface
 from .floor_box import FloorBox
 
+_MOST_BYTES = 256 << 20
 MESH_OBJ, MESH_STL, MESH_GLB = "mesh.obj", "mesh.stl", "mesh.glb"
 HULLS = "hulls"
 SCENE_XML, SCENE_URDF, SCENE_SDF, SCENE_USD = "scene.xml", "scene.urdf", "scene.sdf", "scene.usd"
@@ -66,13 +67,13 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (V, 3) float64 and faces (F, 3) int32 of an OBJ file that ``write_collision``
     wrote. Raises GeometryError when it is missing, or is no such file."""
     try:
-        lines = path.read_text(encoding="utf-8").split("\n")
+        lines = read_text(path, _MOST_BYTES).split("\n")
         vertices = np.array([line.split()[1:] for line in lines if line.startswith("v ")], np.float64)
         faces = np.array([line.split()[1:] for line in lines if line.startswith("f ")], np.int32) - 1
         vertices, faces = vertices.reshape(-1, 3), faces.reshape(-1, 3)
         if not np.isfinite(vertices).all() or (faces < 0).any() or (faces >= len(vertices)).any():
             raise ValueError("a vertex is not finite, or a face names a vertex that is not there")
-    except (OSError, UnicodeDecodeError, ValueError) as error:
+    except (OSError, ValueError, OverflowError) as error:
         raise GeometryError(
             f"this mesh cannot be read: {error}", where=path, cure="Make the collision surface again."
         ) from error

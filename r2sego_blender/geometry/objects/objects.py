@@ -28,11 +28,15 @@ from ...captures.capture import Capture
 from ...core.errors import GeometryError
 from ...core.file_names import plain_name
 from ...core.images import load_image_uint8, save_image, stored_values
-from ...core.json_files import write_json
-from ...core.text_files import write_text
-from .shapes import MESH_SUFFIXES, load_shape
+from ...core.json_files import read_json, write_json
+from ...core.text_files import opened_file, write_text
+from ..mesh.mesh_files import LARGEST, MESH_SUFFIXES
+from .shapes import load_shape
 
 _WHITE = 128
+_MOST_GLTF_BYTES = 1 << 30
+_MOST_OBJECTS = 1024
+"""Of images that number them: each has masks of its own, and a photograph has thousands of values."""
 
 
 ACCEPT, REJECT = "accept", "reject"
@@ -71,6 +75,9 @@ def load_objects(folder: Path, captures: Sequence[Capture]) -> tuple[DeclaredObj
     """
     if not folder.is_dir():
         return ()
+    for path in folder.rglob("*"):
+        if path.is_symlink() and not path.resolve().is_relative_to(folder.resolve()):
+            raise GeometryError("it is a link out of the objects", where=path, cure="Put the file itself there.")
     return tuple(_object(place, captures) for place in _folders(folder))
 
 
@@ -145,7 +152,8 @@ def _save_mesh(mesh: Path, place: Path) -> None:
     """Copy a mesh into an object's folder; one of several files becomes one, of its shape alone."""
     suffix = mesh.suffix.lower()
     if suffix != ".gltf" or _has_its_buffers(mesh):
-        (place / f"mesh{suffix}").write_bytes(mesh.read_bytes())
+        with opened_file(mesh) as file:
+            (place / f"mesh{suffix}").write_bytes(file.read())
         return
     shape = load_shape(mesh)
     trimesh.Trimesh(shape.vertices, shape.faces, process=False).export(place / "mesh.glb")
@@ -153,9 +161,9 @@ def _save_mesh(mesh: Path, place: Path) -> None:
 
 def _has_its_buffers(gltf: Path) -> bool:
     try:
-        buffers = json.loads(gltf.read_bytes()).get("buffers", [])
+        buffers = read_json(gltf, _MOST_GLTF_BYTES).get("buffers", [])
         return all(buffer.get("uri", "data:").startswith("data:") for buffer in buffers)
-    except (AttributeError, TypeError, ValueError):
+    except (OSError, AttributeError, TypeError, ValueError):
         return False  # damaged, which reading it says
 
 
@@ -182,7 +190,7 @@ def read_backends(path: Path) -> dict[str, str]:
     if not path.is_file():
         return {}
     try:
-        return {str(part): str(name) for part, name in json.loads(path.read_text(encoding="utf-8")).items()}
+        return {str(part): str(name) for part, name in read_json(path).items()}
     except (OSError, AttributeError, ValueError) as error:
         raise GeometryError(
             "this is no record of backends", where=path, cure="Remove it; the object is then a person's."
@@ -193,7 +201,7 @@ def _decision(path: Path) -> str:
     if not path.is_file():
         return ""
     try:
-        decision = json.loads(path.read_text(encoding="utf-8"))["decision"]
+        decision = read_json(path)["decision"]
         if decision not in (ACCEPT, REJECT):
             raise ValueError(decision)
     except (OSError, KeyError, TypeError, ValueError) as error:
@@ -204,10 +212,10 @@ def _decision(path: Path) -> str:
 def read_placement(path: Path) -> Placement:
     """The placement in a JSON file: ``world_from_own`` (4, 4) and ``locked``. Raises GeometryError."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = read_json(path)
         pose = np.array(data["world_from_own"], np.float64)
-        if pose.shape != (4, 4) or not np.isfinite(pose).all():
-            raise ValueError("world_from_own is no 4x4 matrix")
+        if pose.shape != (4, 4) or not np.abs(pose).max() <= LARGEST:
+            raise ValueError("world_from_own is no 4x4 matrix of finite numbers")
         linear = pose[:3, :3]
         scale = np.cbrt(np.linalg.det(linear))
         if not scale > 0:
@@ -237,8 +245,8 @@ def _numbered(folder: Path, captures: Sequence[Capture]) -> list[DeclaredObject]
     files = _mask_files(folder, captures)
     names_file = folder / "names.json"
     try:
-        names = dict(json.loads(names_file.read_text(encoding="utf-8"))) if names_file.is_file() else {}
-    except (TypeError, ValueError) as error:
+        names = dict(read_json(names_file)) if names_file.is_file() else {}
+    except (OSError, TypeError, ValueError) as error:
         raise GeometryError("this is no JSON of names", where=names_file, cure="Correct or remove it.") from error
     masks: dict[int, dict[str, np.ndarray]] = {}
     for capture in captures:
@@ -255,8 +263,11 @@ def _numbered(folder: Path, captures: Sequence[Capture]) -> list[DeclaredObject]
                 cure="Save it with one channel, or make a folder for each object.",
             )
         for number in np.unique(numbers[numbers > 0]).tolist():
-            mask = _at_working_size(numbers == number, capture)
-            masks.setdefault(number, {})[capture.name] = mask
+            if len(masks.setdefault(number, {})) == 0 and len(masks) > _MOST_OBJECTS:
+                raise GeometryError(
+                    f"the masks number more than {_MOST_OBJECTS} objects", where=path, cure="Save numbers, no picture."
+                )
+            masks[number][capture.name] = _at_working_size(numbers == number, capture)
     return [
         DeclaredObject(plain_name(str(names.get(str(number), f"object_{number:02d}"))), found)
         for number, found in sorted(masks.items())

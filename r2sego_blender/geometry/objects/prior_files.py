@@ -5,7 +5,6 @@ NumPy alone, so that Blender reads them too.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,9 +14,9 @@ import numpy as np
 
 from ...bundle import layout
 from ...bundle.artifacts import Artifact
-from ...core.arrays import opened_arrays, save_arrays
+from ...core.arrays import opened_arrays, require_finite, require_indices, require_shapes, save_arrays
 from ...core.errors import GeometryError
-from ...core.json_files import write_json
+from ...core.json_files import opened_json, write_json
 
 REFUSED = "refused"
 """The folder of those that were refused, beside the accepted ones."""
@@ -60,7 +59,11 @@ def load_priors(folder: Path) -> tuple[AlignedPrior, ...]:
 def load_prior(file: Path) -> AlignedPrior:
     """One of them, or of those refused. Raises GeometryError for a damaged file."""
     with opened_arrays(file, GeometryError, "this is no aligned prior") as data:
-        return AlignedPrior(file.stem, data["vertices"], data["faces"])
+        prior = AlignedPrior(file.stem, data["vertices"], data["faces"])
+        require_shapes(vars(prior), vertices="V 3", faces="F 3")
+        require_finite(vertices=prior.vertices)
+        require_indices(len(prior.vertices), faces=prior.faces)
+        return prior
 
 
 def object_place(priors: Sequence[AlignedPrior], name: str) -> tuple[float, float]:
@@ -92,14 +95,12 @@ def save_priors(folder: Path, priors: Sequence[ObjectPrior]) -> None:
 
 
 def read_record(folder: Path) -> list[dict[str, Any]]:
-    """The figures of every object, as ``save_priors`` wrote them."""
-    path = folder / _RECORD
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise GeometryError(
-            "the record of the priors is damaged", where=path, cure="Run `r2sego refine` again."
-        ) from error
+    """The figures of every object, as ``save_priors`` wrote them. Raises GeometryError for a damaged file."""
+    with opened_json(folder / _RECORD, GeometryError, "the record of the priors is damaged") as records:
+        for record in records:
+            if not isinstance(record["name"], str) or not isinstance(record["refusal"], str):
+                raise TypeError("a record has no name")
+        return list(records)
 
 
 def _save(priors: Sequence[ObjectPrior], folder: Path) -> None:

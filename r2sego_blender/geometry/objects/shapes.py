@@ -7,23 +7,25 @@ axes along the directions most of its faces look. Furniture stands on one of tho
 
 from __future__ import annotations
 
+import contextlib
+import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import trimesh
 
 from ...core.errors import GeometryError
+from ..mesh.mesh_files import MESH_SUFFIXES, checked_mesh, read_mesh
 from ..mesh.meshes import compacted, merged, normals_and_areas
 from .surface_distance import SurfaceGrid
 
-MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".off", ".ply", ".stl")
+_MOST_LIBRARY_FILES, _MOST_LIBRARY_BYTES = 10_000, 20 << 30
 
 _DETAILS = (1 / 20, 1 / 45, 1 / 400)  # of the diagonal: vertices nearer than this are drawn as one
 _SAME_DIRECTION = np.cos(np.radians(12.0))
 _LEAST_SHARE = 0.05  # of the area that has to look along an axis for it to be one
-_MOST_FACES = 2_000_000
+_TRIED = 256
+_FACES_AT_ONCE = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -62,21 +64,29 @@ class Shape:
 def load_shape(path: Path) -> Shape:
     """The shape in a mesh file; all meshes of a scene are one. Its name is the file's.
 
-    Raises GeometryError when the file holds no triangle mesh.
+    Raises GeometryError when the file holds no triangle mesh, see ``read_mesh``.
     """
-    if path.suffix.lower() not in MESH_SUFFIXES:
-        raise GeometryError(f"'{path.suffix}' is no mesh format", where=path, cure=f"Use {', '.join(MESH_SUFFIXES)}.")
-    try:
-        mesh: Any = trimesh.load(path, force="mesh", process=False, skip_materials=True)
-        vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    except Exception as error:  # trimesh's readers raise anything on damaged files
-        raise GeometryError(
-            f"the mesh cannot be read ({error})", where=path, cure="Export it again, as .glb or .obj."
-        ) from error
+    vertices, faces = read_mesh(path)
     try:
         return Shape.of(path.stem, vertices, faces)
     except GeometryError as error:
         raise GeometryError(error.what, where=path, cure=error.cure) from error
+
+
+def require_library(folder: Path) -> None:
+    """Raises GeometryError where ``folder`` holds more than a library of meshes: a refinement digests all of it."""
+    files = (Path(where, name) for where, _, names in os.walk(folder) for name in names)
+    count = size = 0
+    for count, file in enumerate(files, 1):
+        with contextlib.suppress(OSError):
+            size += file.stat().st_size
+        if count > _MOST_LIBRARY_FILES or size > _MOST_LIBRARY_BYTES:
+            raise GeometryError(
+                f"this is no library of meshes: it holds more than {_MOST_LIBRARY_FILES} files "
+                f"or {_MOST_LIBRARY_BYTES >> 30} GiB",
+                where=folder,
+                cure="Put the meshes into a folder of their own, and name that with `r2sego objects`.",
+            )
 
 
 def mesh_files(folder: Path) -> list[Path]:
@@ -92,18 +102,13 @@ def mesh_files(folder: Path) -> list[Path]:
 
 
 def _checked(name: str, vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    vertices = np.ascontiguousarray(vertices, np.float64).reshape(-1, 3)
-    faces = np.ascontiguousarray(faces, np.int32).reshape(-1, 3)
-    cure = "Export the mesh again as triangles."
-    if not np.isfinite(vertices).all():
-        raise GeometryError("the mesh has vertices that are not finite", where=name, cure=cure)
-    if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
-        raise GeometryError("the mesh has faces without vertices", where=name, cure=cure)
-    if len(faces) > _MOST_FACES:
-        raise GeometryError(f"the mesh has {len(faces)} faces", where=name, cure=f"Simplify it below {_MOST_FACES}.")
+    try:
+        vertices, faces = checked_mesh(np.asarray(vertices), np.asarray(faces))
+    except GeometryError as error:
+        raise GeometryError(error.what, where=name, cure=error.cure) from error
     vertices, faces = compacted(vertices, faces)
     if not len(faces) or normals_and_areas(vertices, faces)[1].sum() <= 0:
-        raise GeometryError("the mesh has no surface", where=name, cure=cure)
+        raise GeometryError("the mesh has no surface", where=name, cure="Export the mesh again as triangles.")
     return vertices, faces
 
 
@@ -131,12 +136,19 @@ def _most_common(directions: np.ndarray, weights: np.ndarray) -> np.ndarray | No
     """The direction, or its opposite, that the largest weight lies along; None for a small one."""
     if not len(directions):
         return None
-    tried = directions[np.argsort(-weights, kind="stable")[:256]]
-    along = np.abs(directions @ tried.T) > _SAME_DIRECTION
-    best = int(np.argmax(weights @ along))
-    if weights @ along[:, best] < _LEAST_SHARE * weights.sum():
+    tried = directions[np.argsort(-weights, kind="stable")[:_TRIED]]
+    votes = np.zeros(len(tried))
+    for start in range(0, len(directions), _FACES_AT_ONCE):  # all at once would take gigabytes
+        part = slice(start, start + _FACES_AT_ONCE)
+        cosines = directions[part] @ tried.T
+        np.abs(cosines, out=cosines)
+        along = cosines > _SAME_DIRECTION
+        del cosines
+        votes += weights[part] @ along
+    best = int(np.argmax(votes))
+    near = np.abs(directions @ tried[best]) > _SAME_DIRECTION
+    if weights @ near < _LEAST_SHARE * weights.sum():
         return None
-    near = along[:, best]
     signed = directions[near] * np.sign(directions[near] @ tried[best])[:, None]
     mean = weights[near] @ signed
     return mean / np.linalg.norm(mean)

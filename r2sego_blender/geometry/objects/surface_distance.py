@@ -14,8 +14,10 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from ...core.compiled import kernel
+from ...core.errors import GeometryError
 
 _SAMPLES = 12_000
+_MOST_SAMPLES, _LEAST_SPREAD = (0.95, 0.05), 1e-6
 _CELLS = 40  # along each side of the grid
 _MARGIN = 0.1  # of the grid around the shape; further points see the grid's border
 _PLANE_REACH = 0.03  # beyond it a sample's tangent plane is not the surface
@@ -33,10 +35,19 @@ class SurfaceGrid(NamedTuple):
 
     @staticmethod
     def of(vertices: np.ndarray, faces: np.ndarray) -> SurfaceGrid:
-        """The grid of a mesh whose box is centred and has a diagonal of 1."""
+        """The grid of a mesh whose box is centred and has a diagonal of 1.
+
+        Raises GeometryError where nearly all of its surface is a speck in the box.
+        """
         mesh = trimesh.Trimesh(vertices, faces, process=False)
         samples, face = trimesh.sample.sample_surface(mesh, _SAMPLES, seed=0)
         samples = np.ascontiguousarray(samples, np.float64)
+        spread = np.subtract(*np.quantile(samples, _MOST_SAMPLES, axis=0))
+        if not spread.max() > _LEAST_SPREAD:  # samples at one place would be compared one by one
+            raise GeometryError(
+                "nearly all of the mesh's surface is a speck in its box",
+                cure="Remove the vertices far from the object.",
+            )
         half = float(np.abs(vertices).max()) + _MARGIN
         line = np.linspace(-half, half, _CELLS)
         corners = np.stack(np.meshgrid(line, line, line, indexing="ij"), -1)

@@ -21,6 +21,7 @@ _NORMAL_M = 0.03
 """A normal counts like a place: opposite sides of a thin board are twice this far apart."""
 
 _REACH_EDGES = 3.0  # how far a cut reaches where a later proxy has no face at a sample, in edges
+_MOST_DRAWN_FACES = 2_000_000
 _LARGEST_EDGE_M = 0.1  # of a drawn surface: its faces are asked for their evidence one by one
 
 
@@ -58,9 +59,22 @@ def drawn_surface(vertices: np.ndarray, faces: np.ndarray) -> Drawn:
     faces = faces[normals_and_areas(vertices, faces)[1] > 0] if len(faces) else faces
     if not len(faces):
         raise GeometryError("the drawn surface has no faces", where="edit", cure=cure)
+    halvings = np.ceil(np.log2(np.maximum(_longest_edges(vertices, faces) / _LARGEST_EDGE_M, 1.0)))
+    if (4.0**halvings).sum() > _MOST_DRAWN_FACES:
+        raise GeometryError(
+            f"the drawn surface takes more than {_MOST_DRAWN_FACES} faces of {_LARGEST_EDGE_M:g} m",
+            where="edit",
+            cure=cure,
+        )
     vertices, faces = trimesh.remesh.subdivide_to_size(vertices, faces, _LARGEST_EDGE_M, max_iter=20)
     area = float(normals_and_areas(vertices, faces)[1].sum())
     return Drawn(vertices, faces.astype(np.int32), area)
+
+
+def _longest_edges(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(F,) metres, of each face."""
+    corners = vertices[faces]
+    return np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
 
 
 def edited(proxy: GeometryProxy, edits: Sequence[Edit], completed: Sequence[CompletedDepth]) -> GeometryProxy:

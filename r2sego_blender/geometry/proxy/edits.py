@@ -17,9 +17,15 @@ import numpy as np
 
 from ...bundle import layout
 from ...bundle.artifacts import Artifact
-from ...core.arrays import opened_arrays, save_arrays
+from ...core.arrays import opened_arrays, require_finite, require_indices, require_shapes, save_arrays
 from ...core.errors import GeometryError
 from ...core.file_names import plain_name
+
+_AXES = {
+    "cut": {"removed": "K 6", "kept": "N 6", "reach_m": "", "area_m2": ""},
+    "draw": {"vertices": "V 3", "faces": "F 3", "area_m2": ""},
+}
+"""Of an edit's arrays, by its kind."""
 
 _CURE = "Remove it (`r2sego edit-proxy SCENE --remove NAME`), or make it again."
 
@@ -112,8 +118,12 @@ def _load(path: Path) -> Edit:
     with opened_arrays(path, GeometryError, "this is no edit of the proxy", _CURE) as data:
         kind = {one.kind: one for one in (Cut, Drawn)}[str(data["kind"])]
         arrays = {field.name: data[field.name] for field in fields(kind)}
+        require_shapes(arrays, **_AXES[kind.kind])
+        require_finite(**arrays)
         told: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in arrays.items()}
         change = kind(**told)
+        if isinstance(change, Drawn):
+            require_indices(len(change.vertices), faces=change.faces)
         return Edit(path.stem, int(data["order"]), change)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...bundle.artifacts import Artifact
-from ...core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
+from ...core.arrays import opened_arrays, require_finite, require_indices, require_shapes, save_arrays
 from ...core.errors import GeometryError
 
 
@@ -83,17 +83,18 @@ class GeometryProxy:
             kept = [name for name in names if name in data or name not in _INSTANCES]
             arrays: dict[str, Any] = {name: data[name] for name in kept}
             if "instance_names" in arrays:
-                arrays["instance_names"] = tuple(arrays["instance_names"].tolist())
+                arrays["instance_names"] = tuple(map(str, arrays["instance_names"].tolist()))
             proxy = GeometryProxy(**arrays)
             require_shapes(
                 vars(proxy), vertices="V 3", faces="F 3", provenance="F", support="F", confidence="F", instance="F"
             )
             require_finite(vertices=proxy.vertices)
-            if proxy.provenance.dtype.kind not in "iu" or proxy.provenance.max(initial=0) > max(Provenance):
-                raise ValueError("a face has no known provenance")
-            corners = proxy.faces
-            if corners.size and not 0 <= corners.min() <= corners.max() < len(proxy.vertices):
-                raise ValueError("a face has a vertex that is not there")
+            require_indices(len(Provenance), provenance=proxy.provenance)
+            require_indices(len(proxy.vertices), faces=proxy.faces)
+            require_indices(len(proxy.instance_names) + 1, instance=proxy.instance)
+            require_indices(1 << 16, support=proxy.support)
+            if not ((proxy.confidence >= 0.0) & (proxy.confidence <= 1.0)).all():
+                raise ValueError("a face has a confidence outside of 0 to 1")
             return proxy
 
 

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...bundle.figures import ROBOT_FACTS
+from ...config.declared_files import Reader, is_number
+from ...config.fields import setting
 from ...core.errors import SceneError
 from ...robot.scope.region import Polygon, area_m2
 from ...robot.scope.scope import BehaviourScope
@@ -28,6 +30,40 @@ class Seat:
 
 
 @dataclass(frozen=True)
+class _ToldCamera:
+    height_m: float
+    pitch_deg: float
+    fov_deg: float
+    fov_is_vertical: bool
+    left_deg: float = 0.0
+    rolled_deg: float = 0.0
+    parent: str = ""
+
+
+@dataclass(frozen=True)
+class _ToldSeat:
+    object: str
+    height_m: float
+    places: int
+    place_m: tuple[float, ...] = setting(read=lambda place, _: _on_the_floor(place))
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What of the engine's words is shown, with its kinds: they may be of another program."""
+
+    declared: tuple[str, str]
+    joints: int
+    legs: int
+    wheels: int
+    height_m: float
+    mass_kg: float
+    camera: _ToldCamera
+    seats: tuple[_ToldSeat, ...] = ()
+    cameras: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class RobotFacts:
     """The scope, and what the engine said of the robot: empty where it has not, or of another one."""
 
@@ -41,8 +77,9 @@ class RobotFacts:
         scope = BehaviourScope.load(declared.scope)
         try:
             told = bundle.read(ROBOT_FACTS)
+            Reader(bundle.path / ROBOT_FACTS.name, "robot", SceneError, strict=False).table(_Told, told)
             is_of_this = told["declared"] == [declared.robot, bundle.scene.name_of(declared.scope)]
-        except (SceneError, KeyError, TypeError):
+        except SceneError:
             is_of_this = False
         return RobotFacts(scope, told if is_of_this else {})
 
@@ -75,6 +112,12 @@ class RobotFacts:
         if self.scope.behaviours.sit_on > 0.0:
             target = self.scope.sit_on.target
             yield "Target", target if isinstance(target, str) else "({:.2f}, {:.2f})".format(*target)
+
+
+def _on_the_floor(place: Any) -> tuple[float, ...]:
+    if not (isinstance(place, list) and len(place) == 2 and all(map(is_number, place))):
+        raise ValueError("Write [x, y] in metres.")
+    return tuple(place)
 
 
 def _camera_words(camera: Mapping[str, Any]) -> Iterator[str]:

@@ -9,7 +9,10 @@ import numpy as np
 
 from ...bundle.asset_stages import Stage
 from ...core.errors import AssetError
+from ...splats.asset import LARGEST, usable
+from ...splats.formats.ply import LOG_SCALE_OF_0, LOGIT_OF_1
 from ...splats.formats.ply_vertices import read_vertices
+from ...splats.quaternions import of_usable_length
 
 _SH_BAND_0 = np.float32(0.28209479177387814)
 _THIN = np.float32(np.log(1000.0))
@@ -50,7 +53,7 @@ _FIELDS = tuple(ShownSplats.__dataclass_fields__)
 def read_splats(path: Path, backdrop: bool = False) -> ShownSplats:
     """Read a 3DGS PLY as the engine does, without what depends on the viewing direction.
 
-    Splats with a value that is not finite are dropped. Raises AssetError naming the file and
+    Splats that ``usable`` does not name are dropped. Raises AssetError naming the file and
     the property or size that is wrong.
     """
     vertices = read_vertices(path)
@@ -73,18 +76,16 @@ def read_splats(path: Path, backdrop: bool = False) -> ShownSplats:
     quaternions = columns("rot_0", "rot_1", "rot_2", "rot_3")
     logits = columns("opacity")[:, 0]
     dc = columns("f_dc_0", "f_dc_1", "f_dc_2")
-    finite = np.isfinite(logits)
-    for values in (means, log_scales, quaternions, dc):
-        finite &= np.isfinite(values).all(axis=1)
+    log_scales[np.isneginf(log_scales)], logits[np.isposinf(logits)] = LOG_SCALE_OF_0, LOGIT_OF_1
+    finite = usable(means, log_scales, quaternions, logits, dc)
     for name in names:
         if name.startswith("f_rest_"):
-            finite &= np.isfinite(vertices[name])
+            finite &= np.abs(vertices[name]) <= LARGEST
     opacities = (1.0 / (1.0 + np.exp(-np.clip(logits, -80.0, 80.0)))).astype(np.float32)
     colours = np.clip(dc * _SH_BAND_0 + np.float32(0.5), 0.0, 1.0)
-    shown = ShownSplats(means, log_scales, quaternions, opacities, colours, np.full(len(means), backdrop))
-    if finite.all():
-        return shown
-    return ShownSplats(*(getattr(shown, name)[finite] for name in _FIELDS))
+    parts = (means, log_scales, quaternions, opacities, colours, np.full(len(means), backdrop))
+    means, log_scales, quaternions, *rest = parts if finite.all() else (values[finite] for values in parts)
+    return ShownSplats(means, log_scales, of_usable_length(quaternions), *rest)
 
 
 def read_stage(stage: Stage, backdrop: Path | None) -> ShownSplats:

@@ -9,20 +9,46 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ...core.atomic_files import rename
-from ...core.errors import AssetError
+from ...core.errors import AssetError, may_not_be_read
 from ...core.scratch import scratch_place
+from ...core.text_files import opened_file
+
+_OTHER_VALUES = 11
+"""Of a Gaussian beside its harmonics."""
+
+_LEAST_ROOM = 48 << 20
+_MOST_TIMES = 10
+"""Bytes of an asset that any file may claim, and times its size that a larger one may."""
 
 
 def content(path: Path, most: int = -1) -> bytes:
     """The first ``most`` bytes of a file, or all. Raises AssetError when there is none to read."""
     try:
-        with path.open("rb") as file:
+        with opened_file(path) as file:
             data = file.read(most)
-    except OSError as error:
+    except PermissionError as error:
+        raise may_not_be_read(path, AssetError) from error
+    except (OSError, ValueError) as error:
         raise AssetError("the splat file cannot be read", where=path, cure="Check the path.") from error
     if not data:
         raise AssetError("the file is empty", where=path, cure="Copy or export it again.")
     return data
+
+
+def require_room(gaussians: int, coefficients: int, file_bytes: int, path: Path) -> None:
+    """Raises AssetError where so many Gaussians take more memory than a file of so many bytes can mean.
+
+    Where files are packed, or show a thing many times, few bytes may claim any number of Gaussians.
+    ``coefficients`` are the harmonics' of a channel.
+    """
+    needed = gaussians * (_OTHER_VALUES + 3 * coefficients) * 4
+    if needed > max(_LEAST_ROOM, _MOST_TIMES * file_bytes):
+        raise AssetError(
+            f"the file claims {gaussians} Gaussians of {needed} bytes and holds {file_bytes}: it is cut short, "
+            "or repeats its splats too often",
+            where=path,
+            cure="Copy it again, or export one copy of them.",
+        )
 
 
 @contextlib.contextmanager

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import base64
 import json
-import struct
-import urllib.parse
 from collections.abc import Iterator
-from functools import reduce
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,11 +13,24 @@ import numpy as np
 from ... import __version__
 from ...core.colours import linear_from_srgb
 from ...core.errors import AssetError
+from ...core.gltf_files import (
+    BINARY_CHUNK,
+    DAMAGE,
+    GLB_CHUNK,
+    GLB_HEADER,
+    GLB_MAGIC,
+    GLB_VERSION,
+    JSON_CHUNK,
+    cut_short,
+    gltf_buffers,
+    gltf_document,
+    gltf_tree,
+)
 from ..asset import SplatAsset
-from ..quaternions import to_rotation
-from .files import content, publishing
+from ..quaternions import to_rotation, unit_quaternions
+from .files import content, publishing, require_room
 from .record import SplatFormat
-from .values import WORLD_FROM_Y_UP, Y_UP_FROM_WORLD, in_world, linear_scales, log_scales, logits, unit_quaternions
+from .values import WORLD_FROM_Y_UP, Y_UP_FROM_WORLD, in_world, linear_scales, log_scales, logits
 
 _EXTENSION = "KHR_gaussian_splatting"
 _COLOUR_SPACE = "srgb_rec709_display"
@@ -33,12 +43,9 @@ _HIGHEST_DEGREE = 3
 _INLINE_BUFFER = "data:application/octet-stream;base64,"
 _ENCODED_AT_ONCE = 3 << 18  # bytes, whole groups of three
 
-_GLB_HEADER, _GLB_CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
-_GLB_MAGIC, _GLB_VERSION, _JSON_CHUNK, _BINARY_CHUNK = b"glTF", 2, b"JSON", b"BIN\0"
 _LARGEST_GLB = 2**32 - 1
-
-_DAMAGE = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError, struct.error)
-"""What following indices through JSON of another structure raises."""
+_MOST_PRIMITIVES = 4096
+"""With splats; each takes a millisecond, whatever it holds."""
 
 
 def save_gltf(path: Path, asset: SplatAsset) -> None:
@@ -55,14 +62,14 @@ def save_gltf(path: Path, asset: SplatAsset) -> None:
         if path.suffix.lower() == ".glb":
             text = json.dumps(document).encode()
             text += b" " * (-len(text) % 4)
-            whole = _GLB_HEADER.size + 2 * _GLB_CHUNK.size + len(text) + size
+            whole = GLB_HEADER.size + 2 * GLB_CHUNK.size + len(text) + size
             if whole > _LARGEST_GLB:
                 raise AssetError(
                     "the asset is too large for a .glb, which ends at 4 GiB", where=path, cure="Use .ply or .usdc."
                 )
-            file.write(_GLB_HEADER.pack(_GLB_MAGIC, _GLB_VERSION, whole))
-            file.write(_GLB_CHUNK.pack(len(text), _JSON_CHUNK) + text)
-            file.write(_GLB_CHUNK.pack(size, _BINARY_CHUNK))
+            file.write(GLB_HEADER.pack(GLB_MAGIC, GLB_VERSION, whole))
+            file.write(GLB_CHUNK.pack(len(text), JSON_CHUNK) + text)
+            file.write(GLB_CHUNK.pack(size, BINARY_CHUNK))
             for values in attributes.values():
                 file.write(values.tobytes())
         elif attributes:
@@ -85,17 +92,17 @@ def load_gltf(path: Path) -> SplatAsset:
     """
     data = content(path)
     try:
-        document, binary = _opened(data, path)
-        scene = _Scene(document, binary, path)
+        document, binary = gltf_document(data, path, AssetError)
+        scene = _Scene(document, gltf_buffers(document, binary, path, AssetError), path)
         assets = [in_world(asset, WORLD_FROM_Y_UP @ scene_from_node, path) for scene_from_node, asset in scene.splats()]
         empty = "meshes" not in document and _EXTENSION in document.get("extensionsUsed", [])
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise AssetError("the structure of the glTF is damaged", where=path, cure="Copy or export it again.") from error
     if not assets and not empty:
         raise AssetError(
             f"there is no mesh with {_EXTENSION} in the scene", where=path, cure="Export the splats as such."
         )
-    return reduce(SplatAsset.concatenated, assets) if assets else SplatAsset.empty()
+    return assets[0].concatenated(*assets[1:]) if assets else SplatAsset.empty()
 
 
 def _attributes(asset: SplatAsset) -> dict[str, np.ndarray]:
@@ -164,72 +171,42 @@ def _document(attributes: dict[str, np.ndarray], size: int) -> dict[str, Any]:
     }
 
 
-def _opened(data: bytes, path: Path) -> tuple[dict[str, Any], bytes]:
-    """The JSON, and the binary chunk of a ``.glb``."""
-    if not data.startswith(_GLB_MAGIC):
-        if not data.lstrip().startswith(b"{"):
-            raise AssetError("the file is not a glTF", where=path, cure="Give a .glb or .gltf file.")
-        return json.loads(data), b""
-    _, version, length = _GLB_HEADER.unpack_from(data)
-    if version != _GLB_VERSION:
-        raise AssetError(f"glTF {version} is unknown", where=path, cure="Export it as glTF 2.0.")
-    chunks: dict[bytes, bytes] = {}
-    start = _GLB_HEADER.size
-    while start < min(length, len(data)):
-        size, kind = _GLB_CHUNK.unpack_from(data, start)
-        start += _GLB_CHUNK.size + size
-        chunks.setdefault(kind, data[start - size : start])
-    if length > len(data) or start > len(data):
-        raise _cut_short(path)
-    return json.loads(chunks[_JSON_CHUNK]), chunks.get(_BINARY_CHUNK, b"")
-
-
-def _cut_short(path: Path) -> AssetError:
-    return AssetError(
-        "the file is cut short: it claims more data than it holds", where=path, cure="Copy or export it again."
-    )
-
-
 class _Scene:
     """The splats under the nodes of a document. Any structure but glTF's raises a built-in error."""
 
-    def __init__(self, document: dict[str, Any], binary: bytes, path: Path) -> None:
-        self._document, self._path = document, path
-        self._buffers = [self._buffer(entry, binary) for entry in document.get("buffers", [])]
+    def __init__(self, document: dict[str, Any], buffers: list[bytes], path: Path) -> None:
+        self._document, self._buffers, self._path = document, buffers, path
 
     def splats(self) -> Iterator[tuple[np.ndarray, SplatAsset]]:
         """(scene_from_node (4, 4), asset in the node's frame) of each primitive with splats."""
-        left = sum(map(len, self._buffers))  # many nodes may show one mesh: memory has an end
-        for scene_from_node, mesh in self._meshes():
-            for primitive in self._document["meshes"][mesh]["primitives"]:
-                if _EXTENSION in primitive.get("extensions", {}):
-                    asset = self._asset(primitive)
-                    left -= len(asset)
-                    if left < 0:
-                        raise AssetError(
-                            "the scene repeats its splats too often", where=self._path, cure="Export one copy of them."
-                        )
-                    yield scene_from_node, asset
+        nodes, meshes = self._document.get("nodes", []), self._document.get("meshes", [])
+        tree = gltf_tree(self._document, self._path, AssetError)
+        shown = [
+            (index, primitive)
+            for index, _ in tree
+            if "mesh" in nodes[index]
+            for primitive in meshes[nodes[index]["mesh"]]["primitives"]
+            if _EXTENSION in primitive.get("extensions", {})
+        ]
+        self._require_few([primitive["attributes"] for _, primitive in shown])
+        scene_from: dict[int | None, np.ndarray] = {None: np.eye(4)}
+        for index, parent in tree if shown else ():
+            scene_from[index] = scene_from[parent] @ _parent_from_node(nodes[index])
+        for index, primitive in shown:
+            yield scene_from[index], self._asset(primitive)
 
-    def _meshes(self) -> Iterator[tuple[np.ndarray, int]]:
-        """(scene_from_node, index of the mesh) of each node that has one."""
-        nodes = self._document.get("nodes", [])
-        if "scenes" in self._document:
-            roots = self._document["scenes"][self._document.get("scene", 0)].get("nodes", [])
-        else:
-            roots = set(range(len(nodes))) - {child for node in nodes for child in node.get("children", [])}
-        waiting = [(np.eye(4), root) for root in roots]
-        seen: set[int] = set()
-        while waiting:
-            scene_from_parent, index = waiting.pop()
-            if index in seen:
-                raise ValueError("the nodes are no tree")
-            seen.add(index)
-            node = nodes[index]
-            scene_from_node = scene_from_parent @ _parent_from_node(node)
-            if "mesh" in node:
-                yield scene_from_node, node["mesh"]
-            waiting += [(scene_from_node, child) for child in node.get("children", [])]
+    def _require_few(self, attributes: list[dict[str, Any]]) -> None:
+        """Raises AssetError where the primitives shown take more than the file can mean: many nodes may show
+        one mesh, and memory has an end."""
+        if len(attributes) > _MOST_PRIMITIVES:
+            raise AssetError(
+                f"the scene repeats its splats too often, {len(attributes)} times",
+                where=self._path,
+                cure="Export one copy of them, as one mesh.",
+            )
+        counts = [self._document["accessors"][one["POSITION"]]["count"] for one in attributes if "POSITION" in one]
+        degree = max(map(_degree, attributes), default=0)
+        require_room(sum(counts), (degree + 1) ** 2, sum(map(len, self._buffers)), self._path)
 
     def _asset(self, primitive: dict[str, Any]) -> SplatAsset:
         attributes = primitive["attributes"]
@@ -240,9 +217,7 @@ class _Scene:
                 where=self._path,
                 cure=f"Export them in {_COLOUR_SPACE}: harmonics cannot be converted.",
             )
-        degree = 0
-        while degree < _HIGHEST_DEGREE and _harmonic_names(degree + 1)[-1] in attributes:
-            degree += 1
+        degree = _degree(attributes)
         names = ["POSITION", *(f"{_EXTENSION}:{name}" for name in ("ROTATION", "SCALE", "OPACITY"))]
         names += _harmonic_names(degree)
         for name in names:
@@ -283,31 +258,19 @@ class _Scene:
         end = offset + stride * max(count - 1, 0) + width * kind.itemsize
         buffer = self._buffers[view["buffer"]]
         if end > view["byteLength"] or start + view["byteLength"] > len(buffer):
-            raise _cut_short(self._path)
+            raise cut_short(self._path, AssetError)
         raw: np.ndarray = np.ndarray((count, width), kind, buffer, start + offset, (stride, kind.itemsize))
         values = raw.astype(np.float32)
         if accessor.get("normalized", False) and kind.kind != "f":
             values = np.maximum(values / np.iinfo(kind).max, -1.0)
         return values
 
-    def _buffer(self, entry: dict[str, Any], binary: bytes) -> bytes:
-        uri = entry.get("uri")
-        if uri is None:
-            data = binary
-        elif uri.startswith("data:"):
-            data = base64.b64decode(uri.partition(",")[2], validate=True)
-        else:
-            name = PurePosixPath(urllib.parse.unquote(uri))
-            if name.is_absolute() or ".." in name.parts or ":" in str(name):
-                raise AssetError(
-                    f"the buffer '{uri}' is not beside the file",
-                    where=self._path,
-                    cure="Put it there, or export a .glb.",
-                )
-            data = content(self._path.parent / name)
-        if len(data) < entry["byteLength"]:
-            raise _cut_short(self._path)
-        return data
+
+def _degree(attributes: dict[str, Any]) -> int:
+    degree = 0
+    while degree < _HIGHEST_DEGREE and _harmonic_names(degree + 1)[-1] in attributes:
+        degree += 1
+    return degree
 
 
 def _parent_from_node(node: dict[str, Any]) -> np.ndarray:
@@ -315,6 +278,8 @@ def _parent_from_node(node: dict[str, Any]) -> np.ndarray:
     if "matrix" in node:
         return np.array(node["matrix"], np.float64).reshape(4, 4).T
     transform = np.eye(4)
+    if node.keys().isdisjoint(("rotation", "scale", "translation")):
+        return transform
     xyzw = np.array(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), np.float64)
     transform[:3, :3] = to_rotation(np.roll(xyzw, 1)[None])[0] * np.array(node.get("scale", (1.0, 1.0, 1.0)))
     transform[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
@@ -328,7 +293,7 @@ FORMAT = SplatFormat(
         (".gltf", "glTF", "All attributes, as text"),
     ),
     rank=3,
-    magic=(_GLB_MAGIC,),
+    magic=(GLB_MAGIC,),
     load=load_gltf,
     save=save_gltf,
     is_y_up=True,

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.errors import AssetError, may_not_be_read
+from ...core.errors import AssetError
+from .files import content
 
 _SCALARS = {
     "char": "i1",
@@ -32,7 +33,9 @@ _SCALARS = {
 }
 _BYTE_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 _LONGEST_HEADER = 1 << 20
-_VERTICES = re.compile(rb"^element vertex (\d+)\s*$", re.MULTILINE)
+_COUNT = re.compile("[0-9]{1,18}")
+_MOST_PROPERTIES = 1024
+"""Of all elements; degree 4 has 86."""
 
 
 @dataclass
@@ -55,32 +58,18 @@ def read_vertices(path: Path) -> np.ndarray:
 
 def read_elements(path: Path, names: Collection[str]) -> dict[str, np.ndarray]:
     """Those of the elements ``names`` that the file has, each as ``read_vertices``; it must have vertices."""
-    try:
-        data = path.read_bytes()
-    except PermissionError as error:
-        raise may_not_be_read(path, AssetError) from error
-    except OSError as error:
-        raise AssetError("the splat file cannot be read", where=path, cure="Check the path.") from error
-    return _elements(data, names, path)
+    return _elements(content(path), names, path)
 
 
 def vertex_count(path: Path) -> int:
     """How many vertices the header announces; the rest of the file is not read. Raises AssetError."""
-    try:
-        with path.open("rb") as file:
-            header = file.read(_LONGEST_HEADER)
-    except PermissionError as error:
-        raise may_not_be_read(path, AssetError) from error
-    except OSError as error:
-        raise AssetError("the splat file cannot be read", where=path, cure="Check the path.") from error
-    found = _VERTICES.search(header[: max(0, header.find(b"end_header"))])
-    if found is None:
-        raise AssetError("the file is not a PLY", where=path, cure="Give a 3DGS .ply file.")
-    return int(found[1])
+    header = content(path, _LONGEST_HEADER)
+    _, elements, _ = _header(header, path.stat().st_size, path)
+    return next(element.count for element in elements if element.name == "vertex")
 
 
 def _elements(data: bytes, names: Collection[str], path: Path) -> dict[str, np.ndarray]:
-    order, elements, place = _header(data, path)
+    order, elements, place = _header(data, len(data), path)
     if order != "ascii" and order not in _BYTE_ORDERS:
         raise AssetError(f"the format '{order}' is unknown", where=path, cure="Use binary_little_endian.")
     found: dict[str, np.ndarray] = {}
@@ -107,7 +96,7 @@ def _elements(data: bytes, names: Collection[str], path: Path) -> dict[str, np.n
     return found
 
 
-def _header(data: bytes, path: Path) -> tuple[str, list[_Element], int]:
+def _header(data: bytes, file_bytes: int, path: Path) -> tuple[str, list[_Element], int]:
     """The order of the bytes, the elements, and where the first begins."""
     end = data.find(b"end_header", 0, _LONGEST_HEADER)
     if not data.startswith(b"ply") or end < 0:
@@ -118,36 +107,51 @@ def _header(data: bytes, path: Path) -> tuple[str, list[_Element], int]:
         match words[:1]:
             case ["format"]:
                 order = words[1] if len(words) > 1 else ""
-            case ["element"] if len(words) == 3 and words[2].isdigit():
+            case ["element"] if len(words) == 3 and _COUNT.fullmatch(words[2]):
                 elements.append(_Element(words[1], int(words[2])))
+            case ["element"]:
+                raise AssetError(
+                    f"the line '{line.strip()}' counts nothing", where=path, cure="Export it as a 3DGS PLY."
+                )
             case ["property"] if elements:
                 if len(words) == 3 and words[1] in _SCALARS:
                     elements[-1].fields.append((words[2], _SCALARS[words[1]]))
                 else:
                     elements[-1].unread = line.strip()
+    if sum(len(element.fields) for element in elements) > _MOST_PROPERTIES:
+        raise AssetError(f"the header has more than {_MOST_PROPERTIES} properties", where=path, cure="Export it again.")
     vertices = [element for element in elements if element.name == "vertex"]
     usable = len(vertices) == 1 and bool(vertices[0].fields or vertices[0].unread)
     if not usable or any(len(dict(element.fields)) < len(element.fields) for element in elements):
         raise AssetError("the header has no usable vertex element", where=path, cure="Export it as a 3DGS PLY.")
+    for element in elements:
+        if element.count > file_bytes:  # of which each takes a byte at least
+            raise _cut_short(element, element.count, file_bytes, path)
     return order, elements, data.find(b"\n", end) + 1
 
 
 def _binary_rows(data: bytes, place: int, layout: np.dtype, element: _Element, path: Path) -> np.ndarray:
     there, needed = max(0, len(data) - place), element.count * layout.itemsize
     if there < needed:
-        what = f"{element.count} Gaussians" if element.name == "vertex" else f"the element '{element.name}'"
-        raise AssetError(
-            f"the file is cut short: {what} need{'' if what.endswith('s') else 's'} {needed} bytes "
-            f"and {there} are there",
-            where=path,
-            cure="Copy or export it again.",
-        )
+        raise _cut_short(element, needed, there, path)
     return np.frombuffer(data, layout, element.count, place)
+
+
+def _cut_short(element: _Element, needed: int, there: int, path: Path) -> AssetError:
+    what = f"{element.count} Gaussians" if element.name == "vertex" else f"the element '{element.name}'"
+    return AssetError(
+        f"the file is cut short: {what} need{'' if what.endswith('s') else 's'} {needed} bytes and {there} are there",
+        where=path,
+        cure="Copy or export it again.",
+    )
 
 
 def _ascii_rows(text: bytes, element: _Element, path: Path) -> np.ndarray:
     shape = element.count, len(element.fields)
-    values = np.empty(shape, np.float32)
+    needed = 2 * element.count * len(element.fields) - 1  # a digit each, and what parts them
+    if len(text) < needed:
+        raise _cut_short(element, needed, len(text), path)
+    values = np.empty((0, len(element.fields)), np.float32)
     if element.count:
         try:
             values = np.loadtxt(io.BytesIO(text), np.float32, max_rows=element.count, ndmin=2)

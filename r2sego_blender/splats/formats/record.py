@@ -18,7 +18,7 @@ class SplatFormat:
     of ``magic``, with anything if there is none. ``is_y_up`` tells the axes in the file from the world's,
     which are Z up; ``degree`` is the highest of the harmonics that it keeps.
 
-    ``load`` returns the asset in the world frame, without Gaussians with a value that is not finite;
+    ``load`` returns the asset in the world frame, without Gaussians that ``asset.usable`` does not name;
     it raises AssetError naming a file that is missing, damaged or of another format. ``save`` writes
     one whole or not at all; it raises AssetError when the format cannot hold the asset, or the disk
     refuses. Both import libraries that Blender's Python lacks only when they are called.

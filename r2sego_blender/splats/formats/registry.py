@@ -44,9 +44,9 @@ def format_of(path: Path | str) -> SplatFormat:
 def load_asset(path: Path | str) -> SplatAsset:
     """The asset in a file of any format, in the world frame: Z up, metres.
 
-    Gaussians with a value that is not finite are dropped. A ``.ply`` may be the compressed one
-    of SuperSplat. Raises AssetError naming the file when it is missing, damaged or of another
-    format.
+    Gaussians with a value that is not finite, or beyond all bounds (``asset.usable``), are dropped.
+    A ``.ply`` may be the compressed one of SuperSplat. Raises AssetError naming the file when it is
+    missing, damaged or of another format.
     """
     path = Path(path)
     found = format_of(path)

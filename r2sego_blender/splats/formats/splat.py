@@ -9,9 +9,10 @@ import numpy as np
 from ...core.errors import AssetError
 from ..asset import SplatAsset
 from ..harmonics import SH_BAND_0
+from ..quaternions import unit_quaternions
 from .files import content, publishing
 from .record import SplatFormat
-from .values import linear_scales, log_scales, logits_of_bytes, to_bytes, unit_quaternions
+from .values import linear_scales, log_scales, logits_of_bytes, to_bytes
 
 _RECORD = np.dtype([("mean", "<f4", 3), ("scale", "<f4", 3), ("colour", "u1", 4), ("quaternion", "u1", 4)])
 

@@ -16,9 +16,10 @@ import numpy as np
 
 from ...core.errors import AssetError
 from ..asset import SplatAsset
-from .files import content, publishing
+from ..quaternions import unit_quaternions
+from .files import content, publishing, require_room
 from .record import SplatFormat
-from .values import Y_UP_FROM_WORLD, in_world, logits_of_bytes, to_bytes, unit_quaternions
+from .values import Y_UP_FROM_WORLD, in_world, logits_of_bytes, to_bytes
 
 _MAGIC = b"NGSP"
 _GZIP_MAGIC = b"\x1f\x8b"
@@ -47,8 +48,6 @@ _LARGEST_COMPONENT, _COMPONENT_STEPS = 0.5**0.5, 511
 _OTHER_COMPONENTS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 _COMPONENT_SHIFTS = np.array([20, 10, 0], np.uint32)
 
-_MOST_GAUSSIANS_PER_BYTE = 32
-"""Compressed further, a count is a lie of the header: memory is never taken on its word."""
 _LONGEST_EXTENSIONS = 1 << 20
 
 
@@ -153,8 +152,7 @@ def _checked_header(header: bytes, versions: range, file_bytes: int, path: Path)
         )
     if degree > _HIGHEST_DEGREE:
         raise AssetError(f"the degree {degree} is unknown", where=path, cure="Degrees 0 to 4 are known.")
-    if count > _MOST_GAUSSIANS_PER_BYTE * file_bytes:
-        raise _cut_short(path)
+    require_room(count, (degree + 1) ** 2, file_bytes, path)
     return version, count, degree, *rest
 
 

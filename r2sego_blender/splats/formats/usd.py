@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
-from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,11 +14,11 @@ from ...core.arrays import opened_arrays
 from ...core.errors import AssetError
 from ...core.scratch import ScratchFolder
 from ..asset import SplatAsset
-from ..quaternions import to_rotation
+from ..quaternions import to_rotation, unit_quaternions
 from . import usd_stage
 from .files import content, publishing
 from .record import SplatFormat
-from .values import WORLD_FROM_Y_UP, in_world, linear_scales, log_scales, logits, unit_quaternions
+from .values import WORLD_FROM_Y_UP, in_world, linear_scales, log_scales, logits
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -27,7 +27,9 @@ _EXTENT_SIGMAS = 3.0
 """As far as the schema says a Gaussian reaches."""
 _PACKAGED = "splats.usdc"
 _LONGEST_READING_S = 600.0
-"""A stage that composes longer is made to; gigabytes of splats take seconds."""
+"""The program bounds itself by the size of the files, but for what it cannot interrupt."""
+_SEARCH_PATH, _THREADS = "PXR_AR_DEFAULT_SEARCH_PATH", "PXR_WORK_THREAD_LIMIT"
+"""OpenUSD's: more folders to look in, and how many threads it starts, each of which takes memory."""
 
 
 def save_usd(path: Path, asset: SplatAsset) -> None:
@@ -74,12 +76,26 @@ def load_usd(path: Path) -> SplatAsset:
     content(path, 1)
     with ScratchFolder() as folder:
         arrays_file = Path(folder, "stage.npz")
-        command = [sys.executable, "-P", usd_stage.__file__, str(path), str(arrays_file)]
+        command = [sys.executable, "-P", usd_stage.__file__, str(path.absolute()), str(arrays_file)]
+        alone = {name: value for name, value in os.environ.items() if name != _SEARCH_PATH}
         try:
-            subprocess.run(command, capture_output=True, check=True, timeout=_LONGEST_READING_S)
+            subprocess.run(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                check=True,
+                timeout=_LONGEST_READING_S,
+                cwd=folder,  # where names that are not beside the stage are looked for
+                env=alone | {_THREADS: "1"},
+            )
         except subprocess.SubprocessError as error:
             raise AssetError("the file is not a readable USD", where=path, cure="Copy or export it again.") from error
         with opened_arrays(arrays_file, AssetError, "the stage's arrays are damaged", "Try again.") as arrays:
+            if "refusal" in arrays:
+                raise AssetError(
+                    str(arrays["refusal"]), where=path, cure="Export the splats as one file, such as .usdc or .usdz."
+                )
             if not arrays["count"]:
                 raise AssetError(
                     f"there is no {usd_stage.PRIM_TYPE} in the stage", where=path, cure="Export the splats as such."
@@ -96,7 +112,7 @@ def load_usd(path: Path) -> SplatAsset:
                     sh=arrays[f"{k}.sh"],
                 )
                 assets.append(in_world(asset, world_from_stage @ arrays[f"{k}.stage_from_prim"], path))
-    return reduce(SplatAsset.concatenated, assets)
+    return assets[0].concatenated(*assets[1:])
 
 
 def _write_package(path: Path, stage: Usd.Stage) -> None:

@@ -1,29 +1,57 @@
 """Reads the splats of a USD stage into arrays: ``python usd_stage.py STAGE ARRAYS.npz``.
 
 A program of its own, with no import of this package: OpenUSD may end the process on a
-damaged binary file, and then ends this one alone.
+damaged binary file, and then ends this one alone. Its time and, on Linux, its memory are bounded by
+the size of the stage's files, and nothing outside of the stage's folder is opened.
 """
 
 from __future__ import annotations
 
+import faulthandler
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from pxr import Usd
+    from pxr import Sdf, Usd
 
 PRIM_TYPE = "ParticleField3DGaussianSplat"
 _HIGHEST_DEGREE = 4
 _COEFFICIENTS = 16
 """Of the degrees up to 3; what a higher degree adds is left out."""
 
+_LEAST_ROOM = 192 << 20
+_MOST_TIMES = 10
+"""Bytes that any stage may take, and times the size of its files that larger ones may."""
+_LEAST_TIME_S = 10.0
+_BYTES_A_SECOND = 1 << 20
+_MOST_PRIMS, _MOST_SPLAT_PRIMS = 1 << 20, 4096
+
+
+class _RefusalError(Exception):
+    """What the stage may not do, in words."""
+
 
 def main(stage_path: str, arrays_path: str) -> None:
-    """Write, for the k-th prim of splats, its arrays as ``k.name``, and what the stage says of its frame."""
-    from pxr import Usd, UsdGeom
+    """Write, for the k-th prim of splats, its arrays as ``k.name``, and what the stage says of its frame.
 
+    Of a stage that is refused ``refusal`` alone, which says why.
+    """
+    try:
+        arrays = _read(stage_path)
+    except _RefusalError as refusal:
+        arrays = {"refusal": str(refusal)}
+    np.savez(arrays_path, **arrays)
+
+
+def _read(stage_path: str) -> dict:
+    from pxr import Sdf, Usd, UsdGeom
+
+    room = _bounded(Path(stage_path).stat().st_size, 0)
+    sizes = _sizes_of_layers(Sdf.Layer.FindOrOpen(stage_path), Path(stage_path).resolve().parent)
+    room = _bounded(sum(sizes.values()), room)
     first = Usd.TimeCode.EarliestTime()
     stage = Usd.Stage.Open(stage_path)
     transforms = UsdGeom.XformCache(first)
@@ -31,12 +59,77 @@ def main(stage_path: str, arrays_path: str) -> None:
         "y_up": UsdGeom.GetStageUpAxis(stage) != UsdGeom.Tokens.z,
         "metres_per_unit": UsdGeom.GetStageMetersPerUnit(stage),
     }
-    prims = [p for p in stage.Traverse(Usd.TraverseInstanceProxies()) if p.GetTypeName() == PRIM_TYPE]
-    for k, prim in enumerate(prims):
-        stage_from_prim = np.array(transforms.GetLocalToWorldTransform(prim)).T
-        for name, values in {"stage_from_prim": stage_from_prim, **_gaussians(prim, first)}.items():
-            arrays[f"{k}.{name}"] = values
-    np.savez(arrays_path, count=len(prims), **arrays)
+    count = 0
+    for number, prim in enumerate(stage.Traverse(Usd.TraverseInstanceProxies())):
+        if number == _MOST_PRIMS:
+            raise _RefusalError(f"the stage has more than {_MOST_PRIMS} prims")
+        if prim.GetTypeName() == PRIM_TYPE:
+            stage_from_prim = np.array(transforms.GetLocalToWorldTransform(prim)).T
+            for name, values in {"stage_from_prim": stage_from_prim, **_gaussians(prim, first)}.items():
+                arrays[f"{count}.{name}"] = values
+                room -= values.nbytes
+            count += 1
+            if room < 0 or count > _MOST_SPLAT_PRIMS:
+                raise _RefusalError(f"the stage shows more splats than its files can hold, or {count} prims of them")
+    return {"count": count, **arrays}
+
+
+def _sizes_of_layers(root: Sdf.Layer, folder: Path) -> dict[str, int]:
+    """Bytes of each file that the stage is composed of. Raises _RefusalError for one outside ``folder``."""
+    from pxr import Ar, Sdf
+
+    resolver = Ar.GetResolver()
+    sizes: dict[str, int] = {}
+    seen, waiting = set(), [root]
+    while waiting:
+        layer = waiting.pop()
+        if layer.identifier in seen:
+            continue
+        seen.add(layer.identifier)
+        file, _ = Ar.SplitPackageRelativePathOuter(layer.realPath)
+        sizes[file] = Path(file).stat().st_size
+        _refuse_clips(layer)
+        for named in layer.GetCompositionAssetDependencies():
+            name, arguments = Sdf.Layer.SplitIdentifier(named)
+            found = resolver.Resolve(resolver.CreateIdentifier(name, layer.resolvedPath)).GetPathString()
+            file, _ = Ar.SplitPackageRelativePathOuter(found)
+            is_inside = Path(file).resolve().is_relative_to(folder) if found else "`" not in named
+            if not is_inside or arguments:
+                raise _RefusalError(f"the stage refers to '{named}', which is not in the file's folder")
+            if found:
+                waiting.append(Sdf.Layer.FindOrOpenRelativeToLayer(layer, name))
+    return sizes
+
+
+def _refuse_clips(layer: Sdf.Layer) -> None:
+    """Raises _RefusalError for value clips, whose files are named by patterns: the first sample is all we take."""
+    clips: list[str] = []
+
+    def look(path: Sdf.Path) -> None:
+        is_prim = path.IsPrimPath() or path.IsPrimVariantSelectionPath()
+        if is_prim and layer.GetObjectAtPath(path).HasInfo("clips"):
+            clips.append(str(path))
+
+    layer.Traverse("/", look)
+    if clips:
+        raise _RefusalError(f"the prim {clips[0]} takes its values from clips")
+
+
+def _bounded(file_bytes: int, before: int) -> int:
+    """The bytes that may be taken from here on, which with the time bound the whole process.
+
+    ``before`` is what was allowed already.
+    """
+    faulthandler.dump_traceback_later(_LEAST_TIME_S + file_bytes / _BYTES_A_SECOND, exit=True)
+    room = max(_LEAST_ROOM, _MOST_TIMES * file_bytes)
+    if sys.platform == "linux" and room > before:
+        import resource
+
+        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+        used_kib = next(int(line.split()[1]) for line in lines if line.startswith("VmData:"))
+        most = resource.getrlimit(resource.RLIMIT_DATA)[1]
+        resource.setrlimit(resource.RLIMIT_DATA, (used_kib * 1024 + room, most))
+    return room
 
 
 def _gaussians(prim: Usd.Prim, first: Usd.TimeCode) -> dict[str, np.ndarray]:

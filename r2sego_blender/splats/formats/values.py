@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from ...core.errors import AssetError
-from ..asset import SplatAsset
+from ..asset import LARGEST_LOG_SCALE, SplatAsset
 
 Y_UP_FROM_WORLD = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 """(4, 4): right-handed, Y up, the world's y axis pointing away from the viewer (-z), as Blender exports."""
 
 WORLD_FROM_Y_UP = Y_UP_FROM_WORLD.T
 
-_LOG_SCALE_LIMITS = (-27.0, 80.0)
+_LOG_SCALE_LIMITS = (-27.0, LARGEST_LOG_SCALE)
 """Linear scales from a picometre up: they keep a logarithm, and fit into float32."""
 
 _OPACITY_LIMITS = (1e-12, 1.0 - 2.0**-25)
@@ -36,14 +36,6 @@ def in_world(asset: SplatAsset, world_from_file: np.ndarray, path: Path) -> Spla
             where=path,
             cure="Apply the transform in the program that wrote the file.",
         ) from error
-
-
-def unit_quaternions(quaternions: np.ndarray) -> np.ndarray:
-    """(N, 4) float64 wxyz of length 1; a quaternion of length zero counts as the identity."""
-    quaternions = np.asarray(quaternions, np.float64)
-    lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
-    identity = np.array([1.0, 0.0, 0.0, 0.0])
-    return np.where(lengths < 1e-12, identity, quaternions / np.maximum(lengths, 1e-12))
 
 
 def linear_scales(asset: SplatAsset) -> np.ndarray:

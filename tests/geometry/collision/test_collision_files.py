@@ -238,7 +238,9 @@ def test_obj_files_are_read_as_they_were_written(surface, folder):
     np.testing.assert_array_equal(faces, surface.pieces[1][1])
 
 
-@pytest.mark.parametrize("text", ["v 0 0\n", "v 0 0 nan\nf 1 1 1\n", "v 0 0 0\nf 1 2 3\n", "f 0 1 2\n", "v a b c\n"])
+@pytest.mark.parametrize(
+    "text", ["v 0 0\n", "v 0 0 nan\nf 1 1 1\n", "v 0 0 0\nf 1 2 3\n", "f 0 1 2\n", "v a b c\n", f"f 1 1 {2**70}\n"]
+)
 def test_a_damaged_obj_file_is_refused(tmp_path, text):
     (tmp_path / "mesh.obj").write_text(text)
     with pytest.raises(GeometryError, match=r"mesh\.obj"):

@@ -92,6 +92,9 @@ def test_a_placement_is_not_locked_unless_it_says_so(tmp_path):
         json.dumps({"world_from_own": np.full((4, 4), np.nan).tolist()}),
         json.dumps({"world_from_own": np.diag([1.0, 1.0, -1.0, 1.0]).tolist()}),
         json.dumps({"world_from_own": np.diag([1.0, 1.0, 1.1, 1.0]).tolist()}),
+        json.dumps({"world_from_own": np.diag([1e200, 1e200, 1e200, 1.0]).tolist()}),
+        json.dumps({"world_from_own": [[10**400] * 4] * 4}),
+        "[" * 100_000,
     ],
 )
 def test_a_damaged_placement_is_an_error_that_names_it(tmp_path, text):
@@ -110,6 +113,31 @@ def test_a_damaged_record_is_an_error_that_names_it(tmp_path, file, text):
     with pytest.raises(GeometryError, match=rf"chair.{file}") as caught:
         load_objects(tmp_path, captures("a"))
     assert caught.value.cure
+
+
+@pytest.mark.parametrize("link", ["mesh.obj", "masks", "masks/a.png", "decision.json"])
+def test_a_link_out_of_the_objects_is_not_followed(tmp_path, link):
+    outside = tmp_path / "outside"
+    save_mask(outside / "a.png", disc(40, 30, 10))
+    objects, chair = tmp_path / "objects", tmp_path / "objects" / "chair"
+    (chair / link).parent.mkdir(parents=True)
+    (chair / link).symlink_to(outside if link == "masks" else outside / "a.png")
+    with pytest.raises(GeometryError, match=link.replace("/", ".")):
+        load_objects(objects, captures("a"))
+
+
+def test_an_object_that_is_a_link_is_not_followed(tmp_path):
+    save_mask(tmp_path / "outside" / "masks" / "a.png", disc(40, 30, 10))
+    (tmp_path / "objects").mkdir()
+    (tmp_path / "objects" / "chair").symlink_to(tmp_path / "outside")
+    with pytest.raises(GeometryError, match="chair"):
+        load_objects(tmp_path / "objects", captures("a"))
+
+
+def test_a_picture_is_no_thousand_objects(tmp_path):
+    cv2.imwrite(str(tmp_path / "a.png"), np.arange(60 * 80, dtype=np.uint16).reshape(60, 80))
+    with pytest.raises(GeometryError, match=r"a\.png"):
+        read_masks(tmp_path, captures("a"))
 
 
 def test_a_damaged_mask_is_an_error_that_names_it(tmp_path):

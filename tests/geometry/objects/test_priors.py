@@ -219,7 +219,7 @@ def test_no_objects_leave_an_empty_record(tmp_path, scene):
     assert load_priors(tmp_path) == () and read_record(tmp_path) == []
 
 
-@pytest.mark.parametrize("content", [None, b"", b"[{", b"\xff\xfe"])
+@pytest.mark.parametrize("content", [None, b"", b"[{", b"\xff\xfe", b"3", b'["a"]', b'[{"name": 3, "refusal": ""}]'])
 def test_a_damaged_record_is_an_error_that_names_it(tmp_path, content):
     if content is not None:
         (tmp_path / "priors.json").write_bytes(content)
@@ -233,6 +233,22 @@ def test_a_damaged_prior_is_an_error_that_names_it(tmp_path, content):
     prior = AlignedPrior("seat", np.eye(3), np.array([[0, 1, 2]]))
     save_priors(tmp_path, [ObjectPrior("seat", prior, "", {})])
     (tmp_path / "seat.npz").write_bytes(content)
+    with pytest.raises(GeometryError, match=r"seat\.npz"):
+        load_priors(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces"),
+    [
+        (np.full((3, 3), np.nan), [[0, 1, 2]]),
+        (np.eye(3), [[0, 1, 3]]),
+        (np.eye(3), [[0, 1, -1]]),
+        (np.eye(3), [[0.0, 1.0, 2.0]]),
+        (np.eye(4), [[0, 1, 2]]),
+    ],
+)
+def test_a_prior_of_a_stranger_has_finite_vertices_and_their_faces(tmp_path, vertices, faces):
+    np.savez(tmp_path / "seat.npz", vertices=vertices, faces=np.array(faces))
     with pytest.raises(GeometryError, match=r"seat\.npz"):
         load_priors(tmp_path)
 

@@ -135,6 +135,7 @@ def test_a_drawn_surface_is_a_prior_with_the_captures_evidence(proxy, completed,
         ([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], "no faces"),
         ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 3]], "without vertices"),
         ([[0, 0, 0], [1, 0, 0], [0, np.nan, 0]], [[0, 1, 2]], "not finite"),
+        ([[0, 0, 0], [1e9, 0, 0], [0, 1e9, 0]], [[0, 1, 2]], "faces of 0.1 m"),  # a trillion of them
     ],
 )
 def test_what_is_no_surface_is_refused(vertices, faces, message):
@@ -166,6 +167,33 @@ def test_a_damaged_edit_is_named(tmp_path):
     assert load_proxy_edits(tmp_path / "nowhere") == ()
     (tmp_path / "hole.npz").write_bytes(b"PK and no more")
     with pytest.raises(GeometryError, match=r"hole\.npz.*edit-proxy"):
+        load_proxy_edits(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("kind", "wrong"),
+    [
+        ("draw", {"faces": np.array([[0, 1, 9]])}),
+        ("draw", {"faces": np.array([[0, 1, -1]])}),
+        ("draw", {"vertices": np.full((3, 3), np.inf)}),
+        ("draw", {"vertices": np.zeros((3, 2))}),
+        ("draw", {"area_m2": np.array("a lot")}),
+        ("cut", {"removed": np.full((2, 6), np.nan)}),
+        ("cut", {"kept": np.zeros((2, 5))}),
+        ("cut", {"reach_m": np.array(np.inf)}),
+        ("cut", {"reach_m": np.zeros(3)}),
+    ],
+)
+def test_an_edit_of_a_stranger_has_finite_numbers_that_belong_together(tmp_path, kind, wrong):
+    arrays = {
+        "draw": {"vertices": np.eye(3), "faces": np.array([[0, 1, 2]])},
+        "cut": {"removed": np.zeros((2, 6)), "kept": np.zeros((3, 6)), "reach_m": np.array(0.1)},
+    }[kind]
+    whole = {"kind": np.array(kind), "order": np.array(1), "area_m2": np.array(1.0), **arrays}
+    np.savez(tmp_path / "hole.npz", **whole)
+    assert len(load_proxy_edits(tmp_path)) == 1
+    np.savez(tmp_path / "hole.npz", **whole | wrong)
+    with pytest.raises(GeometryError, match=r"hole\.npz"):
         load_proxy_edits(tmp_path)
 
 

@@ -2,7 +2,6 @@
 
 import json
 import platform
-import shutil
 import sys
 import time
 
@@ -49,26 +48,6 @@ def check_a_strangers_finished_set_up_changes_no_preference_and_runs_nothing():
         assert not len(bpy.context.window_manager.r2sego_engine.ended)
         assert preferences().engine_python == str(ENGINE) and folder.is_dir()
     assert not (OUT.parent / "evil_ran").exists()
-
-
-def check_no_job_is_written_where_a_bundles_link_leads():
-    bundle = copied_bundle()
-    outside = OUT.parent / "outside"
-    shutil.rmtree(outside, ignore_errors=True)
-    outside.mkdir()
-    shutil.rmtree(bundle / ".jobs", ignore_errors=True)
-    try:
-        (bundle / ".jobs").symlink_to(outside, target_is_directory=True)
-    except OSError:
-        return  # Windows lets few users make links
-    conduct("slow")
-    job = left_job(bpy.ops.r2sego.refine)
-    assert job.folder.parent == job_module().own_folder()
-    following = sys.modules[f"{MODULE}.operators.engine.following"]
-    wait_until(lambda: following._tick() and not bpy.context.window_manager.r2sego_job.running)
-    (end,) = bpy.context.window_manager.r2sego_engine.ended
-    assert (end.level, end.line) == ("INFO", "Refined: 2 of 2 rounds")
-    assert list(outside.iterdir()) == []
 
 
 def check_a_picture_is_the_jobs_own():

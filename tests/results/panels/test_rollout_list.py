@@ -135,3 +135,24 @@ def test_the_bundles_own_scope_is_read_live(copied, tmp_path):
     own.write_text("[region")
     with refused(RobotError, "robot/scope.toml", "TOML"):
         RobotFacts.read(changed)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"seats": 1},
+        {"seats": ["a"]},
+        {"seats": [{"object": "chair"}]},
+        {"seats": [{"object": "chair", "place_m": [1.0], "height_m": 0.4, "places": 1}]},
+        {"camera": [1.0]},
+        {"camera": {"height_m": 1.0, "pitch_deg": "%s", "fov_deg": 55.0, "fov_is_vertical": True}},
+        {"joints": "many"},
+        {"cameras": {"head": 1}},
+        {"declared": 3},
+    ],
+)
+def test_facts_of_other_kinds_are_none(copied, wrong):
+    file = copied.path / "robot/robot.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | wrong))
+    facts = RobotFacts.read(copied)
+    assert facts.told == {} and facts.seats == () and dict(facts.lines())

@@ -107,7 +107,7 @@ def test_the_buffer_may_lie_beside_the_file(asset, fidelity_db, written, tmp_pat
     document, buffer = written
     document["buffers"][0]["uri"] = "the%20room.bin"
     as_gltf(tmp_path / "a.gltf", document)
-    with pytest.raises(AssetError, match=r"the room\.bin: the splat file cannot be read"):
+    with pytest.raises(AssetError, match=r"the room\.bin: the buffer cannot be read"):
         load_asset(tmp_path / "a.gltf")
     (tmp_path / "the room.bin").write_bytes(buffer)
     assert fidelity_db(load_asset(tmp_path / "a.gltf"), asset) >= 50.0
@@ -198,7 +198,7 @@ CHANGES = {
     "a negative count": (lambda d: d["accessors"][0].update(count=-1), "damaged"),
     "counts that differ": (lambda d: d["accessors"][0].update(count=3), "damaged"),
     "a stride of zero": (
-        lambda d: (d["bufferViews"][0].update(byteStride=0), d["accessors"][0].update(count=10**12)),
+        lambda d: (d["bufferViews"][0].update(byteStride=0), d["accessors"][0].update(count=500)),
         "damaged",
     ),
     "a huge buffer": (lambda d: d["buffers"][0].update(byteLength=10**15), "cut short"),

@@ -151,7 +151,7 @@ def test_damaged_files_say_what_is_wrong(tmp_path: Path) -> None:
         (whole.replace(b"rot_3", b"rot_9"), "rot_3"),
         (whole.replace(b"f_rest_44", b"f_last_44"), "44 f_rest"),
         (b"obj", "not a PLY"),
-        (b"", "not a PLY"),
+        (b"", "empty"),
         (whole.replace(b"binary_little_endian", b"binary_middle"), "binary_middle"),
         (whole.replace(b"property float opacity", b"property list uchar int opacity"), "scalar"),
     ]
