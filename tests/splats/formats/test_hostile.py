@@ -292,3 +292,19 @@ def test_prims_that_multiply_end_in_bounded_memory(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
     assert int(done.stdout) << 10 < MOST_BYTES + OPENUSD_BYTES
     assert read(tmp_path / "a.usda") is None
+
+
+def test_a_stage_may_be_large_by_what_it_refers_to(tmp_path):
+    """Text of many megabytes behind a stage of a few bytes."""
+    count = 30_000
+    rng = np.random.default_rng(0)
+    large = SplatAsset(
+        rng.random((count, 3)),
+        -rng.random((count, 3)),
+        rng.random((count, 4)),
+        rng.random(count),
+        rng.random((count, 16, 3)),
+    )
+    save_asset(tmp_path / "large.usda", large)
+    (tmp_path / "a.usda").write_text('#usda 1.0\n(upAxis = "Z"; metersPerUnit = 1; subLayers = [@./large.usda@])\n')
+    assert len(load_asset(tmp_path / "a.usda")) == count
