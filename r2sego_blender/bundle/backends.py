@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import json
 from collections.abc import Mapping
 from pathlib import Path
 
 from ..config.settings import Settings
 from ..config.slots import GENERATORS, RENDERERS, SURFACES, TRAINERS
+from ..core.json_files import read_json
+from ..core.printable import printable
 
 BACKENDS: Mapping[str, str] = {
     "initial_asset": "embedded: dense stereo to splats",
@@ -38,9 +39,9 @@ def controller_backend(bundle: Path) -> dict[str, str]:
 
     A learned policy is named as such; what is embedded says so.
     """
-    told = sorted(bundle.glob("rounds/*/rollouts/rollouts.json"), key=lambda file: int(file.parts[-3]))
     with contextlib.suppress(OSError, ValueError, LookupError, TypeError, AttributeError):
-        controller = json.loads(told[-1].read_text(encoding="utf-8"))["rollouts"][-1]["controller"]
+        told = sorted(bundle.glob("rounds/*/rollouts/rollouts.json"), key=lambda file: int(file.parts[-3]))
+        controller = printable(read_json(told[-1])["rollouts"][-1]["controller"])
         if controller.startswith("policy"):
             return {"controller": controller}
         if controller.startswith("replay"):

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from ..core.errors import SceneError
-from ..core.json_files import write_json
+from ..core.json_files import read_json, write_json
 from .artifacts import Artifact
 
 _CURE = "Run `r2sego refine` again."
@@ -16,8 +15,8 @@ _CURE = "Run `r2sego refine` again."
 def read_table(file: Path, cure: str = _CURE) -> dict[str, Any]:
     """The JSON object in a file of a bundle. Raises SceneError, with ``cure``, when it holds none."""
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except (ValueError, OSError, RecursionError) as error:
+        content = read_json(file)
+    except (ValueError, OSError) as error:
         raise damaged(file, str(error), cure) from error
     if not isinstance(content, dict):
         raise damaged(file, "it holds no table", cure)

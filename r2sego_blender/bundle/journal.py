@@ -10,14 +10,21 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from pathlib import Path
+import re
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 from ..core.atomic_files import write_whole
+from ..core.errors import SceneError
+from ..core.json_files import parse_json
+from ..core.printable import printable
+from ..core.text_files import read_bytes
 from .frames import is_frame
 
 JOURNAL = "journal.jsonl"
 """The file in the bundle."""
+
+_MOST_BYTES = 64 << 20
 
 
 class Journal:
@@ -62,10 +69,15 @@ class Journal:
 
     def _records(self) -> list[dict[str, Any]]:
         records = []
-        with contextlib.suppress(FileNotFoundError):
-            for line in self.file.read_text(encoding="utf-8", errors="replace").splitlines():
-                with contextlib.suppress(json.JSONDecodeError):
-                    records.append(json.loads(line))
+        try:
+            lines = read_bytes(self.file, _MOST_BYTES).decode(errors="replace").splitlines()
+        except FileNotFoundError:
+            return []
+        except ValueError as error:
+            raise SceneError(f"this is no journal: {error}", where=self.file, cure="Remove the file.") from error
+        for line in lines:
+            with contextlib.suppress(ValueError):
+                records.append(parse_json(line))
         return [record for record in records if _is_record(record)]
 
 
@@ -74,6 +86,17 @@ def _is_record(line: Any) -> bool:
     return (
         isinstance(line, dict)
         and all(isinstance(line.get(name, ""), str) for name in ("step", "publishing", "inputs", "output"))
+        and _names_a_result(line.get("step", ""))
+        and _names_a_result(line.get("publishing", ""))
         and isinstance(line.get("seconds", 0.0), int | float)
         and (line.get("frame") is None or is_frame(line["frame"]))
     )
+
+
+def _names_a_result(name: str) -> bool:
+    """Whether a step's target is a place in a bundle, of a round by its number where it is one's."""
+    parts = re.split(r"[/\\]", name)
+    number = parts[1] if parts[0] == "rounds" and len(parts) > 1 else "0"
+    if parts == ["rounds"] or not re.fullmatch("[0-9]{1,9}", number):
+        return False
+    return not PureWindowsPath(name).anchor and ".." not in parts and printable(name) == name

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core.errors import CaptureError
-from ..core.images import load_image_uint8, resize_nearest
+from ..core.images import load_image_uint8, opened_image, resize_nearest
 from .capture import Capture
 
 FOLDER = "masks"
@@ -41,18 +41,32 @@ def counted_pixels(capture: Capture) -> np.ndarray:
     Raises CaptureError when the mask cannot be read or is not of the photograph's shape.
     """
     assert capture.mask_path is not None, "asked for a capture with a mask"
+    with opened_image(capture.mask_path) as image:
+        sides = image.size
+    if not any(_of_shape(size, capture) for size in (sides, sides[::-1])):  # as EXIF may turn it
+        raise _another_shape(sides, capture)
     shown = load_image_uint8(capture.mask_path).max(axis=2) > 0
+    height, width = shown.shape
+    if not _of_shape((width, height), capture):
+        raise _another_shape((width, height), capture)
     width, height = capture.photograph_size
-    if abs(shown.shape[1] / shown.shape[0] / (width / height) - 1.0) > _ASPECT_TOLERANCE:
-        raise CaptureError(
-            f"the mask is {shown.shape[1]}x{shown.shape[0]}, its photograph {capture.name} is of the shape "
-            f"{width}x{height}",
-            where=capture.mask_path,
-            cure="Give a mask of the photograph's size.",
-        )
     if capture.lens is not None:
         shown = resize_nearest(shown.astype(np.uint8), height, width)
     return (capture.seen(shown.astype(np.float32)) > _WHOLE).astype(np.float32)
+
+
+def _of_shape(size: tuple[int, int], capture: Capture) -> bool:
+    width, height = capture.photograph_size
+    return abs(size[0] / size[1] / (width / height) - 1.0) <= _ASPECT_TOLERANCE
+
+
+def _another_shape(size: tuple[int, int], capture: Capture) -> CaptureError:
+    width, height = capture.photograph_size
+    return CaptureError(
+        f"the mask is {size[0]}x{size[1]}, its photograph {capture.name} is of the shape {width}x{height}",
+        where=capture.mask_path,
+        cure="Give a mask of the photograph's size.",
+    )
 
 
 def _beside(capture: Capture, roots: Sequence[tuple[Path, Path]]) -> Path | None:

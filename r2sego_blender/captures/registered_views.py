@@ -12,6 +12,7 @@ from ..bundle.artifacts import Artifact
 from ..core.cameras import Camera
 from ..core.errors import CaptureError
 from ..core.json_files import opened_json
+from ..core.printable import printable
 
 CURE = "Make the scene anew with `r2sego new`."
 
@@ -34,9 +35,11 @@ def read_registered_views(folder: Path) -> tuple[RegisteredView, ...]:
     views = []
     for index, entry in enumerate(listed):
         try:
-            image_path = folder / "images" / Path(entry["file"]).name
-            views.append(RegisteredView(str(entry["name"]), image_path, Camera.from_json(entry), entry))
-        except (KeyError, TypeError, ValueError) as error:
+            name, image_path = str(entry["name"]), folder / "images" / Path(entry["file"]).name
+            if not name or printable(name, len(name)) != name:
+                raise ValueError("its name has characters that cannot be shown")
+            views.append(RegisteredView(name, image_path, Camera.from_json(entry), entry))
+        except (LookupError, TypeError, ValueError, AttributeError) as error:
             raise damaged_entry(path, index, error) from error
     if not views:
         raise CaptureError("'captures' is an empty list", where=path, cure=CURE)

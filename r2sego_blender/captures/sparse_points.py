@@ -12,8 +12,11 @@ import numpy as np
 
 from ..bundle import layout
 from ..bundle.artifacts import Artifact
-from ..core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
+from ..core.arrays import opened_arrays, require_between, require_shapes, save_arrays
 from ..core.errors import CaptureError
+
+_FARTHEST = 1e9
+"""Of a point from the origin, metres: where the rays to it are all but parallel it may lie far off."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,12 @@ class SparsePoints:
         with opened_arrays(path, CaptureError, "these are no sparse points", cure) as data:
             arrays = {field.name: data[field.name] for field in fields(SparsePoints)}
             require_shapes(arrays, points="P 3", colours="P 3", visibility="P N", error_px="P", pixels="P N 2")
-            require_finite(points=arrays["points"])
+            require_between(-_FARTHEST, _FARTHEST, points=arrays["points"])
+            require_between(0.0, _FARTHEST, error_px=arrays["error_px"])
+            if arrays["visibility"].dtype != np.bool_ or arrays["colours"].dtype != np.uint8:
+                raise ValueError("visibility or colours are of another kind")
+            if not np.isfinite(arrays["pixels"][arrays["visibility"]]).all():
+                raise ValueError("a capture that measured a point says nowhere where")
             return SparsePoints(**arrays)
 
 

@@ -59,9 +59,12 @@ def load_captures(folder: Path) -> tuple[Capture, ...]:
         try:
             lens = Lens.from_json(entry["photograph_lens"]) if "photograph_lens" in entry else None
             turns = int(entry.get("photograph_turns", 0))
-        except (KeyError, TypeError, ValueError) as error:
+            if turns not in range(4):
+                raise ValueError(f"it is turned {turns} times")
+            is_there = view.image_path.is_file()
+        except (LookupError, TypeError, ValueError, AttributeError, OSError) as error:
             raise damaged_entry(folder / "cameras.json", index, error) from error
-        if not view.image_path.is_file():
+        if not is_there:
             raise CaptureError("the capture's image is missing", where=view.image_path, cure=CURE)
         captures.append(Capture(view.name, view.image_path, view.camera, lens, lens is not None, quarter_turns=turns))
     return tuple(captures)

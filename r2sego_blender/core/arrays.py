@@ -149,6 +149,13 @@ def require_finite(**arrays: np.ndarray) -> None:
             raise ValueError(f"{name} are not all finite")
 
 
+def require_between(low: float, high: float | None, **arrays: np.ndarray) -> None:
+    """Raises ValueError, as damage in ``opened_arrays``, where a number is less, more or none."""
+    for name, array in arrays.items():
+        if array.size and not (low <= array.min() and (high is None or array.max() <= high)):
+            raise ValueError(f"{name} are not all from {low} to {high}")
+
+
 def require_indices(count: int, **arrays: np.ndarray) -> None:
     """Raises ValueError, as damage in ``opened_arrays``, where one is no whole number from 0 to below ``count``."""
     for name, array in arrays.items():

@@ -13,28 +13,56 @@ from typing import Any
 
 import numpy as np
 
+from .image_sizes import LONGEST_SIDE_PX, MOST_PX
+
 RIGID_CURE = "Give a 4x4 rigid matrix without scale or mirroring, last row 0 0 0 1."
 """What to do about a pose that is not."""
 
+_LONGEST_FOCAL_PX = 1e8
+_FARTHEST_CENTRE_PX = 1e8
 _RIGID_TOLERANCE = 1e-3
-_LARGEST = 1e12  # number of a similarity, and its inverse the smallest scale
+_FARTHEST = 1e12
+"""Of a camera from the origin, in any unit; beyond it differences of places are none."""
+
+_IDENTITY = np.eye(3)
+_LAST_ROW = np.zeros((4, 4))
+_LAST_ROW[3, 3] = 1.0
+_RIGID_BOUNDS = np.array([[2.0, 2.0, 2.0, _FARTHEST]] * 3 + [[1e-6] * 4])
+
+
+class NotRigidError(ValueError):
+    """A camera's pose that is more than a rotation and a translation."""
 
 
 def is_rigid(pose: np.ndarray) -> bool:
-    """Whether (4, 4) is a rotation and a translation, as near as files have them: no scale, no mirroring."""
-    rotation = pose[:3, :3]
-    if not np.isfinite(pose).all() or np.abs(pose[3] - [0.0, 0.0, 0.0, 1.0]).max() > 1e-6:
+    """Whether (4, 4) is a rotation and a translation, as near as files have them: no scale, no mirroring.
+
+    Of (n, 4, 4) whether all are.
+    """
+    # Nothing infinite or beyond all bounds is multiplied, and comparisons with NaN fail.
+    if not (np.abs(pose - _LAST_ROW) <= _RIGID_BOUNDS).all():
         return False
-    skew = np.abs(rotation.T @ rotation - np.eye(3)).max()
-    return bool(skew <= _RIGID_TOLERANCE and np.linalg.det(rotation) > 0.0)
+    rotation = pose[..., :3, :3]
+    skew = np.abs(rotation.swapaxes(-1, -2) @ rotation - _IDENTITY)
+    return bool((skew <= _RIGID_TOLERANCE).all() and (np.linalg.det(rotation) > 0.0).all())
+
+
+def require_pinhole(width: float, height: float, fx: float, fy: float, cx: float, cy: float) -> None:
+    """Raises ValueError unless a lens of these pixels can see something: for numbers that files tell."""
+    if not (1 <= width <= LONGEST_SIDE_PX and 1 <= height <= LONGEST_SIDE_PX and width * height <= MOST_PX):
+        raise ValueError(f"a camera has no {width:.6g} x {height:.6g} pixels")
+    if not (0.0 < fx <= _LONGEST_FOCAL_PX and 0.0 < fy <= _LONGEST_FOCAL_PX):
+        raise ValueError(f"a camera has no focal lengths of {fx:.6g} and {fy:.6g} pixels")
+    if not (abs(cx) <= _FARTHEST_CENTRE_PX and abs(cy) <= _FARTHEST_CENTRE_PX):
+        raise ValueError(f"a camera has no principal point at {cx:.6g}, {cy:.6g}")
 
 
 def is_similarity(matrix: np.ndarray) -> bool:
     """Whether (4, 4) is a rotation, a translation and one scale above 0, as near as files have them."""
-    if not np.isfinite(matrix).all() or np.abs(matrix).max() > _LARGEST:
+    if not (np.abs(matrix) <= _FARTHEST).all():
         return False
     scale = np.cbrt(np.linalg.det(matrix[:3, :3]))
-    return bool(scale > 1.0 / _LARGEST) and is_rigid(matrix / np.array([[scale], [scale], [scale], [1.0]]))
+    return bool(scale > 1.0 / _FARTHEST) and is_rigid(matrix / np.array([[scale], [scale], [scale], [1.0]]))
 
 
 @dataclass(frozen=True)
@@ -58,6 +86,16 @@ class Camera:
         if pose.shape != (4, 4) or not np.isfinite(pose).all():
             raise ValueError("world_from_camera must be a finite 4x4 matrix")
         object.__setattr__(self, "world_from_camera", pose)
+
+    def checked(self) -> Camera:
+        """This camera, of numbers that a file told.
+
+        Raises ValueError where it can see nothing, NotRigidError of these for its pose.
+        """
+        require_pinhole(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
+        if not is_rigid(self.world_from_camera):
+            raise NotRigidError("the pose is not a rotation and a translation")
+        return self
 
     @cached_property
     def camera_from_world(self) -> np.ndarray:
@@ -163,8 +201,8 @@ class Camera:
 
     @staticmethod
     def from_json(data: dict[str, Any]) -> Camera:
-        """The camera of ``to_json``; extra keys are ignored. Raises ValueError where it can see nothing."""
-        camera = Camera(
+        """The camera of ``to_json``, ``checked``; extra keys are ignored. Raises ValueError, as data of none do."""
+        return Camera(
             width=int(data["width"]),
             height=int(data["height"]),
             fx=float(data["fx"]),
@@ -172,11 +210,7 @@ class Camera:
             cx=float(data["cx"]),
             cy=float(data["cy"]),
             world_from_camera=np.array(data["world_from_camera"], np.float64),
-        )
-        lens = (camera.fx, camera.fy, camera.cx, camera.cy)
-        if min(camera.width, camera.height) < 1 or min(lens[:2]) <= 0.0 or not np.isfinite(lens).all():
-            raise ValueError("a camera needs a size, focal lengths above 0 and a principal point")
-        return camera
+        ).checked()
 
 
 def look_at(centre: np.ndarray, target: np.ndarray, up: np.ndarray | Sequence[float] = (0.0, 0.0, 1.0)) -> np.ndarray:

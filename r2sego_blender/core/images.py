@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import struct
+import warnings
+import zlib
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
 import numpy as np
-from PIL import AvifImagePlugin, Image, ImageCms, ImageOps  # noqa: F401  (the order below)
+from PIL import AvifImagePlugin, Image, ImageCms, ImageOps, TiffImagePlugin  # noqa: F401  (the order below)
 
 from .errors import CaptureError
+from .image_sizes import MOST_FILE_BYTES, MOST_PX, require_sensible_size
+from .text_files import read_bytes
 
 try:
     from pillow_heif import register_heif_opener
@@ -23,10 +29,33 @@ except ImportError:  # an engine of before HEIC was read
 
 HEIC = frozenset({".heic", ".heif"})
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".avif"}) | HEIC
-DAMAGED = (EOFError, OSError, RuntimeError, SyntaxError, ValueError, struct.error)
+DAMAGED = (
+    AssertionError,  # a picture of a palette that has none
+    EOFError,
+    OSError,
+    RuntimeError,
+    SyntaxError,
+    ValueError,
+    TypeError,
+    AttributeError,
+    LookupError,
+    ArithmeticError,
+    AssertionError,
+    MemoryError,
+    struct.error,
+    zlib.error,
+)
 """What Pillow raises for damaged files: each format has errors of its own."""
 
-_LARGEST_PX = 200_000_000
+_FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "WEBP", "AVIF", "HEIF")
+"""Those of ``SUFFIXES``, whatever a file is called: of others Pillow starts programs, as of EPS Ghostscript."""
+
+Image.MAX_IMAGE_PIXELS = MOST_PX // 2  # Pillow refuses twice as many, whoever opens an image
+warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # and of fewer ``opened_image`` tells better
+
+_TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+_TIFF_WIDTH, _TIFF_HEIGHT = 256, 257
+_MOST_PNG_CHUNKS = 1 << 20
 
 
 def image_files(folder: Path) -> list[Path]:
@@ -49,26 +78,43 @@ def load_image(path: Path) -> np.ndarray:
     is seen over black. Raises CaptureError
     when the file is missing, empty, cut short or not an image.
     """
-    return load_image_uint8(path).astype(np.float32) / 255.0
+    image = load_image_uint8(path).astype(np.float32)
+    image /= 255.0  # in its place: a phone's 200 megapixels take 2.4 GB
+    return image
 
 
 def load_image_uint8(path: Path) -> np.ndarray:
     """The image as (H, W, 3) uint8 sRGB; otherwise as ``load_image``."""
+    with opened_image(path) as image:
+        ImageOps.exif_transpose(image, in_place=True)
+        return np.asarray(_srgb(image, path))
+
+
+@contextlib.contextmanager
+def opened_image(
+    path: Path, what: str = "image", cure: str = "Replace the file, or take it out of the folder."
+) -> Iterator[Image.Image]:
+    """The image in a file of one of ``SUFFIXES``, its pixels not decoded yet.
+
+    Whatever damage is met inside the ``with``, and more pixels than its bytes account for, raises
+    CaptureError that says ``what`` cannot be read, and the ``cure``.
+    """
     try:
-        with Image.open(path) as image:
-            if image.width * image.height > _LARGEST_PX:
-                raise CaptureError(
-                    f"the image has {image.width}x{image.height} pixels, more than is sensible",
-                    where=path,
-                    cure="Scale it down.",
-                )
-            return np.asarray(_srgb(ImageOps.exif_transpose(image), path))
+        if not path.is_file():  # a pipe would never end
+            raise FileNotFoundError(path)
+        with Image.open(path, formats=_readable()) as image:
+            require_sensible_size(path, image.width, image.height, path.stat().st_size)
+            yield image
     except Image.DecompressionBombError as error:
-        raise CaptureError("the image has more pixels than is sensible", where=path, cure="Scale it down.") from error
+        raise CaptureError(f"the {what} has more pixels than is sensible", where=path, cure="Scale it down.") from error
     except FileNotFoundError as error:
-        raise CaptureError("the image is missing", where=path, cure="Check the path.") from error
+        raise CaptureError(f"the {what} is missing", where=path, cure="Check the path.") from error
     except DAMAGED as error:
-        raise unread(path, "the image cannot be read", "Replace the file, or take it out of the folder.") from error
+        raise unread(path, f"the {what} cannot be read", cure) from error
+
+
+def _readable() -> tuple[str, ...]:
+    return _FORMATS if _READS_HEIC else _FORMATS[:-1]
 
 
 def unread(path: Path, what: str, cure: str) -> CaptureError:
@@ -93,7 +139,7 @@ def _srgb(image: Image.Image, path: Path) -> Image.Image:
     if image.has_transparency_data:  # over black as splats are: what it hides may be of any colour
         image = image.convert("RGBA")
         image = Image.alpha_composite(Image.new("RGBA", image.size, (0, 0, 0, 255)), image)
-    image = image.convert("RGB")
+    image = image if image.mode == "RGB" else image.convert("RGB")
     if not profile:
         return image
     try:
@@ -101,17 +147,50 @@ def _srgb(image: Image.Image, path: Path) -> Image.Image:
         if given.profile.xcolor_space.strip() != "RGB" or "sRGB" in ImageCms.getProfileDescription(given):
             return image
         return ImageCms.profileToProfile(image, given, ImageCms.createProfile("sRGB")) or image
-    except (ImageCms.PyCMSError, OSError):  # a damaged profile says nothing
+    except (ImageCms.PyCMSError, *DAMAGED):  # a damaged profile says nothing
         return image
 
 
 def stored_values(path: Path) -> np.ndarray | None:
     """The values of an image as they are stored, of any kind and number of channels; None for no image.
 
-    OpenCV itself opens no file of Windows whose path has letters beyond the system's own.
+    OpenCV itself opens no file of Windows whose path has letters beyond the system's own, and takes the
+    memory that a file says it needs. Raises CaptureError for more pixels than is sensible.
     """
-    data = np.fromfile(path, np.uint8)
-    return cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+    try:
+        data = read_bytes(path, MOST_FILE_BYTES)
+        width, height = _stored_size(data)
+        require_sensible_size(path, width, height, len(data))
+        return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except (*DAMAGED, cv2.error, Image.DecompressionBombError):
+        return None
+
+
+def _stored_size(data: bytes) -> tuple[int, int]:
+    """(width, height) that an image says it has. Raises ``DAMAGED``, also for a PNG that is cut off."""
+    if data.startswith(_TIFF):  # of which OpenCV reads more kinds than Pillow
+        stream = io.BytesIO(data)
+        begin = stream.read(16 if data[2:3] in b"+" or data[3:4] == b"+" else 8)
+        tags = TiffImagePlugin.ImageFileDirectory_v2(begin)
+        stream.seek(tags.next)
+        tags.load(stream)
+        return int(tags[_TIFF_WIDTH]), int(tags[_TIFF_HEIGHT])
+    with Image.open(io.BytesIO(data), formats=_readable()) as image:
+        if image.format == "PNG":
+            _require_whole_png(data)
+        return image.size
+
+
+def _require_whole_png(data: bytes) -> None:
+    """Raises ValueError where a chunk says that it is longer than the file."""
+    place = 8
+    for _ in range(_MOST_PNG_CHUNKS):
+        if data[place + 4 : place + 8] == b"IEND":
+            return
+        place += 12 + int.from_bytes(data[place : place + 4], "big")
+        if place > len(data) - 12:
+            break
+    raise ValueError("it is cut off")
 
 
 def to_uint8(image: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from pathlib import Path
 from .errors import MachineError
 
 _LEAST_ADDRESSES = 10**9  # bytes that the numeric packages take once loaded
+_PAGES = Path("/proc/self/statm")
 _QUOTA = Path("/sys/fs/cgroup/cpu.max")
 
 
@@ -30,6 +31,21 @@ def require_addresses() -> None:
             where="ulimit -v",
             cure="Allow several GB, or limit the memory in another way.",
         )
+
+
+def limit_memory(more_bytes: int) -> None:
+    """Let this process, a child that reads what others wrote, take so many bytes of addresses at most.
+
+    They are counted from here on: what packages have loaded for each processor is not of the file.
+    """
+    try:
+        import resource
+
+        pages = int(_PAGES.read_text().split()[0]) if _PAGES.is_file() else 0
+        most_bytes = pages * resource.getpagesize() + more_bytes
+        resource.setrlimit(resource.RLIMIT_AS, (most_bytes, most_bytes))
+    except (ImportError, ValueError, OSError):  # Windows has no such limit, some systems forbid it
+        return
 
 
 def cpu_s() -> float:

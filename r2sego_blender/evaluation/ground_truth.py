@@ -131,8 +131,10 @@ def _views(
             raise EvaluationError(
                 f"z has the shape {depth.shape}, ids {ids.shape}, the photograph {camera.shape}", where=file, cure=_CURE
             )
-        if ids.size and ids.max() >= instances:
-            raise EvaluationError(f"ids name an instance {ids.max()} of {instances}", where=file, cure=_CURE)
+        if ids.size and not -1 <= ids.min() <= ids.max() < instances:
+            raise EvaluationError(
+                f"ids name instances from {ids.min()} to {ids.max()}, of {instances}", where=file, cure=_CURE
+            )
         known = np.isfinite(depth) & (depth > 0.0)
         views.append(TrueView(stem, camera, np.where(known, depth, np.float32(0.0)), ids))
     return tuple(views)

@@ -6,12 +6,13 @@ looks the same from there, to the bit. Needs the standard library alone.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from pathlib import Path
 from typing import Any
 
+from ..core.digests import content_digest
 from ..core.errors import GenerationError
+from ..core.json_files import read_json
 from .decisions import DECISION, decision_of, save_decision
 
 _WORDS = {True: "accepted", False: "rejected"}
@@ -52,10 +53,10 @@ def _what_it_shows(view: Path) -> tuple[str, str] | None:
     conditions = sorted((view / "conditions").glob("[0-9][0-9][0-9].exr"))
     try:
         query = json.dumps(_record(view)["query"], sort_keys=True)
-        return query, hashlib.sha256(conditions[-1].read_bytes()).hexdigest()
+        return query, content_digest(conditions[-1])
     except (OSError, ValueError, KeyError, TypeError, IndexError):
         return None
 
 
 def _record(view: Path) -> dict[str, Any]:
-    return json.loads((view / "pose.json").read_text(encoding="utf-8"))
+    return read_json(view / "pose.json")

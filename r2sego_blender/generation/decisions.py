@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ..core.atomic_files import write_whole
 from ..core.errors import GenerationError
+from ..core.json_files import read_json
 
 DECISION = "decision.json"
 _CURE = 'Delete the file, or write {"accepted": true, "by": "hand"} or false into it.'
@@ -34,10 +35,10 @@ def decision_of(view: Path) -> bool | None:
     if not path.exists():
         return None
     try:
-        accepted = json.loads(path.read_text(encoding="utf-8"))["accepted"]
+        accepted = read_json(path)["accepted"]
         if not isinstance(accepted, bool):
             raise TypeError("'accepted' is neither true nor false")
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, LookupError, TypeError) as error:
         raise GenerationError("this decision is damaged", where=path, cure=_CURE) from error
     return accepted
 

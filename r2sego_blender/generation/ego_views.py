@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +19,7 @@ from ..config.settings import Settings
 from ..core.cameras import Camera
 from ..core.errors import CaptureError, GenerationError
 from ..core.images import load_image, save_image, to_uint8
-from ..core.json_files import write_json
+from ..core.json_files import read_json, write_json
 from ..core.progress import SILENT, Progress
 from ..views.selection import Selection
 from .conditions.condition_files import save_conditions
@@ -131,7 +130,7 @@ def load_pseudo_observations(folder: Path) -> tuple[PseudoObservation, ...]:
     observations = []
     for view in sorted(folder.glob("*/pose.json")):
         with _damage_of(view.parent):
-            record = json.loads(view.read_text(encoding="utf-8"))
+            record = read_json(view)
             if is_accepted(view.parent, record["accepted"]):
                 if record["estimate"] is None:
                     raise ValueError("it was accepted by hand, but has no estimated pose")
@@ -143,7 +142,7 @@ def check_views(folder: Path) -> None:
     """Raises GenerationError when a generated view is damaged, accepted or not; decisions are not read."""
     for view in sorted(place for place in folder.iterdir() if place.is_dir()):
         with _damage_of(view):
-            record = json.loads((view / "pose.json").read_text(encoding="utf-8"))
+            record = read_json(view / "pose.json")
             if record["estimate"] is not None:
                 _observation(view, record)
 
@@ -166,7 +165,10 @@ def _observation(view: Path, record: Mapping[str, Any]) -> PseudoObservation:
     camera = Camera.from_json(record["estimate"])
     if image.shape[:2] != camera.shape or confidence.shape != camera.shape:
         raise ValueError("the images are not of the camera's size")
-    return PseudoObservation(image, camera, confidence, int(record["rank"]), int(record["reference"]))
+    rank, reference = int(record["rank"]), int(record["reference"])
+    if min(rank, reference) < 0:
+        raise ValueError("it has no rank, or no reference")
+    return PseudoObservation(image, camera, confidence, rank, reference)
 
 
 @dataclass(frozen=True)

@@ -5,16 +5,20 @@ Needs the standard library alone, so Blender's Python reads it.
 
 from __future__ import annotations
 
-import json
+import math
 from dataclasses import dataclass
+from operator import index
 from pathlib import Path
 from typing import Any
 
 from ..core.cameras import Camera
 from ..core.errors import GenerationError
-from ..core.json_files import opened_json
+from ..core.json_files import opened_json, read_json
+from ..core.printable import printable
 from .decisions import decision_of, save_decision
 
+_LONGEST = 2000
+_MOST = 2**31 - 1
 _WORDS = {True: "accepted by hand", False: "rejected by hand"}
 
 
@@ -107,9 +111,9 @@ def decide(folder: Path, decisions: dict[int, bool | None]) -> None:
 def _read(view: Path) -> tuple[Path, dict[str, Any], bool | None, str]:
     file = view / "pose.json"
     try:
-        record = json.loads(file.read_text(encoding="utf-8"))
+        record = read_json(file)
         checked = (record["rank"], record["estimate"], record["accepted"])
-        if not isinstance(checked[0], int) or not isinstance(checked[2], bool):
+        if not isinstance(checked[0], int) or not 0 <= checked[0] <= _MOST or not isinstance(checked[2], bool):
             raise TypeError("'rank' or 'accepted' is of another kind")
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise _damaged(file, error) from error
@@ -119,7 +123,7 @@ def _read(view: Path) -> tuple[Path, dict[str, Any], bool | None, str]:
 def _note(file: Path) -> str:
     """What the camera path says of its way; '' where there is none."""
     try:
-        return str(json.loads(file.read_text(encoding="utf-8")).get("note", ""))
+        return printable(str(read_json(file).get("note", "")), _LONGEST)
     except FileNotFoundError:
         return ""
     except (OSError, ValueError, AttributeError) as error:
@@ -140,23 +144,37 @@ def _record(
         return ViewRecord(
             view,
             rank,
-            int(record["candidate"]),
-            int(record["rollout"]),
-            int(record["frame"]),
-            str(record["reference_name"]),
-            float(record["overlap"]),
-            str(record["generator"]),
+            _index(record["candidate"]),
+            _index(record["rollout"]),
+            _index(record["frame"]),
+            printable(str(record["reference_name"]), _LONGEST),
+            _finite(record["overlap"]),
+            printable(str(record["generator"]), _LONGEST),
             record["accepted"],
             by_hand,
-            str(record["reason"]),
+            printable(str(record["reason"]), _LONGEST),
             record["estimate"] is not None,
-            {name: float(record[name]) for name in figures if name in record},
+            {name: _finite(record[name]) for name in figures if name in record},
             stood_for.get(rank, -1),
             stand_in.get(rank, -1),
             note,
         )
     except (KeyError, TypeError, ValueError) as error:
         raise _damaged(view / "pose.json", error) from error
+
+
+def _index(value: Any) -> int:
+    found = index(value)
+    if not 0 <= found <= _MOST:
+        raise ValueError(f"{value} counts nothing")
+    return found
+
+
+def _finite(value: Any) -> float:
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"{value} is no number")
+    return number
 
 
 def _damaged(file: Path, error: Exception) -> GenerationError:

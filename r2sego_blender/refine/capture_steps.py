@@ -26,6 +26,7 @@ from ..core.progress import Progress
 from ..geometry.objects.objects import OBJECTS, ObjectsFolder
 from ..geometry.objects.prior_files import PRIORS, AlignedPrior, ObjectPrior
 from ..geometry.objects.priors import align_objects, load_library
+from ..geometry.objects.shapes import require_library
 from ..geometry.room.bounds import with_missing_bounds
 from ..geometry.room.completed_depth import COMPLETED, CompletedDepth
 from ..geometry.room.completion import complete_depth
@@ -172,6 +173,8 @@ class CaptureSteps:
         )
         background = self._make(BACKDROP, behind, photographs, completed, settings=self.h.training.backdrop_gaussians)
         library = [file_at(Path(folder)) for folder in [self.runner.scene.declaration.mesh_library] if folder]
+        for folder in library:
+            require_library(Path(folder.name))
         objects = self._make(
             PRIORS,
             self._aligned,

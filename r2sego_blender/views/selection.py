@@ -16,10 +16,11 @@ import numpy as np
 
 from ..bundle.artifacts import Artifact
 from ..config.settings import SelectionSettings
-from ..core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
-from ..core.cameras import Camera
+from ..core.arrays import opened_arrays, require_between, require_shapes, save_arrays
+from ..core.cameras import Camera, is_rigid
 from ..core.errors import GenerationError
 from ..core.json_files import opened_json, write_json
+from ..core.printable import printable
 from ..core.progress import SILENT, Progress
 
 _ARRAYS = (
@@ -34,6 +35,13 @@ _ARRAYS = (
     "reference",
     "overlaps",
 )
+
+
+_MOST = 1.0 + 1e-6
+"""Of a share, as sums of pixels' round."""
+
+
+_MOST_VIEWS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -97,12 +105,15 @@ class Selection:
         """Read what ``save`` wrote. Raises GenerationError when the files are damaged."""
         what = "this is not a selection of target views"
         with opened_json(folder / "selection.json", GenerationError, what) as words:
-            reason, budget, note = tuple(words["reasons"]), int(words["budget"]), str(words["note"])
-            ablations = tuple(words["ablations"])
+            *reason, note = _shown([*words["reasons"], words["note"]])
+            ablations = _shown(words["ablations"])
+            budget = int(words["budget"])
+            if not 0 <= budget <= _MOST_VIEWS:
+                raise ValueError(f"a budget of {budget}")
         with opened_arrays(folder / "selection.npz", GenerationError, what) as data:
             arrays = {name: data[name] for name in _ARRAYS}
             require_shapes(arrays, **dict.fromkeys(_ARRAYS, "M") | {"overlaps": "M N"})
-            require_finite(**arrays)
+            _require_kinds(arrays)
             _require_ranks(arrays)
         if {array.shape[:1] for array in arrays.values()} != {(len(reason),)}:
             raise GenerationError(
@@ -110,7 +121,7 @@ class Selection:
                 where=folder,
                 cure="Run `r2sego refine` again.",
             )
-        return Selection(**arrays, reason=reason, budget=budget, note=note, ablations=ablations)
+        return Selection(**arrays, reason=tuple(reason), budget=budget, note=note, ablations=ablations)
 
     def described(self, index: int) -> dict[str, object]:
         """A candidate's entries, JSON-ready."""
@@ -127,6 +138,21 @@ class Selection:
             "overlaps": self.overlaps[index].tolist(),
             "reason": self.reason[index],
         }
+
+
+def _shown(texts: Sequence[str]) -> tuple[str, ...]:
+    """The texts as a terminal may show them. Raises TypeError for what is no text."""
+    return tuple(texts) if "".join(texts).isprintable() else tuple(map(printable, texts))
+
+
+def _require_kinds(arrays: dict[str, np.ndarray]) -> None:
+    """Raises ValueError where whole numbers and yes or no are others, or scores not from 0 to 1."""
+    kinds = dict.fromkeys(("rollout", "frame", "rank", "reference"), "i") | dict.fromkeys(("survived", "chosen"), "b")
+    for name, kind in kinds.items():
+        if arrays[name].dtype.kind != kind:
+            raise ValueError(f"{name} is {arrays[name].dtype}")
+    require_between(0, None, rollout=arrays["rollout"], frame=arrays["frame"])
+    require_between(0.0, _MOST, **{name: arrays[name] for name in ("deficit", "availability", "score", "overlaps")})
 
 
 def _require_ranks(arrays: dict[str, np.ndarray]) -> None:
@@ -159,8 +185,7 @@ def save_candidates(folder: Path, cameras: Sequence[Camera]) -> None:
 def load_candidates(folder: Path) -> list[Camera]:
     """Read what ``save_candidates`` wrote. Raises GenerationError when the files are damaged."""
     camera, poses = load_candidate_poses(folder)
-    lens = camera.to_json()
-    return [Camera.from_json({**lens, "world_from_camera": pose}) for pose in poses]
+    return [camera.at(pose) for pose in poses]
 
 
 def load_candidate_poses(folder: Path) -> tuple[Camera, np.ndarray]:
@@ -172,9 +197,12 @@ def load_candidate_poses(folder: Path) -> tuple[Camera, np.ndarray]:
     with opened_json(folder / "candidates.json", GenerationError, what) as words:
         camera = Camera.from_json({**words["camera"], "world_from_camera": np.eye(4).tolist()})
     with opened_arrays(folder / "candidates.npz", GenerationError, what) as data:
-        require_shapes(data, poses="M 4 4")
-        require_finite(poses=data["poses"])
-        return camera, data["poses"].astype(np.float64)
+        poses = data["poses"]
+        require_shapes({"poses": poses}, poses="M 4 4")
+        poses = poses.astype(np.float64)
+        if not len(poses) or not is_rigid(poses):
+            raise ValueError("a pose is not a rotation and a translation")
+        return camera, poses
 
 
 def temporal_nms(priority: np.ndarray, rollout: np.ndarray, frame: np.ndarray, window: int) -> np.ndarray:

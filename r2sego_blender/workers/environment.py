@@ -182,7 +182,7 @@ class _PipProgress:
     def line(self, line: str) -> None:
         """Take one line of pip."""
         if line.startswith(_WORTH_TELLING):
-            self._progress.message(line)
+            self._progress.message(line.partition(" (from -r ")[0])  # whose lines are nobody's concern
         if line.startswith("Installing collected packages:"):
             self._open.close()
             self._installing, self._before = True, self._installed()

@@ -279,7 +279,7 @@ def _valid(tmp_path, rng, blank_photograph):
         (lambda d: d["captures"][1].update(world_from_camera=[[1, 2], [3]]), r"captures\[1\].*4x4"),
         (lambda d: d["captures"][1].update(world_from_camera=np.diag([2.0, 2, 2, 1]).tolist()), "rotation"),
         (lambda d: d["captures"][1].update(world_from_camera=np.diag([1.0, 1, -1, 1]).tolist()), "rotation"),
-        (lambda d: d["captures"][1].update(world_from_camera=[[float("nan")] * 4] * 4), "4x4"),
+        (lambda d: d["captures"][1].update(world_from_camera=[[float("nan")] * 4] * 4), "NaN"),
         (lambda d: d.update(fx=-3), "'fx' is -3"),
         (lambda d: d.update(fx="wide"), "'fx' is 'wide'"),
         (lambda d: d.pop("fx"), "'fx' is missing"),
@@ -321,7 +321,7 @@ def test_a_pose_file_that_may_not_be_read_is_not_called_damaged(tmp_path, monkey
         load_frozen_views(file)
     file.rmdir()
     file.write_text("{}")
-    monkeypatch.setattr(type(file), "read_text", denied)
+    monkeypatch.setattr("os.open", denied)
     with refused(CaptureError, file, cure="Allow reading it"):
         load_frozen_views(file)
 
@@ -349,3 +349,36 @@ def test_the_room_imports_and_its_frozen_views_load(shared):
     imported = import_captures(folder, folder / "cameras.json", SETTINGS)
     assert len(imported.captures) == 6 and imported.metric
     assert len(load_frozen_views(folder / "cameras.json")) == 16
+
+
+@pytest.mark.parametrize("name", ["images/p\x1b[2J.png", "images/p\n.png", "images/p\u202e.png"])
+def test_a_name_that_controls_a_terminal_is_refused_in_words_that_do_not(tmp_path, rng, blank_photograph, name):
+    data = _valid(tmp_path, rng, blank_photograph)
+    (tmp_path / "images" / "p2.png").rename(tmp_path / name)
+    data["captures"][2]["file"] = name
+    (tmp_path / "cameras.json").write_text(json.dumps(data))
+    with pytest.raises(CaptureError, match=r"cameras\.json, captures\[2\]") as caught:
+        import_captures(tmp_path, tmp_path / "cameras.json", SETTINGS)
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"width": 0.5},
+        {"width": 10**300},
+        {"height": 70_000},
+        {"fx": 1e300},
+        {"cx": -1e300},
+        {"border_px": -1},
+        {"border_px": 40},
+        {"distortion": [1e300]},
+        {"distortion_model": ["fov"]},
+        {"distortion_model": {}},
+    ],
+)
+def test_a_lens_through_which_nothing_is_seen_is_refused(tmp_path, rng, blank_photograph, changes):
+    data = _valid(tmp_path, rng, blank_photograph)
+    (tmp_path / "cameras.json").write_text(json.dumps(data | changes))
+    with np.errstate(all="raise"), pytest.raises(CaptureError, match=r"cameras\.json"):
+        import_captures(tmp_path, tmp_path / "cameras.json", SETTINGS)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from r2sego_blender.core.cameras import Camera, is_rigid, is_similarity, look_at, rotation_angle_rad
+from r2sego_blender.core.cameras import Camera, NotRigidError, is_rigid, is_similarity, look_at, rotation_angle_rad
 
 finite = st.floats(-5.0, 5.0)
 
@@ -113,7 +113,7 @@ def test_a_pose_that_is_not_finite_is_refused():
 )
 def test_a_camera_file_that_can_see_nothing_is_refused(wrong):
     told = Camera(4, 4, 1, 1, 2, 2, np.eye(4)).to_json()
-    with pytest.raises(ValueError, match="a camera needs"):
+    with pytest.raises(ValueError, match="a camera has no"):
         Camera.from_json(told | wrong)
 
 
@@ -131,3 +131,30 @@ def test_a_similarity_is_one_whatever_its_scale_and_a_shear_is_none(scale, offse
         assert not is_similarity(similarity @ wrong)
     similarity[2, 3] = np.nan
     assert not is_similarity(similarity)
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, 1e308, -1e308])
+@pytest.mark.parametrize("place", [(0, 0), (1, 3), (3, 1), (3, 3)])
+def test_no_number_beyond_all_bounds_is_rigid(number, place):
+    """Nothing is multiplied that would overflow, so nothing is warned of."""
+    pose = np.eye(4)
+    pose[place] = number
+    with np.errstate(all="raise"):
+        assert not is_rigid(pose)
+        assert not is_rigid(np.stack([np.eye(4), pose]))
+    assert is_rigid(np.stack([np.eye(4), look_at([1.0, 2.0, 1.5], [4.0, 2.0, 0.5])]))
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"width": 65_536}, {"width": 20_000, "height": 20_000}, {"fx": 1e300}, {"cy": -1e300}, {"height": 1e300}]
+)
+def test_a_camera_file_beyond_what_any_camera_has_is_refused(wrong):
+    told = Camera(4, 4, 1, 1, 2, 2, np.eye(4)).to_json()
+    with pytest.raises(ValueError, match="a camera has no"):
+        Camera.from_json(told | wrong)
+
+
+def test_a_camera_file_whose_pose_is_not_rigid_is_refused():
+    told = Camera(4, 4, 1, 1, 2, 2, np.eye(4)).to_json()
+    with pytest.raises(NotRigidError):
+        Camera.from_json(told | {"world_from_camera": np.diag([1.0, 1.0, 1.01, 1.0]).tolist()})

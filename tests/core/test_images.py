@@ -219,3 +219,14 @@ def test_the_nearest_pixel_is_where_the_centre_lies(width):
     moved = resize_nearest(ramp, 5, width)[0] - (np.arange(width) + 0.5) * 16.0 / width
     assert np.abs(moved).max() <= 0.5
     assert abs(moved.mean()) <= 0.1
+
+
+def test_a_picture_of_a_palette_that_it_lacks_is_refused(tmp_path):
+    path = tmp_path / "image.png"
+    Image.new("P", (4, 3)).save(path)
+    with_palette = path.read_bytes()
+    begin = with_palette.index(b"PLTE") - 4
+    size = int.from_bytes(with_palette[begin : begin + 4], "big")
+    path.write_bytes(with_palette[:begin] + with_palette[begin + size + 12 :])
+    with pytest.raises(CaptureError, match=r"image\.png"):
+        load_image(path)

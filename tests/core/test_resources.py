@@ -83,3 +83,21 @@ def test_the_peak_of_memory_can_begin_anew():
     whole_mb, forgotten_mb, anew_mb = map(float, told.split())
     assert forgotten_mb < whole_mb - 64
     assert forgotten_mb + 32 < anew_mb < whole_mb - 32
+
+
+_LIMITED = """
+import numpy
+from r2sego_blender.core.resources import limit_memory
+limit_memory(256 << 20)
+numpy.ones(64 << 20, numpy.uint8)
+try:
+    numpy.ones(1 << 30, numpy.uint8)
+except MemoryError:
+    print("refused")
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="only Linux limits addresses")
+def test_a_child_takes_no_more_memory_than_it_may():
+    told = subprocess.run([sys.executable, "-c", _LIMITED], capture_output=True, text=True, check=True).stdout
+    assert told.strip() == "refused"

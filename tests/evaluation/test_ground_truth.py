@@ -101,7 +101,8 @@ def test_depths_that_are_not_known_are_zero(scene):
     ("file", "changes", "words"),
     [
         ("depth/view1.npz", {"z": np.ones((20, 30), np.float32)}, r"view1.*\(20, 30\).*\(40, 60\)"),
-        ("depth/view1.npz", {"ids": np.full((40, 60), 2, np.int16)}, "instance 2 of 2"),
+        ("depth/view1.npz", {"ids": np.full((40, 60), 2, np.int16)}, "instances from 2 to 2, of 2"),
+        ("depth/view1.npz", {"ids": np.full((40, 60), -2, np.int16)}, "instances from -2 to -2, of 2"),
         ("depth/view2.npz", {"ids": None}, "view2.*true depth"),
         ("room.npz", {"F": np.array([[0, 1, 99]]), "I": np.array([0])}, r"room\.npz.*not in V"),
         ("room.npz", {"F": np.zeros((0, 3), int)}, "no faces"),

@@ -8,6 +8,8 @@ import sys
 import time
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from stand_in_program import write_program
 
 from r2sego_blender.core.errors import SceneError
@@ -92,6 +94,30 @@ def test_a_forged_one_is_none(bundle, ended, fields):
         Job.open(folder)
     assert [job.folder for job in find_jobs(bundle / ".jobs")] == [ended.folder]
     assert folder.is_dir()
+
+
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(place=st.integers(0, 10_000), to=st.binary(max_size=8), taken=st.integers(0, 300))
+def test_no_changed_byte_leaves_one(ended, place, to, taken):
+    file = ended.folder / "job.json"
+    before = file.read_bytes()
+    place %= len(before)
+    changed = before[:place] + to + before[place + taken :]
+    try:
+        file.write_bytes(changed)
+        if json_of(changed) != json_of(before):
+            with pytest.raises(SceneError):
+                Job.open(ended.folder)
+    finally:
+        file.write_bytes(before)
+    assert Job.open(ended.folder).result()["python"] == "own"
+
+
+def json_of(data):
+    try:
+        return json.loads(data)
+    except ValueError:
+        return None
 
 
 def test_the_supervisor_starts_none(tmp_path, bundle):

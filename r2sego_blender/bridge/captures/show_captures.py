@@ -8,6 +8,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ...bundle.containment import inside
+from ...core.errors import CaptureError
+from ...core.image_sizes import require_sensible_png
 from ...results.panels.bundle import Bundle
 from ..asset.asset_pictures import photographs_behind
 from ..shared.cameras import create_camera, use_frame_of
@@ -96,7 +99,7 @@ def show_photographs(scene: bpy.types.Scene, bundle_path: str, shown: bool, alph
     for camera in capture_cameras(scene, bundle_path):
         data = camera.data
         if shown and not photographs_behind(data):
-            _add_photograph(data, Path(bundle_path, camera[_IMAGE]), alpha)
+            _add_photograph(data, inside(Path(bundle_path), str(camera[_IMAGE])), alpha)
         for background in photographs_behind(data):
             background.show_background_image = shown
             background.alpha = alpha
@@ -118,6 +121,7 @@ def capture_cameras(scene: bpy.types.Scene, bundle_path: str) -> list[bpy.types.
 def _add_photograph(data: bpy.types.Camera, path: Path, alpha: float) -> None:
     if not path.is_file():
         return
+    require_sensible_png(path, CaptureError)
     background = data.background_images.new()
     background.image = bpy.data.images.load(str(path), check_existing=True)
     background.alpha = alpha

@@ -7,11 +7,18 @@ from pathlib import Path
 
 import bpy
 
+from ...core.errors import GenerationError
+from ...core.image_sizes import require_sensible_png
 from ..shared.image_editors import image_editors
 
 
 def clip_image(name: str, files: Sequence[Path]) -> bpy.types.Image:
-    """The frames, numbered without a gap, as the image sequence of this name."""
+    """The frames, numbered without a gap, as the image sequence of this name.
+
+    Raises GenerationError for one that is no PNG, or of more pixels than is sensible.
+    """
+    for file in files:
+        require_sensible_png(file, GenerationError)
     before = bpy.data.images.get(name)
     if before is not None:
         bpy.data.images.remove(before)

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from ...core.errors import SceneError
+from ...core.image_sizes import require_sensible_png
 from ...results.panels.view_grid import coloured_provenance, depth_range_m, shaded_depth, side_by_side
 from ...results.panels.view_parts import Part
 
@@ -19,8 +20,10 @@ _LARGEST_CELL_PX = 640
 def read_levels(path: Path) -> np.ndarray:
     """(H, W, 4) float32 in [0, 1]: a picture's stored values, the first row at the top.
 
-    Raises SceneError when Blender cannot read it.
+    Raises SceneError when Blender cannot read it, and for a PNG of more pixels than is sensible.
     """
+    if path.suffix == ".png":
+        require_sensible_png(path, SceneError, _CURE)
     try:
         image = bpy.data.images.load(str(path), check_existing=False)
     except RuntimeError as error:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ...bundle.frames import is_frame
 from ...bundle.layout import CORRECTIONS
+from ...core.cameras import is_similarity
 from ...core.errors import CaptureError
+from ...core.json_files import read_json
 
 _REMEMBERED = {"new_from_old", "world_from_capture", "ground", "scale_source"}
 
@@ -24,15 +26,23 @@ def corrections_of(bundle: Path) -> list[dict[str, Any]]:
     if not file.is_file():
         return []
     try:
-        history = json.loads(file.read_text(encoding="utf-8"))
-        for one in history:
-            whole = np.array(one["new_from_old"]).shape == (4, 4) and one.keys() >= _REMEMBERED
-            if not (whole and isinstance(one.setdefault("made", {}), dict)):  # older bundles have none
-                raise ValueError("an entry is damaged")
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        history = read_json(file)
+        if not isinstance(history, list) or not all(map(_is_whole, history)):
+            raise ValueError("an entry is damaged")
+    except (OSError, ValueError) as error:
         raise CaptureError(
             f"the corrections cannot be read: {error}",
             where=file,
             cure="Remove the file: the corrections are kept then.",
         ) from error
     return history
+
+
+def _is_whole(one: Any) -> bool:
+    """Whether a correction has all that taking it back needs; older bundles have no digests."""
+    if not isinstance(one, dict) or not one.keys() >= _REMEMBERED or not isinstance(one.setdefault("made", {}), dict):
+        return False
+    if not isinstance(one["ground"], str) or not isinstance(one["scale_source"], str):
+        return False
+    matrices = one["new_from_old"], one["world_from_capture"]
+    return all(is_frame(rows) and is_similarity(np.array(rows)) for rows in matrices)

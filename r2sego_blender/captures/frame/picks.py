@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...core.errors import CaptureError
+from ...core.json_files import read_json
 
 WHERE = "picks"
 """What errors call picks that stand in no file."""
@@ -96,7 +97,7 @@ class Picks:
                     CameraHeight(str(one["capture"]), _number(one["metres"])) for one in data.get("camera_heights", ())
                 ),
             )
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
             raise CaptureError(f"the field {error} is missing or wrong", where=where, cure=_CURE) from error
         picks.check(where)
         return picks
@@ -105,7 +106,7 @@ class Picks:
     def load(file: Path) -> Picks:
         """Read a JSON file. Raises CaptureError when it is missing or none."""
         try:
-            data = json.loads(file.read_text(encoding="utf-8"))
+            data = read_json(file)
         except (OSError, ValueError) as error:
             raise CaptureError(f"the picks cannot be read: {error}", where=file, cure=_CURE) from error
         return Picks.from_json(data, file)
@@ -113,8 +114,8 @@ class Picks:
     def check(self, where: str | Path = WHERE) -> None:
         """Raise CaptureError for names used twice or never picked, and for lengths that are none."""
         names = [point.name for point in self.points]
-        for name in names:
-            if names.count(name) > 1:
+        for name, count in Counter(names).items():
+            if count > 1:
                 raise CaptureError(f"two points are called '{name}'", where=where, cure="Rename one.")
         for point in self.points:
             seen_by = [view.capture for view in point.views]
@@ -124,9 +125,9 @@ class Picks:
                     where=where,
                     cure="Pick it once in each photograph that shows it.",
                 )
+        known = set(names)
         for one in self.lengths:
-            unknown = [name for name in (one.start, one.end) if name not in names]
-            if unknown or one.start == one.end:
+            if one.start == one.end or not {one.start, one.end} <= known:
                 raise CaptureError(
                     f"a length goes from '{one.start}' to '{one.end}'",
                     where=where,

@@ -96,6 +96,8 @@ def undistorted(model: str, coefficients: Sequence[float], places: np.ndarray) -
 def turned(model: str, coefficients: Sequence[float]) -> tuple[float, ...]:
     """The coefficients after a clockwise quarter turn of the image: (x, y) goes to (-y, x)."""
     k = list(coefficients)
+    if model in _ANGULAR:
+        k += [0.0] * (COEFFICIENTS[model] - len(k))
     if model in ("opencv", "brown", "thin_prism_fisheye") and len(k) >= 4:
         # The tangential terms act along (p2, p1), which turns with the image.
         k[2], k[3] = k[3], -k[2]

@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...core.cameras import Camera
+from ...core.cameras import Camera, require_pinhole
 from ...core.errors import CaptureError
 from ...core.images import resize
 from .distortion import COEFFICIENTS, distorted, turned, undistorted
@@ -18,6 +18,7 @@ _LARGEST_GROWTH = 2.0
 _EDGE_SAMPLES = 65
 # How far the straightened photograph's border may lie outside the photograph.
 _BLANK_PX = 0.6
+_LARGEST_COEFFICIENT = 1e12
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,14 @@ class Lens:
     def __post_init__(self) -> None:
         if self.model not in COEFFICIENTS:
             raise ValueError(f"{self.model!r} is no model of a lens")
+
+    def require_sensible(self) -> None:
+        """Raises ValueError unless something can be seen through it: for numbers that files tell."""
+        require_pinhole(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
+        if not all(abs(k) <= _LARGEST_COEFFICIENT for k in self.distortion):
+            raise ValueError("a lens has no such distortion")
+        if not 0.0 <= 2.0 * self.border_px < min(self.width, self.height):
+            raise ValueError(f"a photograph has no border of {self.border_px:.6g} pixels")
 
     @property
     def distorts(self) -> bool:
@@ -174,10 +183,10 @@ class Lens:
 
     @staticmethod
     def from_json(data: dict[str, Any]) -> Lens:
-        """The lens of ``to_json``. Raises KeyError or ValueError for anything else."""
+        """The lens of ``to_json``. Raises KeyError, TypeError or ValueError for anything else."""
         model = "opencv_fisheye" if data.get("fisheye") else "opencv"  # bundles before distortion_model
         fx, fy, cx, cy = (float(data[key]) for key in ("fx", "fy", "cx", "cy"))
-        return Lens(
+        lens = Lens(
             int(data["width"]),
             int(data["height"]),
             fx,
@@ -188,6 +197,8 @@ class Lens:
             str(data.get("distortion_model", model)),
             float(data.get("border_px", 0.0)),
         )
+        lens.require_sensible()
+        return lens
 
     def _straightened(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         rays = self.rays(np.stack([x, y], axis=1))

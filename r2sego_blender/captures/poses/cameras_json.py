@@ -13,8 +13,6 @@ from . import json_fields as fields
 from .finding import find_photograph
 from .photographs import Photograph, upright_size, with_unique_names
 
-_INTRINSICS = ("width", "height", "fx", "fy", "cx", "cy")
-
 
 def read_cameras_json(path: Path, folder: Path, files_needed: bool = True) -> tuple[list[Photograph], bool]:
     """The photographs of the ``captures`` list, and whether the poses are metric.
@@ -82,8 +80,7 @@ def _photographs(
 def _size(places: Sequence[Mapping[str, Any]], image_path: Path, path: Path, field: str) -> tuple[int, int]:
     if not _says_size(places):
         return upright_size(image_path)
-    width, height = (fields.number(key, path, field, *places, positive=True) for key in _INTRINSICS[:2])
-    return int(width), int(height)
+    return fields.size(path, field, *places)
 
 
 def _says_size(places: Sequence[Mapping[str, Any]]) -> bool:
@@ -95,7 +92,7 @@ def _distortion(places: Sequence[Mapping[str, Any]], path: Path, field: str) -> 
     fisheye = next((place["fisheye"] for place in places if "fisheye" in place), False)
     default = "opencv_fisheye" if fisheye else "opencv"
     model = next((place["distortion_model"] for place in places if "distortion_model" in place), default)
-    if model not in COEFFICIENTS:
+    if not isinstance(model, str) or model not in COEFFICIENTS:
         raise CaptureError(
             f"'distortion_model' is {model!r}, not one of {', '.join(COEFFICIENTS)}",
             where=f"{path}, {field}",

@@ -6,12 +6,17 @@ the cut, and says nothing.
 
 from __future__ import annotations
 
+import contextlib
+import io
+import os
 import re
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 from ...core.errors import CaptureError
+from ...core.text_files import opened_file
 
 COLMAP_FILES = tuple(
     f"{name}{suffix}" for name in ("cameras", "images", "points3D", "frames", "rigs") for suffix in (".bin", ".txt")
@@ -22,7 +27,12 @@ _COUNT = struct.Struct("<Q")
 _LEAST_CAMERA_BYTES = 4 + 4 + 8 + 8 + 2 * 8
 _IMAGE_HEAD_BYTES = 4 + 7 * 8 + 4
 _MEASUREMENT_BYTES = 2 * 8 + 8
-_ANNOUNCED = re.compile(r"#\s*Number of (?:cameras|images|points):\s*(\d+)")
+_MOST_BYTES = 2 << 30
+_MOST_RECORDS = 100_000
+"""More photographs than are ever solved together."""
+
+_LONGEST_LINE = 8 << 20
+_ANNOUNCED = re.compile(r"#\s*Number of (?:cameras|images|points):\s*(\d{1,18})")
 """COLMAP's own comment; other programs that write such files may leave it out."""
 
 
@@ -47,12 +57,10 @@ def model_suffix(folder: Path) -> str | None:
 
 def check_cameras(path: Path) -> None:
     """Raise CaptureError when cameras.bin is too short for the cameras it announces."""
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        head = file.read(_COUNT.size)
-    count = _COUNT.unpack(head)[0] if len(head) == _COUNT.size else None
-    if count is None or count * _LEAST_CAMERA_BYTES > size - _COUNT.size:
-        raise _cut_short(path, size, count or 0)
+    data = _bytes(path)
+    count = _COUNT.unpack_from(data)[0] if len(data) >= _COUNT.size else None
+    if count is None or count > _MOST_RECORDS or count * _LEAST_CAMERA_BYTES > len(data) - _COUNT.size:
+        raise _cut_short(path, len(data), count or 0)
 
 
 def check_images(path: Path) -> None:
@@ -61,11 +69,13 @@ def check_images(path: Path) -> None:
     A record is an identity, a pose of seven doubles, the camera's identity, a name that ends
     in a zero byte, and counted measurements.
     """
-    data = path.read_bytes()
+    data = _bytes(path)
     place, count = _COUNT.size, 0
     if len(data) >= _COUNT.size:
         count = _COUNT.unpack_from(data)[0]
-        for _ in range(min(count, len(data) // _IMAGE_HEAD_BYTES + 1)):
+        if count > _MOST_RECORDS:
+            raise _cut_short(path, len(data), count)
+        for _ in range(count):
             end = data.find(b"\0", place + _IMAGE_HEAD_BYTES)
             if end < 0 or end + 1 + _COUNT.size > len(data):
                 raise _cut_short(path, len(data), count)
@@ -79,8 +89,8 @@ def check_images(path: Path) -> None:
 
 def check_cameras_text(path: Path) -> None:
     """Raise CaptureError when cameras.txt was cut off."""
-    lines = _text(path).split("\n")
-    check_whole_text(path, lines, sum(map(_holds_something, lines)), "cameras")
+    text = TextLines(path)
+    check_whole_text(text, sum(map(_holds_something, text)), "cameras")
 
 
 def check_images_text(path: Path) -> None:
@@ -89,50 +99,91 @@ def check_images_text(path: Path) -> None:
     COLMAP takes whatever stands behind a pose for that line, so where such lines are left out it
     would read every other image.
     """
-    lines = _text(path).split("\n")
-    count, place = 0, 0
-    while place < len(lines):
-        place += 1
-        if not _holds_something(lines[place - 1]):
+    text = TextLines(path)
+    lines, count = iter(text), 0
+    for line in lines:
+        if not _holds_something(line):
             continue
         count += 1
+        image, measurements = text.read, next(lines, None)
         # Behind the last line break is no line of its own: COLMAP leaves out such an image.
-        if place >= len(lines) - (not lines[-1]):
+        if measurements is None:
             raise _wrong_text(
                 path,
-                f"line {place} is an image without its line of measurements",
+                f"line {image} is an image without its line of measurements",
                 "where the image has none, end the file with an empty line",
             )
-        if not _is_measurements(lines[place]):
+        if not _is_measurements(measurements):
             raise _wrong_text(
                 path,
-                f"line {place + 1} is not the measurements of the image before it",
+                f"line {text.read} is not the measurements of the image before it",
                 "behind each image stands a line of X, Y, POINT3D_ID, or an empty one",
             )
-        place += 1
-    check_whole_text(path, lines, count, "images")
+    check_whole_text(text, count, "images")
 
 
-def check_whole_text(path: Path, lines: Sequence[str], count: int, what: str) -> None:
-    """Raise CaptureError when ``count`` is less than the lines, which end as the file does, announce.
+class TextLines:
+    """The lines of a model's text file, one at a time: all at once they take many times its memory.
+
+    While and after they are iterated over ``read`` counts them, ``announced`` is the number of records
+    that the file tells, None where it does not, and ``whole`` says whether the last line was ended.
+    Raises CaptureError for a file that is too large, and a line that is too long.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.read = 0
+        self.announced: int | None = None
+        self.whole = True
+
+    def __iter__(self) -> Iterator[str]:
+        with _opened(self.path) as stream:
+            text = io.TextIOWrapper(stream, encoding="utf-8", errors="replace")
+            while line := text.readline(_LONGEST_LINE):
+                self.read += 1
+                self.whole = line.endswith("\n")
+                if not self.whole and len(line) == _LONGEST_LINE:
+                    raise _wrong_text(self.path, f"line {self.read} has no end", "check that it is the text of a model")
+                found = _ANNOUNCED.match(line) if self.read <= 10 else None
+                if found and self.announced is None:
+                    self.announced = int(found[1])
+                yield line.removesuffix("\n")
+
+
+def check_whole_text(text: TextLines, count: int, what: str) -> None:
+    """Raise CaptureError when ``count``, of a text read to its end, is less than its lines announce.
 
     Where they announce it the program was COLMAP, which also ends the last line.
     """
-    announced = next((int(found[1]) for found in map(_ANNOUNCED.match, lines[:10]) if found), None)
-    if announced is None:
+    if text.announced is None:
         return
-    if count < announced:
+    if count < text.announced:
         raise _wrong_text(
-            path,
-            f"its comment announces {announced} {what}, and {count} are there",
+            text.path,
+            f"its comment announces {text.announced} {what}, and {count} are there",
             "where you took some out, correct the number in the comment",
         )
-    if lines[-1]:
-        raise _wrong_text(path, f"line {len(lines)} is cut off", "where it is whole, end it with a new line")
+    if not text.whole:
+        raise _wrong_text(text.path, f"line {text.read} is cut off", "where it is whole, end it with a new line")
 
 
-def _text(path: Path) -> str:
-    return path.read_text(encoding="utf-8", errors="replace")
+def _bytes(path: Path) -> bytes:
+    with _opened(path) as stream:
+        return stream.read()
+
+
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[IO[bytes]]:
+    """A file of a model. Raises CaptureError for what is none, or too large."""
+    with contextlib.ExitStack() as stack:
+        try:
+            stream = stack.enter_context(opened_file(path))
+            size = os.fstat(stream.fileno()).st_size
+            if size > _MOST_BYTES:
+                raise ValueError(f"it has {size} bytes")
+        except ValueError as error:
+            raise CaptureError(f"this is of no COLMAP model: {error}", where=path, cure="Check the path.") from error
+        yield stream
 
 
 def _holds_something(line: str) -> bool:
@@ -141,9 +192,9 @@ def _holds_something(line: str) -> bool:
 
 def _is_measurements(line: str) -> bool:
     """Whether ``line`` has three numbers for each measurement; the last are looked at."""
-    words = line.split()
     if line.lstrip().startswith("#"):
         return True
+    words = line.split()
     return len(words) % 3 == 0 and all(re.fullmatch(r"[-+.0-9eE]+|nan|-?inf", word) for word in words[-3:])
 
 

@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from ...core.cameras import RIGID_CURE, is_rigid
 from ...core.errors import CaptureError, NativeError
 from ...core.progress import SILENT, Progress
+from ...core.resources import limit_memory
 from ...core.scratch import ScratchFolder
 from ...core.text_files import write_text
 from ...workers.child import call_in_child
@@ -24,6 +26,7 @@ from .finding import find_photographs
 from .photographs import Photograph, with_unique_names
 
 _TIMEOUT_S = 60.0
+_MOST_MEMORY_BYTES = 8 << 30  # a garbled count must not take the machine's
 # COLMAP's camera model -> the lens's (distortion.COEFFICIENTS) and how many coefficients follow
 # the focal lengths and the principal point.
 _LENSES = {
@@ -80,10 +83,16 @@ def read_colmap_model(model: Path, folder: Path, progress: Progress = SILENT) ->
         if path is None:
             continue
         source = f"{model / ('images' + suffix)}, image {image['id']} ({image['name']})"
-        pose = np.linalg.inv(np.vstack([image["camera_from_world"], [0.0, 0.0, 0.0, 1.0]]))
+        pose = _inverse(np.vstack([image["camera_from_world"], [0.0, 0.0, 0.0, 1.0]]), source)
         lens = _lens(image["camera"], f"{model / ('cameras' + suffix)}, camera {image['camera']['id']}")
         photographs.append(Photograph(image["name"], path, lens, pose, source, stored_pixels=True))
     return with_unique_names(photographs)
+
+
+def _inverse(pose: np.ndarray, source: str) -> np.ndarray:
+    if not is_rigid(pose):
+        raise CaptureError("the pose is not a rotation and a translation", where=source, cure=RIGID_CURE)
+    return np.linalg.inv(pose)
 
 
 def _lens(camera: dict[str, Any], where: str) -> Lens:
@@ -107,7 +116,7 @@ def _lens(camera: dict[str, Any], where: str) -> Lens:
 def read_in_child(request: dict[str, Any]) -> dict[str, Any]:
     """Read cameras and poses with pycolmap; runs in a child process."""
     pycolmap = load_pycolmap()
-    _limit_memory()
+    limit_memory(_MOST_MEMORY_BYTES)
     model, suffix = Path(request["model"]), request["suffix"]
     with ScratchFolder() as folder:
         for name in ("cameras", "images"):
@@ -152,16 +161,6 @@ def camera_to_json(camera: Any) -> dict[str, Any]:
 def lens_from_json(camera: dict[str, Any], where: str) -> Lens:
     """The lens of ``camera_to_json``. Raises CaptureError for models that are not supported."""
     return _lens(camera, where)
-
-
-def _limit_memory() -> None:
-    """A garbled count must not take the machine's memory with it."""
-    try:
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_AS, (8 << 30, 8 << 30))
-    except (ImportError, ValueError, OSError):  # Windows has no such limit, some systems forbid it
-        return
 
 
 def save_colmap_model(folder: Path, captures: Sequence[Capture], sparse: SparsePoints | None) -> None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import struct
+from array import array
 from pathlib import Path
 
 import numpy as np
 
 from ...core.compiled import kernel
 from ...core.errors import CaptureError
-from .colmap_files import check_whole_text
+from ...core.text_files import opened_file
+from .colmap_files import TextLines, check_whole_text
 
 _POINT = struct.Struct("<Q3d3BdQ")
 """points3D.bin: identity, position, colour, error and length of the track, which follows."""
@@ -41,7 +43,8 @@ def read_colmap_points(model: Path) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def _parse_binary(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    data = np.fromfile(path, np.uint8)
+    with opened_file(path) as stream:
+        data = np.fromfile(stream, np.uint8)
     if len(data) < _COUNT_BYTES:
         raise ValueError("cut short")
     count = int(data[:_COUNT_BYTES].view("<u8")[0])
@@ -78,9 +81,13 @@ def _find_points(data, places):
 
 
 def _parse_text(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    lines = path.read_text(encoding="utf-8").split("\n")
-    stripped = (line.strip() for line in lines)
-    rows = [line.split(maxsplit=7)[1:7] for line in stripped if line and not line.startswith("#")]
-    check_whole_text(path, lines, len(rows), "points")
-    values = np.array(rows, np.float64).reshape(-1, 6)
+    text, found = TextLines(path), array("d")
+    for line in map(str.strip, text):
+        if line and not line.startswith("#"):
+            numbers = [float(word) for word in line.split(maxsplit=7)[1:7]]
+            if len(numbers) < 6:
+                raise ValueError(f"line {text.read} is no point")
+            found.extend(numbers)
+    values = np.array(found, np.float64).reshape(-1, 6)
+    check_whole_text(text, len(values), "points")
     return values[:, :3], np.clip(values[:, 3:], 0, 255).astype(np.uint8)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ...core.errors import CaptureError
 from ...core.images import HEIC, SUFFIXES, image_files
+from ...core.printable import printable
 from ...core.progress import Progress
 from .photographs import MIN_CAPTURES
 from .plain_folder import UNREAD_PICTURES
@@ -50,6 +51,7 @@ def find_photographs(
     missing = [name for name, path in zip(names, found, strict=True) if path is None]
     if not missing:
         return found
+    missing = [printable(name) for name in missing]
     more = f" and {len(missing) - _LISTED} more" if len(missing) > _LISTED else ""
     searched = " and ".join(sorted({str(folder) for folder in folders}))
     what = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,17 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from ...core import json_files
 from ...core.errors import CaptureError, may_not_be_read
-
-_LARGEST_FILE_BYTES = 256 * 1024 * 1024
 
 
 def read_json(path: Path) -> dict[str, Any]:
     """The JSON object in a file. Raises CaptureError when there is none."""
     try:
-        if path.stat().st_size > _LARGEST_FILE_BYTES:
-            raise CaptureError("the file is too large for camera poses", where=path, cure="Check the path.")
-        data = json.loads(path.read_text(encoding="utf-8-sig"))  # some programs on Windows begin with a mark
+        data = json_files.read_json(path)
     except FileNotFoundError as error:
         raise CaptureError("the pose file is missing", where=path, cure="Check the path.") from error
     except PermissionError as error:
@@ -29,7 +25,7 @@ def read_json(path: Path) -> dict[str, Any]:
         raise CaptureError(
             f"the pose file cannot be read: {error.strerror}", where=path, cure="Check the path."
         ) from error
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise CaptureError(f"this is not JSON ({error})", where=path, cure="Export the poses again.") from error
     if not isinstance(data, dict):
         raise CaptureError("the file holds no JSON object", where=path, cure="Export the poses again.")
@@ -59,6 +55,19 @@ def number(
         )
         raise CaptureError(what, where=f"{path}, {field}", cure="See docs/formats.md.")
     return float(value)
+
+
+def size(
+    path: Path, field: str, *places: Mapping[str, Any], keys: tuple[str, str] = ("width", "height")
+) -> tuple[int, int]:
+    """(width, height) under ``keys``, whole pixels above 0."""
+    found = []
+    for key in keys:
+        pixels = int(number(key, path, field, *places, positive=True))
+        if pixels < 1:
+            raise CaptureError(f"'{key}' is less than a pixel", where=f"{path}, {field}", cure="See docs/formats.md.")
+        found.append(pixels)
+    return found[0], found[1]
 
 
 def text(key: str, path: Path, field: str, place: Mapping[str, Any]) -> str:

@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PureWindowsPath
 
 import numpy as np
-from PIL import Image
 
 from ...core.cameras import RIGID_CURE, is_rigid
 from ...core.errors import CaptureError
-from ...core.images import DAMAGED, unread
+from ...core.images import opened_image
+from ...core.printable import printable
 from ..capture import Capture
 from ..lenses.lens import Lens
 
@@ -27,6 +27,7 @@ _EXIF_ORIENTATION = 274
 _QUARTER_TURNS = {3: 2, 4: 2, 5: 1, 6: 1, 7: 3, 8: 3}
 _UPRIGHT_SIZE = ("HEIF", "TIFF")  # formats of which Pillow tells the upright size
 _ASPECT_TOLERANCE = 0.01
+_REPLACE = "Replace the file, or take it out of the folder and the pose file."
 # One clockwise quarter turn of the image, seen as a turn of the camera about its axis.
 _TURNED_FROM_CAMERA = np.array(
     [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
@@ -39,7 +40,8 @@ class Photograph:
 
     ``world_from_camera`` (4, 4) float64 has OpenCV axes; ``source`` is the file and field
     that errors point to, ``mask_path`` the mask that is named for it, if that is there.
-    ``stored_pixels``: what solved the poses does not turn photographs upright by EXIF.
+    ``stored_pixels``: what solved the poses does not turn photographs upright by EXIF. Raises CaptureError
+    for a name that nobody can read, and a lens through which nothing is seen.
     """
 
     name: str
@@ -50,31 +52,37 @@ class Photograph:
     mask_path: Path | None = None
     stored_pixels: bool = False
 
+    def __post_init__(self) -> None:
+        require_name(self.name, self.source)
+        try:
+            self.lens.require_sensible()
+        except ValueError as error:
+            raise CaptureError(str(error), where=self.source, cure="Export the poses again.") from error
+
+
+def require_name(name: str, where: object) -> None:
+    """Raises CaptureError for a photograph's name with characters that control a terminal, or none at all."""
+    if not name or printable(name, len(name)) != name:
+        raise CaptureError(
+            f"the photograph's name '{name}' has characters that cannot be shown",
+            where=where,
+            cure="Rename the file, also where its poses name it.",
+        )
+
 
 def photograph_size(path: Path) -> tuple[int, int, int]:
     """(width, height) of an image file's stored pixels and the clockwise quarter turns to upright.
 
     Raises CaptureError when the file is missing or not an image.
     """
-    try:
-        with Image.open(path) as image:
-            orientation = image.getexif().get(_EXIF_ORIENTATION)
-            if image.format == "HEIF":  # read upright, with an EXIF that says so
-                orientation = image.info["original_orientation"]
-            turns = _QUARTER_TURNS.get(int(orientation or 1), 0)
-            turned_already = turns % 2 and image.format in _UPRIGHT_SIZE
-            width, height = image.size[::-1] if turned_already else image.size
-            return width, height, turns
-    except Image.DecompressionBombError as error:
-        raise CaptureError(
-            "the photograph has more pixels than is sensible", where=path, cure="Scale it down."
-        ) from error
-    except FileNotFoundError as error:
-        raise CaptureError("the photograph is missing", where=path, cure="Check the path.") from error
-    except DAMAGED as error:
-        raise unread(
-            path, "the photograph cannot be read", "Replace the file, or take it out of the folder and the pose file."
-        ) from error
+    with opened_image(path, "photograph", _REPLACE) as image:
+        orientation = image.getexif().get(_EXIF_ORIENTATION)
+        if image.format == "HEIF":  # read upright, with an EXIF that says so
+            orientation = image.info["original_orientation"]
+        turns = _QUARTER_TURNS.get(int(orientation or 1), 0)
+        turned_already = turns % 2 and image.format in _UPRIGHT_SIZE
+        width, height = image.size[::-1] if turned_already else image.size
+        return width, height, turns
 
 
 def upright_size(path: Path) -> tuple[int, int]:

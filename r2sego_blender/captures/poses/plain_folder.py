@@ -10,7 +10,7 @@ from pathlib import Path
 from ...core.errors import CaptureError
 from ...core.images import image_files
 from ...core.progress import Progress
-from .photographs import MIN_CAPTURES, photograph_size, too_few
+from .photographs import MIN_CAPTURES, photograph_size, require_name, too_few
 from .registry import FORMATS
 
 _RAW = frozenset({".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".rw2", ".orf", ".pef", ".srw"})
@@ -29,9 +29,11 @@ def plain_photographs(folder: Path, progress: Progress) -> list[Path]:
     are told. Raises CaptureError for a file that is no image, and when fewer than three
     photographs are left: it says where others may be.
     """
-    found, copies = _distinct(image_files(folder))
-    for path in found:
+    files = image_files(folder)
+    for path in files:
+        require_name(path.name, folder)
         photograph_size(path)  # an empty file is told now, not after those before it were worked on
+    found, copies = _distinct(files)
     passed = _passed_over(folder, found)
     if len(found) < MIN_CAPTURES:
         raise _too_few(folder, len(found), copies, passed)

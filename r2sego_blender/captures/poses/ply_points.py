@@ -10,6 +10,7 @@ import numpy as np
 from ...core.errors import CaptureError
 
 _GREY = 128
+_MOST_BYTES = 1 << 30
 
 
 def read_ply_points(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -20,6 +21,8 @@ def read_ply_points(path: Path) -> tuple[np.ndarray, np.ndarray]:
     import trimesh
 
     try:
+        if not path.is_file() or path.stat().st_size > _MOST_BYTES:
+            raise OSError("there is no such file, or it is too large")
         cloud: Any = trimesh.load(path, file_type="ply", process=False)
         xyz = np.asarray(cloud.vertices, np.float64).reshape(-1, 3)
     except Exception as error:  # trimesh raises whatever its parser ran into

@@ -86,8 +86,6 @@ def _photograph(file: Path, path: Path, border_px: float) -> Photograph:
     fx, fy, cx, cy = (fields.number(key, file, "intrinsics", data, positive=True) for key in ("fx", "fy", "cx", "cy"))
     width, height = upright_size(path)
     if "width" in data:
-        width, height = (
-            int(fields.number(key, file, "intrinsics", data, positive=True)) for key in ("width", "height")
-        )
+        width, height = fields.size(file, "intrinsics", data)
     lens = Lens(width, height, fx, fy, cx, cy, border_px=border_px)
     return Photograph(path.name, path, lens, pose, str(file))

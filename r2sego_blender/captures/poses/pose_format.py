@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...config.settings import CaptureSettings
+from ...core.json_files import read_json
 from ...core.progress import Progress
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def json_files(place: Path, names: Sequence[str], key: str) -> list[Path]:
 def _holds(file: Path, key: str) -> bool | None:
     """Whether the file is a JSON object with ``key``; None where it cannot be read."""
     try:
-        data = json.loads(file.read_text(encoding="utf-8-sig"))
-    except (OSError, ValueError, RecursionError):
+        data = read_json(file)
+    except (OSError, ValueError):
         return None
     return isinstance(data, dict) and key in data

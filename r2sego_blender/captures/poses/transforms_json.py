@@ -71,8 +71,7 @@ def _lens(places: tuple[Mapping[str, Any], ...], image_path: Path, path: Path, f
 def _size(places: tuple[Mapping[str, Any], ...], image_path: Path, path: Path, field: str) -> tuple[int, int]:
     """(width, height) the intrinsics are for: as said, else of the photograph upright or as stored."""
     if any("w" in place for place in places):
-        width, height = (fields.number(key, path, field, *places, positive=True) for key in ("w", "h"))
-        return int(width), int(height)
+        return fields.size(path, field, *places, keys=("w", "h"))
     width, height, turns = photograph_size(image_path)
     upright = (height, width) if turns % 2 else (width, height)
     if not all(any(key in place for place in places) for key in ("cx", "cy")):

@@ -8,8 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from ...core.arrays import arrays_of, load_array
 from ...core.errors import CaptureError, NativeError
+from ...core.image_sizes import require_sensible_size
 from ...core.images import stored_values
+from ...core.resources import limit_memory
 from ...core.scratch import ScratchFolder
 from ...workers.child import call_in_child
 from ..capture import Capture
@@ -18,6 +21,7 @@ _SUFFIXES = (".png", ".tif", ".tiff", ".exr", ".npy", ".npz")
 _CONFIDENCE_SUFFIXES = (".png", ".tif", ".tiff")
 _FARTHEST_M = 100.0
 _LARGEST_FILE_BYTES = 256 * 1024 * 1024
+_MOST_EXR_BYTES = 4 << 30
 _ASPECT_TOLERANCE = 0.02
 _EXR_TIMEOUT_S = 60.0
 
@@ -90,7 +94,8 @@ def _metres(path: Path) -> np.ndarray:
         raise _unreadable(path, f"it holds {values.dtype} of shape {values.shape}")
     if values.dtype == np.uint8:
         raise _unreadable(path, "it has 8 bits, which are no millimetres")
-    metres = values.astype(np.float32) * np.float32(1.0 if values.dtype.kind == "f" else 0.001)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is no depth is none in float32 either
+        metres = values.astype(np.float32) * np.float32(1.0 if values.dtype.kind == "f" else 0.001)
     return np.where(np.isfinite(metres) & (metres > 0) & (metres < _FARTHEST_M), metres, np.float32(0.0))
 
 
@@ -103,14 +108,12 @@ def _read_image(path: Path) -> np.ndarray:
 
 def _read_arrays(path: Path) -> np.ndarray:
     try:
-        with path.open("rb") as file:
-            loaded = np.load(file, allow_pickle=False)
-            if isinstance(loaded, np.ndarray):
-                return loaded
-            name = "depth" if "depth" in loaded.files else loaded.files[0]
-            return loaded[name]
-    except (OSError, EOFError, ValueError, IndexError, KeyError, MemoryError) as error:
-        raise _unreadable(path, "it holds no array") from error
+        if path.suffix == ".npy":
+            return load_array(path)
+        with arrays_of(path) as arrays:
+            return arrays["depth" if "depth" in arrays else arrays.files[0]]
+    except (OSError, EOFError, ValueError, LookupError) as error:
+        raise _unreadable(path, f"it holds no array ({error})") from error
     except Exception as error:  # zipfile and zlib raise their own
         raise _unreadable(path, "it is cut short") from error
 
@@ -123,19 +126,27 @@ def _read_exr(path: Path) -> np.ndarray:
             call_in_child(read_exr_in_child, {"path": str(path), "copy": str(copy)}, timeout_s=_EXR_TIMEOUT_S)
         except NativeError as error:
             raise _unreadable(path, "it is no EXR image") from error
-        return np.load(copy, allow_pickle=False)
+        return load_array(copy)
 
 
 def read_exr_in_child(request: dict[str, Any]) -> dict[str, Any]:
     """Copy an EXR's channel of depth, or of brightness, to a ``.npy``; runs in a child process."""
     import OpenEXR
 
+    limit_memory(_MOST_EXR_BYTES)
+    path = Path(request["path"])
     try:
-        with OpenEXR.File(request["path"], separate_channels=True) as image:
+        with OpenEXR.File(str(path), header_only=True) as image:
+            low, high = (corner.astype(np.int64) for corner in image.header()["dataWindow"])
+        width, height = (int(side) for side in high - low + 1)
+        require_sensible_size(path, width, height, path.stat().st_size)
+        with OpenEXR.File(str(path), separate_channels=True) as image:
             channels = {name: channel.pixels for name, channel in image.channels().items()}
+        name = next((name for name in ("Z", "Y", "R") if name in channels), min(channels))
+    except CaptureError:
+        raise
     except Exception as error:  # it has no class of its own
-        raise _unreadable(Path(request["path"]), "it is no EXR image") from error
-    name = next((name for name in ("Z", "Y", "R") if name in channels), min(channels))
+        raise _unreadable(path, "it is no EXR image") from error
     np.save(request["copy"], channels[name])
     return {}
 

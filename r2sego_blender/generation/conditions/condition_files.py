@@ -15,14 +15,20 @@ import cv2
 import numpy as np
 import OpenEXR
 
+from ...core.arrays import require_between
 from ...core.cameras import Camera
 from ...core.colours import linear_from_srgb
 from ...core.errors import CaptureError, GenerationError
+from ...core.image_sizes import require_sensible_size
 from ...core.images import to_uint8
+from ...core.json_files import parse_json
 from .conditions import Condition
 from .point_condition import PointCondition
 
 _LAYER = "ViewLayer"
+_MOST_CHANNELS = 32
+_FARTHEST_M = 1e6
+_MOST_INSTANCES = 2.0**31 - 1.0
 _CAMERA = "r2sego:camera"
 _MILLIMETRES = 1000.0
 _OPENGL = np.array([1.0, -1.0, -1.0], np.float32)  # x right, y up, z towards the camera
@@ -89,8 +95,8 @@ def _save_exr(path: Path, condition: Condition, point: PointCondition | None, de
 
 def _load_exr(path: Path) -> Condition:
     try:
+        camera = _camera_of(path)
         with OpenEXR.File(str(path), separate_channels=True) as file:
-            camera = Camera.from_json(json.loads(file.header()[_CAMERA]))
             channels = {name: channel.pixels for name, channel in file.channels().items()}
         passes = {
             name: channels[f"{_LAYER}.{name}"]
@@ -98,6 +104,10 @@ def _load_exr(path: Path) -> Condition:
         }
         if any(values.shape != camera.shape or values.dtype != np.float32 for values in passes.values()):
             raise ValueError("a pass is not of the camera's size")
+        require_between(0.0, _FARTHEST_M, depth=passes["Depth.V"])
+        require_between(0.0, np.iinfo(np.uint8).max, provenance=passes["Provenance.V"])
+        require_between(-1.0, _MOST_INSTANCES, instance=passes["Instance.V"])
+        require_between(0.0, 1.0, validity=passes["Validity.V"])
     except _DAMAGE as error:
         raise GenerationError(
             "this structural condition is damaged", where=path, cure="Run `r2sego refine` again."
@@ -110,6 +120,25 @@ def _load_exr(path: Path) -> Condition:
         passes["Validity.V"],
         passes["Instance.V"].astype(np.int32),
     )
+
+
+def _camera_of(path: Path) -> Camera:
+    """The camera in the header, which tells an image of its size as ``save_conditions`` writes it.
+
+    Looked at before the pixels: other kinds of EXR have ended their process, and the size is what its
+    memory is taken for.
+    """
+    with OpenEXR.File(str(path), header_only=True) as file:
+        header, parts = dict(file.header()), len(file.parts)  # leaving empties its own
+    camera = Camera.from_json(parse_json(str(header[_CAMERA])))
+    low, high = (corner.tolist() for corner in header["dataWindow"])
+    kind = header["compression"], header["type"], parts
+    if kind != (OpenEXR.ZIP_COMPRESSION, OpenEXR.scanlineimage, 1) or len(header["channels"]) > _MOST_CHANNELS:
+        raise ValueError("it is an image of another kind")
+    if (low, high) != ([0, 0], [camera.width - 1, camera.height - 1]):
+        raise ValueError("it is not of the camera's size")
+    require_sensible_size(path, camera.width, camera.height, path.stat().st_size)
+    return camera
 
 
 def _encoded(condition: Condition, point: PointCondition | None) -> dict[str, np.ndarray]:

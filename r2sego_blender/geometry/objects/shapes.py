@@ -7,6 +7,8 @@ axes along the directions most of its faces look. Furniture stands on one of tho
 
 from __future__ import annotations
 
+import contextlib
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +18,8 @@ from ...core.errors import GeometryError
 from ..mesh.mesh_files import MESH_SUFFIXES, checked_mesh, read_mesh
 from ..mesh.meshes import compacted, merged, normals_and_areas
 from .surface_distance import SurfaceGrid
+
+_MOST_LIBRARY_FILES, _MOST_LIBRARY_BYTES = 10_000, 20 << 30
 
 _DETAILS = (1 / 20, 1 / 45, 1 / 400)  # of the diagonal: vertices nearer than this are drawn as one
 _SAME_DIRECTION = np.cos(np.radians(12.0))
@@ -67,6 +71,22 @@ def load_shape(path: Path) -> Shape:
         return Shape.of(path.stem, vertices, faces)
     except GeometryError as error:
         raise GeometryError(error.what, where=path, cure=error.cure) from error
+
+
+def require_library(folder: Path) -> None:
+    """Raises GeometryError where ``folder`` holds more than a library of meshes: a refinement digests all of it."""
+    files = (Path(where, name) for where, _, names in os.walk(folder) for name in names)
+    count = size = 0
+    for count, file in enumerate(files, 1):
+        with contextlib.suppress(OSError):
+            size += file.stat().st_size
+        if count > _MOST_LIBRARY_FILES or size > _MOST_LIBRARY_BYTES:
+            raise GeometryError(
+                f"this is no library of meshes: it holds more than {_MOST_LIBRARY_FILES} files "
+                f"or {_MOST_LIBRARY_BYTES >> 30} GiB",
+                where=folder,
+                cure="Put the meshes into a folder of their own, and name that with `r2sego objects`.",
+            )
 
 
 def mesh_files(folder: Path) -> list[Path]:

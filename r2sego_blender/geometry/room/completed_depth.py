@@ -11,9 +11,11 @@ import numpy as np
 
 from ...bundle import layout
 from ...captures.per_capture import each_capture
-from ...core.arrays import opened_arrays, require_shapes, save_arrays
+from ...core.arrays import opened_arrays, require_between, require_shapes, save_arrays
 from ...core.cameras import Camera
 from ...core.errors import GeometryError
+from ...core.json_files import parse_json
+from ..stereo.observed_geometry import FARTHEST_M
 
 
 class DepthSource(IntEnum):
@@ -45,9 +47,12 @@ class CompletedDepth:
     def load(path: Path) -> CompletedDepth:
         """Read what ``save`` wrote. Raises GeometryError when the file is no completed depth."""
         with opened_arrays(path, GeometryError, "this is not a completed depth map") as data:
-            camera = Camera.from_json(json.loads(str(data["camera"])))
+            camera = Camera.from_json(parse_json(str(data["camera"])))
             maps = {name: data[name] for name in ("depth", "source")}
             require_shapes(maps, **dict.fromkeys(maps, f"{camera.height} {camera.width}"))
+            require_between(0.0, FARTHEST_M, depth=maps["depth"])
+            if maps["source"].dtype != np.uint8 or maps["source"].max(initial=0) > max(DepthSource):
+                raise ValueError("source tells of another origin")
             return CompletedDepth(**maps, camera=camera)
 
 

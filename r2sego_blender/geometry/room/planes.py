@@ -18,10 +18,10 @@ import numpy as np
 from ...bundle import layout
 from ...bundle.artifacts import Artifact
 from ...config.settings import ProxySettings
-from ...core.arrays import opened_arrays, require_shapes, save_arrays
+from ...core.arrays import opened_arrays, require_between, require_shapes, save_arrays
 from ...core.cameras import Camera
 from ...core.errors import GeometryError
-from ..stereo.observed_geometry import ObservedGeometry
+from ..stereo.observed_geometry import FARTHEST_M, LONGEST_UNIT, ObservedGeometry
 
 _HYPOTHESES = 256  # points whose own tangent plane is tried for each plane
 _SCORED_POINTS = 8_000  # points a hypothesis is scored on; all take part in the refinement
@@ -86,6 +86,13 @@ class RoomPlanes:
         with opened_arrays(path, GeometryError, "these are not room planes") as data:
             arrays = {field.name: data[field.name] for field in fields(RoomPlanes)}
             require_shapes(arrays, normals="P 3", offsets="P", inliers="P", bounding="P")
+            require_between(-FARTHEST_M, FARTHEST_M, offsets=arrays["offsets"])
+            require_between(-LONGEST_UNIT, LONGEST_UNIT, normals=arrays["normals"])
+            require_between(0, None, inliers=arrays["inliers"])
+            lengths = np.linalg.norm(arrays["normals"], axis=1)
+            require_between(2.0 - LONGEST_UNIT, LONGEST_UNIT, normals=lengths)
+            if arrays["bounding"].dtype != np.bool_:
+                raise ValueError("bounding is not yes or no")
             return RoomPlanes(**arrays)
 
 

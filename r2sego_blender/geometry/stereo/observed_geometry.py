@@ -9,8 +9,14 @@ import numpy as np
 
 from ...bundle import layout
 from ...bundle.artifacts import Artifact
-from ...core.arrays import opened_arrays, require_finite, require_shapes, save_arrays
+from ...core.arrays import opened_arrays, require_between, require_shapes, save_arrays
 from ...core.errors import GeometryError
+
+FARTHEST_M = 1e6
+"""Of a surface from the origin, or from its camera: no room is larger."""
+
+LONGEST_UNIT = 1.001
+"""A unit vector's longest component, as it is rounded."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +44,11 @@ class ObservedGeometry:
         with opened_arrays(path, GeometryError, "this is not observed geometry") as data:
             arrays = {field.name: data[field.name] for field in fields(ObservedGeometry)}
             require_shapes(arrays, points="P 3", normals="P 3", colours="P 3", visibility="P N", confidence="P")
-            require_finite(points=arrays["points"], normals=arrays["normals"])
+            require_between(-FARTHEST_M, FARTHEST_M, points=arrays["points"])
+            require_between(-LONGEST_UNIT, LONGEST_UNIT, normals=arrays["normals"])
+            require_between(0.0, 1.0, colours=arrays["colours"], confidence=arrays["confidence"])
+            if arrays["visibility"].dtype != np.bool_:
+                raise ValueError("visibility is not yes or no")
             return ObservedGeometry(**arrays)
 
 

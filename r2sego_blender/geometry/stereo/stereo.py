@@ -18,7 +18,7 @@ from ...captures.capture import Capture
 from ...captures.matching.neighbours import neighbours
 from ...captures.per_capture import each_capture
 from ...config.settings import StereoSettings
-from ...core.arrays import opened_arrays, require_shapes, save_arrays
+from ...core.arrays import opened_arrays, require_between, require_shapes, save_arrays
 from ...core.cameras import Camera
 from ...core.errors import GeometryError
 from ...core.images import resize
@@ -26,6 +26,7 @@ from ...core.progress import SILENT, Progress, Task
 from . import matching, patchmatch
 from .consistency import support
 from .noise import without_noise
+from .observed_geometry import FARTHEST_M, LONGEST_UNIT
 
 _LUMA = np.array([0.299, 0.587, 0.114], np.float32)
 # Below this longest side a half-resolution image has too few windows to be worth it.
@@ -35,6 +36,7 @@ _MIN_LEVEL_SIDE_PX = 70
 _SEGMENT_DIFFERENCE = 0.02
 _SEGMENT_STEPS = 16
 _NO_SEGMENT = 32000
+_HIGHEST_COST = 1e3
 
 
 @dataclass(frozen=True)
@@ -78,10 +80,14 @@ class DepthMap:
         """Read what ``save`` wrote. Raises GeometryError when the file is no depth map."""
         with opened_arrays(path, GeometryError, "this is not a depth map") as data:
             width, height, fx, fy, cx, cy = data["lens"].tolist()
-            camera = Camera(int(width), int(height), fx, fy, cx, cy, data["world_from_camera"])
+            camera = Camera(int(width), int(height), fx, fy, cx, cy, data["world_from_camera"]).checked()
             maps = {name: data[name] for name in ("depth", "normal", "cost", "support")}
             size = f"{camera.height} {camera.width}"
             require_shapes(maps, depth=size, normal=f"{size} 3", cost=size, support=size)
+            require_between(0.0, FARTHEST_M, depth=maps["depth"])
+            require_between(-LONGEST_UNIT, LONGEST_UNIT, normal=maps["normal"])
+            require_between(-1.0, _HIGHEST_COST, cost=maps["cost"])
+            require_between(0, None, support=maps["support"])
             return DepthMap(**maps, camera=camera)
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ...bundle.artifacts import Artifact
-from ...core.arrays import opened_arrays, require_shapes, save_arrays
+from ...core.arrays import opened_arrays, require_finite, require_indices, require_shapes, save_arrays
 from ...core.cameras import Camera
 from ...core.errors import GeometryError
 from ...core.progress import SILENT, Progress
@@ -48,6 +48,8 @@ class Coverage:
         with opened_arrays(path, GeometryError, "this is no coverage of a proxy", cure) as data:
             arrays = {field.name: data[field.name] for field in fields(Coverage)}
             require_shapes(arrays, seen="F", support="F", area_m2="F", views="")
+            require_finite(area_m2=arrays["area_m2"])
+            require_indices(1 << 32, seen=arrays["seen"], support=arrays["support"], views=arrays["views"])
         views = int(arrays.pop("views"))
         return Coverage(**arrays, views=views)
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...bundle.figures import read_table
+from ...core.arrays import require_finite
 from ...core.errors import GeometryError
 from ...geometry.objects.prior_files import PRIOR_RECORDS, REFUSED, load_prior
 from .bundle import Bundle
@@ -81,6 +82,16 @@ def _object(bundle: Bundle, place: Path, record: Mapping[str, Any]) -> KnownObje
     decided = read_table(decision).get("decision", "") if decision.is_file() else ""
     locked = bool(held.get("locked", False))
     pose = record.get("world_from_own")
+    try:
+        figures = [_number(record.get(name)) for name in ("silhouette_iou", "energy", "point_distance_m")]
+        placed_at = np.eye(4) if pose is None else np.array(pose, np.float64).reshape(4, 4)
+        require_finite(figures=np.array(figures), world_from_own=placed_at)
+    except (TypeError, ValueError) as error:
+        raise GeometryError(
+            f"the record of '{place.name}' is damaged: {error}",
+            where=bundle.scene.geometry_folder / "priors" / "priors.json",
+            cure=_CURE,
+        ) from error
     return KnownObject(
         place.name,
         _state(record, decided, locked, bool(held)),
@@ -88,13 +99,11 @@ def _object(bundle: Bundle, place: Path, record: Mapping[str, Any]) -> KnownObje
         True,
         str(record.get("refusal", "")),
         str(record.get("shape", "")),
-        _number(record.get("silhouette_iou")),
-        _number(record.get("energy")),
-        _number(record.get("point_distance_m")),
+        *figures,
         prior_file(bundle, place.name) is not None,
         any(place.glob("mesh.*")),
         bool(held),
-        None if pose is None else np.array(pose, np.float64),
+        None if pose is None else placed_at,
     )
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 
 import numpy as np
 
+from ...bundle.containment import inside
 from ...captures.poses import json_fields as fields
 from ...core.errors import CaptureError, GenerationError
 from ...generation.view_records import ViewRecord, read_views
@@ -102,7 +103,9 @@ def nearest_truth(file: Path, world_from_capture: np.ndarray, pose: np.ndarray) 
     if not found:
         return None
     _, name, away_m, turn_deg, field = min(found)
-    picture = file.parent / name
+    # As the importer has it: a path that leads elsewhere is looked up by its file name.
+    elsewhere = Path(name).is_absolute() or ".." in PureWindowsPath(name).parts
+    picture = inside(file.parent, PureWindowsPath(name).name if elsewhere else name)
     if not picture.is_file():
         raise CaptureError("the frozen photograph is missing", where=f"{file}, {field}", cure="Check 'file'.")
     return f"truth {picture.stem}, {away_m:.2f} m, {turn_deg:.0f} deg off", picture

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...core.arrays import save_arrays
-from ...core.cameras import RIGID_CURE, Camera, is_rigid
+from ...core.cameras import RIGID_CURE, Camera, NotRigidError
 from ...core.errors import AssetError
 from ...core.images import SUFFIXES, save_image
 from ...core.json_files import read_json
@@ -50,6 +50,8 @@ def load_cameras(file: Path) -> dict[str, Camera]:
             raise AssetError(
                 f"the camera has no {error}", where=where, cure=f"Give {', '.join(_LENS)} and world_from_camera."
             ) from error
+        except NotRigidError as error:
+            raise AssetError(str(error), where=where, cure=RIGID_CURE) from error
         except (TypeError, ValueError, OverflowError, AttributeError) as error:
             raise AssetError(
                 f"the camera is damaged: {error}", where=where, cure="Give all fields as numbers."
@@ -58,8 +60,6 @@ def load_cameras(file: Path) -> dict[str, Camera]:
         fits = min(size) > 0 and camera.width * camera.height <= _LARGEST_PX
         if not (fits and np.isfinite(lens).all() and min(camera.fx, camera.fy) > 0.0):
             raise AssetError("the camera has no sensible size or lens", where=where, cure="Mend it.")
-        if not is_rigid(camera.world_from_camera):
-            raise AssetError("the pose is not a rotation and a translation", where=where, cure=RIGID_CURE)
         if name in cameras or not name or name.startswith(".") or set(name) & set('/\\:*?"<>|\0'):
             raise AssetError(f"'{name}' cannot name a picture of its own", where=where, cure="Rename it.")
         cameras[name] = camera

@@ -34,7 +34,7 @@ def test_picks_come_back_from_json():
         ({"points": 2 * [{"name": "A", "views": [{"capture": "p0", "x_px": 1, "y_px": 1}]}]}, "two points"),
         ({"lengths": [{"from": "A", "to": "B", "metres": 1}]}, "from 'A' to 'B'"),
         ({"camera_heights": [{"capture": "p0", "metres": -1}]}, "no length"),
-        ({"camera_heights": [{"capture": "p0", "metres": float("nan")}]}, "wrong"),
+        ({"camera_heights": [{"capture": "p0", "metres": float("nan")}]}, "NaN"),
         ([], "wrong"),
     ],
 )

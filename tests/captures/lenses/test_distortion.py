@@ -111,3 +111,10 @@ def test_photographs_through_colmaps_lenses_are_straightened(model):
     missed = np.abs(told - camera.rays()[..., :2] * [camera.fx, camera.fy])
     # OpenCV places pixels to a thirty-second; the border is interpolated over nothing.
     assert np.quantile(missed, 0.99) < 0.15
+
+
+@pytest.mark.parametrize("model", COEFFICIENTS)
+def test_coefficients_that_are_left_out_are_zero_when_it_is_turned(model):
+    rays = np.array([[0.1, 0.2], [-0.3, 0.1]])
+    few, whole = (0.01,), (0.01, *[0.0] * (COEFFICIENTS[model] - 1))
+    np.testing.assert_array_equal(*(distorted(model, turned(model, k), rays) for k in (few, whole)))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import struct
+import time
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -11,7 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from r2sego_blender.captures.importing import import_captures
-from r2sego_blender.captures.poses.colmap_files import check_images
+from r2sego_blender.captures.poses.colmap_files import (
+    check_cameras,
+    check_cameras_text,
+    check_images,
+    check_images_text,
+)
 from r2sego_blender.captures.poses.colmap_model import read_colmap_model
 from r2sego_blender.captures.poses.colmap_points import read_colmap_points
 from r2sego_blender.config.settings import CaptureSettings
@@ -241,3 +249,58 @@ def test_points_in_a_text_that_was_cut_off_are_told(tmp_path, kept):
     _cut(path, kept)
     with refused(CaptureError, "points3D.txt", cure="Export or copy the COLMAP model again"):
         read_colmap_points(tmp_path)
+
+
+@pytest.mark.parametrize("number", ["1e38", "1e308", "nan", "inf"])
+@pytest.mark.parametrize("word", [1, 6])
+def test_a_pose_that_is_none_is_named(tmp_path, rng, blank_photograph, number, word):
+    """COLMAP normalises a quaternion whatever it is, to numbers of which none is one."""
+    _rig_model(tmp_path / "sparse", rng, binary=False)
+    _photographs(tmp_path / "images", blank_photograph)
+    path = tmp_path / "sparse" / "images.txt"
+    lines = path.read_text().split("\n")
+    index = next(index for index, line in enumerate(lines) if line.endswith(".png"))
+    words = lines[index].split()
+    words[word] = number
+    path.write_text("\n".join([*lines[:index], " ".join(words), *lines[index + 1 :]]))
+    with pytest.raises(CaptureError, match=r"images\.txt|COLMAP model"):
+        import_captures(tmp_path / "images", tmp_path, SETTINGS)
+
+
+@pytest.mark.parametrize("count", [100_001, 2**40, 2**64 - 1])
+@pytest.mark.parametrize(("name", "check"), [("cameras.bin", check_cameras), ("images.bin", check_images)])
+def test_more_records_than_a_file_has_room_for_take_no_time(tmp_path, name, check, count):
+    path = tmp_path / name
+    path.write_bytes(struct.pack("<Q", count) + bytes(1 << 20))
+    started = time.process_time()
+    with refused(CaptureError, name):
+        check(path)
+    assert time.process_time() - started < 0.5
+
+
+@pytest.mark.parametrize(("name", "check"), [("cameras.txt", check_cameras_text), ("images.txt", check_images_text)])
+def test_a_line_without_an_end_is_refused(tmp_path, name, check):
+    path = tmp_path / name
+    path.write_text("1 2 3 " * (2 << 20))
+    with refused(CaptureError, name, "has no end"):
+        check(path)
+
+
+def test_text_of_points_takes_ten_times_its_size_at_most(tmp_path):
+    path = tmp_path / "points3D.txt"
+    path.write_text("1 1 1 1 0 0 0 0\n" * 200_000 + "\n" * 2_000_000)
+    tracemalloc.start()
+    points, _ = read_colmap_points(tmp_path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(points) == 200_000
+    assert peak < 10 * path.stat().st_size
+
+
+@pytest.mark.parametrize("name", ["cameras.bin", "images.bin"])
+def test_a_pipe_is_no_model(tmp_path, name):
+    if not hasattr(os, "mkfifo"):
+        pytest.skip("no pipes here")
+    os.mkfifo(tmp_path / name)
+    with refused(CaptureError, name):
+        (check_cameras if name == "cameras.bin" else check_images)(tmp_path / name)

@@ -93,3 +93,11 @@ def test_a_file_that_is_no_image_is_told_before_any_work(folder):
     (folder / "IMG_9.JPG").write_bytes(b"")
     with refused(CaptureError, folder / "IMG_9.JPG"):
         plain_photographs(folder, SILENT)
+
+
+@pytest.mark.parametrize("name", ["IMG_\x1b[2J.png", "IMG_\x07.png", "IMG_\u202egnp.png"])
+def test_a_name_that_controls_a_terminal_is_refused_in_words_that_do_not(folder, name):
+    (folder / "IMG_1.png").rename(folder / name)
+    with pytest.raises(CaptureError, match="characters that cannot be shown") as caught:
+        plain_photographs(folder, SILENT)
+    assert str(caught.value).isprintable() and "Rename" in caught.value.cure

@@ -1,5 +1,7 @@
 """Points of a PLY file, coloured or not."""
 
+import contextlib
+
 import numpy as np
 import pytest
 import trimesh
@@ -8,6 +10,7 @@ from splat_photographs import room_points, write_points
 
 from r2sego_blender.captures.poses.ply_points import read_ply_points
 from r2sego_blender.core.errors import CaptureError
+from r2sego_blender.core.resources import forget_peak_memory, peak_memory_mb
 
 
 def test_points_of_a_ply_with_and_without_colours(tmp_path):
@@ -30,3 +33,17 @@ def test_a_ply_without_points_is_named(tmp_path, content):
     (tmp_path / "points.ply").write_bytes(content)
     with refused(CaptureError, "points.ply"):
         read_ply_points(tmp_path / "points.ply")
+
+
+@pytest.mark.parametrize("count", [10**9, 2**31, 2**62, "9" * 5000, -1])
+@pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])
+def test_more_points_than_the_file_holds_take_no_memory(tmp_path, count, kind):
+    head = f"ply\nformat {kind} 1.0\nelement vertex {count}\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz") + "end_header\n"
+    (tmp_path / "points.ply").write_bytes(head.encode() + b"0 0 0\n" * 4)
+    forget_peak_memory()
+    before_mb = peak_memory_mb()
+    with contextlib.suppress(CaptureError):  # of a text those that are there may count
+        points, _ = read_ply_points(tmp_path / "points.ply")
+        assert len(points) <= 4
+    assert before_mb is None or peak_memory_mb() - before_mb < 200.0

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from expected_errors import refused
 from PIL import Image
+from splat_photographs import write_points
 
 from r2sego_blender.captures.importing import import_captures
+from r2sego_blender.captures.poses.formats.transforms_json import points
 from r2sego_blender.config.settings import CaptureSettings
 from r2sego_blender.core.cameras import Camera, look_at
 from r2sego_blender.core.errors import CaptureError
@@ -305,3 +307,14 @@ def test_what_is_wrong_is_said(tmp_path, rng, blank_photograph, top, message):
     with pytest.raises(CaptureError, match=message) as caught:
         import_captures(tmp_path, path, SETTINGS)
     assert str(path) in str(caught.value)
+
+
+def test_points_lie_beside_the_file_that_names_them(tmp_path, rng, messages):
+    (tmp_path / "room").mkdir()
+    file = _written(tmp_path / "room", _poses(rng), {"fl_x": 50.0, "ply_file_path": "../outside.ply"})
+    write_points(tmp_path / "outside.ply")
+    assert points(file, messages) is None
+    assert any("outside.ply" in text for text in messages.warnings)
+    write_points(file.parent / "sparse.ply")
+    file.write_text(file.read_text().replace("../outside.ply", "sparse.ply"))
+    assert len(points(file, messages)[0])

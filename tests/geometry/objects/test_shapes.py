@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from r2sego_blender.core.errors import GeometryError
-from r2sego_blender.geometry.objects.shapes import MESH_SUFFIXES, Shape, load_shape, mesh_files
+from r2sego_blender.geometry.objects import shapes
+from r2sego_blender.geometry.objects.shapes import MESH_SUFFIXES, Shape, load_shape, mesh_files, require_library
 
 TURNS = Rotation.create_group("O").as_matrix()
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
@@ -153,3 +154,16 @@ def test_the_mesh_files_of_a_folder_are_in_the_order_of_their_names(tmp_path):
     for name in ("b.glb", "a.OBJ", "c.ply", "readme.txt"):
         (tmp_path / name).touch()
     assert [path.name for path in mesh_files(tmp_path)] == ["a.OBJ", "b.glb", "c.ply"]
+
+
+def test_a_folder_of_everything_is_no_library(tmp_path, monkeypatch):
+    """A stranger's scene may name the root of the disk, all of which a refinement would digest."""
+    monkeypatch.setattr(shapes, "_MOST_LIBRARY_FILES", 3)
+    for name in ("a.glb", "b/c.glb", "b/d/e.txt"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("mesh")
+    require_library(tmp_path)
+    (tmp_path / "b/f.glb").touch()
+    with pytest.raises(GeometryError, match=tmp_path.name) as caught:
+        require_library(tmp_path)
+    assert caught.value.cure

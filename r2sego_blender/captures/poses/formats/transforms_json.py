@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ....config.settings import CaptureSettings
+from ....core.printable import printable
 from ....core.progress import Progress
 from ..json_fields import read_json
 from ..pose_format import Posed, PoseFormat, json_files
@@ -32,14 +33,16 @@ def read(file: Path, folder: Path, settings: CaptureSettings, progress: Progress
 
 def points(file: Path, progress: Progress) -> tuple[np.ndarray, np.ndarray] | None:
     """The points that nerfstudio puts beside the file, in the frame of its poses."""
+    from ..finding import find_beside
     from ..ply_points import read_ply_points
 
     name = read_json(file).get("ply_file_path")
     if not isinstance(name, str):
         return None
-    if (file.parent / name).is_file():
-        return read_ply_points(file.parent / name)
-    progress.message(f"the points '{name}' of {file} are missing", level="warning")
+    place = find_beside(name, (file.parent,))
+    if place is not None:
+        return read_ply_points(place)
+    progress.message(f"the points '{printable(name)}' of {file} are missing", level="warning")
     return None
 
 

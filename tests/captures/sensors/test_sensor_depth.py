@@ -1,0 +1,66 @@
+"""Depth maps that say more than they hold, or what is no depth."""
+
+from __future__ import annotations
+
+import zipfile
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from r2sego_blender.captures.capture import Capture
+from r2sego_blender.captures.sensors.sensor_depth import SensorDepth
+from r2sego_blender.core.cameras import Camera
+from r2sego_blender.core.errors import CaptureError
+from r2sego_blender.core.resources import forget_peak_memory, peak_memory_mb
+
+CAMERA = Camera(32, 24, 20.0, 20.0, 16.0, 12.0, np.eye(4))
+
+
+@pytest.fixture
+def capture(tmp_path):
+    return Capture("c.png", tmp_path / "c.png", CAMERA)
+
+
+def _write(path, values):
+    if path.suffix == ".npy":
+        np.save(path, values)
+    elif path.suffix == ".npz":
+        np.savez_compressed(path, depth=values)
+    else:
+        with OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION}, {"Z": values.astype(np.float32)}) as image:
+            image.write(str(path))
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".npz", ".exr"])
+def test_what_is_no_depth_is_unknown(tmp_path, capture, suffix):
+    values = np.full((24, 32), 2.0)
+    values[0, :5] = [np.nan, np.inf, -np.inf, -1.0, 1e300 if suffix != ".exr" else 1e30]
+    _write(tmp_path / f"c{suffix}", values)
+    depth = SensorDepth(tmp_path).of(capture, "c")
+    assert depth.dtype == np.float32
+    assert (depth[0, :5] == 0.0).all() and (depth[1:] == 2.0).all()
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".exr"])
+def test_a_small_file_of_a_vast_map_takes_no_memory(tmp_path, capture, suffix):
+    """3 MB of NPZ, 1.2 MB of EXR."""
+    _write(tmp_path / f"c{suffix}", np.zeros((9000, 9000), np.float32))
+    forget_peak_memory()
+    before_mb = peak_memory_mb()
+    with pytest.raises(CaptureError, match=rf"c\{suffix}"):
+        SensorDepth(tmp_path).of(capture, "c")
+    assert before_mb is None or peak_memory_mb() - before_mb < 200.0
+
+
+def test_an_array_that_says_more_than_it_holds_is_refused(tmp_path, capture):
+    with zipfile.ZipFile(tmp_path / "c.npz", "w") as archive, archive.open("depth.npy", "w") as file:
+        np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": (10**6, 10**6)})
+    with pytest.raises(CaptureError, match=r"c\.npz: .*no depth map"):
+        SensorDepth(tmp_path).of(capture, "c")
+
+
+def test_an_exr_without_channels_is_refused(tmp_path, capture):
+    (tmp_path / "c.exr").write_bytes(b"\x76\x2f\x31\x01" + bytes(40))
+    with pytest.raises(CaptureError, match=r"c\.exr"):
+        SensorDepth(tmp_path).of(capture, "c")

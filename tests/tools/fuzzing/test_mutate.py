@@ -1,0 +1,79 @@
+"""What becomes of an input is found out, also where the reader dies of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from r2sego_blender.captures.poses.registry import FORMATS as POSES
+from r2sego_blender.core.images import SUFFIXES
+from r2sego_blender.splats.formats.registry import SUFFIXES as SPLAT_SUFFIXES
+from tools.fuzzing.children import Child
+from tools.fuzzing.formats import HARNESSES
+from tools.fuzzing.harness import CHANGES
+from tools.fuzzing.mutate import RIGHT, Tally, mutate, planned, table
+
+MISBEHAVING = "tests.tools.fuzzing.misbehaving"
+FOUND = (
+    "clean", "refused", "traceback", "death", "hang", "memory", "slow", "badaccept", "escape", "message", "message"
+)  # fmt: skip
+
+
+def test_every_way_to_fail_is_told_of_its_own_input():
+    with Child(0, MISBEHAVING, hang_s=4.0) as child:
+        outcomes = [outcome for outcome, _ in child.outcomes("misbehaving", 0, len(FOUND))]
+    assert [one["number"] for one in outcomes] == list(range(len(FOUND)))
+    assert tuple(one["class"] for one in outcomes) == FOUND
+    assert outcomes[5]["mb"] > 250 and outcomes[6]["s"] > 1.0
+
+
+@pytest.mark.parametrize("harness", HARNESSES, ids=lambda harness: harness.name)
+def test_the_same_seed_makes_the_same_inputs_and_they_differ(harness, right_inputs):
+    data = (right_inputs.place(harness) / harness.file).read_bytes()
+    first, again, other = ([harness.changed(data, seed, number)[0] for number in range(12)] for seed in (7, 7, 8))
+    assert first == again and first != other
+    assert len(set(first)) > 6
+
+
+def test_every_kind_of_file_is_changed_somewhere():
+    assert {one.kind for one in HARNESSES} == set(CHANGES)
+    assert len({one.name for one in HARNESSES}) == len(HARNESSES)
+
+
+def test_every_registered_format_of_splats_and_poses_is_tried():
+    files = {one.name: Path(one.file) for one in HARNESSES}
+    splats = {place.suffix for name, place in files.items() if name.startswith("splats/")}
+    assert splats | {".usd"} >= set(SPLAT_SUFFIXES)  # .usda or .usdc by another name
+    poses = {place.name for name, place in files.items() if name.startswith("poses/")}
+    assert all(any(name in poses for name in (*one.files, *one.parts)) or one.photographs_too for one in POSES)
+    pictures = {place.suffix for name, place in files.items() if name.startswith("pictures/")}
+    assert pictures | {".jpeg", ".tiff", ".heif"} == SUFFIXES  # the same by other names
+
+
+def test_the_count_is_shared_out_and_every_format_has_its_part():
+    parts = planned(3000, HARNESSES)
+    assert {one.name for one, *_ in parts} == {one.name for one in HARNESSES}
+    assert abs(sum(after - first for _, first, after in parts) - 3000) < len(HARNESSES)
+
+
+def test_a_run_goes_on_where_it_was_ended_and_keeps_the_smallest_of_each_failure(tmp_path):
+    formats = [one for one in HARNESSES if one.name == "bundle/journal.jsonl"]
+    whole = mutate(60, 3, formats, tmp_path, 1, again=False)
+    assert sum(counts.total() for counts in whole.counts.values()) == 60
+    log = tmp_path / "parts.jsonl"
+    told = log.read_text()
+    again = mutate(60, 3, formats, tmp_path, 1, again=True)
+    assert log.read_text() == told  # nothing was tried anew
+    assert again.counts == whole.counts and table(again).splitlines()[-1].split()[:2] == ["all", "60"]
+
+
+def test_failures_of_one_cause_are_one(tmp_path):
+    tally = Tally()
+    one = {"number": 1, "class": "traceback", "text": "KeyError: 'a' @ a.py:3", "bytes": 9, "s": 0.1, "mb": 0}
+    assert tally.add("x", one | {"change": ""})
+    assert not tally.add("x", one | {"bytes": 12, "change": "", "text": "KeyError: 'bc' @ a.py:3"})
+    assert tally.add("x", one | {"bytes": 2, "change": ""})
+    assert [(kept["bytes"], kept["count"]) for kept in tally.failures.values()] == [(2, 3)]
+    assert tally.failed == 3 and json.dumps(tally.failures) and RIGHT == ("refused", "clean")

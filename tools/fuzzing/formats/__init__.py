@@ -1,0 +1,16 @@
+"""Every format that the project reads, a harness each."""
+
+from __future__ import annotations
+
+from . import bundles, captures, declared, objects, pictures, robots, splats, views
+
+HARNESSES = (
+    *splats.HARNESSES,
+    *captures.HARNESSES,
+    *pictures.HARNESSES,
+    *objects.HARNESSES,
+    *robots.HARNESSES,
+    *declared.HARNESSES,
+    *bundles.HARNESSES,
+    *views.HARNESSES,
+)

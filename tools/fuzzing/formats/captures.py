@@ -1,0 +1,179 @@
+"""Poses that photographs come with, points and picks."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from r2sego_blender.captures.capture import Capture
+from r2sego_blender.captures.sparse_points import SparsePoints
+from r2sego_blender.config.settings import CaptureSettings
+from r2sego_blender.core.cameras import Camera
+from r2sego_blender.core.progress import SILENT
+
+from ..harness import Harness
+from ..seeds import NAMES, camera, photographs
+
+_GL = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def _posed(folder: Path) -> Any:
+    """The poses as ``r2sego new`` takes them, and their points."""
+    from r2sego_blender.captures.poses.photographs import captures_of
+    from r2sego_blender.captures.poses.registry import find_poses
+
+    record, place = find_poses(folder / "poses")
+    posed = record.read(place, folder, CaptureSettings(), SILENT)
+    points = record.points(place, SILENT) if record.points else None
+    return posed.photographs, captures_of(posed.photographs, 64), points
+
+
+def _transforms(folder: Path) -> None:
+    photographs(folder)
+    (folder / "poses").mkdir()
+    frames = [
+        {"file_path": f"../{name}", "transform_matrix": (camera(i).world_from_camera @ _GL).tolist()}
+        for i, name in enumerate(NAMES)
+    ]
+    for name in NAMES:
+        (folder / "poses" / name).write_bytes((folder / name).read_bytes())
+    told = {"w": 32, "h": 24, "fl_x": 25.0, "fl_y": 25.0, "cx": 16.0, "cy": 12.0, "k1": 0.01, "p1": 0.001}
+    table = told | {"camera_model": "OPENCV", "ply_file_path": "points.ply", "frames": frames}
+    (folder / "poses/transforms.json").write_text(json.dumps(table))
+    _points_ply(folder / "poses/points.ply")
+
+
+def _points_ply(file: Path) -> None:
+    lines = ["ply", "format ascii 1.0", "element vertex 4", *(f"property float {axis}" for axis in "xyz")]
+    lines += [*(f"property uchar {colour}" for colour in ("red", "green", "blue")), "end_header"]
+    lines += [f"{i} {i / 2} 1.5 {10 * i} 20 30" for i in range(4)]
+    file.write_text("\n".join(lines) + "\n")
+
+
+def _listed(number: int, name: str) -> dict[str, Any]:
+    return {"file": name, **camera(number).to_json()}
+
+
+def _cameras(folder: Path) -> None:
+    photographs(folder)
+    (folder / "poses").mkdir()
+    entries = [_listed(i, name) for i, name in enumerate(NAMES)]
+    (folder / "poses/cameras.json").write_text(json.dumps({"metric": True, "captures": entries, "frozen": entries}))
+    for name in NAMES:
+        (folder / "poses" / name).write_bytes((folder / name).read_bytes())
+
+
+def _frozen(folder: Path) -> Any:
+    from r2sego_blender.captures.frozen import load_frozen_views
+
+    return load_frozen_views(folder / "poses/cameras.json")
+
+
+def _polycam(folder: Path) -> None:
+    keyframes = folder / "poses/keyframes"
+    for name in ("images", "cameras"):
+        (keyframes / name).mkdir(parents=True)
+    photographs(keyframes / "images")
+    for i, name in enumerate(NAMES):
+        pose = camera(i).world_from_camera @ _GL
+        rows = {f"t_{r}{c}": float(pose[r, c]) for r in range(3) for c in range(4)}
+        lens = {"fx": 25.0, "fy": 25.0, "cx": 16.0, "cy": 12.0, "width": 32, "height": 24}
+        (keyframes / "cameras" / f"{Path(name).stem}.json").write_text(json.dumps(rows | lens))
+
+
+def _sparse() -> SparsePoints:
+    points = np.random.default_rng(1).uniform((-0.2, 0.2, 0.4), (0.4, 0.8, 1.0), (6, 3))
+    cameras: list[Camera] = [camera(i) for i in range(3)]
+    places = np.stack([one.project(points)[0] for one in cameras], axis=1).astype(np.float32)
+    return SparsePoints(points, np.full((6, 3), 99, np.uint8), np.ones((6, 3), bool), np.zeros(6), places)
+
+
+def _colmap_text(folder: Path) -> None:
+    from r2sego_blender.captures.poses.colmap_model import save_colmap_model
+
+    photographs(folder)
+    captures = [Capture(name, folder / name, camera(i)) for i, name in enumerate(NAMES)]
+    save_colmap_model(folder / "poses", captures, _sparse())
+
+
+def _colmap_binary(folder: Path) -> None:
+    import pycolmap
+
+    _colmap_text(folder)
+    model = pycolmap.Reconstruction(folder / "poses")
+    for file in (folder / "poses").iterdir():
+        file.unlink()
+    model.write_binary(folder / "poses")
+
+
+def _colmap_points(folder: Path) -> Any:
+    from r2sego_blender.captures.poses.colmap_points import read_colmap_points
+
+    return read_colmap_points(folder / "poses")
+
+
+def _colmap_files(folder: Path) -> Any:
+    """What is looked over before COLMAP reads the files."""
+    from r2sego_blender.captures.poses import colmap_files as files
+
+    place = folder / "poses"
+    if (place / "cameras.bin").is_file():
+        files.check_cameras(place / "cameras.bin")
+        files.check_images(place / "images.bin")
+    else:
+        files.check_cameras_text(place / "cameras.txt")
+        files.check_images_text(place / "images.txt")
+
+
+def _of_colmap(build: Callable[[Path], None], suffix: str, kind: str) -> Sequence[Harness]:
+    for_points = Harness(f"poses/points3D{suffix}", build, f"poses/points3D{suffix}", kind, _colmap_points)
+    checked = [
+        Harness(f"poses/checked-{name}{suffix}", build, f"poses/{name}{suffix}", kind, _colmap_files, share=0.5)
+        for name in ("cameras", "images")
+    ]
+    whole = [
+        Harness(f"poses/{name}{suffix}", build, f"poses/{name}{suffix}", kind, _posed, share=0.03)
+        for name in ("cameras", "images")
+    ]
+    return [for_points, *checked, *whole]
+
+
+def _picks(folder: Path) -> None:
+    from r2sego_blender.captures.frame.picks import CameraHeight, Pick, PickedLength, PickedPoint, Picks
+
+    views = (Pick("a.png", 3.0, 4.0), Pick("b.png", 5.0, 6.0))
+    points = (PickedPoint("p", views, True), PickedPoint("q", views))
+    picks = Picks(points, (PickedLength("p", "q", 1.5),), (CameraHeight("a.png", 1.4),))
+    (folder / "picks.json").write_text(json.dumps(picks.to_json()))
+
+
+def _read_picks(folder: Path) -> Any:
+    from r2sego_blender.captures.frame.picks import Picks
+
+    return Picks.load(folder / "picks.json")
+
+
+def _ply(folder: Path) -> None:
+    _points_ply(folder / "points.ply")
+
+
+def _read_ply(folder: Path) -> Any:
+    from r2sego_blender.captures.poses.ply_points import read_ply_points
+
+    return read_ply_points(folder / "points.ply")
+
+
+HARNESSES = (
+    Harness("poses/transforms.json", _transforms, "poses/transforms.json", "json", _posed),
+    Harness("poses/cameras.json", _cameras, "poses/cameras.json", "json", _posed),
+    Harness("poses/frozen.json", _cameras, "poses/cameras.json", "json", _frozen),
+    Harness("poses/polycam.json", _polycam, "poses/keyframes/cameras/b.json", "json", _posed),
+    *_of_colmap(_colmap_text, ".txt", "text"),
+    *_of_colmap(_colmap_binary, ".bin", "bytes"),
+    Harness("poses/points.ply", _ply, "points.ply", "text", _read_ply),
+    Harness("poses/picks.json", _picks, "picks.json", "json", _read_picks),
+)

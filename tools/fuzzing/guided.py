@@ -1,0 +1,108 @@
+"""Coverage-guided search for inputs that one reader fails on, with atheris.
+
+Only the library is instrumented, without the files that Numba compiles. ``guide`` starts this file as a
+program, and again where an input ended it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from random import Random
+
+_ROOT = Path(__file__).parents[2]
+_SEEDS = 200
+_TOLD = ".told"
+_RUNS = re.compile(r"^stat::number_of_executed_units:\s*(\d+)", re.MULTILINE)
+_LONGEST_BYTES = 1 << 19
+_HANG_S = 20
+_SLOW_S = 5.0  # instrumented code takes some times longer
+_MOST_MB = 4000
+
+
+def guide(name: str, seconds: int, folder: Path) -> tuple[int, int]:
+    """Search for so long; how many inputs were tried, and how many kinds of failing ones ``folder`` has."""
+    place = folder.absolute() / name.replace("/", "_")
+    failing, corpus = place / "failing", place / "corpus"
+    shutil.rmtree(failing, ignore_errors=True)
+    for one in (failing, corpus):
+        one.mkdir(parents=True, exist_ok=True)
+    (place / "log").unlink(missing_ok=True)
+    until = time.monotonic() + seconds
+    while (left := int(until - time.monotonic())) > 0:
+        with tempfile.TemporaryDirectory(dir="/dev/shm" if os.access("/dev/shm", os.W_OK) else None) as scratch:
+            command = [sys.executable, "-m", "tools.fuzzing.guided", name, str(failing), str(corpus)]
+            options = [f"-max_total_time={left}", f"-max_len={_LONGEST_BYTES}", f"-timeout={_HANG_S}"]
+            options += [
+                f"-rss_limit_mb={_MOST_MB}",
+                f"-artifact_prefix={failing}/",
+                "-detect_leaks=0",
+                "-print_final_stats=1",
+            ]
+            with (place / "log").open("ab") as log:
+                environment = os.environ | {"TMPDIR": scratch}
+                subprocess.run([*command, *options], cwd=_ROOT, env=environment, stderr=log, stdout=log, check=False)
+    runs = sum(map(int, _RUNS.findall((place / "log").read_text(errors="replace"))))
+    return runs, sum(file.suffix != _TOLD for file in failing.iterdir())
+
+
+def main() -> None:
+    """The program: a format, folders for failing inputs and the corpus, and libFuzzer's options."""
+    import atheris
+
+    name, failing, corpus, *options = sys.argv[1:]
+    compiled = [
+        ".".join(file.relative_to(_ROOT).with_suffix("").parts)
+        for file in (_ROOT / "r2sego_blender").rglob("*.py")
+        if "numba" in file.read_text(encoding="utf-8")
+    ]
+    with atheris.instrument_imports(include=["r2sego_blender"], exclude=compiled):
+        from .child import Reader
+        from .formats import HARNESSES
+        from .mutate import RIGHT, fault_key
+
+        harness = next(one for one in HARNESSES if one.name == name)
+        reader = Reader(Path(tempfile.gettempdir()))
+        place = reader.place(harness) / harness.file
+        data = place.read_bytes()
+        reader.outcome(harness)  # what is imported as it reads is instrumented, too
+    if not any(Path(corpus).iterdir()):
+        for number in range(_SEEDS):
+            content = harness.changed(data, 0, number)[0] if number else data
+            if len(content) <= _LONGEST_BYTES:
+                Path(corpus, f"seed_{number:03d}").write_bytes(content)
+
+    def try_one(content: bytes) -> None:
+        place.write_bytes(content)
+        outcome = reader.outcome(harness)
+        if outcome["class"] not in RIGHT and not (outcome["class"] == "slow" and outcome["s"] < _SLOW_S):
+            file = Path(failing, f"{outcome['class']}-{fault_key(name, outcome | {'bytes': 0})}{place.suffix}")
+            if not file.exists() or file.stat().st_size > len(content):
+                file.write_bytes(content)
+                file.with_name(file.name + _TOLD).write_text(json.dumps(outcome))
+
+    def changed(content: bytes, longest: int, seed: int) -> bytes:
+        random = Random(seed)
+        if random.random() < 0.5:
+            try:
+                new = harness.changed(content, seed, 0)[0]
+            except Exception:  # it is no more of a kind that has a structure
+                new = b""
+            if 0 < len(new) <= longest:
+                return new
+        result: bytes = atheris.Mutate(content, longest)
+        return result
+
+    atheris.Setup([sys.argv[0], corpus, *options], try_one, custom_mutator=changed)
+    atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    main()
