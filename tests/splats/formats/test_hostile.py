@@ -91,6 +91,11 @@ def test_a_gaussian_beyond_all_bounds_is_dropped_by_the_engine_and_by_blender(fe
     np.testing.assert_array_equal(read_splats(tmp_path / "a.ply").means, loaded.means)
 
 
+def test_an_asset_without_gaussians_is_shown_as_none(tmp_path):
+    save_ply(tmp_path / "a.ply", SplatAsset.empty(3))
+    assert len(read_splats(tmp_path / "a.ply")) == len(load_asset(tmp_path / "a.ply")) == 0
+
+
 def test_what_others_write_as_infinite_is_shown_as_the_engine_reads_it(few, tmp_path):
     few.logit_opacities[1], few.log_scales[2, 0] = np.inf, -np.inf
     save_ply(tmp_path / "a.ply", few)
