@@ -83,9 +83,11 @@ def _object(bundle: Bundle, place: Path, record: Mapping[str, Any]) -> KnownObje
     locked = bool(held.get("locked", False))
     pose = record.get("world_from_own")
     try:
-        figures = [_number(record.get(name)) for name in ("silhouette_iou", "energy", "point_distance_m")]
+        iou, energy, distance_m = (
+            _number(record.get(name)) for name in ("silhouette_iou", "energy", "point_distance_m")
+        )
         placed_at = np.eye(4) if pose is None else np.array(pose, np.float64).reshape(4, 4)
-        require_finite(figures=np.array(figures), world_from_own=placed_at)
+        require_finite(figures=np.array([iou, energy, distance_m]), world_from_own=placed_at)
     except (TypeError, ValueError) as error:
         raise GeometryError(
             f"the record of '{place.name}' is damaged: {error}",
@@ -99,7 +101,9 @@ def _object(bundle: Bundle, place: Path, record: Mapping[str, Any]) -> KnownObje
         True,
         str(record.get("refusal", "")),
         str(record.get("shape", "")),
-        *figures,
+        iou,
+        energy,
+        distance_m,
         prior_file(bundle, place.name) is not None,
         any(place.glob("mesh.*")),
         bool(held),
