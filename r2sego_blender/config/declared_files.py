@@ -29,7 +29,7 @@ MOST_BYTES = 1 << 20
 """The largest file of TOML that is read, bytes."""
 
 _MOST_NESTING = 32
-_LONGEST_WORD = 1000
+_LONGEST_WORD, _MOST_WORDS = 1000, 100_000
 _LARGEST_INTEGER = 1 << 63
 _TOKENS = re.compile(
     r'''"""(?:\\.|[^\\])*?"""|"(?:\\.|[^"\\\n])*"'''  # text, and raw text, of many lines or of one
@@ -57,13 +57,16 @@ def parse_toml(text: str) -> dict[str, Any]:
     if len(text) > MOST_BYTES:
         raise ValueError(f"it has more than {MOST_BYTES} characters")
     depth = dots = 0
-    for token in _TOKENS.findall(text):
+    tokens = _TOKENS.findall(text)
+    for token in tokens:
         depth += (token in ("[", "{")) - (token in ("]", "}"))
         dots = dots + 1 if token == "." else 0 if token in ("=", ",", "\n") else dots
         if max(depth, dots) > _MOST_NESTING:
             raise ValueError(f"it is nested more than {_MOST_NESTING} levels deep")
         if len(token) > _LONGEST_WORD and token[0] not in "\"'#":
             raise ValueError(f"it has a word or number of more than {_LONGEST_WORD} characters")
+    if len(tokens) > _MOST_WORDS:
+        raise ValueError(f"it has more than {_MOST_WORDS} words, numbers and signs")
     tables = tomllib.loads(text)
     _refuse_long_integers(tables)
     return tables

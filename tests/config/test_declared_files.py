@@ -106,6 +106,7 @@ def test_the_nearest_name_is_meant():
         ("b" * 1001 + " = 1", "more than 1000 characters"),
         ("a = '" + "b" * (1 << 20) + "'", "more than 1048576 characters"),
         ("[[parts]]\n[[parts]]\ncount = 1" + "0" * 400, r"parts\[1\].count is a whole number of more than 64 bits"),
+        ("a = [" + "1," * 60000 + "]", "more than 100000 words"),
         (f"a = {-(2**63)}", "a is a whole number of more than 64 bits"),
         ("a = ", "Invalid value"),
     ],

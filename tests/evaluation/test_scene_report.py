@@ -72,7 +72,7 @@ def test_the_page_shows_a_view_whose_reference_is_no_capture_any_more(tmp_path):
     scene, cameras, settings = bundle(tmp_path, [None], None), [camera(), camera(0.1)], SelectionSettings()
     folder = scene.round_folder(0)
     (folder / "asset.ply").write_bytes(b"")  # the round has ended
-    rollout = Rollout(True, "", 2, np.zeros((3, 7)), np.arange(3.0), np.tile(np.eye(4), (3, 1, 1)), (0, 0))
+    rollout = Rollout(True, "", 2, np.eye(1, 7, 3).repeat(3, 0), np.arange(3.0), np.tile(np.eye(4), (3, 1, 1)), (0, 0))
     (folder / "rollouts").mkdir()
     save_rollouts(folder / "rollouts", [rollout])
     seen = [capture.camera for capture in load_captures(scene.captures_folder)]

@@ -17,7 +17,7 @@ def attempt(number, frames, reason="", detail="", height=(1.2, 1.3), pitch=(20.0
         success=not reason,
         reason=reason,
         frame=max(frames - 1, 0),
-        qpos=np.zeros((frames, 7)),
+        qpos=np.eye(1, 7, 3).repeat(frames, 0),
         times_s=np.arange(frames) / 5.0,
         camera_poses=np.tile(np.eye(4), (frames, 1, 1)),
         seed=(3, number),

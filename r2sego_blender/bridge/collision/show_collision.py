@@ -59,7 +59,8 @@ def show_textured(scene: bpy.types.Scene, bundle: Bundle, file: Path) -> list[bp
     Blender's importer turns glTF's Y up into Z up; the file is in glTF's axes. Raises SceneError
     when it cannot be read, or names files that are not in it: the importer would follow them anywhere.
     """
-    require_whole(file, SceneError)
+    if file.is_file():
+        require_whole(file, SceneError)
     before = set(bpy.data.objects)
     try:
         bpy.ops.import_scene.gltf(filepath=str(file))

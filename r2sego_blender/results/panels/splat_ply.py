@@ -10,6 +10,7 @@ import numpy as np
 from ...bundle.asset_stages import Stage
 from ...core.errors import AssetError
 from ...splats.asset import LARGEST, usable
+from ...splats.formats.ply import LOG_SCALE_OF_0, LOGIT_OF_1
 from ...splats.formats.ply_vertices import read_vertices
 from ...splats.quaternions import of_usable_length
 
@@ -75,6 +76,7 @@ def read_splats(path: Path, backdrop: bool = False) -> ShownSplats:
     quaternions = columns("rot_0", "rot_1", "rot_2", "rot_3")
     logits = columns("opacity")[:, 0]
     dc = columns("f_dc_0", "f_dc_1", "f_dc_2")
+    log_scales[np.isneginf(log_scales)], logits[np.isposinf(logits)] = LOG_SCALE_OF_0, LOGIT_OF_1
     finite = usable(means, log_scales, quaternions, logits, dc)
     for name in names:
         if name.startswith("f_rest_"):

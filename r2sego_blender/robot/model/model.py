@@ -57,6 +57,7 @@ _TABLES = {
     "dof_damping": _MUCH,
     "geom_pos": _FAR,
     "geom_size": _FAR,
+    "cam_pos": _FAR,
     "mesh_vert": _FAR,
 }
 _FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
@@ -156,9 +157,12 @@ class RobotModel:
         )
         # A camera on a mast without a shape is not to go through what is over the others.
         eye_reach_m = float(np.linalg.norm(robot.camera_poses(rest[None])[0, :2, 3] - data.xpos[base, :2]))
-        return replace(
+        robot = replace(
             robot, radius_m=max(robot.radius_m, eye_reach_m), height_m=max(robot.height_m, robot.eye_height_m)
         )
+        if not max(robot.radius_m, robot.height_m) <= _FAR:
+            raise RobotError("the robot or its camera reaches a kilometre", where=source, cure="Give metres.")
+        return robot
 
     @property
     def is_wheeled(self) -> bool:

@@ -135,6 +135,8 @@ def _require_sound(qpos: np.ndarray, times_s: np.ndarray, camera_poses: np.ndarr
     """Raises ValueError where numbers are infinite or none, or rotations are none."""
     require_finite(qpos=qpos, times_s=times_s, camera_poses=camera_poses)
     require_rigid(camera_poses=camera_poses)
+    if (np.diff(times_s) < 0.0).any():
+        raise ValueError("time goes back")
     turns = qpos[:, 3:7]  # of the free base, which stands first; camera flights have none
     if turns.shape[1] == 4 and np.abs(np.linalg.norm(turns, axis=1) - 1.0).max(initial=0.0) > _UNIT_WITHIN:
         raise ValueError("the base's quaternions have not length 1")

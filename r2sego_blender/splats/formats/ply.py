@@ -20,7 +20,7 @@ _ROWS_AT_ONCE = 1 << 14
 _MOST_REST = 15
 """Coefficients a channel beside the first, of degree 3."""
 
-_LOGIT_OF_1, _LOG_SCALE_OF_0 = 17.0, -27.0
+LOGIT_OF_1, LOG_SCALE_OF_0 = 17.0, -27.0
 """As ``formats.values`` bounds them: nothing in a picture tells them from infinite ones."""
 
 
@@ -111,9 +111,9 @@ def from_vertices(vertices: np.ndarray, path: Path) -> SplatAsset:
     if log_scales.shape[1] == 2:
         thin = log_scales.min(axis=1, keepdims=True) - np.float32(np.log(1000.0))
         log_scales = np.concatenate([log_scales, thin], axis=1)
-    log_scales[np.isneginf(log_scales)] = _LOG_SCALE_OF_0
+    log_scales[np.isneginf(log_scales)] = LOG_SCALE_OF_0
     logit_opacities = columns("opacity")[:, 0]
-    logit_opacities[np.isposinf(logit_opacities)] = _LOGIT_OF_1
+    logit_opacities[np.isposinf(logit_opacities)] = LOGIT_OF_1
     return SplatAsset(
         means=columns("x", "y", "z"),
         log_scales=log_scales,

@@ -1,6 +1,8 @@
 """The geometry proxy on disk: its objects, and files older than they are."""
 
 import dataclasses
+import tracemalloc
+import zipfile
 
 import numpy as np
 import pytest
@@ -70,3 +72,36 @@ def test_a_file_whose_arrays_do_not_belong_together_is_no_proxy(tmp_path, wrong)
     dataclasses.replace(proxy(), **wrong).save(tmp_path / "proxy.npz")
     with pytest.raises(GeometryError, match=r"proxy\.npz: this is not a geometry proxy\. Run"):
         GeometryProxy.load(tmp_path / "proxy.npz")
+
+
+@pytest.mark.parametrize("name", ["vertices", "faces", "confidence", "instance_names"])
+@pytest.mark.parametrize("kind", ["bomb", "shape", "letters", "object", "bytes"])
+def test_an_array_that_claims_more_than_it_has_is_refused_before_memory_is_taken(tmp_path, name, kind):
+    file = tmp_path / "proxy.npz"
+    saved = proxy(instance=np.array([0, 0, 1], np.int32), instance_names=("table",))
+    saved.save(file)
+    arrays = dict(np.load(file))
+    if kind == "object":
+        np.savez(file, **arrays | {name: np.array([{"a": 1}], object)})
+    else:
+        head = {"bomb": "'<f8', 'fortran_order': False, 'shape': (60000000,), }"}
+        head |= {"shape": "'<f8', 'fortran_order': False, 'shape': (1099511627776,), }"}
+        head |= {"letters": "'<U-7', 'fortran_order': False, 'shape': (9,), }"}
+        text = ("{'descr': " + head.get(kind, "")).ljust(117).encode() + b"\n"
+        content = b"not an array" if kind == "bytes" else b"\x93NUMPY\x01\x00v\x00" + text
+        with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+            for other, array in arrays.items():
+                with archive.open(f"{other}.npy", "w") as member:
+                    if other != name:
+                        np.lib.format.write_array(member, array)
+                    else:
+                        member.write(content)
+                        for _ in range(480 if kind == "bomb" else 0):
+                            member.write(bytes(1_000_000))
+    tracemalloc.start()
+    try:
+        with pytest.raises(GeometryError, match=r"proxy\.npz"):
+            GeometryProxy.load(file)
+        assert tracemalloc.get_traced_memory()[1] < 10 << 20
+    finally:
+        tracemalloc.stop()

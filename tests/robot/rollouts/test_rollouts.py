@@ -163,7 +163,7 @@ def test_broken_scene_and_broken_record(humanoid, tmp_path):
 
 def test_rollouts_whose_frames_do_not_belong_together_are_named(tmp_path):
     frames = {"times_s": np.arange(3.0), "camera_poses": np.tile(np.eye(4), (3, 1, 1))}
-    short = Rollout(True, "", 2, np.zeros((2, 7)), **frames, seed=(0, 0))
+    short = Rollout(True, "", 2, np.eye(1, 7, 3).repeat(2, 0), **frames, seed=(0, 0))
     save_rollouts(tmp_path, [short])
     with pytest.raises(RobotError, match=r"rollouts\.npz: these rollouts cannot be read"):
         load_rollouts(tmp_path)
@@ -184,7 +184,7 @@ def test_rollouts_whose_frames_do_not_belong_together_are_named(tmp_path):
 )
 def test_words_of_another_kind_are_named(tmp_path, name, value):
     frames = {"times_s": np.arange(3.0), "camera_poses": np.tile(np.eye(4), (3, 1, 1))}
-    rollout = Rollout(True, "", 2, np.zeros((3, 7)), **frames, seed=(0, 0))
+    rollout = Rollout(True, "", 2, np.eye(1, 7, 3).repeat(3, 0), **frames, seed=(0, 0))
     save_rollouts(tmp_path, [rollout])
     (loaded,) = load_rollouts(tmp_path)
     assert loaded.quality == rollout.quality and loaded.seed == rollout.seed

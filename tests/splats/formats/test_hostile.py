@@ -91,6 +91,15 @@ def test_a_gaussian_beyond_all_bounds_is_dropped_by_the_engine_and_by_blender(fe
     np.testing.assert_array_equal(read_splats(tmp_path / "a.ply").means, loaded.means)
 
 
+def test_what_others_write_as_infinite_is_shown_as_the_engine_reads_it(few, tmp_path):
+    few.logit_opacities[1], few.log_scales[2, 0] = np.inf, -np.inf
+    save_ply(tmp_path / "a.ply", few)
+    loaded, shown = load_asset(tmp_path / "a.ply"), read_splats(tmp_path / "a.ply")
+    for name in ("means", "log_scales", "opacities"):
+        np.testing.assert_array_equal(getattr(shown, name), getattr(loaded, name))
+    assert len(loaded) == len(few)
+
+
 @pytest.mark.parametrize("length", [0.0, 1e-30, 1e-10, 1e10, 1e30, 3e38])
 def test_quaternions_that_float32_cannot_give_length_1_have_it_already(few, tmp_path, length):
     unit = few.quaternions[3] / np.linalg.norm(few.quaternions[3])
