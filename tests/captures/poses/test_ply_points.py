@@ -35,6 +35,14 @@ def test_a_ply_without_points_is_named(tmp_path, content):
         read_ply_points(tmp_path / "points.ply")
 
 
+def test_colours_of_another_shape_are_none(tmp_path):
+    """Of red alone no colour is made."""
+    head = "ply\nformat ascii 1.0\nelement vertex 2\n" + "".join(f"property float {axis}\n" for axis in "xyz")
+    (tmp_path / "points.ply").write_text(head + "property uchar red\nend_header\n0 0 0 9\n1 1 1 7\n")
+    points, colours = read_ply_points(tmp_path / "points.ply")
+    assert len(points) == 2 and (colours == 128).all()
+
+
 @pytest.mark.parametrize("count", [10**9, 2**31, 2**62, "9" * 5000, -1])
 @pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])
 def test_more_points_than_the_file_holds_take_no_memory(tmp_path, count, kind):
