@@ -137,7 +137,7 @@ def read_declaration(path: Path) -> Declaration:
             mesh_library=declared.priors.mesh_library,
             preset=declared.settings.preset,
             overrides=_by_dotted_keys(declared.settings.overrides),
-            backends=declared.backends,
+            backends={slot: str(label) for slot, label in declared.backends.items()},
         )
     except SettingsError as error:
         raise SettingsError(error.what, where=f"{file}: {error.where}", cure=error.cure) from error

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import sys
 import tokenize
 import zipfile
 import zlib
@@ -182,6 +183,8 @@ def _read_array(stream: IO[bytes], size: int) -> np.ndarray:
         raise ValueError(f"it says that it has the shape {shape}, and has {size} bytes")
     array = np.empty(values, dtype)
     _fill(array.view(np.uint8), stream)
+    if dtype.kind == "U" and array.view(dtype.str[0] + "u4").max(initial=0) > sys.maxunicode:
+        raise ValueError("it holds text of letters that there are not")
     return array.reshape(shape[::-1]).T if by_column else array.reshape(shape)
 
 

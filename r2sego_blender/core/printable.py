@@ -13,10 +13,12 @@ _LONGEST = 600
 
 def printable(text: str, longest: int = _LONGEST) -> str:
     """``text`` in at most so many characters, with what controls a terminal written out, as ``\\x1b``."""
-    if len(text) > longest:
-        kept = (longest - 5) // 2
-        text = f"{text[:kept]} ... {text[-kept:]}"
-    return _UNPRINTABLE.sub(_written_out, text)
+    return _cut(_UNPRINTABLE.sub(_written_out, _cut(text, longest)), longest)
+
+
+def _cut(text: str, longest: int) -> str:
+    kept = (longest - 5) // 2
+    return text if len(text) <= longest else f"{text[:kept]} ... {text[-kept:]}"
 
 
 def _written_out(found: re.Match[str]) -> str:

@@ -150,6 +150,13 @@ def test_a_packed_bomb_is_refused_before_it_is_taken_apart(tmp_path):
         tracemalloc.stop()
 
 
+def test_text_of_letters_that_there_are_not_is_refused(tmp_path):
+    with zipfile.ZipFile(tmp_path / "table.npz", "w") as archive:
+        archive.writestr("points.npy", npy(HEADER.format("'<U2'", "(1,)"), b"a\0\0\0\xff\xff\xff\xff"))
+    with pytest.raises(GeometryError, match=r"table\.npz"):
+        read(tmp_path / "table.npz")
+
+
 def test_pickled_objects_are_refused(tmp_path):
     np.savez(tmp_path / "table.npz", points=np.array([{"a": 1}], object))
     with pytest.raises(GeometryError, match=r"table\.npz"):

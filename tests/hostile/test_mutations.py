@@ -10,10 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from tools.fuzzing.child import Reader
+from tools.fuzzing.child import RIGHT, Reader
 from tools.fuzzing.children import Child
 from tools.fuzzing.formats import HARNESSES
-from tools.fuzzing.mutate import RIGHT
 
 _SEED, _INPUTS = 20261126, 100
 _KNOWN = Path(__file__).parents[2].parent / "shared/failing/hostile"

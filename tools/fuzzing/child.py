@@ -34,7 +34,9 @@ from .mutations.text import OUTSIDE
 from .oracle import fault_of
 
 CLASSES = ("refused", "clean", "traceback", "death", "hang", "memory", "slow", "badaccept", "escape", "message")
-"""What may become of an input; the first two are right."""
+"""What may become of an input."""
+
+RIGHT = CLASSES[:2]
 
 SLOW_S = 1.0
 """For a refusal; where the reader starts a process, on top of what it takes for the right input."""
@@ -202,6 +204,10 @@ def run(answers: TextIO, folder: Path, seed: int, harnesses: Sequence[Harness]) 
                     file.write_bytes(content)
                     begin = partial(tell, begins=number, change=change[:200])
                     outcome = reader.outcome(named[name], begin)
+                    if outcome["class"] not in RIGHT:  # the next input takes its place before this one is looked at
+                        kept = folder / f"kept_{number}"
+                        kept.write_bytes(content)
+                        outcome["kept"] = str(kept)
                     tell(number=number, change=change[:200], bytes=len(content), **outcome)
         except Exception:  # of the harness: what readers raise is an outcome
             tell(wrong=traceback.format_exc(limit=-6))

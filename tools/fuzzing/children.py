@@ -17,7 +17,7 @@ from typing import Any
 
 HANG_S = 20.0
 _READY_S = 300.0
-"""For what is built and imported before the first input."""
+"""For what is built and imported before the first input, and for making the next."""
 
 _CHILD = (sys.executable, "-m", "tools.fuzzing.child")
 _ROOT = Path(__file__).parents[2]
@@ -42,7 +42,7 @@ class Child:
         self.end()
 
     def outcomes(self, name: str, first: int, after: int) -> Iterator[tuple[dict[str, Any], Path]]:
-        """What becomes of each input of a format, and the file that holds it at that moment.
+        """What becomes of each input of a format, and a file that holds those that failed until the next is asked for.
 
         A death or a silence of more than ``hang_s`` is of the input that had begun. Raises RuntimeError
         where it was none's.
@@ -61,14 +61,16 @@ class Child:
                     return
                 if "wrong" in told:
                     raise RuntimeError(f"{name}: {told['wrong']}")
-                limit_s = self._hang_s
                 if "ready" in told:
                     file = Path(told["file"])
                 elif "begins" in told:
-                    begun = told
+                    begun, limit_s = told, self._hang_s
                 else:
-                    yield told, file
-                    first, begun = told["number"] + 1, {}
+                    kept = Path(told.pop("kept", file))
+                    yield told, kept
+                    if kept != file:
+                        kept.unlink()
+                    first, begun, limit_s = told["number"] + 1, {}, _READY_S
             if not begun:
                 self.end()
                 raise RuntimeError(f"{name} {first}: the process that reads ended between two inputs: {told}")

@@ -20,6 +20,7 @@ from random import Random
 _ROOT = Path(__file__).parents[2]
 _SEEDS = 200
 _TOLD = ".told"
+_COMPILED = re.compile(r"\bnumba\b|compiled import")
 _RUNS = re.compile(r"^stat::number_of_executed_units:\s*(\d+)", re.MULTILINE)
 _LONGEST_BYTES = 1 << 19
 _HANG_S = 20
@@ -44,6 +45,7 @@ def guide(name: str, seconds: int, folder: Path) -> tuple[int, int]:
                 f"-rss_limit_mb={_MOST_MB}",
                 f"-artifact_prefix={failing}/",
                 "-detect_leaks=0",
+                f"-report_slow_units={_HANG_S}",
                 "-print_final_stats=1",
             ]
             with (place / "log").open("ab") as log:
@@ -61,12 +63,12 @@ def main() -> None:
     compiled = [
         ".".join(file.relative_to(_ROOT).with_suffix("").parts)
         for file in (_ROOT / "r2sego_blender").rglob("*.py")
-        if "numba" in file.read_text(encoding="utf-8")
+        if _COMPILED.search(file.read_text(encoding="utf-8"))
     ]
     with atheris.instrument_imports(include=["r2sego_blender"], exclude=compiled):
-        from .child import Reader
+        from .child import RIGHT, Reader
         from .formats import HARNESSES
-        from .mutate import RIGHT, fault_key
+        from .mutate import fault_key
 
         harness = next(one for one in HARNESSES if one.name == name)
         reader = Reader(Path(tempfile.gettempdir()))

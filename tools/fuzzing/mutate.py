@@ -17,11 +17,10 @@ from queue import Empty, Queue
 from threading import Lock
 from typing import Any
 
-from .child import CLASSES
+from .child import CLASSES, RIGHT
 from .children import Child
 from .harness import Harness
 
-RIGHT = CLASSES[:2]
 _CHUNK = 250
 _VARYING = re.compile(r"0x[0-9a-f]+|\d+|'[^']{0,80}'|/\S+")
 

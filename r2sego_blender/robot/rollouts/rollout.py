@@ -51,6 +51,7 @@ class Quality:
                 fields[key] = (low, high)
             else:
                 fields[key] = float(value)
+            require_finite(**{key: np.array(fields[key])})
         return Quality(**fields)
 
 

@@ -43,6 +43,14 @@ def test_colours_of_another_shape_are_none(tmp_path):
     assert len(points) == 2 and (colours == 128).all()
 
 
+def test_one_point_among_others_that_is_nowhere_is_left_out(tmp_path):
+    head = "ply\nformat ascii 1.0\nelement vertex 2\n" + "".join(f"property float {axis}\n" for axis in "xyz")
+    head += "".join(f"property uchar {colour}\n" for colour in ("red", "green", "blue")) + "end_header\n"
+    (tmp_path / "points.ply").write_text(head + "inf 0.0 1.5 0 20 30\n1 0.5 1.5 10 20 30\n")
+    points, colours = read_ply_points(tmp_path / "points.ply")
+    assert points.tolist() == [[1.0, 0.5, 1.5]] and colours.shape == (1, 3)
+
+
 @pytest.mark.parametrize("count", [10**9, 2**31, 2**62, "9" * 5000, -1])
 @pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])
 def test_more_points_than_the_file_holds_take_no_memory(tmp_path, count, kind):

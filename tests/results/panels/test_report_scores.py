@@ -62,7 +62,14 @@ def test_of_an_asset_that_changed_since_there_is_no_summary(evaluated):
 
 
 @pytest.mark.parametrize(
-    "damage", [{"arms": {"refined": {"psnr": 1}}}, {"arms": []}, {"rounds": [{}]}, {"causes": {"shares": [3]}}]
+    "damage",
+    [
+        {"arms": {"refined": {"psnr": 1}}},
+        {"arms": {"refined": {"psnr": "nan", "ssim": 0.8}}},
+        {"arms": []},
+        {"rounds": [{}]},
+        {"causes": {"shares": [3]}},
+    ],
 )
 def test_damaged_figures_are_named(evaluated, damage):
     with refused(SceneError, "report/metrics.json", cure="Evaluate"):

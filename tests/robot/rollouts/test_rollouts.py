@@ -180,6 +180,8 @@ def test_rollouts_whose_frames_do_not_belong_together_are_named(tmp_path):
         ("quality", {"camera_height_m": 1.4}),
         ("quality", {"camera_pitch_deg": ["low", "high"]}),
         ("quality", {"camera_pitch_deg": [1.0]}),
+        ("quality", {"camera_pitch_deg": [0.0, "inf"]}),
+        ("quality", {"assist_n": "nan"}),
     ],
 )
 def test_words_of_another_kind_are_named(tmp_path, name, value):

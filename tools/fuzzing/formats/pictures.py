@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -95,7 +96,22 @@ def _thumbnail(folder: Path) -> Any:
     return load_image_uint8(folder / "a.png")
 
 
+def _numbered(folder: Path) -> None:
+    photographs(folder)
+    (folder / "masks").mkdir()
+    save_image(folder / "masks/a.png", pixels()[..., 0] // 100)
+    (folder / "masks/names.json").write_text(json.dumps({"1": "chair", "2": "table"}))
+
+
+def _read_numbered(folder: Path) -> Any:
+    from r2sego_blender.geometry.objects.objects import read_masks
+
+    return read_masks(folder / "masks", [_capture(folder)])
+
+
 HARNESSES = (
+    Harness("pictures/names.json", _numbered, "masks/names.json", "json", _read_numbered),
+    Harness("pictures/numbered.png", _numbered, "masks/a.png", "png", _read_numbered),
     Harness("pictures/png", _picture(".png"), "a.png", "png", _load(".png")),
     *(
         Harness(f"pictures/{suffix[1:]}", _picture(suffix), f"a{suffix}", "bytes", _load(suffix))
