@@ -53,7 +53,8 @@ class SparsePoints:
             require_between(0.0, _FARTHEST, error_px=arrays["error_px"])
             if arrays["visibility"].dtype != np.bool_ or arrays["colours"].dtype != np.uint8:
                 raise ValueError("visibility or colours are of another kind")
-            if not np.isfinite(arrays["pixels"][arrays["visibility"]]).all():
+            places = arrays["pixels"][..., 0] + arrays["pixels"][..., 1]
+            if not (np.isfinite(places) >= arrays["visibility"]).all():
                 raise ValueError("a capture that measured a point says nowhere where")
             return SparsePoints(**arrays)
 

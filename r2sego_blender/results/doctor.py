@@ -27,7 +27,7 @@ class Package:
 
 
 PACKAGES = (
-    Package("torch", "torch", "LPIPS, TorchScript policies, human motions, users' own losses", 866),
+    Package("torch", "torch", "LPIPS, TorchScript policies, users' own losses", 866),
     Package("numba", "numba", "the compiled kernels", 213),
     Package("numpy", "numpy", "arrays", 78),
     Package("scipy", "scipy", "neighbour search and linear algebra", 143),

@@ -183,7 +183,7 @@ def usable(
     """(N,) bool: which Gaussians have finite values alone, none of them beyond LARGEST or LARGEST_LOG_SCALE."""
     keep = np.ones(len(means), bool)
     for values, (low, high) in zip((means, log_scales, quaternions, logit_opacities, sh), _BOUNDS, strict=True):
-        keep &= ((values >= low) & (values <= high)).reshape(len(means), -1).all(axis=1)
+        keep &= ((values >= low) & (values <= high)).all(axis=tuple(range(1, values.ndim)))
     return keep
 
 

@@ -46,9 +46,8 @@ _LOAD, _EQUAL, _AT_LEAST, _RETURN = 0x20, 0x15, 0x35, 0x06
 _ALLOWED, _NOT_PERMITTED = 0x7FFF0000, 0x00050001
 
 
-def confine(readable: Iterable[Path] = (), writable: Iterable[Path] = ()) -> tuple[str, ...]:
-    """Give up the network, writing but in the folders ``writable``, and reading but for them, for ``readable``
-    and for Python's own, for good.
+def confine(readable: Iterable[Path] = ()) -> tuple[str, ...]:
+    """Give up writing, reading but for ``readable`` and Python's own, and the network, for good.
 
     Files that are open stay so. Call it while the process has one thread: others keep their rights.
     Returns what this system cannot take away.
@@ -58,7 +57,7 @@ def confine(readable: Iterable[Path] = (), writable: Iterable[Path] = ()) -> tup
     system = ctypes.CDLL(None, use_errno=True)
     if system.prctl(_NO_NEW_RIGHTS, 1, 0, 0, 0) != 0:
         return WRITING, READING, NETWORK
-    left = () if _restrict_files(system, [*_libraries(), *readable], writable) else (WRITING, READING)
+    left = () if _restrict_files(system, [*_libraries(), *readable]) else (WRITING, READING)
     return left if _refuse_calls(system) else (*left, NETWORK)
 
 
@@ -82,7 +81,7 @@ def _libraries() -> list[Path]:
     return [LIBRARY, *(Path(place) for place in own if place)]
 
 
-def _restrict_files(system: ctypes.CDLL, readable: Iterable[Path], writable: Iterable[Path]) -> bool:
+def _restrict_files(system: ctypes.CDLL, readable: Iterable[Path]) -> bool:
     """Whether Landlock now refuses writing, and reading elsewhere."""
     version = system.syscall(_CREATE, None, 0, _VERSION)
     if version < 1:
@@ -96,8 +95,6 @@ def _restrict_files(system: ctypes.CDLL, readable: Iterable[Path], writable: Ite
     try:
         for place in readable:
             _allow(system, rules, place, _READ_FILE | _READ_FOLDER)
-        for folder in writable:
-            _allow(system, rules, folder, everything)
         return bool(system.syscall(_RESTRICT, rules, 0) == 0)
     finally:
         os.close(rules)

@@ -25,6 +25,7 @@ from pathlib import Path
 
 from ..core.errors import MachineError, R2SEgoError, of_file
 from ..core.progress import JsonProgress, Progress
+from ..core.text_files import write_text
 from .processes import DYING_WITH_PARENT
 
 LOCK = Path(__file__).resolve().parents[2] / "requirements"
@@ -121,7 +122,7 @@ def make_environment(
     (downloads / "unfinished").mkdir(parents=True, exist_ok=True)
     for name, most_mb in (("torch", TORCH_MB), ("engine", DOWNLOAD_MB - TORCH_MB)):
         asked = downloads / f"{name}.txt"
-        asked.write_text(_locked(lock / f"{name}.txt", by_hash=not reason), encoding="utf-8")
+        write_text(asked, _locked(lock / f"{name}.txt", by_hash=not reason))
         source = ["--no-index", "--find-links", str(wheels)] if wheels else _index(name)
         alone = ["--no-deps"] if name == "torch" else []
         _install(python, [*source, *alone, "--requirement", str(asked)], folder, progress, wheels is not None, most_mb)

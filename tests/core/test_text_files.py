@@ -11,7 +11,7 @@ from r2sego_blender.core.text_files import read_text, write_text
 LIBRARY = Path(__file__).parents[2] / "r2sego_blender"
 WRITERS = {"text_files.py", "viewcrafter_program.py"}
 """Who ends lines by hand; the program has no library beside it."""
-ONLY_LINUX = {"resources.py", "processes.py"}
+ONLY_LINUX = {"confinement.py", "processes.py", "resources.py"}
 """They ask /proc."""
 
 

@@ -96,8 +96,9 @@ def place(collection: bpy.types.Collection, frame: int) -> None:
     for index, shown in enumerate(objects):
         number = shown.get(_ROLLOUT)
         poses = recording.poses.get(number) if number is not None else None
-        if poses is not None and len(poses):
-            matrices[index] = poses[min(max(frame, 0), len(poses) - 1), shown[_BODY]].T
+        body = shown.get(_BODY)
+        if poses is not None and len(poses) and isinstance(body, int) and ROOT <= body < poses.shape[1]:
+            matrices[index] = poses[min(max(frame, 0), len(poses) - 1), body].T
             moved.append((shown, matrices[index]))
     # Set one by one, each would have the side bar, the outliner and the properties drawn anew. But what a
     # person put there would not come back as it was: a matrix tells no turns beyond a full one.
@@ -161,6 +162,6 @@ def _recording(collection: bpy.types.Collection) -> Recording | None:
             is_same = bodies.digest == where["digest"]
             numbers = tuple(where["rollouts"])
             _recordings[key] = Recording.read(bundle, where["round"], numbers, bodies) if is_same else None
-        except (R2SEgoError, ValueError, KeyError, TypeError):
+        except (R2SEgoError, ValueError, LookupError, TypeError):
             _recordings[key] = None
     return _recordings[key]

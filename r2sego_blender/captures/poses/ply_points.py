@@ -30,7 +30,7 @@ def read_ply_points(path: Path) -> tuple[np.ndarray, np.ndarray]:
     colours = getattr(cloud, "colors", None) if isinstance(cloud, trimesh.PointCloud) else None
     if colours is None and cloud.visual.kind == "vertex":
         colours = cloud.visual.vertex_colors
-    if colours is None or np.ndim(colours) != 2 or len(colours) != len(xyz):
+    if colours is None or len(colours) != len(xyz) or np.ndim(colours) != 2 or np.shape(colours)[1] < 3:
         colours = np.full((len(xyz), 3), _GREY)
     return _finite(xyz, np.asarray(colours, np.uint8)[:, :3], path)
 

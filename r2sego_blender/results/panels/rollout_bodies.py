@@ -50,10 +50,11 @@ class RobotBodies:
             with opened_arrays(folder / "shapes.npz", SceneError, "it cannot be read", _CURE) as arrays:
                 shapes = tuple(_shape(arrays, index) for index in range(len(told["bodies"])))
             camera = Camera.from_json({**told["camera"], "world_from_camera": np.eye(4)})
-            return RobotBodies(
-                folder, tuple(told["bodies"]), shapes, camera, float(told["camera_rate_hz"]), told["rollouts"]
-            )
-        except (OSError, ValueError, KeyError, TypeError) as error:
+            rate_hz = float(told["camera_rate_hz"])
+            if not rate_hz > 0.0:
+                raise ValueError(f"the camera's rate is {rate_hz}")
+            return RobotBodies(folder, tuple(map(str, told["bodies"])), shapes, camera, rate_hz, told["rollouts"])
+        except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
             raise SceneError(f"it is damaged: {error!r}", where=folder / "bodies.json", cure=_CURE) from error
 
     def poses(self, number: int) -> np.ndarray:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 
 import numpy as np
 
-from ...bundle.containment import inside
 from ...captures.poses import json_fields as fields
 from ...core.errors import CaptureError, GenerationError
 from ...generation.view_records import ViewRecord, read_views
@@ -105,10 +105,11 @@ def nearest_truth(file: Path, world_from_capture: np.ndarray, pose: np.ndarray) 
     _, name, away_m, turn_deg, field = min(found)
     # As the importer has it: a path that leads elsewhere is looked up by its file name.
     elsewhere = Path(name).is_absolute() or ".." in PureWindowsPath(name).parts
-    picture = inside(file.parent, PureWindowsPath(name).name if elsewhere else name)
-    if not picture.is_file():
-        raise CaptureError("the frozen photograph is missing", where=f"{file}, {field}", cure="Check 'file'.")
-    return f"truth {picture.stem}, {away_m:.2f} m, {turn_deg:.0f} deg off", picture
+    picture = file.parent / (PureWindowsPath(name).name if elsewhere else name)
+    with contextlib.suppress(OSError):  # of a name that is too long for any
+        if picture.is_file():
+            return f"truth {picture.stem}, {away_m:.2f} m, {turn_deg:.0f} deg off", picture
+    raise CaptureError("the frozen photograph is missing", where=f"{file}, {field}", cure="Check 'file'.")
 
 
 def require_view(records: list[ViewRecord], rank: int) -> ViewRecord:

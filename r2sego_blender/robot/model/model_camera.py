@@ -54,9 +54,16 @@ def mount_of(model: mujoco.MjModel, camera: int, where: object = None) -> Camera
     parent = model.body(model.cam_bodyid[camera]).name
     mount = CameraMount(parent, pose, float(model.cam_fovy[camera]), vertical=True)
     sensor = model.cam_sensorsize[camera].astype(np.float64)
+    focal, offset = np.split(model.cam_intrinsic[camera].astype(np.float64), 2)
+    lens = [mount.fov_deg, *((*focal, *sensor) if sensor[1] != 0.0 else ())]
+    if not (min(lens) > 0.0 and np.isfinite([*lens, *offset, *pose.ravel()]).all() and mount.fov_deg < 180.0):
+        raise RobotError(
+            f"the camera '{model.camera(camera).name}' has no lens that sees anything",
+            where=where,
+            cure="Give a fovy between 0 and 180 degrees, or positive focal lengths and a sensor's size.",
+        )
     if sensor[1] == 0.0:
         return mount
-    focal, offset = np.split(model.cam_intrinsic[camera].astype(np.float64), 2)
     (fx, fy), (cx, cy) = (focal / sensor).tolist(), (0.5 - offset / sensor).tolist()
     return replace(mount, focal=(fx, fy), principal=(cx, cy))
 

@@ -1,24 +1,24 @@
-"""The tensors of a motion's file of torch's, read in a process of its own.
+"""The tensors of a motion's file of torch's, read without torch: nothing in the file is run.
 
-torch is told to read tensors alone (``weights_only``), which has had ways around it (CVE-2025-32434,
-CVE-2026-24747), and reads behind the end of what was cut off: so it is done where there is nothing else to
-read, to write or to reach. NumPy is needed only for what comes back.
+Such a file (``torch.save`` from torch 1.6 on) is an archive: a pickle that says what the tensors are called and
+how they lie, and their numbers beside it, uncompressed. ``torch.load(weights_only=True)`` has had ways around
+it (CVE-2025-32434, CVE-2026-24747), reads behind the end of numbers that were cut off, and takes seconds
+to import. Source of the format: torch's ``serialization`` and ``_utils`` modules. Needs NumPy alone.
 """
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Mapping
+import io
+import pickle
+import struct
+import zipfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
-from ...core.errors import NativeError, RobotError
-from ...core.scratch import ScratchFolder
-from ...workers.child import call_in_child
-from ...workers.confinement import bound_memory, confine
+import numpy as np
 
-if TYPE_CHECKING:
-    import numpy as np
+from ...core.text_files import opened_file
 
 FIELDS = (
     *("rigid_body_pos", "rigid_body_rot", "rate_hz", "fps", "joint_names"),
@@ -26,56 +26,109 @@ FIELDS = (
 )
 """What a motion is made of; other arrays of its file are left alone."""
 
-_LIMIT_S = 120.0
-_MORE_MEMORY, _TIMES_FILE = 200_000_000, 10
-_DAMAGED = "this holds more than tensors, or is damaged"
-_CURE = "Save tensors alone, by their names; see docs/controllers.md."
+_MOST_WORDS = 1 << 20
+_DAMAGE = (EOFError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError, AssertionError)
+_STORAGES = {
+    "FloatStorage": "<f4",
+    "DoubleStorage": "<f8",
+    "HalfStorage": "<f2",
+    "LongStorage": "<i8",
+    "IntStorage": "<i4",
+    "ShortStorage": "<i2",
+    "CharStorage": "<i1",
+    "ByteStorage": "<u1",
+    "BoolStorage": "?",
+}
 
 
 def tensors_of(file: Path) -> dict[str, np.ndarray]:
-    """The tensors and numbers called ``FIELDS``, by their names. Raises RobotError: others, or damage."""
-    from ...core.arrays import opened_arrays
+    """The tensors and numbers called ``FIELDS``, by their names; not to be written to.
 
-    with ScratchFolder() as folder:
-        arrays = Path(folder, "tensors.npz")
-        try:
-            call_in_child(read_tensors, {"file": str(file.resolve()), "arrays": str(arrays)}, timeout_s=_LIMIT_S)
-        except NativeError as error:
-            raise RobotError(_DAMAGED, where=file, cure=_CURE) from error
-        except RobotError as error:
-            raise RobotError(error.what, where=file, cure=error.cure) from error
-        with opened_arrays(arrays, RobotError, _DAMAGED, _CURE) as found:
-            return dict(found)
+    Raises ``pickle.UnpicklingError`` and those of ``zipfile``: no archive of torch's, more than tensors, or
+    damage; TypeError where it holds no mapping of names.
+    """
+    with opened_file(file) as stream, zipfile.ZipFile(stream) as archive:
+        found = _read(archive)
+    if not isinstance(found, Mapping):
+        raise TypeError(f"it holds a {type(found).__name__}, not named tensors")
+    known = {name: found[name] for name in FIELDS if name in found}
+    return {name: np.asarray(value) for name, value in known.items() if isinstance(value, (np.ndarray, int, float))}
 
 
-def read_tensors(request: dict[str, Any]) -> dict[str, Any]:
-    """Write the tensors of ``file`` to ``arrays``; in a process of its own, whose rights it gives up."""
-    file, arrays = Path(request["file"]), Path(request["arrays"])
-    confine([file], [arrays.parent, Path(tempfile.gettempdir())])
-    size = file.stat().st_size
-    import numpy as np
-    import torch
-
-    bound_memory(max(_MORE_MEMORY, _TIMES_FILE * size))
+def _read(archive: zipfile.ZipFile) -> Any:
+    words = [name for name in archive.namelist() if name.endswith("/data.pkl") and name.count("/") == 1]
+    if len(words) != 1 or archive.getinfo(words[0]).file_size > _MOST_WORDS:
+        raise pickle.UnpicklingError("it has no description of tensors, or too long a one")
     try:
-        content = torch.load(file, map_location="cpu", weights_only=True)
-    except Exception as error:  # its unpickler and its archives raise many kinds
-        raise RobotError(_DAMAGED, cure=_CURE) from error
-    if not isinstance(content, Mapping):
-        raise RobotError(f"it holds a {type(content).__name__}, not named tensors", cure=_CURE)
-    found = {}
-    for name in FIELDS:
-        value = content.get(name)
-        try:
-            if isinstance(value, torch.Tensor):
-                # A view may say that it has any number of values.
-                if value.numel() * value.element_size() > size:
-                    raise ValueError("it says that it holds more than the file")
-                found[name] = np.array(value.detach().numpy())
-            elif isinstance(value, (int, float)):
-                found[name] = np.array(float(value))
-        except (RuntimeError, TypeError, ValueError, ArithmeticError) as error:  # sparse, quantised, bfloat16
-            raise RobotError(f"{name} is no plain tensor of numbers", cure=_CURE) from error
-    with arrays.open("wb") as stream:
-        np.savez(stream, **found)
+        return _Unpickler(archive, words[0].removesuffix("data.pkl")).load()
+    except (*_DAMAGE, struct.error) as error:
+        raise pickle.UnpicklingError(f"its description of tensors is damaged: {error}") from error
+
+
+class _Unpickler(pickle._Unpickler):  # Python's own: the other's memory is as large as a number in the file
+    """Knows the few functions that lay out tensors, and no others."""
+
+    # Without what makes or fills other objects, or makes room before there is anything to put into it.
+    dispatch: ClassVar[dict[int, Any]] = {
+        code: step
+        for code, step in pickle._Unpickler.dispatch.items()
+        if bytes([code])
+        not in (
+            *(pickle.INST, pickle.OBJ, pickle.NEWOBJ, pickle.NEWOBJ_EX, pickle.BUILD, pickle.BYTEARRAY8),
+            *(pickle.EXT1, pickle.EXT2, pickle.EXT4, pickle.NEXT_BUFFER, pickle.READONLY_BUFFER, pickle.PERSID),
+        )
+    }
+
+    def __init__(self, archive: zipfile.ZipFile, folder: str) -> None:
+        super().__init__(io.BytesIO(archive.read(f"{folder}data.pkl")))
+        self._archive, self._folder = archive, folder
+        self._numbers: dict[str, np.ndarray] = {}
+
+    def find_class(self, module: str, name: str) -> Any:
+        if module == "torch" and name in _STORAGES:
+            return _STORAGES[name]
+        if (module, name) not in _FUNCTIONS:
+            raise pickle.UnpicklingError(f"it holds {module}.{name}, which is no plain tensor")
+        return _FUNCTIONS[module, name]
+
+    def persistent_load(self, told: Any) -> np.ndarray:
+        """The numbers (n,) of a file beside the description: all of it, once. Raises ValueError."""
+        kind, dtype, key, _, count = told
+        if kind != "storage" or dtype not in _STORAGES.values():
+            raise ValueError("numbers of an unknown kind")
+        member = self._archive.getinfo(f"{self._folder}data/{key}")
+        if member.compress_type != zipfile.ZIP_STORED or member.file_size != count * np.dtype(dtype).itemsize:
+            raise ValueError(f"{key} has not the {count} numbers that it says")
+        if key not in self._numbers:
+            self._numbers[key] = np.frombuffer(self._archive.read(member), np.uint8)
+        return self._numbers[key].view(dtype)
+
+
+def _empty_mapping() -> dict[Any, Any]:
     return {}
+
+
+def _tensor(numbers: np.ndarray, begin: int, shape: Sequence[int], steps: Sequence[int], *_: Any) -> np.ndarray:
+    """The tensor that lies in ``numbers`` (n,) with these steps, counted in numbers; no copy of them."""
+    if not isinstance(numbers, np.ndarray) or len(shape) != len(steps) or min((begin, *shape, *steps)) < 0:
+        raise ValueError("a tensor has no such shape")
+    # A view may say that it has any number of values.
+    if int(np.prod(np.array(shape, object), initial=1)) > len(numbers):
+        raise ValueError("a tensor says that it has more numbers than there are")
+    if 0 in shape:
+        return np.empty(tuple(shape), numbers.dtype)
+    if begin + sum((size - 1) * step for size, step in zip(shape, steps, strict=True)) >= len(numbers):
+        raise ValueError("a tensor reaches beyond its numbers")
+    of_bytes = tuple(step * numbers.itemsize for step in steps)
+    return np.lib.stride_tricks.as_strided(numbers[begin:], tuple(shape), of_bytes, writeable=False)
+
+
+def _parameter(tensor: np.ndarray, *_: Any) -> np.ndarray:
+    return tensor
+
+
+_FUNCTIONS = {
+    ("collections", "OrderedDict"): _empty_mapping,
+    ("torch._utils", "_rebuild_tensor_v2"): _tensor,
+    ("torch._utils", "_rebuild_parameter"): _parameter,
+}

@@ -6,6 +6,7 @@ Nothing in these files is run: pickled objects are refused.
 from __future__ import annotations
 
 import io
+import pickle
 import re
 import zipfile
 from collections.abc import Iterator, Mapping
@@ -265,9 +266,15 @@ def _check_unpacked(path: Path, what: str) -> None:
 
 
 def _read_tensors(path: Path) -> dict[str, np.ndarray]:
-    if zipfile.is_zipfile(path):
-        _check_unpacked(path, "this holds more than tensors, or is damaged")
-    return tensors_of(path)
+    damaged = "this holds more than tensors, or is damaged"
+    _check_unpacked(path, damaged)
+    try:
+        return tensors_of(path)
+    except TypeError as error:
+        raise _error(path, str(error), _CURE) from error
+    except (OSError, ValueError, RuntimeError, pickle.UnpicklingError, zipfile.BadZipFile) as error:
+        cure = "Save plain tensors by their names, with torch 1.6 or later."
+        raise _error(path, f"{damaged}: {error}", cure) from error
 
 
 def _human(path: Path, arrays: Mapping[str, np.ndarray]) -> HumanRecording:
@@ -347,7 +354,7 @@ def _check_frames(path: object, count: int) -> None:
 def _rate(path: Path, value: Any) -> float:
     try:
         rate_hz = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         rate_hz = np.nan
     if not 1.0 <= rate_hz <= 1000.0:
         raise _error(path, f"its rate is {value}", "Declare 1 to 1000 Hz.")

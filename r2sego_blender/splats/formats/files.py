@@ -16,7 +16,7 @@ from ...core.text_files import opened_file
 _OTHER_VALUES = 11
 """Of a Gaussian beside its harmonics."""
 
-_LEAST_ROOM = 48 << 20
+_LEAST_ROOM = 32 << 20
 _MOST_TIMES = 10
 """Bytes of an asset that any file may claim, and times its size that a larger one may."""
 

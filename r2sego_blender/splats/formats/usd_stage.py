@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import faulthandler
 import sys
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,9 +23,11 @@ _HIGHEST_DEGREE = 4
 _COEFFICIENTS = 16
 """Of the degrees up to 3; what a higher degree adds is left out."""
 
-_LEAST_ROOM = 192 << 20
-_MOST_TIMES = 10
-"""Bytes that any stage may take, and times the size of its files that larger ones may."""
+_LEAST_ROOM = 96 << 20
+_MOST_TIMES, _MOST_TIMES_OF_TEXT = 10, 32
+"""Bytes that any stage may take, and times the size of its files that larger ones may: of text OpenUSD makes
+27 times as much while it reads it, of binary files hardly more than they have."""
+_BINARY = b"PXR-USDC"
 _LEAST_TIME_S = 10.0
 _BYTES_A_SECOND = 1 << 20
 _MOST_PRIMS, _MOST_SPLAT_PRIMS = 1 << 20, 4096
@@ -47,11 +50,9 @@ def main(stage_path: str, arrays_path: str) -> None:
 
 
 def _read(stage_path: str) -> dict:
-    from pxr import Sdf, Usd, UsdGeom
+    from pxr import Usd, UsdGeom
 
-    room = _bounded(Path(stage_path).stat().st_size, 0)
-    sizes = _sizes_of_layers(Sdf.Layer.FindOrOpen(stage_path), Path(stage_path).resolve().parent)
-    room = _bounded(sum(sizes.values()), room)
+    room = _looked_over(stage_path)
     first = Usd.TimeCode.EarliestTime()
     stage = Usd.Stage.Open(stage_path)
     transforms = UsdGeom.XformCache(first)
@@ -74,31 +75,38 @@ def _read(stage_path: str) -> dict:
     return {"count": count, **arrays}
 
 
-def _sizes_of_layers(root: Sdf.Layer, folder: Path) -> dict[str, int]:
-    """Bytes of each file that the stage is composed of. Raises _RefusalError for one outside ``folder``."""
+def _looked_over(stage_path: str) -> int:
+    """The bytes that reading the stage may take, once each file that it is composed of was opened by itself.
+
+    Raises _RefusalError for one outside of the stage's folder.
+    """
     from pxr import Ar, Sdf
 
     resolver = Ar.GetResolver()
-    sizes: dict[str, int] = {}
-    seen, waiting = set(), [root]
+    folder = Path(stage_path).resolve().parent
+    files = {Path(stage_path)}
+    room = _bounded(files, 0)
+    seen: set[str] = set()
+    waiting = [Sdf.Layer.FindOrOpen(stage_path)]
     while waiting:
         layer = waiting.pop()
-        if layer.identifier in seen:
+        if layer is None or layer.identifier in seen:  # what cannot be opened composes nothing
             continue
         seen.add(layer.identifier)
-        file, _ = Ar.SplitPackageRelativePathOuter(layer.realPath)
-        sizes[file] = Path(file).stat().st_size
         _refuse_clips(layer)
         for named in layer.GetCompositionAssetDependencies():
             name, arguments = Sdf.Layer.SplitIdentifier(named)
             found = resolver.Resolve(resolver.CreateIdentifier(name, layer.resolvedPath)).GetPathString()
-            file, _ = Ar.SplitPackageRelativePathOuter(found)
-            is_inside = Path(file).resolve().is_relative_to(folder) if found else "`" not in named
+            file = Path(Ar.SplitPackageRelativePathOuter(found)[0])
+            is_inside = file.resolve().is_relative_to(folder) if found else "`" not in named
             if not is_inside or arguments:
                 raise _RefusalError(f"the stage refers to '{named}', which is not in the file's folder")
             if found:
+                if file not in files:
+                    files.add(file)
+                    room = _bounded(files, room)
                 waiting.append(Sdf.Layer.FindOrOpenRelativeToLayer(layer, name))
-    return sizes
+    return room
 
 
 def _refuse_clips(layer: Sdf.Layer) -> None:
@@ -115,13 +123,18 @@ def _refuse_clips(layer: Sdf.Layer) -> None:
         raise _RefusalError(f"the prim {clips[0]} takes its values from clips")
 
 
-def _bounded(file_bytes: int, before: int) -> int:
+def _bounded(files: Collection[Path], before: int) -> int:
     """The bytes that may be taken from here on, which with the time bound the whole process.
 
     ``before`` is what was allowed already.
     """
+    file_bytes = sum(file.stat().st_size for file in files)
     faulthandler.dump_traceback_later(_LEAST_TIME_S + file_bytes / _BYTES_A_SECOND, exit=True)
-    room = max(_LEAST_ROOM, _MOST_TIMES * file_bytes)
+    room = _LEAST_ROOM
+    for file in files:
+        with file.open("rb") as stream:
+            is_binary = stream.read(len(_BINARY)) == _BINARY
+        room += file.stat().st_size * (_MOST_TIMES if is_binary else _MOST_TIMES_OF_TEXT)
     if sys.platform == "linux" and room > before:
         import resource
 

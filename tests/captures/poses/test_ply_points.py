@@ -35,6 +35,14 @@ def test_a_ply_without_points_is_named(tmp_path, content):
         read_ply_points(tmp_path / "points.ply")
 
 
+def test_colours_of_another_shape_are_none(tmp_path):
+    """Of red alone no colour is made."""
+    head = "ply\nformat ascii 1.0\nelement vertex 2\n" + "".join(f"property float {axis}\n" for axis in "xyz")
+    (tmp_path / "points.ply").write_text(head + "property uchar red\nend_header\n0 0 0 9\n1 1 1 7\n")
+    points, colours = read_ply_points(tmp_path / "points.ply")
+    assert len(points) == 2 and (colours == 128).all()
+
+
 def test_one_point_among_others_that_is_nowhere_is_left_out(tmp_path):
     head = "ply\nformat ascii 1.0\nelement vertex 2\n" + "".join(f"property float {axis}\n" for axis in "xyz")
     head += "".join(f"property uchar {colour}\n" for colour in ("red", "green", "blue")) + "end_header\n"

@@ -112,3 +112,25 @@ def test_a_missing_photograph_is_an_error(tmp_path):
     (tmp_path / "ego0.png").unlink()
     with refused(CaptureError, "cameras.json, frozen[0]", "missing"):
         nearest_truth(file, np.eye(4), POSE)
+
+
+@pytest.mark.parametrize("name", ["../secret.png", "a/../../secret.png", "..\\secret.png", "{}/secret.png"])
+def test_a_photograph_elsewhere_is_looked_up_by_its_name(tmp_path, name):
+    """As the importer has it: a file from a stranger shows nothing that lies outside its folder."""
+    secret = tmp_path / "secret.png"
+    secret.write_bytes(b"secret")
+    (tmp_path / "room").mkdir()
+    file = write_frozen(tmp_path / "room", POSE)
+    file.write_text(json.dumps({"frozen": [{"file": name.format(tmp_path), "world_from_camera": POSE.tolist()}]}))
+    with refused(CaptureError, "cameras.json, frozen[0]", "missing"):
+        nearest_truth(file, np.eye(4), POSE)
+    (file.parent / "secret.png").write_bytes(b"the room's own")
+    assert nearest_truth(file, np.eye(4), POSE)[1] == file.parent / "secret.png"
+
+
+@pytest.mark.parametrize("name", ["a" * 300 + ".png", "a\0b.png"])
+def test_a_name_that_no_file_has_is_missing(tmp_path, name):
+    file = write_frozen(tmp_path, POSE)
+    file.write_text(json.dumps({"frozen": [{"file": name, "world_from_camera": POSE.tolist()}]}))
+    with refused(CaptureError, "cameras.json, frozen[0]", "missing"):
+        nearest_truth(file, np.eye(4), POSE)

@@ -91,6 +91,11 @@ def test_a_gaussian_beyond_all_bounds_is_dropped_by_the_engine_and_by_blender(fe
     np.testing.assert_array_equal(read_splats(tmp_path / "a.ply").means, loaded.means)
 
 
+def test_an_asset_without_gaussians_is_shown_as_none(tmp_path):
+    save_ply(tmp_path / "a.ply", SplatAsset.empty(3))
+    assert len(read_splats(tmp_path / "a.ply")) == len(load_asset(tmp_path / "a.ply")) == 0
+
+
 def test_what_others_write_as_infinite_is_shown_as_the_engine_reads_it(few, tmp_path):
     few.logit_opacities[1], few.log_scales[2, 0] = np.inf, -np.inf
     save_ply(tmp_path / "a.ply", few)
@@ -292,3 +297,19 @@ def test_prims_that_multiply_end_in_bounded_memory(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
     assert int(done.stdout) << 10 < MOST_BYTES + OPENUSD_BYTES
     assert read(tmp_path / "a.usda") is None
+
+
+def test_a_stage_may_be_large_by_what_it_refers_to(tmp_path):
+    """Text of many megabytes behind a stage of a few bytes."""
+    count = 30_000
+    rng = np.random.default_rng(0)
+    large = SplatAsset(
+        rng.random((count, 3)),
+        -rng.random((count, 3)),
+        rng.random((count, 4)),
+        rng.random(count),
+        rng.random((count, 16, 3)),
+    )
+    save_asset(tmp_path / "large.usda", large)
+    (tmp_path / "a.usda").write_text('#usda 1.0\n(upAxis = "Z"; metersPerUnit = 1; subLayers = [@./large.usda@])\n')
+    assert len(load_asset(tmp_path / "a.usda")) == count
