@@ -42,9 +42,10 @@ def read_settings(folder: Path, name: str) -> tuple[str, dict[str, Any]]:
     file = folder / f"{name}.toml"
     try:
         data = parse_toml(read_text(file, MOST_BYTES))
-        chosen, overrides = data["preset"], present_keys(dict(data.get("overrides", {})))
-        if not isinstance(chosen, str):
-            raise TypeError("'preset' is no text")
+        chosen, declared = data["preset"], data.get("overrides", {})
+        if not isinstance(chosen, str) or not isinstance(declared, dict):
+            raise TypeError("'preset' is no text, or 'overrides' no table")
+        overrides = present_keys(declared)
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise SettingsError(
             f"these settings cannot be read: {error}", where=file, cure="Remove the file, and keep them anew."

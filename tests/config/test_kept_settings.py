@@ -36,7 +36,9 @@ def test_unknown_settings_are_neither_kept_nor_taken(tmp_path):
         read_settings(tmp_path, "a")
 
 
-@pytest.mark.parametrize("text", ["", "preset =", "overrides = 3\npreset = 'paper'"])
+@pytest.mark.parametrize(
+    "text", ["", "preset =", "overrides = 3\npreset = 'paper'", "overrides = [[1, 2]]\npreset = 'paper'"]
+)
 def test_damaged_files_are_named(tmp_path, text):
     (tmp_path / "a.toml").write_text(text)
     with refused(SettingsError, "a.toml"):
