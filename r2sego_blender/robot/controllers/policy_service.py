@@ -32,6 +32,7 @@ def serve(not_taken: tuple[str, ...]) -> None:
     die_with_parent()
     to, source = os.dup(1), 0
     os.dup2(2, 1)  # what a program prints is no answer, nor a result of the command's
+    sys.stdout = sys.stderr  # and is told line by line
     with contextlib.suppress(EOFError, BrokenPipeError):
         told = json.loads(_line(source))
         kind, content = told["kind"], read(source, told["bytes"])

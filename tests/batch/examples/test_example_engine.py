@@ -9,6 +9,7 @@ from example_runs import run_with_engine
 from stand_in_engine import write_stand_in_engine
 
 from r2sego_blender.workers.jobs import start_job
+from r2sego_blender.workers.signed_records import read_signed, write_signed
 
 pytest.importorskip("bpy", reason="pip bpy is not installed")
 
@@ -41,9 +42,9 @@ def test_a_job_that_was_left_behind_is_followed(run, engine, bundle_path):
     (engine.parent / "conduct.txt").write_text("slow")
     notes = {"operator": "r2sego.refine", "properties": {}, "bundle": str(bundle_path)}
     left = start_job(["refine", str(bundle_path)], str(engine), "Refine", bundle_path / ".jobs", notes=notes)
-    record = json.loads((left.folder / "job.json").read_text())
+    record = read_signed(left.folder / "job.json")
     record["starter"]["birth"] = "a Blender that has ended"
-    (left.folder / "job.json").write_text(json.dumps(record))
+    write_signed(left.folder / "job.json", record)
     done = run("--follow", bundle_path)
     assert done.returncode == 0, done.stderr
     assert "Refine: Refined: 2 of 2 rounds" in done.stdout
