@@ -54,8 +54,13 @@ def load_asset(path: Path | str) -> SplatAsset:
         raise AssetError(
             f"the file is not a {found.suffixes[0]} but another format", where=path, cure="Give it its own suffix."
         )
-    with np.errstate(over="ignore", invalid="ignore"):  # of values that are dropped
-        return found.load(path)
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):  # of values that are dropped
+            return found.load(path)
+    except AssetError as error:
+        if error.where is not None:
+            raise
+        raise AssetError(error.what, where=path, cure="Copy or export it again.") from error
 
 
 def save_asset(path: Path | str, asset: SplatAsset) -> None:

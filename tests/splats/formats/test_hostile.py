@@ -313,3 +313,13 @@ def test_a_stage_may_be_large_by_what_it_refers_to(tmp_path):
     save_asset(tmp_path / "large.usda", large)
     (tmp_path / "a.usda").write_text('#usda 1.0\n(upAxis = "Z"; metersPerUnit = 1; subLayers = [@./large.usda@])\n')
     assert len(load_asset(tmp_path / "a.usda")) == count
+
+
+def test_a_gltf_whose_positions_are_of_another_kind_is_named(tmp_path):
+    rng = np.random.default_rng(0)
+    means, scales = rng.normal(size=(2, 12, 3)).astype(np.float32)
+    turned = np.tile(np.array([1, 0, 0, 0], np.float32), (12, 1))
+    save_asset(tmp_path / "a.glb", SplatAsset(means, scales, turned, np.zeros(12, np.float32), np.zeros((12, 4, 3))))
+    content = (tmp_path / "a.glb").read_bytes()
+    (tmp_path / "a.glb").write_bytes(content.replace(b'"POSITION": 0', b'"POSITION": 1'))
+    assert read(tmp_path / "a.glb") is None
