@@ -56,10 +56,12 @@ def killed_runs(folder: Path, count: int, seed: int) -> list[Killed]:
     fresh = folder / "fresh.r2s"
     _finish(_started("new", str(fresh), "--captures", str(ROOM / "captures"), "--poses", str(ROOM / "cameras.json")))
     whole = folder / "whole.r2s"
-    shutil.copytree(fresh, whole)
-    began_s = time.monotonic()
-    _finish(_refine(whole))
-    lasted_s = time.monotonic() - began_s
+    for _ in range(2):  # the first compiles the kernels, which no later run does
+        shutil.rmtree(whole, ignore_errors=True)
+        shutil.copytree(fresh, whole)
+        began_s = time.monotonic()
+        _finish(_refine(whole))
+        lasted_s = time.monotonic() - began_s
     expected = _digests(whole)
     runs = []
     for index, share in enumerate(np.random.default_rng(seed).random(count)):
@@ -75,8 +77,9 @@ def _killed(fresh: Path, scene: Path, after_s: float, expected: Mapping[str, str
     time.sleep(after_s)
     run.kill()
     run.wait()
-    time.sleep(_GONE_S)
-    processes = _marked(mark)
+    until_s = time.monotonic() + _GONE_S
+    while (processes := _marked(mark)) and time.monotonic() < until_s:
+        time.sleep(0.1)
     _finish(_refine(scene))
     found = _digests(scene)
     names = sorted(expected.keys() | found.keys())
