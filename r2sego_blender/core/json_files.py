@@ -52,6 +52,14 @@ def parse_json(text: str) -> Any:
     return value
 
 
+def finite_number(value: Any) -> float:
+    """A number of JSON as float, which the text "nan" is none of. Raises TypeError and ValueError."""
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"{value} is no number")
+    return number
+
+
 @contextlib.contextmanager
 def opened_json(
     file: Path, error: type[R2SEgoError], what: str, cure: str = "Run `r2sego refine` again."

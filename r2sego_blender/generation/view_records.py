@@ -5,7 +5,6 @@ Needs the standard library alone, so Blender's Python reads it.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from operator import index
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 
 from ..core.cameras import Camera
 from ..core.errors import GenerationError
-from ..core.json_files import opened_json, read_json
+from ..core.json_files import finite_number, opened_json, read_json
 from ..core.printable import printable
 from .decisions import decision_of, save_decision
 
@@ -148,13 +147,13 @@ def _record(
             _index(record["rollout"]),
             _index(record["frame"]),
             printable(str(record["reference_name"]), _LONGEST),
-            _finite(record["overlap"]),
+            finite_number(record["overlap"]),
             printable(str(record["generator"]), _LONGEST),
             record["accepted"],
             by_hand,
             printable(str(record["reason"]), _LONGEST),
             record["estimate"] is not None,
-            {name: _finite(record[name]) for name in figures if name in record},
+            {name: finite_number(record[name]) for name in figures if name in record},
             stood_for.get(rank, -1),
             stand_in.get(rank, -1),
             note,
@@ -168,13 +167,6 @@ def _index(value: Any) -> int:
     if not 0 <= found <= _MOST:
         raise ValueError(f"{value} counts nothing")
     return found
-
-
-def _finite(value: Any) -> float:
-    number = float(value)
-    if not math.isfinite(number):
-        raise ValueError(f"{value} is no number")
-    return number
 
 
 def _damaged(file: Path, error: Exception) -> GenerationError:

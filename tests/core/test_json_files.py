@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from r2sego_blender.core.errors import SceneError
-from r2sego_blender.core.json_files import opened_json, parse_json, read_json, write_json
+from r2sego_blender.core.json_files import finite_number, opened_json, parse_json, read_json, write_json
 
 NUMBERS = st.integers(-(2**63) + 1, 2**63 - 1) | st.floats(allow_nan=False, allow_infinity=False)
 TEXTS = st.text(st.characters(exclude_categories=["Cs"]))
@@ -79,3 +79,10 @@ def test_a_file_that_may_not_be_read_is_not_called_damaged(tmp_path, monkeypatch
         opened_json(tmp_path / "a.json", SceneError, "it is damaged"),
     ):
         pass
+
+
+@pytest.mark.parametrize("value", ["nan", float("inf"), "-Infinity", "x"])
+def test_a_text_of_no_number_is_none(value):
+    with pytest.raises(ValueError, match=r"."):
+        finite_number(value)
+    assert finite_number(3) == 3.0

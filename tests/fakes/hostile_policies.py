@@ -19,21 +19,24 @@ def _integers(name: bytes, values: list[int]) -> bytes:
     return number(1, len(values)) + number(2, 7) + field(8, name) + field(9, np.array(values, "<i8").tobytes())
 
 
-def constant_of_shape(size: int) -> bytes:
-    """An ONNX policy of (1, 5) -> (1, 2) that makes a constant of ``size`` floats."""
+OBSERVATIONS = 5
+
+
+def constant_of_shape(size: int, observations: int = OBSERVATIONS) -> bytes:
+    """An ONNX policy of (1, observations) -> (1, 2) that makes a constant of ``size`` floats."""
     nodes = _node(b"ConstantOfShape", (b"shape",), (b"large",))
     nodes += _node(b"ReduceSum", (b"large",), (b"sum",)) + _node(b"Add", (b"affine", b"sum"), (b"actions",))
-    return _around(nodes, field(5, _integers(b"shape", [size])))
+    return _around(nodes, field(5, _integers(b"shape", [size])), observations)
 
 
 def expanded(size: int) -> bytes:
     """One that repeats its observation ``size`` times."""
     nodes = _node(b"Expand", (b"obs", b"shape"), (b"large",))
     nodes += _node(b"ReduceSum", (b"large",), (b"sum",)) + _node(b"Add", (b"affine", b"sum"), (b"actions",))
-    return _around(nodes, field(5, _integers(b"shape", [size, 1, 5])))
+    return _around(nodes, field(5, _integers(b"shape", [size, 1, OBSERVATIONS])))
 
 
-def looping(trips: int) -> bytes:
+def looping(trips: int, observations: int = OBSERVATIONS) -> bytes:
     """One that adds 1 to its actions so often."""
     body = _node(b"Identity", (b"going",), (b"on",)) + _node(b"Add", (b"carried", b"one"), (b"next",))
     body += field(2, b"body") + field(11, value(b"trip", (), 7)) + field(11, value(b"going", (), 9))
@@ -41,7 +44,7 @@ def looping(trips: int) -> bytes:
     attribute = field(5, field(1, b"body") + field(6, body) + number(20, 5))
     nodes = _node(b"Loop", (b"trips", b"", b"affine"), (b"actions",), attribute)
     known = number(2, 7) + field(8, b"trips") + field(9, np.array([trips], "<i8").tobytes())
-    return _around(nodes, field(5, known) + field(5, tensor(b"one", np.ones((1, 2)))))
+    return _around(nodes, field(5, known) + field(5, tensor(b"one", np.ones((1, 2)))), observations)
 
 
 def elsewhere(place: bytes, key: bytes = b"\n\x08location") -> bytes:
@@ -59,10 +62,10 @@ def of_many_dimensions() -> bytes:
     return onnx_model(node + field(2, b"policy") + field(5, known), 5, 2)
 
 
-def _around(nodes: bytes, constants: bytes) -> bytes:
+def _around(nodes: bytes, constants: bytes, observations: int = OBSERVATIONS) -> bytes:
     graph = _node(b"Gemm", (b"obs", b"weight"), (b"affine",)) + nodes + field(2, b"policy")
-    graph += field(5, tensor(b"weight", np.ones((5, 2)))) + constants
-    return onnx_model(graph, 5, 2)
+    graph += field(5, tensor(b"weight", np.ones((observations, 2)))) + constants
+    return onnx_model(graph, observations, 2)
 
 
 def damaged_storage(policy: bytes) -> bytes:

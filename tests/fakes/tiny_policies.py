@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from r2sego_blender.config.trusted_programs import Program, trust
 
@@ -29,11 +28,30 @@ def onnx_model(graph: bytes, inputs: int, outputs: int) -> bytes:
 
 def torchscript_policy(path: Path, weight: np.ndarray, bias: np.ndarray) -> Path:
     """The same as TorchScript."""
+    import torch
+
     layer = torch.nn.Linear(*weight.shape)
     with torch.no_grad():
         layer.weight[:] = torch.from_numpy(weight.T)
         layer.bias[:] = torch.from_numpy(bias)
     torch.jit.script(layer).save(str(path))
+    return path
+
+
+def counting_policy(path: Path) -> Path:
+    """TorchScript that answers with how often it was asked, (1, 2)."""
+    import torch
+
+    class Counting(torch.nn.Module):
+        def __init__(self) -> None:
+            super().__init__()
+            self.register_buffer("count", torch.zeros(1))
+
+        def forward(self, observation: torch.Tensor) -> torch.Tensor:
+            self.count += 1.0
+            return self.count.expand(1, 2)
+
+    torch.jit.script(Counting()).save(str(path))
     return path
 
 

@@ -17,6 +17,8 @@ from r2sego_blender.core.images import save_image
 _TESTS = Path(__file__).parents[2] / "tests"
 SIZE = (32, 24)
 NAMES = ("a.png", "b.png", "c.png")
+OBSERVATIONS = 8
+"""Of the policies that are changed, as their layout has them."""
 
 
 def of_tests(name: str) -> ModuleType:

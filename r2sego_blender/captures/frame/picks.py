@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...core.errors import CaptureError
-from ...core.json_files import read_json
+from ...core.json_files import finite_number, read_json
 
 WHERE = "picks"
 """What errors call picks that stand in no file."""
@@ -84,17 +84,21 @@ class Picks:
                 tuple(
                     PickedPoint(
                         str(point["name"]),
-                        tuple(Pick(str(v["capture"]), _number(v["x_px"]), _number(v["y_px"])) for v in point["views"]),
+                        tuple(
+                            Pick(str(v["capture"]), finite_number(v["x_px"]), finite_number(v["y_px"]))
+                            for v in point["views"]
+                        ),
                         bool(point.get("floor", False)),
                     )
                     for point in data.get("points", ())
                 ),
                 tuple(
-                    PickedLength(str(one["from"]), str(one["to"]), _number(one["metres"]))
+                    PickedLength(str(one["from"]), str(one["to"]), finite_number(one["metres"]))
                     for one in data.get("lengths", ())
                 ),
                 tuple(
-                    CameraHeight(str(one["capture"]), _number(one["metres"])) for one in data.get("camera_heights", ())
+                    CameraHeight(str(one["capture"]), finite_number(one["metres"]))
+                    for one in data.get("camera_heights", ())
                 ),
             )
         except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
@@ -136,10 +140,3 @@ class Picks:
         for metres in [*(one.metres for one in self.lengths), *(one.metres for one in self.heights)]:
             if not (np.isfinite(metres) and metres > 0):
                 raise CaptureError(f"{metres} is no length in metres", where=where, cure="Give a positive one.")
-
-
-def _number(value: Any) -> float:
-    number = float(value)
-    if not np.isfinite(number):
-        raise ValueError(f"{value} is no number")
-    return number

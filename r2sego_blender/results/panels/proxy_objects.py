@@ -12,6 +12,7 @@ import numpy as np
 from ...bundle.figures import read_table
 from ...core.arrays import require_finite
 from ...core.errors import GeometryError
+from ...core.json_files import finite_number
 from ...geometry.objects.prior_files import PRIOR_RECORDS, REFUSED, load_prior
 from .bundle import Bundle
 
@@ -87,7 +88,7 @@ def _object(bundle: Bundle, place: Path, record: Mapping[str, Any]) -> KnownObje
             _number(record.get(name)) for name in ("silhouette_iou", "energy", "point_distance_m")
         )
         placed_at = np.eye(4) if pose is None else np.array(pose, np.float64).reshape(4, 4)
-        require_finite(figures=np.array([iou, energy, distance_m]), world_from_own=placed_at)
+        require_finite(world_from_own=placed_at)
     except (TypeError, ValueError) as error:
         raise GeometryError(
             f"the record of '{place.name}' is damaged: {error}",
@@ -128,4 +129,4 @@ def _state(record: Mapping[str, Any], decided: str, locked: bool, placed: bool) 
 
 
 def _number(value: Any) -> float:
-    return -1.0 if value is None else float(value)
+    return -1.0 if value is None else finite_number(value)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from ...bundle.layout import REFINED_ASSET
 from ...core.errors import SceneError
+from ...core.json_files import finite_number
 from .bundle import Bundle
 
 ARM_LABELS = {"refined": "Refined", "vanilla_3dgs": "Vanilla 3DGS", "initial": "Initial"}
@@ -117,7 +117,4 @@ def _cause(told: Mapping[str, Any]) -> Cause:
 
 
 def _number(value: Any) -> float | None:
-    number = None if value is None else float(value)
-    if number is not None and not math.isfinite(number):
-        raise ValueError(f"'{value}'")
-    return number
+    return None if value is None else finite_number(value)

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 from policy_controllers import SCOPE, controller, only
-from tiny_policies import onnx_policy, torchscript_policy, trusted
+from tiny_policies import counting_policy, onnx_policy, torchscript_policy, trusted
 
 from r2sego_blender.config.settings import RolloutSettings
 from r2sego_blender.core.errors import RobotError
@@ -155,19 +155,7 @@ def test_both_kinds_of_network_compute_what_they_say(tmp_path, knees, write, nam
 
 
 def test_a_recurrent_policy_begins_anew(tmp_path, knees):
-    import torch
-
-    class Counting(torch.nn.Module):
-        def __init__(self) -> None:
-            super().__init__()
-            self.register_buffer("count", torch.zeros(1))
-
-        def forward(self, observation: torch.Tensor) -> torch.Tensor:
-            self.count += 1.0
-            return self.count.expand(1, 2)
-
-    torch.jit.script(Counting()).save(str(tmp_path / "counting.pt"))
-    file = PolicyFile(trusted(tmp_path / "counting.pt"), knees)
+    file = PolicyFile(trusted(counting_policy(tmp_path / "counting.pt")), knees)
     for _ in range(2):
         network = file.network()
         assert [float(network(np.zeros(5, np.float32))[0]) for _ in range(3)] == [1.0, 2.0, 3.0]

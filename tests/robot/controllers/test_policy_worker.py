@@ -12,7 +12,7 @@ from pathlib import Path
 import hostile_policies as hostile
 import numpy as np
 import pytest
-from tiny_policies import onnx_policy, torchscript_policy, trusted
+from tiny_policies import counting_policy, onnx_policy, torchscript_policy, trusted
 
 from r2sego_blender.config.trusted_programs import Program, trust, withdraw
 from r2sego_blender.core.errors import RobotError
@@ -144,19 +144,7 @@ def test_a_trusted_program_has_bounds_too(tmp_path, knees, body):
 
 
 def test_networks_of_one_process_do_not_share_what_they_remember(tmp_path, knees):
-    import torch
-
-    class Counting(torch.nn.Module):
-        def __init__(self) -> None:
-            super().__init__()
-            self.register_buffer("count", torch.zeros(1))
-
-        def forward(self, observation: torch.Tensor) -> torch.Tensor:
-            self.count += 1.0
-            return self.count.expand(1, 2)
-
-    torch.jit.script(Counting()).save(str(tmp_path / "counting.pt"))
-    file = PolicyFile(trusted(tmp_path / "counting.pt"), knees)
+    file = PolicyFile(trusted(counting_policy(tmp_path / "counting.pt")), knees)
     one, other = file.network(), file.network()
     seen = [float(network(np.zeros(5, np.float32))[0]) for network in (one, one, other, one, other)]
     assert seen == [1.0, 2.0, 1.0, 3.0, 2.0]

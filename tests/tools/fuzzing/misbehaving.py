@@ -13,9 +13,7 @@ from r2sego_blender.core.errors import SceneError
 from tools.fuzzing import harness as fuzzing
 from tools.fuzzing.mutations.text import OUTSIDE
 
-WAYS = (
-    "clean", "refused", "traceback", "death", "hang", "memory", "slow", "badaccept", "escape", "message", "no cure"
-)  # fmt: skip
+WAYS = ("clean", "refused", "traceback", "death", "hang", "memory", "slow", "badaccept", "escape", "message", "no cure")
 
 
 def _read(folder: Path) -> object:

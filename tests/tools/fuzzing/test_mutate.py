@@ -20,8 +20,18 @@ from tools.fuzzing.mutate import Tally, mutate, planned, table
 WAYS = importlib.import_module("tests.tools.fuzzing.misbehaving").WAYS
 MISBEHAVING = "tests.tools.fuzzing.misbehaving"
 FOUND = (
-    "clean", "refused", "traceback", "death", "hang", "memory", "slow", "badaccept", "escape", "message", "message"
-)  # fmt: skip
+    "clean",
+    "refused",
+    "traceback",
+    "death",
+    "hang",
+    "memory",
+    "slow",
+    "badaccept",
+    "escape",
+    "message",
+    "message",
+)
 
 
 def test_every_way_to_fail_is_told_of_its_own_input():

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..harness import Harness
-from ..seeds import of_tests
+from ..seeds import OBSERVATIONS, of_tests
 
 _FRAMES = 6
 _LAYOUT = """name = "knees"
@@ -108,7 +108,7 @@ def _read_layout(folder: Path) -> Any:
 def _policy(name: str) -> Callable[[Path], None]:
     def build(folder: Path) -> None:
         policies = of_tests("tiny_policies")
-        weight, bias = np.full((8, 2), 0.25), np.array([0.5, -0.5])
+        weight, bias = np.full((OBSERVATIONS, 2), 0.25), np.array([0.5, -0.5])
         write = policies.onnx_policy if name.endswith(".onnx") else policies.torchscript_policy
         write(folder / name, weight, bias)
         _layout(folder)

@@ -3,32 +3,41 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Sequence
 from random import Random
 
 from .raw import changed_bytes
 
+Change = Callable[[bytes, Random], tuple[bytes, str]]
+"""A change of a file's bytes: what they are then, and what it is called."""
+
 NUMBERS = (
-    "NaN", "nan", "inf", "-inf", "Infinity", "1e308", "-1e308", "1e38", "1e309", "1e-320", "-1", "0", "0.0", "-0.0",
-    "0.5", "1", "2147483647", "2147483648", "-2147483649", "4294967296", "9223372036854775807",
-    "9223372036854775808", "1" + "0" * 29, "7" * 5000, "", "x", "0x10", "1_0", "+1", "1e", ".", "--1", "true",
-)  # fmt: skip
+    *("NaN", "nan", "inf", "-inf", "Infinity", "1e308", "-1e308", "1e38", "1e309", "1e-320", "-1", "0", "0.0", "-0.0"),
+    *("0.5", "1", "2147483647", "2147483648", "-2147483649", "4294967296", "9223372036854775807"),
+    *("9223372036854775808", "1" + "0" * 29, "7" * 5000, "", "x", "0x10", "1_0", "+1", "1e", ".", "--1", "true"),
+)
 OUTSIDE = "/tmp/r2sego_outside/secret"
 """A place that no input may have read or written."""
 
 WORDS = (
-    "", " ", "\0", "\x1b[2J\x1b[31m", "\u202e", "\ufeff", "a" * 300, "ä" * 5000, "../../outside/secret.png",
-    "..", ".", "/", OUTSIDE, f"{OUTSIDE}.png", "C:\\secret", "\\\\host\\share", "file:///etc/passwd",
-    "http://127.0.0.1:9/x", "CON", "a/b/c", "%s%n", "{}", "${HOME}", "\n", "\r\n", "'", '"', "]", "<!--", "\x7f\x9b",
-)  # fmt: skip
+    *("", " ", "\0", "\x1b[2J\x1b[31m", "\u202e", "\ufeff", "a" * 300, "ä" * 5000, "../../outside/secret.png"),
+    *("..", ".", "/", OUTSIDE, f"{OUTSIDE}.png", "C:\\secret", "\\\\host\\share", "file:///etc/passwd"),
+    *("http://127.0.0.1:9/x", "CON", "a/b/c", "%s%n", "{}", "${HOME}", "\n", "\r\n", "'", '"', "]", "<!--", "\x7f\x9b"),
+)
 _NUMBER = re.compile(rb"(?<![\w.])[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
 _WORD = re.compile(rb"[A-Za-z_][\w./-]*")
 
 
 def changed_text(data: bytes, rng: Random) -> tuple[bytes, str]:
     """The text with a few changes to it, and their names."""
+    return changed_by(_CHANGES, data, rng)
+
+
+def changed_by(changes: Sequence[Change], data: bytes, rng: Random) -> tuple[bytes, str]:
+    """The data after one to three of ``changes``, and their names."""
     told = []
     for _ in range(rng.choice((1, 1, 1, 2, 3))):
-        data, name = rng.choice(_CHANGES)(data, rng)
+        data, name = rng.choice(changes)(data, rng)
         told.append(name)
     return data, "; ".join(told)
 

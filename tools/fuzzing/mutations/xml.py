@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from random import Random
 
-from .text import NUMBERS, OUTSIDE, WORDS, changed_text
+from .text import NUMBERS, OUTSIDE, WORDS, changed_by, changed_text
 
 _ATTRIBUTE = re.compile(rb'\b([\w:]{1,40})="([^"]*)"')
 _ELEMENT = re.compile(rb"<\w[^<>]*/>")
@@ -13,21 +13,22 @@ _LAUGHS = b'<!DOCTYPE a [<!ENTITY a "aaaaaaaaaa">' + b"".join(
     b'<!ENTITY %c "%s">' % (98 + i, b"&%c;" % (97 + i) * 10) for i in range(9)
 )
 _ELEMENTS = (
-    '<include file="../../outside/secret.xml"/>', f'<include file="{OUTSIDE}.xml"/>', '<include file="robot.xml"/>',
-    '<replicate count="100000000"><geom size="1"/></replicate>', "<composite/>", '<geom type="mesh" mesh="m"/>',
-    '<mesh name="m" file="../../outside/secret.stl"/>', '<body name="b"/>', '<plugin plugin="x"/>', "<a>" * 3000,
-    '<hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/>', '<joint type="ball"/>', "<frame/>", "<keyframe/>",
-    '<geom size="0.1" mass="1e300"/>', '<site pos="nan 0 0"/>', '<texture type="2d" file="x.png"/>', "<worldbody/>",
-)  # fmt: skip
+    *('<include file="../../outside/secret.xml"/>', f'<include file="{OUTSIDE}.xml"/>', '<include file="robot.xml"/>'),
+    *('<replicate count="100000000"><geom size="1"/></replicate>', "<composite/>", '<geom type="mesh" mesh="m"/>'),
+    *('<mesh name="m" file="../../outside/secret.stl"/>', '<body name="b"/>', '<plugin plugin="x"/>', "<a>" * 3000),
+    *(
+        '<hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/>',
+        '<joint type="ball"/>',
+        "<frame/>",
+        "<keyframe/>",
+    ),
+    *('<geom size="0.1" mass="1e300"/>', '<site pos="nan 0 0"/>', '<texture type="2d" file="x.png"/>', "<worldbody/>"),
+)
 
 
 def changed_xml(data: bytes, rng: Random) -> tuple[bytes, str]:
     """An XML file with a few changes to it, and their names."""
-    told = []
-    for _ in range(rng.choice((1, 1, 1, 2, 3))):
-        data, name = rng.choice(_CHANGES)(data, rng)
-        told.append(name)
-    return data, "; ".join(told)
+    return changed_by(_CHANGES, data, rng)
 
 
 def _attribute(data: bytes, rng: Random) -> tuple[bytes, str]:
