@@ -32,6 +32,9 @@ _LENS_WIDTHS_PX = (16.0, *_LOSS_WIDTHS_PX)
 LENS_TERMS = 5
 """Of a lens's correction: the logarithm of the focal length's factor, the principal point's shift along
 x and y in focal lengths, and the radial coefficients k1 and k2 beyond the lens as it is."""
+# Radial terms grow no further beyond this many times the squared radius of a picture's corners: points that
+# for now lie beside a camera would tell the lens.
+_BEYOND_CORNERS = 2.0
 # Standard deviations of these, wide: they hold what no track tells alone.
 _LENS_SIGMA = np.array([0.3, 0.1, 0.1, 0.3, 0.3])
 
@@ -190,6 +193,8 @@ class _Problem:
         self.of_cameras = scipy.sparse.csr_array((ones, (tracks.camera, order)), (len(cameras), count))
         self.of_points = scipy.sparse.csr_array((ones, (tracks.point, order)), (len(given.points), count))
         self.group, self.free = group, free
+        corners = np.array([[max(c.cx, c.width - c.cx) / c.fx, max(c.cy, c.height - c.cy) / c.fy] for c in cameras])
+        self.outermost = _BEYOND_CORNERS * (corners**2).sum(axis=1)[tracks.camera][:, None]
 
     def local(self, state: _State) -> tuple[np.ndarray, np.ndarray]:
         """Points in their cameras (m, 3) and rotations (m, 3, 3).
@@ -219,7 +224,7 @@ class _Problem:
             return slope, None
         seen = _Seen(self, local, state)
         squares = seen.squares
-        bent = (2.0 * seen.lens[:, 3:4] + 4.0 * seen.lens[:, 4:5] * squares) * seen.rays
+        bent = (2.0 * seen.lens[:, 3:4] + 4.0 * seen.lens[:, 4:5] * squares) * seen.rays * seen.inside
         by_ray = seen.rays[:, :, None] * bent[:, None, :]
         by_ray[:, (0, 1), (0, 1)] += seen.radial
         by_ray *= seen.zoomed[:, :, None]
@@ -251,7 +256,9 @@ class _Seen:
     def __init__(self, problem: _Problem, local: np.ndarray, state: _State) -> None:
         self.lens = state.lenses[problem.group[problem.tracks.camera]]
         self.rays = local[:, :2] / local[:, 2:]
-        self.squares = (self.rays**2).sum(axis=1, keepdims=True)
+        squares = (self.rays**2).sum(axis=1, keepdims=True)
+        self.squares = np.minimum(squares, problem.outermost)
+        self.inside = squares < problem.outermost
         self.radial = 1.0 + self.squares * (self.lens[:, 3:4] + self.squares * self.lens[:, 4:5])
         self.zoomed = problem.focal * np.exp(self.lens[:, :1])
 
