@@ -123,7 +123,9 @@ def _through(
         for group, terms in enumerate(verdict.terms)
         if terms.any()
     ]
-    errors = f"reprojection {verdict.given_px:.2f} -> {verdict.lenses_px:.2f} px ({verdict.poses_px:.2f} by poses alone)"
+    errors = (
+        f"reprojection {verdict.given_px:.2f} -> {verdict.lenses_px:.2f} px ({verdict.poses_px:.2f} by poses alone)"
+    )
     told = f"{'; '.join(changes)}, {errors}"
     factors = np.exp(verdict.terms[:, 0])
     off = factors[(factors < _FOCAL_BOUNDS[0]) | (factors > _FOCAL_BOUNDS[1])]

@@ -97,7 +97,10 @@ def _apart(lens: Lens, other: Lens | None) -> float:
 
 
 def _fitted(capture: Capture, given: Lens, bent: Lens) -> Lens:
-    """The lens of ``given``'s model that shows rays where ``given`` showed them as its camera's ``bent`` image has them."""
+    """The lens of ``given``'s model that shows rays where the photograph has what ``bent`` says they are.
+
+    ``bent`` is of the image of the capture's camera, which ``given`` straightened.
+    """
     camera = capture.camera
     u, v = np.meshgrid(np.linspace(0.0, camera.width, _SAMPLES), np.linspace(0.0, camera.height, _SAMPLES))
     pixels = np.stack([u, v], axis=-1).reshape(-1, 2)

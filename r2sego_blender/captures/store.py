@@ -72,13 +72,7 @@ def load_captures(folder: Path) -> tuple[Capture, ...]:
             raise CaptureError("the capture's image is missing", where=view.image_path, cure=CURE)
         captures.append(
             Capture(
-                view.name,
-                view.image_path,
-                view.camera,
-                lens,
-                lens is not None,
-                quarter_turns=turns,
-                given_lens=given,
+                view.name, view.image_path, view.camera, lens, lens is not None, quarter_turns=turns, given_lens=given
             )
         )
     return tuple(captures)

@@ -370,9 +370,7 @@ class _LensRows:
         chosen = np.flatnonzero(self.free.ravel())
         count, terms = len(self.free), LENS_TERMS
         cameras, points = len(state.centres), len(state.points)
-        of_groups = scipy.sparse.csr_array(
-            (np.ones(cameras), (problem.group, np.arange(cameras))), (count, cameras)
-        )
+        of_groups = scipy.sparse.csr_array((np.ones(cameras), (problem.group, np.arange(cameras))), (count, cameras))
         own = _summed(of_groups, _summed(problem.of_cameras, weighed_lens @ by_lens))
         own[:, range(terms), range(terms)] += _LENS_SIGMA**-2.0
         self.own = scipy.linalg.block_diag(*own)[np.ix_(chosen, chosen)]
