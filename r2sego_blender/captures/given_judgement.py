@@ -85,7 +85,7 @@ def _lens_verdict(
     imported: Imported, tracks: np.ndarray, wrong: Sequence[Contradiction], factor: float, settings: CaptureSettings
 ) -> LensVerdict | None:
     """By the photographs whose poses agree with each other."""
-    apart = {one.index for one in wrong}
+    apart = {one.photograph for one in wrong}
     used = [index for index in range(len(imported.captures)) if index not in apart]
     cameras = [imported.captures[index].camera for index in used]
     kept = tracks[:, used]
@@ -187,9 +187,9 @@ def _relocated(
     keeps = settings.refine_poses == "never"
     moved, left_out = [], []
     for one in wrong:
-        capture = captures[one.index]
+        capture = captures[one.photograph]
         says = (
-            f"{capture.name}: its given pose contradicts {one.count - one.agreeing} of the {one.count} points it "
+            f"{capture.name}: its given pose contradicts {one.shared - one.agreeing} of the {one.shared} points it "
             "shares with other captures"
         )
         if keeps:
@@ -200,10 +200,10 @@ def _relocated(
             far = f"{100.0 * distance:.1f} cm" if imported.metric else f"{distance:.3g} units"
             says += f"; located from the others, {far} and {turn_deg:.1f} deg away, where {one.located} agree"
             moved.append(capture.name)
-            captures[one.index] = replace(capture, camera=one.camera)
+            captures[one.photograph] = replace(capture, camera=one.camera)
         else:
             says += "; it is left out: nor do they tell where it was taken"
-            left_out.append(one.index)
+            left_out.append(one.photograph)
         progress.message(says, level="warning")
     if keeps:
         return imported

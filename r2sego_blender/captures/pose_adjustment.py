@@ -41,15 +41,15 @@ def triangulate_refined(
     """
     detected, plain = _matched(imported, settings, progress)
     for lenses_too in () if imported.solved else (True, False):
-        cameras = [capture.camera for capture in imported.captures]
-        band_px = settings.max_error_px + _BAND_SIGMAS * _deviation_px(cameras, settings)
+        lenses = [capture.camera for capture in imported.captures]
+        band_px = settings.max_error_px + _BAND_SIGMAS * _deviation_px(lenses, settings)
         given, imported = imported, judged(imported, detected, plain, band_px, settings, progress, lenses_too)
         if imported is given:
             break
         detected, plain = _matched(imported, settings, progress)
     captures = imported.captures
     names = [capture.name for capture in captures]
-    cameras = [capture.camera for capture in captures]
+    cameras: Sequence[Camera] = [capture.camera for capture in captures]
     if settings.refine_poses != "never" and not imported.solved:
         cameras, told = _refined(imported, detected, plain, settings, progress)
         if told:
@@ -57,7 +57,7 @@ def triangulate_refined(
             captures = tuple(replace(c, camera=at) for c, at in zip(captures, cameras, strict=True))
             imported = replace(imported, captures=captures, source=f"{imported.source}; {told}")
     confirmed = confirming(plain, detected.features, cameras, settings.max_error_px, settings)
-    pairs = match_guided(confirmed, detected.features, cameras, names, settings, progress)
+    pairs = match_guided(confirmed, detected.features, cameras, names, settings, progress, plain)
     sparse = triangulate_matches(cameras, detected, pairs, settings.max_error_px, settings, progress)
     return imported, sparse
 

@@ -108,7 +108,7 @@ def adjusted_lenses(
     """
     state = _given(cameras, points, np.where(free, terms, 0.0))
     sigma = np.repeat([centre_sigma, rotation_sigma_rad], 3)
-    problem = _Problem(cameras, Tracks.of(pixels), state, sigma, group, free)
+    problem = _Problem(cameras, Tracks.of(pixels), state, sigma, _FreeLenses(group, free))
     for width_px in _LENS_WIDTHS_PX:
         state = _minimised(problem, state, width_px)
     spread = np.zeros(free.shape)
@@ -171,8 +171,15 @@ class _Step(NamedTuple):
     lenses: np.ndarray
 
 
+class _FreeLenses(NamedTuple):
+    """``group`` (N,) int64: whose lens each camera has; ``free`` (G, LENS_TERMS) bool: which of its terms are."""
+
+    group: np.ndarray
+    free: np.ndarray
+
+
 class _Problem:
-    """What does not change while it is solved. Without ``group`` lenses stay as they are."""
+    """What does not change while it is solved. Without ``lenses`` these stay as they are."""
 
     def __init__(
         self,
@@ -180,8 +187,7 @@ class _Problem:
         tracks: Tracks,
         given: _State,
         sigma: np.ndarray,
-        group: np.ndarray | None = None,
-        free: np.ndarray | None = None,
+        lenses: _FreeLenses | None = None,
     ) -> None:
         self.tracks, self.given, self.sigma = tracks, given, sigma
         self.focal = np.array([[c.fx, c.fy] for c in cameras])[tracks.camera]
@@ -192,7 +198,7 @@ class _Problem:
         ones, order = np.ones(count), np.arange(count)
         self.of_cameras = scipy.sparse.csr_array((ones, (tracks.camera, order)), (len(cameras), count))
         self.of_points = scipy.sparse.csr_array((ones, (tracks.point, order)), (len(given.points), count))
-        self.group, self.free = group, free
+        self.lenses = lenses
         corners = np.array([[max(c.cx, c.width - c.cx) / c.fx, max(c.cy, c.height - c.cy) / c.fy] for c in cameras])
         self.outermost = _BEYOND_CORNERS * (corners**2).sum(axis=1)[tracks.camera][:, None]
 
@@ -209,20 +215,20 @@ class _Problem:
 
     def errors_px(self, local: np.ndarray, state: _State) -> np.ndarray:
         """(m, 2) projections less measurements."""
-        if self.group is None:
+        if self.lenses is None:
             return local[:, :2] / local[:, 2:] * self.focal + self.principal - self.tracks.pixels
-        seen = _Seen(self, local, state)
+        seen = _Seen(self, self.lenses, local, state)
         centre = self.principal + self.focal * seen.lens[:, 1:3]
         return seen.zoomed * seen.rays * seen.radial + centre - self.tracks.pixels
 
     def slopes(self, local: np.ndarray, state: _State) -> tuple[np.ndarray, np.ndarray | None]:
         """Derivatives of pixels: (m, 2, 3) by local points, and (m, 2, LENS_TERMS) by lenses where any is free."""
         slope = np.zeros((len(local), 2, 3))
-        if self.group is None:
+        if self.lenses is None:
             slope[:, (0, 1), (0, 1)] = self.focal / local[:, 2:]
             slope[:, :, 2] = -self.focal * local[:, :2] / local[:, 2:] ** 2
             return slope, None
-        seen = _Seen(self, local, state)
+        seen = _Seen(self, self.lenses, local, state)
         squares = seen.squares
         bent = (2.0 * seen.lens[:, 3:4] + 4.0 * seen.lens[:, 4:5] * squares) * seen.rays * seen.inside
         by_ray = seen.rays[:, :, None] * bent[:, None, :]
@@ -247,14 +253,14 @@ class _Problem:
         squares = (self.errors_px(self.local(state)[0], state) ** 2).sum(axis=1)
         loss = width_px**2 * np.log1p(squares / width_px**2)
         cost = float(loss.sum() + (self.off_prior(state) ** 2).sum())
-        return cost if self.group is None else cost + float(((state.lenses / _LENS_SIGMA) ** 2).sum())
+        return cost if self.lenses is None else cost + float(((state.lenses / _LENS_SIGMA) ** 2).sum())
 
 
 class _Seen:
     """Measurements through lenses that are being corrected: rays (m, 2) and what becomes of them."""
 
-    def __init__(self, problem: _Problem, local: np.ndarray, state: _State) -> None:
-        self.lens = state.lenses[problem.group[problem.tracks.camera]]
+    def __init__(self, problem: _Problem, lenses: _FreeLenses, local: np.ndarray, state: _State) -> None:
+        self.lens = state.lenses[lenses.group[problem.tracks.camera]]
         self.rays = local[:, :2] / local[:, 2:]
         squares = (self.rays**2).sum(axis=1, keepdims=True)
         self.squares = np.minimum(squares, problem.outermost)
@@ -314,9 +320,11 @@ class _System:
         self.shape = 6 * cameras, 3 * points
         self.lens_shape = state.lenses.shape
         self.lenses: _LensRows | None = None
-        if by_lens is not None:
+        if by_lens is not None and problem.lenses is not None:
             weighed_lens = (by_lens * weight[:, None, None]).transpose(0, 2, 1)
-            self.lenses = _LensRows(problem, state, by_lens, weighed_lens, weighed_pose, by_point, errors)
+            self.lenses = _LensRows(
+                problem, problem.lenses, state, by_lens, weighed_lens, weighed_pose, by_point, errors
+            )
 
     def step(self, damping: float) -> _Step:
         """The steps that minimise the damped quadratic model."""
@@ -359,6 +367,7 @@ class _LensRows:
     def __init__(
         self,
         problem: _Problem,
+        lenses: _FreeLenses,
         state: _State,
         by_lens: np.ndarray,
         weighed_lens: np.ndarray,
@@ -366,22 +375,22 @@ class _LensRows:
         by_point: np.ndarray,
         errors: np.ndarray,
     ) -> None:
-        self.free = problem.free
+        self.free = lenses.free
         chosen = np.flatnonzero(self.free.ravel())
         count, terms = len(self.free), LENS_TERMS
         cameras, points = len(state.centres), len(state.points)
-        of_groups = scipy.sparse.csr_array((np.ones(cameras), (problem.group, np.arange(cameras))), (count, cameras))
+        of_groups = scipy.sparse.csr_array((np.ones(cameras), (lenses.group, np.arange(cameras))), (count, cameras))
         own = _summed(of_groups, _summed(problem.of_cameras, weighed_lens @ by_lens))
         own[:, range(terms), range(terms)] += _LENS_SIGMA**-2.0
         self.own = scipy.linalg.block_diag(*own)[np.ix_(chosen, chosen)]
         by_poses = np.zeros((count, terms, cameras, 6))
         shared = _summed(problem.of_cameras, weighed_pose.transpose(0, 2, 1) @ by_lens)
-        by_poses[problem.group, :, np.arange(cameras)] = shared.transpose(0, 2, 1)
+        by_poses[lenses.group, :, np.arange(cameras)] = shared.transpose(0, 2, 1)
         self.by_poses = by_poses.reshape(count * terms, -1)[chosen]
         slope = of_groups @ (problem.of_cameras @ np.einsum("kji,ki->kj", weighed_lens, errors))
         self.slope = (slope + state.lenses / _LENS_SIGMA**2).ravel()[chosen]
         # Each group's measurements of a point are summed: (free terms, P, 3).
-        place = problem.group[problem.tracks.camera] * points + problem.tracks.point
+        place = lenses.group[problem.tracks.camera] * points + problem.tracks.point
         summing = scipy.sparse.csr_array(
             (np.ones(len(place)), (place, np.arange(len(place)))), (count * points, len(place))
         )

@@ -16,8 +16,9 @@ _OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 _FACTORS = np.exp(np.arange(-41, 42) * 0.04)
 # So much more agreement than with the given lens tells another one.
 _CLEARLY_MORE = 1.02
-# Of matches between right poses most agree with them, with wrong ones few by chance.
-_FITS_SHARE, _CONTRADICTS_SHARE = 0.6, 0.3
+# Of matches between right poses most agree with them, with others few: a third where all cameras look the
+# same way round something.
+_FITS_SHARE, _CONTRADICTS_SHARE, _MORE_SHARE = 0.6, 0.6, 0.3
 # Matches of a pair looked at: a scan needs no more.
 _MOST_OF_PAIR = 100
 
@@ -58,7 +59,8 @@ def fitting_convention(
 
     The axes of the world do not matter to matches: what is left are the camera's axes and the direction.
     """
-    if agreement(pairs, features, cameras, width_px) > _CONTRADICTS_SHARE:
+    given = agreement(pairs, features, cameras, width_px)
+    if given > _CONTRADICTS_SHARE:
         return None
     readings = {
         "the other camera axes (y and z turned round: OpenGL's where OpenCV's were expected, or the reverse)": (
@@ -74,4 +76,4 @@ def fitting_convention(
         for name, read in readings.items()
     }
     best = max(scores, key=lambda name: scores[name])
-    return best if scores[best] > _FITS_SHARE else None
+    return best if scores[best] > max(_FITS_SHARE, given + _MORE_SHARE) else None

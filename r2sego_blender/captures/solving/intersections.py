@@ -46,7 +46,7 @@ def intersections(cameras: Sequence[Camera], pixels: np.ndarray) -> Intersection
         distances = np.linalg.norm(points[:, None] - centres, axis=2)
         distances /= np.maximum(np.median(distances, axis=1, keepdims=True), 1e-300)
         loss = 1.0 / (1.0 + np.square(np.where(seen, np.minimum(errors_px, 1e6), 0.0) / _LOSS_PX))
-        weight = np.where(seen, loss / np.maximum(distances, 1e-6) ** 2, 0.0)
+        weight = np.where(seen, loss / np.clip(distances, 1e-6, 1e6) ** 2, 0.0)
     flat = np.einsum("pn,pnij->pij", seen.astype(np.float64), across)
     known = np.linalg.eigvalsh(flat)[:, 0] >= 1.0 - np.cos(_LEAST_ANGLE_RAD)
     return Intersections(points, errors_px, known & (seen.sum(axis=1) >= 2))

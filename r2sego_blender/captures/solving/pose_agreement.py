@@ -19,15 +19,15 @@ _INLIER_ERROR_PX = 4.0
 
 
 class Contradiction(NamedTuple):
-    """A photograph whose given pose the matches contradict.
+    """Photograph number ``photograph``, whose given pose the matches contradict.
 
-    ``agreeing`` of the ``count`` points that the others agree on lie where it saw them. ``camera`` is where
+    ``agreeing`` of the ``shared`` points that the others agree on lie where it saw them. ``camera`` is where
     these are seen from instead, ``located`` how many then agree; None where it is not clear.
     """
 
-    index: int
+    photograph: int
     agreeing: int
-    count: int
+    shared: int
     camera: Camera | None = None
     located: int = 0
 
@@ -53,21 +53,21 @@ def contradictions(
     trusted, wrong = set(range(len(cameras))), []
     while True:
         judged = [_judged(index, cameras, pixels, trusted, band_px, min_matches) for index in sorted(trusted)]
-        worst = min((one for one in judged if one.count), key=lambda one: one.agreeing / one.count, default=None)
-        if worst is None or worst.agreeing >= _MIN_AGREEING_SHARE * worst.count:
+        worst = min((one for one in judged if one.shared), key=lambda one: one.agreeing / one.shared, default=None)
+        if worst is None or worst.agreeing >= _MIN_AGREEING_SHARE * worst.shared:
             break
-        trusted.remove(worst.index)
-        wrong.append(worst.index)
+        trusted.remove(worst.photograph)
+        wrong.append(worst.photograph)
         if 2 * len(wrong) >= len(cameras):
             return []
     placed = list(cameras)
     # What was set aside because of another photograph is trusted again.
     told = {index: _judged(index, placed, pixels, trusted, band_px, min_matches) for index in wrong}
     for index, one in list(told.items()):
-        if one.count and one.agreeing >= _RIGHT_SHARE * one.count:
+        if one.shared and one.agreeing >= _RIGHT_SHARE * one.shared:
             trusted.add(index)
             del told[index]
-    waiting = sorted(told, key=lambda index: -told[index].count)
+    waiting = sorted(told, key=lambda index: -told[index].shared)
     for index in waiting:
         shown = _shown(index, placed, pixels, trusted, band_px)
         found = estimate_pose(shown.pixels, shown.points, cameras[index], _INLIER_ERROR_PX, seed)

@@ -42,11 +42,11 @@ def test_wrong_poses_are_named_and_located(wrong, rng):
     _, pixels = measured(cameras, rng)
     given = [wrong[index](cameras) if index in wrong else camera for index, camera in enumerate(cameras)]
     found = contradictions(given, pixels, BAND_PX, 15)
-    assert [one.index for one in found] == sorted(wrong)
+    assert [one.photograph for one in found] == sorted(wrong)
     for one in found:
-        assert one.agreeing < 0.3 * one.count and one.located > 0.9 * one.count
-        assert np.linalg.norm(one.camera.centre - cameras[one.index].centre) < 0.01
-        right = cameras[one.index].world_from_camera
+        assert one.agreeing < 0.3 * one.shared and one.located > 0.9 * one.shared
+        assert np.linalg.norm(one.camera.centre - cameras[one.photograph].centre) < 0.01
+        right = cameras[one.photograph].world_from_camera
         assert np.degrees(rotation_angle_rad(one.camera.world_from_camera, right)) < 0.2
 
 
@@ -64,7 +64,7 @@ def test_chance_matches_are_located_nowhere(rng):
     seen = np.isfinite(pixels[:, 3, 0])
     pixels[seen, 3] = rng.uniform((0, 0), (640, 480), (seen.sum(), 2))
     (found,) = contradictions(cameras, pixels, BAND_PX, 15)
-    assert found.index == 3 and found.camera is None
+    assert found.photograph == 3 and found.camera is None
 
 
 def test_where_most_are_wrong_none_is_blamed(rng):
