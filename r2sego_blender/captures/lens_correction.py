@@ -14,9 +14,9 @@ from .lenses.distortion import COEFFICIENTS
 from .lenses.lens import Lens
 from .poses.photographs import upright_size
 
-# Places a side of the photograph at which a lens is fitted, and how well it has to fit.
+# Places a side of the photograph at which a lens is fitted, and how well it has to fit, in longest sides.
 _SAMPLES = 15
-_FIT_PX = 0.3
+_FIT = 1e-3
 # A held-out view has the lens of a capture where its intrinsics are so near, in longest sides.
 _SAME_LENS = 0.03
 
@@ -120,7 +120,7 @@ def _fitted(capture: Capture, given: Lens, bent: Lens) -> Lens:
     zoom = bent.fx / camera.fx
     start = [given.fx * zoom, given.fy * zoom, given.cx, given.cy]
     found = least_squares(off, [*(np.array(start) / given.fx), *coefficients])
-    if np.sqrt(2.0 * np.mean(found.fun**2)) > _FIT_PX:
+    if np.sqrt(2.0 * np.mean(found.fun**2)) > _FIT * max(given.width, given.height):
         raise CaptureError(
             f"no lens of the model {given.model} has the distortion that the photographs show",
             where="camera distortion",

@@ -95,7 +95,7 @@ def test_a_distortion_that_was_left_out_is_found_and_held_out_views_follow(room,
         ideal = cv2.undistortPointsIter(pixels.reshape(-1, 1, 2), matrix, k, np.eye(3), matrix, criteria)
         # The ideal picture is taken wider, so that the corners show something.
         wide = replace(capture.camera, width=width + 160, height=height + 120, cx=280.0, cy=210.0)
-        source = (ideal.reshape(height, width, 2) + [80.0, 60.0] - 0.5).astype(np.float32)
+        source = (ideal.reshape(height, width, 2) + np.array([79.5, 59.5])).astype(np.float32)
         image = cv2.remap(room.image(wide), source[..., 0], source[..., 1], cv2.INTER_CUBIC)
         save_image(tmp_path / capture.name, image)
         bent.append(replace(capture, image_path=tmp_path / capture.name))
