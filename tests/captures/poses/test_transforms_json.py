@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import unicodedata
 from pathlib import Path
 
 import numpy as np
@@ -261,6 +262,26 @@ def test_photographs_of_another_case_or_kind_are_found(tmp_path, rng, blank_phot
     found = [capture.image_path.name.lower() for capture in captures]  # some systems find either case
     assert found == [f"{i:04d}.{kind}".lower() for i in range(4)]
     assert captures[0].name == f"0000{listed.partition('{}')[2]}"
+
+
+@pytest.mark.parametrize(("listed", "stored"), [("NFC", "NFD"), ("NFD", "NFC")])
+@pytest.mark.parametrize("folder", ["images", "Küche"])
+def test_names_that_look_the_same_are_found(tmp_path, rng, blank_photograph, messages, listed, stored, folder):
+    """Composed in the file and decomposed on the disk, as zips from a Mac are; folders, too."""
+    for i in range(4):
+        name = unicodedata.normalize(stored, f"{folder}/Büro {i}.jpg")
+        blank_photograph(tmp_path / name, 64, 48)
+    write_points(tmp_path / unicodedata.normalize(stored, "Büro.ply"))
+    names = [unicodedata.normalize(listed, f"{folder}/Büro {i}.{'JPG' if i else 'jpg'}") for i in range(4)]
+    path = _written(tmp_path, _poses(rng), {"fl_x": 50.0, "ply_file_path": unicodedata.normalize(listed, "Büro.ply")})
+    data = json.loads(path.read_text())
+    for frame, name in zip(data["frames"], names, strict=True):
+        frame["file_path"] = name
+    path.write_text(json.dumps(data, ensure_ascii=False), encoding="utf-8")
+    captures = import_captures(tmp_path, path, SETTINGS, messages).captures
+    assert [capture.name for capture in captures] == [name.rpartition("/")[2] for name in names]
+    assert all(capture.image_path.is_file() for capture in captures) and messages.warnings == []
+    assert points(path, messages) is not None
 
 
 def test_of_two_kinds_the_named_one_is_taken_or_none(tmp_path, rng, blank_photograph):
