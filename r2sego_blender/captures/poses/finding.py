@@ -14,7 +14,7 @@ from ...core.file_names import caseless
 from ...core.images import HEIC, SUFFIXES, image_files
 from ...core.printable import printable
 from ...core.progress import Progress
-from .photographs import MIN_CAPTURES
+from .photographs import MIN_CAPTURES, is_depth_map
 from .plain_folder import UNREAD_PICTURES
 
 _LISTED = 8
@@ -96,10 +96,12 @@ def _found(
             return candidate
         if guess_suffix and candidate.suffix.lower() not in SUFFIXES:
             # Blender's scenes and instant-ngp mean .png, and COLMAP reads no HEIC.
-            for suffix in sorted(SUFFIXES, key=lambda suffix: (suffix != ".png", suffix in HEIC, suffix)):
-                whole = candidate.with_name(candidate.name + suffix)
-                if _is_file(whole):
-                    return whole
+            suffixes = sorted(SUFFIXES, key=lambda suffix: (suffix != ".png", suffix in HEIC, suffix))
+            whole = [file for suffix in suffixes if _is_file(file := candidate.with_name(candidate.name + suffix))]
+            if len(whole) > 1:
+                whole = [file for file in whole if not is_depth_map(file)] or whole
+            if whole:
+                return whole[0]
     return next(filter(None, (_alike(candidate, images_in) for candidate in candidates)), None)
 
 

@@ -26,6 +26,7 @@ _EXIF_ORIENTATION = 274
 # before they are mirrored.
 _QUARTER_TURNS = {3: 2, 4: 2, 5: 1, 6: 1, 7: 3, 8: 3}
 _UPRIGHT_SIZE = ("HEIF", "TIFF")  # formats of which Pillow tells the upright size
+_DEEP_MODES = frozenset({"I", "I;16", "I;16B", "I;16L", "I;16N", "F"})
 _ASPECT_TOLERANCE = 0.01
 _REPLACE = "Replace the file, or take it out of the folder and the pose file."
 # One clockwise quarter turn of the image, seen as a turn of the camera about its axis.
@@ -83,6 +84,15 @@ def photograph_size(path: Path) -> tuple[int, int, int]:
         turned_already = turns % 2 and image.format in _UPRIGHT_SIZE
         width, height = image.size[::-1] if turned_already else image.size
         return width, height, turns
+
+
+def is_depth_map(path: Path) -> bool:
+    """Whether an image file has one channel of more than 8 bits, as depth is stored beside photographs.
+
+    Errors as for ``photograph_size``.
+    """
+    with opened_image(path, "photograph", _REPLACE) as image:
+        return image.mode in _DEEP_MODES
 
 
 def upright_size(path: Path) -> tuple[int, int]:

@@ -296,6 +296,15 @@ def test_of_two_kinds_the_named_one_is_taken_or_none(tmp_path, rng, blank_photog
         import_captures(tmp_path, path, SETTINGS)
 
 
+def test_a_name_without_a_suffix_is_of_no_depth_map(tmp_path, rng, blank_photograph):
+    _photographs(tmp_path, blank_photograph)
+    for i in range(4):
+        Image.fromarray(np.full((48, 64), 2000, np.uint16)).save(tmp_path / "images" / f"{i:04d}.png")
+    path = _written(tmp_path, _poses(rng), {"fl_x": 50.0}, names="images/{}")
+    captures = import_captures(tmp_path, path, SETTINGS).captures
+    assert [capture.image_path.suffix for capture in captures] == [".jpg"] * 4
+
+
 @pytest.mark.parametrize(
     ("listed", "taken"), [("{}.HEIC", "HEIC"), ("{}", "jpg"), ("{}.JPG", "jpg"), ("{}.png", "jpg")]
 )
