@@ -19,6 +19,7 @@ from ..captures.masks import counted_pixels, with_masks_beside
 from ..captures.poses import json_fields
 from ..captures.poses.photographs import ANY_SIZE_PX, posed_captures
 from ..captures.poses.ply_points import read_ply_points
+from ..captures.poses.formats.cameras_json import FORMAT as CAMERAS_JSON
 from ..captures.poses.registry import FORMATS, find_poses, only_one, poses_beside
 from ..captures.poses.transforms_json import read_transforms_json
 from ..captures.sparse import triangulate
@@ -106,7 +107,7 @@ def prepare(
 
 def holds_poses(path: Path) -> bool:
     """Whether it is a folder or a pose file, as training takes them; a cameras.json is of views."""
-    return path.is_dir() or any(record.find(path) for record in FORMATS if record.key != "captures")
+    return path.is_dir() or any(record.find(path) for record in FORMATS if record is not CAMERAS_JSON)
 
 
 def cameras_of_poses(captures: Path) -> dict[str, Camera]:
