@@ -15,7 +15,7 @@ from ..lenses.distortion import COEFFICIENTS
 from ..lenses.lens import Lens
 from . import json_fields as fields
 from .finding import find_beside, find_photographs
-from .photographs import Photograph, photograph_size, with_unique_names
+from .photographs import Photograph, photograph_size, require_lens_of_size, with_unique_names
 
 # OpenGL cameras look along -z with y up, OpenCV's along +z with y down.
 GL_FROM_CV = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -65,7 +65,11 @@ def _lens(places: tuple[Mapping[str, Any], ...], image_path: Path, path: Path, f
     cx = fields.number("cx", path, field, *places, default=width / 2)
     cy = fields.number("cy", path, field, *places, default=height / 2)
     distortion, model = _distortion(places, path, field)
-    return Lens(width, height, fx, fy, cx, cy, distortion, model)
+    lens = Lens(width, height, fx, fy, cx, cy, distortion, model)
+    in_pixels = any(key in place for place in places for key in ("fl_x", "fl_y"))
+    if in_pixels and not any("w" in place for place in places):
+        require_lens_of_size(lens, f"{path}, {field}", ("w", "h"))
+    return lens
 
 
 def _size(places: tuple[Mapping[str, Any], ...], image_path: Path, path: Path, field: str) -> tuple[int, int]:
