@@ -182,10 +182,10 @@ def _outside_masks(sparse: SparsePoints, images: Sequence[Capture]) -> np.ndarra
 
 
 def _views_of(frozen: Path) -> tuple[Capture, ...]:
-    """The held-out views of a cameras.json, or all those of a transforms.json."""
+    """The held-out views of a cameras.json, or those of a transforms.json, which may be all."""
     if "frames" not in json_fields.read_json(frozen):
         return load_frozen_views(frozen)
-    photographs, _ = read_transforms_json(frozen, frozen.parent)
+    photographs, _ = read_transforms_json(frozen, frozen.parent, held_out=True)
     return posed_captures(photographs, ANY_SIZE_PX)
 
 

@@ -25,10 +25,10 @@ def find(place: Path) -> list[Path]:
 
 def read(file: Path, folder: Path, settings: CaptureSettings, progress: Progress) -> Posed:
     """See ``transforms_json``; the unit is unknown unless the file says otherwise."""
-    from ..transforms_json import read_transforms_json
+    from ..transforms_json import kept_frames, read_transforms_json
 
     photographs, metric = read_transforms_json(file, folder, progress)
-    masks = sum("mask_path" in frame for frame in read_json(file)["frames"])
+    masks = sum("mask_path" in frame for frame in kept_frames(read_json(file), file).values())
     return Posed(photographs, FORMAT.name, metric, masks=masks)
 
 
