@@ -17,9 +17,9 @@ from ..captures.frozen import load_frozen_views
 from ..captures.importing import Imported, import_captures
 from ..captures.masks import counted_pixels, with_masks_beside
 from ..captures.poses import json_fields
+from ..captures.poses.formats.cameras_json import FORMAT as CAMERAS_JSON
 from ..captures.poses.photographs import ANY_SIZE_PX, posed_captures
 from ..captures.poses.ply_points import read_ply_points
-from ..captures.poses.formats.cameras_json import FORMAT as CAMERAS_JSON
 from ..captures.poses.registry import FORMATS, find_poses, only_one, poses_beside
 from ..captures.poses.transforms_json import read_transforms_json
 from ..captures.sparse import triangulate

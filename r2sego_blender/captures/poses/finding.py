@@ -18,7 +18,6 @@ from .photographs import MIN_CAPTURES, is_depth_map
 from .plain_folder import UNREAD_PICTURES
 
 _LISTED = 8
-_FORMS = ("NFC", "NFD")
 
 
 def find_photograph(name: str, folders: tuple[Path, ...], where: str, guess_suffix: bool = False) -> Path:
@@ -82,7 +81,8 @@ def _found(
     if "\0" in name:
         return None
     # A Mac writes names decomposed, what else writes them composed; both look the same.
-    spelt = dict.fromkeys(_plain(one) for one in (name, *(unicodedata.normalize(form, name) for form in _FORMS)))
+    forms = (name, unicodedata.normalize("NFC", name), unicodedata.normalize("NFD", name))
+    spelt = dict.fromkeys(map(_plain, forms))
     candidates = [folder / relative for folder in folders for relative in spelt]
     if by_file_name:
         candidates += [folder / relative.name for folder in folders for relative in spelt]

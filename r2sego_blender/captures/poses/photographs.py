@@ -126,7 +126,7 @@ def require_lens_of_size(lens: Lens, where: object, keys: tuple[str, str]) -> No
     raise CaptureError(
         f"{what} a photograph of {lens.width}x{lens.height}: it is of another size",
         where=where,
-        cure=f"Add '{keys[0]}' and '{keys[1]}': the size that it was measured at (where it is right, the photograph's).",
+        cure=f"Add '{keys[0]}' and '{keys[1]}': the size that it was measured at, which may be the photograph's.",
     )
 
 
