@@ -67,9 +67,10 @@ def convert(source: Path, target: Path) -> None:
 
     Of .ply SuperSplat's compressed one is read too.
     """
+    from ..core.progress import TerminalProgress
     from ..splats.formats.registry import format_of, load_asset, save_asset
 
-    asset = load_asset(source)
+    asset = load_asset(source, TerminalProgress())
     save_asset(target, asset)
     degree = min(asset.degree, format_of(target).degree)
     click.echo(f"{target}: {len(asset)} Gaussians of degree {degree}")
