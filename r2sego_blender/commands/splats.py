@@ -17,7 +17,7 @@ from .options import ANY_PATH, Output, output_options, overrides_of, settings_op
 @click.option(
     "--poses",
     type=ANY_PATH,
-    help="transforms.json, cameras.json, a COLMAP folder or Polycam's raw export; by default what CAPTURES "
+    help="transforms.json, cameras.json (3DGS's too), a COLMAP folder or Polycam's raw export; by default what CAPTURES "
     "holds, else solved.",
 )
 @click.option("--points", type=ANY_PATH, help="PLY to start from; else those of the poses, or triangulated.")
