@@ -17,8 +17,8 @@ from .options import ANY_PATH, Output, output_options, overrides_of, settings_op
 @click.option(
     "--poses",
     type=ANY_PATH,
-    help="transforms.json, cameras.json (3DGS's too), a COLMAP folder or Polycam's raw export; by default what CAPTURES "
-    "holds, else solved.",
+    help="transforms.json, cameras.json (3DGS's too), a COLMAP folder or Polycam's raw export; by default what "
+    "CAPTURES holds, else solved.",
 )
 @click.option("--points", type=ANY_PATH, help="PLY to start from; else those of the poses, or triangulated.")
 @click.option("--steps", type=int, help="Short for --set training.steps_per_round=N.")
