@@ -30,7 +30,7 @@ def show_room(scene: bpy.types.Scene, bundle: Bundle) -> str:
     try:
         look_into_room(scene, bundle)
         stages = scene.r2sego_asset.stages
-        if len(stages):
+        if len(stages) and scene.r2sego_asset.shown is None:  # of a bundle that only moved it is shown already
             show_stage(scene, stages[len(stages) - 1].name)
         scene.r2sego_captures.show_cloud = not len(stages)  # which would lie over the splats
     except (R2SEgoError, OSError) as error:

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from mathutils import Quaternion
 from shown_asset import BACKDROP_SPLATS, SPLATS, centres, group, show, values
-from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle, refused, state
+from support import BUNDLE, MODULE, OUT, calls, conduct, copied_bundle, open_bundle, open_here, refused, state
 
 OPERATORS = {
     "add_splat_box",
@@ -168,7 +168,7 @@ def check_another_bundle_begins_without_splats_and_marks():
     copied_bundle()
     bpy.ops.r2sego.show_asset()
     bpy.ops.r2sego.mark_splats_box(lowest=(-0.6, -0.6, 0.4), highest=(0.6, 0.6, 2.0))
-    assert bpy.ops.r2sego.open_scene(directory=str(BUNDLE)) == {"FINISHED"}
+    open_here(BUNDLE)
     assert group().shown is None and not group().marks
     assert "Show the asset first" in refused(bpy.ops.r2sego.add_splat_box)
 

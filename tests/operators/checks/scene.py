@@ -4,6 +4,7 @@ import importlib
 import json
 import os
 import re
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -105,6 +106,17 @@ def check_opening_without_showing_leaves_views_and_objects():
     assert bpy.ops.r2sego.open_scene(directory=str(BUNDLE), show=False) == {"FINISHED"}
     assert [view_of(area) for area in views()] == away and len(bpy.data.objects) == objects
     assert bpy.data.objects["Cube"].visible_get() and bpy.context.scene.r2sego_captures.show_cloud
+
+
+def check_a_bundle_that_only_moved_shows_what_it_showed():
+    copy = bundle_of_one_name()
+    startup_file()
+    bpy.ops.r2sego.open_scene(directory=str(copy))
+    bpy.ops.r2sego.show_asset(stage="initial")
+    moved = copy.rename(copy.with_name("moved_and_shown.r2s"))
+    assert bpy.ops.r2sego.open_scene(directory=str(moved)) == {"FINISHED"}
+    assert bpy.context.scene.r2sego_asset.shown.name == "Asset, initial"
+    shutil.rmtree(moved)
 
 
 def check_a_bundle_without_splats_shows_its_points():
