@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
-from scipy.ndimage import map_coordinates
 
 from ...bundle.layout import mask_stems
 from ...core.errors import CaptureError
 from ..capture import Capture
+from ..sensors.sampling import sampled
 from ..sensors.sensor_depth import SensorDepth
 from ..sparse_points import SparsePoints
 
-# Depth next to an edge belongs to one side or the other.
-_SMOOTH = 1.05
 # What a sensor is off by, and how well a feature is placed.
 _SENSOR_SIGMA = 0.01
 _FEATURE_SIGMA_PX = 0.7
@@ -56,7 +53,7 @@ def depth_scale(captures: Sequence[Capture], sparse: SparsePoints, depth: Sensor
     """
     ratios, weights, owners = [], [], []
     maps = 0
-    sine = _widest_sine(captures, sparse)
+    sine = sparse.widest_sine([capture.camera.centre for capture in captures])
     stems = mask_stems([capture.name for capture in captures])
     for index, capture in enumerate(captures):
         map_m = depth.of(capture, stems[capture.name])
@@ -64,7 +61,7 @@ def depth_scale(captures: Sequence[Capture], sparse: SparsePoints, depth: Sensor
             continue
         maps += 1
         rows = np.flatnonzero(sparse.visibility[:, index] & (sine > 0))
-        measured = _sampled(map_m, capture.photograph_shares(sparse.pixels[rows, index]))
+        measured = sampled(map_m, capture.photograph_shares(sparse.pixels[rows, index]))
         triangulated = capture.camera.project(sparse.points[rows])[1]
         good = (measured > 0) & (triangulated > 0)
         if good.sum() < _FEWEST_A_CAPTURE:
@@ -96,32 +93,6 @@ def depth_scale(captures: Sequence[Capture], sparse: SparsePoints, depth: Sensor
     among = _TO_SIGMA * float(np.median(np.abs(medians - centre)))
     uncertainty = max(among, spread) / np.sqrt(len(medians))
     return DepthScale(float(np.exp(centre)), float(spread), float(uncertainty), count, len(owners))
-
-
-def _widest_sine(captures: Sequence[Capture], sparse: SparsePoints) -> np.ndarray:
-    """(P,) sine of the widest angle between two rays that measured a point."""
-    rays = sparse.points[:, None] - np.array([capture.camera.centre for capture in captures])
-    rays /= np.maximum(np.linalg.norm(rays, axis=2, keepdims=True), 1e-12)
-    widest = np.ones(len(sparse.points))
-    for index in range(len(captures)):
-        cosine = np.einsum("pnc,pc->pn", rays, rays[:, index])
-        both = sparse.visibility & sparse.visibility[:, index : index + 1]
-        widest = np.minimum(widest, np.where(both, cosine, 1.0).min(axis=1))
-    return np.sqrt(np.clip(1.0 - np.clip(widest, 0.0, 1.0) ** 2, 0.0, 1.0))
-
-
-def _sampled(depth: np.ndarray, shares: np.ndarray) -> np.ndarray:
-    """Depth (n,) at shares (n, 2) of width and height; 0 where unknown or beside an edge."""
-    height, width = depth.shape
-    kernel = np.ones((3, 3), np.uint8)
-    low, high = cv2.erode(depth, kernel), cv2.dilate(depth, kernel)
-    smooth = (low > 0) & (high <= _SMOOTH * low)
-    place = shares * [width, height] - 0.5  # SciPy counts pixel centres from zero
-    values = map_coordinates(depth, place.T[::-1], order=1, mode="nearest")
-    column, row = np.rint(place).astype(int).T
-    inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    inside[inside] = smooth[row[inside], column[inside]]
-    return np.where(inside, values, 0.0).astype(np.float64)
 
 
 def _median(values: np.ndarray, weights: np.ndarray) -> float:

@@ -16,7 +16,6 @@ from ...core.errors import CaptureError
 from ...core.progress import SILENT, Progress
 from ..capture import Capture
 from ..importing import Imported
-from ..sensors.sensor_depth import SensorDepth
 from ..sparse import USUAL_DEPTH_M, usual_depth
 from ..sparse_points import SparsePoints
 from .depth_scale import depth_scale
@@ -141,11 +140,7 @@ def _scale_before_ground(
     if scale.kind == "metric":
         return 1.0, "poses declared to be metric"
     if scale.kind == "depth":
-        assert scale.folder is not None
-        depth = imported.depth
-        if depth is None or depth.folder.resolve() != scale.folder.resolve():
-            depth = SensorDepth.beside(scale.folder)
-        measured = depth_scale(imported.captures, sparse, depth)
+        measured = depth_scale(imported.captures, sparse, scale.sensor_depth(imported.depth))
         return measured.metres_per_unit, str(measured)
     if scale.kind == "automatic" and imported.metric:
         return 1.0, f"metric poses ({imported.source}{_checked(imported, sparse, progress)})"

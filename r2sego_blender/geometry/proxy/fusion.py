@@ -58,7 +58,8 @@ def compose_proxy(
     """The proxy of a round; ``asset_depths`` are (camera, depth (H, W), alpha (H, W)) of A^l.
 
     ``completed`` belongs to ``captures`` one by one. A face is OBSERVED where a capture's
-    trusted stereo lies on it, PRIOR on an aligned prior, else COMPLETED. Raises
+    trusted stereo lies on it, MEASURED where a sensor's depth does in more of them, PRIOR on an aligned
+    prior, else COMPLETED. Raises
     GeometryError when no surface comes out.
     """
     if len(completed) != len(captures):
@@ -102,7 +103,7 @@ def _empty_field(
     side of the room they may lie anywhere.
     """
     seen = [np.asarray(observed.points, np.float64).reshape(-1, 3)]
-    sure = [(view.source <= DepthSource.PLANE) & (view.depth > 0) for view in completed]
+    sure = [(view.seen | (view.source == DepthSource.PLANE)) & (view.depth > 0) for view in completed]
     depths = [view.depth[is_sure] for view, is_sure in zip(completed, sure, strict=True)]
     farthest_m = max((np.quantile(depth, 1 - _OUTLIERS) for depth in depths if len(depth)), default=0.0)
     for view, is_sure in zip(completed, sure, strict=True):
@@ -136,7 +137,7 @@ def _weighted(
     """The captures' completed depth and the asset's, with the evidence for every pixel."""
     filled = settings.completed_weight
     of_source = np.zeros(len(DepthSource), np.float32)
-    of_source[DepthSource.OBSERVED] = 1.0
+    of_source[DepthSource.OBSERVED] = of_source[DepthSource.MEASURED] = 1.0
     of_source[DepthSource.PLANE] = min(1.0, _PLANE_SHARE * filled)
     of_source[DepthSource.ENVELOPE] = of_source[DepthSource.FILLED] = filled
     views = [WeightedDepth(view.camera, view.depth, of_source[view.source]) for view in completed]
@@ -272,8 +273,8 @@ def face_evidence(
 
 
 def _trusted(completed: Sequence[CompletedDepth]) -> list[KnownDepth]:
-    """The depth that stereo itself measured."""
-    return [KnownDepth(c.camera, np.where(c.source == DepthSource.OBSERVED, c.depth, 0)) for c in completed]
+    """The depth that stereo or a sensor itself measured."""
+    return [KnownDepth(c.camera, np.where(c.seen, c.depth, 0)) for c in completed]
 
 
 def _with_evidence(
@@ -285,6 +286,11 @@ def _with_evidence(
 ) -> GeometryProxy:
     support, observed, confidence = face_evidence(vertices, faces, MeshRasterizer(vertices, faces), completed)
     provenance = np.where(observed > 0, Provenance.OBSERVED, Provenance.COMPLETED).astype(np.uint8)
+    if any((view.source == DepthSource.MEASURED).any() for view in completed):
+        measured = [KnownDepth(c.camera, np.where(c.source == DepthSource.MEASURED, c.depth, 0)) for c in completed]
+        centroids, normals = vertices[faces].mean(1), normals_and_areas(vertices, faces)[0]
+        by_sensor = collect_votes(centroids, measured, _SAME_SURFACE, normals, _LEAST_COSINE).agree
+        provenance[(observed > 0) & (2 * by_sensor > observed)] = Provenance.MEASURED
     provenance[instance > 0] = Provenance.PRIOR
     return GeometryProxy(
         vertices.astype(np.float32), faces.astype(np.int32), provenance, support, confidence, instance, names
