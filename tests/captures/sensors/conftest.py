@@ -31,6 +31,7 @@ class SensorRoom:
     captures: list[Capture]
     depths: list[np.ndarray]
     sparse: SparsePoints
+    boxes: tuple[tuple[np.ndarray, np.ndarray], ...] = BOXES
 
     def maps(self, pose: SensorPose, rng: np.random.Generator, noise: float, scale: float = 0.6) -> list[np.ndarray]:
         """What a sensor at ``pose`` measures, with relative ``noise``."""
