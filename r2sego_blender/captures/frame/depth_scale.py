@@ -21,6 +21,10 @@ _FEWEST_POINTS = 30
 _FEWEST_A_CAPTURE = 5
 _LARGEST_SPREAD = 0.2
 _TO_SIGMA = 1.4826  # of a median absolute deviation
+_UNITS_M = (0.001, 1 / 5000, 1 / 4000, 1 / 6553.5, 1 / 256, 0.0001, 0.01)
+"""Of public depth maps: millimetres, TUM RGB-D and ICL-NUIM, RealSense L515, Replica, KITTI, tenths and ten
+millimetres."""
+_SAME_UNIT = 0.08
 
 
 @dataclass(frozen=True)
@@ -93,6 +97,16 @@ def depth_scale(captures: Sequence[Capture], sparse: SparsePoints, depth: Sensor
     among = _TO_SIGMA * float(np.median(np.abs(medians - centre)))
     uncertainty = max(among, spread) / np.sqrt(len(medians))
     return DepthScale(float(np.exp(centre)), float(spread), float(uncertainty), count, len(owners))
+
+
+def likely_unit_m(given_m: float, times_too_large: float) -> float | None:
+    """The unit, of those that depth maps have, in which what ``given_m`` reads so much too large is right.
+
+    None where none fits within a few percent.
+    """
+    wanted = given_m / times_too_large
+    nearest = min(_UNITS_M, key=lambda unit: abs(np.log(unit / wanted)))
+    return nearest if abs(np.log(nearest / wanted)) < _SAME_UNIT and nearest != given_m else None
 
 
 def _median(values: np.ndarray, weights: np.ndarray) -> float:

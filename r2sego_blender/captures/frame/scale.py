@@ -22,6 +22,7 @@ KNOWN_LENGTH = "scale, known_length"
 """Where errors about a known length say they are."""
 
 _MARKER_DISAGREEMENT = 0.1
+_SMALLEST_UNIT_M = 1e-6
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,12 @@ class Scale:
                 f"{self.metres} is no length in metres",
                 where=f"scale, {self.kind}",
                 cure="Give a positive number of metres.",
+            )
+        if not (_SMALLEST_UNIT_M <= self.unit_m <= 1.0):
+            raise CaptureError(
+                f"{self.unit_m} m is no unit of depth maps",
+                where="scale, depth",
+                cure="Give the metres of 1: 0.001 for millimetres, 0.0002 for TUM's.",
             )
 
     @staticmethod

@@ -46,6 +46,7 @@ _MOST_OTHERS = 4  # maps that each is compared with
 _NEAREST_M = 0.1
 _FEWEST_POINTS = 40
 _FEWEST_CAPTURES = 4
+_LEAST_MOVE = 0.7  # pixels of the map, or sigmas of its depth, that are worth a correction
 _LEAST_GAIN = 0.03  # of the cost on the captures that the estimate was not made of
 
 
@@ -90,11 +91,31 @@ def estimate_sensor_pose(
     views = [view for view in views if len(view.points) >= _FEWEST_POINTS]
     if len(views) < _FEWEST_CAPTURES:
         return SensorPose.aligned()
+    halves = []
     for part, rest in ((views[::2], views[1::2]), (views[1::2], views[::2])):
-        judge = _Evidence.of(rest)
-        if not judge.cost(_Evidence.of(part).fitted()) < (1.0 - _LEAST_GAIN) * judge.cost(_ALIGNED):
+        judge, found = _Evidence.of(rest), _Evidence.of(part).fitted()
+        if not judge.cost(found) < (1.0 - _LEAST_GAIN) * judge.cost(_ALIGNED):
             return SensorPose.aligned()
-    return _pose(_Evidence.of(views).fitted())
+        halves.append(_moved(views, found))
+    found = _Evidence.of(views).fitted()
+    moved = _moved(views, found)
+    far = np.median(np.linalg.norm(moved, axis=1))
+    apart = np.median(np.linalg.norm(halves[0] - halves[1], axis=1))
+    return _pose(found) if far > max(_LEAST_MOVE, apart) else SensorPose.aligned()
+
+
+def _moved(views: Sequence[_View], parameters: np.ndarray) -> np.ndarray:
+    """(n, 3) how the parameters move what the maps show: pixels across and down, and depth in its sigmas.
+
+    A turn, a shift and a lens look alike over one room: this alone is what they come to.
+    """
+    rotation, shift, ratio = _parts(parameters)
+    moved = []
+    for view in views:
+        seen = (view.surface / [ratio, ratio, 1.0]) @ rotation.T + shift
+        across = (seen[:, :2] / seen[:, 2:] - view.surface[:, :2] / view.surface[:, 2:]) * view.lens[:2]
+        moved.append(np.column_stack([across, (seen[:, 2] / view.surface[:, 2] - 1.0) / SENSOR_SIGMA]))
+    return np.concatenate(moved)
 
 
 @dataclass(frozen=True)
@@ -138,14 +159,14 @@ class _View:
         """What does not fit, in sigmas: the points' depth, then the silhouettes' distance to edges."""
         off = self.off(self.points, parameters) / self.sigma
         distance = np.empty(len(self.silhouettes))
-        _edge_distances(self.silhouettes, *_parts(parameters), self._lens, self.edges, distance)
+        _edge_distances(self.silhouettes, *_parts(parameters), self.lens, self.edges, distance)
         return np.concatenate([off, distance / _EDGE_SIGMA_PX])
 
     def off(self, points: np.ndarray, parameters: np.ndarray) -> np.ndarray:
         """(n,) by what share of their depth points (n, 3) of the camera's frame lie behind the map's surface;
         NaN where it knows none."""
         share = np.empty(len(points))
-        _behind(points, *_parts(parameters), self._lens, self.depth, self.smooth, share)
+        _behind(points, *_parts(parameters), self.lens, self.depth, self.smooth, share)
         return share
 
     def off_in(self, other: _View, parameters: np.ndarray) -> np.ndarray:
@@ -156,7 +177,8 @@ class _View:
         return other.off(local @ to_other[:3, :3].T + to_other[:3, 3], parameters)
 
     @cached_property
-    def _lens(self) -> np.ndarray:
+    def lens(self) -> np.ndarray:
+        """(4,) focal lengths and principal point."""
         return np.array([self.camera.fx, self.camera.fy, self.camera.cx, self.camera.cy])
 
 
