@@ -42,6 +42,7 @@ _SAME_PLANE = 0.8  # cosine from which a face covers the envelope
 _LARGEST_FIELD = 40_000_000  # voxels; 320 MB
 _OUTLIERS = 0.002  # share of the points at each end that the field need not cover
 _MARGIN_M = 0.5  # the field's reach beyond the captures' centres
+_SENSOR_NOISE = 0.045  # three standard deviations of a sensor's depth on a slanted surface, relative
 _ASSET_ALPHA = 0.5  # below this the asset's depth says nothing
 
 
@@ -126,7 +127,14 @@ def _empty_field(
                 high[axis] = min(high[axis], bound + 2 * settings.truncation_m)
     needed = float(np.prod((high - low) / settings.voxel_m + 1))
     voxel_m = settings.voxel_m * max(1.0, np.cbrt(needed / _LARGEST_FIELD))
-    return DistanceField.covering(low, high, voxel_m, max(settings.truncation_m, 2 * voxel_m))
+    return DistanceField.covering(low, high, voxel_m, max(settings.truncation_m, 2 * voxel_m, _noise_m(completed)))
+
+
+def _noise_m(completed: Sequence[CompletedDepth]) -> float:
+    """How far apart captures have a surface that a sensor measured: a field cut off nearer is torn."""
+    measured = [view.depth[view.source == DepthSource.MEASURED] for view in completed]
+    usual_m = float(np.median(np.concatenate(measured))) if any(map(len, measured)) else 0.0
+    return _SENSOR_NOISE * usual_m
 
 
 def _weighted(
