@@ -23,6 +23,7 @@ from ..robot.behaviours.sit_on import ANY_SEAT
 from ..robot.behaviours.trajectory import Seat
 from ..robot.controllers.controller import check_controller
 from ..robot.model.model import RobotModel
+from ..robot.model.model_camera import eyes
 from ..robot.model.robot_file import EMBEDDED_HUMANOID, EMBEDDED_WHEELED
 from ..robot.planning.free_floor import free_floor
 from ..robot.planning.seats import TARGET_M, find_seats
@@ -120,7 +121,7 @@ def describe_robot(scene: Scene, seats: bool = False) -> dict[str, Any]:
         "mass_kg": float(robot.model.body_mass.sum()),
         "height_m": robot.height_m,
         "reach_m": robot.radius_m,
-        "cameras": [robot.model.camera(index).name for index in range(robot.model.ncam)],
+        "cameras": eyes(robot.model),
         "camera": {
             "parent": robot.mount.parent,
             "height_m": robot.eye_height_m,
