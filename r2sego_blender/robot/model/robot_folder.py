@@ -56,13 +56,13 @@ class RobotFolder:
         """The file ``name`` in the first of the folders ``bases`` that has it, without links.
 
         ``package://package/name`` is looked for in the folder above whose ``package.xml`` has that
-        name, else in the robot's own or ``root``. Raises RobotError, with ``at`` as the place, for an
+        name, else in the robot's own. Raises RobotError, with ``at`` as the place, for an
         absolute name, an address, one outside ``root`` even by a link, and one that is no file.
         """
         inside = None
         if name.startswith(_PACKAGE):
             package, _, name = name.removeprefix(_PACKAGE).partition("/")
-            bases = inside = [*self._named(package), self._own, self.root]
+            bases = inside = [*self._named(package), self._own]
         places = self.places(name, bases, at, inside)
         if found := next((place for place in places if place.is_file()), None):
             return found
