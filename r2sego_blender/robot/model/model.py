@@ -99,9 +99,9 @@ class RobotModel:
 
         ``mount`` is the name of a camera in the file, ``[parent, xyz, rpy, fov]`` (see
         ``mount.parse_mount``), or None for the file's only camera or the one named
-        ``head_camera``; cameras that follow or aim at something are none. Raises RobotError: a file that does not compile (with MuJoCo's words),
-        no free base, a ball joint, neither two legs nor two driven wheels, an unknown camera or
-        parent, a camera without perspective.
+        ``head_camera``; cameras that follow or aim at something are none. Raises RobotError:
+        a file that does not compile (with MuJoCo's words), no free base, a ball joint, neither
+        two legs nor two driven wheels, an unknown camera or parent, a camera without perspective.
         """
         source = str(source)
         model, bounded_links = compiled_robot(source)

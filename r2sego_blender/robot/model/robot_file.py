@@ -36,6 +36,10 @@ _URDF_ARMATURE_KG_M2 = 0.01
 # Frames of a URDF (sensors, grips) are often written as links without a mass or with an inertia that no
 # body has, which MuJoCo refuses. Least values of a link's are those that its documentation names.
 _LEAST_MASS_KG, _LEAST_INERTIA_KG_M2 = 1e-3, 1e-5
+_BOUNDS = (
+    f'Correct the file, or put <compiler balanceinertia="true" boundmass="{_LEAST_MASS_KG:g}" '
+    f'boundinertia="{_LEAST_INERTIA_KG_M2:g}"/> below <mujoco>.'
+)
 
 # What a robot is made of, by the root's tag; the rest is left out.
 _KEPT = {
@@ -114,7 +118,7 @@ def compiled_robot(source: str) -> tuple[mujoco.MjModel, tuple[str, ...]]:
         return spec.compile(), ()
     except (ValueError, mujoco.FatalError) as error:
         if "inertia" not in str(error) or gather_robot(Path(source))[0].tag != "robot":
-            raise does_not_compile(source, error) from error
+            raise does_not_compile(source, error, _BOUNDS) from error
     spec = robot_spec(source, bounded=True)
     try:
         model = spec.compile()
@@ -133,13 +137,10 @@ def _is_bounded(body: mujoco.MjsBody, model: mujoco.MjModel) -> bool:
     return bool(model.body(body.name).mass[0] != body.mass or not np.allclose(own, found, rtol=1e-6, atol=0.0))
 
 
-def does_not_compile(source: str, error: Exception) -> RobotError:
+def does_not_compile(source: str, error: Exception, about_inertia: str = "") -> RobotError:
     """MuJoCo's words as an error; its line numbers count another text and are left out."""
     words = re.sub(r",? line -?\d+", "", " ".join(str(error).split())).rstrip(".")
-    cure = "Correct the file or give another robot."
-    if "inertia" in words:
-        bounds = f'boundmass="{_LEAST_MASS_KG:g}" boundinertia="{_LEAST_INERTIA_KG_M2:g}"'
-        cure = f'Correct the file, or put <compiler balanceinertia="true" {bounds}/> below <mujoco>.'
+    cure = about_inertia if about_inertia and "inertia" in words else "Correct the file or give another robot."
     return RobotError(f"the robot does not compile: {words}", where=source, cure=cure)
 
 

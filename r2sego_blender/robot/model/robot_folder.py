@@ -39,7 +39,7 @@ class RobotFolder:
     main: Path
     root: Path
     _read_bytes: int = field(default=0)
-    _packages: dict[Path, str] = field(default_factory=dict)
+    _packages: dict[Path, str] | None = field(default=None)
 
     @staticmethod
     def of(path: Path) -> RobotFolder:
@@ -55,13 +55,13 @@ class RobotFolder:
     def find(self, name: str, bases: Sequence[Path], at: str) -> Path:
         """The file ``name`` in the first of the folders ``bases`` that has it, without links.
 
-        ``package://package/name`` is looked for in the folder above whose ``package.xml`` has that
-        name, else in the robot's own. Raises RobotError, with ``at`` as the place, for an
+        ``package://package/name`` is looked for in the folders above that have a ``package.xml`` with
+        that name or are called so, else in the robot's own. Raises RobotError, with ``at`` as the place, for an
         absolute name, an address, one outside ``root`` even by a link, and one that is no file.
         """
         inside = None
         if name.startswith(_PACKAGE):
-            package, _, name = name.removeprefix(_PACKAGE).partition("/")
+            package, _, name = name.removeprefix(_PACKAGE).lstrip("/").partition("/")
             bases = inside = [*self._named(package), self._own]
         places = self.places(name, bases, at, inside)
         if found := next((place for place in places if place.is_file()), None):
@@ -112,19 +112,18 @@ class RobotFolder:
         return parent.parent if parent.name.lower() in _PACKAGE_FOLDERS else parent
 
     def _named(self, package: str) -> list[Path]:
-        """The nearest folder above that is the ROS package of that name, if there is one."""
-        for place in self.main.parents:
-            if place not in self._packages:
-                self._packages[place] = self._package_name(place)
-            if package and self._packages[place] == package:
-                return [place]
-        return []
+        """The folders above that are the ROS package of that name: by their ``package.xml``, then, as an
+        installed one may be named after its folder alone, by that."""
+        if self._packages is None:
+            self._packages = {place: self._package_name(place) for place in self.main.parents if _is_package(place)}
+        named = [place for place, name in self._packages.items() if name == package]
+        return [*named, *(place for place in self._packages if place.name == package)]
 
     def _package_name(self, place: Path) -> str:
-        """The name in the folder's ``package.xml``; '' where there is none that can be read."""
+        """The name in the folder's ``package.xml``; '' where that cannot be read."""
         try:
             file = place / _PACKAGE_FILE
-            name = _NAME.search(_COMMENT.sub(b"", self.read(file, str(file)))) if _is_package(place) else None
+            name = _NAME.search(_COMMENT.sub(b"", self.read(file, str(file))))
         except RobotError:
             return ""
         return name[1].decode() if name else ""

@@ -97,7 +97,7 @@ def test_a_camera_that_watches_the_robot_is_no_eye(tmp_path, mode):
     path = tmp_path / "robot.xml"
     path.write_text(both)
     assert RobotModel.load(path).mount.parent == RobotModel.load().mount.parent
-    with pytest.raises(RobotError, match="'watching' watches the robot and is no eye. It has: head_camera"):
+    with pytest.raises(RobotError, match=r"'watching' watches the robot and is no eye. It has: head_camera"):
         RobotModel.load(path, "watching")
     path.write_text(re.sub(r'<camera name="head_camera"[^>]*/>', "", both))
     with pytest.raises(RobotError, match="does not say which camera is its eye"):

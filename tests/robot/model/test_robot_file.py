@@ -283,6 +283,10 @@ def test_a_package_is_the_folder_with_its_package_xml(folder, inner):
     path = write(folder, urdf(mesh), "robots/one/urdf/robot.urdf")
     assert robot_spec(str(path)).compile().nmesh == 1
     assert {file.name for file in opened_by(path)} == {"robot.urdf", "own.stl", "package.xml"}
+    (folder / "package.xml").write_text("<package><name>another</name></package>")
+    named = mesh.replace("many_robots", folder.name)  # as an installed package may be called by its folder alone
+    assert robot_spec(str(write(folder, urdf(named), "robots/one/urdf/robot.urdf"))).compile().nmesh == 1
+    (folder / "package.xml").write_text("<package><name>many_robots</name></package>")
     write(folder, urdf(mesh.replace("many", "other")), "robots/one/urdf/robot.urdf")
     with pytest.raises(RobotError, match=r"there is no file '.*own\.stl'") as error:
         robot_spec(str(path))
@@ -338,7 +342,7 @@ def test_inertias_that_no_body_has_are_balanced_and_bounded(folder, kind, joint)
 def test_an_mjcf_s_owner_is_told_how_to_bound_its_inertias(folder):
     inertial = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 3"/>'
     path = write(folder, mjcf("", f'<body><freejoint/>{inertial}<geom size="1"/></body>'))
-    with pytest.raises(RobotError, match='<compiler balanceinertia="true" boundmass="0.001" boundinertia="1e-05"/>'):
+    with pytest.raises(RobotError, match=r'<compiler balanceinertia="true" boundmass="0\.001" boundinertia='):
         compiled_robot(str(path))
 
 
