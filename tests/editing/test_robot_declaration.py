@@ -289,4 +289,4 @@ def test_a_robot_s_bounded_inertias_are_told(scene, tmp_path):
     described = describe_robot(scene)
     assert described["bounded_links"] == []
     told = lines(described | {"bounded_links": ["lidar", "imu", "cap", "hat"]})
-    assert any("lidar, imu, cap and 1 more" in line and "bounded" in line for line in told)
+    assert any("lidar, imu, cap and 1 more" in line and "balanced" in line for line in told)

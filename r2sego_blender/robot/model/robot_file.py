@@ -36,6 +36,7 @@ _URDF_ARMATURE_KG_M2 = 0.01
 # Frames of a URDF (sensors, grips) are often written as links without a mass or with an inertia that no
 # body has, which MuJoCo refuses. Least values of a link's are those that its documentation names.
 _LEAST_MASS_KG, _LEAST_INERTIA_KG_M2 = 1e-3, 1e-5
+_ABOUT_INERTIAS = re.compile(r"balanceinertia|positive eigenvalues|mass and inertia of moving bodies")
 _BOUNDS = (
     f'Correct the file, or put <compiler balanceinertia="true" boundmass="{_LEAST_MASS_KG:g}" '
     f'boundinertia="{_LEAST_INERTIA_KG_M2:g}"/> below <mujoco>.'
@@ -117,7 +118,7 @@ def compiled_robot(source: str) -> tuple[mujoco.MjModel, tuple[str, ...]]:
     try:
         return spec.compile(), ()
     except (ValueError, mujoco.FatalError) as error:
-        if "inertia" not in str(error) or gather_robot(Path(source))[0].tag != "robot":
+        if not _ABOUT_INERTIAS.search(str(error)) or gather_robot(Path(source))[0].tag != "robot":
             raise does_not_compile(source, error, _BOUNDS) from error
     spec = robot_spec(source, bounded=True)
     try:
@@ -140,7 +141,9 @@ def _is_bounded(body: mujoco.MjsBody, model: mujoco.MjModel) -> bool:
 def does_not_compile(source: str, error: Exception, about_inertia: str = "") -> RobotError:
     """MuJoCo's words as an error; its line numbers count another text and are left out."""
     words = re.sub(r",? line -?\d+", "", " ".join(str(error).split())).rstrip(".")
-    cure = about_inertia if about_inertia and "inertia" in words else "Correct the file or give another robot."
+    cure = (
+        about_inertia if about_inertia and _ABOUT_INERTIAS.search(words) else "Correct the file or give another robot."
+    )
     return RobotError(f"the robot does not compile: {words}", where=source, cure=cure)
 
 

@@ -53,6 +53,7 @@ _CHANGES = re.compile(r"vel|acc|force|torque|action|contact|grav")
 _ROTATION_LIKE = re.compile(r"rot|quat|orient|euler|rpy|pose|yaw|heading|transform|axis_?angle", re.IGNORECASE)
 _POSITION_LIKE = re.compile(r"pos|trans|xyz", re.IGNORECASE)
 _BASE_LIKE = re.compile(r"root|base|pelvis", re.IGNORECASE)
+_MOST_NAMES = 1000
 _SAME_RATE, _EVEN, _UNIT = 0.01, 0.05, 1e-3
 CURE = "Give a CSV or NPZ of the robot's joints, or the bodies of a human; see docs/controllers.md."
 
@@ -87,12 +88,21 @@ class MotionFields:
             raise motion_error(self.path, f"{name} is no array of {dimensions} dimensions and finite numbers")
         return values.astype(np.float64)
 
+    def rows(self, names: Sequence[str], count: int, width: int) -> np.ndarray | None:
+        """The first of ``names`` as (count, width) float64, or None. Raises RobotError where it is of another shape."""
+        values, name = self.array(names, 2), self.name(names)
+        if values is not None and values.shape != (count, width):
+            raise motion_error(
+                self.path, f"{name} has the shape {values.shape}", f"Give {count} rows of {width} numbers."
+            )
+        return values
+
     def words(self, names: Sequence[str]) -> tuple[str, ...]:
         """The texts of the first of ``names``; none where there is none. Raises RobotError for other things."""
         name = self.name(names)
         values = np.asarray(()) if name is None else np.asarray(self.arrays[name])
-        if values.size and values.dtype.kind not in "US":
-            raise motion_error(self.path, f"{name} holds no text", "Save names as text, without objects.")
+        if values.size > _MOST_NAMES or (values.size and values.dtype.kind not in "US"):
+            raise motion_error(self.path, f"{name} holds no names", "Save them as text, without objects.")
         return tuple(one.decode(errors="replace") if isinstance(one, bytes) else str(one) for one in values.ravel())
 
     def rate_hz(self) -> tuple[float, str]:

@@ -379,7 +379,7 @@ def _robot(fields: MotionFields) -> RobotRecording:
     joints = fields.array(JOINTS, 2)
     if joints is None:
         raise motion_error(path, "it has neither qpos, joint_pos nor rigid_body_pos")
-    root, quaternion = fields.array(ROOT_POSITIONS, 2), fields.array(ROOT_ROTATIONS, 2)
+    root, quaternion = fields.rows(ROOT_POSITIONS, len(joints), 3), fields.rows(ROOT_ROTATIONS, len(joints), 4)
     order = "".join(fields.words(QUATERNION_ORDER))
     bodies = _bodies(fields, len(joints), quaternion is not None)
     fields.refuse_lost_base(

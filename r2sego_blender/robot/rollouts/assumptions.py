@@ -15,8 +15,8 @@ _NAMED = 3
 def bounded_links_line(links: Sequence[str]) -> str:
     """Which links' masses or inertias are not the file's, for a person; '' where all are."""
     more = f" and {len(links) - _NAMED} more" if len(links) > _NAMED else ""
-    named = f"inertias of {', '.join(links[:_NAMED])}{more} are none that bodies have: balanced and bounded"
-    return named if links else ""
+    named = f"the file's inertias of {', '.join(links[:_NAMED])}{more} are no body's"
+    return f"{named}: balanced, with 1 g and 1e-5 kg m2 at least" if links else ""
 
 
 def tell_assumptions(robot: RobotModel, scope: BehaviourScope, progress: Progress) -> None:

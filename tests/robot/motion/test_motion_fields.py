@@ -80,6 +80,7 @@ def test_the_base_moves_as_in_the_reference_under_any_program_s_names(humanoid, 
         ("q", lambda turn: turn.as_quat(scalar_first=True)),
         ("matrices", lambda turn: turn.as_matrix()),
         ("root_r6", lambda turn: turn.as_matrix()[:, :, :2].reshape(-1, 6)),
+        ("root_rotation", lambda turn: turn.as_rotvec()),
         ("orientation", lambda turn: turn.as_rotvec()),
         ("world_from_base", lambda turn: turn.as_rotvec()),
     ],
@@ -88,9 +89,9 @@ def test_a_rotation_that_is_not_known_is_refused_by_its_name(tmp_path, turning, 
     """By its numbers, or by what it is called."""
     values = turns(Rotation.from_quat(turning[:, 3:7], scalar_first=True))
     arrays = {"root_pos": turning[:, :3], "dof_pos": turning[:, 7:], name: values, "fps": 60}
-    with pytest.raises(RobotError, match=rf"m\.npz: {name} .*rotation"):
+    with pytest.raises(RobotError, match=rf"m\.npz: {name} .*(rotation|shape)"):
         read_recording(saved(tmp_path / "m.npz", **arrays))
-    found = read_recording(saved(tmp_path / "m.npz", **arrays, root_rot=turning[:, [4, 5, 6, 3]]))
+    found = read_recording(saved(tmp_path / "m.npz", **arrays, root_quat=turning[:, [4, 5, 6, 3]]))
     assert found.unread == (name,) and found.quaternion is not None
 
 
