@@ -14,7 +14,7 @@ from ..lenses.lens import Lens
 from ..sensors.sensor_depth import SensorDepth
 from . import json_fields as fields
 from .finding import find_photographs
-from .photographs import Photograph, upright_size, with_unique_names
+from .photographs import Photograph, require_lens_of_size, upright_size, with_unique_names
 from .transforms_json import GL_FROM_CV
 
 # Undistorting leaves a black border of this many pixels in ``corrected_images``.
@@ -88,4 +88,6 @@ def _photograph(file: Path, path: Path, border_px: float) -> Photograph:
     if "width" in data:
         width, height = fields.size(file, "intrinsics", data)
     lens = Lens(width, height, fx, fy, cx, cy, border_px=border_px)
+    if "width" not in data:
+        require_lens_of_size(lens, file, ("width", "height"))
     return Photograph(path.name, path, lens, pose, str(file))

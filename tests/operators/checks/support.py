@@ -37,6 +37,13 @@ def bundle_of_one_name():
     return copy
 
 
+def startup_file():
+    """Blender as it starts: with its cube, and the add-on."""
+    bpy.ops.wm.read_homefile(use_empty=False, use_factory_startup=True)
+    bpy.ops.preferences.addon_enable(module=MODULE)
+    preferences().engine_python = str(ENGINE)
+
+
 def open_here(path):
     """Open a bundle in the Blender scene in which another one is open."""
     assert bpy.ops.r2sego.open_scene(directory=str(path)) == {"FINISHED"}

@@ -67,6 +67,19 @@ def _cameras(folder: Path) -> None:
         (folder / "poses" / name).write_bytes((folder / name).read_bytes())
 
 
+def _of_3dgs(folder: Path) -> None:
+    photographs(folder)
+    (folder / "poses").mkdir()
+    listed = []
+    for i, name in enumerate(NAMES):
+        (folder / "poses" / name).write_bytes((folder / name).read_bytes())
+        pose = camera(i).world_from_camera
+        places = {"position": pose[:3, 3].tolist(), "rotation": pose[:3, :3].tolist()}
+        listed.append({"id": i, "img_name": name, "width": 32, "height": 24, **places, "fy": 25.0, "fx": 25.0})
+    (folder / "poses/cameras.json").write_text(json.dumps(listed))
+    _points_ply(folder / "poses/input.ply")
+
+
 def _frozen(folder: Path) -> Any:
     from r2sego_blender.captures.frozen import load_frozen_views
 
@@ -170,6 +183,7 @@ def _read_ply(folder: Path) -> Any:
 HARNESSES = (
     Harness("poses/transforms.json", _transforms, "poses/transforms.json", "json", _posed),
     Harness("poses/cameras.json", _cameras, "poses/cameras.json", "json", _posed),
+    Harness("poses/3dgs-cameras.json", _of_3dgs, "poses/cameras.json", "json", _posed),
     Harness("poses/frozen.json", _cameras, "poses/cameras.json", "json", _frozen),
     Harness("poses/polycam.json", _polycam, "poses/keyframes/cameras/b.json", "json", _posed),
     *_of_colmap(_colmap_text, ".txt", "text"),

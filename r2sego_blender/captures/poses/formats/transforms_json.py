@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ....config.settings import CaptureSettings
 from ....core.printable import printable
@@ -14,20 +14,21 @@ from ..pose_format import Posed, PoseFormat, json_files
 if TYPE_CHECKING:
     import numpy as np
 
-_FILES, _KEY = ("transforms.json", "transforms_train.json"), "frames"
+_FILES = ("transforms.json", "transforms_train.json")
+_OF_A_FRAME = ("file_path", "transform_matrix")
 
 
 def find(place: Path) -> list[Path]:
     """The file, or the one in a folder."""
-    return json_files(place, _FILES, _KEY)
+    return json_files(place, _FILES, _holds)
 
 
 def read(file: Path, folder: Path, settings: CaptureSettings, progress: Progress) -> Posed:
     """See ``transforms_json``; the unit is unknown unless the file says otherwise."""
-    from ..transforms_json import read_transforms_json
+    from ..transforms_json import kept_frames, read_transforms_json
 
     photographs, metric = read_transforms_json(file, folder, progress)
-    masks = sum("mask_path" in frame for frame in read_json(file)["frames"])
+    masks = sum("mask_path" in frame for frame in kept_frames(read_json(file), file).values())
     return Posed(photographs, FORMAT.name, metric, masks=masks)
 
 
@@ -46,4 +47,12 @@ def points(file: Path, progress: Progress) -> tuple[np.ndarray, np.ndarray] | No
     return None
 
 
-FORMAT = PoseFormat("transforms.json", find, read, points, _FILES, key=_KEY, order=3)
+def _holds(data: Any) -> bool:
+    """Whether it has frames, of which sdfstudio's are none: their fields have other names."""
+    frames = data.get("frames") if isinstance(data, dict) else None
+    if not isinstance(frames, list) or not frames:
+        return isinstance(data, dict) and "frames" in data
+    return any(key in frame for frame in frames if isinstance(frame, dict) for key in _OF_A_FRAME)
+
+
+FORMAT = PoseFormat("transforms.json", find, read, points, _FILES, order=3)
