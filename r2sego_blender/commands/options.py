@@ -135,10 +135,7 @@ def scale_options(command: Callable) -> Callable:
             "They tell the scale and count as geometry.",
         ),
         click.option(
-            "--depth-unit",
-            type=float,
-            metavar="METRES",
-            help="Unit of depth maps of whole numbers.  [default: 0.001]",
+            "--depth-unit", type=float, metavar="METRES", help="Unit of depth maps of whole numbers.  [default: 0.001]"
         ),
     )
     for option in reversed(options):

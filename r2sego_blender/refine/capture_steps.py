@@ -87,9 +87,7 @@ class CaptureSteps:
         Where several captures see a surface, the one that sees it finest gives the splat.
         """
 
-        def stereo(
-            captures: Captures, sparse: SparsePoints, *sensor: PerCapture[SensorMap]
-        ) -> dict[str, DepthMap]:
+        def stereo(captures: Captures, sparse: SparsePoints, *sensor: PerCapture[SensorMap]) -> dict[str, DepthMap]:
             maps = dense_stereo(
                 captures,
                 depth_ranges(captures, sparse),

@@ -102,8 +102,9 @@ class Scale:
     def sensor_depth(self, beside_poses: SensorDepth | None) -> SensorDepth:
         """The maps that a scale of kind ``depth`` names; those beside the poses where they are the same folder's."""
         assert self.folder is not None
-        same = beside_poses is not None and beside_poses.folder.resolve() == self.folder.resolve()
-        return beside_poses if same else SensorDepth.beside(self.folder, self.unit_m)
+        if beside_poses is not None and beside_poses.folder.resolve() == self.folder.resolve():
+            return beside_poses
+        return SensorDepth.beside(self.folder, self.unit_m)
 
 
 def length_scale(captures: Sequence[Capture], sparse: SparsePoints, scale: Scale) -> tuple[float, str]:

@@ -152,6 +152,12 @@ def _scale_before_ground(
         if imported.metric:
             _compare_units(imported, scale, measured.metres_per_unit, progress)
         return measured.metres_per_unit, str(measured)
+    if scale.kind == "automatic" and not imported.metric and imported.depth is not None:
+        try:
+            measured = depth_scale(imported.captures, sparse, imported.depth)
+            return measured.metres_per_unit, str(measured)
+        except CaptureError as error:
+            progress.message(f"the sensor's depth tells no scale: {error.what}", level="warning")
     if scale.kind == "automatic" and imported.metric:
         return 1.0, f"metric poses ({imported.source}{_checked(imported, sparse, progress)})"
     return None, ""
@@ -176,7 +182,9 @@ def _compare_units(imported: Imported, scale: Scale, metres_per_unit: float, pro
         )
 
 
-def _warn_of_height(captures: Sequence[Capture], ground: Ground, known: float, scale: Scale, progress: Progress) -> None:
+def _warn_of_height(
+    captures: Sequence[Capture], ground: Ground, known: float, scale: Scale, progress: Progress
+) -> None:
     """Say where the cameras of a scale from depth would stand as no photographer does."""
     height_m = known * float(np.median(ground.height(np.array([capture.camera.centre for capture in captures]))))
     low, high = _HELD_BETWEEN_M

@@ -42,8 +42,8 @@ class SensorDepth:
     Whole numbers are of ``unit_m`` metres (16-bit PNG or TIFF), floats metres (EXR, NPY, or NPZ with
     an array ``depth`` or a single one); depth is planar, 0 unknown, of any size with the
     photograph's shape. Where ``confidence`` has a map of the same name its zeros are not
-    believed, nor is depth beyond ``range_m``. ``files`` are maps that a file of poses names, by
-    the stems of their photographs.
+    believed, nor is depth beyond ``range_m``. Where a file of poses names the maps, ``files`` has
+    them by the captures' names, and they alone count.
     """
 
     folder: Path
@@ -74,7 +74,7 @@ class SensorDepth:
 
         That is 1 at the sensor's highest confidence and twice that below.
         """
-        path = self.files.get(stem) or _named(self.folder, stem, _SUFFIXES)
+        path = self.files.get(capture.name) if self.files else _named(self.folder, stem, _SUFFIXES)
         if path is None:
             return None
         depth = _metres(path, self.unit_m)

@@ -39,9 +39,7 @@ class SensorMap:
         """Write the maps and the camera as an uncompressed ``.npz``."""
         camera = self.camera
         lens = np.array([camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy])
-        save_arrays(
-            path, depth=self.depth, sigma=self.sigma, lens=lens, world_from_camera=camera.world_from_camera
-        )
+        save_arrays(path, depth=self.depth, sigma=self.sigma, lens=lens, world_from_camera=camera.world_from_camera)
 
     @staticmethod
     def load(path: Path) -> SensorMap:

@@ -41,9 +41,9 @@ def observe(
     """The reliable depth of all captures as one set of points, a voxel apart.
 
     ``A_obs`` marks the captures whose reliable depth agrees with a point; those that
-    fewer than two mark are dropped, but where a sensor measured them. Where stereo has nothing, points of ``sparse`` that
-    three captures measured are added with their own record. Deterministic. Raises
-    GeometryError when no point is left.
+    fewer than two mark are dropped, but where a sensor measured them. Where stereo has nothing,
+    points of ``sparse`` that three captures measured are added with their own record.
+    Deterministic. Raises GeometryError when no point is left.
     """
     reliable = [np.where(m.reliable(settings), m.depth, np.float32(0.0)) for m in depth_maps]
     samples = [_samples(c, m, d) for c, m, d in zip(captures, depth_maps, reliable, strict=True)]

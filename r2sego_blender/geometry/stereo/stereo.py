@@ -92,12 +92,12 @@ class DepthMap:
             require_between(-LONGEST_UNIT, LONGEST_UNIT, normal=maps["normal"])
             require_between(-1.0, _HIGHEST_COST, cost=maps["cost"])
             require_between(0, None, support=maps["support"])
-            measured = data["measured"] if "measured" in data else None
-            if measured is not None:
-                require_shapes({"measured": measured}, measured=size)
-                if measured.dtype != np.bool_ or (measured & (maps["depth"] <= 0.0)).any():
+            if "measured" in data:
+                maps["measured"] = data["measured"]
+                require_shapes(maps, measured=size)
+                if maps["measured"].dtype != np.bool_ or (maps["measured"] & (maps["depth"] <= 0.0)).any():
                     raise ValueError("measured is not yes or no, or is said of no depth")
-            return DepthMap(**maps, camera=camera, measured=measured)
+            return DepthMap(**maps, camera=camera)
 
 
 def dense_stereo(

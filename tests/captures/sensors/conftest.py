@@ -47,8 +47,7 @@ class SensorRoom:
 def _cameras() -> list[Camera]:
     around = np.linspace(-1.2, 1.2, 10)
     places = [
-        np.array([1.7 * np.sin(a), -1.7 * np.cos(a), height])
-        for a, height in zip(around, [1.2, 1.7] * 5, strict=True)
+        np.array([1.7 * np.sin(a), -1.7 * np.cos(a), height]) for a, height in zip(around, [1.2, 1.7] * 5, strict=True)
     ]
     return [lens(320, 240).at(look_at(place, [0.0, 0.5, 0.5 + 0.3 * (i % 3)])) for i, place in enumerate(places)]
 
