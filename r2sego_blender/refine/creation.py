@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..bundle.backends import BACKENDS, WITH_SENSOR
 from ..bundle.creating import create_bundle, require_place
 from ..bundle.declaration import Declaration
 from ..bundle.layout import GROUND_PICTURES
@@ -81,6 +82,7 @@ def create_scene(
         scale_source=registration.scale_source,
         robot=robot,
         scope=scope,
+        backends={**BACKENDS, **(WITH_SENSOR if measured else {})},
     )
 
     def fill(folder: Path) -> None:
