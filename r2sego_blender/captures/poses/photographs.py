@@ -44,7 +44,8 @@ class Photograph:
     """A photograph, its lens and pose as a pose file states them.
 
     ``world_from_camera`` (4, 4) float64 has OpenCV axes; ``source`` is the file and field
-    that errors point to, ``mask_path`` the mask that is named for it, if that is there.
+    that errors point to, ``mask_path`` and ``depth_path`` the mask and the sensor's depth that are named for
+    it, if they are there.
     ``stored_pixels``: what solved the poses does not turn photographs upright by EXIF. Raises CaptureError
     for a name that nobody can read, and a lens through which nothing is seen.
     """
@@ -56,6 +57,7 @@ class Photograph:
     source: str
     mask_path: Path | None = None
     stored_pixels: bool = False
+    depth_path: Path | None = None
 
     def __post_init__(self) -> None:
         require_name(self.name, self.source)

@@ -37,8 +37,8 @@ def read_transforms_json(
 
     Intrinsics stand in the file or in each frame: ``fl_x``, ``camera_angle_x`` (radians) or
     ``x_fov`` (degrees), and optionally ``fl_y, cx, cy, w, h, k1, k2, k3, k4, p1, p2``.
-    Photographs that are missing are left out with a warning. ``mask_path`` is noted; ``applied_transform``,
-    depth and what else programs write are passed over: the frame of the poses may be any.
+    Photographs that are missing are left out with a warning. ``mask_path`` and ``depth_file_path`` are noted;
+    ``applied_transform`` and what else programs write are passed over: the frame of the poses may be any.
     """
     data = fields.read_json(path)
     frames = kept_frames(data, path, progress, held_out)
@@ -53,7 +53,9 @@ def read_transforms_json(
         lens = _lens((frame, data), image_path, path, field)
         mask = frame.get("mask_path")
         mask_path = find_beside(mask, (path.parent, folder)) if isinstance(mask, str) else None
-        photographs.append(Photograph(name, image_path, lens, pose, source, mask_path))
+        depth = frame.get("depth_file_path")
+        depth_path = find_beside(depth, (path.parent, folder)) if isinstance(depth, str) else None
+        photographs.append(Photograph(name, image_path, lens, pose, source, mask_path, depth_path=depth_path))
     return with_unique_names(photographs), data.get("metric") is True
 
 

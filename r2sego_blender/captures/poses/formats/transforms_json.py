@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ....config.settings import CaptureSettings
 from ....core.printable import printable
 from ....core.progress import Progress
-from ..json_fields import read_json
+from ..json_fields import number, read_json
 from ..pose_format import Posed, PoseFormat, json_files
 
 if TYPE_CHECKING:
@@ -24,12 +24,22 @@ def find(place: Path) -> list[Path]:
 
 
 def read(file: Path, folder: Path, settings: CaptureSettings, progress: Progress) -> Posed:
-    """See ``transforms_json``; the unit is unknown unless the file says otherwise."""
+    """See ``transforms_json``; the unit is unknown unless the file says otherwise, or names depth maps."""
+    from ...sensors.sensor_depth import SensorDepth
     from ..transforms_json import kept_frames, read_transforms_json
 
     photographs, metric = read_transforms_json(file, folder, progress)
-    masks = sum("mask_path" in frame for frame in kept_frames(read_json(file), file).values())
-    return Posed(photographs, FORMAT.name, metric, masks=masks)
+    frames = kept_frames(data := read_json(file), file).values()
+    masks, named = (sum(key in frame for frame in frames) for key in ("mask_path", "depth_file_path"))
+    maps = {one.name: one.depth_path for one in photographs if one.depth_path is not None}
+    if named > len(maps):
+        progress.message(
+            f"{named - len(maps)} of the {named} depth maps that {file} names are missing", level="warning"
+        )
+    # nerfstudio's whole numbers are millimetres unless it is said
+    unit_m = number("depth_unit_scale_factor", file, "", data, default=0.001, positive=True)
+    depth = SensorDepth(file.parent, unit_m=unit_m, files=maps) if maps else None
+    return Posed(photographs, FORMAT.name, metric, depth=depth, masks=masks)
 
 
 def points(file: Path, progress: Progress) -> tuple[np.ndarray, np.ndarray] | None:
