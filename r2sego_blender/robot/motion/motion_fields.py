@@ -120,7 +120,10 @@ class MotionFields:
         if (times := next((name for name in _TIMES if name in self.arrays), None)) is not None:
             seconds = self.arrays[times]
             if seconds is not None and seconds.ndim == 1 and self.name([times]):
-                return checked_rate(self.path, _rate_of_times(seconds)), times
+                rate_hz = _rate_of_times(seconds)
+                if np.isnan(rate_hz):
+                    raise motion_error(self.path, f"{times} does not rise evenly", "Give evenly spaced frames.")
+                return checked_rate(self.path, rate_hz), times
         if unknown := [name for name in self.unread if _is_rate(name, self.arrays[name])]:
             raise motion_error(self.path, f"{unknown[0]} is no rate that is known", "Call it rate_hz, or leave it out.")
         return DEFAULT_RATE_HZ, ""

@@ -138,7 +138,10 @@ def test_a_rate_is_known_under_its_usual_names(humanoid, tmp_path, turning, name
         ({"fps": 60, "frequency": 30}, "fps says 60 Hz and frequency 30"),
         ({"dt": 0.0}, "its rate is 0"),
         ({"dt": 16.7}, "its rate is 0.0"),
-        ({"time": np.zeros(FRAMES)}, "its rate is nan"),
+        ({"time": np.zeros(FRAMES)}, "time does not rise evenly"),
+        ({"time": np.arange(FRAMES) ** 2.0}, "time does not rise evenly"),
+        ({"time": np.full(FRAMES, np.nan)}, "time does not rise evenly"),
+        ({"time": 33.0 * np.arange(FRAMES)}, "its rate is 0.03"),
         ({"fps": np.array(None, dtype=object)}, "this NPZ cannot be read"),
     ],
 )
