@@ -45,6 +45,8 @@ def save_captures(
         entry = {"file": f"images/{path.name}", "name": kept.name} | kept.camera.to_json()
         if kept.lens is not None:
             entry["photograph_lens"] = kept.lens.to_json()
+        if kept.given_lens is not None:
+            entry["given_lens"] = kept.given_lens.to_json()
         if kept.quarter_turns:
             entry["photograph_turns"] = kept.quarter_turns
         listed.append(entry)
@@ -71,7 +73,9 @@ def load_captures(folder: Path) -> tuple[Capture, ...]:
     for index, view in enumerate(read_registered_views(folder)):
         entry = view.entry
         try:
-            lens = Lens.from_json(entry["photograph_lens"]) if "photograph_lens" in entry else None
+            lens, given = (
+                Lens.from_json(entry[key]) if key in entry else None for key in ("photograph_lens", "given_lens")
+            )
             turns = int(entry.get("photograph_turns", 0))
             if turns not in range(4):
                 raise ValueError(f"it is turned {turns} times")
@@ -80,7 +84,11 @@ def load_captures(folder: Path) -> tuple[Capture, ...]:
             raise damaged_entry(folder / "cameras.json", index, error) from error
         if not is_there:
             raise CaptureError("the capture's image is missing", where=view.image_path, cure=CURE)
-        captures.append(Capture(view.name, view.image_path, view.camera, lens, lens is not None, quarter_turns=turns))
+        captures.append(
+            Capture(
+                view.name, view.image_path, view.camera, lens, lens is not None, quarter_turns=turns, given_lens=given
+            )
+        )
     return tuple(captures)
 
 

@@ -119,10 +119,12 @@ def match_guided(
     names: Sequence[str],
     settings: CaptureSettings,
     progress: Progress,
+    plain: Pairs | None = None,
 ) -> Pairs:
     """The matches of overlapping pairs, looked for along the epipolar lines of known poses.
 
-    Captures that overlap with none are named in a warning.
+    Captures that overlap with none are named in a warning, those apart whose poses contradict many of the
+    ``plain`` matches.
     """
     pairs: Pairs = {}
     for i, j in progress.track(overlapping, "Matching captures"):
@@ -132,7 +134,19 @@ def match_guided(
         near = np.einsum("ij,ij->i", difference, difference) <= _LARGEST_DESCRIPTOR_DISTANCE**2
         pairs[i, j] = guided[near]
     alone = sorted(set(range(len(names))) - {index for pair in pairs for index in pair})
-    if alone:
+    contradicting = {
+        index: most
+        for index in alone
+        if (most := max((len(m) for pair, m in (plain or {}).items() if index in pair), default=0))
+        >= _CONTRADICTING_MATCHES
+    }
+    for index, most in contradicting.items():
+        progress.message(
+            f"{names[index]}: its pose contradicts what it shares with other captures ({most} matches with one "
+            "of them), so nothing seen only there can be measured",
+            level="warning",
+        )
+    if alone := [index for index in alone if index not in contradicting]:
         progress.message(
             f"{_listed(names[i] for i in alone)}: shares fewer than {settings.min_matches} matches "
             "with any other capture, so nothing seen only there can be measured",

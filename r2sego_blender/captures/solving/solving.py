@@ -24,6 +24,7 @@ from ..matching.overlap import Pairs, load_matches, match_all, save_matches, wri
 from ..poses.colmap_model import camera_to_json, lens_from_json
 from ..poses.photographs import MIN_CAPTURES, Photograph
 from ..poses.plain_folder import plain_photographs
+from .solved_lenses import with_lenses_that_can_be_undone
 
 _MIN_REGISTERED_SHARE = 0.6
 # COLMAP's defaults ask for 100 inliers and 16 degrees of the first pair and 30 inliers of
@@ -201,7 +202,8 @@ def _map(database: Path, output: Path, thresholds: tuple[int, float, int], min_m
     options.mapper.abs_pose_min_num_inliers = max(next_inliers, min_matches)
     pycolmap.set_random_seed(0)
     output.mkdir()
-    return list(pycolmap.incremental_mapping(database, output, output, options).values())
+    models = pycolmap.incremental_mapping(database, output, output, options)
+    return [with_lenses_that_can_be_undone(model) for model in models.values()]
 
 
 def _trustworthy(
