@@ -99,12 +99,10 @@ def test_a_surface_is_available_up_to_four_pixels_for_one_of_a_photograph(share,
     proxy, sight = floor_and_sight((0.0, 0.0, photographed_m))
     view = LENS.at(look_at((0.0, 0.0, photographed_m / (4.0 * share)), (0.001, 0, 0)))
     for scale in (1.0, 0.5):
-        shares = ValidityRenderer(proxy, sight).available_shares([view.scaled(scale)], 0.8, scale)
-        assert shares[0] == (
-            pytest.approx(ValidityRenderer(proxy).available_shares([view.scaled(scale)], 0.8, scale)[0])
-            if available
-            else 0.0
-        )
+        (found,) = ValidityRenderer(proxy, sight).available_shares([view.scaled(scale)], 0.8, scale)
+        (supported,) = ValidityRenderer(proxy).available_shares([view.scaled(scale)], 0.8, scale)
+        # Faces on the rim are narrower than the capture's pixels.
+        assert found == pytest.approx(supported if available else 0.0, rel=0.1)
 
 
 def test_a_surface_that_captures_saw_flatly_is_not_available():
