@@ -49,7 +49,8 @@ def photographs_to_take(
         if buffers.of_face(shown_well, False).mean() >= _OVERLAP:
             cameras.append(camera)
             sees.append(_seen(points, normals, camera, buffers.depth))
-    left, total, taken = weights.copy(), weights.sum(), []
+    left, total = weights.copy(), weights.sum()
+    taken: list[PhotographToTake] = []
     while cameras and len(taken) < _PHOTOGRAPHS:
         gains = np.array([left[one].sum() for one in sees]) / total
         best = int(gains.argmax())

@@ -43,7 +43,7 @@ def seen_floor(proxy: GeometryProxy, cameras: Sequence[Camera]) -> np.ndarray:
     columns, rows = np.ceil((points.max(axis=0) - origin + max(_STOOD_M, _BRIDGED_M)) / _CELL_M).astype(int) + 3
     drawn = np.zeros((rows, columns), np.uint8)
     for corners in np.rint((triangles - origin) / _CELL_M * 2**_SUBPIXEL).astype(np.int32):
-        cv2.fillConvexPoly(drawn, corners, 1, shift=_SUBPIXEL)
+        cv2.fillConvexPoly(drawn, corners, (1,), shift=_SUBPIXEL)
     x, y = np.meshgrid(np.arange(columns), np.arange(rows))
     cells = origin + _CELL_M * np.stack([x, y], axis=-1)
     floor = drawn > 0
