@@ -45,8 +45,8 @@ def allocate_views(
     matter. ``seed`` counts where the settings rank at random. ``spares`` more candidates
     than the budget get a reference: those that stand in for a target that fails later.
     Candidates of which ``refusal`` tells beforehand that they would fail are none: the next
-    best take their place. Where that takes targets away, the selection's note says what the
-    captures lack, and its photographs are those to take.
+    best take their place. Where that takes targets away, or fewer than the budget are found, the
+    selection's note says what the captures lack.
     """
     cameras = [lens.at(pose) for pose in candidates.poses]
     deficit, availability = support_scores(cameras, asset, proxy, settings, progress, captures)
@@ -71,8 +71,8 @@ def allocate_views(
     if refusal is not None:
         selection = _without_refused(selection, chosen, cameras, captures, refusal, spares, settings, progress)
     lost = np.setdiff1d(best.targets, selection.targets)
-    if selection.note or len(lost):
-        selection = _with_photographs(selection, len(lost), cameras, proxy, captures)
+    selection = _with_photographs(selection, len(lost), cameras, proxy, captures)
+    if selection.note:
         progress.message(selection.note, level="warning")
     return selection
 
@@ -105,8 +105,12 @@ def _without_refused(
 def _with_photographs(
     selection: Selection, lost: int, cameras: Sequence[Camera], proxy: GeometryProxy, captures: Sequence[Camera]
 ) -> Selection:
-    """The selection with what to photograph next."""
-    lacking, photographs = photographs_to_take(cameras, selection.deficit, proxy, captures)
+    """The selection with what to photograph next; where targets were lost or are too few, its note says so."""
+    stream = np.lexsort((selection.frame, selection.rollout))  # in whichever order the candidates came
+    in_order = [cameras[index] for index in stream]
+    lacking, photographs = photographs_to_take(in_order, selection.deficit[stream], proxy, captures)
+    if not lost and not selection.note:
+        return replace(selection, photographs=photographs)
     refused = f"{lost} of the {selection.budget} best candidates show too little that captures saw" if lost else ""
     note = "; ".join(filter(None, [selection.note, refused, advice(lacking, photographs)]))
     return replace(selection, note=note, photographs=photographs)

@@ -62,5 +62,9 @@ def advice(lacking: float, photographs: Sequence[PhotographToTake]) -> str:
     """One sentence: what the captures lack, a share in [0, 1], and the next photographs to take; "" for none."""
     if not photographs:
         return ""
-    where = "; then ".join(one.in_words() for one in photographs)
-    return f"no photograph shows {lacking:.0%} of what the asset lacks in the robot's views well: to take next, {where}"
+    return f"no photograph shows {lacking:.0%} of what the asset lacks in the robot's views well: {places(photographs)}"
+
+
+def places(photographs: Sequence[PhotographToTake]) -> str:
+    """The photographs to take, for the end of a sentence."""
+    return "to take next, " + "; then ".join(one.in_words() for one in photographs)

@@ -59,8 +59,8 @@ class Selection:
     what of the view each of the N captures sees; -1 and 0 where they were not asked for.
     ``reason`` says it in words; ``budget`` is K; ``note`` is empty, or says why fewer than
     K target views were chosen, or others than the best; ``ablations`` names the settings that
-    leave a part of the method out. ``photographs`` are those that a person had better take,
-    where captures showed too little for the targets.
+    leave a part of the method out. ``photographs`` are those that a person had better take next,
+    best first.
     """
 
     rollout: np.ndarray
