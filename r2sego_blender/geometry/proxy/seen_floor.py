@@ -22,6 +22,7 @@ _VOUCHED = 0.3  # confidence: above it is what a capture's stereo lies on, or th
 _CELL_M = 0.05
 _STOOD_M = 0.5  # around a place from which a person photographed
 _BRIDGED_M = 0.5  # floor this near on both sides is floor: between lies what was hidden or has no texture
+_SMALLEST_M2 = 3.0  # in less a robot hardly takes a step
 _SUBPIXEL = 8  # bits of OpenCV's fixed-point corners
 
 
@@ -30,15 +31,16 @@ def seen_floor(proxy: GeometryProxy, cameras: Sequence[Camera]) -> np.ndarray:
 
     It holds the floor that some capture looked down on and its depth vouches for, what lies
     closely between, and the places the captures were taken from; of several pieces the one with
-    most such floor. Beyond, the room may end or be full of things: the proxy's floor there is
+    most such floor. Where that is next to nothing, it is the convex outline of all of these.
+    Beyond, the room may end or be full of things: the proxy's floor there is
     only continued, as far as the horizon where no wall ends it. Raises GeometryError when the
     captures saw no floor and were taken along a line.
     """
     stood = np.array([camera.centre[:2] for camera in cameras]).reshape(-1, 2)
     triangles = _vouched_for(proxy, cameras)
-    if not len(triangles):
-        return _hull(stood)
     points = np.concatenate([triangles.reshape(-1, 2), stood])
+    if not len(triangles):
+        return _hull(points)
     origin = points.min(axis=0) - max(_STOOD_M, _BRIDGED_M) - 2 * _CELL_M
     columns, rows = np.ceil((points.max(axis=0) - origin + max(_STOOD_M, _BRIDGED_M)) / _CELL_M).astype(int) + 3
     drawn = np.zeros((rows, columns), np.uint8)
@@ -54,6 +56,8 @@ def seen_floor(proxy: GeometryProxy, cameras: Sequence[Camera]) -> np.ndarray:
     pieces, count = ndimage.label(closed)
     vouched = ndimage.sum_labels(drawn, pieces, np.arange(1, count + 1))
     piece = ndimage.binary_fill_holes(pieces == 1 + np.argmax(vouched))
+    if piece.sum() * _CELL_M**2 < _SMALLEST_M2:
+        return _hull(points)
     outline = max(find_contours(piece.astype(np.float64), 0.5), key=len)
     return origin + _CELL_M * approximate_polygon(outline, 1.0)[:-1, ::-1]
 
@@ -71,7 +75,7 @@ def _vouched_for(proxy: GeometryProxy, cameras: Sequence[Camera]) -> np.ndarray:
 
 
 def _hull(places: np.ndarray) -> np.ndarray:
-    """Corners of the convex outline of the places (N, 2) that photographs were taken from."""
+    """Corners of the convex outline of places (N, 2)."""
     try:
         return places[ConvexHull(places).vertices]
     except (QhullError, ValueError) as error:

@@ -64,15 +64,15 @@ def test_floor_that_no_capture_saw_does_not_count():
     assert 1.9 < seen_floor(unseen, [camera_at(0.3, 1.0)])[:, 0].max() < 2.2
 
 
-@pytest.mark.parametrize(("gap_m", "bridged"), [(0.5, True), (2.0, False)])
+@pytest.mark.parametrize(("gap_m", "bridged"), [(0.5, True), (1.5, False)])
 def test_what_is_hidden_between_near_floors_is_floor(gap_m, bridged):
-    proxy = floor_proxy(4.0)
+    proxy = floor_proxy(4.0, 4.0)
     x = middles(proxy)[:, 0]
-    hidden = replace(proxy, support=np.where((x > 1.0) & (x < 1.0 + gap_m), 0, 1).astype(np.uint16))
-    corners = seen_floor(hidden, [camera_at(0.3, 1.0)])
-    far = (1.0 + gap_m + 0.5, 1.0)
+    hidden = replace(proxy, support=np.where((x > 2.0) & (x < 2.0 + gap_m), 0, 1).astype(np.uint16))
+    corners = seen_floor(hidden, [camera_at(-0.5, 1.0), camera_at(-0.5, 3.0)])
+    far = (2.0 + gap_m + 0.2, 2.0)
     # Of two pieces the one with more floor is taken.
-    assert inside(corners, (0.5, 1.0), (1.0 + gap_m / 2, 1.0), far) == [True, bridged, bridged]
+    assert inside(corners, (1.0, 2.0), (2.0 + gap_m / 2, 2.0), far) == [True, bridged, bridged]
 
 
 def test_the_outline_is_a_region_for_robots():
@@ -83,6 +83,15 @@ def test_the_outline_is_a_region_for_robots():
     patchy = replace(proxy, support=rng.integers(0, 2, len(proxy.faces)).astype(np.uint16))
     corners = seen_floor(patchy, [camera_at(0.5, 1.0), camera_at(3.0, 3.0, (-1.0, 0.3)), camera_at(5.0, 0.5, (0, 1))])
     assert problem_of(tuple(map(tuple, corners.tolist()))) == ""
+
+
+def test_a_patch_of_floor_is_joined_to_where_the_captures_stood():
+    patch = floor_proxy(0.5, 0.5)
+    corners = seen_floor(
+        patch, [camera_at(-0.5, 0.2), camera_at(0.2, -3.0, (0.0, 1.0)), camera_at(3.0, 0.2, (-1.0, 0.0))]
+    )
+    assert inside(corners, (0.4, 0.4), (1.0, -0.5)) == [True, True]
+    assert corners.min(axis=0).tolist() == [-0.5, -3.0] and corners[:, 0].max() == 3.0
 
 
 def test_without_any_floor_it_is_what_lies_between_the_captures():
