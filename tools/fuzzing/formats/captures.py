@@ -98,6 +98,17 @@ def _polycam(folder: Path) -> None:
         (keyframes / "cameras" / f"{Path(name).stem}.json").write_text(json.dumps(rows | lens))
 
 
+def _record3d(folder: Path) -> None:
+    (folder / "poses/rgb").mkdir(parents=True)
+    photographs(folder / "poses/rgb")
+    for index, name in enumerate(NAMES):
+        (folder / "poses/rgb" / name).rename(folder / "poses/rgb" / f"{index}{Path(name).suffix}")
+    poses = [[0.1, 0.2 * i, 0.0, 0.97, 0.1 * i, 0.0, 1.5] for i in range(len(NAMES))]
+    lens = {"w": 32, "h": 24, "K": [25.0, 0, 0, 0, 25.0, 0, 16.0, 12.0, 1]}
+    own = {"perFrameIntrinsicCoeffs": [[25.0, 25.0, 16.0, 12.0]] * len(NAMES)}
+    (folder / "poses/metadata.json").write_text(json.dumps({**lens, **own, "poses": poses}))
+
+
 def _sparse() -> SparsePoints:
     points = np.random.default_rng(1).uniform((-0.2, 0.2, 0.4), (0.4, 0.8, 1.0), (6, 3))
     cameras: list[Camera] = [camera(i) for i in range(3)]
@@ -186,6 +197,7 @@ HARNESSES = (
     Harness("poses/3dgs-cameras.json", _of_3dgs, "poses/cameras.json", "json", _posed),
     Harness("poses/frozen.json", _cameras, "poses/cameras.json", "json", _frozen),
     Harness("poses/polycam.json", _polycam, "poses/keyframes/cameras/b.json", "json", _posed),
+    Harness("poses/record3d.json", _record3d, "poses/metadata.json", "json", _posed),
     *_of_colmap(_colmap_text, ".txt", "text"),
     *_of_colmap(_colmap_binary, ".bin", "bytes"),
     Harness("poses/points.ply", _ply, "points.ply", "text", _read_ply),
