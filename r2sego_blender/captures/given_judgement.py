@@ -63,13 +63,20 @@ def judged(
             cure=f"The matches fit the poses when they are read as {convention}: convert the poses, or correct "
             "what exported them (docs/conventions.md).",
         )
-    tracks = tracks_of(pairs, detected.features)
-    factor = focal_factor(pairs, detected.features, cameras, band_px / 2.0)
-    wrong = contradictions([zoomed(camera, factor) for camera in cameras], tracks, band_px, settings.min_matches)
-    if lenses_too and settings.refine_poses != "never":
-        verdict = _lens_verdict(imported, tracks, wrong, factor, settings)
-        if verdict is not None and (changed := _through(verdict, imported, wrong, progress)) is not None:
-            return changed
+    with progress.task("Judging given poses and lenses", total=2) as task:
+        tracks = tracks_of(pairs, detected.features)
+        factor = focal_factor(pairs, detected.features, cameras, band_px / 2.0)
+        seen_with = [zoomed(camera, factor) for camera in cameras]
+        wrong = contradictions(seen_with, tracks, band_px, settings.min_matches)
+        task.advance()
+        verdict = None
+        if lenses_too and settings.refine_poses != "never":
+            verdict = _lens_verdict(imported, tracks, wrong, factor, settings)
+        task.advance()
+    if verdict is not None and (changed := _through(verdict, imported, progress)) is not None:
+        return changed
+    if factor != 1.0:  # the lenses stay as they are: so are poses judged
+        wrong = contradictions(cameras, tracks, band_px, settings.min_matches)
     return _relocated(imported, wrong, settings, progress) if wrong else imported
 
 
@@ -133,9 +140,7 @@ def _usual_depth(cameras: Sequence[Camera], tracks: np.ndarray, factor: float) -
     return float(np.median(distances)) if len(distances) else 1.0
 
 
-def _through(
-    verdict: LensVerdict, imported: Imported, wrong: Sequence[Contradiction], progress: Progress
-) -> Imported | None:
+def _through(verdict: LensVerdict, imported: Imported, progress: Progress) -> Imported | None:
     """The captures through the lenses that were found; None, with a warning, where these are not to be trusted."""
     groups = lens_groups([capture.camera for capture in imported.captures])
     changes = [

@@ -46,6 +46,7 @@ def test_a_photograph_whose_pose_is_wrong_is_located_from_the_others(room_captur
     assert len(messages.warnings) == 1 and "photo2.png" in messages.warnings[0]
     assert "photo2.png" in imported.source
     for found, right in zip(imported.captures, room_captures, strict=True):
+        assert np.array_equal(found.camera.matrix, right.camera.matrix)
         assert np.linalg.norm(found.camera.centre - right.camera.centre) < 0.02
         assert np.degrees(rotation_angle_rad(found.camera.world_from_camera, right.camera.world_from_camera)) < 0.3
     assert sparse.visibility.sum(axis=0).min() > 100
