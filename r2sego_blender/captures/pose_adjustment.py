@@ -14,9 +14,9 @@ from ..config.settings import CaptureSettings
 from ..core.cameras import Camera, rotation_angle_rad
 from ..core.progress import SILENT, Progress
 from .importing import Imported
-from .matching.overlap import Pairs, confirming, match_all, match_guided, near_pairs
+from .matching.overlap import Pairs, confirming, match_guided
 from .solving.bundle_adjustment import adjusted, reprojection_errors
-from .sparse import USUAL_DEPTH_M, Detected, detect, triangulate_matches, usual_depth
+from .sparse import USUAL_DEPTH_M, Detected, detect_and_match, triangulate_matches, usual_depth
 from .sparse_points import SparsePoints
 
 # Matches are looked for this many standard deviations off the given epipolar lines.
@@ -39,9 +39,8 @@ def triangulate_refined(
     """
     captures = imported.captures
     names = [capture.name for capture in captures]
-    detected = detect(captures, settings, progress)
+    detected, plain = detect_and_match(captures, settings, progress)
     cameras: Sequence[Camera] = [capture.camera for capture in captures]
-    plain = match_all(detected.features, settings, progress, among=near_pairs(cameras))
     if settings.refine_poses != "never" and not imported.solved:
         cameras, told = _refined(imported, detected, plain, settings, progress)
         if told:

@@ -22,12 +22,25 @@ from ..workers.child import call_in_child
 from .capture import Capture
 from .colmap import load_pycolmap
 from .matching.features import Features, sift
-from .matching.overlap import Pairs, load_matches, match_known_poses, save_matches, write_database
+from .matching.overlap import (
+    Matched,
+    Pairs,
+    confirming,
+    load_matches,
+    match_all,
+    match_guided,
+    near_pairs,
+    save_matches,
+    write_database,
+)
+from .matching.xfeat import match_xfeat
 from .sparse_points import SparsePoints
 
 USUAL_DEPTH_M = 2.5
 """Distance from a camera to what it sees indoors, for tolerances before the scale is known."""
 
+# Two captures that share so many matches of SIFT's need no others: SIFT's are three times as exact.
+_PLENTY = 100
 # With a few wide views half of all true points are seen by two rays only a little apart.
 _MIN_TRIANGULATION_ANGLE_DEG = 1.0
 # Depth ranges: robust ends of the measured depths, and room for surfaces without features.
@@ -54,16 +67,34 @@ def detect(captures: Sequence[Capture], settings: CaptureSettings, progress: Pro
     return detected
 
 
+def detect_and_match(
+    captures: Sequence[Capture], settings: CaptureSettings, progress: Progress = SILENT
+) -> tuple[Detected, Pairs]:
+    """The features of posed captures and their plain matches: SIFT's, and XFeat's where those are few."""
+    detected = detect(captures, settings, progress)
+    among = near_pairs([capture.camera for capture in captures])
+    plain = match_all(detected.features, settings, progress, among=among)
+    few = [pair for pair in among if len(plain.get(pair, ())) < _PLENTY]
+    if settings.matcher == "sift" or not few:
+        return detected, plain
+    further = match_xfeat(detected.images, few, settings, progress)
+    if further is None:
+        return detected, plain
+    features, plain = Matched(detected.features, plain).beside(further)
+    return Detected(features, detected.images), plain
+
+
 def triangulate(captures: Sequence[Capture], settings: CaptureSettings, progress: Progress = SILENT) -> SparsePoints:
     """Triangulate what the posed captures see in common.
 
     Points are in the frame and unit of the captures' poses, which stay as they are.
     Raises CaptureError when no two captures overlap, or their poses contradict them.
     """
-    detected = detect(captures, settings, progress)
+    detected, plain = detect_and_match(captures, settings, progress)
     cameras = [capture.camera for capture in captures]
     names = [capture.name for capture in captures]
-    pairs = match_known_poses(detected.features, cameras, names, settings, progress)
+    confirmed = confirming(plain, detected.features, cameras, settings.max_error_px, settings)
+    pairs = match_guided(confirmed, detected.features, cameras, names, settings, progress)
     return triangulate_matches(cameras, detected, pairs, settings.max_error_px, settings, progress)
 
 
