@@ -47,10 +47,13 @@ def match_xfeat(
     settings: CaptureSettings,
     progress: Progress,
     title: str = "Matching photographs that lie far apart",
+    least_expected: float = 0.0,
 ) -> Matched | None:
-    """The matches of the pairs ``among`` images (H, W, 3), uint8 or float32 in [0, 1], of those with ``min_matches`` of them.
+    """The matches of the pairs ``among`` images (H, W, 3), uint8 or float32 in [0, 1].
 
-    None, with a warning, where the packages are missing or do not run.
+    A pair has ``min_matches`` of them, of which ``least_expected`` are right as LighterGlue itself
+    estimates: the sum of their probabilities. None, with a warning, where the packages are
+    missing or do not run.
     """
     if not runs():
         progress.message(
@@ -60,9 +63,15 @@ def match_xfeat(
     with progress.task(title, total=1) as task, ScratchFolder() as folder:
         small = [_scaled(image) for image in images]
         np.savez(Path(folder, "images.npz"), **{str(index): image for index, image in enumerate(small)})
-        request = {"folder": folder, "among": [list(pair) for pair in among], "threads": available_cores()}
+        request = {
+            "folder": folder,
+            "among": [list(pair) for pair in among],
+            "threads": available_cores(),
+            "min_matches": settings.min_matches,
+            "least_expected": least_expected,
+        }
         try:
-            call_in_child(match_in_child, request | {"min_matches": settings.min_matches}, timeout_s=_TIMEOUT_S)
+            call_in_child(match_in_child, request, timeout_s=_TIMEOUT_S)
         except NativeError as error:
             progress.message(f"{NAME} do not run: photographs are matched with SIFT alone. {error}", level="warning")
             return None
@@ -111,7 +120,10 @@ def match_in_child(request: dict[str, Any]) -> dict[str, Any]:
             if min(len(one["keypoints"]) for one in both) < request["min_matches"]:
                 return np.zeros((0, 2), np.int32)
             given = {f"{name}{side}": one[name][None] for side, one in enumerate(both) for name in _GIVEN}
-            return lighterglue(given)["matches"][0].numpy().astype(np.int32)
+            told = lighterglue(given)
+            if float(told["scores"][0].double().sum()) < request["least_expected"]:
+                return np.zeros((0, 2), np.int32)
+            return told["matches"][0].numpy().astype(np.int32)
 
         matched = list(threads.map(matches, request["among"]))
     arrays = {f"keypoints_{index}": one["places"] for index, one in enumerate(found)}

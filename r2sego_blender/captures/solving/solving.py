@@ -42,6 +42,10 @@ _CLEARLY_LOWER = 0.75
 # Focal length, in longest sides, of a photograph without EXIF: a phone's main camera and
 # most compact cameras lie between 0.7 and 1; refined by the bundle adjustment.
 _FOCAL_GUESS = 0.85
+# Where a room repeats itself both matchers find pairs that overlap nowhere, and what they find there
+# fits together: up to 40 XFeat matches were expected to be right, and from 50 on of pairs that overlap.
+_LEAST_EXPECTED = 50.0
+_PLENTY = 100  # of SIFT's matches are no mistake
 _TIMEOUT_S = 3600.0
 _ADVICE = (
     "Take more photographs between those: walk sideways a step at a time, never turn on the spot, "
@@ -86,9 +90,15 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
             settings,
             progress,
             "Solving camera poses: wide baselines",
+            _LEAST_EXPECTED,
         )
         if further is not None:
-            again = _models(paths, sizes, matched.beside(further), settings, progress)
+            sure = {
+                pair: matches
+                for pair, matches in matched.pairs.items()
+                if pair in further.pairs or len(matches) >= _PLENTY
+            }
+            again = _models(paths, sizes, Matched(features, sure).beside(further), settings, progress)
             if len(again[0] if again else ()) > len(models[0] if models else ()):
                 models, matched_by = again, f", matched with SIFT, {NAME}"
     best = models[0] if models else []
@@ -122,7 +132,11 @@ def _sized(path: Path, settings: CaptureSettings) -> np.ndarray:
 
 
 def _models(
-    paths: Sequence[Path], sizes: Sequence[tuple[int, int]], matched: Matched, settings: CaptureSettings, progress: Progress
+    paths: Sequence[Path],
+    sizes: Sequence[tuple[int, int]],
+    matched: Matched,
+    settings: CaptureSettings,
+    progress: Progress,
 ) -> list[list[dict[str, Any]]]:
     """The models of ``solve_in_child``, the largest first."""
     if not matched.pairs:
