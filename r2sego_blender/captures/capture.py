@@ -21,6 +21,7 @@ class Capture:
     through, if that is known to distort; ``straight`` says that the file at ``image_path``
     is already free of the distortion. ``mask_path`` is an image that says which of its pixels
     count, if there is one. ``quarter_turns`` clockwise set the pixels as taken upright.
+    ``given_lens`` is what was given where the photographs said another, which the camera has.
     """
 
     name: str
@@ -30,6 +31,7 @@ class Capture:
     straight: bool = False
     mask_path: Path | None = None
     quarter_turns: int = 0
+    given_lens: Lens | None = None
 
     def image(self) -> np.ndarray:
         """The undistorted photograph at its camera's size, (H, W, 3) float32 in [0, 1]."""

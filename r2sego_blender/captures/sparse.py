@@ -67,21 +67,16 @@ def detect(captures: Sequence[Capture], settings: CaptureSettings, progress: Pro
     return detected
 
 
-def detect_and_match(
-    captures: Sequence[Capture], settings: CaptureSettings, progress: Progress = SILENT
+def beside_xfeat(
+    detected: Detected, plain: Pairs, cameras: Sequence[Camera], settings: CaptureSettings, progress: Progress = SILENT
 ) -> tuple[Detected, Pairs]:
-    """The features of posed captures and their plain matches: SIFT's, and XFeat's where those are few."""
-    detected = detect(captures, settings, progress)
-    among = near_pairs([capture.camera for capture in captures])
-    plain = match_all(detected.features, settings, progress, among=among)
-    few = [pair for pair in among if len(plain.get(pair, ())) < _PLENTY]
-    if settings.matcher == "sift" or not few:
-        return detected, plain
-    further = match_xfeat(detected.images, few, settings, progress)
+    """The features and ``plain`` matches of SIFT, and XFeat's of near pairs that share few."""
+    few = [pair for pair in near_pairs(cameras) if len(plain.get(pair, ())) < _PLENTY]
+    further = match_xfeat(detected.images, few, settings, progress) if few and settings.matcher == "xfeat" else None
     if further is None:
         return detected, plain
-    features, plain = Matched(detected.features, plain).beside(further)
-    return Detected(features, detected.images), plain
+    features, pairs = Matched(detected.features, plain).beside(further)
+    return Detected(features, detected.images), pairs
 
 
 def triangulate(captures: Sequence[Capture], settings: CaptureSettings, progress: Progress = SILENT) -> SparsePoints:
@@ -90,10 +85,12 @@ def triangulate(captures: Sequence[Capture], settings: CaptureSettings, progress
     Points are in the frame and unit of the captures' poses, which stay as they are.
     Raises CaptureError when no two captures overlap, or their poses contradict them.
     """
-    detected, plain = detect_and_match(captures, settings, progress)
+    detected = detect(captures, settings, progress)
     cameras = [capture.camera for capture in captures]
     names = [capture.name for capture in captures]
-    confirmed = confirming(plain, detected.features, cameras, settings.max_error_px, settings)
+    plain = match_all(detected.features, settings, progress, among=near_pairs(cameras))
+    detected, wider = beside_xfeat(detected, plain, cameras, settings, progress)
+    confirmed = confirming(wider, detected.features, cameras, settings.max_error_px, settings)
     pairs = match_guided(confirmed, detected.features, cameras, names, settings, progress)
     return triangulate_matches(cameras, detected, pairs, settings.max_error_px, settings, progress)
 

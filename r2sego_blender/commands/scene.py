@@ -21,7 +21,7 @@ from .options import ANY_PATH, FOLDER, Output, output_options, overrides_of, sca
 @click.option(
     "--poses",
     type=ANY_PATH,
-    help="transforms.json, cameras.json, a COLMAP folder or Polycam's raw export; else they are solved.",
+    help="transforms.json, cameras.json (3DGS's too), a COLMAP folder or Polycam's raw export; else they are solved.",
 )
 @click.option(
     "--robot",

@@ -126,11 +126,13 @@ def match_guided(
     names: Sequence[str],
     settings: CaptureSettings,
     progress: Progress,
+    plain: Pairs | None = None,
 ) -> Pairs:
     """The matches of overlapping pairs, looked for along the epipolar lines of known poses.
 
     Those of the other matcher are as they were in ``overlapping``, which ``confirming`` gave.
-    Captures that overlap with none are named in a warning.
+    Captures that overlap with none are named in a warning, those apart whose poses contradict many of the
+    ``plain`` matches.
     """
     pairs: Pairs = {}
     for (i, j), matches in progress.track(overlapping.items(), "Matching captures"):
@@ -141,7 +143,19 @@ def match_guided(
         beyond = matches[matches[:, 0] >= len(a.descriptors)]
         pairs[i, j] = np.concatenate([guided[near], beyond])
     alone = sorted(set(range(len(names))) - {index for pair in pairs for index in pair})
-    if alone:
+    contradicting = {
+        index: most
+        for index in alone
+        if (most := max((len(m) for pair, m in (plain or {}).items() if index in pair), default=0))
+        >= _CONTRADICTING_MATCHES
+    }
+    for index, most in contradicting.items():
+        progress.message(
+            f"{names[index]}: its pose contradicts what it shares with other captures ({most} matches with one "
+            "of them), so nothing seen only there can be measured",
+            level="warning",
+        )
+    if alone := [index for index in alone if index not in contradicting]:
         progress.message(
             f"{_listed(names[i] for i in alone)}: shares fewer than {settings.min_matches} matches "
             "with any other capture, so nothing seen only there can be measured",

@@ -26,6 +26,7 @@ from ..matching.xfeat import NAME, match_xfeat, runs
 from ..poses.colmap_model import camera_to_json, lens_from_json
 from ..poses.photographs import MIN_CAPTURES, Photograph
 from ..poses.plain_folder import plain_photographs
+from .solved_lenses import with_lenses_that_can_be_undone
 
 _MIN_REGISTERED_SHARE = 0.6
 # COLMAP's defaults ask for 100 inliers and 16 degrees of the first pair and 30 inliers of
@@ -83,7 +84,8 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
             raise
     matched_by = ""
     if wider and len(models[0] if models else ()) < len(paths):
-        # Not from the start: what SIFT solves alone, it solves more exactly.
+        # Not from the start: what SIFT solves alone, it solves more exactly. Where it does not, its
+        # matches are mistakes in part, and harm.
         further = match_xfeat(
             [_sized(path, settings) for path in paths],
             list(combinations(range(len(paths)), 2)),
@@ -92,15 +94,16 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
             "Solving camera poses: wide baselines",
             _LEAST_EXPECTED,
         )
-        if further is not None:
+        for beside in ("", " and SIFT"):
+            if further is None or not further.pairs or len(models[0] if models else ()) == len(paths):
+                break
             sure = {
-                pair: matches
-                for pair, matches in matched.pairs.items()
-                if pair in further.pairs or len(matches) >= _PLENTY
+                pair: found for pair, found in matched.pairs.items() if pair in further.pairs or len(found) >= _PLENTY
             }
-            again = _models(paths, sizes, Matched(features, sure).beside(further), settings, progress)
+            both = Matched(features, sure).beside(further) if beside else further
+            again = _models(paths, sizes, both, settings, progress)
             if len(again[0] if again else ()) > len(models[0] if models else ()):
-                models, matched_by = again, f", matched with SIFT, {NAME}"
+                models, matched_by = again, f", matched with {NAME}{beside}"
     best = models[0] if models else []
     registered = {image["index"] for image in best}
     fallen = [path.name for index, path in enumerate(paths) if index not in registered]
@@ -251,7 +254,8 @@ def _map(database: Path, output: Path, thresholds: tuple[int, float, int], min_m
     options.mapper.abs_pose_min_num_inliers = max(next_inliers, min_matches)
     pycolmap.set_random_seed(0)
     output.mkdir()
-    return list(pycolmap.incremental_mapping(database, output, output, options).values())
+    models = pycolmap.incremental_mapping(database, output, output, options)
+    return [with_lenses_that_can_be_undone(model) for model in models.values()]
 
 
 def _trustworthy(
