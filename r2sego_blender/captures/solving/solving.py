@@ -22,7 +22,7 @@ from ...workers.child import call_in_child
 from ..colmap import load_pycolmap
 from ..matching.features import Features, epipolar_errors, sift
 from ..matching.overlap import Matched, Pairs, load_matches, match_all, save_matches, write_database
-from ..matching.xfeat import NAME, match_xfeat, runs
+from ..matching.xfeat import LEAST_EXPECTED, NAME, match_xfeat, runs
 from ..poses.colmap_model import camera_to_json, lens_from_json
 from ..poses.photographs import MIN_CAPTURES, Photograph
 from ..poses.plain_folder import plain_photographs
@@ -43,10 +43,7 @@ _CLEARLY_LOWER = 0.75
 # Focal length, in longest sides, of a photograph without EXIF: a phone's main camera and
 # most compact cameras lie between 0.7 and 1; refined by the bundle adjustment.
 _FOCAL_GUESS = 0.85
-# Where a room repeats itself both matchers find pairs that overlap nowhere, and what they find there
-# fits together: up to 40 XFeat matches were expected to be right, and from 50 on of pairs that overlap.
-_LEAST_EXPECTED = 50.0
-_PLENTY = 100  # of SIFT's matches are no mistake
+_PLENTY = 100  # so many of SIFT's matches in a pair are no mistake
 _TIMEOUT_S = 3600.0
 _ADVICE = (
     "Take more photographs between those: walk sideways a step at a time, never turn on the spot, "
@@ -92,7 +89,7 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
             settings,
             progress,
             "Solving camera poses: wide baselines",
-            _LEAST_EXPECTED,
+            LEAST_EXPECTED,
         )
         for beside in ("", " and SIFT"):
             if further is None or not further.pairs or len(models[0] if models else ()) == len(paths):
