@@ -17,7 +17,7 @@ from .given_judgement import check_unit, judged
 from .importing import Imported
 from .matching.overlap import Pairs, confirming, match_all, match_guided, near_pairs
 from .solving.bundle_adjustment import adjusted, reprojection_errors
-from .sparse import USUAL_DEPTH_M, Detected, detect, triangulate_matches, usual_depth
+from .sparse import USUAL_DEPTH_M, Detected, beside_xfeat, detect, triangulate_matches, usual_depth
 from .sparse_points import SparsePoints
 
 # Matches are looked for this many standard deviations off the given epipolar lines.
@@ -49,14 +49,16 @@ def triangulate_refined(
         detected, plain = _matched(imported, settings, progress)
     captures = imported.captures
     names = [capture.name for capture in captures]
+    # Its mistakes agree with each other where a room repeats itself: no pose is judged by XFeat.
+    detected, wider = beside_xfeat(detected, plain, [capture.camera for capture in captures], settings, progress)
     cameras: Sequence[Camera] = [capture.camera for capture in captures]
     if settings.refine_poses != "never" and not imported.solved:
-        cameras, told = _refined(imported, detected, plain, settings, progress)
+        cameras, told = _refined(imported, detected, wider, settings, progress)
         if told:
             progress.message(told)
             captures = tuple(replace(c, camera=at) for c, at in zip(captures, cameras, strict=True))
             imported = replace(imported, captures=captures, source=f"{imported.source}; {told}")
-    confirmed = confirming(plain, detected.features, cameras, settings.max_error_px, settings)
+    confirmed = confirming(wider, detected.features, cameras, settings.max_error_px, settings)
     pairs = match_guided(confirmed, detected.features, cameras, names, settings, progress, plain)
     sparse = triangulate_matches(cameras, detected, pairs, settings.max_error_px, settings, progress)
     check_unit(imported, sparse, progress)
