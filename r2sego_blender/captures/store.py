@@ -13,6 +13,7 @@ from ..core.errors import CaptureError
 from ..core.images import save_image
 from ..core.json_files import write_json
 from .capture import Capture
+from .exposure import MOST_GAIN, Gain
 from .lenses.lens import Lens
 from .poses.colmap_model import save_colmap_model
 from .registered_views import CURE, damaged_entry, read_registered_views
@@ -22,7 +23,7 @@ from .sparse_points import SparsePoints
 def save_captures(folder: Path, captures: Sequence[Capture], sparse: SparsePoints | None = None) -> tuple[Capture, ...]:
     """Write world-frame captures, and their sparse points, under ``folder``.
 
-    ``images/*.png`` (undistorted, working size), ``cameras.json`` (docs/formats.md),
+    ``images/*.png`` (undistorted, working size, as exposed), ``cameras.json`` (docs/formats.md),
     ``sparse.npz`` and ``sparse/`` (COLMAP text model in the world frame). Returns the
     captures as ``load_captures`` would. The same captures give the same bytes.
     """
@@ -31,7 +32,7 @@ def save_captures(folder: Path, captures: Sequence[Capture], sparse: SparsePoint
     taken: set[str] = set()
     for capture in captures:
         path = folder / "images" / _file_name(capture.name, taken)
-        save_image(path, capture.image())
+        save_image(path, capture.as_taken())
         kept = replace(capture, image_path=path, straight=capture.lens is not None)
         stored.append(kept)
         entry = {"file": f"images/{path.name}", "name": kept.name} | kept.camera.to_json()
@@ -39,6 +40,10 @@ def save_captures(folder: Path, captures: Sequence[Capture], sparse: SparsePoint
             entry["photograph_lens"] = kept.lens.to_json()
         if kept.quarter_turns:
             entry["photograph_turns"] = kept.quarter_turns
+        if kept.gain is not None:
+            entry["exposure_gain"] = list(kept.gain)
+        if kept.weight != 1.0:
+            entry["weight"] = kept.weight
         listed.append(entry)
     data = {"about": "Captures in the world frame: metres, z up, floor at z = 0.", "metric": True}
     write_json(folder / "cameras.json", data | {"captures": listed})
@@ -61,13 +66,26 @@ def load_captures(folder: Path) -> tuple[Capture, ...]:
             turns = int(entry.get("photograph_turns", 0))
             if turns not in range(4):
                 raise ValueError(f"it is turned {turns} times")
+            gain = _gain(entry["exposure_gain"]) if "exposure_gain" in entry else None
+            weight = float(entry.get("weight", 1.0))
+            if not 0.0 < weight <= 1.0:
+                raise ValueError(f"its weight is {weight}")
             is_there = view.image_path.is_file()
         except (LookupError, TypeError, ValueError, AttributeError, OSError) as error:
             raise damaged_entry(folder / "cameras.json", index, error) from error
         if not is_there:
             raise CaptureError("the capture's image is missing", where=view.image_path, cure=CURE)
-        captures.append(Capture(view.name, view.image_path, view.camera, lens, lens is not None, quarter_turns=turns))
+        captures.append(
+            Capture(view.name, view.image_path, view.camera, lens, lens is not None, None, turns, gain, weight)
+        )
     return tuple(captures)
+
+
+def _gain(values: Sequence[float]) -> Gain:
+    red, green, blue = map(float, values)
+    if not all(1.0 / MOST_GAIN <= one <= MOST_GAIN for one in (red, green, blue)):
+        raise ValueError(f"its exposure gain is {values}")
+    return red, green, blue
 
 
 def _file_name(name: str, taken: set[str]) -> str:

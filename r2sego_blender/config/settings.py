@@ -33,6 +33,11 @@ class CaptureSettings:
         "Whether given poses are adjusted to the photographs: where that clearly makes them agree.",
         choices=("auto", "always", "never"),
     )
+    correct_exposure: str = setting(
+        "auto",
+        "Whether captures are brought to one exposure and white balance: where those clearly differ.",
+        choices=("auto", "never"),
+    )
     pose_sigma_m: float = setting(0.01, "Standard deviation of given positions, each axis.", 0.0001, 1.0)
     pose_sigma_deg: float = setting(0.3, "Standard deviation of given rotations, each axis.", 0.001, 10.0)
 

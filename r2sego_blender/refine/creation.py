@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from ..bundle.creating import create_bundle, require_place
 from ..bundle.declaration import Declaration
 from ..bundle.layout import GROUND_PICTURES
 from ..bundle.scene import Scene
+from ..captures.blur import relative_sharpness, weights_of
+from ..captures.capture import Capture
+from ..captures.exposure import exposure_gains_of
 from ..captures.frame.ground_picture import save_ground_pictures
 from ..captures.frame.lifting import in_photograph
 from ..captures.frame.scale import KNOWN_LENGTH, Scale, require_marker
@@ -20,6 +24,7 @@ from ..captures.pose_adjustment import triangulate_refined
 from ..captures.poses.dropped_files import VIDEOS
 from ..captures.poses.registry import find_export
 from ..captures.sensors.sensor_depth import SensorDepth
+from ..captures.sparse_points import SparsePoints
 from ..captures.store import save_captures
 from ..config.settings import CaptureSettings
 from ..core.errors import CaptureError
@@ -101,6 +106,7 @@ def _create_scene(
     imported = import_captures(captures, poses, settings, progress, names)
     progress.message(f"{len(imported.captures)} captures: {imported.source}")
     imported, sparse = triangulate_refined(imported, settings, progress)
+    imported = replace(imported, captures=_evened(imported.captures, sparse, settings, progress))
     registration = register(imported, sparse, scale, settings, progress)
     world_from_capture = registration.world_from_capture
     declaration = Declaration(
@@ -121,6 +127,24 @@ def _create_scene(
         save_ground_pictures(folder / GROUND_PICTURES, stored)
 
     return create_bundle(path, declaration, fill)
+
+
+def _evened(
+    captures: Sequence[Capture], sparse: SparsePoints, settings: CaptureSettings, progress: Progress
+) -> tuple[Capture, ...]:
+    """The captures with their gains and weights, of which those of one exposure, equally sharp, have none."""
+    is_wanted = settings.correct_exposure == "auto"
+    gains = exposure_gains_of(captures, sparse) if is_wanted else [None] * len(captures)
+    if given := [gain for gain in gains if gain is not None]:
+        factor = max(max(channel) / min(channel) for channel in zip(*given, strict=True))
+        progress.message(
+            f"the captures' exposures differ by up to a factor of {factor:.2f}: each is brought to their mean"
+        )
+    weights = weights_of([capture.name for capture in captures], relative_sharpness(captures, sparse), progress)
+    return tuple(
+        replace(capture, gain=gain, weight=weight)
+        for capture, gain, weight in zip(captures, gains, weights, strict=True)
+    )
 
 
 def _look_over(scale: Scale, folder: Path, solved: bool) -> None:

@@ -39,7 +39,7 @@ def likeness(greys: Sequence[np.ndarray]) -> np.ndarray:
 
     ``greys`` are (H, W) uint8. 0 on the diagonal, and where no two-view geometry is found.
     """
-    detector = cv2.ORB_create(_FEATURES, fastThreshold=10)
+    detector = cv2.ORB.create(_FEATURES, fastThreshold=10)
     found = []
     for grey in greys:
         points, descriptors = detector.detectAndCompute(grey, None)

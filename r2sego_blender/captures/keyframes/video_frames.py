@@ -111,7 +111,7 @@ def save_in_child(request: dict[str, Any]) -> dict[str, Any]:
 
 
 class _Frame(NamedTuple):
-    """A frame: its time in seconds, the share of the video that is decoded with it, and its image once it is asked for."""
+    """A frame: its time in seconds, the share of the video that ends with it, and its image, once it is asked for."""
 
     time_s: float
     share: float
