@@ -45,7 +45,7 @@ def exposure_gains_of(captures: Sequence[Capture], sparse: SparsePoints) -> list
         return [None] * len(captures)
     fits = [_fitted(np.where(known, logs[..., channel], 0.0), known) for channel in range(3)]
     exposures = np.stack([exposure - exposure[enough].mean() for exposure, _, _ in fits], axis=1)
-    before, after = (np.mean([fit[which] for fit in fits]) for which in (1, 2))
+    before, after = np.mean([[before, after] for _, before, after in fits], axis=0)
     sigma = after / np.sqrt(np.maximum(counts, 1))
     clear = np.abs(exposures).max(axis=1) > np.maximum(_CLEAR, _CLEAR_SIGMAS * sigma)
     if after > _EXPLAINED * before or not (clear & enough).any():

@@ -42,7 +42,7 @@ def likeness(greys: Sequence[np.ndarray]) -> np.ndarray:
     detector = cv2.ORB.create(_FEATURES, fastThreshold=10)
     found = []
     for grey in greys:
-        points, descriptors = detector.detectAndCompute(grey, None)
+        points, descriptors = detector.detectAndCompute(grey, None)  # type: ignore[call-overload]  # whose types know no None
         pixels = np.array([point.pt for point in points], np.float32).reshape(-1, 2)
         found.append((pixels, descriptors))
     alike = np.zeros((len(greys), len(greys)))

@@ -173,12 +173,12 @@ def _motion(before: np.ndarray, after: np.ndarray) -> float:
     corners = cv2.goodFeaturesToTrack(before, _CORNERS, 0.01, 6)
     if corners is None or len(corners) < _FEWEST_CORNERS:
         return float("nan")
-    moved, followed, _ = cv2.calcOpticalFlowPyrLK(before, after, corners, None)
+    moved, followed, _ = cv2.calcOpticalFlowPyrLK(before, after, corners, None)  # type: ignore[call-overload]  # whose types know no None
     kept = followed.ravel() == 1
     if kept.sum() < _FEWEST_CORNERS:
         return float("nan")
     ways = np.linalg.norm((moved - corners).reshape(-1, 2)[kept], axis=1)
-    return float(np.median(ways) / np.hypot(*after.shape))
+    return float(np.median(ways) / np.hypot(after.shape[0], after.shape[1]))
 
 
 def _unread(video: str) -> CaptureError:
