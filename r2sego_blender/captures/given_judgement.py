@@ -22,10 +22,16 @@ from .solving.conventions import fitting_convention, focal_factor, zoomed
 from .solving.intersections import intersections
 from .solving.lens_judgement import LensVerdict, judged_lenses, lens_groups
 from .solving.pose_agreement import Contradiction, contradictions
-from .sparse import USUAL_DEPTH_M, Detected
+from .sparse import USUAL_DEPTH_M, Detected, usual_depth
+from .sparse_points import SparsePoints
 
 # Photographs with fewer matches than this among their neighbours are matched against all: their poses may lie.
 _FEW_MATCHES = 60
+# From captures to what they see, of anything that is a room; units that poses come in instead.
+_DEPTHS_M = (0.1, 100.0)
+_UNITS_M = {"millimetres": 1e-3, "centimetres": 1e-2, "metres": 1.0}
+# A focal length that comes with other terms is told from this share of it on.
+_TOLD_FOCAL = 0.002
 # How far a lens is corrected: factors of the focal length, shares of the longest side, and of a radius.
 _FOCAL_BOUNDS, _CENTRE_BOUND, _RADIAL_BOUND = (0.7, 1.43), 0.12, 0.5
 
@@ -65,6 +71,20 @@ def judged(
         if verdict is not None and (changed := _through(verdict, imported, wrong, progress)) is not None:
             return changed
     return _relocated(imported, wrong, settings, progress) if wrong else imported
+
+
+def check_unit(imported: Imported, sparse: SparsePoints, progress: Progress) -> None:
+    """Warn where poses said to be in metres put what the captures see nowhere near a room's distances."""
+    depth = usual_depth(imported.captures, sparse)
+    if not imported.metric or _DEPTHS_M[0] <= depth <= _DEPTHS_M[1]:
+        return
+    name, unit_m = min(_UNITS_M.items(), key=lambda unit: abs(np.log(depth * unit[1] / USUAL_DEPTH_M)))
+    like = f"they look to be in {name}" if unit_m < 1.0 and depth > 1.0 else "they look to be in no unit of length"
+    progress.message(
+        f"the poses are said to be in metres, and what the photographs see would be {depth:.3g} m away: {like}. "
+        "Convert them, or say that they are not metric (docs/formats.md) and give a scale.",
+        level="warning",
+    )
 
 
 def _widened(plain: Pairs, detected: Detected, settings: CaptureSettings, progress: Progress) -> Pairs:
@@ -167,7 +187,7 @@ def _told(capture: Capture, terms: np.ndarray) -> str:
     lens, camera = photograph_lens(capture), capture.camera
     scale = lens.fx / camera.fx
     parts = []
-    if terms[0]:
+    if abs(terms[0]) >= _TOLD_FOCAL or not terms[1:].any():
         parts.append(f"focal {lens.fx:.0f} -> {lens.fx * np.exp(terms[0]):.0f} px")
     if terms[1:3].any():
         found = camera.fx * scale * terms[1:3]

@@ -13,7 +13,7 @@ import numpy as np
 from ..config.settings import CaptureSettings
 from ..core.cameras import Camera, rotation_angle_rad
 from ..core.progress import SILENT, Progress
-from .given_judgement import judged
+from .given_judgement import check_unit, judged
 from .importing import Imported
 from .matching.overlap import Pairs, confirming, match_all, match_guided, near_pairs
 from .solving.bundle_adjustment import adjusted, reprojection_errors
@@ -61,6 +61,7 @@ def triangulate_refined(
     confirmed = confirming(wider, detected.features, cameras, settings.max_error_px, settings)
     pairs = match_guided(confirmed, detected.features, cameras, names, settings, progress, plain)
     sparse = triangulate_matches(cameras, detected, pairs, settings.max_error_px, settings, progress)
+    check_unit(imported, sparse, progress)
     return imported, sparse
 
 

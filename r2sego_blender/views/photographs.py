@@ -62,7 +62,7 @@ def advice(lacking: float, photographs: Sequence[PhotographToTake]) -> str:
     """One sentence: what the captures lack, a share in [0, 1], and the next photographs to take; "" for none."""
     if not photographs:
         return ""
-    return f"no photograph shows {lacking:.0%} of what the asset lacks in the robot's views well: {places(photographs)}"
+    return f"of what the asset lacks in the robot's views no photograph shows {lacking:.0%} well: {places(photographs)}"
 
 
 def places(photographs: Sequence[PhotographToTake]) -> str:

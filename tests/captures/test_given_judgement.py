@@ -129,3 +129,12 @@ def test_poses_of_another_convention_are_refused_by_name(room_captures, read, wo
     with pytest.raises(CaptureError) as refusal:
         triangulate_refined(_imported(given), SETTINGS)
     assert word in str(refusal.value.cure)
+
+
+@pytest.mark.parametrize(("unit", "word"), [(1000.0, "millimetres"), (100.0, "centimetres"), (1.0, None)])
+def test_metres_that_are_none_are_told(room_captures, messages, unit, word):
+    stretch = np.diag([unit, unit, unit, 1.0])
+    given = _imported([capture.transformed(stretch) for capture in room_captures])
+    triangulate_refined(given, SETTINGS, messages)
+    assert [word in warning for warning in messages.warnings if word] == [True] * bool(word)
+    assert word is not None or not messages.warnings

@@ -29,7 +29,10 @@ def verified(plain: Pairs, features: Sequence[Features], min_matches: int) -> Pa
         if len(matches) < max(min_matches, _FEWEST):
             continue
         a, b = (features[k].keypoints[matches[:, side]].astype(np.float64) for side, k in enumerate((i, j)))
-        _, agree = cv2.findFundamentalMat(a, b, cv2.USAC_MAGSAC, _ERROR_PX, _CONFIDENCE, _MOST_TRIALS)
+        try:
+            _, agree = cv2.findFundamentalMat(a, b, cv2.USAC_MAGSAC, _ERROR_PX, _CONFIDENCE, _MOST_TRIALS)
+        except cv2.error:  # its assertion that a model was found
+            continue
         kept = matches[agree.ravel().astype(bool)] if agree is not None else matches[:0]
         if len(kept) >= min_matches:
             pairs[i, j] = kept

@@ -43,6 +43,8 @@ _CLEARLY_LOWER = 0.75
 # Focal length, in longest sides, of a photograph without EXIF: a phone's main camera and
 # most compact cameras lie between 0.7 and 1; refined by the bundle adjustment.
 _FOCAL_GUESS = 0.85
+# EXIF rounds focal lengths, and a solved one is as good: more than this tells another picture.
+_EXIF_AGREES = 0.1
 _PLENTY = 100  # so many of SIFT's matches in a pair are no mistake
 _TIMEOUT_S = 3600.0
 _ADVICE = (
@@ -120,6 +122,7 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
         lens = lens_from_json(image["camera"], str(path))
         pose = np.linalg.inv(np.vstack([image["camera_from_world"], [0.0, 0.0, 0.0, 1.0]]))
         photographs.append(Photograph(path.name, path, lens, pose, str(path)))
+    _tell_other_pictures(photographs, progress)
     return photographs, f"structure from motion, {count}{matched_by}"
 
 
@@ -156,6 +159,17 @@ def _models(
         found = call_in_child(solve_in_child, request, timeout_s=_TIMEOUT_S)
         task.advance()
     return sorted(found["models"], key=len, reverse=True)
+
+
+def _tell_other_pictures(photographs: Sequence[Photograph], progress: Progress) -> None:
+    """Say of which photographs EXIF tells the focal length of another picture, as of one before it was cropped."""
+    told: dict[str, list[str]] = {}
+    for one in photographs:
+        relative, found = focal_of_exif(str(one.path)), one.lens.fx / max(one.lens.width, one.lens.height)
+        if relative is not None and abs(np.log(found / relative)) > _EXIF_AGREES:
+            told.setdefault(f"{relative:.2f} of the longest side, the photographs {found:.2f}", []).append(one.name)
+    for words, names in told.items():
+        progress.message(f"{', '.join(names)}: EXIF says a focal length of {words}, which was taken: cropped pictures?")
 
 
 def solve_in_child(request: dict[str, Any]) -> dict[str, Any]:
