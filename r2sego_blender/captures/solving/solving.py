@@ -117,10 +117,10 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
     if fallen:
         progress.message(f"{count} registered; left out: {', '.join(fallen)}. {_ADVICE}", level="warning")
     photographs = []
-    for image in sorted(best, key=lambda image: image["index"]):
-        path = paths[image["index"]]
-        lens = lens_from_json(image["camera"], str(path))
-        pose = np.linalg.inv(np.vstack([image["camera_from_world"], [0.0, 0.0, 0.0, 1.0]]))
+    for solved in sorted(best, key=lambda one: one["index"]):
+        path = paths[solved["index"]]
+        lens = lens_from_json(solved["camera"], str(path))
+        pose = np.linalg.inv(np.vstack([solved["camera_from_world"], [0.0, 0.0, 0.0, 1.0]]))
         photographs.append(Photograph(path.name, path, lens, pose, str(path)))
     _tell_other_pictures(photographs, progress)
     return photographs, f"structure from motion, {count}{matched_by}"
