@@ -79,10 +79,10 @@ def test_pictures_without_anything_to_match_have_no_matches():
     assert [len(features.descriptors) for features in found.features] == [0, 0, 0]
 
 
-def test_without_the_packages_there_are_no_matches_and_a_warning(monkeypatch, messages):
+def test_without_the_packages_there_are_no_matches_and_it_is_said(monkeypatch, messages):
     monkeypatch.setattr(xfeat, "_PACKAGES", ("no_such_package",))
     assert xfeat.match_xfeat([], [], SETTINGS, messages) is None
-    assert len(messages.warnings) == 1
+    assert [level for level, _ in messages.messages] == ["info"]
 
 
 def test_two_matchers_stand_beside_each_other_and_are_confirmed_each_by_itself():
