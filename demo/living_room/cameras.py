@@ -39,7 +39,7 @@ def captures() -> list[View]:
         (1.56, -1.46, 1.56, 128.0, 14.0),
         (1.90, -0.98, 1.55, 152.0, 15.0),
     )
-    return [View(f"capture_{i:02d}", _upright(*stop)) for i, stop in enumerate(walk)]
+    return [View(f"capture_{i:02d}", upright(*stop)) for i, stop in enumerate(walk)]
 
 
 def frozen_views() -> list[View]:
@@ -65,10 +65,10 @@ def frozen_views() -> list[View]:
         (0.45, -0.95, 1.28, 150.0, 28.0),
     )
     stops = towards_the_sofa + far_from_the_captures
-    return [View(f"frozen_{i:02d}", _upright(*stop)) for i, stop in enumerate(stops)]
+    return [View(f"frozen_{i:02d}", upright(*stop)) for i, stop in enumerate(stops)]
 
 
-def _upright(x: float, y: float, z: float, heading_deg: float, down_deg: float) -> np.ndarray:
+def upright(x: float, y: float, z: float, heading_deg: float, down_deg: float) -> np.ndarray:
     """The pose of a camera without roll."""
     heading, down = radians(heading_deg), radians(down_deg)
     forward = np.array([cos(heading) * cos(down), sin(heading) * cos(down), -sin(down)])

@@ -5,6 +5,7 @@ from pathlib import Path
 import bpy
 from bpy.props import EnumProperty, FloatProperty, StringProperty
 
+from ...r2sego_blender.captures.poses.dropped_files import VIDEOS
 from ...r2sego_blender.core.errors import CaptureError, SceneError
 from ...r2sego_blender.results.panels.bundle import SUFFIX, Bundle
 from ...r2sego_blender.results.panels.scene_choices import robot_choices, scope_choices
@@ -19,7 +20,7 @@ def _matching(choices):
 
 
 class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
-    """Make a scene bundle from a folder of photographs"""
+    """Make a scene bundle from a folder of photographs or a video"""
 
     bl_idname = "r2sego.new_scene"
     bl_label = "New Scene"
@@ -31,8 +32,8 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
     filter_glob: StringProperty(default=f"*{SUFFIX}", options={"HIDDEN"})
     captures: StringProperty(
         name="Photographs",
-        description="Folder of photographs of the room, three at least",
-        subtype="DIR_PATH",
+        description="Folder of photographs of the room, three at least, or a video of a walk through it",
+        subtype="FILE_PATH",
         options={"SKIP_SAVE"},
     )
     poses: StringProperty(
@@ -115,7 +116,7 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
 
     def arguments(self, context):
         if not self.captures:
-            raise CaptureError("no folder of photographs is chosen", cure="Choose one in the side bar.")
+            raise CaptureError("no folder of photographs and no video is chosen", cure="Choose one in the side bar.")
         command = [
             "new",
             str(self._bundle_path()),
@@ -147,9 +148,9 @@ class R2SEGO_OT_new_scene(EngineOperator, bpy.types.Operator):
         return f"Made {bundle.path.name}: {result.get('scale', '')}{show_room(context.scene, bundle)}"
 
     def _photographs(self):
-        """The folder that is chosen, or that of a photograph that is."""
+        """The folder or the video that is chosen, or the folder of a photograph that is."""
         path = Path(bpy.path.abspath(self.captures))
-        return path.parent if path.is_file() else path
+        return path.parent if path.is_file() and path.suffix.lower() not in VIDEOS else path
 
     def _bundle_path(self):
         if not self.filepath:

@@ -1,18 +1,18 @@
-"""Begin a new scene with dropped photographs or poses."""
+"""Begin a new scene with dropped photographs, a video or poses."""
 
 from pathlib import Path
 
 import bpy
 from bpy.props import CollectionProperty, StringProperty
 
-from ...r2sego_blender.captures.poses.dropped_files import PHOTOGRAPHS, capture_files
+from ...r2sego_blender.captures.poses.dropped_files import PHOTOGRAPHS, VIDEOS, capture_files
 from ...r2sego_blender.core.errors import R2SEgoError
 from ...r2sego_blender.results.panels.bundle import SUFFIX
 from ..base import needs_idle_engine, needs_own_scene, told
 
 
 class R2SEGO_OT_new_scene_from_files(bpy.types.Operator):
-    """Make a scene bundle from photographs, transforms.json, cameras.json or a COLMAP model"""
+    """Make a scene bundle from photographs, a video, transforms.json, cameras.json or a COLMAP model"""
 
     bl_idname = "r2sego.new_scene_from_files"
     bl_label = "New Scene from Files"
@@ -26,7 +26,7 @@ class R2SEGO_OT_new_scene_from_files(bpy.types.Operator):
     )
     files: CollectionProperty(
         name="Files",
-        description="Photographs or poses in that folder; none = the folder itself",
+        description="Photographs, a video or poses in that folder; none = the folder itself",
         type=bpy.types.OperatorFileListElement,
         options={"SKIP_SAVE", "HIDDEN"},
     )
@@ -69,12 +69,12 @@ class R2SEGO_OT_new_scene_from_files(bpy.types.Operator):
 
 
 class R2SEGO_FH_captures(bpy.types.FileHandler):
-    """Photographs or poses, dropped into the 3D view, begin a new scene"""
+    """Photographs, a video or poses, dropped into the 3D view, begin a new scene"""
 
     bl_idname = "R2SEGO_FH_captures"
     bl_label = "R2S-EGO Captures"
     bl_import_operator = R2SEGO_OT_new_scene_from_files.bl_idname
-    bl_file_extensions = ";".join((*PHOTOGRAPHS, ".json", ".bin", ".txt"))
+    bl_file_extensions = ";".join((*PHOTOGRAPHS, *VIDEOS, ".json", ".bin", ".txt"))
 
     @classmethod
     def poll_drop(cls, context):

@@ -36,7 +36,8 @@ class Declaration:
     ``world_from_capture`` is the (4, 4) similarity, row by row, that took the frame of the
     given poses to the world; ``scale_source`` and ``ground`` say how it was found. Where a
     setting chooses the backend of a slot, ``backends`` follows it; ``overrides`` are by the
-    settings' present names. ``scope`` is a shipped scope's
+    settings' present names. ``captures_chosen`` lists the frames that were taken of a video, with their
+    times. ``scope`` is a shipped scope's
     name or the whole path of a file; one inside the bundle is written relative to it.
     """
 
@@ -50,6 +51,7 @@ class Declaration:
     preset: str = "paper"
     overrides: Mapping[str, Any] = field(default_factory=dict)
     backends: Mapping[str, str] = field(default_factory=lambda: dict(BACKENDS))
+    captures_chosen: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "overrides", present_keys(self.overrides))
@@ -70,6 +72,7 @@ class Declaration:
 @dataclass(frozen=True)
 class _Captures:
     source: str
+    chosen: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -129,6 +132,7 @@ def read_declaration(path: Path) -> Declaration:
     try:
         return Declaration(
             captures_source=declared.captures.source,
+            captures_chosen=declared.captures.chosen,
             world_from_capture=declared.registration.world_from_capture,
             ground=declared.registration.ground,
             scale_source=declared.registration.scale_source,
@@ -193,7 +197,8 @@ def write_declaration(file: Path, declaration: Declaration) -> None:
 
     data = {
         "format": FORMAT,
-        "captures": {"source": declaration.captures_source},
+        "captures": {"source": declaration.captures_source}
+        | ({"chosen": list(declaration.captures_chosen)} if declaration.captures_chosen else {}),
         "registration": {
             "ground": declaration.ground,
             "scale_source": declaration.scale_source,

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core.cameras import Camera
+from ..core.colours import linear_from_srgb, srgb_from_linear
 from ..core.images import load_image, resize
 from .lenses.lens import Lens
 
@@ -22,6 +23,9 @@ class Capture:
     is already free of the distortion. ``mask_path`` is an image that says which of its pixels
     count, if there is one. ``quarter_turns`` clockwise set the pixels as taken upright.
     ``given_lens`` is what was given where the photographs said another, which the camera has.
+    ``gain``, factors of red, green and blue in linear light, bring it to the exposure of all
+    captures; None: as it is. ``weight`` in (0, 1] is how much it counts in blending and training:
+    less than 1 where it is blurred.
     """
 
     name: str
@@ -32,9 +36,18 @@ class Capture:
     mask_path: Path | None = None
     quarter_turns: int = 0
     given_lens: Lens | None = None
+    gain: tuple[float, float, float] | None = None
+    weight: float = 1.0
 
     def image(self) -> np.ndarray:
-        """The undistorted photograph at its camera's size, (H, W, 3) float32 in [0, 1]."""
+        """The undistorted photograph at its camera's size and its ``gain``, (H, W, 3) float32 in [0, 1]."""
+        image = self.as_taken()
+        if self.gain is None:
+            return image
+        return srgb_from_linear(linear_from_srgb(image) * np.array(self.gain, np.float32))
+
+    def as_taken(self) -> np.ndarray:
+        """As ``image``, at the exposure of the photograph."""
         return self.seen(load_image(self.image_path))
 
     def seen(self, photograph: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,12 +38,13 @@ class Imported:
 
 
 def import_captures(
-    folder: Path, poses: Path | None, settings: CaptureSettings, progress: Progress = SILENT
+    folder: Path, poses: Path | None, settings: CaptureSettings, progress: Progress = SILENT, names: Sequence[str] = ()
 ) -> Imported:
     """The photographs in ``folder`` as undistorted captures.
 
     ``poses`` are of any kind in ``poses.formats``, a file or a folder (docs/formats.md), or None: then
-    ``folder`` is an export with poses of its own, or they are solved from the photographs alone.
+    ``folder`` is an export with poses of its own, or they are solved from the photographs alone: from
+    those of ``names``, else from ``settings.max_keyframes`` that are chosen where there are more.
     Photographs are not copied: a capture undistorts and scales its file when it is read. Raises
     CaptureError naming the file, the field and the cure.
     """
@@ -50,8 +52,12 @@ def import_captures(
     if not folder.is_dir():
         raise CaptureError("there is no such folder", where=folder, cure="Give a folder of photographs.")
     found = find_export(folder) if poses is None else find_poses(Path(poses))
+    if found is not None and names:
+        raise CaptureError(
+            "all photographs that have poses are taken", where=found[1], cure="Take --frames away, or the poses."
+        )
     if found is None:
-        posed = Posed(*solve_poses(folder, settings, progress))
+        posed = Posed(*solve_poses(folder, settings, progress, names))
     else:
         record, poses = found
         posed = record.read(poses, folder, settings, progress)

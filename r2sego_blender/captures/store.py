@@ -14,6 +14,7 @@ from ..core.errors import CaptureError
 from ..core.images import save_image
 from ..core.json_files import write_json
 from .capture import Capture
+from .exposure import MOST_GAIN, Gain
 from .lenses.lens import Lens
 from .poses.colmap_model import save_colmap_model
 from .registered_views import CURE, damaged_entry, read_registered_views
@@ -29,7 +30,7 @@ def save_captures(
 ) -> tuple[Capture, ...]:
     """Write world-frame captures, their sparse points and what a sensor ``measured``, under ``folder``.
 
-    ``images/*.png`` (undistorted, working size), ``cameras.json`` (docs/formats.md),
+    ``images/*.png`` (undistorted, working size, as exposed), ``cameras.json`` (docs/formats.md),
     ``sparse.npz`` and ``sparse/`` (COLMAP text model in the world frame), ``depth/*.npz`` of those
     captures whose names have a map. Returns the
     captures as ``load_captures`` would. The same captures give the same bytes.
@@ -39,7 +40,7 @@ def save_captures(
     taken: set[str] = set()
     for capture in captures:
         path = folder / "images" / _file_name(capture.name, taken)
-        save_image(path, capture.image())
+        save_image(path, capture.as_taken())
         kept = replace(capture, image_path=path, straight=capture.lens is not None)
         stored.append(kept)
         entry = {"file": f"images/{path.name}", "name": kept.name} | kept.camera.to_json()
@@ -49,6 +50,10 @@ def save_captures(
             entry["given_lens"] = kept.given_lens.to_json()
         if kept.quarter_turns:
             entry["photograph_turns"] = kept.quarter_turns
+        if kept.gain is not None:
+            entry["exposure_gain"] = list(kept.gain)
+        if kept.weight != 1.0:
+            entry["weight"] = kept.weight
         listed.append(entry)
     data = {"about": "Captures in the world frame: metres, z up, floor at z = 0.", "metric": True}
     write_json(folder / "cameras.json", data | {"captures": listed})
@@ -79,6 +84,10 @@ def load_captures(folder: Path) -> tuple[Capture, ...]:
             turns = int(entry.get("photograph_turns", 0))
             if turns not in range(4):
                 raise ValueError(f"it is turned {turns} times")
+            gain = _gain(entry["exposure_gain"]) if "exposure_gain" in entry else None
+            weight = float(entry.get("weight", 1.0))
+            if not 0.0 < weight <= 1.0:
+                raise ValueError(f"its weight is {weight}")
             is_there = view.image_path.is_file()
         except (LookupError, TypeError, ValueError, AttributeError, OSError) as error:
             raise damaged_entry(folder / "cameras.json", index, error) from error
@@ -86,10 +95,25 @@ def load_captures(folder: Path) -> tuple[Capture, ...]:
             raise CaptureError("the capture's image is missing", where=view.image_path, cure=CURE)
         captures.append(
             Capture(
-                view.name, view.image_path, view.camera, lens, lens is not None, quarter_turns=turns, given_lens=given
+                view.name,
+                view.image_path,
+                view.camera,
+                lens,
+                lens is not None,
+                quarter_turns=turns,
+                given_lens=given,
+                gain=gain,
+                weight=weight,
             )
         )
     return tuple(captures)
+
+
+def _gain(values: Sequence[float]) -> Gain:
+    red, green, blue = map(float, values)
+    if not all(1.0 / MOST_GAIN <= one <= MOST_GAIN for one in (red, green, blue)):
+        raise ValueError(f"its exposure gain is {values}")
+    return red, green, blue
 
 
 def _file_name(name: str, taken: set[str]) -> str:

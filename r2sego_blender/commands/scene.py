@@ -12,12 +12,27 @@ from ..bundle.reading import read_beside_jobs
 from ..bundle.scene import Scene
 from ..config.presets import PRESETS, with_overrides
 from ..core.atomic_files import is_replacing
-from .options import ANY_PATH, FOLDER, Output, output_options, overrides_of, scale_of, scale_options, settings_option
+from .options import ANY_PATH, Output, output_options, overrides_of, scale_of, scale_options, settings_option
 
 
 @click.command()
 @click.argument("scene", type=ANY_PATH)
-@click.option("--captures", required=True, type=FOLDER, help="Folder of photographs, three at least.")
+@click.option(
+    "--captures", required=True, type=ANY_PATH, help="Folder of photographs, three at least, or a video of a walk."
+)
+@click.option(
+    "--keyframes",
+    type=int,
+    metavar="N",
+    help="Photographs to take of a video, or of a folder without poses that has more. Short for "
+    "--set captures.max_keyframes=N.",
+)
+@click.option(
+    "--frames",
+    metavar="A,B,...",
+    help="Those to take in place of the chosen ones: frames of the video by their numbers, or photographs by "
+    "their names.",
+)
 @click.option(
     "--poses",
     type=ANY_PATH,
@@ -41,6 +56,8 @@ from .options import ANY_PATH, FOLDER, Output, output_options, overrides_of, sca
 def new(
     scene: Path,
     captures: Path,
+    keyframes: int | None,
+    frames: str | None,
     poses: Path | None,
     robot: str,
     scope: str,
@@ -48,7 +65,7 @@ def new(
     output: Output,
     **given: Any,
 ) -> None:
-    """Make the bundle SCENE from photographs.
+    """Make the bundle SCENE from photographs or a video.
 
     SCENE is a new folder, by custom of a name in .r2s. Without an option for the scale, poses in metres
     count as they are, and otherwise the cameras are taken to be 1.5 m above the floor. Pixels are those
@@ -58,9 +75,10 @@ def new(
     from ..refine.creation import create_scene
 
     scale = scale_of(**given, robot=robot, scope=scope, command="new") or Scale.automatic()
-    changes = overrides_of(overrides)
+    changes = overrides_of(overrides) | ({} if keyframes is None else {"captures.max_keyframes": keyframes})
     settings = with_overrides(changes).captures
-    made = create_scene(scene, captures, poses, robot, scope, scale, settings, output.progress)
+    taken = [name.strip() for name in (frames or "").split(",") if name.strip()]
+    made = create_scene(scene, captures, poses, robot, scope, scale, settings, output.progress, taken)
     made = made.declare(overrides=changes) if changes else made
     output.tell(scene=str(made.path), ground=made.declaration.ground, scale=made.declaration.scale_source)
 

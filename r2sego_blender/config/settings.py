@@ -31,13 +31,18 @@ class CaptureSettings:
     max_error_px: float = setting(2.0, "Pixels a match may lie off its epipolar line.", 0.2, 20.0)
     solve_max_side_px: int = setting(1600, "Longest side at which photographs without poses are solved.", 200, 8192)
     max_keyframes: int = setting(
-        40, "Photographs taken of a scan that has hundreds, the sharpest of neighbours.", 3, 100000
+        40, "Photographs taken of a video, or of a scan or a folder that has more: sharp ones.", 3, 100000
     )
     floor_tolerance_m: float = setting(0.03, "Points this near belong to the floor.", 0.002, 0.5)
     refine_poses: str = setting(
         "auto",
         "Whether given poses are adjusted to the photographs: where that clearly makes them agree.",
         choices=("auto", "always", "never"),
+    )
+    correct_exposure: str = setting(
+        "auto",
+        "Whether captures are brought to one exposure and white balance: where those clearly differ.",
+        choices=("auto", "never"),
     )
     pose_sigma_m: float = setting(0.01, "Standard deviation of given positions, each axis.", 0.0001, 1.0)
     pose_sigma_deg: float = setting(0.3, "Standard deviation of given rotations, each axis.", 0.001, 10.0)

@@ -237,13 +237,13 @@ class CaptureSteps:
     def _lifted(self, captures: Captures, depths: Iterable[np.ndarray]) -> list[DepthView]:
         """The captures with a depth (H, W) in metres each, to be lifted to splats."""
         return [
-            self._depth_view(capture.camera, depth, capture.image())
+            self._depth_view(capture.camera, depth, capture.image(), capture.weight)
             for capture, depth in zip(captures, depths, strict=True)
         ]
 
-    def _depth_view(self, camera: Camera, depth: np.ndarray, image: np.ndarray) -> DepthView:
+    def _depth_view(self, camera: Camera, depth: np.ndarray, image: np.ndarray, weight: float = 1.0) -> DepthView:
         share = self.h.training.detailed_share
-        return DepthView(camera, depth, image, self._stride_px, detailed_share=share)
+        return DepthView(camera, depth, image, self._stride_px, detailed_share=share, weight=weight)
 
     def _make(
         self, made: Artifact[Held], compute: Callable[..., Any], *takes: Artifact[Any], **known: Any

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +13,19 @@ from ..bundle.creating import create_bundle, require_place
 from ..bundle.declaration import Declaration
 from ..bundle.layout import GROUND_PICTURES
 from ..bundle.scene import Scene
+from ..captures.blur import relative_sharpness, weights_of
 from ..captures.capture import Capture
+from ..captures.exposure import exposure_gains_of
 from ..captures.frame.depth_scale import depth_scale
 from ..captures.frame.ground_picture import save_ground_pictures
 from ..captures.frame.lifting import in_photograph
 from ..captures.frame.scale import KNOWN_LENGTH, Scale, require_marker
 from ..captures.frame.world_frame import register
 from ..captures.importing import import_captures
+from ..captures.keyframes.choosing import video_keyframes
 from ..captures.masks import FOLDER as MASKS
 from ..captures.pose_adjustment import triangulate_refined
+from ..captures.poses.dropped_files import VIDEOS
 from ..captures.poses.registry import find_export
 from ..captures.sensors.measuring import measured_depth
 from ..captures.sensors.sensor_depth import SensorDepth
@@ -31,6 +36,7 @@ from ..config.settings import CaptureSettings
 from ..core.errors import CaptureError
 from ..core.images import image_files
 from ..core.progress import SILENT, Progress
+from ..core.scratch import ScratchFolder
 from ..robot.controllers.controller import check_controller
 from ..robot.model.robot_file import EMBEDDED_HUMANOID
 from ..robot.scope.scope import BehaviourScope, shipped_scopes
@@ -46,37 +52,74 @@ def create_scene(
     scale: Scale = Scale.automatic(),
     settings: CaptureSettings = CaptureSettings(),
     progress: Progress = SILENT,
+    frames: Sequence[str] = (),
 ) -> Scene:
-    """Make the bundle ``path`` from the photographs in the folder ``captures``.
+    """Make the bundle ``path`` from the photographs in the folder ``captures``, or from frames of a video.
 
     ``poses`` is a transforms.json, a cameras.json, a COLMAP folder or a raw export of Polycam;
-    without it the poses are solved from the photographs. Everything that can be wrong is looked
+    without it the poses are solved from the photographs: of a video, or of a folder that has more, from
+    ``settings.max_keyframes`` that are chosen, or from those that ``frames`` gives, by numbers or names.
+    Everything that can be wrong is looked
     at before the bundle appears: raises CaptureError, RobotError or SceneError and leaves nothing behind.
     """
     path, captures, poses = Path(path), Path(captures), poses and Path(poses)  # scripts give texts, too
     require_place(path)
-    if not captures.is_dir():
-        raise CaptureError("there is no such folder", where=captures, cure="Give the folder of photographs.")
+    is_video = captures.is_file() and captures.suffix.lower() in VIDEOS
+    if not (is_video or captures.is_dir()):
+        raise CaptureError(
+            "there is no such folder", where=captures, cure="Give the folder of photographs, or a video."
+        )
+    if is_video and poses is not None:
+        raise CaptureError(
+            "poses are of photographs, and these are the frames of a video",
+            where=poses,
+            cure="Give the folder of the photographs that the poses name; the frames of a video are solved.",
+        )
     robot = robot if robot.startswith("embedded:") else str(Path(robot).resolve())
     scope = scope if scope in shipped_scopes() else str(Path(scope).resolve())
     behaviour = DeclaredBehaviour(BehaviourScope.load(scope), robot)
     check_controller(behaviour.model, behaviour.scope)
-
-    _look_over(scale, captures, solved=poses is None and find_export(captures) is None)
     for masks in (captures / MASKS, captures.absolute().parent / MASKS):
         if masks.is_dir():
             progress.message(
                 f"{masks} is not read: masks of objects go in with `r2sego objects {path} --masks {masks}`"
             )
-    imported = import_captures(captures, poses, settings, progress)
+    if not is_video:
+        return _create_scene(path, captures, poses, robot, scope, scale, settings, progress, frames)
+    with ScratchFolder() as scratch:  # captures read their frames until the bundle has them
+        folder = Path(scratch)
+        taken = video_keyframes(captures, folder, settings.max_keyframes, progress, frames)
+        names = [one.path.name for one in taken]
+        chosen = tuple(map(str, taken))
+        return _create_scene(path, folder, None, robot, scope, scale, settings, progress, names, captures.name, chosen)
+
+
+def _create_scene(
+    path: Path,
+    captures: Path,
+    poses: Path | None,
+    robot: str,
+    scope: str,
+    scale: Scale,
+    settings: CaptureSettings,
+    progress: Progress,
+    names: Sequence[str],
+    video: str = "",
+    chosen: tuple[str, ...] = (),
+) -> Scene:
+    """``create_scene`` of photographs that lie as files; those of a ``video`` were ``chosen``."""
+    _look_over(scale, captures, solved=poses is None and find_export(captures) is None)
+    imported = import_captures(captures, poses, settings, progress, names)
     progress.message(f"{len(imported.captures)} captures: {imported.source}")
     imported, sparse = triangulate_refined(imported, settings, progress)
+    imported = replace(imported, captures=_evened(imported.captures, sparse, settings, progress))
     registration = register(imported, sparse, scale, settings, progress)
     world_from_capture = registration.world_from_capture
     in_world, sparse_in_world = registration.captures(imported.captures), registration.sparse(sparse)
     measured = _measured(in_world, sparse_in_world, scale, imported.depth, progress)
     declaration = Declaration(
-        captures_source=imported.source,
+        captures_source=f"{imported.source}, frames of {video}" if video else imported.source,
+        captures_chosen=chosen,
         world_from_capture=tuple(map(tuple, world_from_capture.tolist())),
         ground=registration.ground,
         scale_source=registration.scale_source,
@@ -119,6 +162,24 @@ def _measured(
     share = float(np.mean([(one.depth > 0.0).mean() for one in maps.values()]))
     progress.message(f"depth of a sensor in {len(maps)} of {len(captures)} captures, for {share:.0%} of their pixels")
     return maps
+
+
+def _evened(
+    captures: Sequence[Capture], sparse: SparsePoints, settings: CaptureSettings, progress: Progress
+) -> tuple[Capture, ...]:
+    """The captures with their gains and weights, of which those of one exposure, equally sharp, have none."""
+    is_wanted = settings.correct_exposure == "auto"
+    gains = exposure_gains_of(captures, sparse) if is_wanted else [None] * len(captures)
+    if given := [gain for gain in gains if gain is not None]:
+        factor = max(max(channel) / min(channel) for channel in zip(*given, strict=True))
+        progress.message(
+            f"the captures' exposures differ by up to a factor of {factor:.2f}: each is brought to their mean"
+        )
+    weights = weights_of([capture.name for capture in captures], relative_sharpness(captures, sparse), progress)
+    return tuple(
+        replace(capture, gain=gain, weight=weight)
+        for capture, gain, weight in zip(captures, gains, weights, strict=True)
+    )
 
 
 def _look_over(scale: Scale, folder: Path, solved: bool) -> None:

@@ -154,7 +154,7 @@ def update_visual_asset(
     while captures are drawn more often: they stay the anchors (Sec. III-C).
     """
     asset = grow(asset, [*captures, *(p.view for p in pseudo_observations)], settings, rng)
-    real = [_observation(v, backdrop, settings, weight=settings.real_weight) for v in captures]
+    real = [_observation(v, backdrop, settings, weight=settings.real_weight * v.weight) for v in captures]
     first = round(settings.captures_first_share * settings.steps_per_round)
     title = "Training on captures"
     asset = train(asset, real, first, settings, rng, progress, title, shown_from(real, title, progress))

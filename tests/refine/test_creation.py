@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from expected_errors import refused
 from progress_recorder import ProgressRecorder
 
 from r2sego_blender.captures.frame.scale import Scale
@@ -57,3 +58,11 @@ def test_a_script_may_give_texts_for_paths(tmp_path):
         create_scene(str(tmp_path / "room.r2s"), str(tmp_path / "nowhere"))
     with pytest.raises(CaptureError, match=r"poses\.json"):
         create_scene(str(tmp_path / "room.r2s"), str(tmp_path / "photos"), str(tmp_path / "poses.json"))
+
+
+def test_poses_are_not_of_a_videos_frames(tmp_path):
+    video, poses = tmp_path / "walk.mp4", tmp_path / "cameras.json"
+    video.write_bytes(b"")
+    poses.write_text("{}")
+    with refused(CaptureError, poses, "frames of a video"):
+        create_scene(tmp_path / "room.r2s", video, poses)

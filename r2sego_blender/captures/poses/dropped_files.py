@@ -12,6 +12,9 @@ from .registry import is_part, is_pose_file, poses_beside
 PHOTOGRAPHS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".avif", ".heic", ".heif")
 """Suffixes of photographs, in small letters."""
 
+VIDEOS = (".mov", ".mp4", ".m4v", ".avi", ".mkv", ".webm", ".3gp")
+"""Suffixes of videos, in small letters."""
+
 # Where the photographs of a pose file or a COLMAP model lie, seen from its folder.
 _NEAR = ("images", "photos", ".", "../images", "../photos", "../../images", "../../photos", "..")
 _WITHIN_ROOMS = ("images", "photos", "captures", "sparse", "0", "keyframes")
@@ -21,7 +24,7 @@ _WITHIN_ROOMS = ("images", "photos", "captures", "sparse", "0", "keyframes")
 class CaptureFiles:
     """What a new scene can begin with.
 
-    ``photographs`` is their folder, None where it was not found; ``poses`` the pose file or
+    ``photographs`` is their folder or a video, None where it was not found; ``poses`` the pose file or
     the folder of a COLMAP model, None to solve them; ``scene`` where the bundle could be made.
     """
 
@@ -31,12 +34,15 @@ class CaptureFiles:
 
 
 def capture_files(dropped: Sequence[Path], suffix: str) -> CaptureFiles:
-    """What was dropped: photographs, a folder, transforms.json, cameras.json or a COLMAP model.
+    """What was dropped: photographs, a video, a folder, transforms.json, cameras.json or a COLMAP model.
 
     A pose file and photographs may be dropped together. ``suffix`` is that of bundles. Raises
     CaptureError when there is nothing to begin with, or photographs of two folders.
     """
     poses, folders = None, []
+    videos = [Path(one) for one in dropped if Path(one).suffix.lower() in VIDEOS and Path(one).is_file()]
+    if len(videos) == len(dropped) == 1:
+        return CaptureFiles(videos[0], None, videos[0].with_suffix(suffix))
     for path in (Path(one) for one in dropped):
         if path.is_dir():
             poses = poses or next(iter(poses_beside(path)), None)
@@ -52,7 +58,7 @@ def capture_files(dropped: Sequence[Path], suffix: str) -> CaptureFiles:
         raise CaptureError(
             "these are no photographs and no poses",
             where=dropped[0] if dropped else "the dropped files",
-            cure="Drop photographs, transforms.json, cameras.json or the files of a COLMAP model.",
+            cure="Drop photographs, one video, transforms.json, cameras.json or the files of a COLMAP model.",
         )
     if len(set(folders)) > 1:
         raise CaptureError(

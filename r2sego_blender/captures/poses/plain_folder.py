@@ -10,6 +10,7 @@ from pathlib import Path
 from ...core.errors import CaptureError
 from ...core.images import image_files
 from ...core.progress import Progress
+from .dropped_files import VIDEOS
 from .photographs import MIN_CAPTURES, is_depth_map, photograph_size, require_name, too_few
 from .registry import FORMATS
 
@@ -17,7 +18,6 @@ _RAW = frozenset({".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".rw2"
 UNREAD_PICTURES = _RAW | {".jxl", ".gif", ".jp2", ".psd", ".exr", ".hdr"}
 """Suffixes of pictures that are no photographs here, in small letters."""
 
-_VIDEOS = frozenset({".mov", ".mp4", ".m4v", ".avi", ".mkv", ".webm", ".3gp"})
 _LISTED = 4
 _NAME = attrgetter("name")  # paths themselves are sorted otherwise on Windows
 
@@ -75,7 +75,7 @@ def _passed_over(folder: Path, found: Sequence[Path]) -> list[Path]:
     """
     files = [path for path in folder.iterdir() if not path.name.startswith(".") and path.is_file()]
     pictures = [path for path in files if path.suffix.lower() in UNREAD_PICTURES]
-    videos = [path for path in files if path.suffix.lower() in _VIDEOS]
+    videos = [path for path in files if path.suffix.lower() in VIDEOS]
     known = {path.stem.lower() for path in found}
     pictures = [path for path in pictures if path.stem.lower() not in known]
     known |= {path.stem.lower() for path in pictures}
@@ -107,10 +107,10 @@ def _looks_like_photographs(files: Sequence[Path]) -> bool:
 def _cure(passed: Sequence[Path]) -> str:
     suffixes = {path.suffix.lower() for path in passed}
     cures = []
-    if suffixes - _VIDEOS:
+    if suffixes - set(VIDEOS):
         cures.append("Save them as JPEG, PNG or TIFF.")
-    if suffixes & _VIDEOS:
-        cures.append("Of a video save sharp frames as JPEG.")
+    if suffixes & set(VIDEOS):
+        cures.append("Give a video itself in place of the folder, and its frames are taken.")
     return " ".join(cures)
 
 

@@ -21,6 +21,7 @@ from ...core.progress import Progress
 from ...core.scratch import ScratchFolder
 from ...workers.child import call_in_child
 from ..colmap import load_pycolmap
+from ..keyframes.choosing import photograph_keyframes
 from ..matching.features import Features, epipolar_errors, sift
 from ..matching.overlap import Matched, Pairs, load_matches, match_all, save_matches, write_database
 from ..matching.xfeat import LEAST_EXPECTED, NAME, match_xfeat, runs
@@ -54,20 +55,17 @@ _ADVICE = (
 )
 
 
-def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> tuple[list[Photograph], str]:
+def solve_poses(
+    folder: Path, settings: CaptureSettings, progress: Progress, names: Sequence[str] = ()
+) -> tuple[list[Photograph], str]:
     """The photographs in ``folder`` with estimated lenses and poses, up to an unknown similarity.
 
+    Of more than ``settings.max_keyframes`` as many are chosen; ``names`` chooses otherwise.
     Focal lengths start from EXIF where it has them. Photographs of one size and focal length
     share a lens, unless they fit clearly better with one each. Also returns a line saying how
     many registered. Raises CaptureError when fewer than three, or fewer than 60 %, do.
     """
-    paths = plain_photographs(folder, progress)
-    if len(paths) > settings.max_keyframes:
-        progress.message(
-            f"{len(paths)} photographs make {len(paths) * (len(paths) - 1) // 2} pairs to match, which takes "
-            "long: a dozen that overlap are enough for a room",
-            level="warning",
-        )
+    paths = photograph_keyframes(plain_photographs(folder, progress), settings.max_keyframes, progress, names)
     features: list[Features] = []
     sizes = []
     for path in progress.track(paths, "Solving camera poses: features"):
@@ -121,10 +119,10 @@ def solve_poses(folder: Path, settings: CaptureSettings, progress: Progress) -> 
     if fallen:
         progress.message(f"{count} registered; left out: {', '.join(fallen)}. {_ADVICE}", level="warning")
     photographs = []
-    for solved in sorted(best, key=lambda one: one["index"]):
-        path = paths[solved["index"]]
-        lens = lens_from_json(solved["camera"], str(path))
-        pose = np.linalg.inv(np.vstack([solved["camera_from_world"], [0.0, 0.0, 0.0, 1.0]]))
+    for one in sorted(best, key=lambda one: one["index"]):
+        path = paths[one["index"]]
+        lens = lens_from_json(one["camera"], str(path))
+        pose = np.linalg.inv(np.vstack([one["camera_from_world"], [0.0, 0.0, 0.0, 1.0]]))
         photographs.append(Photograph(path.name, path, lens, pose, str(path)))
     _tell_other_pictures(photographs, progress)
     return photographs, f"structure from motion, {count}{matched_by}"

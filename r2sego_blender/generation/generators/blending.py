@@ -99,7 +99,10 @@ class BlendingGenerator:
         images = [capture.image() for capture in captures]
         gains = exposure_gains(images, cameras, capture_depths, settings.depth_tolerance)
         observed = observed_depths or list[np.ndarray | None]([None] * len(captures))
-        trusts = [capture_trust(depth, seen, settings) for depth, seen in zip(capture_depths, observed, strict=True)]
+        trusts = [
+            capture_trust(depth, seen, settings) * np.float32(capture.weight)
+            for capture, depth, seen in zip(captures, capture_depths, observed, strict=True)
+        ]
         areas = [camera.width * camera.height for camera in cameras]
         even = [image * gain for image, gain in zip(images, gains, strict=True)]
         self._settings = settings

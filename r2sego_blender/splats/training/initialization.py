@@ -58,6 +58,7 @@ class DepthView:
     ``image`` (H, W, 3) float32 in [0, 1]; ``depth`` (H, W) planar metres, 0 unknown; every
     ``stride_px``-th pixel a side becomes a Gaussian in the ``detailed_share`` of the image whose
     colours change most, every second of those elsewhere, where ``mask`` (H, W) bool allows.
+    ``weight`` is how much the photograph counts, once an asset is trained on it.
     """
 
     camera: Camera
@@ -66,6 +67,7 @@ class DepthView:
     stride_px: int
     mask: np.ndarray | None = None
     detailed_share: float = 1.0
+    weight: float = 1.0
 
 
 def from_points(

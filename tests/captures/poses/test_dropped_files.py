@@ -61,6 +61,13 @@ def test_poses_without_photographs_leave_the_folder_to_the_person(tmp_path):
     assert found.photographs is None and found.poses == file
 
 
+def test_a_video_is_taken_as_it_is(room):
+    video = room / "walk.MP4"
+    video.write_bytes(b"")
+    found = capture_files([video], ".r2s")
+    assert found.photographs == video and found.poses is None and found.scene == room / "walk.r2s"
+
+
 @pytest.mark.parametrize("dropped", [["notes.md"], [], ["sparse/0/points.ply"]])
 def test_what_is_neither_is_refused(room, dropped):
     with refused(CaptureError, room / dropped[0] if dropped else "dropped files"):

@@ -64,14 +64,14 @@ def test_too_few_photographs(tmp_path, blank_photograph, count):
         import_captures(tmp_path, None, SETTINGS)
 
 
-def test_a_videos_frames_are_warned_of_before_they_are_matched(tmp_path, blank_photograph, messages):
-    for index in range(4):
-        blank_photograph(tmp_path / f"{index}.png")
-    for most, warnings in ((3, 1), (4, 1)):  # the second adds none
-        with pytest.raises(CaptureError):
-            import_captures(tmp_path, None, CaptureSettings(max_keyframes=most), messages)
-        assert len(messages.warnings) == warnings
-    assert "4 photographs make 6 pairs" in messages.warnings[0]
+def test_of_more_photographs_as_many_are_solved_as_are_asked_for(room_captures, tmp_path, messages):
+    for index in range(12):
+        save_image(tmp_path / f"{index:02d}.png", room_captures[index // 3].image() * (1.0 - 0.001 * index))
+    photographs, source = solve_poses(tmp_path, CaptureSettings(max_features=2500, max_keyframes=4), messages)
+    assert source.endswith("4 of 4 photographs")
+    assert [int(one.name[:2]) // 3 for one in photographs] == [0, 1, 2, 3]
+    given, _ = solve_poses(tmp_path, SETTINGS, messages, ["01.png", "04.png", "09.png"])
+    assert [one.name for one in given] == ["01.png", "04.png", "09.png"]
 
 
 def test_photographs_that_share_nothing(tmp_path, blank_photograph):
