@@ -33,7 +33,7 @@ from .matching.overlap import (
     save_matches,
     write_database,
 )
-from .matching.xfeat import match_xfeat
+from .matching.xfeat import NAME, match_xfeat
 from .sparse_points import SparsePoints
 
 USUAL_DEPTH_M = 2.5
@@ -75,6 +75,7 @@ def beside_xfeat(
     further = match_xfeat(detected.images, few, settings, progress) if few and settings.matcher == "xfeat" else None
     if further is None:
         return detected, plain
+    progress.message(f"{NAME} match {len(further.pairs)} of the {len(few)} pairs that share few of SIFT's features")
     features, pairs = Matched(detected.features, plain).beside(further)
     return Detected(features, detected.images), pairs
 

